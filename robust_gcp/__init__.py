@@ -1,0 +1,60 @@
+"""Closed-loop mechanisms in minimal coordinates, straight through singular configurations."""
+
+from .bridge import BridgeOptions
+from .closure import FrameClosure, PointClosure, RevoluteClosure
+from .dynamics import implicit_dynamics
+from .errors import (
+    BranchError,
+    ClosureError,
+    MissingExtraError,
+    ModelError,
+    NonFiniteError,
+    NotCertifiedError,
+    OptionError,
+    PartitionError,
+    RobustGcpError,
+    SimulationError,
+    SingularStartError,
+    StateError,
+    ToggleError,
+)
+from .explicit import Crossing
+from .gcp import SingularityWarning
+from .loader import load, model_names
+from .mechanism import Mechanism
+from .simulate import simulate
+from .singularity import LocalAnalysis, analyse
+from .trajectory import Stats, Trajectory
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "BranchError",
+    "BridgeOptions",
+    "ClosureError",
+    "Crossing",
+    "FrameClosure",
+    "LocalAnalysis",
+    "Mechanism",
+    "MissingExtraError",
+    "ModelError",
+    "NonFiniteError",
+    "NotCertifiedError",
+    "OptionError",
+    "PartitionError",
+    "PointClosure",
+    "RevoluteClosure",
+    "RobustGcpError",
+    "SimulationError",
+    "SingularStartError",
+    "SingularityWarning",
+    "StateError",
+    "Stats",
+    "ToggleError",
+    "Trajectory",
+    "analyse",
+    "implicit_dynamics",
+    "load",
+    "model_names",
+    "simulate",
+]

@@ -1,0 +1,363 @@
+"""The bridge: the explicit map interpolated across a singular surface, with its certificate.
+
+Along one operation mode γ is smooth through a crossing although K cannot show it there. Nodes are
+solved on both sides where K_d is well conditioned; q and G are interpolated between them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import BarycentricInterpolator, KroghInterpolator
+from scipy.optimize import brentq
+
+from .errors import BranchError, SimulationError
+from .explicit import CrossingKind
+from .kernel import Point, RegularPath
+from .march import march
+from .singularity import transversality
+from .tree import Array
+
+
+@dataclass(frozen=True)
+class BridgeOptions:
+    """The few choices of the method, all dimensionless.
+
+    Attributes
+    ----------
+    zone : float
+        Conditioning of K_d (σ_min/σ_max of a 2 × 2 block) below which the bridge takes over. Also
+        sets its half width: the distance at which that conditioning is reached. Rounding errors
+        grow as ε/zone³, the interpolation error falls as zone¹².
+    nodes : tuple of float
+        Distances of the nodes from the singular surface in half widths, ascending from 1.
+    closure_tolerance : float
+        Largest max |φ| / length over the bridge for a certificate: some thousand roundings.
+    geometric_tolerance : float
+        Gap between modes, in lengths, below which a near miss counts as a crossing and is reported.
+        A gap of e lets the modes veer within √e, and double precision loses ε/e^1.5 of g there.
+    transversality : float
+        Smallest second-order separation of modes that is certified.
+    """
+
+    zone: float = 0.05
+    nodes: tuple[float, ...] = (1.0, 1.6, 2.2)
+    closure_tolerance: float = 1e-12
+    geometric_tolerance: float = 1e-9
+    transversality: float = 1e-4
+
+
+class NoBridge(SimulationError):
+    """No certified bridge exists here; `residual` is what is left of φ on the best attempt."""
+
+    def __init__(self, reason: str, residual: float = np.inf, separation: float = np.nan) -> None:
+        super().__init__(reason)
+        self.residual = residual
+        self.separation = separation
+
+
+class Line:
+    """γ, G and g along y₀ + s d, interpolated from solved points.
+
+    q is interpolated in the chart at the first node, with its derivative; G with its derivative
+    where the second derivative is known (dG/ds = γ''[d, ·]). Both are polynomials of degree
+    2n − 1 in n nodes.
+
+    Parameters
+    ----------
+    path : RegularPath
+    origin, direction : ndarray (m,)
+        y₀ and d.
+    nodes : sequence of (float, Point)
+        Arc parameter s and the point there.
+    """
+
+    def __init__(
+        self,
+        path: RegularPath,
+        origin: Array,
+        direction: Array,
+        nodes: Sequence[tuple[float, Point]],
+    ) -> None:
+        self.path, self.origin, self.direction = path, origin, direction
+        self.nodes = sorted(nodes, key=lambda node: node[0])
+        self.s = np.array([s for s, _ in self.nodes])
+        self._reference = self.nodes[0][1].q
+        self._center = float(self.s.mean())
+        self._unit = float(np.ptp(self.s)) / 2.0 or 1.0
+        self._x = (self.s - self._center) / self._unit
+
+    def x(self, s: float) -> float:
+        """s in units that put the nodes on [−1, 1]."""
+        return (s - self._center) / self._unit
+
+    @cached_property
+    def _q(self) -> KroghInterpolator:
+        tree = self.path.tree
+        values: list[Array] = []
+        for _, node in self.nodes:
+            rate = tree.difference_rate(self._reference, node.q) @ (node.G @ self.direction)
+            values += [tree.difference(self._reference, node.q), rate * self._unit]
+        return KroghInterpolator(np.repeat(self._x, 2), np.array(values))
+
+    @cached_property
+    def _G(self) -> KroghInterpolator | BarycentricInterpolator:
+        columns = [node.G.ravel() for _, node in self.nodes]
+        if self.path.m > 1 and not self.path.tree.vector_space:
+            # ∂G_j/∂d is not symmetric in body-fixed velocities, so it is not γ''[d, e_j]: values only
+            return BarycentricInterpolator(self._x, np.array(columns))
+        values: list[Array] = []
+        for (_, node), column in zip(self.nodes, columns, strict=True):
+            values += [column, self._G_rate(node).ravel() * self._unit]
+        return KroghInterpolator(np.repeat(self._x, 2), np.array(values))
+
+    def _G_rate(self, node: Point) -> Array:
+        """dG/ds = γ''[d, e_j] for each j, (nv, m), by polarisation."""
+        path, d = self.path, self.direction
+        if node.curvature is not None:
+            return node.curvature[:, None] * d
+        columns = [
+            0.25 * (path.second_derivative(node, d + e) - path.second_derivative(node, d - e))
+            for e in np.eye(path.m)
+        ]
+        return np.array(columns).T
+
+    def configuration(self, s: float) -> Array:
+        """q on the line, (nq,); its independent entries are exact."""
+        q = self.path.tree.integrate(self._reference, np.asarray(self._q(self.x(s))))
+        q[self.path.iq] = self.origin + s * self.direction
+        return q
+
+    def at(self, s: float, ydot: Array) -> Point:
+        """The point at y₀ + s d for velocity ẏ."""
+        path, x = self.path, self.x(s)
+        shape = (path.tree.nv, path.m)
+        if path.m > 1 and not path.tree.vector_space:
+            G = np.asarray(self._G(x)).reshape(shape)
+            rate = None
+        else:
+            values = self._G.derivatives(x, 2)
+            G, rate = values[0].reshape(shape), values[1].reshape(shape) / self._unit
+        G[path.independent] = np.eye(path.m)
+        g, curvature = self._second(x, ydot, rate)
+        y = self.origin + s * self.direction
+        det = np.array([f(x) for f in self._det])
+        return Point(y, ydot.copy(), self.configuration(s), G, g, curvature, det, np.ones_like(det))
+
+    def _second(self, x: float, ydot: Array, rate: Array | None) -> tuple[Array, Array | None]:
+        """g and, for m = 1, γ''; the parts along d are derivatives of G, the rest is interpolated."""
+        path = self.path
+        if path.m == 1 and rate is not None:
+            curvature = rate[:, 0] / self.direction[0]
+            curvature[path.independent] = 0.0
+            return curvature * float(ydot[0]) ** 2, curvature
+        if rate is None:
+            return self._interpolated_g(x, ydot), None
+        d = self.direction
+        along = float(d @ ydot) / float(d @ d)
+        across = ydot - along * d
+        g = along * along * (rate @ d) + 2.0 * along * (rate @ across)
+        if np.any(np.abs(across) > 0.0):
+            g = g + self._interpolated_g(x, across)
+        g[path.independent] = 0.0
+        return g, None
+
+    def _interpolated_g(self, x: float, ydot: Array) -> Array:
+        values = [self.path.second_derivative(node, ydot) for _, node in self.nodes]
+        return np.asarray(BarycentricInterpolator(self._x, np.array(values))(x))
+
+    @cached_property
+    def _det(self) -> list[BarycentricInterpolator]:
+        dets = np.array([node.det for _, node in self.nodes])
+        return [BarycentricInterpolator(self._x, column) for column in dets.T]
+
+    def zero(self, block: int, low: float, high: float) -> float | None:
+        """Where det of a block changes sign between low and high; None where it does not."""
+        f = self._det[block]
+        ends = float(f(self.x(low))), float(f(self.x(high)))
+        if not ends[0] * ends[1] < 0.0:
+            return None
+        root = brentq(lambda x: float(f(x)), self.x(low), self.x(high), xtol=1e-13)
+        return self._center + self._unit * float(root)
+
+
+@dataclass
+class Bridge:
+    """A line whose nodes stand on both sides of a singular surface, with its certificate.
+
+    Attributes
+    ----------
+    line : Line
+    left, right : float
+        Where the bridge is used: s between the innermost nodes.
+    zeros : list of float
+        s of each singular surface between them.
+    residual : float
+        The certificate: max |φ| / length between the nodes.
+    separation : float
+        Second-order transversality at the first singular surface.
+    kind : {"transversal", "near miss"}
+    """
+
+    line: Line
+    left: float
+    right: float
+    zeros: list[float]
+    residual: float
+    separation: float
+    kind: CrossingKind
+
+    def parameter(self, y: Array) -> float:
+        """s of y on the line."""
+        d = self.line.direction
+        return float((y - self.line.origin) @ d) / float(d @ d)
+
+    def contains(self, s: float) -> bool:
+        """Whether the bridge serves at s."""
+        return self.left <= s <= self.right
+
+    def reaches(self, s: float) -> bool:
+        """Whether s lies between the outermost nodes, where the interpolant still holds."""
+        return bool(self.line.s[0] <= s <= self.line.s[-1])
+
+
+class Builder:
+    """Builds bridges from a point beside a singular surface."""
+
+    def __init__(self, path: RegularPath, options: BridgeOptions) -> None:
+        self.path, self.options = path, options
+
+    def build(self, anchor: Point, direction: Array) -> Bridge:
+        """A certified bridge over the surface that lies ahead of or behind `anchor` along `direction`.
+
+        Raises
+        ------
+        NoBridge
+            When no attempt earns a certificate.
+        """
+        best: NoBridge | None = None
+        for shrink in (1.0, 0.5, 0.25):
+            try:
+                return self._attempt(anchor, direction, shrink)
+            except NoBridge as failure:
+                if best is None or failure.residual < best.residual:
+                    best = failure
+        assert best is not None
+        raise best
+
+    def _attempt(self, anchor: Point, d: Array, shrink: float) -> Bridge:
+        center, width, singular = self._locate(anchor, d)
+        width *= shrink
+        for _ in range(4):
+            line, inner = self._nodes(anchor, d, center, width, singular)
+            zeros = {b: line.zero(b, *inner) for b in singular}
+            found = [z for z in zeros.values() if z is not None]
+            if len(found) < len(singular):
+                raise NoBridge("the determinant of K_d does not change sign across the zone")
+            # every zone |s − zero| ≤ own width must lie between the inner nodes
+            halves = {b: self._half_width(line, b, z, shrink) for b, z in zeros.items() if z is not None}
+            low = min(z - halves[b] for b, z in zeros.items() if z is not None)
+            high = max(z + halves[b] for b, z in zeros.items() if z is not None)
+            new_center, new_width = 0.5 * (low + high), 0.5 * (high - low)
+            settled = (
+                abs(new_center - center) <= 0.2 * width and 0.7 * width <= new_width <= 1.4 * width
+            )
+            if settled:
+                return self._certify(line, inner, sorted(found))
+            center, width = new_center, new_width
+        raise NoBridge("the singular surface could not be located")
+
+    def _half_width(self, line: Line, block: int, zero: float, shrink: float) -> float:
+        """Distance from the zero at which the block's conditioning reaches the zone's."""
+        nearest = min(line.nodes, key=lambda node: abs(node[0] - zero))
+        rate = float(nearest[1].rcond[block]) / max(abs(nearest[0] - zero), 1e-300)
+        return shrink * self.options.zone / rate
+
+    def _locate(self, anchor: Point, d: Array) -> tuple[float, float, list[int]]:
+        """First guess of the surface, half width and the blocks that become singular, by secants."""
+        worst = int(np.argmin(anchor.rcond))
+        slope = self._slope(anchor, d, worst)
+        reach = abs(float(anchor.det[worst]) / slope)
+        probe = 0.3 * reach * (-1.0 if anchor.det[worst] / slope > 0.0 else 1.0)
+        near = self._march(anchor, anchor.y + probe * d, anchor.ydot)
+        zeros, singular, widths = [], [], []
+        for b in range(len(anchor.det)):
+            change = float(near.det[b] - anchor.det[b])
+            if anchor.rcond[b] > 4.0 * self.options.zone or change == 0.0:
+                continue
+            zero = -float(anchor.det[b]) * probe / change
+            if abs(zero) > 6.0 * reach:
+                continue
+            distance = abs(zero - probe)
+            zeros.append(zero)
+            widths.append(self.options.zone * distance / max(float(near.rcond[b]), 1e-300))
+            singular.append(b)
+        low = min(z - w for z, w in zip(zeros, widths, strict=True))
+        high = max(z + w for z, w in zip(zeros, widths, strict=True))
+        return 0.5 * (low + high), 0.5 * (high - low), singular
+
+    def _slope(self, anchor: Point, d: Array, block: int) -> float:
+        """d det/ds at the anchor by a small central step that stays on the branch."""
+        size = float(np.abs(anchor.G @ d / self.path.mechanism.column_scale).max())
+        eps = 1e-3 * max(float(anchor.rcond[block]), 1e-9) / max(size, 1e-300)
+        forward = self._march(anchor, anchor.y + eps * d, anchor.ydot)
+        backward = self._march(anchor, anchor.y - eps * d, anchor.ydot)
+        slope = float(forward.det[block] - backward.det[block]) / (2.0 * eps)
+        if slope == 0.0 or not np.isfinite(slope):
+            raise NoBridge("the determinant of K_d does not vary along the line")
+        return slope
+
+    def _nodes(
+        self, anchor: Point, d: Array, center: float, width: float, singular: list[int]
+    ) -> tuple[Line, tuple[float, float]]:
+        """Solve the near nodes by marching, the far ones from the extrapolated line."""
+        path, origin = self.path, anchor.y
+        side = -1.0 if center > 0.0 else 1.0  # where the anchor stands, seen from the surface
+        nodes: list[tuple[float, Point]] = []
+        here = anchor
+        for factor in self.options.nodes:
+            s = center + side * factor * width
+            here = self._march(here, origin + s * d, anchor.ydot)
+            nodes.append((s, here))
+        expected = np.sign(here.det)
+        expected[singular] *= -1.0
+        for factor in self.options.nodes:
+            s = center - side * factor * width
+            guess = Line(path, origin, d, nodes).configuration(s)
+            far = path.settle(guess, origin + s * d, anchor.ydot)
+            if far is None:
+                raise NoBridge("there is no configuration beyond the singular surface on this mode")
+            if np.any(np.sign(far.det) != expected):
+                raise NoBridge("beyond the singular surface Newton found another mode")
+            reach = float(np.abs(far.G @ d / path.mechanism.column_scale).max()) * factor * width
+            if far.correction > 0.3 * reach:
+                raise NoBridge("beyond the singular surface the mode does not go on smoothly")
+            nodes.append((s, far))
+        line = Line(path, origin, d, nodes)
+        return line, (center - width, center + width)
+
+    def _march(self, here: Point, y: Array, ydot: Array) -> Point:
+        try:
+            return march(self.path, here, y, ydot)
+        except BranchError as error:
+            raise NoBridge(f"a node beside the surface is out of reach ({error})") from error
+
+    def _certify(self, line: Line, inner: tuple[float, float], zeros: list[float]) -> Bridge:
+        path, options = self.path, self.options
+        mechanism = path.mechanism
+        samples = np.linspace(*inner, 15)[1:-1]
+        residual = max(mechanism.closure_residual(line.configuration(float(s))) for s in samples)
+        if residual > max(options.closure_tolerance, options.geometric_tolerance):
+            raise NoBridge("the interpolated mode does not close the loops", residual)
+        point = line.at(zeros[0], np.zeros(path.m))
+        separation = transversality(mechanism, point.q, point.G, path.nd)
+        path.counters.svds += 1
+        if separation < options.transversality:
+            raise NoBridge("the modes part at higher than second order", residual, separation)
+        path.counters.bridges_built += 1
+        certified = residual <= options.closure_tolerance
+        kind: CrossingKind = "transversal" if certified else "near miss"
+        return Bridge(line, *inner, zeros, residual, separation, kind)

@@ -1,0 +1,351 @@
+"""The default explicit map: classical GCP where K_d is good, a certified bridge where it is not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from .bridge import Bridge, BridgeOptions, Builder, Line, NoBridge
+from .errors import BranchError, NotCertifiedError, SimulationError, ToggleError
+from .explicit import Passage
+from .kernel import Counters, Point, RegularPath
+from .march import march, same_branch
+from .partition import numerical_rank
+from .tree import Array
+
+ObstacleKind = Literal["toggle", "near miss", "tangential", "unknown"]
+
+MAX_BRIDGES = 16
+"""Bridges kept for reuse; a mechanism that turns over meets a new one each half turn."""
+
+SAME_POINT = 1e-6
+"""Agreement of q and G, dimensionless, by which a point is known to lie on a bridge's mode."""
+
+DEEP = 0.1
+"""Fraction of the zone below which an undecided singularity stops the run."""
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """A place where K_d is poor and no bridge was certified.
+
+    Attributes
+    ----------
+    kind : {"toggle", "near miss", "tangential", "unknown"}
+    y : ndarray (m,)
+        Where it was met.
+    reach : float
+        Estimated distance in y to the singular surface.
+    gap : float
+        max |φ| / length of the best attempt at a bridge; infinite when there was none.
+    reason : str
+    """
+
+    kind: ObstacleKind
+    y: Array
+    reach: float
+    gap: float
+    reason: str
+
+    def covers(self, point: Point) -> bool:
+        """Whether the point is still at this obstacle."""
+        return float(np.linalg.norm(point.y - self.y)) <= 4.0 * self.reach
+
+
+class UncertifiedZone(SimulationError):
+    """A fixed step would enter a zone without a bridge; caught by the stepping loop."""
+
+    def __init__(self, obstacle: Obstacle) -> None:
+        super().__init__(obstacle.reason, obstacle.y)
+        self.obstacle = obstacle
+
+
+class BridgeMap:
+    """q = γ(y), G and g on one mode, with full accuracy through singular configurations.
+
+    Parameters
+    ----------
+    path : RegularPath
+    start : Point
+        A point of the mode.
+    options : BridgeOptions
+    error_controlled : bool
+        Whether the caller controls its error, so that a zone without a certified bridge may be
+        entered on the true curve; else `UncertifiedZone` is raised there.
+    """
+
+    def __init__(
+        self,
+        path: RegularPath,
+        start: Point,
+        options: BridgeOptions,
+        error_controlled: bool = False,
+    ) -> None:
+        self.path, self.options = path, options
+        self.error_controlled = error_controlled
+        self.anchor = start
+        self._builder = Builder(path, options)
+        self._bridges: list[Bridge] = []
+        self._current: Bridge | None = None
+        self._obstacle: Obstacle | None = None
+
+    @property
+    def counters(self) -> Counters:
+        """What was computed so far."""
+        return self.path.counters
+
+    def adopt(self, bridge: Bridge) -> None:
+        """Start on this bridge: the motion begins at or beside the singular configuration."""
+        self._keep(bridge)
+        self._current = bridge
+
+    def at(self, y: Array, ydot: Array) -> Point:
+        """The point at y on the mode.
+
+        Raises
+        ------
+        ToggleError, NotCertifiedError, BranchError
+            When y cannot be reached on this mode.
+        UncertifiedZone
+            See `error_controlled`.
+        """
+        point = self._on_current(y, ydot) if self._current is not None else None
+        if point is None:
+            point = self.path.step(self.anchor, y, ydot)
+            if (
+                point is None
+                or point.conditioning < self.options.zone
+                or not same_branch(self.anchor, point)
+            ):
+                point = self._rare(y, ydot)
+        self.anchor = point
+        self.counters.evaluations += 1
+        return point
+
+    def passed(self, before: Point, after: Point) -> list[Passage]:
+        """Singular surfaces between two accepted points."""
+        if np.array_equal(np.sign(before.det), np.sign(after.det)) or not self._bridges:
+            return []
+        bridge = self._bridges[-1]
+        if self.path.m == 1:
+            low, high = sorted((before.y[0], after.y[0]))
+            touched = [b for b in self._bridges if any(low <= b.line.origin[0] + z <= high for z in b.zeros)]
+            bridge = touched[-1] if touched else bridge
+            s = bridge.zeros[0]
+            point = bridge.line.at(s, after.ydot)
+            y, q = point.y, point.q
+        else:
+            flipped = int(np.argmax(before.det * after.det < 0.0))
+            share = before.det[flipped] / (before.det[flipped] - after.det[flipped])
+            y = before.y + share * (after.y - before.y)
+            tree = self.path.tree
+            q = tree.integrate(before.q, share * tree.difference(before.q, after.q))
+        return [Passage(y, q, bridge.kind, bridge.residual, bridge.separation)]
+
+    # --------------------------------------------------------------------- on a bridge
+
+    def _on_current(self, y: Array, ydot: Array) -> Point | None:
+        """The point at y from the bridge in use; None, with a regular anchor, once y has left it."""
+        bridge = self._current
+        assert bridge is not None
+        if self.path.m > 1:
+            moved = self._moved(bridge, y)
+            if moved is None:
+                self._current, self.anchor = None, self._nearest_node(bridge, y)
+                return None
+            bridge = self._current = self._bridges[-1] = moved
+        s = bridge.parameter(y)
+        if bridge.contains(s):
+            self.counters.zone_evaluations += 1
+            return bridge.line.at(s, ydot)
+        self._current, self.anchor = None, self._nearest_node(bridge, y)
+        return None
+
+    def _nearest_node(self, bridge: Bridge, y: Array) -> Point:
+        """The innermost node on y's side of the surface."""
+        half = len(bridge.line.nodes) // 2
+        right = bridge.parameter(y) > 0.5 * (bridge.left + bridge.right)
+        return bridge.line.nodes[half if right else half - 1][1]
+
+    def _moved(self, bridge: Bridge, y: Array) -> Bridge | None:
+        """The bridge along the parallel line through y, m > 1; None when it must be built anew."""
+        line = bridge.line
+        shift = bridge.parameter(y)
+        try:
+            nodes = [
+                (s - shift, march(self.path, node, y + (s - shift) * line.direction, node.ydot))
+                for s, node in line.nodes
+            ]
+        except BranchError:
+            return None
+        moved = Line(self.path, y, line.direction, nodes)
+        left, right = bridge.left - shift, bridge.right - shift
+        flipped = np.flatnonzero(nodes[0][1].det * nodes[-1][1].det < 0.0)
+        zeros = [z for b in flipped if (z := moved.zero(int(b), left, right)) is not None]
+        inner = len(nodes) // 2
+        poor = min(nodes[i][1].conditioning for i in (inner - 1, inner)) < 0.4 * self.options.zone
+        if not zeros or poor:
+            return None
+        residual = bridge.residual
+        if left <= 0.0 <= right:
+            residual = self.path.mechanism.closure_residual(moved.configuration(0.0))
+            if residual > max(self.options.closure_tolerance, self.options.geometric_tolerance):
+                return None
+        return replace(bridge, line=moved, left=left, right=right, zeros=zeros, residual=residual)
+
+    # --------------------------------------------------------------------- rare events
+
+    def _rare(self, y: Array, ydot: Array) -> Point:
+        """March towards y; bridge the zones on the way."""
+        here, zone = self.anchor, self.options.zone
+        for _ in range(50):
+            if here.conditioning >= zone:
+                here = march(self.path, here, y, ydot, stop_below=zone)
+                if here.conditioning >= zone:
+                    return here
+            bridge = self._bridge_at(here)
+            if bridge is None:
+                return self._uncertified(here, y, ydot)
+            if self.path.m > 1:
+                moved = self._moved(bridge, y)
+                bridge = moved or bridge
+            s, s_here = bridge.parameter(y), bridge.parameter(here.y)
+            if bridge.contains(s):
+                self._current = bridge
+                self.counters.zone_evaluations += 1
+                return bridge.line.at(s, ydot)
+            beside = s_here < bridge.left if s < bridge.left else s_here > bridge.right
+            if beside:
+                return march(self.path, here, y, ydot, stop_below=0.0)
+            here = self._nearest_node(bridge, y)
+            if here.conditioning < zone:
+                return march(self.path, here, y, ydot)
+        raise BranchError(f"too many singular surfaces on the way to y = {y}; use a smaller step", y)
+
+    def _bridge_at(self, point: Point) -> Bridge | None:
+        """A kept or new bridge at a point in the zone; None at an obstacle."""
+        for bridge in reversed(self._bridges if self.path.m == 1 else []):
+            s = bridge.parameter(point.y)
+            if bridge.reaches(s) and self._agrees(bridge.line.at(s, point.ydot), point):
+                return bridge
+        if self._obstacle is not None and self._obstacle.covers(point):
+            return None
+        try:
+            bridge = self._builder.build(point, self._direction(point))
+        except NoBridge as failure:
+            self._obstacle = self._classify(point, failure)
+            return None
+        self._keep(bridge)
+        return bridge
+
+    def _keep(self, bridge: Bridge) -> None:
+        self._bridges = [*self._bridges[-MAX_BRIDGES + 1 :], bridge]
+
+    def _agrees(self, a: Point, b: Point) -> bool:
+        scale = self.path.mechanism.column_scale
+        apart = np.abs(self.path.tree.difference(a.q, b.q) / scale).max()
+        turned = np.abs((a.G - b.G) / scale[:, None]).max() / np.abs(a.G / scale[:, None]).max()
+        return bool(apart <= SAME_POINT and turned <= np.sqrt(SAME_POINT))
+
+    def _direction(self, point: Point) -> Array:
+        """∇_y det of the worst block, scaled so that each coordinate counts by the motion it makes."""
+        if self.path.m == 1:
+            return np.ones(1)
+        block = int(np.argmin(point.rcond))
+        motion = np.abs(point.G / self.path.mechanism.column_scale[:, None]).max(axis=0)
+        eps = 1e-3 * max(point.conditioning, 1e-9) / motion
+        gradient = np.zeros(self.path.m)
+        for j, e in enumerate(np.diag(eps)):
+            ahead = march(self.path, point, point.y + e, point.ydot)
+            behind = march(self.path, point, point.y - e, point.ydot)
+            gradient[j] = (ahead.det[block] - behind.det[block]) / motion[j] / (2.0 * eps[j])
+        direction = gradient / motion
+        return np.asarray(direction / np.linalg.norm(direction), dtype=float)
+
+    # --------------------------------------------------------------------- obstacles
+
+    def _classify(self, point: Point, failure: NoBridge) -> Obstacle:
+        """Tell a toggle (K stays regular) from a near miss and from what second order leaves open."""
+        d = self._direction(point)
+        block = int(np.argmin(point.rcond))
+        size = float(np.abs(point.G @ d / self.path.mechanism.column_scale).max())
+        eps = 1e-3 * point.conditioning / size
+        ahead = march(self.path, point, point.y + eps * d, point.ydot)
+        change = float(ahead.det[block] - point.det[block]) / eps
+        reach = abs(float(point.det[block]) / change) if change else 1.0 / size
+        inward = d if float(point.det[block]) * change < 0.0 else -d
+        reason = str(failure)
+        if np.isfinite(failure.separation):
+            return Obstacle("tangential", point.y, reach, failure.residual, reason)
+        try:
+            deep = march(
+                self.path, point, point.y + 2.0 * reach * inward, point.ydot, 0.25 * point.conditioning
+            )
+        except BranchError:
+            return Obstacle("unknown", point.y, reach, failure.residual, reason)
+        if deep.conditioning > 0.3 * point.conditioning:
+            return Obstacle("near miss", point.y, reach, failure.residual, reason)
+        growth = self._regularity(deep) / deep.conditioning
+        if growth > 2.0 * self._regularity(point) / point.conditioning:
+            return Obstacle("toggle", point.y, reach, failure.residual, reason)
+        kind: ObstacleKind = "near miss" if np.isfinite(failure.residual) else "unknown"
+        return Obstacle(kind, point.y, reach, failure.residual, reason)
+
+    def _regularity(self, point: Point) -> float:
+        """σ_min/σ_max of the selected rows of K: stays large at a toggle, vanishes where modes meet."""
+        mechanism = self.path.mechanism
+        s = np.linalg.svd(mechanism.scaled(mechanism.K(point.q))[self.path.rows], compute_uv=False)
+        self.counters.svds += 1
+        return float(s[-1] / s[0]) if numerical_rank(s, 0.0) else 0.0
+
+    def _uncertified(self, here: Point, y: Array, ydot: Array) -> Point:
+        obstacle = self._obstacle
+        assert obstacle is not None
+        if not self.error_controlled:
+            raise UncertifiedZone(obstacle)
+        self.counters.zone_evaluations += 1
+        try:
+            point = march(self.path, here, y, ydot)
+        except BranchError as error:
+            raise self.refusal(obstacle, here) from error
+        undecided = obstacle.kind in ("tangential", "unknown")
+        if undecided and point.conditioning < DEEP * self.options.zone:
+            raise self.refusal(obstacle, point)
+        return point
+
+    def refusal(self, obstacle: Obstacle, here: Point) -> SimulationError:
+        """The error that an obstacle ends a run with."""
+        mechanism = self.path.mechanism
+        where = f"y = {np.array2string(here.y, precision=6)} ({', '.join(mechanism.independent)})"
+        figures = {"conditioning": here.conditioning, "gap": obstacle.gap}
+        if obstacle.kind == "toggle":
+            choices = [
+                names
+                for _, names in mechanism.coordinate_choices(here.q)
+                if set(names) != set(mechanism.independent)
+            ]
+            better = ", or ".join(" + ".join(c) for c in choices) or "none"
+            return ToggleError(
+                f"toggle at {where}: K_d is singular while K is not, the independent coordinates turn "
+                f"back here and cannot parametrise the motion; joints that can: {better} (or pass "
+                'on_toggle="repartition")',
+                here.y,
+                choices,
+                **figures,
+            )
+        if obstacle.kind == "near miss":
+            return BranchError(
+                f"near miss at {where}: two modes pass each other with a gap of {obstacle.gap:.2g} lengths "
+                "and the true curve could not be followed; use a smaller step or, if the gap is an error "
+                "of the model, raise geometric_tolerance above it",
+                here.y,
+                **figures,
+            )
+        return NotCertifiedError(
+            f"singularity at {where} not certified: {obstacle.reason}; second order does not say how the "
+            "motion goes on (see analyse(mech, q) at traj.q[-1])",
+            here.y,
+            **figures,
+        )

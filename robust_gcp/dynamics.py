@@ -1,0 +1,177 @@
+"""Equations of motion: the projected form (3) in minimal coordinates and the implicit form (2)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .errors import NonFiniteError, OptionError, SimulationError
+from .explicit import ExplicitMap
+from .kernel import Point
+from .mechanism import Mechanism
+from .tree import Array
+
+Torque = Callable[[float, Array, Array], ArrayLike]
+
+REDUNDANT = 1e-9
+"""Relative singular value below which a constraint direction counts as redundant in (2)."""
+
+
+@dataclass(slots=True)
+class Evaluation:
+    """One evaluation of the equations of motion.
+
+    Attributes
+    ----------
+    point : Point
+        q, G and g.
+    v, ydd : ndarray (nv,), (m,)
+        Velocity and reduced acceleration ÿ.
+    tau : ndarray (nv,) or None
+        Applied torques; None where there are none.
+    """
+
+    point: Point
+    v: Array
+    ydd: Array
+    tau: Array | None
+
+    @property
+    def a(self) -> Array:
+        """a = G ÿ + g, (nv,)."""
+        return self.point.G @ self.ydd + self.point.g
+
+
+class EquationsOfMotion:
+    """ÿ = (Gᵀ M G)⁻¹ Gᵀ (τ − C − M g), Eq. (3).
+
+    The state is x = (y, ẏ) or, where torques do work, (y, ẏ, W).
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    explicit : ExplicitMap
+        Gives q, G and g.
+    torque : callable (t, q, v) -> (nv,), array (nv,) or None
+    """
+
+    def __init__(
+        self, mechanism: Mechanism, explicit: ExplicitMap, torque: Torque | ArrayLike | None = None
+    ) -> None:
+        self.mechanism, self.explicit = mechanism, explicit
+        self.m = mechanism.m
+        self._torque = torque_function(mechanism, torque)
+        self.works = self._torque is not None
+        self.calls = 0
+
+    def evaluate(self, t: float, x: Array) -> Evaluation:
+        """Point, velocity and ÿ at state x."""
+        m, tree = self.m, self.mechanism.tree
+        ydot = x[m : 2 * m]
+        point = self.explicit.at(x[:m], ydot)
+        G = point.G
+        v = G @ ydot
+        force = -tree.rnea(point.q, v, point.g)
+        tau = None
+        if self._torque is not None:
+            tau = self._torque(t, point.q, v)
+            force = force + tau
+        inertia = G.T @ (tree.crba(point.q) @ G)
+        self.calls += 1
+        return Evaluation(point, v, _solve(inertia, G.T @ force, self.mechanism), tau)
+
+    def derivative(self, evaluation: Evaluation) -> Array:
+        """ẋ from an evaluation."""
+        parts = [evaluation.point.ydot, evaluation.ydd]
+        if evaluation.tau is not None:
+            parts.append(np.array([evaluation.tau @ evaluation.v]))
+        return np.concatenate(parts)
+
+    def __call__(self, t: float, x: Array) -> Array:
+        """ẋ = f(t, x) for a stepper."""
+        return self.derivative(self.evaluate(t, x))
+
+
+def torque_function(mechanism: Mechanism, torque: Torque | ArrayLike | None) -> Torque | None:
+    """A checked torque callable from what a user passes."""
+    if torque is None:
+        return None
+    if not callable(torque):
+        constant = mechanism.velocity(torque, "torque")
+        return lambda t, q, v: constant
+    supplied = torque
+
+    def checked(t: float, q: Array, v: Array) -> Array:
+        tau = np.asarray(supplied(t, q.copy(), v.copy()), dtype=float)
+        if tau.shape != (mechanism.nv,):
+            raise OptionError(
+                f"torque(t, q, v) returned shape {tau.shape}, expected (nv,) = ({mechanism.nv},)"
+            )
+        if not np.all(np.isfinite(tau)):
+            raise NonFiniteError(f"torque(t, q, v) returned {tau} at t = {t:.6g} s")
+        return tau
+
+    return checked
+
+
+def constraint_forces(mechanism: Mechanism, q: Array, v: Array, a: Array, tau: Array | None) -> Array:
+    """λ (nc,) of least norm with Kᵀ λ = M a + C − τ: the cut joints' reactions, N and N m."""
+    residual = mechanism.tree.rnea(q, v, a).copy()
+    if tau is not None:
+        residual -= tau
+    K = mechanism.K(q)
+    if mechanism.nc == 0:
+        return np.zeros(0)
+    solution: Array = np.linalg.lstsq(K.T, residual, rcond=REDUNDANT)[0]
+    return solution
+
+
+def implicit_dynamics(
+    mechanism: Mechanism, q: ArrayLike, v: ArrayLike, tau: ArrayLike | None = None
+) -> tuple[Array, Array]:
+    """Accelerations and constraint forces from the implicit system (2).
+
+    [[M, Kᵀ], [K, 0]] [a; −λ] = [τ − C; k], solved in the least-norm sense, which survives redundant
+    rows and singular configurations (where k must be attainable for a to be meaningful).
+
+    Parameters
+    ----------
+    q, v : array_like (nq,), (nv,)
+    tau : array_like (nv,), optional
+
+    Returns
+    -------
+    a : ndarray (nv,)
+    λ : ndarray (nc,)
+    """
+    q, v = mechanism.configuration(q), mechanism.velocity(v)
+    K, k = mechanism.K(q), mechanism.k(q, v)
+    bias = mechanism.tree.rnea(q, v, mechanism.tree.zero)
+    force = -bias if tau is None else mechanism.velocity(tau, "tau") - bias
+    M = mechanism.tree.crba(q)
+    n, c = mechanism.nv, mechanism.nc
+    matrix = np.block([[M, K.T], [K, np.zeros((c, c))]])
+    solution = np.linalg.lstsq(matrix, np.concatenate([force, k]), rcond=REDUNDANT)[0]
+    return solution[:n], -solution[n:]
+
+
+def _solve(inertia: Array, force: Array, mechanism: Mechanism) -> Array:
+    if len(force) == 1:
+        mass = float(inertia[0, 0])
+        if mass > 0.0:
+            return force / mass
+    elif len(force) == 0:
+        return force
+    else:
+        try:
+            solution: Array = np.linalg.solve(inertia, force)
+            return solution
+        except np.linalg.LinAlgError:
+            pass
+    raise SimulationError(
+        f"the reduced inertia Gᵀ M G of {mechanism.name!r} is singular: a motion of "
+        f"{', '.join(mechanism.independent)} moves no mass; give its links inertia"
+    )

@@ -1,0 +1,124 @@
+"""Error types. Each says what was wrong, names the culprit, and tells the remedy; the figures behind it are attributes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from .trajectory import Trajectory
+
+
+class RobustGcpError(Exception):
+    """Base of every error raised by this package.
+
+    Attributes
+    ----------
+    trajectory : Trajectory or None
+        What had been simulated when a run stopped; None outside a run.
+    """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(message)
+        self.trajectory: Trajectory | None = None
+
+
+class OptionError(RobustGcpError, ValueError):
+    """An argument of a call lies outside what the call accepts."""
+
+
+class ModelError(RobustGcpError, ValueError):
+    """A mechanism's description (URDF, YAML, closures, joint names) is wrong."""
+
+
+class PartitionError(ModelError):
+    """The chosen independent joints cannot serve as minimal coordinates anywhere.
+
+    Attributes
+    ----------
+    choices : list of tuple of str
+        Sets of joints that would serve, best conditioned first.
+    """
+
+    def __init__(self, message: str, choices: list[tuple[str, ...]] | None = None) -> None:
+        super().__init__(message)
+        self.choices = choices or []
+
+
+class StateError(RobustGcpError, ValueError):
+    """A configuration or velocity has the wrong shape, is not finite, or breaks the constraint."""
+
+
+class ClosureError(StateError):
+    """The loops are not closed, or cannot be closed.
+
+    Attributes
+    ----------
+    residual : float
+        Largest entry of φ (m or rad).
+    loop : str
+        The closure that is worst.
+    """
+
+    def __init__(self, message: str, residual: float, loop: str) -> None:
+        super().__init__(message)
+        self.residual = residual
+        self.loop = loop
+
+
+class MissingExtraError(RobustGcpError, ImportError):
+    """An optional dependency is needed and is not installed."""
+
+
+class SimulationError(RobustGcpError, RuntimeError):
+    """A run had to stop.
+
+    Attributes
+    ----------
+    y : ndarray (m,) or None
+        Independent coordinates where it stopped.
+    details : dict
+        Figures that led to the decision.
+    """
+
+    def __init__(self, message: str, y: NDArray[Any] | None = None, **details: Any) -> None:
+        super().__init__(message)
+        self.y = None if y is None else y.copy()
+        self.details = details
+
+
+class NonFiniteError(SimulationError):
+    """The state left the finite numbers."""
+
+
+class BranchError(SimulationError):
+    """The dependent joints could not be followed on their branch, however small the marching step."""
+
+
+class ToggleError(SimulationError):
+    """K_d is singular while K is not: the independent coordinates turn back here.
+
+    Attributes
+    ----------
+    choices : list of tuple of str
+        Sets of joints that parametrise the motion here, best conditioned first.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        y: NDArray[Any] | None = None,
+        choices: list[tuple[str, ...]] | None = None,
+        **details: Any,
+    ) -> None:
+        super().__init__(message, y, **details)
+        self.choices = choices or []
+
+
+class SingularStartError(SimulationError):
+    """The start is a singular configuration and neither mode nor velocity says where to go."""
+
+
+class NotCertifiedError(SimulationError):
+    """A singularity whose local structure second order does not decide: going on would be a guess."""

@@ -1,0 +1,256 @@
+"""The regular path: from a prediction to q = γ(y), G and g, where K_d can be solved.
+
+This one object does all the work of a right-hand side as long as nothing rare happens. It knows
+nothing of singularities beyond reporting how well K_d is conditioned.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .blocks import BlockFactor
+from .closure import ImplicitConstraint
+from .mechanism import STRUCTURAL, Mechanism
+from .partition import Block, triangular_blocks
+from .tree import Array
+
+CONVERGED = 2e-15
+"""max |φ| / length at which Newton stops: the rounding of a short chain of joints."""
+
+STAGNANT = 1e-12
+"""max |φ| / length accepted when Newton stops making progress: rounding of long chains."""
+
+MAX_NEWTON = 12
+"""Newton iterations before a start counts as lost; from a good prediction two or three suffice."""
+
+
+@dataclass(slots=True)
+class Point:
+    """A configuration on the constraint, and the explicit map's derivatives there.
+
+    Attributes
+    ----------
+    y, ydot : ndarray (m,)
+    q : ndarray (nq,)
+    G : ndarray (nv, m)
+        ∂γ/∂y: v = G ẏ.
+    g : ndarray (nv,)
+        Ġ ẏ: a = G ÿ + g.
+    curvature : ndarray (nv,) or None
+        γ'' for m = 1 (g at ẏ = 1); None for other m.
+    det, rcond : ndarray (nblocks,)
+        Sign and conditioning of K_d's blocks; see `BlockFactor`.
+    correction : float
+        Length of Newton's first step, dimensionless: how wrong the prediction was.
+    distance : float
+        Length of the predicted step, dimensionless.
+    """
+
+    y: Array
+    ydot: Array
+    q: Array
+    G: Array
+    g: Array
+    curvature: Array | None
+    det: Array
+    rcond: Array
+    correction: float = 0.0
+    distance: float = 0.0
+
+    @property
+    def conditioning(self) -> float:
+        """Smallest rcond of all blocks; 1 where nothing is dependent."""
+        return float(self.rcond.min()) if len(self.rcond) else 1.0
+
+
+@dataclass(slots=True)
+class Counters:
+    """What was computed, for `Trajectory.stats`."""
+
+    evaluations: int = 0
+    newton_iterations: int = 0
+    marching_steps: int = 0
+    zone_evaluations: int = 0
+    bridges_built: int = 0
+    svds: int = 0
+    refined_steps: int = 0
+    repartitions: list[tuple[str, ...]] = field(default_factory=list)
+
+
+class RegularPath:
+    """Newton's method on φ(γ(y)) = 0 from a prediction, then (4): G and g with K_d factorised once.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    rows : ndarray of int
+        The rows of φ that determine the dependent velocities (`Mechanism.select_rows`).
+    counters : Counters
+        Incremented as work is done.
+    """
+
+    def __init__(
+        self, mechanism: Mechanism, rows: NDArray[np.int64], counters: Counters | None = None
+    ) -> None:
+        self.mechanism = mechanism
+        self.tree = mechanism.tree
+        self.counters = counters or Counters()
+        self.rows = rows
+        self.implicit = ImplicitConstraint(
+            self.tree, mechanism.closures, mechanism.implicit.rows[rows]
+        )
+        self.dependent = mechanism.iv_dependent
+        self.independent = mechanism.iv_independent
+        self.iq = mechanism.iq_independent
+        self.m, self.nd = mechanism.m, len(self.dependent)
+        self._row_scale = mechanism.row_scale[rows]
+        self._column_scale = mechanism.column_scale[self.dependent]
+        scale = np.ones(mechanism.nv)
+        scale[self.dependent] = self._column_scale
+        self._scale = scale / self._row_scale[:, None]
+        self._length_scale = 1.0 / mechanism.column_scale
+        self._eye = np.eye(self.m)
+        self._factor = self._structure()
+
+    def _structure(self) -> BlockFactor:
+        if self.nd == 0:
+            return BlockFactor([], 0)
+        pattern = np.zeros((self.nd, self.nd), dtype=bool)
+        for q in self.mechanism.generic_configurations():
+            self._evaluate(q)
+            pattern |= np.abs(self._K[:, self.dependent]) > STRUCTURAL
+        blocks = triangular_blocks(pattern)
+        if blocks is None:
+            blocks = [Block(np.arange(self.nd), np.arange(self.nd))]
+        factor = BlockFactor(blocks, self.nd)
+        factor.couple(pattern)
+        return factor
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """The diagonal blocks of K_d, in the order of substitution."""
+        return self._factor.blocks
+
+    def predict(self, anchor: Point, y: Array) -> tuple[Array, float]:
+        """q_a ⊕ (G Δy + ½ γ''[Δy, Δy]) and the length of that step.
+
+        For m > 1 the curvature is known along the anchor's ẏ, which is where a simulation goes.
+        """
+        delta = y - anchor.y
+        dv = anchor.G @ delta
+        if anchor.curvature is not None:
+            dv += (0.5 * float(delta[0]) ** 2) * anchor.curvature
+        elif self.m:
+            speed = float(anchor.ydot @ anchor.ydot)
+            if speed > 0.0:
+                along = float(delta @ anchor.ydot) / speed
+                dv += (0.5 * along * along) * anchor.g
+        return self.tree.integrate(anchor.q, dv), float(np.abs(dv * self._length_scale).max(initial=0.0))
+
+    def close(self, q: Array) -> tuple[Array, float] | None:
+        """Newton on the dependent joints from q (overwritten).
+
+        Returns
+        -------
+        (q, correction) or None
+            None when the iteration does not contract to φ = 0.
+        """
+        correction = 0.0
+        if self.nd == 0:
+            return q, correction
+        last_size = last_step = np.inf
+        for iteration in range(MAX_NEWTON):
+            phi = self._evaluate(q)
+            size = float(np.abs(phi).max(initial=0.0))
+            if size <= CONVERGED or (size <= STAGNANT and size >= 0.25 * last_size):
+                return q, correction
+            if not np.isfinite(size):
+                return None
+            self._factor.factor(self._K[:, self.dependent])
+            u = self._factor.solve(-phi[:, None])[:, 0]
+            step = float(np.abs(u).max())
+            if iteration == 0:
+                correction = step
+            elif not step <= 0.5 * last_step and size > STAGNANT:
+                return None
+            last_size, last_step = size, step
+            q = self._move(q, u * self._column_scale)
+            self.counters.newton_iterations += 1
+        return None
+
+    def derivatives(self, q: Array, y: Array, ydot: Array) -> Point:
+        """G = [I; −K_d⁻¹ K_i] and g = [0; K_d⁻¹ k] at a closed q where `close` has just ended."""
+        if self.nd == 0:
+            rest = np.zeros(self.tree.nv)
+            one = np.ones(0)
+            return Point(y.copy(), ydot.copy(), q, self._eye, rest, None, one, one)
+        tree, factor = self.tree, self._factor
+        K = self._K
+        factor.factor(K[:, self.dependent])
+        G = np.zeros((tree.nv, self.m))
+        G[self.independent] = self._eye
+        G[self.dependent] = self._column_scale[:, None] * factor.solve(-K[:, self.independent])
+        g = np.zeros(tree.nv)
+        curvature = None
+        if self.m == 1:
+            g[self.dependent] = self._bias(q, G[:, 0])
+            curvature = g
+            g = g * float(ydot[0]) ** 2
+        elif self.m:
+            g[self.dependent] = self._bias(q, G @ ydot)
+        return Point(y.copy(), ydot.copy(), q, G, g, curvature, factor.det.copy(), factor.rcond.copy())
+
+    def second_derivative(self, point: Point, direction: Array) -> Array:
+        """γ''[d, d] at a point for a direction d (m,): g at ẏ = d."""
+        self._evaluate(point.q)
+        self._factor.factor(self._K[:, self.dependent])
+        g = np.zeros(self.tree.nv)
+        g[self.dependent] = self._bias(point.q, point.G @ direction)
+        return g
+
+    def conditioning(self, q: Array) -> tuple[Array, Array]:
+        """Determinants and conditioning of K_d's blocks at any q."""
+        self._evaluate(q)
+        self._factor.factor(self._K[:, self.dependent])
+        return self._factor.det.copy(), self._factor.rcond.copy()
+
+    def worst_conditioning(self, q: Array) -> float:
+        """Smallest conditioning of all blocks at any q."""
+        return float(self.conditioning(q)[1].min(initial=1.0))
+
+    def step(self, anchor: Point, y: Array, ydot: Array) -> Point | None:
+        """The point at y reached from the anchor in one predicted step, or None when Newton is lost."""
+        q, distance = self.predict(anchor, y)
+        point = self.settle(q, y, ydot)
+        if point is not None:
+            point.distance = distance
+        return point
+
+    def settle(self, q: Array, y: Array, ydot: Array) -> Point | None:
+        """The point at y that Newton finds from the guess q (overwritten), or None when it is lost."""
+        q[self.iq] = y
+        closed = self.close(q)
+        if closed is None:
+            return None
+        point = self.derivatives(closed[0], y, ydot)
+        point.correction = closed[1]
+        return point
+
+    def _evaluate(self, q: Array) -> Array:
+        self.tree.jacobians(q)
+        phi = self.implicit.residual()
+        self._K = self.implicit.jacobian() * self._scale
+        return phi / self._row_scale
+
+    def _bias(self, q: Array, v: Array) -> Array:
+        self.tree.rnea(q, v, self.tree.zero)
+        k = self.implicit.bias() / self._row_scale
+        return self._column_scale * self._factor.solve(k[:, None])[:, 0]
+
+    def _move(self, q: Array, dv_dependent: Array) -> Array:
+        dv = np.zeros(self.tree.nv)
+        dv[self.dependent] = dv_dependent
+        return self.tree.integrate(q, dv)

@@ -1,0 +1,147 @@
+"""Model folders: robot.urdf and robot.yaml to a `Mechanism`."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import yaml
+
+from .closure import Closure, FrameClosure, PointClosure, RevoluteClosure
+from .errors import ModelError, RobustGcpError
+from .mechanism import NEARLY_CLOSED, Mechanism
+from .urdf import model_from_urdf
+
+SCHEMA = 1
+KINDS: dict[str, type[PointClosure] | type[FrameClosure] | type[RevoluteClosure]] = {
+    cls.kind: cls for cls in (PointClosure, FrameClosure, RevoluteClosure)
+}
+OWN_KEYS = ("schema", "description", "home")
+
+
+def models_folder() -> Path:
+    """Where the shipped models are: inside an installed package, or beside it in a checkout."""
+    inside = Path(__file__).parent / "models"
+    return inside if inside.is_dir() else Path(__file__).parent.parent / "models"
+
+
+def model_names() -> list[str]:
+    """Names of the shipped models, for `load`."""
+    return sorted(p.parent.name for p in models_folder().glob("*/robot.yaml"))
+
+
+def load(name_or_folder: str | Path) -> Mechanism:
+    """A mechanism from a shipped model's name, or from a folder with robot.urdf and robot.yaml.
+
+    The YAML's keys are those of the parallel-robot community around Pinocchio: `closed_loop` (pairs
+    of frame names), `type` ('3d', '6d' or 'revolute'), `name_mot` (independent joints); the block
+    `robust_gcp` (schema, description, home) is this package's own and optional.
+
+    Raises
+    ------
+    ModelError
+        Naming the file, the key and the remedy.
+    ClosureError
+        When the home configuration leaves a loop open by more than rounding.
+    """
+    folder = Path(name_or_folder)
+    if not folder.is_dir():
+        folder = models_folder() / str(name_or_folder)
+    if not (folder / "robot.yaml").is_file():
+        near = difflib.get_close_matches(str(name_or_folder), model_names(), n=2)
+        hint = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
+        raise ModelError(
+            f"{str(name_or_folder)!r} is neither a shipped model nor a folder with robot.yaml; {hint}"
+            f"shipped models: {', '.join(model_names())}"
+        )
+    path = folder / "robot.yaml"
+    settings = _read_yaml(path)
+    model = model_from_urdf(folder / "robot.urdf")
+    closures = _closures(settings, path)
+    own = _own_block(settings, path)
+    independent = settings.get("name_mot")
+    if independent is not None and not _is_list_of_str(independent):
+        raise ModelError(f"{path}: name_mot must be a list of joint names, not {independent!r}")
+    try:
+        mechanism = Mechanism.from_pinocchio(model, closures, independent, name=folder.name)
+        home = _home(own.get("home"), model, path)
+        mechanism.home = mechanism.configuration(home, "home")
+    except RobustGcpError as error:
+        error.args = (f"{path}: {error.args[0]}", *error.args[1:])
+        raise
+    if own.get("home") is not None:
+        mechanism.require_closed(mechanism.home, NEARLY_CLOSED, f"{path}: home")
+        mechanism.home = mechanism.polish(mechanism.home, mechanism.iv_dependent)
+    return mechanism
+
+
+def _read_yaml(path: Path) -> dict[str, Any]:
+    try:
+        settings = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ModelError(f"{path}: cannot be read as YAML ({error})") from error
+    if not isinstance(settings, dict):
+        raise ModelError(f"{path}: must be a mapping with closed_loop, type and name_mot")
+    return settings
+
+
+def _closures(settings: dict[str, Any], path: Path) -> list[Closure]:
+    pairs = settings.get("closed_loop") or []
+    kinds = settings.get("type") or []
+    if not isinstance(pairs, list) or not all(_is_list_of_str(p) and len(p) == 2 for p in pairs):
+        raise ModelError(f"{path}: closed_loop must be a list of pairs of frame names, not {pairs!r}")
+    if not _is_list_of_str(kinds) or len(kinds) != len(pairs):
+        raise ModelError(f"{path}: type must list one of {', '.join(KINDS)} for each of {len(pairs)} loops")
+    unknown = [kind for kind in kinds if kind.lower() not in KINDS]
+    if unknown:
+        raise ModelError(f"{path}: type {unknown[0]!r} is unknown; use one of {', '.join(KINDS)}")
+    return [KINDS[kind.lower()](*pair) for pair, kind in zip(pairs, kinds, strict=True)]
+
+
+def _own_block(settings: dict[str, Any], path: Path) -> dict[str, Any]:
+    own = settings.get("robust_gcp") or {}
+    if not isinstance(own, dict):
+        raise ModelError(f"{path}: robust_gcp must be a mapping")
+    for key in own:
+        if key not in OWN_KEYS:
+            near = difflib.get_close_matches(str(key), OWN_KEYS, n=1)
+            hint = f"; did you mean {near[0]!r}?" if near else f"; known: {', '.join(OWN_KEYS)}"
+            raise ModelError(f"{path}: unknown key {key!r} in robust_gcp{hint}")
+    if own and own.get("schema", SCHEMA) != SCHEMA:
+        raise ModelError(
+            f"{path}: robust_gcp.schema is {own['schema']!r}, this version reads {SCHEMA}; "
+            "update robust_gcp or the file"
+        )
+    return own
+
+
+def _home(home: Any, model: pin.Model, path: Path) -> Any:
+    q = pin.neutral(model)
+    if home is None:
+        return q
+    if not isinstance(home, dict):
+        raise ModelError(f"{path}: robust_gcp.home must map joint names to values, not {home!r}")
+    names = list(model.names)
+    for name, value in home.items():
+        if name not in names:
+            raise ModelError(
+                f"{path}: robust_gcp.home names the joint {name!r}; the model has {', '.join(names[1:])}"
+            )
+        joint = model.joints[model.getJointId(name)]
+        values = value if isinstance(value, list) else [value]
+        if len(values) != joint.nq or not all(
+            isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x) for x in values
+        ):
+            raise ModelError(
+                f"{path}: robust_gcp.home[{name!r}] is {value!r}; expected {joint.nq} finite number(s)"
+            )
+        q[joint.idx_q : joint.idx_q + joint.nq] = np.array(values, dtype=float)
+    return q
+
+
+def _is_list_of_str(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(item, str) for item in value)

@@ -1,0 +1,385 @@
+"""`simulate`: from a start to a certified trajectory."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicHermiteSpline
+from scipy.optimize import brentq
+
+from .bridge import BridgeOptions
+from .bridge_map import BridgeMap, UncertifiedZone
+from .dynamics import EquationsOfMotion, Evaluation, Torque, constraint_forces
+from .errors import NonFiniteError, OptionError, SimulationError
+from .explicit import Crossing, ExplicitMap, Passage
+from .four_bar_map import FourBarMap
+from .gcp import ClassicalMap, NewtonStart, SingularityWarning
+from .kernel import Counters
+from .mechanism import Mechanism
+from .robust import PROJECTION_THRESHOLD, ProjectionMap
+from .start import Start, begin
+from .steppers import adaptive, check_stepper, rk4_step
+from .trajectory import Stats, Trajectory
+from .tree import Array
+
+Method = Literal["bridge", "projection", "classical", "closed_form"]
+METHODS: tuple[Method, ...] = ("bridge", "projection", "classical", "closed_form")
+RECORDS = ("a", "energy", "multipliers")
+
+REFINED_RTOL, REFINED_ATOL = 1e-10, 1e-12
+"""Tolerances of the error-controlled steps through a zone without a bridge."""
+
+
+def simulate(
+    mechanism: Mechanism,
+    q0: ArrayLike | None = None,
+    v0: ArrayLike | None = None,
+    duration: float = 1.0,
+    step: float = 1e-3,
+    method: Method = "bridge",
+    stepper: str = "rk4",
+    *,
+    torque: Torque | ArrayLike | None = None,
+    record: Sequence[str] = (),
+    mode: ArrayLike | None = None,
+    rtol: float = 1e-8,
+    atol: float = 1e-10,
+    on_toggle: Literal["error", "repartition"] = "error",
+    newton_start: NewtonStart = "tangent",
+    threshold: float = PROJECTION_THRESHOLD,
+    options: BridgeOptions | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Trajectory:
+    """Simulate a mechanism in minimal coordinates.
+
+    Integrates ÿ = (Gᵀ M G)⁻¹ Gᵀ (τ − C − M g) with q = γ(y), v = G ẏ.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    q0 : array_like (nq,), optional
+        A closed configuration (see `Mechanism.assemble`); the mechanism's home when left out.
+    v0 : array_like (nv,), optional
+        K v0 = 0 (see `Mechanism.lift`); at rest when left out.
+    duration, step : float
+        s. The step of RK4; for the other steppers the spacing of the output. If the duration is no
+        multiple of it, the last step is shorter.
+    method : {"bridge", "projection", "classical", "closed_form"}
+        The explicit map: certified bridges through singular configurations (default), the paper's
+        Eq. (7), classical GCP (Eq. 4), or the planar four-bar in closed form.
+    stepper : {"rk4", "RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA"}
+        Classical Runge–Kutta with fixed step, or one of scipy's adaptive solvers.
+    torque : callable (t, q, v) -> (nv,) or array_like (nv,), optional
+        Applied joint torques and forces, N m and N.
+    record : sequence of {"a", "energy", "multipliers"}
+        What to compute besides q and v.
+    mode : array_like (nv,) or (nv, m), optional
+        Tangent of the mode to take when q0 is singular: one of `analyse(mechanism, q0).modes`.
+    rtol, atol : float
+        Tolerances of the adaptive steppers.
+    on_toggle : {"error", "repartition"}
+        What to do where y turns back: stop with an error that names better joints, or change the
+        independent joints, report it in `stats.repartitions`, and go on.
+    newton_start : {"tangent", "previous"}
+        Start of Newton's method for method="classical".
+    threshold : float
+        Rank tolerance of method="projection".
+    options : BridgeOptions, optional
+        Choices of method="bridge".
+    progress : callable (fraction), optional
+        Called after each output with the fraction of the duration that is done.
+
+    Returns
+    -------
+    Trajectory
+
+    Raises
+    ------
+    OptionError, StateError
+        For bad arguments.
+    SimulationError
+        When the run must stop; `error.trajectory` holds what was simulated until then.
+    """
+    times = _times(duration, step)
+    _check_choice("method", method, METHODS)
+    _check_choice("on_toggle", on_toggle, ("error", "repartition"))
+    _check_choice("newton_start", newton_start, ("tangent", "previous"))
+    if isinstance(record, str):
+        record = (record,)
+    for item in record:
+        _check_choice("record", item, RECORDS)
+    _check_positive("rtol", rtol)
+    _check_positive("atol", atol)
+    options = options or BridgeOptions()
+    fixed = check_stepper(stepper) == "rk4"
+    counters = Counters()
+    begun = time.perf_counter()
+    start = begin(
+        mechanism, mechanism.home if q0 is None else q0, v0, mode, options, counters
+    )
+    run = _Run(mechanism, start, torque, times, record, counters, progress)
+    try:
+        run.use(mechanism, start, _map(method, start, options, newton_start, threshold, not fixed))
+        if fixed:
+            run.fixed_steps(on_toggle, options)
+        else:
+            run.adaptive_steps(stepper, rtol, atol)
+    except SimulationError as error:
+        error.trajectory = run.trajectory(begun)
+        raise
+    return run.trajectory(begun)
+
+
+def _map(
+    method: Method,
+    start: Start,
+    options: BridgeOptions,
+    newton_start: NewtonStart,
+    threshold: float,
+    error_controlled: bool,
+) -> ExplicitMap:
+    if method == "classical":
+        return ClassicalMap(start.path, start.point, newton_start)
+    if method == "projection":
+        return ProjectionMap(start.path, start.point, threshold)
+    if method == "closed_form":
+        return FourBarMap(start.path, start.point)
+    bridged = BridgeMap(start.path, start.point, options, error_controlled)
+    if start.bridge is not None:
+        bridged.adopt(start.bridge)
+    return bridged
+
+
+class _Run:
+    """One simulation in progress: the loop, the record and the events."""
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        start: Start,
+        torque: Torque | ArrayLike | None,
+        times: Array,
+        record: Sequence[str],
+        counters: Counters,
+        progress: Callable[[float], None] | None,
+    ) -> None:
+        self._original = mechanism
+        self._torque, self._times, self._counters = torque, times, counters
+        self._progress = progress
+        self._recorded = 0
+        n = len(times)
+        self._q, self._v = np.empty((n, mechanism.nq)), np.empty((n, mechanism.nv))
+        self._a = np.empty((n, mechanism.nv)) if "a" in record else None
+        self._energy = np.empty(n) if "energy" in record else None
+        self._multipliers = np.empty((n, mechanism.nc)) if "multipliers" in record else None
+        self._work = np.empty(n) if torque is not None else None
+        self._crossings: list[Crossing] = []
+        self._repartitions: list[tuple[float, tuple[str, ...]]] = []
+        self._calls = 0
+        self._last: Evaluation | None = None
+        self._x = np.concatenate([start.point.y, start.ydot, np.zeros(int(torque is not None))])
+        self._warned = False
+
+    def use(self, mechanism: Mechanism, start: Start, explicit: ExplicitMap) -> None:
+        """Go on with these coordinates and this map."""
+        work = self._x[len(self._x) - int(self._torque is not None) :]
+        self._calls += self._equations.calls if hasattr(self, "_equations") else 0
+        self._mechanism, self._explicit = mechanism, explicit
+        self._equations = EquationsOfMotion(mechanism, explicit, self._torque)
+        self._x = np.concatenate([start.point.y, start.ydot, work])
+
+    # --------------------------------------------------------------------- loops
+
+    def fixed_steps(self, on_toggle: str, options: BridgeOptions) -> None:
+        """RK4; a step into a zone without a bridge is taken with error control instead."""
+        times, f = self._times, None
+        for i in range(len(times) - 1):
+            t, h = float(times[i]), float(times[i + 1] - times[i])
+            while True:
+                f = self._equations
+                try:
+                    now = f.evaluate(t, self._x)
+                    x = rk4_step(f, t, self._x, h, f.derivative(now))
+                    self._accept(i, now)
+                except UncertifiedZone as zone:
+                    now = self._inside(t)
+                    if zone.obstacle.kind == "toggle" and on_toggle == "repartition":
+                        self._repartition(t, now, options)
+                        continue
+                    self._accept(i, now)
+                    x = self._refined(t, h)
+                break
+            if not np.all(np.isfinite(x)):
+                raise NonFiniteError(
+                    f"the state left the finite numbers between t = {t:.6g} and {t + h:.6g} s; use a "
+                    "smaller step, or an implicit stepper (Radau, BDF) if the mechanism is stiff"
+                )
+            self._x = x
+        self._finish()
+
+    def adaptive_steps(self, stepper: str, rtol: float, atol: float) -> None:
+        """One of scipy's solvers; output at the requested times."""
+        first = self._equations.evaluate(float(self._times[0]), self._x)
+        self._accept(0, first)
+        states = adaptive(stepper, self._equations, self._x, self._times, rtol, atol)
+        for i, x in enumerate(states, start=1):
+            if not np.all(np.isfinite(x)):
+                raise NonFiniteError(f"{stepper} left the finite numbers at t = {self._times[i]:.6g} s")
+            self._x = x
+            self._accept(i, self._equations.evaluate(float(self._times[i]), x))
+
+    def _finish(self) -> None:
+        t = float(self._times[-1])
+        try:
+            now = self._equations.evaluate(t, self._x)
+        except UncertifiedZone:
+            now = self._inside(t)
+        self._accept(len(self._times) - 1, now)
+
+    def _inside(self, t: float) -> Evaluation:
+        """The evaluation at the present state on the true curve of an uncertified zone."""
+        explicit = self._explicit
+        assert isinstance(explicit, BridgeMap)
+        if self._last is not None:
+            explicit.anchor = self._last.point
+        explicit.error_controlled = True
+        try:
+            return self._equations.evaluate(t, self._x)
+        finally:
+            explicit.error_controlled = False
+
+    def _refined(self, t: float, h: float) -> Array:
+        """One step through an uncertified zone by an error-controlled method."""
+        explicit = self._explicit
+        assert isinstance(explicit, BridgeMap)
+        explicit.error_controlled = True
+        try:
+            ends = np.array([t, t + h])
+            (x,) = adaptive("DOP853", self._equations, self._x, ends, REFINED_RTOL, REFINED_ATOL)
+        finally:
+            explicit.error_controlled = False
+        self._counters.refined_steps += 1
+        return x
+
+    def _repartition(self, t: float, now: Evaluation, options: BridgeOptions) -> None:
+        """Change to the best conditioned independent joints at the present state."""
+        choices = self._mechanism.coordinate_choices(now.point.q)
+        if not choices or set(choices[0][1]) == set(self._mechanism.independent):
+            raise SimulationError(f"no other joints can serve as coordinates at t = {t:.6g} s")
+        names = choices[0][1]
+        mechanism = self._mechanism.with_independent(names)
+        start = begin(mechanism, now.point.q, now.v, None, options, self._counters)
+        self.use(mechanism, start, BridgeMap(start.path, start.point, options))
+        self._repartitions.append((t, names))
+        self._last = None
+
+    # --------------------------------------------------------------------- record
+
+    def _accept(self, i: int, now: Evaluation) -> None:
+        """Record the evaluation at time i, and what was passed since the last one."""
+        t = float(self._times[i])
+        if self._last is not None:
+            for passage in self._explicit.passed(self._last.point, now.point):
+                self._cross(passage, float(self._times[i - 1]), t, self._last, now)
+        self._last = now
+        self._q[i], self._v[i] = now.point.q, now.v
+        if self._a is not None:
+            self._a[i] = now.a
+        if self._energy is not None:
+            self._energy[i] = sum(self._mechanism.tree.energies(now.point.q, now.v))
+        if self._multipliers is not None:
+            self._multipliers[i] = constraint_forces(
+                self._original, now.point.q, now.v, now.a, now.tau
+            )
+        if self._work is not None:
+            self._work[i] = self._x[-1]
+        self._recorded = i + 1
+        if self._progress is not None:
+            self._progress(i / (len(self._times) - 1))
+
+    def _cross(
+        self, passage: Passage, t0: float, t1: float, before: Evaluation, after: Evaluation
+    ) -> None:
+        """Log a crossing at the time where the Hermite interpolant of y meets the surface."""
+        a, b = before.point, after.point
+        towards = b.y - a.y
+        spline = CubicHermiteSpline([t0, t1], np.array([a.y, b.y]), np.array([a.ydot, b.ydot]))
+
+        def ahead(t: float) -> float:
+            return float((spline(t) - passage.y) @ towards)
+
+        ends = ahead(t0), ahead(t1)
+        when = t1 if ends[1] == 0.0 or ends[0] * ends[1] > 0.0 else float(brentq(ahead, t0, t1))
+        self._crossings.append(
+            Crossing(
+                when, passage.y, passage.q, passage.kind, passage.certificate, passage.transversality
+            )
+        )
+        if passage.kind == "near miss" and not self._warned:
+            self._warned = True
+            warnings.warn(
+                f"at t = {when:.6g} s two modes pass each other with a gap of {passage.certificate:.1g} lengths, "
+                "below geometric_tolerance: bridged as a crossing",
+                SingularityWarning,
+                stacklevel=4,
+            )
+
+    def trajectory(self, begun: float) -> Trajectory:
+        """What was recorded so far."""
+        n, c = self._recorded, self._counters
+
+        def cut(values: Array | None) -> Array | None:
+            return None if values is None else values[:n]
+
+        stats = Stats(
+            rhs=self._calls + (self._equations.calls if hasattr(self, "_equations") else 0),
+            newton_iterations=c.newton_iterations,
+            zone_evaluations=c.zone_evaluations,
+            marching_steps=c.marching_steps,
+            bridges_built=c.bridges_built,
+            refined_steps=c.refined_steps,
+            svds=c.svds,
+            repartitions=self._repartitions,
+            wall_seconds=time.perf_counter() - begun,
+        )
+        return Trajectory(
+            self._original,
+            self._times[:n],
+            self._q[:n],
+            self._v[:n],
+            cut(self._a),
+            cut(self._energy),
+            cut(self._multipliers),
+            cut(self._work),
+            self._crossings,
+            stats,
+        )
+
+
+def _times(duration: float, step: float) -> Array:
+    """Output times; the last interval is shorter when the step does not divide the duration."""
+    _check_positive("duration", duration)
+    _check_positive("step", step)
+    if step > duration * (1.0 + 1e-12):
+        raise OptionError(f"step = {step} s is longer than the duration = {duration} s")
+    count = max(1, int(np.ceil(duration / step - 1e-9)))
+    times = step * np.arange(count + 1)
+    times[-1] = duration
+    return times
+
+
+def _check_positive(name: str, value: float) -> None:
+    if isinstance(value, bool) or not isinstance(value, int | float | np.number):
+        raise OptionError(f"{name} = {value!r} must be a number")
+    if not np.isfinite(value) or value <= 0.0:
+        raise OptionError(f"{name} = {value} must be positive and finite")
+
+
+def _check_choice(name: str, value: str, allowed: Sequence[str]) -> None:
+    if value not in allowed:
+        raise OptionError(f"{name} = {value!r} is unknown; use one of {', '.join(allowed)}")

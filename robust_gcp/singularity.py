@@ -1,0 +1,339 @@
+"""Local analysis: what a mechanism can do at a configuration, to second order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .mechanism import CLOSED, NEARLY_CLOSED, Mechanism
+from .partition import numerical_rank
+from .tree import Array
+
+Kind = Literal["regular", "redundant", "singular", "not certified"]
+
+RANK_TOLERANCE = 1e-8
+"""σ/σ_max below which a singular value of the scaled K counts as zero in `analyse`.
+
+Near a singularity σ grows like the distance, and a configuration typed or computed to 1e-9 rad
+should be recognised."""
+
+FORM_TOLERANCE = 1e-6
+"""Eigenvalue ratio below which a direction of a second-order form counts as flat."""
+
+NEARBY = 1e-2
+"""How far, in dimensionless velocity units, the generic rank is looked up along a direction."""
+
+MAX_COMBINATIONS = 256
+"""Modes enumerated when several loops are singular at once; 2 for each loop."""
+
+
+@dataclass(frozen=True)
+class LocalAnalysis:
+    """The local picture at a closed configuration.
+
+    Attributes
+    ----------
+    q : ndarray (nq,)
+    kind : {"regular", "redundant", "singular", "not certified"}
+    rank, generic_rank : int
+        Rank of K here, and at nearby points of the same mode.
+    singular_values : ndarray
+        Of the scaled (dimensionless) K, descending.
+    kernel : ndarray (nv, δ_diff)
+        Orthonormal basis of ker K: the tangent space, span of the tangent cone.
+    left_kernel : ndarray (nc, nc − rank)
+        Orthonormal basis of the left null space of K.
+    forms : tuple of ndarray (δ_diff, δ_diff)
+        Second-order forms Q_u = Nᵀ (uᵀ φ'') N of the singular left null vectors u, N the kernel.
+    modes : tuple of ndarray
+        The tangent cone: one array a mode that passes through q. A direction (nv,) for mobility 1,
+        largest entry ±1 and first non-zero entry positive; else an orthonormal basis (nv, m).
+    message : str
+        The picture in words.
+    """
+
+    q: Array
+    kind: Kind
+    rank: int
+    generic_rank: int
+    singular_values: Array
+    kernel: Array
+    left_kernel: Array
+    forms: tuple[Array, ...]
+    modes: tuple[Array, ...]
+    message: str
+
+    @property
+    def differential_dof(self) -> int:
+        """δ_diff = nv − rank K: dimension of the tangent space, the instantaneous freedom."""
+        return self.kernel.shape[1]
+
+    @property
+    def local_dof(self) -> int | None:
+        """δ_loc: the largest dimension of a mode through q; None where it is not certified."""
+        if self.kind == "not certified":
+            return None
+        return max((1 if t.ndim == 1 else t.shape[1] for t in self.modes), default=0)
+
+
+def analyse(
+    mechanism: Mechanism, q: ArrayLike, rank_tolerance: float = RANK_TOLERANCE
+) -> LocalAnalysis:
+    """Rank, kernel, operation modes and classification at a closed configuration.
+
+    With N a basis of ker K and u a left null vector, a motion with tangent N w needs
+    Q_u(w, w) = wᵀ Nᵀ (uᵀ φ'') N w = 0. One rank-2 indefinite form factors into two hyperplanes, the
+    tangent spaces of the two modes that meet; a definite one leaves an isolated point; others are
+    not decided at second order. Several singular loops are treated loop by loop.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    q : array_like (nq,)
+        Must close the loops.
+    rank_tolerance : float
+        Relative size below which a singular value of K counts as zero.
+
+    Raises
+    ------
+    ClosureError
+        When the loops are open at q.
+
+    References
+    ----------
+    Müller, "Local kinematic analysis of closed-loop linkages", J. Mechanisms Robotics 8 (2016).
+    """
+    q = mechanism.configuration(q)
+    mechanism.require_closed(q, NEARLY_CLOSED, "analyse: q")
+    K = mechanism.scaled(mechanism.K(q))
+    U, s, Vt = _svd(K)
+    rank = numerical_rank(s, rank_tolerance)
+    scaled_kernel = Vt[rank:].T
+    kernel = _orthonormal(mechanism.column_scale[:, None] * scaled_kernel)
+    left = U[:, rank:]
+
+    def answer(
+        kind: Kind,
+        generic: int,
+        modes: tuple[Array, ...],
+        message: str,
+        forms: tuple[Array, ...] = (),
+    ) -> LocalAnalysis:
+        unscaled_left = _orthonormal(left / mechanism.row_scale[:, None])
+        return LocalAnalysis(
+            q, kind, rank, generic, s, kernel, unscaled_left, forms, modes, message
+        )
+
+    if rank == len(K) or kernel.shape[1] == 0:
+        modes = (_direction(kernel),) if kernel.shape[1] else ()
+        return answer("regular", rank, modes, f"K has full rank {rank}: one smooth mode")
+    forms = second_order_forms(mechanism, q, left, kernel)
+    flat = [f for f in forms if np.abs(f).max() <= FORM_TOLERANCE * _curvature(mechanism, q, kernel)]
+    if len(flat) == len(forms):
+        generic = _rank_along(mechanism, q, kernel, rank_tolerance)
+        if generic == rank:
+            return answer(
+                "redundant",
+                rank,
+                (_direction(kernel),),
+                f"K keeps rank {rank} of {len(K)} rows nearby: redundant closures, one smooth mode",
+            )
+        return answer(
+            "not certified",
+            generic,
+            (),
+            f"rank {rank} against {generic} nearby, and the second-order forms vanish: "
+            "a tangential or higher-order singularity",
+            tuple(forms),
+        )
+    return _classify(mechanism, q, left, kernel, rank, rank_tolerance, answer)
+
+
+def second_order_forms(mechanism: Mechanism, q: Array, left: Array, kernel: Array) -> list[Array]:
+    """Q_u = Nᵀ (uᵀ φ'') N for each column u of `left` (dimensionless rows), (δ, δ) each.
+
+    φ''[v, v] = −k(q, v), and by polarisation φ''[v, w] = −½ (k(v + w) − k(v) − k(w)): no new
+    derivatives.
+    """
+    n = kernel.shape[1]
+    square = [second_derivative(mechanism, q, kernel[:, i]) for i in range(n)]
+    forms = np.zeros((left.shape[1], n, n))
+    for i in range(n):
+        forms[:, i, i] = left.T @ square[i]
+        for j in range(i):
+            mixed = second_derivative(mechanism, q, kernel[:, i] + kernel[:, j])
+            forms[:, i, j] = forms[:, j, i] = 0.5 * left.T @ (mixed - square[i] - square[j])
+    return list(forms)
+
+
+def second_derivative(mechanism: Mechanism, q: Array, v: Array) -> Array:
+    """φ''[v, v] = −k(q, v), dimensionless rows, (nc,)."""
+    return -mechanism.k(q, v) / mechanism.row_scale
+
+
+def transversality(mechanism: Mechanism, q: Array, G: Array, rank: int) -> float:
+    """How clearly the mode with tangent space G leaves a singular q: 0 tangential, 1 orthogonal.
+
+    Near q* write q = q* ⊕ s w. Then φ/s has the range part K w and, on the left null space U,
+    ½ s Q_u(w, w). The mode through w = G is unique and smooth when the derivative of that system,
+    the rows K and Q_u(G, ·), has the mechanism's generic rank: a second-order certificate for any
+    corank.
+
+    Parameters
+    ----------
+    rank : int
+        Generic rank, nv − m.
+
+    Returns
+    -------
+    float
+        σ_rank/σ_1 of the stacked, row-normalised system.
+    """
+    K = mechanism.scaled(mechanism.K(q))
+    U, s, Vt = _svd(K)
+    here = numerical_rank(s, 1e-5)
+    if here >= rank:
+        return 1.0
+    tangents = _orthonormal(G / mechanism.column_scale[:, None])
+    left, kernel = U[:, here:], mechanism.column_scale[:, None] * Vt[here:].T
+    rows = []
+    for t in (mechanism.column_scale[:, None] * tangents).T:
+        plain = second_derivative(mechanism, q, t)
+        mixed = np.array(
+            [
+                0.5
+                * (second_derivative(mechanism, q, t + n) - plain - second_derivative(mechanism, q, n))
+                for n in kernel.T
+            ]
+        )
+        rows.append(left.T @ mixed.T)
+    stacked = np.vstack(rows)
+    needed = rank - here
+    sigma = np.linalg.svd(stacked, compute_uv=False)
+    if len(sigma) < needed or sigma[0] == 0.0:
+        return 0.0
+    return float(sigma[needed - 1] / max(sigma[0], 1.0))
+
+
+def _classify(mechanism, q, left, kernel, rank, rank_tolerance, answer):  # type: ignore[no-untyped-def]
+    """Factor the forms loop by loop and combine the hyperplanes into modes."""
+    forms = []
+    for u in _decoupled(mechanism, q, left).T:
+        form = second_order_forms(mechanism, q, u[:, None], kernel)[0]
+        if np.abs(form).max() > FORM_TOLERANCE * _curvature(mechanism, q, kernel):
+            forms.append(form)
+    generic = rank + len(forms)
+    m = kernel.shape[1] - len(forms)
+    planes: list[list[Array]] = []
+    for form in forms:
+        values, vectors = np.linalg.eigh(form)
+        size = np.abs(values).max()
+        active = np.flatnonzero(np.abs(values) > FORM_TOLERANCE * size)
+        signs = np.sign(values[active])
+        if len(active) == kernel.shape[1] and abs(int(signs.sum())) == len(active):
+            return answer(
+                "singular", rank, (), "the second-order form is definite: an isolated point", tuple(forms)
+            )
+        if len(active) != 2 or signs.sum() != 0:
+            return answer(
+                "not certified",
+                generic,
+                (),
+                f"a second-order form has signature {int((signs > 0).sum())}, {int((signs < 0).sum())} "
+                f"on {kernel.shape[1]} directions: tangential or higher order, not two crossing modes",
+                tuple(forms),
+            )
+        (low, high), v = values[active], vectors[:, active]
+        a, b = np.sqrt(-low) * v[:, 0], np.sqrt(high) * v[:, 1]
+        planes.append([a + b, a - b])
+    if 2 ** len(planes) > MAX_COMBINATIONS:
+        return answer(
+            "not certified",
+            generic,
+            (),
+            f"{len(planes)} loops are singular at once: too many combinations of modes to list",
+            tuple(forms),
+        )
+    modes = []
+    for combination in product(*planes):
+        normals = np.array(combination)
+        _, sigma, Vt = np.linalg.svd(normals)
+        if numerical_rank(sigma, 1e-6) < len(normals):
+            return answer(
+                "not certified",
+                generic,
+                (),
+                "the loops' second-order conditions are not independent: not decided at second order",
+                tuple(forms),
+            )
+        modes.append(_direction(kernel @ Vt[len(normals) :].T))
+    if m == 0:
+        return answer("singular", generic, (), "no direction passes second order: an isolated point", tuple(forms))
+    words = f"rank {rank} against {generic} nearby: {len(modes)} modes of dimension {m} meet here"
+    return answer("singular", generic, tuple(modes), words, tuple(forms))
+
+
+def _decoupled(mechanism: Mechanism, q: Array, left: Array) -> Array:
+    """A basis of the left null space whose vectors belong to one closure each, where there is one."""
+    labels = np.array(mechanism.implicit.labels)
+    own: list[Array] = []
+    for label in dict.fromkeys(labels.tolist()):
+        outside = left[labels != label]
+        if len(outside) == 0:
+            return left
+        _, s, Vt = np.linalg.svd(outside)
+        s = np.concatenate([s, np.zeros(Vt.shape[0] - len(s))])
+        own += [left @ v for v in Vt[s < 1e-6]]
+    basis = np.array(own).T
+    if len(own) == left.shape[1] and np.linalg.svd(basis, compute_uv=False)[-1] > 1e-6:
+        return basis
+    return left
+
+
+def _curvature(mechanism: Mechanism, q: Array, kernel: Array) -> float:
+    """Size of φ'' on the kernel: what a second-order form is compared with."""
+    sizes = [np.abs(second_derivative(mechanism, q, v)).max(initial=0.0) for v in kernel.T]
+    return float(max(sizes, default=0.0)) or 1.0
+
+
+def _rank_along(mechanism: Mechanism, q: Array, kernel: Array, tolerance: float) -> int:
+    """Largest rank of K a little way along the kernel, back on the constraint."""
+    best = 0
+    for direction in kernel.T:
+        size = np.abs(direction / mechanism.column_scale).max()
+        near = mechanism.tree.integrate(q, direction * (NEARBY / size))
+        near = mechanism.polish(near, np.arange(mechanism.nv))
+        if mechanism.closure_residual(near) <= CLOSED:
+            s = _svd(mechanism.scaled(mechanism.K(near)))[1]
+            best = max(best, numerical_rank(s, max(tolerance, 1e-6)))
+    return best
+
+
+def _svd(K: Array) -> tuple[Array, Array, Array]:
+    """Full SVD that also serves a K without rows."""
+    if K.shape[0] == 0:
+        return np.zeros((0, 0)), np.zeros(0), np.eye(K.shape[1])
+    U, s, Vt = np.linalg.svd(K)
+    return U, s, Vt
+
+
+def _orthonormal(basis: Array) -> Array:
+    """Orthonormal columns with the same span."""
+    if basis.shape[1] == 0:
+        return basis
+    Q, _ = np.linalg.qr(basis)
+    return np.asarray(Q, dtype=float)
+
+
+def _direction(basis: Array) -> Array:
+    """A mode's tangent as reported: a normalised direction for one column, else an orthonormal basis."""
+    if basis.shape[1] != 1:
+        return _orthonormal(basis)
+    t = basis[:, 0] / np.abs(basis[:, 0]).max()
+    t[np.abs(t) < 1e-12] = 0.0
+    first = t[np.flatnonzero(t)[0]]
+    return np.asarray(t * np.sign(first) + 0.0, dtype=float)

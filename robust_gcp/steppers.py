@@ -1,0 +1,113 @@
+"""Steppers: f(t, x) in, states out. They know nothing of mechanisms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from .errors import OptionError, SimulationError
+from .tree import Array
+
+RightHandSide = Callable[[float, Array], Array]
+
+SCIPY_STEPPERS = ("RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA")
+
+
+def rk4_step(f: RightHandSide, t: float, x: Array, h: float, k1: Array) -> Array:
+    """One step of the classical Runge–Kutta method of order 4 (Kutta, 1901).
+
+    Parameters
+    ----------
+    f : callable (t, x) -> ẋ
+    t, h : float
+        Time and step, s.
+    x, k1 : ndarray (n,)
+        State, and f(t, x), which the caller has evaluated already.
+
+    Returns
+    -------
+    ndarray (n,)
+        The state at t + h.
+    """
+    half = 0.5 * h
+    k2 = f(t + half, x + half * k1)
+    k3 = f(t + half, x + half * k2)
+    k4 = f(t + h, x + h * k3)
+    return x + (h / 6.0) * (k1 + 2.0 * (k2 + k3) + k4)
+
+
+def adaptive(
+    method: str,
+    f: RightHandSide,
+    x: Array,
+    times: Array,
+    rtol: float,
+    atol: float,
+    max_step: float = np.inf,
+) -> Iterator[Array]:
+    """States at the given times by one of scipy's solvers with dense output.
+
+    Where f raises a `SimulationError` at a trial state, the trial is rejected and the step shrinks;
+    if no step is small enough, that error is raised.
+
+    Parameters
+    ----------
+    method : {"RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA"}
+    f : callable (t, x) -> ẋ
+    x : ndarray (n,)
+        State at times[0].
+    times : ndarray (N + 1,)
+        Ascending, s.
+
+    Yields
+    ------
+    ndarray (n,)
+        The state at times[1], times[2], …
+    """
+    from scipy import integrate
+
+    refused: list[SimulationError] = []
+    started = False
+
+    def guarded(t: float, state: Array) -> Array:
+        nonlocal started
+        try:
+            value = f(t, state)
+        except SimulationError as error:
+            if not started or method == "LSODA":
+                raise
+            refused.append(error)
+            return np.full_like(state, np.nan)
+        started = True
+        return value
+
+    solver: Any = getattr(integrate, method)(
+        guarded, float(times[0]), x, float(times[-1]), rtol=rtol, atol=atol, max_step=max_step
+    )
+    i = 1
+    while i < len(times):
+        message = solver.step() if solver.status == "running" else None
+        if solver.status == "failed":
+            if refused:
+                raise refused[-1]
+            raise SimulationError(f"{method} stopped at t = {solver.t:.6g} s: {message}")
+        refused.clear()
+        dense = None
+        while i < len(times) and (times[i] <= solver.t or solver.status == "finished"):
+            if times[i] == solver.t:
+                yield solver.y.copy()
+            else:
+                dense = dense or solver.dense_output()
+                yield np.asarray(dense(times[i]))
+            i += 1
+
+
+def check_stepper(name: str) -> str:
+    """The stepper's name, or an OptionError that lists those there are."""
+    if name != "rk4" and name not in SCIPY_STEPPERS:
+        raise OptionError(
+            f"stepper {name!r} is unknown; use 'rk4' or one of scipy's {', '.join(SCIPY_STEPPERS)}"
+        )
+    return name
