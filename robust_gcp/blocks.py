@@ -20,24 +20,26 @@ class BlockFactor:
     ----------
     blocks : sequence of Block
         In the order of substitution.
-    size : int
-        Number of rows and columns.
 
     Attributes
     ----------
     det : ndarray (nblocks,)
         Determinant of each dimensionless block; changes sign where the block becomes singular.
     rcond : ndarray (nblocks,)
-        σ_min/σ_max of each block (blocks up to 2 × 2) or LAPACK's estimate of the reciprocal
-        condition number: 0 at a singular configuration, 1 far away.
+        σ_min/σ_max of each block (blocks up to 2 × 2), or LAPACK's estimate of the reciprocal
+        condition number relative to `reference`: 0 at a singular configuration, near 1 far away.
+    reference : ndarray (nblocks,)
+        Reciprocal condition number of a large block at generic configurations; a block of many
+        joints is never conditioned as well as one of two. Set by the owner, 1 until then.
     """
 
-    def __init__(self, blocks: Sequence[Block], size: int) -> None:
-        self._size = size
+    def __init__(self, blocks: Sequence[Block]) -> None:
         self.blocks = tuple(blocks)
         self.det: Array = np.ones(len(blocks))
         self.rcond: Array = np.ones(len(blocks))
-        self._factors: list[tuple[Array, NDArray[np.int32]]] = []
+        self.reference: Array = np.ones(len(blocks))
+        self._whole = len(blocks) == 1
+        self._factors: list[tuple[Array, NDArray[np.int32] | None]] = []
         self._A: Array = np.zeros((0, 0))
         self._grids = [np.ix_(b.rows, b.columns) for b in blocks]
         seen: list[int] = []
@@ -56,34 +58,37 @@ class BlockFactor:
     def factor(self, A: Array) -> None:
         """Factorise A (n, n), which is not changed and not copied: it must stay until the last solve."""
         self._A = A
-        self._factors = []
-        for i, grid in enumerate(self._grids):
-            piece = A[grid]
-            if len(piece) == 1:
-                det = float(piece[0, 0])
-                rcond = min(abs(det), 1.0)
-            elif len(piece) == 2:
-                (a, b), (c, d) = piece.tolist()
-                det = a * d - b * c
-                square = a * a + b * b + c * c + d * d
-                root = sqrt(max(square * square - 4.0 * det * det, 0.0))
-                rcond = 2.0 * abs(det) / (square + root) if square > 0.0 else 0.0
-            else:
-                norm = float(np.abs(piece).sum(axis=0).max())
-                lu, pivots, info = dgetrf(piece)
-                self._factors.append((lu, pivots))
-                diagonal = lu.diagonal()
-                swaps = int(np.count_nonzero(pivots != np.arange(len(pivots))))
-                det = float(np.prod(diagonal)) * (-1.0 if swaps % 2 else 1.0)
-                rcond = float(dgecon(lu, norm)[0]) if info == 0 and np.isfinite(norm) else 0.0
-                self.det[i], self.rcond[i] = det, rcond
-                continue
-            self._factors.append((piece, _NO_PIVOTS))
-            self.det[i], self.rcond[i] = det, rcond
+        if self._whole:
+            self._factors = [self._factor_block(0, A)]
+        else:
+            self._factors = [self._factor_block(i, A[grid]) for i, grid in enumerate(self._grids)]
+
+    def _factor_block(self, i: int, piece: Array) -> tuple[Array, NDArray[np.int32] | None]:
+        """LU and pivots of a block; its inverse, without pivots, up to 2 × 2."""
+        if len(piece) == 1:
+            det = float(piece[0, 0])
+            self.det[i], self.rcond[i] = det, min(abs(det), 1.0)
+            return np.array([[1.0 / det if det else np.nan]]), None
+        if len(piece) == 2:
+            (a, b), (c, d) = piece.tolist()
+            det = a * d - b * c
+            square = a * a + b * b + c * c + d * d
+            root = sqrt(max(square * square - 4.0 * det * det, 0.0))
+            self.det[i] = det
+            self.rcond[i] = 2.0 * abs(det) / (square + root) if square > 0.0 else 0.0
+            r = 1.0 / det if det else np.nan
+            return np.array([[d * r, -b * r], [-c * r, a * r]]), None
+        norm = float(np.abs(piece).sum(axis=0).max())
+        lu, pivots, info = dgetrf(piece)
+        swaps = int(np.count_nonzero(pivots != np.arange(len(pivots))))
+        self.det[i] = float(np.prod(lu.diagonal())) * (-1.0 if swaps % 2 else 1.0)
+        regular = info == 0 and np.isfinite(norm)
+        self.rcond[i] = min(float(dgecon(lu, norm)[0]) / self.reference[i], 1.0) if regular else 0.0
+        return lu, pivots
 
     def solve(self, B: Array) -> Array:
-        """A⁻¹ B for B (n, k); infinite or NaN where a block is exactly singular."""
-        if len(self.blocks) == 1 and len(self.blocks[0].rows) == self._size:
+        """A⁻¹ B for B (n, k); NaN or infinite where a block is exactly singular."""
+        if self._whole:
             return self._solve_block(0, B)
         X = np.zeros_like(B)
         for i, (block, before) in enumerate(zip(self.blocks, self._before, strict=True)):
@@ -95,19 +100,7 @@ class BlockFactor:
 
     def _solve_block(self, i: int, B: Array) -> Array:
         piece, pivots = self._factors[i]
-        if len(piece) == 1:
-            with np.errstate(divide="ignore", invalid="ignore"):
-                return np.divide(B, piece[0, 0])
-        if len(piece) == 2:
-            (a, b), (c, d) = piece.tolist()
-            with np.errstate(divide="ignore", invalid="ignore"):
-                top = np.divide(d * B[0] - b * B[1], self.det[i])
-                bottom = np.divide(a * B[1] - c * B[0], self.det[i])
-            return np.stack((top, bottom))
+        if pivots is None:
+            return piece @ B
         solution, info = dgetrs(piece, pivots, B)
-        if info != 0:
-            return np.full_like(B, np.nan)
-        return solution
-
-
-_NO_PIVOTS = np.zeros(0, dtype=np.int32)
+        return solution if info == 0 else np.full_like(B, np.nan)

@@ -310,8 +310,7 @@ class BridgeMap:
             point = march(self.path, here, y, ydot)
         except BranchError as error:
             raise self.refusal(obstacle, here) from error
-        undecided = obstacle.kind in ("tangential", "unknown")
-        if undecided and point.conditioning < DEEP * self.options.zone:
+        if obstacle.kind != "near miss" and point.conditioning < DEEP * self.options.zone:
             raise self.refusal(obstacle, point)
         return point
 

@@ -23,6 +23,8 @@ from numpy.typing import NDArray
 from .errors import ModelError
 from .tree import Array, Tree
 
+Index = NDArray[np.int64]
+
 Term = tuple[int, float, tuple[float, float, float], tuple[float, float, float]]
 """A rotation row's term: row within the closure, weight w, u in frame 1, n in frame 2."""
 
@@ -105,164 +107,197 @@ class RevoluteClosure:
 Closure = PointClosure | FrameClosure | RevoluteClosure
 
 
-class ImplicitConstraint:
-    """φ, K and k of all closures at once, into arrays allocated once.
-
-    Parameters
-    ----------
-    tree : Tree
-        Kinematics are read from its views.
-    closures : sequence of closures
-    rows : ndarray of int, optional
-        Which rows of the full constraint to compute; all when left out.
+def closure_frames(model: pin.Model, closures: Sequence[Closure]) -> list[tuple[int, pin.SE3]]:
+    """Parent joint and placement of every closure's first frame, then of every second frame.
 
     Raises
     ------
     ModelError
         For a frame that the model does not have.
     """
+    frames = [
+        frame_of(model, name, f"{closure.frame1} – {closure.frame2}")
+        for names in ([(c.frame1, c) for c in closures], [(c.frame2, c) for c in closures])
+        for name, closure in names
+    ]
+    return [(int(frame.parentJoint), frame.placement) for frame in frames]
+
+
+class ImplicitConstraint:
+    """φ, K and k of all closures at once.
+
+    Each row of K is a pair of wrenches, one on either body, applied to the joint Jacobian J: a
+    position row along e is the unit force e at the cut point, (e, p × e); a rotation row is the
+    moment (0, Σ w u × n).
+
+    Parameters
+    ----------
+    tree : Tree
+        Follows the frames of `closure_frames`; kinematics are read from its views.
+    closures : sequence of closures
+    rows : ndarray of int, optional
+        Which rows of the full constraint to compute; all when left out.
+    row_scale : ndarray (nrows,), optional
+        φ, K and k are divided by it, row by row.
+    column_scale : ndarray (nv,), optional
+        K is multiplied by it, column by column.
+    """
 
     def __init__(
-        self, tree: Tree, closures: Sequence[Closure], rows: NDArray[np.int64] | None = None
+        self,
+        tree: Tree,
+        closures: Sequence[Closure],
+        rows: Index | None = None,
+        row_scale: Array | None = None,
+        column_scale: Array | None = None,
     ) -> None:
         self._tree = tree
-        points: list[tuple[int, Array]] = []
-        vectors: list[tuple[int, Array]] = []
-        weights: list[float] = []
-        term_rows: list[int] = []
-        position_rows: list[int] = []
-        labels: list[str] = []
-        for closure in closures:
-            label = f"{closure.frame1} – {closure.frame2}"
-            first, second = (frame_of(tree.model, f, label) for f in (closure.frame1, closure.frame2))
-            position_rows += range(len(labels), len(labels) + 3)
-            for frame in (first, second):
-                points.append((frame.parentJoint, frame.placement.translation))
-            terms = closure.rotation_terms()
-            base = len(labels) + 3
-            for row, weight, u, n in terms:
-                for frame, vector in ((first, u), (second, n)):
-                    vectors.append((frame.parentJoint, frame.placement.rotation @ np.array(vector)))
-                weights.append(weight)
-                term_rows.append(base + row)
-            labels += [label] * (3 + len({term[0] for term in terms}))
-        self._total = len(labels)
-        self.rows = np.arange(self._total) if rows is None else rows
-        self.labels = [labels[row] for row in self.rows]
-        self.is_length = np.isin(self.rows, position_rows)
+        layout = _Layout(closures)
+        self.rows = np.arange(len(layout.labels)) if rows is None else rows
+        self.labels = [layout.labels[row] for row in self.rows]
+        axis = np.array(layout.axis, dtype=np.int64)[self.rows]
+        closure = np.array(layout.closure, dtype=np.int64)[self.rows]
+        self.is_length: NDArray[np.bool_] = axis >= 0
+        n, loops = len(self.rows), len(closures)
+        self._weight = 1.0 / (np.ones(n) if row_scale is None else row_scale)
+        columns = np.ones(tree.nv) if column_scale is None else column_scale
 
-        self._nl = len(position_rows) // 3
-        self._point_joint = np.array([j for j, _ in points], dtype=np.int64)
-        self._point = np.array([r for _, r in points], dtype=float).reshape(-1, 3, 1)
-        self._point_cross = np.array([_skew(r) for _, r in points], dtype=float).reshape(-1, 3, 3)
-        self._vector_joint = np.array([j for j, _ in vectors], dtype=np.int64)
-        self._vector = np.array([r for _, r in vectors], dtype=float).reshape(-1, 3, 1)
-        self._weights = np.array(weights, dtype=float).reshape(-1, 1)
-        self._term_rows = np.array(term_rows, dtype=np.int64)
-        self._rotation_rows, self._row_of_term = np.unique(self._term_rows, return_inverse=True)
-        self._position_rows = np.array(position_rows, dtype=np.int64)
-
-        self._phi_all = np.zeros(self._total)
-        self._K_all = np.zeros((self._total, tree.nv))
-        self._sides = [self._side(side) for side in (0, 1)]
-
-    def _side(self, side: int) -> tuple[NDArray[np.int64], ...]:
-        """Which columns of J reach which rows of K, on one side of every closure."""
-        tree = self._tree
-        owner: list[int] = []
-        column: list[int] = []
-        for closure in range(self._nl):
-            for v in _support(tree.model, int(self._point_joint[2 * closure + side])):
-                owner.append(2 * closure + side)
-                column.append(v)
-        turn_row: list[int] = []
-        turn_column: list[int] = []
-        for row, full in enumerate(self._rotation_rows):
-            term = int(np.flatnonzero(self._term_rows == full)[0])
-            for v in _support(tree.model, int(self._vector_joint[2 * term + side])):
-                turn_row.append(row)
-                turn_column.append(v)
-        owners, columns = np.array(owner, dtype=np.int64), np.array(column, dtype=np.int64)
-        starts = self._position_rows[::3][owners // 2] if owner else owners
-        flat = (starts[:, None] + np.arange(3)) * tree.nv + columns[:, None]
-        turn_rows, turn_columns = (np.array(x, dtype=np.int64) for x in (turn_row, turn_column))
-        turn_flat = self._rotation_rows[turn_rows] * tree.nv + turn_columns
-        return owners, columns, flat, turn_rows, turn_columns, turn_flat
+        # φ: entries of the stacked differences p₁ − p₂
+        self._loops = loops
+        self._position = np.flatnonzero(self.is_length)
+        self._take = 3 * closure[self._position] + axis[self._position]
+        # K: forces at the points, and the columns that each body's motion depends on
+        self._wrench = np.zeros((2 * n, 6))
+        self._moment_source = np.zeros((2 * n, 3), dtype=np.int64)
+        self._moment_sign = np.zeros((2 * n, 3))
+        self._mask = np.zeros((2 * n, tree.nv))
+        joints = [int(f.parentJoint) for f in tree.model.frames[tree.model.nframes - 2 * loops :]] if loops else []
+        for side, sign in ((0, 1.0), (1, -1.0)):
+            for row in range(n):
+                at, point = side * n + row, side * loops + int(closure[row])
+                support = _support(tree.model, joints[point])
+                self._mask[at, support] = sign * self._weight[row] * columns[support]
+                if axis[row] >= 0:
+                    r, s, t = (int(axis[row] + i) % 3 for i in range(3))
+                    self._wrench[at, r] = 1.0
+                    # p × e_r has entries p_t on axis s and −p_s on axis t
+                    self._moment_source[at, s], self._moment_sign[at, s] = 3 * point + t, 1.0
+                    self._moment_source[at, t], self._moment_sign[at, t] = 3 * point + s, -1.0
+        self._moment = self._wrench[:, 3:]
+        # k: velocities and accelerations of the frames from those of their joints, in frame axes
+        self._joint = np.array(joints, dtype=np.int64)
+        self._to_frame = np.array(
+            [_point_motion(tree.model.frames[tree.model.nframes - 2 * loops + i]) for i in range(2 * loops)]
+        ).reshape(-1, 3, 6)
+        self._turn = np.array(
+            [tree.model.frames[tree.model.nframes - 2 * loops + i].placement.rotation.T for i in range(2 * loops)]
+        ).reshape(-1, 3, 3)
+        self._rotation = _RotationRows(self.rows, layout, loops) if np.any(~self.is_length) else None
 
     def residual(self) -> Array:
-        """φ at the tree's present placements, (nc,), m and rad; a new array."""
-        tree = self._tree
-        arm = tree.R[self._point_joint] @ self._point
-        self._world = arm[:, :, 0] + tree.p[self._point_joint]
-        phi = self._phi_all
-        phi[self._position_rows] = (self._world[0::2] - self._world[1::2]).ravel()
-        if len(self._term_rows):
-            turned = (tree.R[self._vector_joint] @ self._vector)[:, :, 0]
-            self._u, self._n = turned[0::2], turned[1::2]
-            dots = np.einsum("ij,ij->i", self._u, self._n) * self._weights[:, 0]
-            phi[self._rotation_rows] = np.bincount(
-                self._row_of_term, dots, minlength=len(self._rotation_rows)
-            )
-        selected: Array = phi[self.rows]
-        return selected
+        """φ at the tree's present placements, (nc,), m and rad (or scaled); a new array."""
+        p, loops = self._tree.frame_p, self._loops
+        apart = (p[:loops] - p[loops:]).ravel()
+        if self._rotation is None:
+            return np.asarray(apart[self._take] * self._weight)
+        phi = np.empty(len(self.rows))
+        phi[self._position] = apart[self._take]
+        self._rotation.place(self._tree.frame_R)
+        phi[self._rotation.at] = self._rotation.residual()
+        return phi * self._weight
 
     def jacobian(self) -> Array:
         """K = ∂φ/∂q (nc, nv) after `residual` at the same placements; a new array."""
-        tree, K = self._tree, self._K_all
-        K[:] = 0.0
-        flat_K = K.reshape(-1)
-        normals = self._turn_normals() if len(self._term_rows) else None
-        for side, (owner, column, flat, turn_row, turn_column, turn_flat) in enumerate(self._sides):
-            J = tree.J[column]
-            velocity = J[:, :3] + _cross(J[:, 3:], self._world[owner])
-            if side == 0:
-                flat_K[flat] = velocity
-            else:
-                flat_K[flat] -= velocity
-            if normals is not None:
-                turn = np.einsum("ij,ij->i", tree.J[turn_column, 3:], normals[turn_row])
-                flat_K[turn_flat] += turn if side == 0 else -turn
-        selected: Array = K[self.rows]
-        return selected
+        n = len(self.rows)
+        np.multiply(self._tree.frame_p.take(self._moment_source), self._moment_sign, out=self._moment)
+        if self._rotation is not None:
+            self._moment[self._rotation.at] = self._moment[n + self._rotation.at] = self._rotation.normals()
+        K = self._wrench @ self._tree.J.T
+        K *= self._mask
+        return np.asarray(K[:n] + K[n:])
 
     def bias(self) -> Array:
         """k = −K̇ v (nc,) after `residual` at q and the tree's `rnea` at (q, v, 0).
 
         The joints' accelerations there include minus gravity, which cancels in every difference.
         """
-        tree = self._tree
-        k = np.empty(self._total)
-        joint = self._point_joint
-        v, a = tree.v[joint], tree.a[joint]
-        omega = v[:, 3:]
-        speed = v[:, :3] - (self._point_cross @ omega[:, :, None])[:, :, 0]
-        local = a[:, :3] - (self._point_cross @ a[:, 3:, None])[:, :, 0] + _cross(omega, speed)
-        world = (tree.R[joint] @ local[:, :, None])[:, :, 0]
-        k[self._position_rows] = (world[1::2] - world[0::2]).ravel()
-        if len(self._term_rows):
-            joint = self._vector_joint
-            R = tree.R[joint]
-            omega = (R @ tree.v[joint, 3:, None])[:, :, 0]
-            alpha = (R @ tree.a[joint, 3:, None])[:, :, 0]
-            normal = _cross(self._u, self._n)
-            rate = _cross(_cross(omega[0::2], self._u), self._n) + _cross(
-                self._u, _cross(omega[1::2], self._n)
-            )
-            terms = np.einsum("ij,ij->i", alpha[0::2] - alpha[1::2], normal) + np.einsum(
-                "ij,ij->i", omega[0::2] - omega[1::2], rate
-            )
-            k[self._rotation_rows] = -np.bincount(
-                self._row_of_term, terms * self._weights[:, 0], minlength=len(self._rotation_rows)
-            )
-        selected: Array = k[self.rows]
-        return selected
+        tree, loops = self._tree, self._loops
+        v, a = tree.v[self._joint][:, :, None], tree.a[self._joint][:, :, None]
+        omega = self._turn @ v[:, 3:]
+        local = self._to_frame @ a + _cross_matrix(omega) @ (self._to_frame @ v)
+        world = (tree.frame_R @ local)[:, :, 0]
+        apart = (world[loops:] - world[:loops]).ravel()
+        if self._rotation is None:
+            return np.asarray(apart[self._take] * self._weight)
+        k = np.empty(len(self.rows))
+        k[self._position] = apart[self._take]
+        turning = (tree.frame_R @ omega)[:, :, 0]
+        speeding = (tree.frame_R @ (self._turn @ a[:, 3:]))[:, :, 0]
+        k[self._rotation.at] = self._rotation.bias(turning, speeding)
+        return k * self._weight
 
-    def _turn_normals(self) -> Array:
-        """Σ w u × n of each rotation row, (rows, 3): φ̇ = (ω₁ − ω₂) · Σ w u × n."""
-        crossed = _cross(self._u, self._n) * self._weights
-        normals = np.zeros((len(self._rotation_rows), 3))
-        np.add.at(normals, self._row_of_term, crossed)
+
+class _Layout:
+    """Where the rows of the full constraint come from."""
+
+    def __init__(self, closures: Sequence[Closure]) -> None:
+        self.labels: list[str] = []
+        self.closure: list[int] = []
+        self.axis: list[int] = []
+        """World axis of a position row; −1 for a rotation row."""
+        self.terms: list[tuple[int, int, Term]] = []
+        """Full row, closure and term of each rotation term."""
+        for i, closure in enumerate(closures):
+            base = len(self.labels) + 3
+            terms = closure.rotation_terms()
+            count = 3 + len({term[0] for term in terms})
+            self.labels += [f"{closure.frame1} – {closure.frame2}"] * count
+            self.closure += [i] * count
+            self.axis += [0, 1, 2] + [-1] * (count - 3)
+            self.terms += [(base + term[0], i, term) for term in terms]
+
+
+class _RotationRows:
+    """Σ w (u · n) rows: u fixed in frame 1 and n in frame 2 of a closure."""
+
+    def __init__(self, rows: Index, layout: _Layout, loops: int) -> None:
+        position = {int(full): i for i, full in enumerate(rows)}
+        terms = [(position[full], i, t) for full, i, t in layout.terms if full in position]
+        self.at = np.unique([row for row, _, _ in terms])
+        self._owner = np.searchsorted(self.at, [row for row, _, _ in terms])
+        self._weight = np.array([t[1] for _, _, t in terms])
+        self._first = np.array([i for _, i, _ in terms])
+        self._second = self._first + loops
+        self._u_local = np.array([t[2] for _, _, t in terms])[:, :, None]
+        self._n_local = np.array([t[3] for _, _, t in terms])[:, :, None]
+
+    def place(self, R: Array) -> None:
+        """Turn u and n into world axes, R (npoints, 3, 3) the frames' orientations."""
+        self._u = (R[self._first] @ self._u_local)[:, :, 0]
+        self._n = (R[self._second] @ self._n_local)[:, :, 0]
+
+    def residual(self) -> Array:
+        """Σ w u · n of each row."""
+        return self._sum(np.einsum("ij,ij->i", self._u, self._n))
+
+    def normals(self) -> Array:
+        """Σ w u × n of each row, (rows, 3): φ̇ = (ω₁ − ω₂) · Σ w u × n."""
+        crossed = np.cross(self._u, self._n) * self._weight[:, None]
+        normals = np.zeros((len(self.at), 3))
+        np.add.at(normals, self._owner, crossed)
         return normals
+
+    def bias(self, omega: Array, alpha: Array) -> Array:
+        """−d/dt (φ̇) at zero joint acceleration; ω and α of all frames in world axes."""
+        w1, w2 = omega[self._first], omega[self._second]
+        u, n = self._u, self._n
+        normal = np.cross(u, n)
+        rate = np.cross(np.cross(w1, u), n) + np.cross(u, np.cross(w2, n))
+        turning = np.einsum("ij,ij->i", alpha[self._first] - alpha[self._second], normal)
+        return -self._sum(turning + np.einsum("ij,ij->i", w1 - w2, rate))
+
+    def _sum(self, terms: Array) -> Array:
+        return np.bincount(self._owner, terms * self._weight, minlength=len(self.at))
 
 
 def frame_of(model: pin.Model, name: str, owner: str) -> pin.Frame:
@@ -288,10 +323,15 @@ def _skew(r: Array) -> Array:
     return np.array([[0.0, -r[2], r[1]], [r[2], 0.0, -r[0]], [-r[1], r[0], 0.0]])
 
 
-def _cross(a: Array, b: Array) -> Array:
-    """Row by row a × b, (n, 3); `np.cross` costs ten times as much on few rows."""
-    out = np.empty_like(a)
-    out[:, 0] = a[:, 1] * b[:, 2] - a[:, 2] * b[:, 1]
-    out[:, 1] = a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2]
-    out[:, 2] = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-    return out
+def _point_motion(frame: pin.Frame) -> Array:
+    """(3, 6): linear motion of the frame's origin, in its own axes, from its joint's motion."""
+    M = frame.placement
+    return np.asarray(M.rotation.T @ np.hstack([np.eye(3), -_skew(M.translation)]))
+
+
+_LEVI_CIVITA = np.array([_skew(e).ravel() for e in np.eye(3)])
+
+
+def _cross_matrix(omega: Array) -> Array:
+    """ω× for each ω, (n, 3, 1) to (n, 3, 3)."""
+    return (omega[:, :, 0] @ _LEVI_CIVITA).reshape(-1, 3, 3)

@@ -99,25 +99,27 @@ class RegularPath:
         self.tree = mechanism.tree
         self.counters = counters or Counters()
         self.rows = rows
-        self.implicit = ImplicitConstraint(
-            self.tree, mechanism.closures, mechanism.implicit.rows[rows]
-        )
         self.dependent = mechanism.iv_dependent
         self.independent = mechanism.iv_independent
         self.iq = mechanism.iq_independent
         self.m, self.nd = mechanism.m, len(self.dependent)
-        self._row_scale = mechanism.row_scale[rows]
         self._column_scale = mechanism.column_scale[self.dependent]
         scale = np.ones(mechanism.nv)
         scale[self.dependent] = self._column_scale
-        self._scale = scale / self._row_scale[:, None]
+        self.implicit = ImplicitConstraint(
+            self.tree,
+            mechanism.closures,
+            mechanism.implicit.rows[rows],
+            mechanism.row_scale[rows],
+            scale,
+        )
         self._length_scale = 1.0 / mechanism.column_scale
         self._eye = np.eye(self.m)
         self._factor = self._structure()
 
     def _structure(self) -> BlockFactor:
         if self.nd == 0:
-            return BlockFactor([], 0)
+            return BlockFactor([])
         pattern = np.zeros((self.nd, self.nd), dtype=bool)
         for q in self.mechanism.generic_configurations():
             self._evaluate(q)
@@ -125,8 +127,15 @@ class RegularPath:
         blocks = triangular_blocks(pattern)
         if blocks is None:
             blocks = [Block(np.arange(self.nd), np.arange(self.nd))]
-        factor = BlockFactor(blocks, self.nd)
+        factor = BlockFactor(blocks)
         factor.couple(pattern)
+        seen = []
+        for q in self.mechanism.generic_configurations():
+            self._evaluate(q)
+            factor.factor(self._K[:, self.dependent])
+            seen.append(factor.rcond.copy())
+        large = np.array([len(block.rows) > 2 for block in blocks])
+        factor.reference = np.where(large, np.maximum(np.max(seen, axis=0), 1e-6), 1.0)
         return factor
 
     @property
@@ -242,13 +251,12 @@ class RegularPath:
     def _evaluate(self, q: Array) -> Array:
         self.tree.jacobians(q)
         phi = self.implicit.residual()
-        self._K = self.implicit.jacobian() * self._scale
-        return phi / self._row_scale
+        self._K = self.implicit.jacobian()
+        return phi
 
     def _bias(self, q: Array, v: Array) -> Array:
         self.tree.rnea(q, v, self.tree.zero)
-        k = self.implicit.bias() / self._row_scale
-        return self._column_scale * self._factor.solve(k[:, None])[:, 0]
+        return self._column_scale * self._factor.solve(self.implicit.bias()[:, None])[:, 0]
 
     def _move(self, q: Array, dv_dependent: Array) -> Array:
         dv = np.zeros(self.tree.nv)

@@ -12,7 +12,14 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
-from .closure import Closure, FrameClosure, ImplicitConstraint, PointClosure, RevoluteClosure
+from .closure import (
+    Closure,
+    FrameClosure,
+    ImplicitConstraint,
+    PointClosure,
+    RevoluteClosure,
+    closure_frames,
+)
 from .errors import ClosureError, ModelError, PartitionError, StateError
 from .partition import independent_rows, numerical_rank, ranked_choices
 from .tree import Array, Tree, require_depth_first
@@ -60,7 +67,7 @@ class Mechanism:
         self.model: pin.Model = model.copy()
         self.name = name or str(model.name)
         self.closures = tuple(_as_closure(c) for c in closures)
-        self.tree = Tree(self.model)
+        self.tree = Tree(self.model, closure_frames(self.model, self.closures))
         self.nq, self.nv = self.tree.nq, self.tree.nv
         self.joint_names = tuple(str(n) for n in self.model.names)[1:]
         self.independent = tuple(independent)
@@ -305,14 +312,10 @@ class Mechanism:
     def require_proper(self, q: Array) -> None:
         """Refuse the false zeros of the rotation rows: frames or axes turned by π to each other."""
         self.tree.jacobians(q)
-        for closure in self.closures:
+        for i, closure in enumerate(self.closures):
             if isinstance(closure, PointClosure):
                 continue
-            pin.updateFramePlacements(self.model, self.tree.data)
-            R1, R2 = (
-                self.tree.data.oMf[self.model.getFrameId(f)].rotation
-                for f in (closure.frame1, closure.frame2)
-            )
+            R1, R2 = self.tree.frame_R[i], self.tree.frame_R[len(self.closures) + i]
             if isinstance(closure, FrameClosure):
                 proper = float(np.trace(R2.T @ R1)) > 1.0
             else:

@@ -155,6 +155,10 @@ def _map(
     return bridged
 
 
+REFINED_EFFORT = 20_000
+"""Right-hand sides that one such step may take."""
+
+
 class _Run:
     """One simulation in progress: the loop, the record and the events."""
 
@@ -260,7 +264,10 @@ class _Run:
         explicit.error_controlled = True
         try:
             ends = np.array([t, t + h])
-            (x,) = adaptive("DOP853", self._equations, self._x, ends, REFINED_RTOL, REFINED_ATOL)
+            states = adaptive(
+                "DOP853", self._equations, self._x, ends, REFINED_RTOL, REFINED_ATOL, REFINED_EFFORT
+            )
+            (x,) = states
         finally:
             explicit.error_controlled = False
         self._counters.refined_steps += 1

@@ -45,7 +45,7 @@ def adaptive(
     times: Array,
     rtol: float,
     atol: float,
-    max_step: float = np.inf,
+    max_evaluations: int | None = None,
 ) -> Iterator[Array]:
     """States at the given times by one of scipy's solvers with dense output.
 
@@ -60,6 +60,8 @@ def adaptive(
         State at times[0].
     times : ndarray (N + 1,)
         Ascending, s.
+    max_evaluations : int, optional
+        Evaluations of f after which to give up.
 
     Yields
     ------
@@ -84,7 +86,7 @@ def adaptive(
         return value
 
     solver: Any = getattr(integrate, method)(
-        guarded, float(times[0]), x, float(times[-1]), rtol=rtol, atol=atol, max_step=max_step
+        guarded, float(times[0]), x, float(times[-1]), rtol=rtol, atol=atol
     )
     i = 1
     while i < len(times):
@@ -93,6 +95,10 @@ def adaptive(
             if refused:
                 raise refused[-1]
             raise SimulationError(f"{method} stopped at t = {solver.t:.6g} s: {message}")
+        if max_evaluations is not None and solver.nfev > max_evaluations:
+            raise refused[-1] if refused else SimulationError(
+                f"{method} made no headway at t = {solver.t:.6g} s in {solver.nfev} evaluations"
+            )
         refused.clear()
         dense = None
         while i < len(times) and (times[i] <= solver.t or solver.status == "finished"):

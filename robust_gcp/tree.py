@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -25,9 +26,13 @@ class Tree:
     ----------
     model : pin.Model
         Never written to.
+    points : sequence of (int, pin.SE3), optional
+        Parent joint and placement of each frame to follow (the closures' frames).
 
     Attributes
     ----------
+    frame_R, frame_p : ndarray (npoints, 3, 3), (npoints, 3)
+        World placement of the followed frames; valid after `jacobians`.
     R, p : ndarray (njoints, 3, 3), (njoints, 3)
         World placement of each joint, m; valid after `jacobians`.
     J : ndarray (nv, 6)
@@ -37,21 +42,29 @@ class Tree:
         angular); valid after `rnea`.
     """
 
-    def __init__(self, model: pin.Model) -> None:
-        self.model = model
-        self.data = model.createData()
+    def __init__(self, model: pin.Model, points: Sequence[tuple[int, pin.SE3]] = ()) -> None:
+        self.model: pin.Model = model.copy()
+        first = self.model.nframes
+        for i, (joint, placement) in enumerate(points):
+            kind = pin.FrameType.OP_FRAME
+            self.model.addFrame(pin.Frame(f"closure frame {i}", joint, placement, kind), False)
+        self.data = self.model.createData()
         self.nq, self.nv = int(model.nq), int(model.nv)
         self.vector_space = self.nq == self.nv
         self.zero = np.zeros(self.nv)
         self.J: Array = self.data.J.T
         self.p = _stacked([m.translation for m in self.data.oMi])
         self.R = _stacked([m.rotation for m in self.data.oMi])
+        frames = list(self.data.oMf)
+        self.frame_p = _stacked([m.translation for m in frames])[first:]
+        self.frame_R = _stacked([m.rotation for m in frames])[first:]
         self.v = _stacked([_motion(m) for m in self.data.v])
         self.a = _stacked([_motion(m) for m in self.data.a_gf])
 
     def jacobians(self, q: Array) -> None:
         """Placements and joint Jacobians at q (nq,)."""
         pin.computeJointJacobians(self.model, self.data, q)
+        pin.updateFramePlacements(self.model, self.data)
 
     def rnea(self, q: Array, v: Array, a: Array) -> Array:
         """M(q) a + C(q, v), (nv,), N or N m; leaves the joints' v and a in their views."""

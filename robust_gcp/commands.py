@@ -1,0 +1,266 @@
+"""What the subcommands `simulate`, `analyse` and `models` do, and how all commands print."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import ArrayLike
+
+from . import singularity
+from .errors import OptionError, SimulationError
+from .gcp import SingularityWarning
+from .loader import load, model_names, models_folder
+from .mechanism import Mechanism
+from .simulate import simulate as run_simulation
+from .singularity import LocalAnalysis
+from .studies import plots
+from .trajectory import Trajectory
+
+LONGEST_TABLE = 12
+"""Rows of a printed table; the rest is counted, and is in the CSV."""
+
+# --------------------------------------------------------------------------- printing
+
+
+def complain(message: str) -> None:
+    """Print one line on stderr."""
+    print(f"robust_gcp: {message}", file=sys.stderr)
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Set rows in indented columns, two spaces apart; a long table ends with a count of the rest."""
+    shown = [header, *rows[:LONGEST_TABLE]]
+    widths = [max(len(row[i]) for row in shown) for i in range(len(header))]
+    lines = [
+        "  " + "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip()
+        for row in shown
+    ]
+    if len(rows) > LONGEST_TABLE:
+        lines.append(f"  … and {len(rows) - LONGEST_TABLE} more")
+    return "\n".join(lines)
+
+
+def fixed(value: float, digits: int = 8) -> str:
+    """Write fixed digits behind a place for the sign; what rounds to zero has none."""
+    return f"{round(float(value), digits) + 0.0: .{digits}f}"
+
+
+def listed(values: Iterable[float], digits: int = 8) -> str:
+    """Write (a, b, …), as short as the digits allow."""
+    return "(" + ", ".join(f"{round(float(x), digits) + 0.0:.{digits}g}" for x in values) + ")"
+
+
+@contextmanager
+def clean_warnings() -> Iterator[None]:
+    """Show this package's warnings as one line each on stderr, others as Python does."""
+    caught: list[warnings.WarningMessage] = []
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", SingularityWarning)
+            yield
+    finally:
+        for w in caught:
+            if issubclass(w.category, SingularityWarning):
+                complain(f"warning: {w.message}")
+            else:
+                warnings.showwarning(w.message, w.category, w.filename, w.lineno)
+
+
+@contextmanager
+def progress_bar(duration: float, what: str) -> Iterator[Callable[[float], None] | None]:
+    """Offer a bar over simulated seconds on stderr; None where that is not a terminal."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from tqdm import tqdm
+
+    shape = "{desc} {percentage:3.0f}% |{bar}| {n:.3g}/{total:.3g} s [{elapsed}<{remaining}]"
+    with tqdm(total=duration, desc=what, bar_format=shape, leave=False) as bar:
+        yield lambda fraction: bar.update(fraction * duration - bar.n)
+
+
+# --------------------------------------------------------------------------- simulate
+
+
+def simulate(args: argparse.Namespace) -> int:
+    """Simulate, summarise on stdout, write what was asked for."""
+    mechanism = load(args.model)
+    csv: Path | None = args.out
+    if csv is not None and csv.suffix != ".csv":
+        csv = csv / f"{mechanism.name}_{args.method}.csv"
+    if args.plot is not None:
+        plots.require_file(args.plot)
+    q0 = mechanism.home if args.q0 is None else args.q0
+    mode = None if args.mode is None else _mode(mechanism, q0, args.mode)
+    stop: SimulationError | None = None
+    with clean_warnings(), progress_bar(args.duration, mechanism.name) as progress:
+        try:
+            trajectory = run_simulation(
+                mechanism,
+                q0,
+                args.v0,
+                args.duration,
+                args.step,
+                args.method,
+                args.stepper,
+                record=args.record,
+                mode=mode,
+                rtol=args.rtol,
+                atol=args.atol,
+                on_toggle=args.on_toggle,
+                newton_start=args.newton_start,
+                progress=progress,
+            )
+        except SimulationError as error:
+            if error.trajectory is None or len(error.trajectory.t) == 0:
+                raise
+            trajectory, stop = error.trajectory, error
+    tell: Callable[[str], None] = print if stop is None else complain
+    if stop is None:
+        newton = f", Newton from {args.newton_start}" if args.method == "classical" else ""
+        tell(f"{mechanism!r}\nmethod {args.method}{newton}; {args.stepper}, step {args.step:g} s\n")
+        tell(summary(trajectory))
+    else:
+        tell(str(stop))
+        tell(f"simulated until t = {trajectory.t[-1]:.6g} s ({len(trajectory.t)} rows)")
+    if csv is not None:
+        csv.parent.mkdir(parents=True, exist_ok=True)
+        tell(f"wrote {trajectory.to_csv(csv)}")
+    if args.plot is not None:
+        tell(f"drew {plots.draw_trajectory(trajectory, args.plot)}")
+    return 0 if stop is None else 2
+
+
+def summary(trajectory: Trajectory) -> str:
+    """Tell end state, certificates, cost and crossings in lines to print."""
+    stats, q, v = trajectory.stats, trajectory.q[-1], trajectory.v[-1]
+    state = [
+        [name, fixed(q[i]) if i >= 0 else "", fixed(v[j]) if j >= 0 else "", unit]
+        for name, i, j, unit in entries(trajectory.mechanism)
+    ]
+    figures = {
+        "max closure error": f"{trajectory.closure_error().max(initial=0.0):.1e}",
+        "max |energy error|": f"{np.abs(trajectory.energy_error()).max(initial=0.0):.1e} J",
+        "right-hand sides": str(stats.rhs),
+        "wall time": f"{stats.wall_seconds:.3g} s",
+        "crossings": str(len(trajectory.crossings) or "none"),
+    }
+    lines = [
+        f"state at t = {trajectory.t[-1]:g} s",
+        table(["joint", " q", " v", ""], state),
+        "",
+        *(f"{name:<20}{value}" for name, value in figures.items()),
+    ]
+    if trajectory.crossings:
+        rows = [
+            [f"{c.time:.6f}", " ".join(fixed(y, 6) for y in c.y), c.kind, f"{c.certificate:.1e}"]
+            for c in trajectory.crossings
+        ]
+        lines.append(table(["t [s]", " y", "kind", "certificate"], rows))
+    lines += [f"from t = {t:.6g} s: y = {', '.join(names)}" for t, names in stats.repartitions]
+    return "\n".join(lines)
+
+
+def _mode(mechanism: Mechanism, q: ArrayLike, index: int) -> Any:
+    modes = singularity.analyse(mechanism, q).modes
+    if not 0 <= index < len(modes):
+        raise OptionError(f"--mode {index}: analyse lists {len(modes)} modes at q0, from 0 on")
+    return modes[index]
+
+
+def entries(mechanism: Mechanism) -> list[tuple[str, int, int, str]]:
+    """List name, index in q, index in v (−1: none) and units of each number of each joint."""
+    units = {"R": "rad, rad/s", "P": "m, m/s"}
+    found = []
+    for name, joint in zip(mechanism.joint_names, list(mechanism.model.joints)[1:], strict=True):
+        count = max(joint.nq, joint.nv)
+        if count == 1:
+            kind = joint.shortname().removeprefix("JointModel")[:1]
+            found.append((name, joint.idx_q, joint.idx_v, units.get(kind, "")))
+            continue
+        for k in range(count):
+            i = joint.idx_q + k if k < joint.nq else -1
+            j = joint.idx_v + k if k < joint.nv else -1
+            found.append((f"{name}[{k}]", i, j, ""))
+    return found
+
+
+# --------------------------------------------------------------------------- analyse, models
+
+
+def analyse(args: argparse.Namespace) -> int:
+    """Print the local picture."""
+    mechanism = load(args.model)
+    here = singularity.analyse(mechanism, mechanism.home if args.q is None else args.q)
+    print(_as_json(mechanism, here) if args.json else _as_text(mechanism, here))
+    return 0
+
+
+def _as_json(mechanism: Mechanism, here: LocalAnalysis) -> str:
+    picture = {
+        "model": mechanism.name,
+        "q": here.q.tolist(),
+        "K": mechanism.K(here.q).tolist(),
+        "kind": here.kind,
+        "message": here.message,
+        "rank": here.rank,
+        "generic_rank": here.generic_rank,
+        "differential_dof": here.differential_dof,
+        "local_dof": here.local_dof,
+        "singular_values": here.singular_values.tolist(),
+        "kernel": here.kernel.tolist(),
+        "modes": [mode.tolist() for mode in here.modes],
+    }
+    return json.dumps(picture, indent=2, ensure_ascii=False)
+
+
+def _as_text(mechanism: Mechanism, here: LocalAnalysis) -> str:
+    names = [name for name, _, j, _ in entries(mechanism) if j >= 0]
+    figures = {
+        "kind": here.kind,
+        "": here.message,
+        "rank of K": f"{here.rank} of {mechanism.nc} rows; generic rank {here.generic_rank}",
+        "singular values": f"{listed(here.singular_values, 6)} of K, dimensionless",
+        "δ_diff": f"{here.differential_dof}, dimension of the tangent space ker K",
+        "δ_loc": f"{here.local_dof}, largest dimension of a mode"
+        if here.local_dof is not None
+        else "not certified",
+    }
+    lines = [f"{mechanism!r}", f"q = {listed(here.q)}", ""]
+    lines += [f"{name:<17}{value}" for name, value in figures.items()]
+    if len(names) <= LONGEST_TABLE:
+        rows = [
+            [label, *(fixed(x, 4) for x in row)]
+            for label, row in zip(mechanism.implicit.labels, mechanism.K(here.q), strict=True)
+        ]
+        lines += ["", table(["K", *(f" {name}" for name in names)], rows)]
+    columns = {f" kernel {i}": vector for i, vector in enumerate(here.kernel.T)}
+    for i, mode in enumerate(here.modes):
+        vectors = mode.reshape(len(names), -1).T
+        for k, vector in enumerate(vectors):
+            columns[f" mode {i}" + (f"[{k}]" if len(vectors) > 1 else "")] = vector
+    rows = [[n, *(fixed(c[j], 4) for c in columns.values())] for j, n in enumerate(names)]
+    return "\n".join([*lines, "", table(["tangents", *columns], rows)])
+
+
+def models(args: argparse.Namespace) -> int:
+    """List the shipped models."""
+    rows = []
+    for name in model_names():
+        mechanism = load(name)
+        text = (models_folder() / name / "robot.yaml").read_text(encoding="utf-8")
+        about = (yaml.safe_load(text).get("robust_gcp") or {}).get("description", "")
+        closures = ", ".join(f"{c.frame1} – {c.frame2} ({c.kind})" for c in mechanism.closures)
+        joints = ", ".join(mechanism.joint_names)
+        rows.append([name, joints, ", ".join(mechanism.independent), closures, about])
+    print(table(["name", "joints", "independent", "closures", "description"], rows))
+    return 0
