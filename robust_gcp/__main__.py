@@ -1,9 +1,10 @@
-"""The command line, `robust-gcp` or `python -m robust_gcp`: its words; what they do is elsewhere."""
+"""The command line: `robust-gcp` or `python -m robust_gcp`."""
 
 from __future__ import annotations
 
 import argparse
 import math
+import os
 import re
 import sys
 from collections.abc import Sequence
@@ -31,6 +32,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = _parser().parse_args([shield(text) for text in given])
     try:
         return int(args.run(args))
+    except BrokenPipeError:  # the reader of our output left, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
     except (RobustGcpError, OSError) as error:
         commands.complain(str(error))
         return 2

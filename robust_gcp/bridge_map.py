@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -25,6 +27,10 @@ SAME_POINT = 1e-6
 
 DEEP = 0.1
 """Fraction of the zone below which an undecided singularity stops the run."""
+
+
+DEPTH = 1e-3
+"""How deep into the zone, in conditioning, an obstacle is looked at to tell what it is."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +106,15 @@ class BridgeMap:
         """Start on this bridge: the motion begins at or beside the singular configuration."""
         self._keep(bridge)
         self._current = bridge
+
+    @contextmanager
+    def following_true_curve(self) -> Iterator[None]:
+        """Within this context the caller controls its error."""
+        before, self.error_controlled = self.error_controlled, True
+        try:
+            yield
+        finally:
+            self.error_controlled = before
 
     def at(self, y: Array, ydot: Array) -> Point:
         """The point at y on the mode.
@@ -281,11 +296,11 @@ class BridgeMap:
             return Obstacle("tangential", point.y, reach, failure.residual, reason)
         try:
             deep = march(
-                self.path, point, point.y + 2.0 * reach * inward, point.ydot, 0.25 * point.conditioning
+                self.path, point, point.y + 2.0 * reach * inward, point.ydot, DEPTH * point.conditioning
             )
         except BranchError:
             return Obstacle("unknown", point.y, reach, failure.residual, reason)
-        if deep.conditioning > 0.3 * point.conditioning:
+        if deep.conditioning > 2.0 * DEPTH * point.conditioning:
             return Obstacle("near miss", point.y, reach, failure.residual, reason)
         growth = self._regularity(deep) / deep.conditioning
         if growth > 2.0 * self._regularity(point) / point.conditioning:
@@ -309,12 +324,17 @@ class BridgeMap:
         try:
             point = march(self.path, here, y, ydot)
         except BranchError as error:
-            raise self.refusal(obstacle, here) from error
+            raise self._refusal(obstacle, here) from error
         if obstacle.kind != "near miss" and point.conditioning < DEEP * self.options.zone:
-            raise self.refusal(obstacle, point)
+            raise self._refusal(obstacle, point)
         return point
 
-    def refusal(self, obstacle: Obstacle, here: Point) -> SimulationError:
+    def refusal(self) -> SimulationError:
+        """The error to stop with when the present obstacle cannot be passed."""
+        assert self._obstacle is not None
+        return self._refusal(self._obstacle, self.anchor)
+
+    def _refusal(self, obstacle: Obstacle, here: Point) -> SimulationError:
         """The error that an obstacle ends a run with."""
         mechanism = self.path.mechanism
         where = f"y = {np.array2string(here.y, precision=6)} ({', '.join(mechanism.independent)})"

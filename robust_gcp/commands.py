@@ -16,7 +16,7 @@ import yaml
 from numpy.typing import ArrayLike
 
 from . import singularity
-from .errors import OptionError, SimulationError
+from .errors import OptionError, SimulationError, SingularStartError
 from .gcp import SingularityWarning
 from .loader import load, model_names, models_folder
 from .mechanism import Mechanism
@@ -36,16 +36,18 @@ def complain(message: str) -> None:
     print(f"robust_gcp: {message}", file=sys.stderr)
 
 
-def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Set rows in indented columns, two spaces apart; a long table ends with a count of the rest."""
-    shown = [header, *rows[:LONGEST_TABLE]]
+def table(
+    header: Sequence[str], rows: Sequence[Sequence[str]], longest: int = LONGEST_TABLE
+) -> str:
+    """Set rows in indented columns; a long table ends with a count of the rest."""
+    shown = [header, *rows[:longest]]
     widths = [max(len(row[i]) for row in shown) for i in range(len(header))]
     lines = [
         "  " + "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip()
         for row in shown
     ]
-    if len(rows) > LONGEST_TABLE:
-        lines.append(f"  … and {len(rows) - LONGEST_TABLE} more")
+    if len(rows) > longest:
+        lines.append(f"  … and {len(rows) - longest} more")
     return "\n".join(lines)
 
 
@@ -84,7 +86,7 @@ def progress_bar(duration: float, what: str) -> Iterator[Callable[[float], None]
     from tqdm import tqdm
 
     shape = "{desc} {percentage:3.0f}% |{bar}| {n:.3g}/{total:.3g} s [{elapsed}<{remaining}]"
-    with tqdm(total=duration, desc=what, bar_format=shape, leave=False) as bar:
+    with tqdm(total=duration, desc=what, bar_format=shape, leave=False, delay=0.5) as bar:
         yield lambda fraction: bar.update(fraction * duration - bar.n)
 
 
@@ -121,6 +123,8 @@ def simulate(args: argparse.Namespace) -> int:
                 progress=progress,
             )
         except SimulationError as error:
+            if isinstance(error, SingularStartError) and args.mode is None:
+                error.args = (f"{error} (here: --mode INDEX)",)
             if error.trajectory is None or len(error.trajectory.t) == 0:
                 raise
             trajectory, stop = error.trajectory, error
@@ -262,5 +266,6 @@ def models(args: argparse.Namespace) -> int:
         closures = ", ".join(f"{c.frame1} – {c.frame2} ({c.kind})" for c in mechanism.closures)
         joints = ", ".join(mechanism.joint_names)
         rows.append([name, joints, ", ".join(mechanism.independent), closures, about])
-    print(table(["name", "joints", "independent", "closures", "description"], rows))
+    header = ["name", "joints", "independent", "closures", "description"]
+    print(table(header, rows, longest=len(rows)))
     return 0

@@ -8,7 +8,7 @@ import numpy as np
 
 from .closed_form import FourBar
 from .closure import PointClosure, frame_of
-from .errors import OptionError
+from .errors import OptionError, ToggleError
 from .explicit import Passage
 from .kernel import Counters, Point, RegularPath
 from .mechanism import Mechanism
@@ -117,8 +117,11 @@ class FourBarMap:
         return self.path.counters
 
     def at(self, y: Array, ydot: Array) -> Point:
-        """The point at y; OptionError beyond the linkage's reach."""
-        point = self._point(self.linkage, y, ydot, self.anchor.q)
+        """The point at y; ToggleError beyond the linkage's reach."""
+        try:
+            point = self._point(self.linkage, y, ydot, self.anchor.q)
+        except OptionError as error:
+            raise ToggleError(f"closed form: {error}", y) from error
         self.anchor = point
         self.counters.evaluations += 1
         return point

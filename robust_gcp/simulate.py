@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -19,11 +20,12 @@ from .errors import NonFiniteError, OptionError, SimulationError
 from .explicit import Crossing, ExplicitMap, Passage
 from .four_bar_map import FourBarMap
 from .gcp import ClassicalMap, NewtonStart, SingularityWarning
-from .kernel import Counters
+from .kernel import Counters, Point
+from .march import POOR
 from .mechanism import Mechanism
 from .robust import PROJECTION_THRESHOLD, ProjectionMap
 from .start import Start, begin
-from .steppers import adaptive, check_stepper, rk4_step
+from .steppers import NoProgress, adaptive, check_stepper, rk4_step
 from .trajectory import Stats, Trajectory
 from .tree import Array
 
@@ -155,8 +157,17 @@ def _map(
     return bridged
 
 
-REFINED_EFFORT = 20_000
+REFINED_EFFORT = 5_000
 """Right-hand sides that one such step may take."""
+
+
+@dataclass(frozen=True)
+class _Checkpoint:
+    """A well-conditioned state to return to: step, state and point."""
+
+    i: int
+    x: Array
+    point: Point
 
 
 class _Run:
@@ -200,31 +211,56 @@ class _Run:
     # --------------------------------------------------------------------- loops
 
     def fixed_steps(self, on_toggle: str, options: BridgeOptions) -> None:
-        """RK4; a step into a zone without a bridge is taken with error control instead."""
-        times, f = self._times, None
-        for i in range(len(times) - 1):
-            t, h = float(times[i]), float(times[i + 1] - times[i])
-            while True:
-                f = self._equations
-                try:
-                    now = f.evaluate(t, self._x)
-                    x = rk4_step(f, t, self._x, h, f.derivative(now))
-                    self._accept(i, now)
-                except UncertifiedZone as zone:
-                    now = self._inside(t)
-                    if zone.obstacle.kind == "toggle" and on_toggle == "repartition":
-                        self._repartition(t, now, options)
-                        continue
-                    self._accept(i, now)
-                    x = self._refined(t, h)
-                break
-            if not np.all(np.isfinite(x)):
-                raise NonFiniteError(
-                    f"the state left the finite numbers between t = {t:.6g} and {t + h:.6g} s; use a "
-                    "smaller step, or an implicit stepper (Radau, BDF) if the mechanism is stiff"
-                )
+        """RK4, except through a zone without a bridge.
+
+        There γ bends sharply and a fixed step loses its accuracy before the zone is met. So the run
+        goes back to the last well-conditioned state and takes the steps from there to the next
+        well-conditioned one with error control, or changes coordinates there.
+        """
+        last = len(self._times) - 1
+        i, careful, met_at, changed_at = 0, False, -1, -1
+        safe = _Checkpoint(0, self._x, self._explicit.anchor)
+        while True:
+            t = float(self._times[i])
+            try:
+                now = self._careful(t) if careful else self._equations.evaluate(t, self._x)
+                self._accept(i, now)
+                good = now.point.conditioning >= POOR
+                careful = careful and not (good and i > met_at)
+                if (good and not careful) or i == 0:
+                    safe = _Checkpoint(i, self._x, now.point)
+                if i == last:
+                    return
+                h = float(self._times[i + 1]) - t
+                x = self._refined(t, h) if careful else self._rk4(t, h, now)
+            except UncertifiedZone as zone:
+                met_at, i = i, self._back_to(safe)
+                if zone.obstacle.kind == "toggle" and on_toggle == "repartition" and i > changed_at:
+                    self._repartition(i, options)
+                    changed_at, safe = i, _Checkpoint(i, self._x, self._explicit.anchor)
+                else:
+                    careful = True
+                continue
             self._x = x
-        self._finish()
+            i += 1
+
+    def _rk4(self, t: float, h: float, now: Evaluation) -> Array:
+        f = self._equations
+        x = rk4_step(f, t, self._x, h, f.derivative(now))
+        if not np.all(np.isfinite(x)):
+            raise NonFiniteError(
+                f"the state left the finite numbers between t = {t:.6g} and {t + h:.6g} s; use a "
+                "smaller step, or an implicit stepper (Radau, BDF) if the mechanism is stiff"
+            )
+        return x
+
+    def _back_to(self, safe: _Checkpoint) -> int:
+        """Forget what came after the checkpoint."""
+        t = float(self._times[safe.i])
+        self._x, self._explicit.anchor, self._last = safe.x, safe.point, None
+        self._recorded = safe.i
+        self._crossings = [c for c in self._crossings if c.time <= t]
+        return safe.i
 
     def adaptive_steps(self, stepper: str, rtol: float, atol: float) -> None:
         """One of scipy's solvers; output at the requested times."""
@@ -237,53 +273,54 @@ class _Run:
             self._x = x
             self._accept(i, self._equations.evaluate(float(self._times[i]), x))
 
-    def _finish(self) -> None:
-        t = float(self._times[-1])
-        try:
-            now = self._equations.evaluate(t, self._x)
-        except UncertifiedZone:
-            now = self._inside(t)
-        self._accept(len(self._times) - 1, now)
-
-    def _inside(self, t: float) -> Evaluation:
+    def _careful(self, t: float) -> Evaluation:
         """The evaluation at the present state on the true curve of an uncertified zone."""
-        explicit = self._explicit
-        assert isinstance(explicit, BridgeMap)
-        if self._last is not None:
-            explicit.anchor = self._last.point
-        explicit.error_controlled = True
-        try:
+        with self._bridge_map().following_true_curve():
             return self._equations.evaluate(t, self._x)
-        finally:
-            explicit.error_controlled = False
 
     def _refined(self, t: float, h: float) -> Array:
         """One step through an uncertified zone by an error-controlled method."""
-        explicit = self._explicit
-        assert isinstance(explicit, BridgeMap)
-        explicit.error_controlled = True
-        try:
-            ends = np.array([t, t + h])
+        bridged = self._bridge_map()
+        with bridged.following_true_curve():
             states = adaptive(
-                "DOP853", self._equations, self._x, ends, REFINED_RTOL, REFINED_ATOL, REFINED_EFFORT
+                "DOP853",
+                self._equations,
+                self._x,
+                np.array([t, t + h]),
+                REFINED_RTOL,
+                REFINED_ATOL,
+                REFINED_EFFORT,
             )
-            (x,) = states
-        finally:
-            explicit.error_controlled = False
+            try:
+                (x,) = states
+            except NoProgress as error:
+                raise bridged.refusal() from error
         self._counters.refined_steps += 1
         return x
 
-    def _repartition(self, t: float, now: Evaluation, options: BridgeOptions) -> None:
+    def _bridge_map(self) -> BridgeMap:
+        assert isinstance(self._explicit, BridgeMap)  # no other map knows uncertified zones
+        return self._explicit
+
+    def _repartition(self, i: int, options: BridgeOptions) -> None:
         """Change to the best conditioned independent joints at the present state."""
-        choices = self._mechanism.coordinate_choices(now.point.q)
-        if not choices or set(choices[0][1]) == set(self._mechanism.independent):
-            raise SimulationError(f"no other joints can serve as coordinates at t = {t:.6g} s")
-        names = choices[0][1]
+        here, t = self._explicit.anchor, float(self._times[i])
+        v = here.G @ self._x[self._mechanism.m : 2 * self._mechanism.m]
+        names = next(
+            (
+                names
+                for _, names in self._mechanism.coordinate_choices(here.q)
+                if set(names) != set(self._mechanism.independent)
+            ),
+            None,
+        )
+        if names is None:
+            raise self._bridge_map().refusal()
         mechanism = self._mechanism.with_independent(names)
-        start = begin(mechanism, now.point.q, now.v, None, options, self._counters)
+        start = begin(mechanism, here.q, v, None, options, self._counters)
         self.use(mechanism, start, BridgeMap(start.path, start.point, options))
+        self._repartitions = [(when, what) for when, what in self._repartitions if when < t]
         self._repartitions.append((t, names))
-        self._last = None
 
     # --------------------------------------------------------------------- record
 

@@ -15,6 +15,14 @@ RightHandSide = Callable[[float, Array], Array]
 SCIPY_STEPPERS = ("RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA")
 
 
+HEADWAY = 1e-3
+"""Fraction of the span that a solver must advance by within its allowed effort."""
+
+
+class NoProgress(SimulationError):
+    """An adaptive solver could not go on; the last refusal of the right-hand side, if any, is its cause."""
+
+
 def rk4_step(f: RightHandSide, t: float, x: Array, h: float, k1: Array) -> Array:
     """One step of the classical Runge–Kutta method of order 4 (Kutta, 1901).
 
@@ -45,7 +53,7 @@ def adaptive(
     times: Array,
     rtol: float,
     atol: float,
-    max_evaluations: int | None = None,
+    effort: int = 50_000,
 ) -> Iterator[Array]:
     """States at the given times by one of scipy's solvers with dense output.
 
@@ -60,8 +68,8 @@ def adaptive(
         State at times[0].
     times : ndarray (N + 1,)
         Ascending, s.
-    max_evaluations : int, optional
-        Evaluations of f after which to give up.
+    effort : int
+        Evaluations of f within which the time must advance by 1/1000 of the whole span.
 
     Yields
     ------
@@ -88,16 +96,19 @@ def adaptive(
     solver: Any = getattr(integrate, method)(
         guarded, float(times[0]), x, float(times[-1]), rtol=rtol, atol=atol
     )
-    i = 1
+    i, mark = 1, (float(times[0]), 0)
     while i < len(times):
         message = solver.step() if solver.status == "running" else None
         if solver.status == "failed":
             if refused:
                 raise refused[-1]
-            raise SimulationError(f"{method} stopped at t = {solver.t:.6g} s: {message}")
-        if max_evaluations is not None and solver.nfev > max_evaluations:
-            raise refused[-1] if refused else SimulationError(
-                f"{method} made no headway at t = {solver.t:.6g} s in {solver.nfev} evaluations"
+            raise NoProgress(f"{method} stopped at t = {solver.t:.6g} s: {message}")
+        if solver.t - mark[0] >= HEADWAY * (times[-1] - times[0]):
+            mark = (solver.t, solver.nfev)
+        elif solver.nfev - mark[1] > effort:
+            raise NoProgress(
+                f"{method} made no headway at t = {solver.t:.6g} s in {effort} evaluations: the problem is "
+                "too stiff for this method or tolerance, or the coordinates turn back here"
             )
         refused.clear()
         dense = None

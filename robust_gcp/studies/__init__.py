@@ -1,1 +1,1 @@
-"""Studies: the paper's figures, and what they are made with. Matplotlib is imported when drawing."""
+"""Studies, the paper's figures first, and how they are drawn."""

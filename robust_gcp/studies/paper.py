@@ -1,8 +1,9 @@
 """Figures 4 to 7 of the paper: rhombus and parallelogram fall through their singularities.
 
-Both mechanisms start at rest at q = (0.2, −0.2, 0.2) rad and swing in the parallelogram mode, whose
-exact motion is a pendulum's. Classical GCP, Newton started from the previous q_d as published, loses
-that mode at q1 = −π; the projection of Eq. (7) and the bridge go on.
+Both start at rest at q = (0.2, −0.2, 0.2) rad and swing in the parallelogram mode, whose exact
+motion is a pendulum's. Classical GCP, Newton started from the previous q_d as published, loses that
+mode at q1 = −π: the rhombus locks folded, the parallelogram goes over to the antiparallelogram. The
+projection of Eq. (7) and the bridge stay on the mode.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..closed_form import parallelogram_pendulum, pendulum
+from ..commands import progress_bar, table
 from ..errors import SimulationError
 from ..four_bar_map import Drawing, draw_four_bar
 from ..gcp import SingularityWarning
@@ -43,41 +45,25 @@ FIGURES = {"rhombus": (4, 5), "parallelogram": (6, 7)}
 """Numbers of the joint figure and the strobe figure of each model."""
 
 FULL, QUICK = (5.0, 1e-3), (1.8, 2e-3)
-"""Duration and step, s."""
-
-LOOKS: dict[Method, dict[str, Any]] = {
-    "classical": {
-        "color": plots.VERMILLION,
-        "linestyle": (0, (3.5, 1.6)),
-        "linewidth": 1.1,
-        "label": "classical GCP",
-    },
-    "projection": {
-        "color": plots.BLUE,
-        "linewidth": 1.1,
-        "label": "robust GCP, Eq. (7)",
-    },
-}
-BRIDGE: dict[str, Any] = {
-    "color": plots.BLACK,
-    "marker": "o",
-    "markersize": 2.6,
-    "markerfacecolor": "white",
-    "markeredgewidth": 0.6,
-    "linestyle": "none",
-    "label": "robust GCP, bridge",
-}
-"""How the methods look: told apart without colour by width, dashes and markers."""
+"""Duration and step of the command and of its short variant, s."""
 
 LOCKED = 1e-3
 """Distance from the exact motion at which a method counts as locked on another mode, rad."""
 
-STROBE_BEFORE = (0.0, 0.5, 0.8, 1.0)
-STROBE_AFTER = (0.3, 0.6, 0.95, 1.3)
+STROBE_BEFORE = (0.0, 0.4, 0.65, 0.85, 1.0)
+STROBE_AFTER = (0.3, 0.6, 0.8, 1.0, 1.3)
 """Instants of the strobe figures, in lock times: until the lock, and after it."""
 
-GHOSTS = (0.12, 0.08, 0.04)
-"""How long before each instant the mechanism is drawn once more, faded, s."""
+GHOSTS = {0.12: 0.12, 0.08: 0.2, 0.04: 0.3, 0.0: 1.0}
+"""Each strobe picture also shows where the mechanism was this long before, s: with this opacity."""
+
+MARGIN = 0.25
+"""Room around a strobe picture, m."""
+
+LEGEND_HEIGHT = 0.25
+"""Room for the names of the links below the strobe pictures, in."""
+
+STROBE_ROWS: dict[Method, str] = {"classical": "classical\nGCP", "projection": "robust\nGCP"}
 
 
 @dataclass
@@ -104,25 +90,35 @@ class Case:
     stop: str = ""
 
     def deviation(self, method: Method) -> Array:
-        """max |q − exact| over the joints at each time the run reached, rad."""
+        """Return max |q − exact| over the joints at each time the run reached, (≤ N + 1,), rad."""
         q = self.runs[method].q
         return np.asarray(np.abs(q - self.exact["q"][: len(q)]).max(axis=1))
 
     @property
     def lock_time(self) -> float | None:
-        """When classical GCP left the exact motion, or stopped, s; None if it did neither."""
+        """Tell when classical GCP left the exact motion, or stopped, s; None if it did neither."""
         off = np.flatnonzero(self.deviation("classical") > LOCKED)
         if len(off):
             return float(self.t[off[0]])
         return float(self.runs["classical"].t[-1]) if self.stop else None
 
+    @property
+    def fate(self) -> str:
+        """Tell what classical GCP does at `lock_time`, in words."""
+        if self.lock_time is None:
+            return "stays on the mode"
+        if self.stop:
+            return "stops"
+        run = self.runs["classical"]
+        rest = np.ptp(run.q[run.t > self.lock_time + 0.1, 1:], axis=0)
+        return "locks" if np.all(rest < LOCKED) else "changes mode"
+
     def summary(self) -> dict[str, Any]:
-        """The figures of this case, ready for JSON."""
+        """List the figures of this case, ready for JSON."""
         return {
             "duration_s": float(self.t[-1]),
             "step_s": float(self.t[1]),
-            "lock_time_s": self.lock_time,
-            "classical_stopped": self.stop or None,
+            "classical": {"fate": self.fate, "time_s": self.lock_time, "error": self.stop or None},
             "max_error_rad": {m: float(self.deviation(m).max()) for m in METHODS},
             "max_closure_error_m": {
                 m: float(run.closure_error().max()) for m, run in self.runs.items()
@@ -151,6 +147,11 @@ def run_case(
     runs: dict[Method, Trajectory] = {}
     stop = ""
     for i, method in enumerate(METHODS):
+
+        def told(fraction: float, i: int = i) -> None:
+            assert progress is not None
+            progress((i + fraction) / len(METHODS))
+
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", SingularityWarning)  # classical GCP's, expected
@@ -162,7 +163,7 @@ def run_case(
                     method=method,
                     newton_start="previous",
                     record=("a",),
-                    progress=progress and (lambda x, i=i: progress((i + x) / len(METHODS))),
+                    progress=None if progress is None else told,
                 )
         except SimulationError as error:
             if method != "classical" or error.trajectory is None:
@@ -170,9 +171,10 @@ def run_case(
             runs[method], stop = error.trajectory, str(error)
     t = runs["bridge"].t
     _, l1, _, l3 = draw_four_bar(mechanism).lengths
-    masses = [inertia.mass for inertia in list(mechanism.model.inertias)[1:]]
+    m1, m2, m3 = (float(inertia.mass) for inertia in list(mechanism.model.inertias)[1:])
     gravity = float(np.linalg.norm(mechanism.model.gravity.linear))
-    motion = pendulum(t, START[0], 0.0, *parallelogram_pendulum(l1, l3, *masses, gravity))
+    A, B = parallelogram_pendulum(l1, l3, m1, m2, m3, gravity)
+    motion = pendulum(t, START[0], 0.0, A, B)
     exact = {what: np.outer(y, MODE) for what, y in zip("qva", motion, strict=True)}
     return Case(mechanism, t, exact, runs, stop)
 
@@ -181,72 +183,73 @@ def run_case(
 
 
 def joint_figure(case: Case) -> Figure:
-    """q, v and a (rows) of the three joints (columns); all methods in the same panels."""
-    figure = plots.new_figure(5.2)
+    """Draw q, v and a (rows) of the three joints (columns), all methods in the same panels."""
+    figure = plots.new_figure(5.0)
     panels = figure.subplots(3, 3, sharex=True)
     rows = (("q", "q [rad]"), ("v", "v [rad/s]"), ("a", "a [rad/s²]"))
-    marks = np.arange(0.1, case.t[-1], 0.2)
+    marked = np.searchsorted(case.t, np.arange(0.1, case.t[-1], case.t[-1] / 25.0))
     for line, (what, label) in zip(panels, rows, strict=True):
         for j, ax in enumerate(line):
-            exact = case.exact[what][:, j]
-            ax.plot(case.t, exact, color="0.75", linewidth=4.0, label="exact")
-            for method, looks in LOOKS.items():
+            ax.plot(case.t, case.exact[what][:, j], **plots.EXACT)
+            for method, looks in plots.LOOKS.items():
                 run = case.runs[method]
                 ax.plot(run.t, getattr(run, what)[:, j], **looks)
-            at = np.searchsorted(case.t, marks)
-            ax.plot(case.t[at], getattr(case.runs["bridge"], what)[at, j], **BRIDGE)
+            bridge = getattr(case.runs["bridge"], what)
+            ax.plot(case.t[marked], bridge[marked, j], **plots.BRIDGE)
+            ax.locator_params(axis="y", nbins=5, steps=[1, 2, 5, 10])
         line[0].set_ylabel(label)
-    for j, name in enumerate(case.mechanism.joint_names):
-        panels[0, j].set_title(f"joint {name}", pad=14)
-        panels[-1, j].set_xlabel("t [s]")
+        line[0].yaxis.set_label_coords(-0.2, 0.5)
+    for column, name in zip(panels.T, case.mechanism.joint_names, strict=True):
+        column[0].set_title(f"joint {name}", pad=15)
+        column[-1].set_xlabel("t [s]")
         if case.lock_time is not None:
-            plots.mark_time(panels[:, j], case.lock_time, f"GCP locks at {case.lock_time:.3f} s")
-    figure.align_ylabels(panels[:, 0])
-    handles, labels = panels[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, handlelength=2.6)
+            plots.mark_time(column, case.lock_time, f"GCP {case.fate}, {case.lock_time:.3f} s")
+    exact, projection, classical, bridge = panels[0, 0].get_legend_handles_labels()[0]
+    handles = [exact, classical, projection, bridge]
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, handlelength=2.6)
+    return figure
+
+
+def strobe_figure(case: Case) -> Figure:
+    """Draw the motion at the same instants by classical and robust GCP, one above the other."""
+    drawing = draw_four_bar(case.mechanism)
+    times = strobe_instants(case).reshape(2, -1)
+    poses = [list(plots.four_bar_pose(drawing, q).values()) for q in case.exact["q"][::10]]
+    low, high = np.min(poses, axis=(0, 1)) - MARGIN, np.max(poses, axis=(0, 1)) + MARGIN
+    panel = 0.94 * plots.WIDTH / times.shape[1] / (high - low)[0]
+    block_height = 2.0 * panel * float((high - low)[1]) + 0.45
+    figure = plots.new_figure(2.0 * block_height + LEGEND_HEIGHT)
+    heights = [block_height, block_height, LEGEND_HEIGHT]
+    parts = np.asarray(figure.subfigures(3, 1, height_ratios=heights))
+    for block, instants in zip(parts[:2], times, strict=True):
+        panels = block.subplots(2, len(instants))
+        for line, (method, title) in zip(panels, STROBE_ROWS.items(), strict=True):
+            for ax, t in zip(line, instants, strict=True):
+                ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+                ax.set(xticks=[], yticks=[])
+                ax.spines[:].set_visible(False)
+                _strobe(ax, case.runs[method], drawing, float(t))
+            line[0].set_ylabel(title)
+        for ax, t in zip(panels[0], instants, strict=True):
+            lost = t == case.lock_time and not case.stop
+            ax.set_title(f"{t:.3f} s, $q_1 = -\\pi$" if lost else f"{t:.2f} s", fontsize=8.5)
+    plots.link_legend(parts[2])
     return figure
 
 
 def strobe_instants(case: Case) -> Array:
-    """Times of the strobe pictures, s: up to the lock and as long again after it."""
+    """Choose the times of the strobe pictures, s: up to the lock, and on from there."""
     end = float(case.t[-1])
     lock = case.lock_time or 0.4 * end
     after = min(1.0, (end - lock) / (STROBE_AFTER[-1] * lock))
     return lock * np.array([*STROBE_BEFORE, *(1.0 + after * x for x in STROBE_AFTER)])
 
 
-def strobe_figure(case: Case) -> Figure:
-    """The motion at the same instants by classical GCP (upper row) and robust GCP (lower row)."""
-    drawing = draw_four_bar(case.mechanism)
-    times = strobe_instants(case)
-    rows: tuple[tuple[str, Method], ...] = (
-        ("classical GCP", "classical"),
-        ("robust GCP", "projection"),
-    )
-    reach = [
-        np.array(list(plots.four_bar_pose(drawing, q).values()))
-        for run in case.runs.values()
-        for q in run.q[::20]
-    ]
-    low, high = np.min(reach, axis=(0, 1)) - 0.2, np.max(reach, axis=(0, 1)) + 0.2
-    panel = plots.WIDTH / len(times) * 0.93
-    figure = plots.new_figure(2.0 * panel * float((high - low)[1] / (high - low)[0]) + 0.75)
-    panels = figure.subplots(len(rows), len(times), sharex=True, sharey=True)
-    for line, (title, method) in zip(panels, rows, strict=True):
-        for ax, t in zip(line, times, strict=True):
-            ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
-            ax.set(xticks=[], yticks=[])
-            ax.spines[:].set_visible(False)
-            _strobe(ax, case.runs[method], drawing, float(t))
-        line[0].set_ylabel(title)
-    for ax, t in zip(panels[0], times, strict=True):
-        ax.set_title(f"{t:.2f} s", fontsize=8.5)
-    return figure
-
-
 def _strobe(ax: Axes, run: Trajectory, drawing: Drawing, t: float) -> None:
-    """The mechanism at t and, faded, a little earlier."""
-    for before, alpha in zip((*GHOSTS, 0.0), (0.12, 0.2, 0.3, 1.0), strict=True):
+    """Draw the mechanism at t and, faded, a little earlier."""
+    if t > run.t[-1]:
+        ax.text(0.5, 0.0, "stopped", transform=ax.transAxes, ha="center", fontsize=8)
+    for before, alpha in GHOSTS.items():
         if t - before < 0.0:
             continue
         q = run.q[min(int(np.searchsorted(run.t, t - before - 1e-9)), len(run.t) - 1)]
@@ -269,8 +272,6 @@ def add_parser(subparsers: Any) -> None:
 
 
 def _paper(args: argparse.Namespace) -> int:
-    from ..commands import progress_bar, table
-
     plots.require_matplotlib()
     duration, step = QUICK if args.quick else FULL
     args.out.mkdir(parents=True, exist_ok=True)
@@ -288,10 +289,10 @@ def _paper(args: argparse.Namespace) -> int:
                     print(f"drew {plots.save(figure, args.out / (stem + suffix))}")
         figures[name] = case.summary()
         errors = figures[name]["max_error_rad"]
-        lock = figures[name]["lock_time_s"]
-        rows.append([name, *(f"{errors[m]:.1e}" for m in METHODS), f"{lock:.3f}" if lock else "–"])
+        when = "" if case.lock_time is None else f" at {case.lock_time:.3f} s"
+        rows.append([name, *(f"{errors[m]:.1e}" for m in METHODS), case.fate + when])
     path = args.out / "summary.json"
     path.write_text(json.dumps(figures, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
     print(f"wrote {path}\n\nmax |q − exact| [rad] over {duration:g} s, RK4, step {step:g} s")
-    print(table(["", *METHODS, "GCP locks at [s]"], rows))
+    print(table(["", *METHODS, "classical GCP"], rows))
     return 0

@@ -1,4 +1,4 @@
-"""Drawing for all studies: one style, figure sizes in print, and how mechanisms and motions are drawn.
+"""Drawing for all studies: one style, sizes in print, and how motions and mechanisms are drawn.
 
 Matplotlib is imported when something is drawn; the installation without it stays complete.
 """
@@ -14,12 +14,13 @@ import numpy as np
 
 from ..errors import MissingExtraError, OptionError
 from ..four_bar_map import Drawing
+from ..simulate import Method
 from ..trajectory import Trajectory
 from ..tree import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
 
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 YELLOW, BLUE, VERMILLION, PURPLE = "#F0E442", "#0072B2", "#D55E00", "#CC79A7"
@@ -57,8 +58,30 @@ STYLE: dict[str, Any] = {
 }
 
 
+EXACT: dict[str, Any] = {"color": "0.78", "linewidth": 4.0, "label": "exact"}
+LOOKS: dict[Method, dict[str, Any]] = {
+    "projection": {"color": BLUE, "linewidth": 1.1, "label": "robust GCP, Eq. (7)"},
+    "classical": {
+        "color": VERMILLION,
+        "linestyle": (0, (3.5, 1.6)),
+        "linewidth": 1.1,
+        "label": "classical GCP",
+    },
+}
+BRIDGE: dict[str, Any] = {
+    "color": BLACK,
+    "marker": "o",
+    "markersize": 2.6,
+    "markerfacecolor": "white",
+    "markeredgewidth": 0.6,
+    "linestyle": "none",
+    "label": "robust GCP, bridge",
+}
+"""How the methods look: told apart without colour by width, dashes and markers."""
+
+
 def require_matplotlib() -> Any:
-    """The module matplotlib, or a MissingExtraError that says how to get it."""
+    """Return the module matplotlib, or raise a MissingExtraError that says how to get it."""
     try:
         import matplotlib
     except ImportError as error:
@@ -77,13 +100,13 @@ def require_file(path: Path) -> None:
 
 @contextmanager
 def style() -> Iterator[None]:
-    """The style of every figure, for drawing and saving inside this context."""
+    """Set the style of every figure, for drawing and saving inside this context."""
     with require_matplotlib().rc_context(STYLE):
         yield
 
 
 def new_figure(height: float, width: float = WIDTH) -> Figure:
-    """An empty figure of the given size, in."""
+    """Make an empty figure of the given size, in."""
     require_matplotlib()
     from matplotlib.figure import Figure
 
@@ -99,13 +122,13 @@ def save(figure: Figure, path: Path) -> Path:
 
 
 def mark_time(axes: Sequence[Axes], t: float, label: str = "") -> None:
-    """A dotted vertical line through stacked panels, named above the first one."""
+    """Draw a dotted vertical line through stacked panels, named above the first one."""
     for ax in axes:
         ax.axvline(t, color=GREY, linestyle=(0, (1, 1.5)), linewidth=1.0, zorder=0.9)
     if label:
         axes[0].annotate(
-            label, (t, 1.0), (0, 2), xycoords=("data", "axes fraction"),
-            textcoords="offset points", ha="center", va="bottom", fontsize=8,
+            label, (0.0, 1.0), (0, 3), xycoords="axes fraction",
+            textcoords="offset points", va="bottom", fontsize=8,
         )  # fmt: skip
 
 
@@ -113,11 +136,14 @@ def mark_time(axes: Sequence[Axes], t: float, label: str = "") -> None:
 
 
 def draw_trajectory(trajectory: Trajectory, path: Path) -> Path:
-    """q and v of all joints over time, the crossings marked; returns the path."""
+    """Draw q and v of all joints over time, the crossings marked; returns the path."""
     with style():
         figure = new_figure(4.2)
         upper, lower = figure.subplots(2, 1, sharex=True)
         names = list(trajectory.mechanism.joint_names)
+        kinds = {joint.shortname()[:11] for joint in list(trajectory.mechanism.model.joints)[1:]}
+        units = {"JointModelR": "rad", "JointModelP": "m"}
+        unit = units.get(kinds.pop(), "SI") if len(kinds) == 1 else "SI"
         for ax, values, quantity in ((upper, trajectory.q, "q"), (lower, trajectory.v, "v")):
             named = values.shape[1] == len(names)
             for i, column in enumerate(values.T):
@@ -126,9 +152,10 @@ def draw_trajectory(trajectory: Trajectory, path: Path) -> Path:
                     column,
                     color=CYCLE[i % len(CYCLE)],
                     linestyle=("-", "--", "-.", ":")[i // len(CYCLE) % 4],
+                    linewidth=max(1.0, 2.8 - 0.8 * i),  # joints that move alike stay visible
                     label=names[i] if named else f"entry {i}",
                 )
-            ax.set_ylabel(f"{quantity} [rad or m{'' if quantity == 'q' else ', per s'}]")
+            ax.set_ylabel(f"{quantity} [{unit}{'/s' if quantity == 'v' else ''}]")
         for i, crossing in enumerate(trajectory.crossings):
             for ax in (upper, lower):
                 ax.axvline(
@@ -146,9 +173,32 @@ def draw_trajectory(trajectory: Trajectory, path: Path) -> Path:
 
 # --------------------------------------------------------------------------- a mechanism
 
+LINKS = {
+    "crank": ("OA", ORANGE, 5.0),
+    "rocker": ("CD", GREEN, 3.2),
+    "coupler": ("AB", BLUE, 1.5),
+}
+"""Ends, colour and width (pt) of the four-bar's links, drawn in this order."""
+
+PIN: dict[str, Any] = {
+    "marker": "o",
+    "markersize": 3.2,
+    "color": "white",
+    "markeredgecolor": BLACK,
+    "markeredgewidth": 0.7,
+    "linestyle": "none",
+}
+PIVOT: dict[str, Any] = {
+    "marker": [(-0.9, -1.5), (0.0, 0.0), (0.9, -1.5), (-0.9, -1.5)],
+    "markersize": 11,
+    "color": "0.55",
+    "markeredgewidth": 0.0,
+    "linestyle": "none",
+}
+
 
 def four_bar_pose(drawing: Drawing, q: Array) -> dict[str, Array]:
-    """Pivots and pins of the planar four-bar in its plane, m, (2,) each: O, A, B, C, D.
+    """Place pivots and pins of the planar four-bar in its plane: O, A, B, C, D, (2,) each, m.
 
     O and C are the ground pivots, A the crank pin, B and D the tips of coupler and rocker, which
     are one point when the loop is closed.
@@ -173,17 +223,27 @@ def four_bar_pose(drawing: Drawing, q: Array) -> dict[str, Array]:
 def draw_four_bar_pose(
     ax: Axes, pose: dict[str, Array], alpha: float = 1.0, pins: bool = True
 ) -> None:
-    """Crank, coupler and rocker as bars of falling width, so that folded links stay visible."""
-    for ends, color, width in (("OA", ORANGE, 5.2), ("CD", GREEN, 3.2), ("AB", BLUE, 1.5)):
+    """Draw the links of `LINKS` as bars of falling width, so that folded ones stay visible."""
+    for ends, color, width in LINKS.values():
         line = np.array([pose[end] for end in ends]).T
-        ax.plot(*line, color=color, linewidth=width, alpha=alpha, solid_capstyle="round", zorder=2)
+        ax.plot(*line, color=color, linewidth=width, alpha=alpha, zorder=2, clip_on=False)
     if not pins:
         return
-    for ground in ("O", "C"):
-        x, z = pose[ground]
-        ax.plot(x, z, marker=(3, 0, 0), markersize=8, color="0.45", zorder=1.5, linestyle="none")
+    for pivot in "OC":
+        x, z = pose[pivot]
+        ax.plot(x, z - 0.02, zorder=1.5, clip_on=False, **PIVOT)
     for pin in "OABC":
-        ax.plot(
-            *pose[pin], marker="o", markersize=3.2, color="white", markeredgecolor="black",
-            markeredgewidth=0.7, zorder=3, linestyle="none",
-        )  # fmt: skip
+        ax.plot(*pose[pin], zorder=3, clip_on=False, **PIN)
+
+
+def link_legend(figure: Figure | SubFigure) -> None:
+    """Name the links of `draw_four_bar_pose` in one line across the figure."""
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], color=color, linewidth=width, label=name)
+        for name, (_, color, width) in LINKS.items()
+    ]
+    handles.append(Line2D([], [], label="pin", **PIN))
+    handles.append(Line2D([], [], label="ground pivot", **{**PIVOT, "markersize": 8}))
+    figure.legend(handles=handles, loc="center", ncols=len(handles))
