@@ -1,4 +1,4 @@
-"""Factorisation of the scaled K_d, one small block per loop where the structure allows it."""
+"""Factorisation of the scaled K_d, and the sign and conditioning of its diagonal blocks."""
 
 from __future__ import annotations
 
@@ -7,19 +7,28 @@ from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dgecon, dgetrf, dgetrs
+from scipy.linalg.lapack import dgbtrf, dgbtrs, dgecon, dgetrf, dgetrs
 
 from .partition import Block
 from .tree import Array
+
+Index = NDArray[np.int64]
+
+NARROW = 4
+"""A band this many times narrower than the matrix is factorised as a band."""
 
 
 class BlockFactor:
     """LU of a block lower triangular matrix, with the sign and the conditioning of each block.
 
+    Ordered by blocks, the K_d of loops in a row is a narrow band, and its LU costs linear time.
+
     Parameters
     ----------
     blocks : sequence of Block
         In the order of substitution.
+    pattern : ndarray (n, n) of bool
+        Entries that are not structurally zero.
 
     Attributes
     ----------
@@ -28,79 +37,107 @@ class BlockFactor:
     rcond : ndarray (nblocks,)
         σ_min/σ_max of each block (blocks up to 2 × 2), or LAPACK's estimate of the reciprocal
         condition number relative to `reference`: 0 at a singular configuration, near 1 far away.
+    worst : float
+        Smallest rcond.
     reference : ndarray (nblocks,)
         Reciprocal condition number of a large block at generic configurations; a block of many
         joints is never conditioned as well as one of two. Set by the owner, 1 until then.
     """
 
-    def __init__(self, blocks: Sequence[Block]) -> None:
+    def __init__(self, blocks: Sequence[Block], pattern: NDArray[np.bool_]) -> None:
         self.blocks = tuple(blocks)
-        self.det: Array = np.ones(len(blocks))
-        self.rcond: Array = np.ones(len(blocks))
-        self.reference: Array = np.ones(len(blocks))
-        self._whole = len(blocks) == 1
-        self._factors: list[tuple[Array, NDArray[np.int32] | None]] = []
-        self._A: Array = np.zeros((0, 0))
-        self._grids = [np.ix_(b.rows, b.columns) for b in blocks]
-        seen: list[int] = []
-        self._before: list[NDArray[np.int64]] = []
-        for b in blocks:
-            self._before.append(np.array(seen, dtype=np.int64))
-            seen += b.columns.tolist()
+        n, count = len(pattern), len(blocks)
+        self.det: Array = np.ones(count)
+        self.rcond: Array = np.ones(count)
+        self.worst = 1.0
+        self.reference: Array = np.ones(count)
+        self._n = n
+        self._pair = count == 1 and n == 2
+        rows = np.concatenate([b.rows for b in blocks]) if blocks else np.zeros(0, dtype=np.int64)
+        columns = np.concatenate([b.columns for b in blocks]) if blocks else rows
+        self._rows, self._columns = rows, columns
+        self._into = np.argsort(columns)
+        self._layout_band(pattern[np.ix_(rows, columns)])
+        sizes = np.array([len(b.rows) for b in blocks])
+        self._small = np.flatnonzero(sizes <= 2)
+        self._large = [(int(i), np.ix_(blocks[i].rows, blocks[i].columns)) for i in np.flatnonzero(sizes > 2)]
+        self._corners = np.array(
+            [
+                [blocks[i].rows[r] * n + blocks[i].columns[c] for r in (0, -1) for c in (0, -1)]
+                for i in self._small
+            ],
+            dtype=np.int64,
+        ).reshape(-1, 4)
+        self._single = sizes[self._small] == 1
 
-    def couple(self, pattern: NDArray[np.bool_]) -> None:
-        """Keep, for each block, only the earlier columns that its rows can see in `pattern` (n, n)."""
-        self._before = [
-            before[np.any(pattern[np.ix_(block.rows, before)], axis=0)]
-            for block, before in zip(self.blocks, self._before, strict=True)
-        ]
+    def _layout_band(self, ordered: NDArray[np.bool_]) -> None:
+        """Where the entries of the ordered matrix go in LAPACK's band storage."""
+        i, j = np.nonzero(ordered)
+        self._kl = int((i - j).max(initial=0))
+        self._ku = int((j - i).max(initial=0))
+        self._banded = NARROW * (2 * self._kl + self._ku + 1) <= self._n
+        height = 2 * self._kl + self._ku + 1
+        self._band = np.zeros((height, self._n), order="F")
+        self._band_at = (self._kl + self._ku + i - j, j)
+        self._band_from = self._rows[i] * self._n + self._columns[j]
+        self._order = self._rows[:, None] * self._n + self._columns
 
     def factor(self, A: Array) -> None:
-        """Factorise A (n, n), which is not changed and not copied: it must stay until the last solve."""
-        self._A = A
-        if self._whole:
-            self._factors = [self._factor_block(0, A)]
+        """Factorise A (n, n)."""
+        if self._pair:
+            self._factor_pair(A)
+            return
+        flat = A.ravel()
+        if self._banded:
+            self._band[:] = 0.0
+            self._band[self._band_at] = flat[self._band_from]
+            self._lu, self._pivots, self._info = dgbtrf(self._band, self._kl, self._ku)
         else:
-            self._factors = [self._factor_block(i, A[grid]) for i, grid in enumerate(self._grids)]
+            self._lu, self._pivots, self._info = dgetrf(flat[self._order])
+        self._measure(A, flat)
 
-    def _factor_block(self, i: int, piece: Array) -> tuple[Array, NDArray[np.int32] | None]:
-        """LU and pivots of a block; its inverse, without pivots, up to 2 × 2."""
-        if len(piece) == 1:
-            det = float(piece[0, 0])
-            self.det[i], self.rcond[i] = det, min(abs(det), 1.0)
-            return np.array([[1.0 / det if det else np.nan]]), None
-        if len(piece) == 2:
-            (a, b), (c, d) = piece.tolist()
-            det = a * d - b * c
+    def _factor_pair(self, A: Array) -> None:
+        """A single 2 × 2 block in plain floats: its inverse, determinant and σ_min/σ_max."""
+        (a, b), (c, d) = A.tolist()
+        det = a * d - b * c
+        square = a * a + b * b + c * c + d * d
+        root = sqrt(max(square * square - 4.0 * det * det, 0.0))
+        self.worst = 2.0 * abs(det) / (square + root) if square > 0.0 else 0.0
+        self.det, self.rcond = np.array([det]), np.array([self.worst])
+        r = 1.0 / det if det else np.nan
+        self._inverse = np.array([[d * r, -b * r], [-c * r, a * r]])
+
+    def _measure(self, A: Array, flat: Array) -> None:
+        det, rcond = np.empty(len(self.blocks)), np.empty(len(self.blocks))
+        if len(self._small):
+            a, b, c, d = flat[self._corners].T
+            small = np.where(self._single, a, a * d - b * c)
             square = a * a + b * b + c * c + d * d
-            root = sqrt(max(square * square - 4.0 * det * det, 0.0))
-            self.det[i] = det
-            self.rcond[i] = 2.0 * abs(det) / (square + root) if square > 0.0 else 0.0
-            r = 1.0 / det if det else np.nan
-            return np.array([[d * r, -b * r], [-c * r, a * r]]), None
-        norm = float(np.abs(piece).sum(axis=0).max())
-        lu, pivots, info = dgetrf(piece)
-        swaps = int(np.count_nonzero(pivots != np.arange(len(pivots))))
-        self.det[i] = float(np.prod(lu.diagonal())) * (-1.0 if swaps % 2 else 1.0)
-        regular = info == 0 and np.isfinite(norm)
-        self.rcond[i] = min(float(dgecon(lu, norm)[0]) / self.reference[i], 1.0) if regular else 0.0
-        return lu, pivots
+            root = np.sqrt(np.maximum(square * square - 4.0 * small * small, 0.0))
+            size = np.abs(small)
+            det[self._small] = small
+            rcond[self._small] = np.where(
+                self._single, np.minimum(size, 1.0), 2.0 * size / np.maximum(square + root, 1e-300)
+            )
+        for i, grid in self._large:
+            piece = A[grid]
+            norm = float(np.abs(piece).sum(axis=0).max())
+            lu, pivots, info = dgetrf(piece)
+            swaps = int(np.count_nonzero(pivots != np.arange(len(pivots))))
+            det[i] = float(np.prod(lu.diagonal())) * (-1.0 if swaps % 2 else 1.0)
+            regular = info == 0 and np.isfinite(norm)
+            rcond[i] = min(float(dgecon(lu, norm)[0]) / self.reference[i], 1.0) if regular else 0.0
+        self.det, self.rcond = det, rcond
+        self.worst = float(rcond.min(initial=1.0))
 
     def solve(self, B: Array) -> Array:
-        """A⁻¹ B for B (n, k); NaN or infinite where a block is exactly singular."""
-        if self._whole:
-            return self._solve_block(0, B)
-        X = np.zeros_like(B)
-        for i, (block, before) in enumerate(zip(self.blocks, self._before, strict=True)):
-            rhs = B[block.rows]
-            if len(before):
-                rhs = rhs - self._A[np.ix_(block.rows, before)] @ X[before]
-            X[block.columns] = self._solve_block(i, rhs)
-        return X
-
-    def _solve_block(self, i: int, B: Array) -> Array:
-        piece, pivots = self._factors[i]
-        if pivots is None:
-            return piece @ B
-        solution, info = dgetrs(piece, pivots, B)
-        return solution if info == 0 else np.full_like(B, np.nan)
+        """A⁻¹ B for B (n,) or (n, k); NaN or infinite where a block is exactly singular."""
+        if self._pair:
+            return self._inverse @ B
+        if self._info > 0:
+            return np.full_like(B, np.nan)
+        if self._banded:
+            X, _ = dgbtrs(self._lu, self._kl, self._ku, B[self._rows], self._pivots)
+        else:
+            X, _ = dgetrs(self._lu, self._pivots, B[self._rows])
+        return X[self._into]

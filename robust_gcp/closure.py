@@ -170,13 +170,17 @@ class ImplicitConstraint:
         self._wrench = np.zeros((2 * n, 6))
         self._moment_source = np.zeros((2 * n, 3), dtype=np.int64)
         self._moment_sign = np.zeros((2 * n, 3))
-        self._mask = np.zeros((2 * n, tree.nv))
+        wrenches: list[int] = []
+        columns_at: list[int] = []
+        weights: list[float] = []
         joints = [int(f.parentJoint) for f in tree.model.frames[tree.model.nframes - 2 * loops :]] if loops else []
         for side, sign in ((0, 1.0), (1, -1.0)):
             for row in range(n):
                 at, point = side * n + row, side * loops + int(closure[row])
                 support = _support(tree.model, joints[point])
-                self._mask[at, support] = sign * self._weight[row] * columns[support]
+                wrenches += [at] * len(support)
+                columns_at += support
+                weights += (sign * self._weight[row] * columns[support]).tolist()
                 if axis[row] >= 0:
                     r, s, t = (int(axis[row] + i) % 3 for i in range(3))
                     self._wrench[at, r] = 1.0
@@ -184,6 +188,10 @@ class ImplicitConstraint:
                     self._moment_source[at, s], self._moment_sign[at, s] = 3 * point + t, 1.0
                     self._moment_source[at, t], self._moment_sign[at, t] = 3 * point + s, -1.0
         self._moment = self._wrench[:, 3:]
+        self._entry_wrench = np.array(wrenches, dtype=np.int64)
+        self._entry_column = np.array(columns_at, dtype=np.int64)
+        self._entry_weight = np.array(weights)
+        self._entry_at = (self._entry_wrench % max(n, 1)) * tree.nv + self._entry_column
         # k: velocities and accelerations of the frames from those of their joints, in frame axes
         self._joint = np.array(joints, dtype=np.int64)
         self._to_frame = np.array(
@@ -212,9 +220,12 @@ class ImplicitConstraint:
         np.multiply(self._tree.frame_p.take(self._moment_source), self._moment_sign, out=self._moment)
         if self._rotation is not None:
             self._moment[self._rotation.at] = self._moment[n + self._rotation.at] = self._rotation.normals()
-        K = self._wrench @ self._tree.J.T
-        K *= self._mask
-        return np.asarray(K[:n] + K[n:])
+        entries = np.einsum(
+            "ij,ij->i", self._wrench[self._entry_wrench], self._tree.J[self._entry_column]
+        )
+        entries *= self._entry_weight
+        nv = self._tree.nv
+        return np.bincount(self._entry_at, entries, minlength=n * nv).reshape(n, nv)
 
     def bias(self) -> Array:
         """k = −K̇ v (nc,) after `residual` at q and the tree's `rnea` at (q, v, 0).

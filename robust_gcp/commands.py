@@ -39,21 +39,25 @@ def complain(message: str) -> None:
 def table(
     header: Sequence[str], rows: Sequence[Sequence[str]], longest: int = LONGEST_TABLE
 ) -> str:
-    """Set rows in indented columns; a long table ends with a count of the rest."""
-    shown = [header, *rows[:longest]]
-    widths = [max(len(row[i]) for row in shown) for i in range(len(header))]
-    lines = [
-        "  " + "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip()
-        for row in shown
-    ]
+    """Set rows in indented columns; a long table ends with a count of the rest.
+
+    A column whose header begins with a space is aligned to the right, others to the left.
+    """
+    columns = zip(header, *rows[:longest], strict=True)
+    set_columns = []
+    for column in columns:
+        width = max(map(len, column))
+        right = column[0].startswith(" ")
+        set_columns.append([c.rjust(width) if right else c.ljust(width) for c in column])
+    lines = ["  " + "  ".join(line).rstrip() for line in zip(*set_columns, strict=True)]
     if len(rows) > longest:
         lines.append(f"  … and {len(rows) - longest} more")
     return "\n".join(lines)
 
 
 def fixed(value: float, digits: int = 8) -> str:
-    """Write fixed digits behind a place for the sign; what rounds to zero has none."""
-    return f"{round(float(value), digits) + 0.0: .{digits}f}"
+    """Write fixed digits; what rounds to zero has no sign."""
+    return f"{round(float(value), digits) + 0.0:.{digits}f}"
 
 
 def listed(values: Iterable[float], digits: int = 8) -> str:
@@ -103,6 +107,8 @@ def simulate(args: argparse.Namespace) -> int:
         plots.require_file(args.plot)
     q0 = mechanism.home if args.q0 is None else args.q0
     mode = None if args.mode is None else _mode(mechanism, q0, args.mode)
+    if csv is not None:
+        csv.parent.mkdir(parents=True, exist_ok=True)
     stop: SimulationError | None = None
     with clean_warnings(), progress_bar(args.duration, mechanism.name) as progress:
         try:
@@ -137,7 +143,6 @@ def simulate(args: argparse.Namespace) -> int:
         tell(str(stop))
         tell(f"simulated until t = {trajectory.t[-1]:.6g} s ({len(trajectory.t)} rows)")
     if csv is not None:
-        csv.parent.mkdir(parents=True, exist_ok=True)
         tell(f"wrote {trajectory.to_csv(csv)}")
     if args.plot is not None:
         tell(f"drew {plots.draw_trajectory(trajectory, args.plot)}")

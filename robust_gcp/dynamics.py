@@ -79,9 +79,15 @@ class EquationsOfMotion:
         if self._torque is not None:
             tau = self._torque(t, point.q, v)
             force = force + tau
-        inertia = G.T @ (tree.crba(point.q) @ G)
+        M = tree.crba(point.q)
         self.calls += 1
-        return Evaluation(point, v, _solve(inertia, G.T @ force, self.mechanism), tau)
+        if m == 1:
+            direction = G[:, 0]
+            mass = float(direction @ (M @ direction))
+            if mass > 0.0:
+                return Evaluation(point, v, np.array([float(direction @ force) / mass]), tau)
+        ydd = _solve(G.T @ (M @ G), G.T @ force, self.mechanism)
+        return Evaluation(point, v, ydd, tau)
 
     def derivative(self, evaluation: Evaluation) -> Array:
         """ẋ from an evaluation."""
@@ -159,18 +165,11 @@ def implicit_dynamics(
 
 
 def _solve(inertia: Array, force: Array, mechanism: Mechanism) -> Array:
-    if len(force) == 1:
-        mass = float(inertia[0, 0])
-        if mass > 0.0:
-            return force / mass
-    elif len(force) == 0:
-        return force
-    else:
-        try:
-            solution: Array = np.linalg.solve(inertia, force)
-            return solution
-        except np.linalg.LinAlgError:
-            pass
+    try:
+        solution: Array = np.linalg.solve(inertia, force)
+        return solution
+    except np.linalg.LinAlgError:
+        pass
     raise SimulationError(
         f"the reduced inertia Gᵀ M G of {mechanism.name!r} is singular: a motion of "
         f"{', '.join(mechanism.independent)} moves no mass; give its links inertia"

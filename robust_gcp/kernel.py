@@ -43,6 +43,8 @@ class Point:
         γ'' for m = 1 (g at ẏ = 1); None for other m.
     det, rcond : ndarray (nblocks,)
         Sign and conditioning of K_d's blocks; see `BlockFactor`.
+    conditioning : float
+        Smallest rcond of all blocks; 1 where nothing is dependent.
     correction : float
         Length of Newton's first step, dimensionless: how wrong the prediction was.
     distance : float
@@ -57,13 +59,9 @@ class Point:
     curvature: Array | None
     det: Array
     rcond: Array
+    conditioning: float = 1.0
     correction: float = 0.0
     distance: float = 0.0
-
-    @property
-    def conditioning(self) -> float:
-        """Smallest rcond of all blocks; 1 where nothing is dependent."""
-        return float(self.rcond.min()) if len(self.rcond) else 1.0
 
 
 @dataclass(slots=True)
@@ -119,7 +117,7 @@ class RegularPath:
 
     def _structure(self) -> BlockFactor:
         if self.nd == 0:
-            return BlockFactor([])
+            return BlockFactor([], np.zeros((0, 0), dtype=bool))
         pattern = np.zeros((self.nd, self.nd), dtype=bool)
         for q in self.mechanism.generic_configurations():
             self._evaluate(q)
@@ -127,13 +125,12 @@ class RegularPath:
         blocks = triangular_blocks(pattern)
         if blocks is None:
             blocks = [Block(np.arange(self.nd), np.arange(self.nd))]
-        factor = BlockFactor(blocks)
-        factor.couple(pattern)
+        factor = BlockFactor(blocks, pattern)
         seen = []
         for q in self.mechanism.generic_configurations():
             self._evaluate(q)
             factor.factor(self._K[:, self.dependent])
-            seen.append(factor.rcond.copy())
+            seen.append(factor.rcond)
         large = np.array([len(block.rows) > 2 for block in blocks])
         factor.reference = np.where(large, np.maximum(np.max(seen, axis=0), 1e-6), 1.0)
         return factor
@@ -143,8 +140,8 @@ class RegularPath:
         """The diagonal blocks of K_d, in the order of substitution."""
         return self._factor.blocks
 
-    def predict(self, anchor: Point, y: Array) -> tuple[Array, float]:
-        """q_a ⊕ (G Δy + ½ γ''[Δy, Δy]) and the length of that step.
+    def predict(self, anchor: Point, y: Array) -> tuple[Array, Array]:
+        """q_a ⊕ dv and dv = G Δy + ½ γ''[Δy, Δy].
 
         For m > 1 the curvature is known along the anchor's ẏ, which is where a simulation goes.
         """
@@ -157,7 +154,11 @@ class RegularPath:
             if speed > 0.0:
                 along = float(delta @ anchor.ydot) / speed
                 dv += (0.5 * along * along) * anchor.g
-        return self.tree.integrate(anchor.q, dv), float(np.abs(dv * self._length_scale).max(initial=0.0))
+        return self.tree.integrate(anchor.q, dv), dv
+
+    def size(self, dv: Array) -> float:
+        """Largest entry of a step dv, dimensionless."""
+        return float(np.abs(dv * self._length_scale).max(initial=0.0))
 
     def close(self, q: Array) -> tuple[Array, float] | None:
         """Newton on the dependent joints from q (overwritten).
@@ -173,44 +174,46 @@ class RegularPath:
         last_size = last_step = np.inf
         for iteration in range(MAX_NEWTON):
             phi = self._evaluate(q)
-            size = float(np.abs(phi).max(initial=0.0))
+            size = float(np.abs(phi).max())
             if size <= CONVERGED or (size <= STAGNANT and size >= 0.25 * last_size):
                 return q, correction
             if not np.isfinite(size):
                 return None
             self._factor.factor(self._K[:, self.dependent])
-            u = self._factor.solve(-phi[:, None])[:, 0]
+            u = self._factor.solve(phi)
             step = float(np.abs(u).max())
             if iteration == 0:
                 correction = step
             elif not step <= 0.5 * last_step and size > STAGNANT:
                 return None
             last_size, last_step = size, step
-            q = self._move(q, u * self._column_scale)
+            q = self._move(q, -u * self._column_scale)
             self.counters.newton_iterations += 1
         return None
 
     def derivatives(self, q: Array, y: Array, ydot: Array) -> Point:
         """G = [I; −K_d⁻¹ K_i] and g = [0; K_d⁻¹ k] at a closed q where `close` has just ended."""
         if self.nd == 0:
-            rest = np.zeros(self.tree.nv)
             one = np.ones(0)
-            return Point(y.copy(), ydot.copy(), q, self._eye, rest, None, one, one)
-        tree, factor = self.tree, self._factor
+            return Point(y, ydot, q, self._eye, np.zeros(self.tree.nv), None, one, one)
+        tree, factor, dependent = self.tree, self._factor, self.dependent
         K = self._K
-        factor.factor(K[:, self.dependent])
+        factor.factor(K[:, dependent])
         G = np.zeros((tree.nv, self.m))
         G[self.independent] = self._eye
-        G[self.dependent] = self._column_scale[:, None] * factor.solve(-K[:, self.independent])
         g = np.zeros(tree.nv)
         curvature = None
         if self.m == 1:
-            g[self.dependent] = self._bias(q, G[:, 0])
-            curvature = g
-            g = g * float(ydot[0]) ** 2
+            G[dependent, 0] = self._column_scale * -factor.solve(K[:, self.independent[0]])
+            curvature = np.zeros(tree.nv)
+            curvature[dependent] = self._bias(q, G[:, 0])
+            g = curvature * float(ydot[0]) ** 2
         elif self.m:
-            g[self.dependent] = self._bias(q, G @ ydot)
-        return Point(y.copy(), ydot.copy(), q, G, g, curvature, factor.det.copy(), factor.rcond.copy())
+            G[dependent] = self._column_scale[:, None] * -factor.solve(K[:, self.independent])
+            g[dependent] = self._bias(q, G @ ydot)
+        return Point(
+            y, ydot, q, G, g, curvature, factor.det, factor.rcond, factor.worst
+        )
 
     def second_derivative(self, point: Point, direction: Array) -> Array:
         """γ''[d, d] at a point for a direction d (m,): g at ẏ = d."""
@@ -224,7 +227,7 @@ class RegularPath:
         """Determinants and conditioning of K_d's blocks at any q."""
         self._evaluate(q)
         self._factor.factor(self._K[:, self.dependent])
-        return self._factor.det.copy(), self._factor.rcond.copy()
+        return self._factor.det, self._factor.rcond
 
     def worst_conditioning(self, q: Array) -> float:
         """Smallest conditioning of all blocks at any q."""
@@ -232,10 +235,10 @@ class RegularPath:
 
     def step(self, anchor: Point, y: Array, ydot: Array) -> Point | None:
         """The point at y reached from the anchor in one predicted step, or None when Newton is lost."""
-        q, distance = self.predict(anchor, y)
+        q, dv = self.predict(anchor, y)
         point = self.settle(q, y, ydot)
-        if point is not None:
-            point.distance = distance
+        if point is not None and point.correction > 0.0:
+            point.distance = self.size(dv)
         return point
 
     def settle(self, q: Array, y: Array, ydot: Array) -> Point | None:
@@ -256,9 +259,12 @@ class RegularPath:
 
     def _bias(self, q: Array, v: Array) -> Array:
         self.tree.rnea(q, v, self.tree.zero)
-        return self._column_scale * self._factor.solve(self.implicit.bias()[:, None])[:, 0]
+        return self._column_scale * self._factor.solve(self.implicit.bias())
 
     def _move(self, q: Array, dv_dependent: Array) -> Array:
+        if self.tree.vector_space:
+            q[self.dependent] += dv_dependent
+            return q
         dv = np.zeros(self.tree.nv)
         dv[self.dependent] = dv_dependent
         return self.tree.integrate(q, dv)

@@ -31,10 +31,10 @@ def same_branch(before: Point, after: Point) -> bool:
     if len(after.det) == 0:
         return True
     conditioning = after.conditioning
-    if after.correction > CORRECTION * after.distance + ROUNDING / max(conditioning, 1e-12):
+    if after.correction > 0.0 and after.correction > CORRECTION * after.distance + ROUNDING / max(conditioning, 1e-12):
         return False
     if conditioning >= POOR and before.conditioning >= POOR:
-        return bool(np.all(before.det * after.det > 0.0))
+        return bool((before.det * after.det).min() > 0.0)
     ratio = after.det / before.det
     watched = (after.rcond < POOR) | (before.rcond < POOR)
     change = np.where(watched, ratio, 1.0)

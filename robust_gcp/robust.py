@@ -73,7 +73,7 @@ class ProjectionMap:
 
     def _project(self, y: Array, ydot: Array) -> Point:
         path, mechanism = self.path, self.path.mechanism
-        q, distance = path.predict(self.anchor, y)
+        q, _ = path.predict(self.anchor, y)
         q[path.iq] = y
         q = self._close(q)
         scaled_K = mechanism.scaled(mechanism.K(q))
@@ -93,7 +93,7 @@ class ProjectionMap:
         zero = np.zeros(mechanism.nv)
         det, rcond = path.conditioning(q)
         curvature = zero if path.m == 1 else None
-        return Point(y.copy(), ydot.copy(), q, G, zero, curvature, det, rcond, 0.0, distance)
+        return Point(y, ydot, q, G, zero, curvature, det, rcond, float(rcond.min(initial=1.0)))
 
     def _close(self, q: Array) -> Array:
         """Minimum-norm Newton on the dependent joints, singular directions left where predicted."""

@@ -294,5 +294,5 @@ def _paper(args: argparse.Namespace) -> int:
     path = args.out / "summary.json"
     path.write_text(json.dumps(figures, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
     print(f"wrote {path}\n\nmax |q − exact| [rad] over {duration:g} s, RK4, step {step:g} s")
-    print(table(["", *METHODS, "classical GCP"], rows))
+    print(table(["", *(f" {m}" for m in METHODS), "classical GCP"], rows))
     return 0

@@ -1,0 +1,288 @@
+"""The command line as a user meets it: what it prints, writes and refuses."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import subprocess
+import sys
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import robust_gcp as rg
+from robust_gcp import commands
+from robust_gcp.__main__ import main, number, shield
+
+Capture = pytest.CaptureFixture[str]
+SHORT = ["--duration", "0.1", "--step", "5e-3"]
+
+
+def run(line: str, *more: str) -> int:
+    return main([*line.split(), *more])
+
+
+def read_csv(path: Path) -> tuple[list[str], np.ndarray]:
+    with path.open(newline="", encoding="utf-8") as file:
+        header, *rows = csv.reader(file)
+    return header, np.array(rows, dtype=float)
+
+
+# --------------------------------------------------------------------------- words
+
+
+def test_numbers_and_multiples_of_pi() -> None:
+    texts = ("0.25", "-1e-3", "pi", " -pi ", "pi/3", "-2*pi/3", "2pi")
+    values = (0.25, -1e-3, math.pi, -math.pi, math.pi / 3, -2 * math.pi / 3, 2 * math.pi)
+    assert [number(text) for text in texts] == pytest.approx(values, rel=1e-15)
+
+
+@pytest.mark.parametrize("text", ["pie", "", "pi/", "1,2"])
+def test_other_words_are_no_numbers(text: str) -> None:
+    with pytest.raises(ValueError, match="could not convert"):
+        number(text)
+
+
+def test_only_negative_numbers_are_shielded_from_argparse() -> None:
+    given = ["--q0", "-pi", "-1e-3", "-h", "0.2", "-pi/0", "rhombus"]
+    assert [shield(x) for x in given] == ["--q0", " -pi", " -1e-3", "-h", "0.2", "-pi/0", "rhombus"]
+
+
+@pytest.mark.parametrize("command", ["", "simulate", "analyse", "models", "paper"])
+def test_help_on_each_command(command: str, capsys: Capture) -> None:
+    with pytest.raises(SystemExit) as exit:
+        main([command, "--help"] if command else ["--help"])
+    assert exit.value.code == 0
+    assert capsys.readouterr().out.startswith(f"usage: robust-gcp {command}".rstrip())
+
+
+@pytest.mark.parametrize(
+    "given", [[], ["simulat"], ["simulate"], ["simulate", "rhombus", "--fast"]]
+)
+def test_words_that_are_not_understood_exit_with_2(given: list[str], capsys: Capture) -> None:
+    with pytest.raises(SystemExit) as exit:
+        main(given)
+    assert exit.value.code == 2
+    assert "robust-gcp" in capsys.readouterr().err
+
+
+# --------------------------------------------------------------------------- simulate
+
+
+def test_summary_tells_state_certificates_crossings_and_cost(capsys: Capture) -> None:
+    assert run("simulate rhombus --duration 0.3 --step 2e-3") == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    trajectory = rg.simulate(rg.load("rhombus"), duration=0.3, step=2e-3)
+    for words in (
+        "rhombus",
+        "method bridge; rk4, step 0.002 s",
+        "state at t = 0.3 s",
+        f"{trajectory.q[-1, 1]:.8f}",
+        f"{trajectory.v[-1, 2]:.8f}",
+        "rad, rad/s",
+        "max closure error",
+        "max |energy error|",
+        f"right-hand sides    {trajectory.stats.rhs}",
+        "wall time",
+        "crossings           1",
+        "transversal",
+    ):
+        assert words in out
+    # From y = 0.2 at rest the exact motion passes y = 0 at 0.185698051586 s (elliptic functions).
+    assert "0.185698  0.000000  transversal" in out
+    assert max(map(len, out.splitlines())) <= 80
+
+
+def test_csv_holds_the_trajectory_to_the_last_digit(tmp_path: Path, capsys: Capture) -> None:
+    record = ["--record", "a,energy,multipliers"]
+    start = ["--q0", "-0.3", "0.3", "-0.3", "--v0", "-1", "1", "-1"]
+    folder = tmp_path / "new" / "runs"
+    assert main(["simulate", "rhombus", *start, *SHORT, *record, "--out", str(folder)]) == 0
+    path = folder / "rhombus_bridge.csv"
+    assert f"wrote {path}" in capsys.readouterr().out
+    header, rows = read_csv(path)
+    t = rg.simulate(
+        rg.load("rhombus"),
+        [-0.3, 0.3, -0.3],
+        [-1.0, 1.0, -1.0],
+        duration=0.1,
+        step=5e-3,
+        record=("a", "energy", "multipliers"),
+    )
+    assert t.a is not None and t.energy is not None and t.multipliers is not None
+    names = [f"{x}.q{i}" for x in "qva" for i in (1, 2, 3)]
+    assert header == ["t", *names, "energy", "lambda.0", "lambda.1"]
+    np.testing.assert_array_equal(
+        rows, np.column_stack([t.t, t.q, t.v, t.a, t.energy, t.multipliers])
+    )
+
+
+@pytest.mark.parametrize("method", ["bridge", "projection", "classical", "closed_form"])
+@pytest.mark.parametrize("stepper", ["rk4", "DOP853"])
+def test_every_method_and_stepper(method: str, stepper: str, capsys: Capture) -> None:
+    assert run("simulate crank_rocker", *SHORT, "--method", method, "--stepper", stepper) == 0
+    out = capsys.readouterr().out
+    assert f"method {method}" in out
+    assert f"; {stepper}, step 0.005 s" in out
+
+
+def test_mode_of_a_singular_start_by_its_number(capsys: Capture) -> None:
+    modes = rg.analyse(rg.load("rhombus"), [0, 0, 0]).modes
+    index = next(i for i, mode in enumerate(modes) if abs(mode[0]) > 0.5)
+    start = ["simulate", "rhombus", "--q0", "0", "0", "0", *SHORT]
+    assert main([*start, "--mode", str(index)]) == 0
+    trajectory = rg.simulate(
+        rg.load("rhombus"), [0, 0, 0], duration=0.1, step=5e-3, mode=modes[index]
+    )
+    assert f"{trajectory.q[-1, 0]:.8f}" in capsys.readouterr().out
+    assert main(start) == 2
+    assert "--mode INDEX" in capsys.readouterr().err
+    assert main([*start, "--mode", "2"]) == 2
+    assert "--mode 2: analyse lists 2 modes" in capsys.readouterr().err
+
+
+def test_a_run_that_stops_tells_how_far_and_keeps_the_rows(tmp_path: Path, capsys: Capture) -> None:
+    # The kite's crank reaches no further than −π/3: a toggle, after some 0.76 s of falling.
+    path = tmp_path / "named.csv"
+    given = ["simulate", "kite", "--duration", "1", "--step", "5e-3", "--out", str(path)]
+    assert main(given) == 2
+    out, err = capsys.readouterr()
+    header, rows = read_csv(path)
+    assert out == ""
+    assert "robust_gcp: toggle" in err and "q2" in err
+    assert f"simulated until t = {rows[-1, 0]:.6g} s ({len(rows)} rows)" in err
+    assert f"wrote {path}" in err
+    assert 0.7 < rows[-1, 0] < 0.8 and rows[-1, header.index("q.q1")] > -math.pi / 3
+    assert main([*given, "--on-toggle", "repartition"]) == 0
+    assert "s: y = q" in capsys.readouterr().out
+    assert read_csv(path)[1][-1, 0] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ("simulate rhombis", "did you mean 'rhombus'"),
+        (
+            "simulate rhombus --q0 0.2 -0.2",
+            "q0 has shape (2,), expected (nq,) = (3,)",
+        ),
+        ("simulate rhombus --v0 1 0 0", "v0 breaks the loop"),
+        ("simulate rhombus --step -1e-3", "step = -0.001 must be positive"),
+        ("simulate rhombus --duration nan", "duration = nan must be positive and finite"),
+        ("simulate rhombus --q0 0.2 0.3 0.2", "coupler_tip – rocker_tip is open by"),
+        ("simulate rhombus --q0 nan 0 0", "q0"),
+        ("simulate rhombus --record a,speed", "record = 'speed' is unknown"),
+        ("simulate rhombus --plot motion.jpg", "a figure is a .png or a .pdf file"),
+        ("analyse rhombus --q 0 0", "q has shape (2,)"),
+        ("analyse rhombus --q 0 0 1", "is open by"),
+        ("analyse no/such/folder", "neither a shipped model nor a folder"),
+    ],
+)
+def test_bad_input_is_one_clear_line_and_exit_2(given: str, words: str, capsys: Capture) -> None:
+    assert run(given) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("robust_gcp: ") and err.count("\n") == 1
+    assert words in err
+
+
+def test_an_output_that_cannot_be_written_is_one_line(tmp_path: Path, capsys: Capture) -> None:
+    (tmp_path / "file").write_text("in the way")
+    assert main(["simulate", "rhombus", *SHORT, "--out", str(tmp_path / "file" / "x.csv")]) == 2
+    assert capsys.readouterr().err.startswith("robust_gcp: ")
+
+
+# --------------------------------------------------------------------------- printing
+
+
+def test_warnings_of_the_package_are_one_line_others_stay(capsys: Capture) -> None:
+    with pytest.warns(UserWarning, match="not ours"), commands.clean_warnings():
+        warnings.warn("close to the edge", rg.SingularityWarning, stacklevel=1)
+        warnings.warn("not ours", UserWarning, stacklevel=1)
+    assert capsys.readouterr().err == "robust_gcp: warning: close to the edge\n"
+
+
+def test_no_bar_without_a_terminal_and_a_bar_with_one(
+    monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    with commands.progress_bar(5.0, "rhombus") as progress:
+        assert progress is None
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    with commands.progress_bar(5.0, "rhombus") as progress:
+        assert progress is not None
+        seen: Callable[[float], None] = progress
+        for i in range(101):
+            seen(i / 100)
+    assert "\n" not in capsys.readouterr().err
+
+
+def test_long_tables_end_with_a_count() -> None:
+    text = commands.table(["name", " x"], [[f"q{i}", str(i)] for i in range(50)])
+    assert text.splitlines()[-1] == "  … and 38 more"
+    assert len(text.splitlines()) == commands.LONGEST_TABLE + 2
+
+
+def test_what_rounds_to_zero_has_no_sign() -> None:
+    assert commands.fixed(-1e-12, 4) == "0.0000"
+    assert commands.listed([-1e-12, -0.2], 4) == "(0, -0.2)"
+
+
+# --------------------------------------------------------------------------- analyse, models
+
+
+def test_analyse_prints_the_published_picture_at_the_crossing(capsys: Capture) -> None:
+    assert run("analyse rhombus --q 0 0 0") == 0
+    lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    for words in (
+        "q = (0, 0, 0)",
+        "kind singular",
+        "rank of K 1 of 2 rows; generic rank 2",
+        "δ_diff 2, dimension of the tangent space ker K",
+        "δ_loc 1, largest dimension of a mode",
+        "coupler_tip – rocker_tip 2.0000 1.0000 -1.0000",
+    ):
+        assert words in lines
+    # Modes (1, −1, 1) and (0, 1, 1) of METHOD.md §1, in either order, as the last two columns.
+    start = next(i for i, line in enumerate(lines) if line.startswith("tangents"))
+    modes = np.array([line.split()[-2:] for line in lines[start + 1 : start + 4]], dtype=float).T
+    assert sorted(modes.tolist()) == [[0.0, 1.0, 1.0], [1.0, -1.0, 1.0]]
+
+
+def test_analyse_as_json_keeps_all_digits(capsys: Capture) -> None:
+    assert run("analyse rhombus --q pi -pi pi --json") == 0
+    picture = json.loads(capsys.readouterr().out)
+    here = rg.analyse(rg.load("rhombus"), [math.pi, -math.pi, math.pi])
+    assert picture["model"] == "rhombus"
+    assert picture["q"] == [math.pi, -math.pi, math.pi]
+    assert (picture["rank"], picture["generic_rank"]) == (1, 2)
+    assert (picture["differential_dof"], picture["local_dof"]) == (2, 1)
+    assert picture["modes"] == [mode.tolist() for mode in here.modes]
+    assert picture["kernel"] == here.kernel.tolist()
+    np.testing.assert_allclose(picture["K"], [[0, 0, 0], [0, 1, 1]], atol=1e-15)
+
+
+def test_models_lists_all_of_them(capsys: Capture) -> None:
+    assert run("models") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines[1:]] == rg.model_names()
+    rhombus = next(line for line in lines if line.split()[0] == "rhombus")
+    for words in ("q1, q2, q3", "coupler_tip – rocker_tip (3d)", "all lengths 1 m"):
+        assert words in rhombus
+
+
+def test_as_a_module() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "robust_gcp", "simulate", "rhombus", *SHORT],
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        check=False,
+        timeout=120,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "state at t = 0.1 s" in done.stdout
