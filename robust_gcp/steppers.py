@@ -84,7 +84,7 @@ def adaptive(
     def guarded(t: float, state: Array) -> Array:
         nonlocal started
         try:
-            value = f(t, state)
+            value = f(t, state.copy())  # LSODA overwrites its state in place
         except SimulationError as error:
             if not started or method == "LSODA":
                 raise

@@ -105,13 +105,12 @@ class Case:
     @property
     def fate(self) -> str:
         """Tell what classical GCP does at `lock_time`, in words."""
-        if self.lock_time is None:
-            return "stays on the mode"
-        if self.stop:
-            return "stops"
+        off = np.flatnonzero(self.deviation("classical") > LOCKED)
+        if len(off) == 0:
+            return "stops" if self.stop else "stays on the mode"
         run = self.runs["classical"]
-        rest = np.ptp(run.q[run.t > self.lock_time + 0.1, 1:], axis=0)
-        return "locks" if np.all(rest < LOCKED) else "changes mode"
+        later = run.q[(off[0] + len(run.q)) // 2 :, run.mechanism.iv_dependent]
+        return "locks" if np.all(np.ptp(later, axis=0) < LOCKED) else "changes mode"
 
     def summary(self) -> dict[str, Any]:
         """List the figures of this case, ready for JSON."""
@@ -213,7 +212,7 @@ def joint_figure(case: Case) -> Figure:
 def strobe_figure(case: Case) -> Figure:
     """Draw the motion at the same instants by classical and robust GCP, one above the other."""
     drawing = draw_four_bar(case.mechanism)
-    times = strobe_instants(case).reshape(2, -1)
+    times, y = strobe_instants(case).reshape(2, -1), case.exact["q"][:, 0]
     poses = [list(plots.four_bar_pose(drawing, q).values()) for q in case.exact["q"][::10]]
     low, high = np.min(poses, axis=(0, 1)) - MARGIN, np.max(poses, axis=(0, 1)) + MARGIN
     panel = 0.94 * plots.WIDTH / times.shape[1] / (high - low)[0]
@@ -231,7 +230,7 @@ def strobe_figure(case: Case) -> Figure:
                 _strobe(ax, case.runs[method], drawing, float(t))
             line[0].set_ylabel(title)
         for ax, t in zip(panels[0], instants, strict=True):
-            lost = t == case.lock_time and not case.stop
+            lost = t == case.lock_time and abs(np.interp(t, case.t, y) + np.pi) < 0.02
             ax.set_title(f"{t:.3f} s, $q_1 = -\\pi$" if lost else f"{t:.2f} s", fontsize=8.5)
     plots.link_legend(parts[2])
     return figure
