@@ -108,7 +108,7 @@ def torque_function(mechanism: Mechanism, torque: Torque | ArrayLike | None) -> 
     if not callable(torque):
         constant = mechanism.velocity(torque, "torque")
         return lambda t, q, v: constant
-    supplied = torque
+    supplied: Torque = torque
 
     def checked(t: float, q: Array, v: Array) -> Array:
         tau = np.asarray(supplied(t, q.copy(), v.copy()), dtype=float)

@@ -54,7 +54,8 @@ class ClassicalMap:
             When Newton does not converge or K_d is exactly singular.
         """
         if self.newton_start == "previous":
-            point = self.path.settle(self.anchor.q.copy(), y, ydot)
+            # beside a crossing the last q_d is a poor guess: Newton wanders before it contracts
+            point = self.path.settle(self.anchor.q.copy(), y, ydot, contracting=False)
         else:
             point = self.path.step(self.anchor, y, ydot)
         if point is None or not np.all(np.isfinite(point.g)):

@@ -160,8 +160,13 @@ class RegularPath:
         """Largest entry of a step dv, dimensionless."""
         return float(np.abs(dv * self._length_scale).max(initial=0.0))
 
-    def close(self, q: Array) -> tuple[Array, float] | None:
+    def close(self, q: Array, contracting: bool = True) -> tuple[Array, float] | None:
         """Newton on the dependent joints from q (overwritten).
+
+        Parameters
+        ----------
+        contracting : bool
+            Give up as soon as a step is not half of the one before: from a good prediction it is.
 
         Returns
         -------
@@ -184,7 +189,7 @@ class RegularPath:
             step = float(np.abs(u).max())
             if iteration == 0:
                 correction = step
-            elif not step <= 0.5 * last_step and size > STAGNANT:
+            elif contracting and not step <= 0.5 * last_step and size > STAGNANT:
                 return None
             last_size, last_step = size, step
             q = self._move(q, -u * self._column_scale)
@@ -241,10 +246,12 @@ class RegularPath:
             point.distance = self.size(dv)
         return point
 
-    def settle(self, q: Array, y: Array, ydot: Array) -> Point | None:
+    def settle(
+        self, q: Array, y: Array, ydot: Array, contracting: bool = True
+    ) -> Point | None:
         """The point at y that Newton finds from the guess q (overwritten), or None when it is lost."""
         q[self.iq] = y
-        closed = self.close(q)
+        closed = self.close(q, contracting)
         if closed is None:
             return None
         point = self.derivatives(closed[0], y, ydot)

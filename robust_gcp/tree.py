@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .errors import ModelError
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating[Any]]
 
 
 class Tree:

@@ -1,0 +1,220 @@
+"""The split into independent and dependent joints: blocks, rows, choices, and solving along the blocks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+import robust_gcp as rg
+from robust_gcp import scenes
+from robust_gcp.blocks import BlockFactor
+from robust_gcp.kernel import RegularPath
+from robust_gcp.partition import (
+    MAX_ENUMERATED,
+    Block,
+    independent_rows,
+    numerical_rank,
+    ranked_choices,
+    triangular_blocks,
+)
+
+Array = NDArray[np.float64]
+Pattern = NDArray[np.bool_]
+
+
+def hidden_blocks(sizes: list[int], seed: int, density: float = 0.3) -> Pattern:
+    """A block lower triangular pattern with full diagonal blocks, rows and columns then shuffled."""
+    rng = np.random.default_rng(seed)
+    n = sum(sizes)
+    block = np.repeat(np.arange(len(sizes)), sizes)
+    pattern = (block[:, None] > block) & (rng.random((n, n)) < density)
+    pattern |= block[:, None] == block
+    return np.asarray(pattern[rng.permutation(n)][:, rng.permutation(n)])
+
+
+def assert_block_lower_triangular(pattern: Pattern, blocks: list[Block]) -> None:
+    """Every row and column once, square blocks, and no row sees a column of a later block."""
+    n = len(pattern)
+    assert sorted(np.concatenate([b.rows for b in blocks]).tolist()) == list(range(n))
+    assert sorted(np.concatenate([b.columns for b in blocks]).tolist()) == list(range(n))
+    known: list[int] = []
+    for b in blocks:
+        assert len(b.rows) == len(b.columns)
+        known += b.columns.tolist()
+        later = np.setdiff1d(np.arange(n), known)
+        assert not np.any(pattern[np.ix_(b.rows, later)])
+
+
+SIZES = st.lists(st.integers(1, 4), min_size=1, max_size=7)
+
+
+@settings(deadline=None, max_examples=60)
+@given(sizes=SIZES, seed=st.integers(0, 10**6))
+def test_hidden_blocks_are_found_under_any_permutation(sizes: list[int], seed: int) -> None:
+    pattern = hidden_blocks(sizes, seed)
+    blocks = triangular_blocks(pattern)
+    assert blocks is not None
+    assert_block_lower_triangular(pattern, blocks)
+    assert sorted(len(b.rows) for b in blocks) == sorted(sizes)
+
+
+@settings(deadline=None, max_examples=60)
+@given(sizes=SIZES, seed=st.integers(0, 10**6))
+def test_substitution_along_blocks_solves_the_system(sizes: list[int], seed: int) -> None:
+    """A⁻¹ B, and each block's determinant; the product of them is det A up to the permutation's sign."""
+    rng = np.random.default_rng(seed)
+    pattern = hidden_blocks(sizes, seed)
+    A = np.where(pattern, rng.uniform(-1, 1, pattern.shape), 0.0)
+    blocks = triangular_blocks(pattern)
+    assert blocks is not None
+    for b in blocks:  # far from singular: what is lost is rounding
+        U, s, Vt = np.linalg.svd(A[np.ix_(b.rows, b.columns)])
+        A[np.ix_(b.rows, b.columns)] = U @ np.diag(0.5 + s) @ Vt
+    B = rng.uniform(-1, 1, (len(A), 3))
+    factor = BlockFactor(blocks)
+    for _ in range(2):
+        factor.factor(A)
+        X = factor.solve(B)
+        # backward stable: the residual is rounding of |A| |X|
+        assert np.abs(A @ X - B).max() <= 1e-12 * max(1.0, np.abs(X).max())
+        assert abs(np.prod(factor.det)) == pytest.approx(abs(np.linalg.det(A)), rel=1e-9)
+        factor.couple(pattern)  # the second time with the columns that a row can see only
+
+
+def test_conditioning_and_determinant_of_each_block() -> None:
+    """σ_min/σ_max up to 2 × 2, LAPACK's estimate above; zero, and no solution, where singular."""
+    rng = np.random.default_rng(0)
+    sizes = (1, 2, 4)
+    blocks, start = [], 0
+    for size in sizes:
+        index = np.arange(start, start + size)
+        blocks.append(Block(index, index))
+        start += size
+    factor = BlockFactor(blocks)
+    A = np.zeros((7, 7))
+    for b in blocks:
+        A[np.ix_(b.rows, b.rows)] = rng.uniform(-1, 1, (len(b.rows), len(b.rows)))
+    factor.factor(A)
+    for i, b in enumerate(blocks):
+        piece = A[np.ix_(b.rows, b.rows)]
+        assert factor.det[i] == pytest.approx(np.linalg.det(piece), rel=1e-12)
+        s = np.linalg.svd(piece, compute_uv=False)
+        if len(piece) == 2:
+            assert factor.rcond[i] == pytest.approx(s[-1] / s[0], rel=1e-12)
+        elif len(piece) == 4:  # 1/cond₁ is within a factor n of 1/cond₂
+            assert s[-1] / s[0] / 4 <= factor.rcond[i] <= 4 * s[-1] / s[0]
+    A[1:3, 1:3] = [[1.0, 2.0], [2.0, 4.0]]
+    factor.factor(A)
+    assert factor.rcond[1] == factor.det[1] == 0.0
+    assert not np.any(np.isfinite(factor.solve(np.ones((7, 1)))[1:3]))
+    A[3:, 3:] = 0.0
+    factor.factor(A)
+    assert factor.rcond[2] == 0.0
+
+
+def test_no_matching_means_structurally_singular() -> None:
+    pattern = hidden_blocks([2, 3], seed=1)
+    pattern[:, 2] = False  # a joint that no row sees
+    assert triangular_blocks(pattern) is None
+    assert triangular_blocks(np.ones((2, 2), dtype=bool) & np.array([[1, 0], [1, 0]], dtype=bool)) is None
+    assert triangular_blocks(np.zeros((0, 0), dtype=bool)) == []
+
+
+@pytest.mark.parametrize("n", (1, 2, 7))
+def test_row_of_four_bars_falls_into_loops(n: int) -> None:
+    """One 2 × 2 block a loop: each loop's coupler and next crank, given the crank before."""
+    mech = scenes.n_four_bar(n)
+    path = RegularPath(mech, mech.select_rows(mech.K(mech.home)))
+    K_d = mech.K(mech.generic_configurations()[0])[:, mech.iv_dependent]
+    assert_block_lower_triangular(K_d != 0.0, list(path.blocks))
+    assert len(path.blocks) == n
+    loops = [{mech.dependent[j] for j in b.columns} for b in path.blocks]
+    assert loops == [{f"coupler{i}", f"crank{i + 1}"} for i in range(n)]
+
+
+def test_blocks_start_from_the_independent_crank() -> None:
+    """With a crank in the middle as y the loops are closed outwards, still one block a loop."""
+    mech = scenes.n_four_bar(4).with_independent(["crank2"])
+    path = RegularPath(mech, mech.select_rows(mech.K(mech.home)))
+    order = [frozenset(mech.dependent[j] for j in b.columns) for b in path.blocks]
+    assert set(order) == {
+        frozenset({"coupler0", "crank0"}),
+        frozenset({"coupler1", "crank1"}),
+        frozenset({"coupler2", "crank3"}),
+        frozenset({"coupler3", "crank4"}),
+    }
+    assert order.index(frozenset({"coupler1", "crank1"})) < order.index(frozenset({"coupler0", "crank0"}))
+    assert order.index(frozenset({"coupler2", "crank3"})) < order.index(frozenset({"coupler3", "crank4"}))
+
+
+# --------------------------------------------------------------------------- rows and ranks
+
+
+def test_independent_rows_span_the_row_space() -> None:
+    """Of redundant rows (sums of others, copies, zeros) as many as the rank are kept, regular."""
+    rng = np.random.default_rng(2)
+    base = rng.uniform(-1, 1, (4, 4))
+    K_d = np.vstack([base[0], np.zeros(4), 1e-3 * base[1], base[1], base[2] + base[3], base[2], base[3]])
+    rows = independent_rows(K_d, 4)
+    assert rows.tolist() == sorted(set(rows.tolist()))
+    assert np.linalg.matrix_rank(K_d[rows]) == 4
+    assert 2 not in rows  # of two parallel rows the larger one
+    assert independent_rows(base, 4).tolist() == [0, 1, 2, 3]
+
+
+def test_numerical_rank_is_relative() -> None:
+    s = np.array([5.0, 1.0, 4.9e-8, 0.0])
+    assert numerical_rank(s, 1e-8) == 2
+    assert numerical_rank(1e-12 * s, 1e-8) == 2
+    assert numerical_rank(s, 1e-9) == 3
+    assert numerical_rank(np.zeros(3), 1e-8) == numerical_rank(np.zeros(0), 1e-8) == 0
+
+
+# --------------------------------------------------------------------------- choices
+
+
+def test_choices_are_ranked_by_their_smallest_singular_value() -> None:
+    """Kernel (0, 1, 2)/√5: the first joint rests and cannot serve, the last moves most."""
+    kernel = np.array([[0.0], [1.0], [2.0]]) / np.sqrt(5.0)
+    found = ranked_choices(kernel, np.arange(3), ["a", "b", "c"])
+    assert [names for _, names in found] == [("c",), ("b",)]
+    np.testing.assert_allclose([quality for quality, _ in found], [2 / 5**0.5, 1 / 5**0.5], atol=1e-12)
+    assert ranked_choices(kernel, np.array([0, 1]), ["a", "b"]) == found[1:]
+    assert ranked_choices(kernel, np.arange(3), ["a", "b", "c"], limit=1) == found[:1]
+
+
+def test_choices_of_several_joints_must_be_regular_together() -> None:
+    """Joints 0 and 1 always move alike: not both."""
+    kernel, _ = np.linalg.qr(np.array([[1.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
+    found = {names for _, names in ranked_choices(kernel, np.arange(3), ["a", "b", "c"])}
+    assert found == {("a", "c"), ("b", "c")}
+    assert ranked_choices(kernel, np.array([2]), ["c"]) == []  # fewer joints than freedoms
+    assert ranked_choices(np.zeros((3, 0)), np.arange(3), ["a", "b", "c"]) == []
+
+
+def test_many_joints_get_one_rank_revealing_choice() -> None:
+    """C(30, 8) = 5.9 million sets are not tried one by one; the one offered is regular."""
+    rng = np.random.default_rng(3)
+    kernel, _ = np.linalg.qr(rng.normal(size=(30, 8)))
+    names = [f"q{i}" for i in range(30)]
+    ((quality, chosen),) = ranked_choices(kernel, np.arange(30), names)
+    rows = [names.index(name) for name in chosen]
+    s = np.linalg.svd(kernel[rows], compute_uv=False)
+    assert quality == pytest.approx(s[-1], abs=1e-11)
+    assert quality > 0.1  # pivoting finds a well conditioned set where there are so many
+    assert MAX_ENUMERATED < 5_852_925
+
+
+def test_every_choice_that_an_error_offers_makes_a_mechanism() -> None:
+    """The swinging four-bar, mobility 2: the closure does not see q0, so q0 cannot be dependent."""
+    good = scenes.swinging_four_bar(4.0, 1.0, 3.5, 3.0, swing=0.3, y=1.0)
+    with pytest.raises(rg.PartitionError, match=r"structurally singular.*determine 'q0'") as caught:
+        good.with_independent(["q1", "q2"])
+    choices = caught.value.choices
+    assert {frozenset(c) for c in choices} == {frozenset({"q0", q}) for q in ("q1", "q2", "q3")}
+    for names in choices:
+        assert " + ".join(names) in str(caught.value)
+        assert good.with_independent(names).m == 2
