@@ -59,8 +59,10 @@ class BlockFactor:
         self._into = np.argsort(columns)
         self._layout_band(pattern[np.ix_(rows, columns)])
         sizes = np.array([len(b.rows) for b in blocks])
-        self._small = np.flatnonzero(sizes <= 2)
-        self._large = [(int(i), np.ix_(blocks[i].rows, blocks[i].columns)) for i in np.flatnonzero(sizes > 2)]
+        self._small = [i for i, size in enumerate(sizes) if size <= 2]
+        self._large = [
+            (i, np.ix_(block.rows, block.columns)) for i, block in enumerate(blocks) if len(block.rows) > 2
+        ]
         self._corners = np.array(
             [
                 [blocks[i].rows[r] * n + blocks[i].columns[c] for r in (0, -1) for c in (0, -1)]
@@ -109,7 +111,7 @@ class BlockFactor:
 
     def _measure(self, A: Array, flat: Array) -> None:
         det, rcond = np.empty(len(self.blocks)), np.empty(len(self.blocks))
-        if len(self._small):
+        if self._small:
             a, b, c, d = flat[self._corners].T
             small = np.where(self._single, a, a * d - b * c)
             square = a * a + b * b + c * c + d * d

@@ -57,7 +57,7 @@ GOOD = 1e-9
 """Relative error of γ'' over the bridge at which no shorter one is tried."""
 
 
-class NoBridge(SimulationError):
+class NoBridgeError(SimulationError):
     """No certified bridge exists here; `residual` is what is left of φ on the best attempt."""
 
     def __init__(self, reason: str, residual: float = np.inf, separation: float = np.nan) -> None:
@@ -172,9 +172,7 @@ class Line:
         curvature[path.independent] = 0.0
         return self._point(s, q, ydot, G, curvature * float(ydot[0]) ** 2, curvature)
 
-    def _point(
-        self, s: float, q: Array, ydot: Array, G: Array, g: Array, curvature: Array | None
-    ) -> Point:
+    def _point(self, s: float, q: Array, ydot: Array, G: Array, g: Array, curvature: Array | None) -> Point:
         det = np.array([float(f(self.x(s))) for f in self._det])
         y = self.origin + s * self.direction
         return Point(y, ydot.copy(), q, G, g, curvature, det, np.ones_like(det))
@@ -270,15 +268,15 @@ class Builder:
 
         Raises
         ------
-        NoBridge
+        NoBridgeError
             When no attempt earns a certificate.
         """
         best: Bridge | None = None
-        failures: list[NoBridge] = []
+        failures: list[NoBridgeError] = []
         for shrink in SHRINKS:
             try:
                 bridge = self._attempt(anchor, direction, shrink)
-            except NoBridge as failure:
+            except NoBridgeError as failure:
                 failures.append(failure)
                 continue
             if best is None or bridge.error < best.error:
@@ -298,19 +296,17 @@ class Builder:
             zeros = {b: line.zero(b, *inner) for b in singular}
             found = [z for z in zeros.values() if z is not None]
             if len(found) < len(singular):
-                raise NoBridge("the determinant of K_d does not change sign across the zone")
+                raise NoBridgeError("the determinant of K_d does not change sign across the zone")
             # every zone |s − zero| ≤ own width must lie between the inner nodes
             halves = {b: self._half_width(line, b, z, shrink) for b, z in zeros.items() if z is not None}
             low = min(z - halves[b] for b, z in zeros.items() if z is not None)
             high = max(z + halves[b] for b, z in zeros.items() if z is not None)
             new_center, new_width = 0.5 * (low + high), 0.5 * (high - low)
-            settled = (
-                abs(new_center - center) <= 0.2 * width and 0.7 * width <= new_width <= 1.4 * width
-            )
+            settled = abs(new_center - center) <= 0.2 * width and 0.7 * width <= new_width <= 1.4 * width
             if settled:
                 return self._certify(line, inner, sorted(found))
             center, width = new_center, new_width
-        raise NoBridge("the singular surface could not be located")
+        raise NoBridgeError("the singular surface could not be located")
 
     def _half_width(self, line: Line, block: int, zero: float, shrink: float) -> float:
         """Distance from the zero at which the block's conditioning reaches the zone's."""
@@ -349,7 +345,7 @@ class Builder:
         backward = self._march(anchor, anchor.y - eps * d, anchor.ydot)
         slope = float(forward.det[block] - backward.det[block]) / (2.0 * eps)
         if slope == 0.0 or not np.isfinite(slope):
-            raise NoBridge("the determinant of K_d does not vary along the line")
+            raise NoBridgeError("the determinant of K_d does not vary along the line")
         return slope
 
     def _nodes(
@@ -371,12 +367,12 @@ class Builder:
             guess = Line(path, origin, d, nodes).configuration(s)
             far = path.settle(guess, origin + s * d, anchor.ydot)
             if far is None:
-                raise NoBridge("there is no configuration beyond the singular surface on this mode")
+                raise NoBridgeError("there is no configuration beyond the singular surface on this mode")
             if np.any(np.sign(far.det) != expected):
-                raise NoBridge("beyond the singular surface Newton found another mode")
+                raise NoBridgeError("beyond the singular surface Newton found another mode")
             reach = float(np.abs(far.G @ d / path.mechanism.column_scale).max()) * factor * width
             if far.correction > 0.3 * reach:
-                raise NoBridge("beyond the singular surface the mode does not go on smoothly")
+                raise NoBridgeError("beyond the singular surface the mode does not go on smoothly")
             nodes.append((s, far))
         line = Line(path, origin, d, nodes)
         return line, (center - width, center + width)
@@ -385,7 +381,7 @@ class Builder:
         try:
             return march(self.path, here, y, ydot)
         except BranchError as error:
-            raise NoBridge(f"a node beside the surface is out of reach ({error})") from error
+            raise NoBridgeError(f"a node beside the surface is out of reach ({error})") from error
 
     def _certify(self, line: Line, inner: tuple[float, float], zeros: list[float]) -> Bridge:
         path, options = self.path, self.options
@@ -393,12 +389,12 @@ class Builder:
         samples = np.linspace(*inner, 15)[1:-1]
         residual = max(mechanism.closure_residual(line.configuration(float(s))) for s in samples)
         if residual > max(options.closure_tolerance, options.geometric_tolerance):
-            raise NoBridge("the interpolated mode does not close the loops", residual)
+            raise NoBridgeError("the interpolated mode does not close the loops", residual)
         point = line.at(zeros[0], np.zeros(path.m))
         separation = transversality(mechanism, point.q, point.G, path.nd)
         path.counters.svds += 1
         if separation < options.transversality:
-            raise NoBridge("the modes part at higher than second order", residual, separation)
+            raise NoBridgeError("the modes part at higher than second order", residual, separation)
         certified = residual <= options.closure_tolerance
         kind: CrossingKind = "transversal" if certified else "near miss"
         error = max(self._held_out(line, inner), residual)

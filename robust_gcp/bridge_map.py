@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from .bridge import Bridge, BridgeOptions, Builder, Line, NoBridge
+from .bridge import Bridge, BridgeOptions, Builder, Line, NoBridgeError
 from .errors import BranchError, NotCertifiedError, SimulationError, ToggleError
 from .explicit import Passage
 from .kernel import Counters, Point, RegularPath
@@ -60,7 +60,7 @@ class Obstacle:
         return float(np.linalg.norm(point.y - self.y)) <= 4.0 * self.reach
 
 
-class UncertifiedZone(SimulationError):
+class UncertifiedZoneError(SimulationError):
     """A fixed step would enter a zone without a bridge; caught by the stepping loop."""
 
     def __init__(self, obstacle: Obstacle) -> None:
@@ -79,7 +79,7 @@ class BridgeMap:
     options : BridgeOptions
     error_controlled : bool
         Whether the caller controls its error, so that a zone without a certified bridge may be
-        entered on the true curve; else `UncertifiedZone` is raised there.
+        entered on the true curve; else `UncertifiedZoneError` is raised there.
     """
 
     def __init__(
@@ -123,17 +123,13 @@ class BridgeMap:
         ------
         ToggleError, NotCertifiedError, BranchError
             When y cannot be reached on this mode.
-        UncertifiedZone
+        UncertifiedZoneError
             See `error_controlled`.
         """
         point = self._on_current(y, ydot) if self._current is not None else None
         if point is None:
             point = self.path.step(self.anchor, y, ydot)
-            if (
-                point is None
-                or point.conditioning < self.options.zone
-                or not same_branch(self.anchor, point)
-            ):
+            if point is None or point.conditioning < self.options.zone or not same_branch(self.anchor, point):
                 point = self._rare(y, ydot)
         self.anchor = point
         self.counters.evaluations += 1
@@ -249,7 +245,7 @@ class BridgeMap:
             return None
         try:
             bridge = self._builder.build(point, self._direction(point))
-        except NoBridge as failure:
+        except NoBridgeError as failure:
             self._obstacle = self._classify(point, failure)
             return None
         self._keep(bridge)
@@ -281,7 +277,7 @@ class BridgeMap:
 
     # --------------------------------------------------------------------- obstacles
 
-    def _classify(self, point: Point, failure: NoBridge) -> Obstacle:
+    def _classify(self, point: Point, failure: NoBridgeError) -> Obstacle:
         """Tell a toggle (K stays regular) from a near miss and from what second order leaves open."""
         d = self._direction(point)
         block = int(np.argmin(point.rcond))
@@ -319,7 +315,7 @@ class BridgeMap:
         obstacle = self._obstacle
         assert obstacle is not None
         if not self.error_controlled:
-            raise UncertifiedZone(obstacle)
+            raise UncertifiedZoneError(obstacle)
         self.counters.zone_evaluations += 1
         try:
             point = march(self.path, here, y, ydot)

@@ -107,9 +107,7 @@ class FourBar:
         lengths = (self.l0, self.l1, self.l2, self.l3)
         room = sum(lengths) * (1.0 - LENGTH_ROUNDING) - 2.0 * max(lengths)
         if not (min(lengths) > 0.0 and 0.0 < room < math.inf):
-            raise OptionError(
-                f"lengths {lengths} m: need all > 0, the longest below the others' sum"
-            )
+            raise OptionError(f"lengths {lengths} m: need all > 0, the longest below the others' sum")
         if self.assembly not in (1, -1):
             raise OptionError(f"assembly must be +1 or -1, got {self.assembly!r}")
         object.__setattr__(self, "_shape", _shape(*lengths, self.assembly))

@@ -173,7 +173,8 @@ class ImplicitConstraint:
         wrenches: list[int] = []
         columns_at: list[int] = []
         weights: list[float] = []
-        joints = [int(f.parentJoint) for f in tree.model.frames[tree.model.nframes - 2 * loops :]] if loops else []
+        frames = [tree.model.frames[i] for i in range(tree.model.nframes - 2 * loops, tree.model.nframes)]
+        joints = [int(frame.parentJoint) for frame in frames]
         for side, sign in ((0, 1.0), (1, -1.0)):
             for row in range(n):
                 at, point = side * n + row, side * loops + int(closure[row])
@@ -194,12 +195,8 @@ class ImplicitConstraint:
         self._entry_at = (self._entry_wrench % max(n, 1)) * tree.nv + self._entry_column
         # k: velocities and accelerations of the frames from those of their joints, in frame axes
         self._joint = np.array(joints, dtype=np.int64)
-        self._to_frame = np.array(
-            [_point_motion(tree.model.frames[tree.model.nframes - 2 * loops + i]) for i in range(2 * loops)]
-        ).reshape(-1, 3, 6)
-        self._turn = np.array(
-            [tree.model.frames[tree.model.nframes - 2 * loops + i].placement.rotation.T for i in range(2 * loops)]
-        ).reshape(-1, 3, 3)
+        self._to_frame = np.array([_point_motion(frame) for frame in frames]).reshape(-1, 3, 6)
+        self._turn = np.array([frame.placement.rotation.T for frame in frames]).reshape(-1, 3, 3)
         self._rotation = _RotationRows(self.rows, layout, loops) if np.any(~self.is_length) else None
 
     def residual(self) -> Array:
@@ -220,12 +217,11 @@ class ImplicitConstraint:
         np.multiply(self._tree.frame_p.take(self._moment_source), self._moment_sign, out=self._moment)
         if self._rotation is not None:
             self._moment[self._rotation.at] = self._moment[n + self._rotation.at] = self._rotation.normals()
-        entries = np.einsum(
-            "ij,ij->i", self._wrench[self._entry_wrench], self._tree.J[self._entry_column]
-        )
+        entries = np.einsum("ij,ij->i", self._wrench[self._entry_wrench], self._tree.J[self._entry_column])
         entries *= self._entry_weight
         nv = self._tree.nv
-        return np.bincount(self._entry_at, entries, minlength=n * nv).reshape(n, nv)
+        flat = np.bincount(self._entry_at, entries, minlength=n * nv)
+        return np.asarray(flat, dtype=float).reshape(n, nv)
 
     def bias(self) -> Array:
         """k = −K̇ v (nc,) after `residual` at q and the tree's `rnea` at (q, v, 0).
@@ -308,7 +304,8 @@ class _RotationRows:
         return -self._sum(turning + np.einsum("ij,ij->i", w1 - w2, rate))
 
     def _sum(self, terms: Array) -> Array:
-        return np.bincount(self._owner, terms * self._weight, minlength=len(self.at))
+        summed = np.bincount(self._owner, terms * self._weight, minlength=len(self.at))
+        return np.asarray(summed, dtype=float)
 
 
 def frame_of(model: pin.Model, name: str, owner: str) -> pin.Frame:

@@ -36,9 +36,7 @@ def complain(message: str) -> None:
     print(f"robust_gcp: {message}", file=sys.stderr)
 
 
-def table(
-    header: Sequence[str], rows: Sequence[Sequence[str]], longest: int = LONGEST_TABLE
-) -> str:
+def table(header: Sequence[str], rows: Sequence[Sequence[str]], longest: int = LONGEST_TABLE) -> str:
     """Set rows in indented columns; a long table ends with a count of the rest.
 
     A column whose header begins with a space is aligned to the right, others to the left.

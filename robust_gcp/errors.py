@@ -1,4 +1,4 @@
-"""Error types. Each says what was wrong, names the culprit, and tells the remedy; the figures behind it are attributes."""
+"""Error types. Each says what was wrong, names the culprit and the remedy, and carries the figures."""
 
 from __future__ import annotations
 

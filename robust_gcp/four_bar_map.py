@@ -132,9 +132,7 @@ class FourBarMap:
 
     def _point(self, linkage: FourBar, y: Array, ydot: Array, near: Array) -> Point:
         sign, offset = self._drawing.sign, self._drawing.offset
-        theta, rate, second = linkage.evaluate(
-            float(sign[0] * y[0] + offset[0]), sign * near + offset
-        )
+        theta, rate, second = linkage.evaluate(float(sign[0] * y[0] + offset[0]), sign * near + offset)
         G = (sign * sign[0] * rate)[:, None]
         curvature = sign * second
         one = np.ones(1)

@@ -216,9 +216,7 @@ class RegularPath:
         elif self.m:
             G[dependent] = self._column_scale[:, None] * -factor.solve(K[:, self.independent])
             g[dependent] = self._bias(q, G @ ydot)
-        return Point(
-            y, ydot, q, G, g, curvature, factor.det, factor.rcond, factor.worst
-        )
+        return Point(y, ydot, q, G, g, curvature, factor.det, factor.rcond, factor.worst)
 
     def second_derivative(self, point: Point, direction: Array) -> Array:
         """γ''[d, d] at a point for a direction d (m,): g at ẏ = d."""
@@ -246,9 +244,7 @@ class RegularPath:
             point.distance = self.size(dv)
         return point
 
-    def settle(
-        self, q: Array, y: Array, ydot: Array, contracting: bool = True
-    ) -> Point | None:
+    def settle(self, q: Array, y: Array, ydot: Array, contracting: bool = True) -> Point | None:
         """The point at y that Newton finds from the guess q (overwritten), or None when it is lost."""
         q[self.iq] = y
         closed = self.close(q, contracting)

@@ -31,7 +31,9 @@ def same_branch(before: Point, after: Point) -> bool:
     if len(after.det) == 0:
         return True
     conditioning = after.conditioning
-    if after.correction > 0.0 and after.correction > CORRECTION * after.distance + ROUNDING / max(conditioning, 1e-12):
+    if after.correction > 0.0 and after.correction > CORRECTION * after.distance + ROUNDING / max(
+        conditioning, 1e-12
+    ):
         return False
     if conditioning >= POOR and before.conditioning >= POOR:
         return bool((before.det * after.det).min() > 0.0)
@@ -45,9 +47,7 @@ def same_branch(before: Point, after: Point) -> bool:
     )
 
 
-def march(
-    path: RegularPath, start: Point, y: Array, ydot: Array, stop_below: float = 0.0
-) -> Point:
+def march(path: RegularPath, start: Point, y: Array, ydot: Array, stop_below: float = 0.0) -> Point:
     """Follow the branch along the straight line from `start` to y.
 
     Parameters

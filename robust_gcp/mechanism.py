@@ -75,9 +75,7 @@ class Mechanism:
         self.m = len(self.independent)
         self.iv_dependent = np.setdiff1d(np.arange(self.nv), self.iv_independent)
         self.dependent = tuple(n for n in self.joint_names if n not in self.independent)
-        self.home = (
-            pin.neutral(self.model) if home is None else self.configuration(home, "home")
-        )
+        self.home = pin.neutral(self.model) if home is None else self.configuration(home, "home")
         self.length = _characteristic_length(self.model, self.closures)
         self.implicit = self._implicit_without_zero_rows()
         self.nc = len(self.implicit.rows)
@@ -210,7 +208,7 @@ class Mechanism:
         u, _, rank, _ = np.linalg.lstsq(K, rhs, rcond=1e-8)
         if rank < len(self.iv_dependent):
             raise StateError(
-                "lift: K_d is singular at q, so ẏ does not determine v; give v along a mode of analyse(mech, q)"
+                "lift: K_d is singular at q, so ẏ does not determine v; take v along a mode of analyse"
             )
         v[self.iv_dependent] = self.column_scale[self.iv_dependent] * u
         return v
@@ -260,9 +258,7 @@ class Mechanism:
             K = self.K(self.tree.integrate(q, dv)) / self.row_scale[:, None]
             return (K @ self.tree.integrate_rate(q, dv))[:, free]
 
-        fit = least_squares(
-            residual, np.zeros(len(free)), jac=jacobian, xtol=1e-15, ftol=1e-15, gtol=1e-15
-        )
+        fit = least_squares(residual, np.zeros(len(free)), jac=jacobian, xtol=1e-15, ftol=1e-15, gtol=1e-15)
         q = self.polish(self.tree.integrate(q, lift(fit.x)), free)
         self.require_closed(q, CLOSED, "assemble")
         self.require_proper(q)
@@ -456,9 +452,7 @@ class Mechanism:
 
 def _as_closure(closure: Closure) -> Closure:
     if not isinstance(closure, PointClosure | FrameClosure | RevoluteClosure):
-        raise ModelError(
-            f"closures: {closure!r} is not a PointClosure, FrameClosure or RevoluteClosure"
-        )
+        raise ModelError(f"closures: {closure!r} is not a PointClosure, FrameClosure or RevoluteClosure")
     return closure
 
 
@@ -479,8 +473,6 @@ def _characteristic_length(model: pin.Model, closures: Sequence[Closure]) -> flo
     lengths = [float(np.linalg.norm(placement.translation)) for placement in model.jointPlacements]
     ends = {name for c in closures for name in (c.frame1, c.frame2)}
     lengths += [
-        float(np.linalg.norm(frame.placement.translation))
-        for frame in model.frames
-        if frame.name in ends
+        float(np.linalg.norm(frame.placement.translation)) for frame in model.frames if frame.name in ends
     ]
     return max(lengths, default=0.0) or 1.0

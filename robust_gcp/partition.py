@@ -112,7 +112,7 @@ def ranked_choices(
     if m == 0 or m > len(candidates):
         return []
     if comb(len(candidates), m) <= MAX_ENUMERATED:
-        sets = list(combinations(range(len(candidates)), m))
+        sets: list[tuple[int, ...]] = list(combinations(range(len(candidates)), m))
     else:
         _, _, pivots = qr(kernel[candidates].T, mode="economic", pivoting=True)
         sets = [tuple(sorted(int(p) for p in pivots[:m]))]

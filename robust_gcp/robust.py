@@ -34,9 +34,7 @@ class ProjectionMap:
         Relative singular value below which K is rank deficient.
     """
 
-    def __init__(
-        self, path: RegularPath, start: Point, threshold: float = PROJECTION_THRESHOLD
-    ) -> None:
+    def __init__(self, path: RegularPath, start: Point, threshold: float = PROJECTION_THRESHOLD) -> None:
         self.path, self.anchor, self.threshold = path, start, threshold
 
     @property
@@ -87,7 +85,7 @@ class ProjectionMap:
             G = projected @ np.linalg.inv(projected[path.independent])
         except np.linalg.LinAlgError as error:
             raise BranchError(
-                f"Eq. (7) at y = {y}: the projected motion does not move the independent joints; choose others",
+                f"Eq. (7) at y = {y}: the projected motion leaves the independent joints at rest",
                 y,
             ) from error
         zero = np.zeros(mechanism.nv)

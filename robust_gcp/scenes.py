@@ -22,9 +22,7 @@ def rod(length: float, mass: float = 1.0) -> pin.Inertia:
     return pin.Inertia(mass, np.array([0.0, 0.5 * length, 0.0]), np.diag([inertia, 0.0, inertia]))
 
 
-def add_link(
-    model: pin.Model, parent: int, y: float, name: str, length: float, mass: float = 1.0
-) -> int:
+def add_link(model: pin.Model, parent: int, y: float, name: str, length: float, mass: float = 1.0) -> int:
     """A rod hinged at distance y along its parent's y axis; a frame `<name>_tip` at its end."""
     placement = pin.SE3(np.eye(3), np.array([0.0, y, 0.0]))
     joint = model.addJoint(parent, pin.JointModelRX(), placement, name)
@@ -68,9 +66,7 @@ def four_bar(
     return Mechanism(model, [PointClosure("q2_tip", "q3_tip")], [independent], home=home)
 
 
-def n_four_bar(
-    n: int, angle: float = 0.5 * np.pi, length: float = 1.0, mass: float = 1.0
-) -> Mechanism:
+def n_four_bar(n: int, angle: float = 0.5 * np.pi, length: float = 1.0, mass: float = 1.0) -> Mechanism:
     """N rhombic four-bars in a row, N + 1 cranks and N couplers (IFToMM benchmark A02).
 
     At home all cranks stand at `angle` from the ground line, couplers parallel to it: the

@@ -3,38 +3,31 @@
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicHermiteSpline
-from scipy.optimize import brentq
 
 from .bridge import BridgeOptions
-from .bridge_map import BridgeMap, UncertifiedZone
-from .dynamics import EquationsOfMotion, Evaluation, Torque, constraint_forces
-from .errors import NonFiniteError, OptionError, SimulationError
-from .explicit import Crossing, ExplicitMap, Passage
+from .bridge_map import BridgeMap
+from .dynamics import Torque
+from .errors import OptionError, SimulationError
+from .explicit import ExplicitMap
 from .four_bar_map import FourBarMap
-from .gcp import ClassicalMap, NewtonStart, SingularityWarning
-from .kernel import Counters, Point
-from .march import POOR
+from .gcp import ClassicalMap, NewtonStart
+from .kernel import Counters
 from .mechanism import Mechanism
 from .robust import PROJECTION_THRESHOLD, ProjectionMap
+from .run import Run
 from .start import Start, begin
-from .steppers import NoProgress, adaptive, check_stepper, rk4_step
-from .trajectory import Stats, Trajectory
+from .steppers import check_stepper
+from .trajectory import Trajectory
 from .tree import Array
 
 Method = Literal["bridge", "projection", "classical", "closed_form"]
 METHODS: tuple[Method, ...] = ("bridge", "projection", "classical", "closed_form")
 RECORDS = ("a", "energy", "multipliers")
-
-REFINED_RTOL, REFINED_ATOL = 1e-10, 1e-12
-"""Tolerances of the error-controlled steps through a zone without a bridge."""
 
 
 def simulate(
@@ -121,12 +114,10 @@ def simulate(
     fixed = check_stepper(stepper) == "rk4"
     counters = Counters()
     begun = time.perf_counter()
-    start = begin(
-        mechanism, mechanism.home if q0 is None else q0, v0, mode, options, counters
-    )
-    run = _Run(mechanism, start, torque, times, record, counters, progress)
+    start = begin(mechanism, mechanism.home if q0 is None else q0, v0, mode, options, counters)
+    explicit = _map(method, start, options, newton_start, threshold, not fixed)
+    run = Run(mechanism, start, explicit, torque, times, record, counters, progress)
     try:
-        run.use(mechanism, start, _map(method, start, options, newton_start, threshold, not fixed))
         if fixed:
             run.fixed_steps(on_toggle, options)
         else:
@@ -155,254 +146,6 @@ def _map(
     if start.bridge is not None:
         bridged.adopt(start.bridge)
     return bridged
-
-
-REFINED_EFFORT = 5_000
-"""Right-hand sides that one such step may take."""
-
-
-@dataclass(frozen=True)
-class _Checkpoint:
-    """A well-conditioned state to return to: step, state and point."""
-
-    i: int
-    x: Array
-    point: Point
-
-
-class _Run:
-    """One simulation in progress: the loop, the record and the events."""
-
-    def __init__(
-        self,
-        mechanism: Mechanism,
-        start: Start,
-        torque: Torque | ArrayLike | None,
-        times: Array,
-        record: Sequence[str],
-        counters: Counters,
-        progress: Callable[[float], None] | None,
-    ) -> None:
-        self._original = mechanism
-        self._torque, self._times, self._counters = torque, times, counters
-        self._progress = progress
-        self._recorded = 0
-        n = len(times)
-        self._q, self._v = np.empty((n, mechanism.nq)), np.empty((n, mechanism.nv))
-        self._a = np.empty((n, mechanism.nv)) if "a" in record else None
-        self._energy = np.empty(n) if "energy" in record else None
-        self._multipliers = np.empty((n, mechanism.nc)) if "multipliers" in record else None
-        self._work = np.empty(n) if torque is not None else None
-        self._crossings: list[Crossing] = []
-        self._repartitions: list[tuple[float, tuple[str, ...]]] = []
-        self._calls = 0
-        self._last: Evaluation | None = None
-        self._x = np.concatenate([start.point.y, start.ydot, np.zeros(int(torque is not None))])
-        self._warned = False
-
-    def use(self, mechanism: Mechanism, start: Start, explicit: ExplicitMap) -> None:
-        """Go on with these coordinates and this map."""
-        work = self._x[len(self._x) - int(self._torque is not None) :]
-        self._calls += self._equations.calls if hasattr(self, "_equations") else 0
-        self._mechanism, self._explicit = mechanism, explicit
-        self._equations = EquationsOfMotion(mechanism, explicit, self._torque)
-        self._x = np.concatenate([start.point.y, start.ydot, work])
-
-    # --------------------------------------------------------------------- loops
-
-    def fixed_steps(self, on_toggle: str, options: BridgeOptions) -> None:
-        """RK4, except through a zone without a bridge.
-
-        There γ bends sharply and a fixed step loses its accuracy before the zone is met. So the run
-        goes back to the last well-conditioned state and takes the steps from there to the next
-        well-conditioned one with error control, or changes coordinates there.
-        """
-        last = len(self._times) - 1
-        i, careful, met_at, changed_at = 0, False, -1, -1
-        safe = _Checkpoint(0, self._x, self._explicit.anchor)
-        while True:
-            t = float(self._times[i])
-            try:
-                now = self._careful(t) if careful else self._equations.evaluate(t, self._x)
-                self._accept(i, now)
-                good = now.point.conditioning >= POOR
-                careful = careful and not (good and i > met_at)
-                if (good and not careful) or i == 0:
-                    safe = _Checkpoint(i, self._x, now.point)
-                if i == last:
-                    return
-                h = float(self._times[i + 1]) - t
-                x = self._refined(t, h) if careful else self._rk4(t, h, now)
-            except UncertifiedZone as zone:
-                met_at, i = i, self._back_to(safe)
-                if zone.obstacle.kind == "toggle" and on_toggle == "repartition" and i > changed_at:
-                    self._repartition(i, options)
-                    changed_at, safe = i, _Checkpoint(i, self._x, self._explicit.anchor)
-                else:
-                    careful = True
-                continue
-            self._x = x
-            i += 1
-
-    def _rk4(self, t: float, h: float, now: Evaluation) -> Array:
-        f = self._equations
-        x = rk4_step(f, t, self._x, h, f.derivative(now))
-        if not np.all(np.isfinite(x)):
-            raise NonFiniteError(
-                f"the state left the finite numbers between t = {t:.6g} and {t + h:.6g} s; use a "
-                "smaller step, or an implicit stepper (Radau, BDF) if the mechanism is stiff"
-            )
-        return x
-
-    def _back_to(self, safe: _Checkpoint) -> int:
-        """Forget what came after the checkpoint."""
-        t = float(self._times[safe.i])
-        self._x, self._explicit.anchor, self._last = safe.x, safe.point, None
-        self._recorded = safe.i
-        self._crossings = [c for c in self._crossings if c.time <= t]
-        return safe.i
-
-    def adaptive_steps(self, stepper: str, rtol: float, atol: float) -> None:
-        """One of scipy's solvers; output at the requested times."""
-        first = self._equations.evaluate(float(self._times[0]), self._x)
-        self._accept(0, first)
-        states = adaptive(stepper, self._equations, self._x, self._times, rtol, atol)
-        for i, x in enumerate(states, start=1):
-            if not np.all(np.isfinite(x)):
-                raise NonFiniteError(f"{stepper} left the finite numbers at t = {self._times[i]:.6g} s")
-            self._x = x
-            self._accept(i, self._equations.evaluate(float(self._times[i]), x))
-
-    def _careful(self, t: float) -> Evaluation:
-        """The evaluation at the present state on the true curve of an uncertified zone."""
-        with self._bridge_map().following_true_curve():
-            return self._equations.evaluate(t, self._x)
-
-    def _refined(self, t: float, h: float) -> Array:
-        """One step through an uncertified zone by an error-controlled method."""
-        bridged = self._bridge_map()
-        with bridged.following_true_curve():
-            states = adaptive(
-                "DOP853",
-                self._equations,
-                self._x,
-                np.array([t, t + h]),
-                REFINED_RTOL,
-                REFINED_ATOL,
-                REFINED_EFFORT,
-            )
-            try:
-                (x,) = states
-            except NoProgress as error:
-                raise bridged.refusal() from error
-        self._counters.refined_steps += 1
-        return x
-
-    def _bridge_map(self) -> BridgeMap:
-        assert isinstance(self._explicit, BridgeMap)  # no other map knows uncertified zones
-        return self._explicit
-
-    def _repartition(self, i: int, options: BridgeOptions) -> None:
-        """Change to the best conditioned independent joints at the present state."""
-        here, t = self._explicit.anchor, float(self._times[i])
-        v = here.G @ self._x[self._mechanism.m : 2 * self._mechanism.m]
-        names = next(
-            (
-                names
-                for _, names in self._mechanism.coordinate_choices(here.q)
-                if set(names) != set(self._mechanism.independent)
-            ),
-            None,
-        )
-        if names is None:
-            raise self._bridge_map().refusal()
-        mechanism = self._mechanism.with_independent(names)
-        start = begin(mechanism, here.q, v, None, options, self._counters)
-        self.use(mechanism, start, BridgeMap(start.path, start.point, options))
-        self._repartitions = [(when, what) for when, what in self._repartitions if when < t]
-        self._repartitions.append((t, names))
-
-    # --------------------------------------------------------------------- record
-
-    def _accept(self, i: int, now: Evaluation) -> None:
-        """Record the evaluation at time i, and what was passed since the last one."""
-        t = float(self._times[i])
-        if self._last is not None:
-            for passage in self._explicit.passed(self._last.point, now.point):
-                self._cross(passage, float(self._times[i - 1]), t, self._last, now)
-        self._last = now
-        self._q[i], self._v[i] = now.point.q, now.v
-        if self._a is not None:
-            self._a[i] = now.a
-        if self._energy is not None:
-            self._energy[i] = sum(self._mechanism.tree.energies(now.point.q, now.v))
-        if self._multipliers is not None:
-            self._multipliers[i] = constraint_forces(
-                self._original, now.point.q, now.v, now.a, now.tau
-            )
-        if self._work is not None:
-            self._work[i] = self._x[-1]
-        self._recorded = i + 1
-        if self._progress is not None:
-            self._progress(i / (len(self._times) - 1))
-
-    def _cross(
-        self, passage: Passage, t0: float, t1: float, before: Evaluation, after: Evaluation
-    ) -> None:
-        """Log a crossing at the time where the Hermite interpolant of y meets the surface."""
-        a, b = before.point, after.point
-        towards = b.y - a.y
-        spline = CubicHermiteSpline([t0, t1], np.array([a.y, b.y]), np.array([a.ydot, b.ydot]))
-
-        def ahead(t: float) -> float:
-            return float((spline(t) - passage.y) @ towards)
-
-        ends = ahead(t0), ahead(t1)
-        when = t1 if ends[1] == 0.0 or ends[0] * ends[1] > 0.0 else float(brentq(ahead, t0, t1))
-        self._crossings.append(
-            Crossing(
-                when, passage.y, passage.q, passage.kind, passage.certificate, passage.transversality
-            )
-        )
-        if passage.kind == "near miss" and not self._warned:
-            self._warned = True
-            warnings.warn(
-                f"at t = {when:.6g} s two modes pass each other with a gap of {passage.certificate:.1g} lengths, "
-                "below geometric_tolerance: bridged as a crossing",
-                SingularityWarning,
-                stacklevel=4,
-            )
-
-    def trajectory(self, begun: float) -> Trajectory:
-        """What was recorded so far."""
-        n, c = self._recorded, self._counters
-
-        def cut(values: Array | None) -> Array | None:
-            return None if values is None else values[:n]
-
-        stats = Stats(
-            rhs=self._calls + (self._equations.calls if hasattr(self, "_equations") else 0),
-            newton_iterations=c.newton_iterations,
-            zone_evaluations=c.zone_evaluations,
-            marching_steps=c.marching_steps,
-            bridges_built=c.bridges_built,
-            refined_steps=c.refined_steps,
-            svds=c.svds,
-            repartitions=self._repartitions,
-            wall_seconds=time.perf_counter() - begun,
-        )
-        return Trajectory(
-            self._original,
-            self._times[:n],
-            self._q[:n],
-            self._v[:n],
-            cut(self._a),
-            cut(self._energy),
-            cut(self._multipliers),
-            cut(self._work),
-            self._crossings,
-            stats,
-        )
 
 
 def _times(duration: float, step: float) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
 from typing import Literal
@@ -80,9 +81,7 @@ class LocalAnalysis:
         return max((1 if t.ndim == 1 else t.shape[1] for t in self.modes), default=0)
 
 
-def analyse(
-    mechanism: Mechanism, q: ArrayLike, rank_tolerance: float = RANK_TOLERANCE
-) -> LocalAnalysis:
+def analyse(mechanism: Mechanism, q: ArrayLike, rank_tolerance: float = RANK_TOLERANCE) -> LocalAnalysis:
     """Rank, kernel, operation modes and classification at a closed configuration.
 
     With N a basis of ker K and u a left null vector, a motion with tangent N w needs
@@ -124,9 +123,7 @@ def analyse(
         forms: tuple[Array, ...] = (),
     ) -> LocalAnalysis:
         unscaled_left = _orthonormal(left / mechanism.row_scale[:, None])
-        return LocalAnalysis(
-            q, kind, rank, generic, s, kernel, unscaled_left, forms, modes, message
-        )
+        return LocalAnalysis(q, kind, rank, generic, s, kernel, unscaled_left, forms, modes, message)
 
     if rank == len(K) or kernel.shape[1] == 0:
         modes = (_direction(kernel),) if kernel.shape[1] else ()
@@ -150,7 +147,7 @@ def analyse(
             "a tangential or higher-order singularity",
             tuple(forms),
         )
-    return _classify(mechanism, q, left, kernel, rank, rank_tolerance, answer)
+    return _classify(mechanism, q, left, kernel, rank, answer)
 
 
 def second_order_forms(mechanism: Mechanism, q: Array, left: Array, kernel: Array) -> list[Array]:
@@ -205,8 +202,7 @@ def transversality(mechanism: Mechanism, q: Array, G: Array, rank: int) -> float
         plain = second_derivative(mechanism, q, t)
         mixed = np.array(
             [
-                0.5
-                * (second_derivative(mechanism, q, t + n) - plain - second_derivative(mechanism, q, n))
+                0.5 * (second_derivative(mechanism, q, t + n) - plain - second_derivative(mechanism, q, n))
                 for n in kernel.T
             ]
         )
@@ -219,7 +215,14 @@ def transversality(mechanism: Mechanism, q: Array, G: Array, rank: int) -> float
     return float(sigma[needed - 1] / max(sigma[0], 1.0))
 
 
-def _classify(mechanism, q, left, kernel, rank, rank_tolerance, answer):  # type: ignore[no-untyped-def]
+def _classify(
+    mechanism: Mechanism,
+    q: Array,
+    left: Array,
+    kernel: Array,
+    rank: int,
+    answer: Callable[..., LocalAnalysis],
+) -> LocalAnalysis:
     """Factor the forms loop by loop and combine the hyperplanes into modes."""
     forms = []
     for u in _decoupled(mechanism, q, left).T:
@@ -272,7 +275,9 @@ def _classify(mechanism, q, left, kernel, rank, rank_tolerance, answer):  # type
             )
         modes.append(_direction(kernel @ Vt[len(normals) :].T))
     if m == 0:
-        return answer("singular", generic, (), "no direction passes second order: an isolated point", tuple(forms))
+        return answer(
+            "singular", generic, (), "no direction passes second order: an isolated point", tuple(forms)
+        )
     words = f"rank {rank} against {generic} nearby: {len(modes)} modes of dimension {m} meet here"
     return answer("singular", generic, tuple(modes), words, tuple(forms))
 

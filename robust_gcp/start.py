@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .bridge import Bridge, BridgeOptions, Builder, NoBridge
+from .bridge import Bridge, BridgeOptions, Builder, NoBridgeError
 from .errors import (
     NotCertifiedError,
     OptionError,
@@ -159,9 +159,7 @@ def _require_mobility(mechanism: Mechanism, q: Array, path: RegularPath) -> None
         )
 
 
-def _pick(
-    mechanism: Mechanism, picture: LocalAnalysis, v: Array, mode: ArrayLike | None
-) -> Array:
+def _pick(mechanism: Mechanism, picture: LocalAnalysis, v: Array, mode: ArrayLike | None) -> Array:
     """Tangent basis (nv, m) of the mode named by the caller or by the initial velocity."""
     listed = "; ".join(f"modes[{i}] = {np.round(t, 4).tolist()}" for i, t in enumerate(picture.modes))
     bases = [t.reshape(mechanism.nv, -1) for t in picture.modes]
@@ -185,7 +183,7 @@ def _pick(
         else "the start is at rest"
     )
     raise SingularStartError(
-        f"{len(bases)} modes meet at q0 and {why}: choose one with mode=..., from analyse(mech, q0): {listed}",
+        f"{len(bases)} modes meet at q0 and {why}: choose one with mode=..., of {listed}",
         picture.q[mechanism.iq_independent],
     )
 
@@ -203,9 +201,7 @@ def _parametrised(mechanism: Mechanism, tangent: Array, y: Array) -> Array:
     """G of the mode: tangent (tangent_independent)⁻¹."""
     block = tangent[mechanism.iv_independent]
     s = np.linalg.svd(tangent / mechanism.column_scale[:, None], compute_uv=False)
-    s_block = np.linalg.svd(
-        block / mechanism.column_scale[mechanism.iv_independent, None], compute_uv=False
-    )
+    s_block = np.linalg.svd(block / mechanism.column_scale[mechanism.iv_independent, None], compute_uv=False)
     if s_block[-1] < 1e-6 * s[0]:
         moving = [
             n
@@ -235,7 +231,7 @@ def _bridge_along(
             d, point = direction
             try:
                 bridge = Builder(path, options).build(point, d)
-            except NoBridge as failure:
+            except NoBridgeError as failure:
                 reasons.append(str(failure))
             else:
                 here = bridge.line.at(bridge.parameter(y), np.zeros(mechanism.m))

@@ -19,7 +19,7 @@ HEADWAY = 1e-3
 """Fraction of the span that a solver must advance by within its allowed effort."""
 
 
-class NoProgress(SimulationError):
+class NoProgressError(SimulationError):
     """An adaptive solver could not go on; the last refusal of the right-hand side, if any, is its cause."""
 
 
@@ -102,11 +102,11 @@ def adaptive(
         if solver.status == "failed":
             if refused:
                 raise refused[-1]
-            raise NoProgress(f"{method} stopped at t = {solver.t:.6g} s: {message}")
+            raise NoProgressError(f"{method} stopped at t = {solver.t:.6g} s: {message}")
         if solver.t - mark[0] >= HEADWAY * (times[-1] - times[0]):
             mark = (solver.t, solver.nfev)
         elif solver.nfev - mark[1] > effort:
-            raise NoProgress(
+            raise NoProgressError(
                 f"{method} made no headway at t = {solver.t:.6g} s in {effort} evaluations: the problem is "
                 "too stiff for this method or tolerance, or the coordinates turn back here"
             )

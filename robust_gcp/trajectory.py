@@ -93,10 +93,7 @@ class Trajectory:
     def velocity_error(self) -> Array:
         """max |K v| at each time, (N + 1,), m/s or rad/s."""
         return np.array(
-            [
-                np.abs(self.mechanism.K(q) @ v).max(initial=0.0)
-                for q, v in zip(self.q, self.v, strict=True)
-            ]
+            [np.abs(self.mechanism.K(q) @ v).max(initial=0.0) for q, v in zip(self.q, self.v, strict=True)]
         )
 
     def energy_error(self) -> Array:

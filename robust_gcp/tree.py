@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -148,7 +149,7 @@ def _stacked(views: list[Any]) -> Array:
     """One view over equally spaced elements of a std::vector."""
     step = _address(views[1]) - _address(views[0]) if len(views) > 1 else 8
     addresses = [_address(view) for view in views]
-    if any(b - a != step for a, b in zip(addresses, addresses[1:], strict=False)):  # pragma: no cover
+    if any(b - a != step for a, b in pairwise(addresses)):  # pragma: no cover
         raise RuntimeError("this build of Pinocchio does not keep joint results contiguous")
     first = views[0]
     return as_strided(first, shape=(len(views), *first.shape), strides=(step, *first.strides))

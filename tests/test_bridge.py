@@ -65,9 +65,7 @@ def test_antiparallelogram_ten_seconds(lengths, factor):
     assert np.all(ours <= 1.5 * floor)
     q = runs[-1].q
     # tan(q3/2) = factor tan(q1/2), written without poles: sin and cos of half angles
-    identity = np.sin(q[:, 2] / 2) * np.cos(q[:, 0] / 2) - factor * np.sin(q[:, 0] / 2) * np.cos(
-        q[:, 2] / 2
-    )
+    identity = np.sin(q[:, 2] / 2) * np.cos(q[:, 0] / 2) - factor * np.sin(q[:, 0] / 2) * np.cos(q[:, 2] / 2)
     assert np.abs(identity).max() < 1e-12
 
 

@@ -209,9 +209,7 @@ def test_a_true_gap_is_not_rounded_away(gap: float) -> None:
         np.testing.assert_allclose(bar.evaluate(PI + 0.2)[1], [1.0, 0.0, 0.0], atol=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("lengths", "factor"), [((1.0, 2.0, 1.0, 2.0), 3.0), ((2.0, 1.0, 2.0, 1.0), -3.0)]
-)
+@pytest.mark.parametrize(("lengths", "factor"), [((1.0, 2.0, 1.0, 2.0), 3.0), ((2.0, 1.0, 2.0, 1.0), -3.0)])
 def test_antiparallelogram(lengths: Lengths, factor: float) -> None:
     """tan(q3/2) = (r + 1)/(r − 1) tan(q1/2), r = l1/l0; written so that it holds at π too."""
     assert factor == pytest.approx((lengths[1] / lengths[0] + 1) / (lengths[1] / lengths[0] - 1))
@@ -234,9 +232,7 @@ def test_one_equality_swaps_assemblies_every_turn() -> None:
     plus, minus = FourBar(*lengths, 1), FourBar(*lengths, -1)
     for y in (0.0, 1.0, PI, 5.0):
         q = plus.evaluate(y)[0]
-        np.testing.assert_allclose(
-            np.exp(1j * minus.evaluate(y + 2 * PI)[0]), np.exp(1j * q), atol=1e-14
-        )
+        np.testing.assert_allclose(np.exp(1j * minus.evaluate(y + 2 * PI)[0]), np.exp(1j * q), atol=1e-14)
     assert np.max(np.abs(plus.evaluate(1.0)[0] - minus.evaluate(1.0)[0])) > 0.1
 
 
@@ -458,9 +454,7 @@ def test_pendulum_started_near_upright_keeps_its_digits() -> None:
         y, ydot, _ = pendulum(t, y0, 0.0, INERTIA, MOMENT)
         fall = PI / 2 - y
         np.testing.assert_allclose(fall, true_delta * np.cosh(OMEGA * t), rtol=1e-7, atol=5e-16)
-        np.testing.assert_allclose(
-            -ydot, true_delta * OMEGA * np.sinh(OMEGA * t), rtol=1e-7, atol=1e-17
-        )
+        np.testing.assert_allclose(-ydot, true_delta * OMEGA * np.sinh(OMEGA * t), rtol=1e-7, atol=1e-17)
 
 
 def test_pendulum_refuses() -> None:

@@ -100,9 +100,7 @@ def test_jacobian_against_finite_differences(kind: str, seed: int, derivative: C
     constraint, q, _ = random_constraint(kind, seed)
     tree = constraint.tree
     assert np.abs(constraint.phi(q)).max() > 0.1  # open
-    columns = [
-        derivative(lambda s, e=e: constraint.phi(tree.integrate(q, s * e))) for e in np.eye(tree.nv)
-    ]
+    columns = [derivative(lambda s, e=e: constraint.phi(tree.integrate(q, s * e))) for e in np.eye(tree.nv)]
     # φ is some metres: rounding 1e-15 · 5 / h, h = 1e-2
     np.testing.assert_allclose(constraint.K(q), np.array(columns).T, atol=2e-12)
 

@@ -60,9 +60,7 @@ def test_help_on_each_command(command: str, capsys: Capture) -> None:
     assert capsys.readouterr().out.startswith(f"usage: robust-gcp {command}".rstrip())
 
 
-@pytest.mark.parametrize(
-    "given", [[], ["simulat"], ["simulate"], ["simulate", "rhombus", "--fast"]]
-)
+@pytest.mark.parametrize("given", [[], ["simulat"], ["simulate"], ["simulate", "rhombus", "--fast"]])
 def test_words_that_are_not_understood_exit_with_2(given: list[str], capsys: Capture) -> None:
     with pytest.raises(SystemExit) as exit:
         main(given)
@@ -117,9 +115,7 @@ def test_csv_holds_the_trajectory_to_the_last_digit(tmp_path: Path, capsys: Capt
     assert t.a is not None and t.energy is not None and t.multipliers is not None
     names = [f"{x}.q{i}" for x in "qva" for i in (1, 2, 3)]
     assert header == ["t", *names, "energy", "lambda.0", "lambda.1"]
-    np.testing.assert_array_equal(
-        rows, np.column_stack([t.t, t.q, t.v, t.a, t.energy, t.multipliers])
-    )
+    np.testing.assert_array_equal(rows, np.column_stack([t.t, t.q, t.v, t.a, t.energy, t.multipliers]))
 
 
 @pytest.mark.parametrize("method", ["bridge", "projection", "classical", "closed_form"])
@@ -136,9 +132,7 @@ def test_mode_of_a_singular_start_by_its_number(capsys: Capture) -> None:
     index = next(i for i, mode in enumerate(modes) if abs(mode[0]) > 0.5)
     start = ["simulate", "rhombus", "--q0", "0", "0", "0", *SHORT]
     assert main([*start, "--mode", str(index)]) == 0
-    trajectory = rg.simulate(
-        rg.load("rhombus"), [0, 0, 0], duration=0.1, step=5e-3, mode=modes[index]
-    )
+    trajectory = rg.simulate(rg.load("rhombus"), [0, 0, 0], duration=0.1, step=5e-3, mode=modes[index])
     assert f"{trajectory.q[-1, 0]:.8f}" in capsys.readouterr().out
     assert main(start) == 2
     assert "--mode INDEX" in capsys.readouterr().err

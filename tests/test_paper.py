@@ -131,9 +131,7 @@ def test_closed_poses_meet_at_the_tip(rhombus: paper.Case) -> None:
 
 def test_figures_are_the_same_bytes_every_time(rhombus: paper.Case, tmp_path: Path) -> None:
     with plots.style():
-        once, again = (
-            plots.save(paper.strobe_figure(rhombus), tmp_path / f"{i}.pdf") for i in "ab"
-        )
+        once, again = (plots.save(paper.strobe_figure(rhombus), tmp_path / f"{i}.pdf") for i in "ab")
     assert once.read_bytes() == again.read_bytes()
 
 

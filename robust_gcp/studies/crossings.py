@@ -164,9 +164,7 @@ def _run(case: Case) -> Case:
     output = duration / round(duration / case.step)
     common = {"v0": v0, "duration": duration, "step": output}
     try:
-        exact = simulate(
-            mechanism, **common, method="closed_form", stepper="DOP853", rtol=1e-13, atol=1e-13
-        )
+        exact = simulate(mechanism, **common, method="closed_form", stepper="DOP853", rtol=1e-13, atol=1e-13)
         floor = simulate(mechanism, **common, method="closed_form")
         ours = simulate(mechanism, **common)
     except RobustGcpError as error:

@@ -119,9 +119,7 @@ class Case:
             "step_s": float(self.t[1]),
             "classical": {"fate": self.fate, "time_s": self.lock_time, "error": self.stop or None},
             "max_error_rad": {m: float(self.deviation(m).max()) for m in METHODS},
-            "max_closure_error_m": {
-                m: float(run.closure_error().max()) for m, run in self.runs.items()
-            },
+            "max_closure_error_m": {m: float(run.closure_error().max()) for m, run in self.runs.items()},
             "crossings": {m: len(run.crossings) for m, run in self.runs.items()},
             "wall_seconds": {m: run.stats.wall_seconds for m, run in self.runs.items()},
         }
@@ -262,9 +260,7 @@ def add_parser(subparsers: Any) -> None:
     """Register `paper`."""
     text = "draw Figures 4 to 7 of the paper, with the exact motion in the same panels"
     parser = subparsers.add_parser("paper", help=text, description=text)
-    parser.add_argument(
-        "--out", type=Path, default=Path("figures"), help="folder; default: %(default)s"
-    )
+    parser.add_argument("--out", type=Path, default=Path("figures"), help="folder; default: %(default)s")
     parser.add_argument("--pdf", action="store_true", help="also as PDF")
     parser.add_argument("--quick", action="store_true", help="1.8 s instead of 5 s, twice the step")
     parser.set_defaults(run=_paper)

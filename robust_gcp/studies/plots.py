@@ -220,9 +220,7 @@ def four_bar_pose(drawing: Drawing, q: Array) -> dict[str, Array]:
     }
 
 
-def draw_four_bar_pose(
-    ax: Axes, pose: dict[str, Array], alpha: float = 1.0, pins: bool = True
-) -> None:
+def draw_four_bar_pose(ax: Axes, pose: dict[str, Array], alpha: float = 1.0, pins: bool = True) -> None:
     """Draw the links of `LINKS` as bars of falling width, so that folded ones stay visible."""
     for ends, color, width in LINKS.values():
         line = np.array([pose[end] for end in ends]).T
@@ -241,8 +239,7 @@ def link_legend(figure: Figure | SubFigure) -> None:
     from matplotlib.lines import Line2D
 
     handles = [
-        Line2D([], [], color=color, linewidth=width, label=name)
-        for name, (_, color, width) in LINKS.items()
+        Line2D([], [], color=color, linewidth=width, label=name) for name, (_, color, width) in LINKS.items()
     ]
     handles.append(Line2D([], [], label="pin", **PIN))
     handles.append(Line2D([], [], label="ground pivot", **{**PIVOT, "markersize": 8}))
