@@ -19,6 +19,7 @@ from .errors import (
     ToggleError,
 )
 from .explicit import Crossing
+from .forces import JointDamper, JointSpring, JointTorque, PointSpring
 from .gcp import SingularityWarning
 from .loader import load, model_names
 from .mechanism import Mechanism
@@ -34,6 +35,9 @@ __all__ = [
     "ClosureError",
     "Crossing",
     "FrameClosure",
+    "JointDamper",
+    "JointSpring",
+    "JointTorque",
     "LocalAnalysis",
     "Mechanism",
     "MissingExtraError",
@@ -43,6 +47,7 @@ __all__ = [
     "OptionError",
     "PartitionError",
     "PointClosure",
+    "PointSpring",
     "RevoluteClosure",
     "RobustGcpError",
     "SimulationError",

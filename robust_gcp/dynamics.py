@@ -31,13 +31,16 @@ class Evaluation:
     v, ydd : ndarray (nv,), (m,)
         Velocity and reduced acceleration ÿ.
     tau : ndarray (nv,) or None
-        Applied torques; None where there are none.
+        Applied torques, springs and dampers; None where there are none.
+    power : float
+        Of all in tau that no potential energy accounts for, W.
     """
 
     point: Point
     v: Array
     ydd: Array
     tau: Array | None
+    power: float = 0.0
 
     @property
     def a(self) -> Array:
@@ -48,7 +51,7 @@ class Evaluation:
 class EquationsOfMotion:
     """ÿ = (Gᵀ M G)⁻¹ Gᵀ (τ − C − M g), Eq. (3).
 
-    The state is x = (y, ẏ) or, where torques do work, (y, ẏ, W).
+    The state is x = (y, ẏ) or, where torques, dampers or drives do work, (y, ẏ, W).
 
     Parameters
     ----------
@@ -64,7 +67,8 @@ class EquationsOfMotion:
         self.mechanism, self.explicit = mechanism, explicit
         self.m = mechanism.m
         self._torque = torque_function(mechanism, torque)
-        self.works = self._torque is not None
+        self._applied = mechanism.applied
+        self.works = does_work(mechanism, torque)
         self.calls = 0
 
     def evaluate(self, t: float, x: Array) -> Evaluation:
@@ -75,30 +79,46 @@ class EquationsOfMotion:
         G = point.G
         v = G @ ydot
         force = -tree.rnea(point.q, v, point.g)
-        tau = None
-        if self._torque is not None:
-            tau = self._torque(t, point.q, v)
-            force = force + tau
+        tau, power = self._act(t, point.q, v)
+        if tau is not None:
+            force += tau
         M = tree.crba(point.q)
         self.calls += 1
         if m == 1:
             direction = G[:, 0]
             mass = float(direction @ (M @ direction))
             if mass > 0.0:
-                return Evaluation(point, v, np.array([float(direction @ force) / mass]), tau)
+                ydd = np.array([float(direction @ force) / mass])
+                return Evaluation(point, v, ydd, tau, power)
         ydd = _solve(G.T @ (M @ G), G.T @ force, self.mechanism)
-        return Evaluation(point, v, ydd, tau)
+        return Evaluation(point, v, ydd, tau, power)
+
+    def _act(self, t: float, q: Array, v: Array) -> tuple[Array | None, float]:
+        """What acts besides gravity, (nv,), and the power of its part without a potential."""
+        tau, power = None, 0.0
+        if self._applied is not None:
+            tau, power = self._applied.at(q, v)
+        if self._torque is not None:
+            driven = self._torque(t, q, v)
+            power += float(driven @ v)
+            tau = driven if tau is None else tau + driven
+        return tau, power
 
     def derivative(self, evaluation: Evaluation) -> Array:
         """ẋ from an evaluation."""
         parts = [evaluation.point.ydot, evaluation.ydd]
-        if evaluation.tau is not None:
-            parts.append(np.array([evaluation.tau @ evaluation.v]))
+        if self.works:
+            parts.append(np.array([evaluation.power]))
         return np.concatenate(parts)
 
     def __call__(self, t: float, x: Array) -> Array:
         """ẋ = f(t, x) for a stepper."""
         return self.derivative(self.evaluate(t, x))
+
+
+def does_work(mechanism: Mechanism, torque: Torque | ArrayLike | None) -> bool:
+    """Whether something acts whose work no potential energy accounts for."""
+    return torque is not None or (mechanism.applied is not None and mechanism.applied.works)
 
 
 def torque_function(mechanism: Mechanism, torque: Torque | ArrayLike | None) -> Torque | None:
@@ -147,6 +167,7 @@ def implicit_dynamics(
     ----------
     q, v : array_like (nq,), (nv,)
     tau : array_like (nv,), optional
+        Torques besides the mechanism's own springs, dampers and drives.
 
     Returns
     -------
@@ -157,6 +178,8 @@ def implicit_dynamics(
     K, k = mechanism.K(q), mechanism.k(q, v)
     bias = mechanism.tree.rnea(q, v, mechanism.tree.zero)
     force = -bias if tau is None else mechanism.velocity(tau, "tau") - bias
+    if mechanism.applied is not None:
+        force = force + mechanism.applied.tau(q, v)
     M = mechanism.tree.crba(q)
     n, c = mechanism.nv, mechanism.nc
     matrix = np.block([[M, K.T], [K, np.zeros((c, c))]])

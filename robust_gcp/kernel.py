@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from .blocks import BlockFactor
 from .closure import ImplicitConstraint
-from .mechanism import STRUCTURAL, Mechanism
+from .loops import STRUCTURAL
+from .mechanism import Mechanism
 from .partition import Block, triangular_blocks
 from .tree import Array
 

@@ -13,7 +13,8 @@ import yaml
 
 from .closure import Closure, FrameClosure, PointClosure, RevoluteClosure
 from .errors import ModelError, RobustGcpError
-from .mechanism import NEARLY_CLOSED, Mechanism
+from .loops import NEARLY_CLOSED
+from .mechanism import Mechanism
 from .urdf import model_from_urdf
 
 SCHEMA = 1

@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 
 from .bridge import BridgeOptions
 from .bridge_map import BridgeMap, UncertifiedZoneError
-from .dynamics import EquationsOfMotion, Evaluation, Torque, constraint_forces
+from .dynamics import EquationsOfMotion, Evaluation, Torque, constraint_forces, does_work
 from .errors import NonFiniteError
 from .explicit import Crossing, ExplicitMap, Passage
 from .gcp import SingularityWarning
@@ -80,19 +80,20 @@ class Run:
         self._a = np.empty((n, mechanism.nv)) if "a" in record else None
         self._energy = np.empty(n) if "energy" in record else None
         self._multipliers = np.empty((n, mechanism.nc)) if "multipliers" in record else None
-        self._work = np.empty(n) if torque is not None else None
+        self._works = does_work(mechanism, torque)
+        self._work = np.empty(n) if self._works else None
         self._crossings: list[Crossing] = []
         self._repartitions: list[tuple[float, tuple[str, ...]]] = []
         self._calls = 0
         self._last: Evaluation | None = None
-        self._x = np.concatenate([start.point.y, start.ydot, np.zeros(int(torque is not None))])
+        self._x = np.concatenate([start.point.y, start.ydot, np.zeros(int(self._works))])
         self._warned = False
         self._mechanism, self._explicit = mechanism, explicit
         self._equations = EquationsOfMotion(mechanism, explicit, torque)
 
     def _use(self, mechanism: Mechanism, start: Start, explicit: ExplicitMap) -> None:
         """Go on with these coordinates and this map."""
-        work = self._x[len(self._x) - int(self._torque is not None) :]
+        work = self._x[len(self._x) - int(self._works) :]
         self._calls += self._equations.calls
         self._mechanism, self._explicit = mechanism, explicit
         self._equations = EquationsOfMotion(mechanism, explicit, self._torque)
@@ -225,7 +226,7 @@ class Run:
         if self._a is not None:
             self._a[i] = now.a
         if self._energy is not None:
-            self._energy[i] = sum(self._mechanism.tree.energies(now.point.q, now.v))
+            self._energy[i] = self._mechanism.energy(now.point.q, now.v)
         if self._multipliers is not None:
             self._multipliers[i] = constraint_forces(self._original, now.point.q, now.v, now.a, now.tau)
         if self._work is not None:

@@ -10,7 +10,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .mechanism import CLOSED, NEARLY_CLOSED, Mechanism
+from .loops import CLOSED, NEARLY_CLOSED
+from .mechanism import Mechanism
 from .partition import numerical_rank
 from .tree import Array
 

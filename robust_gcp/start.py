@@ -17,8 +17,9 @@ from .errors import (
     ToggleError,
 )
 from .kernel import Counters, Point, RegularPath
+from .loops import NEARLY_CLOSED
 from .march import same_branch
-from .mechanism import NEARLY_CLOSED, Mechanism
+from .mechanism import Mechanism
 from .partition import numerical_rank
 from .singularity import LocalAnalysis, analyse
 from .tree import Array

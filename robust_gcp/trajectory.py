@@ -61,11 +61,11 @@ class Trajectory:
     a : ndarray (N + 1, nv) or None
         Accelerations, when recorded.
     energy : ndarray (N + 1,) or None
-        Kinetic plus potential energy, J, when recorded.
+        Kinetic energy plus that of gravity and springs, J, when recorded.
     multipliers : ndarray (N + 1, nc) or None
         Constraint forces λ, N and N m, when recorded.
     work : ndarray (N + 1,) or None
-        Work done by the applied torques since the start, J; None without torques.
+        Work done by torques, drives and dampers since the start, J; None without any.
     crossings : list of Crossing
     stats : Stats
     """
@@ -97,7 +97,7 @@ class Trajectory:
         )
 
     def energy_error(self) -> Array:
-        """Energy minus its start and minus the work of the applied torques, (N + 1,), J."""
+        """Energy minus its start and minus the work of torques, drives and dampers, (N + 1,), J."""
         energy = self._energy
         drift = energy - energy[0]
         return drift if self.work is None else drift - self.work
@@ -106,8 +106,8 @@ class Trajectory:
     def _energy(self) -> Array:
         if self.energy is not None:
             return self.energy
-        tree = self.mechanism.tree
-        return np.array([sum(tree.energies(q, v)) for q, v in zip(self.q, self.v, strict=True)])
+        energy = self.mechanism.energy
+        return np.array([energy(q, v) for q, v in zip(self.q, self.v, strict=True)])
 
     def to_csv(self, path: str | Path) -> Path:
         """Write t, q, v and whatever else was recorded, one row a time; returns the path."""
