@@ -81,13 +81,13 @@ def clean_warnings() -> Iterator[None]:
 
 @contextmanager
 def progress_bar(duration: float, what: str) -> Iterator[Callable[[float], None] | None]:
-    """Offer a bar over simulated seconds on stderr; None where that is not a terminal."""
+    """Offer a bar over simulated seconds, or a count, on stderr; None where that is not a terminal."""
     if not sys.stderr.isatty():
         yield None
         return
     from tqdm import tqdm
 
-    shape = "{desc} {percentage:3.0f}% |{bar}| {n:.3g}/{total:.3g} s [{elapsed}<{remaining}]"
+    shape = "{desc} {percentage:3.0f}% |{bar}| {n:.3g}/{total:.3g} [{elapsed}<{remaining}]"
     with tqdm(total=duration, desc=what, bar_format=shape, leave=False, delay=0.5) as bar:
         yield lambda fraction: bar.update(fraction * duration - bar.n)
 

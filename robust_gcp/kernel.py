@@ -114,7 +114,7 @@ class RegularPath:
         )
         self._length_scale = 1.0 / mechanism.column_scale
         self._eye = np.eye(self.m)
-        self._factor = self._structure()
+        self.factor = self._structure()
 
     def _structure(self) -> BlockFactor:
         if self.nd == 0:
@@ -139,7 +139,7 @@ class RegularPath:
     @property
     def blocks(self) -> tuple[Block, ...]:
         """The diagonal blocks of K_d, in the order of substitution."""
-        return self._factor.blocks
+        return self.factor.blocks
 
     def predict(self, anchor: Point, y: Array) -> tuple[Array, Array]:
         """q_a ⊕ dv and dv = G Δy + ½ γ''[Δy, Δy].
@@ -185,8 +185,8 @@ class RegularPath:
                 return q, correction
             if not np.isfinite(size):
                 return None
-            self._factor.factor(self._K[:, self.dependent])
-            u = self._factor.solve(phi)
+            self.factor.factor(self._K[:, self.dependent])
+            u = self.factor.solve(phi)
             step = float(np.abs(u).max())
             if iteration == 0:
                 correction = step
@@ -202,7 +202,7 @@ class RegularPath:
         if self.nd == 0:
             one = np.ones(0)
             return Point(y, ydot, q, self._eye, np.zeros(self.tree.nv), None, one, one)
-        tree, factor, dependent = self.tree, self._factor, self.dependent
+        tree, factor, dependent = self.tree, self.factor, self.dependent
         K = self._K
         factor.factor(K[:, dependent])
         G = np.zeros((tree.nv, self.m))
@@ -222,7 +222,7 @@ class RegularPath:
     def second_derivative(self, point: Point, direction: Array) -> Array:
         """γ''[d, d] at a point for a direction d (m,): g at ẏ = d."""
         self._evaluate(point.q)
-        self._factor.factor(self._K[:, self.dependent])
+        self.factor.factor(self._K[:, self.dependent])
         g = np.zeros(self.tree.nv)
         g[self.dependent] = self._bias(point.q, point.G @ direction)
         return g
@@ -230,8 +230,8 @@ class RegularPath:
     def conditioning(self, q: Array) -> tuple[Array, Array]:
         """Determinants and conditioning of K_d's blocks at any q."""
         self._evaluate(q)
-        self._factor.factor(self._K[:, self.dependent])
-        return self._factor.det, self._factor.rcond
+        self.factor.factor(self._K[:, self.dependent])
+        return self.factor.det, self.factor.rcond
 
     def worst_conditioning(self, q: Array) -> float:
         """Smallest conditioning of all blocks at any q."""
@@ -263,7 +263,7 @@ class RegularPath:
 
     def _bias(self, q: Array, v: Array) -> Array:
         self.tree.rnea(q, v, self.tree.zero)
-        return self._column_scale * self._factor.solve(self.implicit.bias())
+        return self._column_scale * self.factor.solve(self.implicit.bias())
 
     def _move(self, q: Array, dv_dependent: Array) -> Array:
         if self.tree.vector_space:

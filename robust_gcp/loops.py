@@ -19,6 +19,7 @@ from .closure import (
     closure_frames,
 )
 from .errors import ClosureError, ModelError, StateError
+from .partition import numerical_rank, ranked_choices
 from .tree import Array, Tree, require_depth_first
 
 CLOSED = 1e-12
@@ -51,6 +52,7 @@ class ClosedLoops:
         self.closures = tuple(_as_closure(c) for c in closures)
         self.tree = Tree(self.model, closure_frames(self.model, self.closures))
         self.nq, self.nv = self.tree.nq, self.tree.nv
+        self.joint_names = tuple(str(n) for n in self.model.names)[1:]
         self.length = _characteristic_length(self.model, self.closures)
         self.implicit = self._implicit_without_zero_rows()
         self.nc = len(self.implicit.rows)
@@ -204,6 +206,25 @@ class ClosedLoops:
                     loop,
                 )
 
+    def joint(self, name: str) -> pin.JointModel:
+        """The joint of that name."""
+        return self.model.joints[self.model.getJointId(name)]
+
+    def coordinate_choices(self, q: ArrayLike) -> list[tuple[float, tuple[str, ...]]]:
+        """Sets of joints that parametrise the motion at a regular q, best conditioned first.
+
+        Returns
+        -------
+        list of (float, tuple of str)
+            σ_min of the chosen rows of an orthonormal kernel basis, in (0, 1], and the names.
+        """
+        K = self.scaled(self.K(q))
+        _, s, Vt = np.linalg.svd(K)
+        kernel = Vt[numerical_rank(s, STRUCTURAL) :].T
+        names = [n for n in self.joint_names if self.joint(n).nq == 1 == self.joint(n).nv]
+        indices = np.array([self.joint(n).idx_v for n in names], dtype=np.int64)
+        return ranked_choices(kernel, indices, names)
+
     def generic_configurations(self, count: int = 5) -> list[Array]:
         """Reproducible configurations, loops open, at which nothing vanishes by accident."""
         rng = np.random.default_rng(20)
@@ -241,6 +262,7 @@ def _as_closure(closure: Closure) -> Closure:
 
 
 def checked_vector(value: ArrayLike, size: int, what: str, letter: str) -> Array:
+    """A finite float array (size,), or a StateError that names `what` and its size's letter."""
     try:
         array = np.array(value, dtype=float)
     except (TypeError, ValueError) as error:

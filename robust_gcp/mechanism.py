@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import difflib
+import logging
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pinocchio as pin
@@ -12,10 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from .closure import Closure
 from .errors import ModelError, PartitionError, StateError
-from .loops import STRUCTURAL, ClosedLoops, checked_vector
-from .partition import independent_rows, numerical_rank, ranked_choices
+from .forces import AppliedForces, Force
+from .loops import CLOSED, STRUCTURAL, ClosedLoops, checked_vector
+from .partition import independent_rows, numerical_rank
+from .singularity import analyse
 from .tree import Array
 from .urdf import model_from_urdf
+
+log = logging.getLogger(__name__)
 
 
 class Mechanism(ClosedLoops):
@@ -34,6 +40,10 @@ class Mechanism(ClosedLoops):
         Sizes of q, of v, of φ (rows that are zero in every configuration left out), and of y.
     home : ndarray (nq,)
         Seed configuration.
+    forces : tuple of forces
+        Springs, dampers and constant drives.
+    applied : AppliedForces or None
+        What the forces amount to; None where there are none.
     length : float
         Characteristic length, m: the largest distance from a joint to its children and cut points.
     """
@@ -42,19 +52,21 @@ class Mechanism(ClosedLoops):
         self,
         model: pin.Model,
         closures: Sequence[Closure],
-        independent: Sequence[str],
+        independent: Sequence[str] | Literal["auto"],
         home: ArrayLike | None = None,
         name: str = "",
+        forces: Sequence[Force] = (),
     ) -> None:
         super().__init__(model, closures)
+        self.forces = tuple(forces)
+        self.applied = AppliedForces(self.tree, self.forces) if self.forces else None
         self.name = name or str(model.name)
-        self.joint_names = tuple(str(n) for n in self.model.names)[1:]
-        self.independent = tuple(independent)
+        self.home = pin.neutral(self.model) if home is None else self.configuration(home, "home")
+        self.independent = self._chosen() if independent == "auto" else tuple(independent)
         self.iq_independent, self.iv_independent = self._indices(self.independent)
         self.m = len(self.independent)
         self.iv_dependent = np.setdiff1d(np.arange(self.nv), self.iv_independent)
         self.dependent = tuple(n for n in self.joint_names if n not in self.independent)
-        self.home = pin.neutral(self.model) if home is None else self.configuration(home, "home")
         self._require_dependent_columns_regular()
 
     @classmethod
@@ -62,9 +74,10 @@ class Mechanism(ClosedLoops):
         cls,
         model: pin.Model,
         closures: Sequence[Closure] = (),
-        independent: Sequence[str] | None = None,
+        independent: Sequence[str] | Literal["auto"] | None = None,
         home: ArrayLike | None = None,
         name: str = "",
+        forces: Sequence[Force] = (),
     ) -> Mechanism:
         """A mechanism from any `pin.Model`, which is copied and never written to.
 
@@ -74,11 +87,14 @@ class Mechanism(ClosedLoops):
             The spanning tree.
         closures : sequence of PointClosure, FrameClosure or RevoluteClosure
             Pairs of frame names that close the loops.
-        independent : sequence of str, optional
+        independent : sequence of str or "auto", optional
             Joints that serve as minimal coordinates, one number in q each; may be left out only
-            where there is no loop (then: all joints).
+            where there is no loop (then: all joints). "auto" takes the best conditioned set at home
+            (assembled first where its loops are open) and logs it.
         home : array_like (nq,), optional
             Seed configuration; `pin.neutral` when left out.
+        forces : sequence of JointSpring, JointDamper, PointSpring or JointTorque
+            What acts besides gravity and the torques of a simulation.
 
         Raises
         ------
@@ -90,26 +106,27 @@ class Mechanism(ClosedLoops):
         if independent is None:
             if closures:
                 raise ModelError(
-                    "independent: name the joints that serve as minimal coordinates; "
+                    "independent: name the joints that serve as minimal coordinates, or 'auto'; "
                     f"the model's joints are {', '.join(list(model.names)[1:])}"
                 )
             independent = list(model.names)[1:]
-        return cls(model, closures, independent, home=home, name=name)
+        return cls(model, closures, independent, home=home, name=name, forces=forces)
 
     @classmethod
     def from_urdf(
         cls,
         urdf: str | Path,
         closures: Sequence[Closure] = (),
-        independent: Sequence[str] | None = None,
+        independent: Sequence[str] | Literal["auto"] | None = None,
         home: ArrayLike | None = None,
         name: str = "",
+        forces: Sequence[Force] = (),
     ) -> Mechanism:
         """A mechanism from a URDF file (or its text); `continuous` joints become one number in q.
 
         See `from_pinocchio` for the other parameters.
         """
-        return cls.from_pinocchio(model_from_urdf(urdf), closures, independent, home, name)
+        return cls.from_pinocchio(model_from_urdf(urdf), closures, independent, home, name, forces)
 
     def lift(self, q: ArrayLike, ydot: ArrayLike) -> Array:
         """v = G(q) ẏ, (nv,): the velocity of the whole tree for velocities ẏ (m,) of the independent joints.
@@ -132,9 +149,15 @@ class Mechanism(ClosedLoops):
         v[self.iv_dependent] = self.column_scale[self.iv_dependent] * u
         return v
 
+    def energy(self, q: ArrayLike, v: ArrayLike) -> float:
+        """Kinetic energy, potential energy of gravity and of the springs together, J."""
+        q, v = self.configuration(q), self.velocity(v)
+        energy = sum(self.tree.energies(q, v))
+        return energy if self.applied is None else energy + self.applied.energy(q)
+
     def velocity_slice(self, name: str) -> slice:
         """Where the joint's entries are in v."""
-        joint = self._joint(name)
+        joint = self.joint(name)
         return slice(joint.idx_v, joint.idx_v + joint.nv)
 
     def assemble(self, q_guess: ArrayLike, hold: Sequence[str] | None = None) -> Array:
@@ -163,22 +186,9 @@ class Mechanism(ClosedLoops):
 
     def with_independent(self, independent: Sequence[str]) -> Mechanism:
         """The same mechanism in other minimal coordinates."""
-        return Mechanism(self.model, self.closures, independent, home=self.home, name=self.name)
-
-    def coordinate_choices(self, q: ArrayLike) -> list[tuple[float, tuple[str, ...]]]:
-        """Sets of joints that parametrise the motion at a regular q, best conditioned first.
-
-        Returns
-        -------
-        list of (float, tuple of str)
-            σ_min of the chosen rows of an orthonormal kernel basis, in (0, 1], and the names.
-        """
-        K = self.scaled(self.K(q))
-        _, s, Vt = np.linalg.svd(K)
-        kernel = Vt[numerical_rank(s, STRUCTURAL) :].T
-        names = [n for n in self.joint_names if self._joint(n).nq == 1 == self._joint(n).nv]
-        indices = np.array([self._joint(n).idx_v for n in names], dtype=np.int64)
-        return ranked_choices(kernel, indices, names)
+        return Mechanism(
+            self.model, self.closures, independent, self.home, self.name, self.forces
+        )
 
     def __repr__(self) -> str:
         return (
@@ -187,9 +197,6 @@ class Mechanism(ClosedLoops):
         )
 
     # ----------------------------------------------------------------- construction
-
-    def _joint(self, name: str) -> pin.JointModel:
-        return self.model.joints[self.model.getJointId(name)]
 
     def _indices(
         self, names: Sequence[str], single: bool = True
@@ -204,7 +211,7 @@ class Mechanism(ClosedLoops):
                     + (f"did you mean {' or '.join(map(repr, near))}? " if near else "")
                     + f"its joints are {', '.join(self.joint_names)}"
                 )
-            joint = self._joint(name)
+            joint = self.joint(name)
             if single and (joint.nq, joint.nv) != (1, 1):
                 raise ModelError(
                     f"joint {name!r} ({joint.shortname()}) has {joint.nq} numbers in q; an independent "
@@ -216,6 +223,21 @@ class Mechanism(ClosedLoops):
         if len(set(iv)) != len(iv):
             raise ModelError(f"a joint is named twice in {', '.join(map(repr, names))}")
         return np.array(iq, dtype=np.int64), np.array(iv, dtype=np.int64)
+
+    def _chosen(self) -> tuple[str, ...]:
+        """The best conditioned independent joints at home, which is assembled if need be."""
+        if self.closure_residual(self.home) > CLOSED:
+            self.home = self.close_loops(self.home, np.arange(self.nv))
+        picture = analyse(self, self.home)
+        choices = self.coordinate_choices(self.home)
+        if picture.kind not in ("regular", "redundant") or not choices:
+            raise PartitionError(
+                f"independent = 'auto' needs a regular home configuration, and home is {picture.kind} "
+                f"({picture.message}); give another home, or name the joints"
+            )
+        quality, names = choices[0]
+        log.info("%s: independent joints %s (conditioning %.2g)", self.name, ", ".join(names), quality)
+        return names
 
     def select_rows(self, K: Array) -> NDArray[np.int64]:
         """As many rows of K as there are dependent velocities, the best conditioned at this K."""

@@ -10,8 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .loops import CLOSED, NEARLY_CLOSED
-from .mechanism import Mechanism
+from .loops import CLOSED, NEARLY_CLOSED, ClosedLoops
 from .partition import numerical_rank
 from .tree import Array
 
@@ -82,7 +81,7 @@ class LocalAnalysis:
         return max((1 if t.ndim == 1 else t.shape[1] for t in self.modes), default=0)
 
 
-def analyse(mechanism: Mechanism, q: ArrayLike, rank_tolerance: float = RANK_TOLERANCE) -> LocalAnalysis:
+def analyse(mechanism: ClosedLoops, q: ArrayLike, rank_tolerance: float = RANK_TOLERANCE) -> LocalAnalysis:
     """Rank, kernel, operation modes and classification at a closed configuration.
 
     With N a basis of ker K and u a left null vector, a motion with tangent N w needs
@@ -92,7 +91,7 @@ def analyse(mechanism: Mechanism, q: ArrayLike, rank_tolerance: float = RANK_TOL
 
     Parameters
     ----------
-    mechanism : Mechanism
+    mechanism : Mechanism or ClosedLoops
     q : array_like (nq,)
         Must close the loops.
     rank_tolerance : float
@@ -151,7 +150,7 @@ def analyse(mechanism: Mechanism, q: ArrayLike, rank_tolerance: float = RANK_TOL
     return _classify(mechanism, q, left, kernel, rank, answer)
 
 
-def second_order_forms(mechanism: Mechanism, q: Array, left: Array, kernel: Array) -> list[Array]:
+def second_order_forms(mechanism: ClosedLoops, q: Array, left: Array, kernel: Array) -> list[Array]:
     """Q_u = Nᵀ (uᵀ φ'') N for each column u of `left` (dimensionless rows), (δ, δ) each.
 
     φ''[v, v] = −k(q, v), and by polarisation φ''[v, w] = −½ (k(v + w) − k(v) − k(w)): no new
@@ -168,12 +167,12 @@ def second_order_forms(mechanism: Mechanism, q: Array, left: Array, kernel: Arra
     return list(forms)
 
 
-def second_derivative(mechanism: Mechanism, q: Array, v: Array) -> Array:
+def second_derivative(mechanism: ClosedLoops, q: Array, v: Array) -> Array:
     """φ''[v, v] = −k(q, v), dimensionless rows, (nc,)."""
     return -mechanism.k(q, v) / mechanism.row_scale
 
 
-def transversality(mechanism: Mechanism, q: Array, G: Array, rank: int) -> float:
+def transversality(mechanism: ClosedLoops, q: Array, G: Array, rank: int) -> float:
     """How clearly the mode with tangent space G leaves a singular q: 0 tangential, 1 orthogonal.
 
     Near q* write q = q* ⊕ s w. Then φ/s has the range part K w and, on the left null space U,
@@ -217,7 +216,7 @@ def transversality(mechanism: Mechanism, q: Array, G: Array, rank: int) -> float
 
 
 def _classify(
-    mechanism: Mechanism,
+    mechanism: ClosedLoops,
     q: Array,
     left: Array,
     kernel: Array,
@@ -283,7 +282,7 @@ def _classify(
     return answer("singular", generic, tuple(modes), words, tuple(forms))
 
 
-def _decoupled(mechanism: Mechanism, q: Array, left: Array) -> Array:
+def _decoupled(mechanism: ClosedLoops, q: Array, left: Array) -> Array:
     """A basis of the left null space whose vectors belong to one closure each, where there is one."""
     labels = np.array(mechanism.implicit.labels)
     own: list[Array] = []
@@ -300,13 +299,13 @@ def _decoupled(mechanism: Mechanism, q: Array, left: Array) -> Array:
     return left
 
 
-def _curvature(mechanism: Mechanism, q: Array, kernel: Array) -> float:
+def _curvature(mechanism: ClosedLoops, q: Array, kernel: Array) -> float:
     """Size of φ'' on the kernel: what a second-order form is compared with."""
     sizes = [np.abs(second_derivative(mechanism, q, v)).max(initial=0.0) for v in kernel.T]
     return float(max(sizes, default=0.0)) or 1.0
 
 
-def _rank_along(mechanism: Mechanism, q: Array, kernel: Array, tolerance: float) -> int:
+def _rank_along(mechanism: ClosedLoops, q: Array, kernel: Array, tolerance: float) -> int:
     """Largest rank of K a little way along the kernel, back on the constraint."""
     best = 0
     for direction in kernel.T:

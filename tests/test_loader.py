@@ -40,7 +40,7 @@ def test_shipped_models_are_slender_rods_of_1_kg(name: str) -> None:
         np.testing.assert_allclose(mech.tree.crba(q), rods.tree.crba(q), atol=1e-13)
         np.testing.assert_allclose(mech.tree.rnea(q, v, a), rods.tree.rnea(q, v, a), atol=1e-12)
         np.testing.assert_allclose(mech.tree.energies(q, v), rods.tree.energies(q, v), atol=1e-12)
-    height = mech.tree.energies([0.5 * np.pi, 0.0, 0.5 * np.pi], np.zeros(3))[1]
+    height = mech.tree.energies(np.array([0.5 * np.pi, 0.0, 0.5 * np.pi]), np.zeros(3))[1]
     _, l1, l2, l3 = LENGTHS[name]  # all upright: centres at l1/2, l1 + l2/2, l3/2
     assert height == pytest.approx(9.81 * (0.5 * l1 + l1 + 0.5 * l2 + 0.5 * l3), rel=1e-12)
 
@@ -123,18 +123,26 @@ def test_a_tree_needs_no_yaml_keys(folder: Path) -> None:
     np.testing.assert_array_equal(mech.home, [0.0, 0.5, 0.0])  # joints that are not named stay neutral
 
 
-FLOATING = """<robot name="free">
+SPATIAL = """<robot name="held">
   <link name="world"/>
   <link name="body"><inertial><mass value="1"/>
     <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+  <link name="arm"><inertial><mass value="1"/>
+    <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
   <joint name="free" type="floating"><parent link="world"/><child link="body"/></joint>
+  <joint name="hinge" type="continuous"><parent link="world"/><child link="arm"/>
+    <origin xyz="1 2 3"/><axis xyz="0 0 1"/></joint>
 </robot>"""
 
 
 def test_home_of_a_joint_with_several_numbers(tmp_path: Path) -> None:
-    (tmp_path / "robot.urdf").write_text(FLOATING, encoding="utf-8")
+    """A free body held by an arm: position and quaternion (x, y, z, w) as one list."""
+    (tmp_path / "robot.urdf").write_text(SPATIAL, encoding="utf-8")
     (tmp_path / "robot.yaml").write_text(
-        "name_mot: []\nrobust_gcp: {home: {free: [1, 2, 3, 0, 0, 0.6, 0.8]}}\n", encoding="utf-8"
+        "closed_loop: [[body, arm]]\ntype: [6d]\nname_mot: [hinge]\n"
+        "robust_gcp: {home: {free: [1, 2, 3, 0, 0, 0.6, 0.8], hinge: 1.2870022175866}}\n",
+        encoding="utf-8",
     )
-    with pytest.raises(rg.ModelError, match="free"):
-        rg.load(tmp_path)  # see test_bad_input: nothing determines the free body
+    mech = rg.load(tmp_path)  # 2 atan(0.6/0.8) = 1.2870022175866 rad about z
+    np.testing.assert_allclose(mech.home[:7], [1, 2, 3, 0, 0, 0.6, 0.8], atol=1e-12)
+    assert np.abs(mech.phi(mech.home)).max() < 1e-14

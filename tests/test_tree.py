@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
+from robust_gcp import scenes
 from robust_gcp.tree import Tree, require_depth_first
 
 Array = NDArray[np.float64]
@@ -93,6 +94,19 @@ def test_user_model_is_never_written_to(spatial: dict[str, rg.Mechanism]) -> Non
     tree.jacobians(pin.neutral(model))
     assert model == before
     assert model.nframes == before.nframes
+
+
+def test_a_tree_of_one_joint() -> None:
+    """A pendulum: Pinocchio gives (6,), not (6, 1), for its joint Jacobian. A swing of a slender
+    rod: ÿ = −(3/2) (g/l) cos y from the horizontal, y = q1."""
+    model = pin.Model()
+    scenes.add_link(model, 0, 0.0, "q1", 2.0)
+    mech = rg.Mechanism.from_pinocchio(model)
+    assert (mech.nv, mech.m, mech.nc) == (1, 1, 0)
+    assert mech.tree.J.shape == (1, 6)
+    traj = rg.simulate(mech, [0.4], duration=0.01, step=0.01, record=("a",))
+    assert traj.a is not None
+    assert traj.a[0, 0] == pytest.approx(-1.5 * 9.81 / 2.0 * np.cos(0.4), rel=1e-13)
 
 
 def siblings_first() -> pin.Model:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import argparse
+import json
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy.optimize import brentq
 
+from .. import commands
 from ..closed_form import FourBar
 from ..errors import OptionError, RobustGcpError
 from ..mechanism import Mechanism
@@ -176,3 +180,38 @@ def _run(case: Case) -> Case:
         "error": float(np.abs(ours.q - exact.q).max()),
     }
     return Case(**{**asdict(case), **result})
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the subcommand."""
+    parser = subparsers.add_parser(
+        "crossings", help="simulate random singularity crossings against the closed form"
+    )
+    parser.add_argument("--count", type=int, default=1000, help="how many (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=20, help="of the drawing (default: %(default)s)")
+    parser.add_argument("--out", type=Path, help="write every case to this JSON file")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the summary; exit code 1 when a case is not good."""
+    with commands.progress_bar(float(args.count), "crossings") as progress:
+        cases, seconds = random_crossings(args.count, args.seed, progress)
+    bad = [case for case in cases if not case.good]
+    ratios = np.array([case.ratio for case in cases if not case.failure])
+    nearest = np.array([case.nearest for case in cases])
+    rows = [
+        ["cases, seed", f"{len(cases)}, {args.seed}"],
+        ["good: no failure, error within 10 floors", f"{len(cases) - len(bad)}"],
+        ["crossings passed", f"{sum(case.crossings for case in cases)}"],
+        ["landed within 1e-12 rad of the crossing", f"{int((nearest <= 1e-12).sum())}"],
+        ["largest error / floor", f"{ratios.max(initial=0.0):.4f}"],
+        ["wall time", f"{seconds:.1f} s"],
+    ]
+    print(commands.table(["", " "], rows))
+    for case in bad:
+        print(json.dumps(case.record()))
+    if args.out:
+        args.out.write_text(json.dumps([c.record() for c in cases], indent=1) + "\n", encoding="utf-8")
+        print(f"wrote {args.out}")
+    return 1 if bad else 0

@@ -1,0 +1,171 @@
+"""What a right-hand side costs, part by part, against the number of loops."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from .. import commands
+from ..bridge import BridgeOptions
+from ..bridge_map import BridgeMap
+from ..dynamics import EquationsOfMotion
+from ..kernel import Counters
+from ..scenes import n_four_bar
+from ..simulate import simulate
+from ..start import begin
+
+SIZES = (1, 5, 10, 20, 40)
+ANGLE = 1.2
+"""rad: cranks well away from flat, so that only the regular path is timed."""
+
+
+def seconds_per_call(call: Callable[[], object], budget: float = 0.1) -> float:
+    """Smallest mean time of a call over five rounds, s: the least disturbed by other processes."""
+    begun = time.perf_counter()
+    call()
+    once = max(time.perf_counter() - begun, 1e-7)
+    count = max(3, int(budget / 5.0 / once))
+    rounds = []
+    for _ in range(5):
+        begun = time.perf_counter()
+        for _ in range(count):
+            call()
+        rounds.append((time.perf_counter() - begun) / count)
+    return min(rounds)
+
+
+def naive_seconds(n: int, budget: float = 0.1) -> float:
+    """The same right-hand side as one writes it first: one Jacobian a frame and dense solves, s.
+
+    The yardstick of this machine: both times are quoted, and their ratio travels.
+    """
+    import pinocchio as pin
+
+    mechanism = n_four_bar(n, ANGLE)
+    model, q = mechanism.model, mechanism.home
+    data = model.createData()
+    frames = [(model.getFrameId(c.frame1), model.getFrameId(c.frame2)) for c in mechanism.closures]
+    v = mechanism.lift(q, [1.0])
+    dependent, independent = mechanism.iv_dependent, mechanism.iv_independent
+    axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+
+    def evaluate() -> object:
+        pin.forwardKinematics(model, data, q, v, 0.0 * v)
+        pin.computeJointJacobians(model, data, q)
+        pin.updateFramePlacements(model, data)
+        K, k = [], []
+        for first, second in frames:
+            J1 = pin.getFrameJacobian(model, data, first, axes)
+            J2 = pin.getFrameJacobian(model, data, second, axes)
+            K.append((J1 - J2)[1:3])
+            a1 = pin.getFrameClassicalAcceleration(model, data, first, axes).linear
+            a2 = pin.getFrameClassicalAcceleration(model, data, second, axes).linear
+            k.append((a2 - a1)[1:3])
+        stacked, bias = np.vstack(K), np.concatenate(k)
+        G = np.zeros((model.nv, 1))
+        G[independent] = 1.0
+        G[dependent] = np.linalg.solve(stacked[:, dependent], -stacked[:, independent])
+        g = np.zeros(model.nv)
+        g[dependent] = np.linalg.solve(stacked[:, dependent], bias)
+        M = pin.crba(model, data, q)
+        C = pin.nle(model, data, q, v)
+        return np.linalg.solve(G.T @ M @ G, G.T @ (-C - M @ g))
+
+    return seconds_per_call(evaluate, budget)
+
+
+def measure(n: int, budget: float = 0.1) -> dict[str, float]:
+    """Microseconds per right-hand side, per RK4 step, and per part, for n loops."""
+    mechanism = n_four_bar(n, ANGLE)
+    start = begin(mechanism, mechanism.home, None, None, BridgeOptions(), Counters())
+    path, tree = start.path, mechanism.tree
+    equations = EquationsOfMotion(mechanism, BridgeMap(path, start.point, BridgeOptions()))
+    q, G = start.point.q, start.point.G[:, 0]
+    x = np.array([ANGLE, 1.0])
+    sweep = 1e-4 * np.sin(np.arange(64))
+    turn = iter(())
+
+    def right_hand_side() -> object:
+        nonlocal turn
+        y = next(turn, None)
+        if y is None:
+            turn = iter(sweep)
+            y = next(turn)
+        x[0] = ANGLE + y
+        return equations(0.0, x.copy())
+
+    def constraint() -> object:
+        tree.jacobians(q)
+        path.implicit.residual()
+        return path.implicit.jacobian()
+
+    def bias() -> object:
+        tree.rnea(q, G, tree.zero)
+        return path.implicit.bias()
+
+    def inertia() -> object:
+        M = tree.crba(q)
+        return tree.rnea(q, G, G), G @ (M @ G)
+
+    K = constraint()
+    assert isinstance(K, np.ndarray)
+    K_d, K_i = K[:, path.dependent], K[:, path.independent[0]]
+    factor = path.factor
+
+    def solve() -> object:
+        factor.factor(K_d)
+        return factor.solve(K_i)
+
+    steps = 40
+    run = seconds_per_call(
+        lambda: simulate(mechanism, duration=steps * 1e-4, step=1e-4), max(budget, 0.2)
+    )
+    begin_only = seconds_per_call(
+        lambda: begin(mechanism, mechanism.home, None, None, BridgeOptions(), Counters()), budget
+    )
+    return {
+        "loops": n,
+        "rhs": 1e6 * seconds_per_call(right_hand_side, budget),
+        "rk4_step": 1e6 * max(run - begin_only, 0.0) / steps,
+        "phi_and_K": 1e6 * seconds_per_call(constraint, budget),
+        "factor_and_solve": 1e6 * seconds_per_call(solve, budget),
+        "bias_k": 1e6 * seconds_per_call(bias, budget),
+        "M_and_C": 1e6 * seconds_per_call(inertia, budget),
+        "naive_rhs": 1e6 * naive_seconds(n, budget),
+    }
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the subcommand."""
+    parser = subparsers.add_parser(
+        "benchmark", help="time a right-hand side and its parts against the number of loops"
+    )
+    parser.add_argument("--sizes", type=int, nargs="+", default=list(SIZES), metavar="N")
+    parser.add_argument("--out", type=Path, help="write the figures to this JSON file")
+    parser.add_argument("--quick", action="store_true", help="short rounds, for a smoke test")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the table."""
+    rows = [measure(n, 0.01 if args.quick else 0.2) for n in args.sizes]
+    names = list(rows[0])
+    print("microseconds; rhs with a small move of y each call, parts once each, smallest of 5 rounds")
+    print(
+        commands.table(
+            [f" {name}" for name in names], [[f"{row[name]:.4g}" for name in names] for row in rows]
+        )
+    )
+    if len(rows) > 1:
+        sizes = np.log([row["loops"] for row in rows[-3:]])
+        slope = float(np.polyfit(sizes, np.log([row["rhs"] for row in rows[-3:]]), 1)[0])
+        print(f"cost grows as N^{slope:.2f} over the largest sizes")
+    if args.out:
+        args.out.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+        print(f"wrote {args.out}")
+    return 0
