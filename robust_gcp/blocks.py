@@ -29,6 +29,10 @@ class BlockFactor:
         In the order of substitution.
     pattern : ndarray (n, n) of bool
         Entries that are not structurally zero.
+    dependent : ndarray (n,) of int
+        Columns of K that make up the matrix K_d.
+    nv : int
+        Columns of K.
 
     Attributes
     ----------
@@ -44,7 +48,9 @@ class BlockFactor:
         joints is never conditioned as well as one of two. Set by the owner, 1 until then.
     """
 
-    def __init__(self, blocks: Sequence[Block], pattern: NDArray[np.bool_]) -> None:
+    def __init__(
+        self, blocks: Sequence[Block], pattern: NDArray[np.bool_], dependent: Index, nv: int
+    ) -> None:
         self.blocks = tuple(blocks)
         n, count = len(pattern), len(blocks)
         self.det: Array = np.ones(count)
@@ -57,19 +63,23 @@ class BlockFactor:
         columns = np.concatenate([b.columns for b in blocks]) if blocks else rows
         self._rows, self._columns = rows, columns
         self._into = np.argsort(columns)
+        self._at = np.arange(n)[:, None] * nv + dependent  # where entries of K_d are in a flat K
         self._layout_band(pattern[np.ix_(rows, columns)])
         sizes = np.array([len(b.rows) for b in blocks])
         self._small = [i for i, size in enumerate(sizes) if size <= 2]
         self._large = [
-            (i, np.ix_(block.rows, block.columns)) for i, block in enumerate(blocks) if len(block.rows) > 2
+            (i, self._at[np.ix_(block.rows, block.columns)])
+            for i, block in enumerate(blocks)
+            if len(block.rows) > 2
         ]
         self._corners = np.array(
             [
-                [blocks[i].rows[r] * n + blocks[i].columns[c] for r in (0, -1) for c in (0, -1)]
+                [self._at[blocks[i].rows[r], blocks[i].columns[c]] for r in (0, -1) for c in (0, -1)]
                 for i in self._small
             ],
             dtype=np.int64,
         ).reshape(-1, 4)
+        self._corner = self._at.ravel()  # of a single 2 × 2 block
         self._single = sizes[self._small] == 1
 
     def _layout_band(self, ordered: NDArray[np.bool_]) -> None:
@@ -81,26 +91,26 @@ class BlockFactor:
         height = 2 * self._kl + self._ku + 1
         self._band = np.zeros((height, self._n), order="F")
         self._band_at = (self._kl + self._ku + i - j, j)
-        self._band_from = self._rows[i] * self._n + self._columns[j]
-        self._order = self._rows[:, None] * self._n + self._columns
+        self._band_from = self._at[self._rows[i], self._columns[j]]
+        self._order = self._at[np.ix_(self._rows, self._columns)]
 
-    def factor(self, A: Array) -> None:
-        """Factorise A (n, n)."""
+    def factor(self, K: Array) -> None:
+        """Factorise the dependent columns of K (n, nv), C-contiguous."""
+        flat = K.reshape(-1)
         if self._pair:
-            self._factor_pair(A)
+            self._factor_pair(flat)
             return
-        flat = A.ravel()
         if self._banded:
             self._band[:] = 0.0
             self._band[self._band_at] = flat[self._band_from]
             self._lu, self._pivots, self._info = dgbtrf(self._band, self._kl, self._ku)
         else:
             self._lu, self._pivots, self._info = dgetrf(flat[self._order])
-        self._measure(A, flat)
+        self._measure(flat)
 
-    def _factor_pair(self, A: Array) -> None:
+    def _factor_pair(self, flat: Array) -> None:
         """A single 2 × 2 block in plain floats: its inverse, determinant and σ_min/σ_max."""
-        (a, b), (c, d) = A.tolist()
+        a, b, c, d = flat[self._corner].tolist()
         det = a * d - b * c
         square = a * a + b * b + c * c + d * d
         root = sqrt(max(square * square - 4.0 * det * det, 0.0))
@@ -109,7 +119,7 @@ class BlockFactor:
         r = 1.0 / det if det else np.nan
         self._inverse = np.array([[d * r, -b * r], [-c * r, a * r]])
 
-    def _measure(self, A: Array, flat: Array) -> None:
+    def _measure(self, flat: Array) -> None:
         det, rcond = np.empty(len(self.blocks)), np.empty(len(self.blocks))
         if self._small:
             a, b, c, d = flat[self._corners].T
@@ -122,7 +132,7 @@ class BlockFactor:
                 self._single, np.minimum(size, 1.0), 2.0 * size / np.maximum(square + root, 1e-300)
             )
         for i, grid in self._large:
-            piece = A[grid]
+            piece = flat[grid]
             norm = float(np.abs(piece).sum(axis=0).max())
             lu, pivots, info = dgetrf(piece)
             swaps = int(np.count_nonzero(pivots != np.arange(len(pivots))))

@@ -229,17 +229,19 @@ class ImplicitConstraint:
         The joints' accelerations there include minus gravity, which cancels in every difference.
         """
         tree, loops = self._tree, self._loops
-        v, a = tree.v[self._joint][:, :, None], tree.a[self._joint][:, :, None]
-        omega = self._turn @ v[:, 3:]
-        local = self._to_frame @ a + _cross_matrix(omega) @ (self._to_frame @ v)
-        world = (tree.frame_R @ local)[:, :, 0]
+        v, a = tree.v[self._joint], tree.a[self._joint]
+        omega = _apply(self._turn, v[:, 3:])
+        # a + ω × v of the cut points, in frame axes
+        local = _apply(self._to_frame, a)
+        local += _apply((omega @ _CROSS).reshape(-1, 3, 3), _apply(self._to_frame, v))
+        world = _apply(tree.frame_R, local)
         apart = (world[loops:] - world[:loops]).ravel()
         if self._rotation is None:
             return np.asarray(apart[self._take] * self._weight)
         k = np.empty(len(self.rows))
         k[self._position] = apart[self._take]
-        turning = (tree.frame_R @ omega)[:, :, 0]
-        speeding = (tree.frame_R @ (self._turn @ a[:, 3:]))[:, :, 0]
+        turning = _apply(tree.frame_R, omega)
+        speeding = _apply(tree.frame_R, _apply(self._turn, a[:, 3:]))
         k[self._rotation.at] = self._rotation.bias(turning, speeding)
         return k * self._weight
 
@@ -289,7 +291,7 @@ class _RotationRows:
 
     def normals(self) -> Array:
         """Σ w u × n of each row, (rows, 3): φ̇ = (ω₁ − ω₂) · Σ w u × n."""
-        crossed = np.cross(self._u, self._n) * self._weight[:, None]
+        crossed = _cross(self._u, self._n) * self._weight[:, None]
         normals = np.zeros((len(self.at), 3))
         np.add.at(normals, self._owner, crossed)
         return normals
@@ -298,8 +300,8 @@ class _RotationRows:
         """−d/dt (φ̇) at zero joint acceleration; ω and α of all frames in world axes."""
         w1, w2 = omega[self._first], omega[self._second]
         u, n = self._u, self._n
-        normal = np.cross(u, n)
-        rate = np.cross(np.cross(w1, u), n) + np.cross(u, np.cross(w2, n))
+        normal = _cross(u, n)
+        rate = _cross(_cross(w1, u), n) + _cross(u, _cross(w2, n))
         turning = np.einsum("ij,ij->i", alpha[self._first] - alpha[self._second], normal)
         return -self._sum(turning + np.einsum("ij,ij->i", w1 - w2, rate))
 
@@ -337,9 +339,22 @@ def _point_motion(frame: pin.Frame) -> Array:
     return np.asarray(M.rotation.T @ np.hstack([np.eye(3), -_skew(M.translation)]))
 
 
-_LEVI_CIVITA = np.array([_skew(e).ravel() for e in np.eye(3)])
+def _apply(matrices: Array, vectors: Array) -> Array:
+    """Each matrix times its vector, (n, i, j) and (n, j) to (n, i).
+
+    `matmul` has the smaller overhead, `einsum` the smaller cost per item.
+    """
+    if len(vectors) <= _FEW:
+        return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
+    return np.asarray(np.einsum("pij,pj->pi", matrices, vectors))
 
 
-def _cross_matrix(omega: Array) -> Array:
-    """ω× for each ω, (n, 3, 1) to (n, 3, 3)."""
-    return (omega[:, :, 0] @ _LEVI_CIVITA).reshape(-1, 3, 3)
+_FEW = 16
+_CROSS = np.array([_skew(e).ravel() for e in np.eye(3)])
+"""ω @ _CROSS is the matrix of ω ×, row by row."""
+_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Row by row a × b, (n, 3); `np.cross` costs several times as much on few rows."""
+    return np.asarray(a[:, _NEXT] * b[:, _LAST] - a[:, _LAST] * b[:, _NEXT])

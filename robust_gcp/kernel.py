@@ -118,7 +118,7 @@ class RegularPath:
 
     def _structure(self) -> BlockFactor:
         if self.nd == 0:
-            return BlockFactor([], np.zeros((0, 0), dtype=bool))
+            return BlockFactor([], np.zeros((0, 0), dtype=bool), self.dependent, self.tree.nv)
         pattern = np.zeros((self.nd, self.nd), dtype=bool)
         for q in self.mechanism.generic_configurations():
             self._evaluate(q)
@@ -126,11 +126,11 @@ class RegularPath:
         blocks = triangular_blocks(pattern)
         if blocks is None:
             blocks = [Block(np.arange(self.nd), np.arange(self.nd))]
-        factor = BlockFactor(blocks, pattern)
+        factor = BlockFactor(blocks, pattern, self.dependent, self.tree.nv)
         seen = []
         for q in self.mechanism.generic_configurations():
             self._evaluate(q)
-            factor.factor(self._K[:, self.dependent])
+            factor.factor(self._K)
             seen.append(factor.rcond)
         large = np.array([len(block.rows) > 2 for block in blocks])
         factor.reference = np.where(large, np.maximum(np.max(seen, axis=0), 1e-6), 1.0)
@@ -185,7 +185,7 @@ class RegularPath:
                 return q, correction
             if not np.isfinite(size):
                 return None
-            self.factor.factor(self._K[:, self.dependent])
+            self.factor.factor(self._K)
             u = self.factor.solve(phi)
             step = float(np.abs(u).max())
             if iteration == 0:
@@ -204,7 +204,7 @@ class RegularPath:
             return Point(y, ydot, q, self._eye, np.zeros(self.tree.nv), None, one, one)
         tree, factor, dependent = self.tree, self.factor, self.dependent
         K = self._K
-        factor.factor(K[:, dependent])
+        factor.factor(K)
         G = np.zeros((tree.nv, self.m))
         G[self.independent] = self._eye
         g = np.zeros(tree.nv)
@@ -222,7 +222,7 @@ class RegularPath:
     def second_derivative(self, point: Point, direction: Array) -> Array:
         """γ''[d, d] at a point for a direction d (m,): g at ẏ = d."""
         self._evaluate(point.q)
-        self.factor.factor(self._K[:, self.dependent])
+        self.factor.factor(self._K)
         g = np.zeros(self.tree.nv)
         g[self.dependent] = self._bias(point.q, point.G @ direction)
         return g
@@ -230,7 +230,7 @@ class RegularPath:
     def conditioning(self, q: Array) -> tuple[Array, Array]:
         """Determinants and conditioning of K_d's blocks at any q."""
         self._evaluate(q)
-        self.factor.factor(self._K[:, self.dependent])
+        self.factor.factor(self._K)
         return self.factor.det, self.factor.rcond
 
     def worst_conditioning(self, q: Array) -> float:

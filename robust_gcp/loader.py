@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 import difflib
-import math
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import pinocchio as pin
 import yaml
 
 from .closure import Closure, FrameClosure, PointClosure, RevoluteClosure
 from .errors import ModelError, RobustGcpError
 from .loops import NEARLY_CLOSED
 from .mechanism import Mechanism
+from .own_block import forces_of, home_of, own_block, set_gravity, with_axes
 from .urdf import model_from_urdf
 
-SCHEMA = 1
 KINDS: dict[str, type[PointClosure] | type[FrameClosure] | type[RevoluteClosure]] = {
     cls.kind: cls for cls in (PointClosure, FrameClosure, RevoluteClosure)
 }
-OWN_KEYS = ("schema", "description", "home")
 
 
 def models_folder() -> Path:
@@ -40,7 +36,8 @@ def load(name_or_folder: str | Path) -> Mechanism:
 
     The YAML's keys are those of the parallel-robot community around Pinocchio: `closed_loop` (pairs
     of frame names), `type` ('3d', '6d' or 'revolute'), `name_mot` (independent joints); the block
-    `robust_gcp` (schema, description, home) is this package's own and optional.
+    `robust_gcp` is this package's own and optional: `schema`, `description`, `home` (configuration by
+    joint), `gravity`, `axes` (of revolute closures), `springs`, `dampers`, `point_springs`, `torques`.
 
     Raises
     ------
@@ -62,14 +59,16 @@ def load(name_or_folder: str | Path) -> Mechanism:
     path = folder / "robot.yaml"
     settings = _read_yaml(path)
     model = model_from_urdf(folder / "robot.urdf")
-    closures = _closures(settings, path)
-    own = _own_block(settings, path)
+    own = own_block(settings, path)
+    closures = with_axes(own.get("axes"), _closures(settings, path), path)
+    set_gravity(own.get("gravity"), model, path)
+    forces = forces_of(own, path)
     independent = settings.get("name_mot")
     if independent is not None and not _is_list_of_str(independent):
         raise ModelError(f"{path}: name_mot must be a list of joint names, not {independent!r}")
     try:
-        mechanism = Mechanism.from_pinocchio(model, closures, independent, name=folder.name)
-        home = _home(own.get("home"), model, path)
+        mechanism = Mechanism.from_pinocchio(model, closures, independent, name=folder.name, forces=forces)
+        home = home_of(own.get("home"), model, path)
         mechanism.home = mechanism.configuration(home, "home")
     except RobustGcpError as error:
         error.args = (f"{path}: {error.args[0]}", *error.args[1:])
@@ -101,47 +100,6 @@ def _closures(settings: dict[str, Any], path: Path) -> list[Closure]:
     if unknown:
         raise ModelError(f"{path}: type {unknown[0]!r} is unknown; use one of {', '.join(KINDS)}")
     return [KINDS[kind.lower()](*pair) for pair, kind in zip(pairs, kinds, strict=True)]
-
-
-def _own_block(settings: dict[str, Any], path: Path) -> dict[str, Any]:
-    own = settings.get("robust_gcp") or {}
-    if not isinstance(own, dict):
-        raise ModelError(f"{path}: robust_gcp must be a mapping")
-    for key in own:
-        if key not in OWN_KEYS:
-            near = difflib.get_close_matches(str(key), OWN_KEYS, n=1)
-            hint = f"; did you mean {near[0]!r}?" if near else f"; known: {', '.join(OWN_KEYS)}"
-            raise ModelError(f"{path}: unknown key {key!r} in robust_gcp{hint}")
-    if own and own.get("schema", SCHEMA) != SCHEMA:
-        raise ModelError(
-            f"{path}: robust_gcp.schema is {own['schema']!r}, this version reads {SCHEMA}; "
-            "update robust_gcp or the file"
-        )
-    return own
-
-
-def _home(home: Any, model: pin.Model, path: Path) -> Any:
-    q = pin.neutral(model)
-    if home is None:
-        return q
-    if not isinstance(home, dict):
-        raise ModelError(f"{path}: robust_gcp.home must map joint names to values, not {home!r}")
-    names = list(model.names)
-    for name, value in home.items():
-        if name not in names:
-            raise ModelError(
-                f"{path}: robust_gcp.home names the joint {name!r}; the model has {', '.join(names[1:])}"
-            )
-        joint = model.joints[model.getJointId(name)]
-        values = value if isinstance(value, list) else [value]
-        if len(values) != joint.nq or not all(
-            isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x) for x in values
-        ):
-            raise ModelError(
-                f"{path}: robust_gcp.home[{name!r}] is {value!r}; expected {joint.nq} finite number(s)"
-            )
-        q[joint.idx_q : joint.idx_q + joint.nq] = np.array(values, dtype=float)
-    return q
 
 
 def _is_list_of_str(value: Any) -> bool:

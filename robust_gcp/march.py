@@ -36,7 +36,8 @@ def same_branch(before: Point, after: Point) -> bool:
     ):
         return False
     if conditioning >= POOR and before.conditioning >= POOR:
-        return bool((before.det * after.det).min() > 0.0)
+        signs = before.det * after.det
+        return bool((signs[0] if len(signs) == 1 else signs.min()) > 0.0)
     ratio = after.det / before.det
     watched = (after.rcond < POOR) | (before.rcond < POOR)
     change = np.where(watched, ratio, 1.0)

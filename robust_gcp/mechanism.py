@@ -186,9 +186,7 @@ class Mechanism(ClosedLoops):
 
     def with_independent(self, independent: Sequence[str]) -> Mechanism:
         """The same mechanism in other minimal coordinates."""
-        return Mechanism(
-            self.model, self.closures, independent, self.home, self.name, self.forces
-        )
+        return Mechanism(self.model, self.closures, independent, self.home, self.name, self.forces)
 
     def __repr__(self) -> str:
         return (

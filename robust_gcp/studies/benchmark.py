@@ -15,6 +15,7 @@ from ..bridge import BridgeOptions
 from ..bridge_map import BridgeMap
 from ..dynamics import EquationsOfMotion
 from ..kernel import Counters
+from ..march import same_branch
 from ..scenes import n_four_bar
 from ..simulate import simulate
 from ..start import begin
@@ -114,17 +115,22 @@ def measure(n: int, budget: float = 0.1) -> dict[str, float]:
 
     K = constraint()
     assert isinstance(K, np.ndarray)
-    K_d, K_i = K[:, path.dependent], K[:, path.independent[0]]
+    K_i = K[:, path.independent[0]]
     factor = path.factor
 
     def solve() -> object:
-        factor.factor(K_d)
+        factor.factor(K)
         return factor.solve(K_i)
 
+    here, there = start.point, path.step(start.point, start.point.y + 1e-3, start.point.ydot)
+    assert there is not None
+    zone = BridgeOptions().zone
+
+    def zone_test() -> object:
+        return there.conditioning < zone or not same_branch(here, there)
+
     steps = 40
-    run = seconds_per_call(
-        lambda: simulate(mechanism, duration=steps * 1e-4, step=1e-4), max(budget, 0.2)
-    )
+    run = seconds_per_call(lambda: simulate(mechanism, duration=steps * 1e-4, step=1e-4), max(budget, 0.2))
     begin_only = seconds_per_call(
         lambda: begin(mechanism, mechanism.home, None, None, BridgeOptions(), Counters()), budget
     )
@@ -136,6 +142,7 @@ def measure(n: int, budget: float = 0.1) -> dict[str, float]:
         "factor_and_solve": 1e6 * seconds_per_call(solve, budget),
         "bias_k": 1e6 * seconds_per_call(bias, budget),
         "M_and_C": 1e6 * seconds_per_call(inertia, budget),
+        "zone_test": 1e6 * seconds_per_call(zone_test, budget),
         "naive_rhs": 1e6 * naive_seconds(n, budget),
     }
 
