@@ -6,17 +6,14 @@ solved on both sides where K_d is well conditioned; q and G are interpolated bet
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import BarycentricInterpolator, KroghInterpolator
-from scipy.optimize import brentq
 
 from .errors import BranchError, SimulationError
 from .explicit import CrossingKind
 from .kernel import Point, RegularPath
+from .line import Line
 from .march import march
 from .singularity import transversality
 from .tree import Array
@@ -64,154 +61,6 @@ class NoBridgeError(SimulationError):
         super().__init__(reason)
         self.residual = residual
         self.separation = separation
-
-
-class Line:
-    """γ, G and g along y₀ + s d, interpolated from solved points.
-
-    For m = 1 one Hermite polynomial through q, G and γ'' at n nodes, of degree 3n − 1, and its
-    derivatives. Else q is interpolated with its derivative in the chart at the first node, and G
-    with its derivative dG/ds = γ''[d, ·] where that is known, both of degree 2n − 1.
-
-    Parameters
-    ----------
-    path : RegularPath
-    origin, direction : ndarray (m,)
-        y₀ and d.
-    nodes : sequence of (float, Point)
-        Arc parameter s and the point there.
-    """
-
-    def __init__(
-        self,
-        path: RegularPath,
-        origin: Array,
-        direction: Array,
-        nodes: Sequence[tuple[float, Point]],
-    ) -> None:
-        self.path, self.origin, self.direction = path, origin, direction
-        self.nodes = sorted(nodes, key=lambda node: node[0])
-        self.s = np.array([s for s, _ in self.nodes])
-        self._reference = self.nodes[0][1].q
-        self._center = float(self.s.mean())
-        self._unit = float(np.ptp(self.s)) / 2.0 or 1.0
-        self._x = (self.s - self._center) / self._unit
-
-    def x(self, s: float) -> float:
-        """s in units that put the nodes on [−1, 1]."""
-        return (s - self._center) / self._unit
-
-    @cached_property
-    def _smooth(self) -> bool:
-        """Whether γ'' on the line is the derivative of G there: one coordinate, no chart."""
-        return self.path.m == 1 and self.path.tree.vector_space
-
-    @cached_property
-    def _q(self) -> KroghInterpolator:
-        tree = self.path.tree
-        values: list[Array] = []
-        for _, node in self.nodes:
-            rate = tree.difference_rate(self._reference, node.q) @ (node.G @ self.direction)
-            values += [tree.difference(self._reference, node.q), rate * self._unit]
-            if self._smooth and node.curvature is not None:
-                values.append(node.curvature * (float(self.direction[0]) * self._unit) ** 2)
-        return KroghInterpolator(np.repeat(self._x, 3 if self._smooth else 2), np.array(values))
-
-    @cached_property
-    def _G(self) -> KroghInterpolator | BarycentricInterpolator:
-        columns = [node.G.ravel() for _, node in self.nodes]
-        if self.path.m > 1 and not self.path.tree.vector_space:
-            # ∂G_j/∂d is not symmetric in body-fixed velocities, so it is not γ''[d, e_j]: values only
-            return BarycentricInterpolator(self._x, np.array(columns))
-        values: list[Array] = []
-        for (_, node), column in zip(self.nodes, columns, strict=True):
-            values += [column, self._G_rate(node).ravel() * self._unit]
-        return KroghInterpolator(np.repeat(self._x, 2), np.array(values))
-
-    def _G_rate(self, node: Point) -> Array:
-        """dG/ds = γ''[d, e_j] for each j, (nv, m), by polarisation."""
-        path, d = self.path, self.direction
-        if node.curvature is not None:
-            return node.curvature[:, None] * d
-        columns = [
-            0.25 * (path.second_derivative(node, d + e) - path.second_derivative(node, d - e))
-            for e in np.eye(path.m)
-        ]
-        return np.array(columns).T
-
-    def configuration(self, s: float) -> Array:
-        """q on the line, (nq,); its independent entries are exact."""
-        q = self.path.tree.integrate(self._reference, np.asarray(self._q(self.x(s))))
-        q[self.path.iq] = self.origin + s * self.direction
-        return q
-
-    def at(self, s: float, ydot: Array) -> Point:
-        """The point at y₀ + s d for velocity ẏ."""
-        path, x = self.path, self.x(s)
-        if self._smooth:
-            return self._smooth_point(s, x, ydot)
-        shape = (path.tree.nv, path.m)
-        if path.m > 1 and not path.tree.vector_space:
-            G = np.asarray(self._G(x)).reshape(shape)
-            rate = None
-        else:
-            values = self._G.derivatives(x, 2)
-            G, rate = values[0].reshape(shape), values[1].reshape(shape) / self._unit
-        G[path.independent] = np.eye(path.m)
-        g, curvature = self._second(x, ydot, rate)
-        return self._point(s, self.configuration(s), ydot, G, g, curvature)
-
-    def _smooth_point(self, s: float, x: float, ydot: Array) -> Point:
-        path, pace = self.path, float(self.direction[0]) * self._unit
-        dq, first, second = self._q.derivatives(x, 3)
-        q = self._reference + dq
-        q[path.iq] = self.origin + s * self.direction
-        G = first[:, None] / pace
-        G[path.independent] = 1.0
-        curvature = second / pace**2
-        curvature[path.independent] = 0.0
-        return self._point(s, q, ydot, G, curvature * float(ydot[0]) ** 2, curvature)
-
-    def _point(self, s: float, q: Array, ydot: Array, G: Array, g: Array, curvature: Array | None) -> Point:
-        det = np.array([float(f(self.x(s))) for f in self._det])
-        y = self.origin + s * self.direction
-        return Point(y, ydot.copy(), q, G, g, curvature, det, np.ones_like(det))
-
-    def _second(self, x: float, ydot: Array, rate: Array | None) -> tuple[Array, Array | None]:
-        """g and, for m = 1, γ''; the parts along d are derivatives of G, the rest is interpolated."""
-        path = self.path
-        if path.m == 1 and rate is not None:
-            curvature = rate[:, 0] / self.direction[0]
-            curvature[path.independent] = 0.0
-            return curvature * float(ydot[0]) ** 2, curvature
-        if rate is None:
-            return self._interpolated_g(x, ydot), None
-        d = self.direction
-        along = float(d @ ydot) / float(d @ d)
-        across = ydot - along * d
-        g = along * along * (rate @ d) + 2.0 * along * (rate @ across)
-        if np.any(np.abs(across) > 0.0):
-            g = g + self._interpolated_g(x, across)
-        g[path.independent] = 0.0
-        return g, None
-
-    def _interpolated_g(self, x: float, ydot: Array) -> Array:
-        values = [self.path.second_derivative(node, ydot) for _, node in self.nodes]
-        return np.asarray(BarycentricInterpolator(self._x, np.array(values))(x))
-
-    @cached_property
-    def _det(self) -> list[BarycentricInterpolator]:
-        dets = np.array([node.det for _, node in self.nodes])
-        return [BarycentricInterpolator(self._x, column) for column in dets.T]
-
-    def zero(self, block: int, low: float, high: float) -> float | None:
-        """Where det of a block changes sign between low and high; None where it does not."""
-        f = self._det[block]
-        ends = float(f(self.x(low))), float(f(self.x(high)))
-        if not ends[0] * ends[1] < 0.0:
-            return None
-        root = brentq(lambda x: float(f(x)), self.x(low), self.x(high), xtol=1e-13)
-        return self._center + self._unit * float(root)
 
 
 @dataclass

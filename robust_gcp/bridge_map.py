@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import replace
 
 import numpy as np
 
-from .bridge import Bridge, BridgeOptions, Builder, Line, NoBridgeError
-from .errors import BranchError, NotCertifiedError, SimulationError, ToggleError
+from .bridge import Bridge, BridgeOptions, Builder, NoBridgeError
+from .errors import BranchError, SimulationError
 from .explicit import Passage
 from .kernel import Counters, Point, RegularPath
+from .line import Line
 from .march import march, same_branch
-from .partition import numerical_rank
+from .obstacle import Obstacle, UncertifiedZoneError, classify, refusal, steepest
 from .tree import Array
-
-ObstacleKind = Literal["toggle", "near miss", "tangential", "unknown"]
 
 MAX_BRIDGES = 16
 """Bridges kept for reuse; a mechanism that turns over meets a new one each half turn."""
@@ -27,45 +25,6 @@ SAME_POINT = 1e-6
 
 DEEP = 0.1
 """Fraction of the zone below which an undecided singularity stops the run."""
-
-
-DEPTH = 1e-3
-"""How deep into the zone, in conditioning, an obstacle is looked at to tell what it is."""
-
-
-@dataclass(frozen=True)
-class Obstacle:
-    """A place where K_d is poor and no bridge was certified.
-
-    Attributes
-    ----------
-    kind : {"toggle", "near miss", "tangential", "unknown"}
-    y : ndarray (m,)
-        Where it was met.
-    reach : float
-        Estimated distance in y to the singular surface.
-    gap : float
-        max |φ| / length of the best attempt at a bridge; infinite when there was none.
-    reason : str
-    """
-
-    kind: ObstacleKind
-    y: Array
-    reach: float
-    gap: float
-    reason: str
-
-    def covers(self, point: Point) -> bool:
-        """Whether the point is still at this obstacle."""
-        return float(np.linalg.norm(point.y - self.y)) <= 4.0 * self.reach
-
-
-class UncertifiedZoneError(SimulationError):
-    """A fixed step would enter a zone without a bridge; caught by the stepping loop."""
-
-    def __init__(self, obstacle: Obstacle) -> None:
-        super().__init__(obstacle.reason, obstacle.y)
-        self.obstacle = obstacle
 
 
 class BridgeMap:
@@ -244,9 +203,9 @@ class BridgeMap:
         if self._obstacle is not None and self._obstacle.covers(point):
             return None
         try:
-            bridge = self._builder.build(point, self._direction(point))
+            bridge = self._builder.build(point, steepest(self.path, point))
         except NoBridgeError as failure:
-            self._obstacle = self._classify(point, failure)
+            self._obstacle = classify(self.path, point, failure)
             return None
         self._keep(bridge)
         return bridge
@@ -260,56 +219,7 @@ class BridgeMap:
         turned = np.abs((a.G - b.G) / scale[:, None]).max() / np.abs(a.G / scale[:, None]).max()
         return bool(apart <= SAME_POINT and turned <= np.sqrt(SAME_POINT))
 
-    def _direction(self, point: Point) -> Array:
-        """∇_y det of the worst block, scaled so that each coordinate counts by the motion it makes."""
-        if self.path.m == 1:
-            return np.ones(1)
-        block = int(np.argmin(point.rcond))
-        motion = np.abs(point.G / self.path.mechanism.column_scale[:, None]).max(axis=0)
-        eps = 1e-3 * max(point.conditioning, 1e-9) / motion
-        gradient = np.zeros(self.path.m)
-        for j, e in enumerate(np.diag(eps)):
-            ahead = march(self.path, point, point.y + e, point.ydot)
-            behind = march(self.path, point, point.y - e, point.ydot)
-            gradient[j] = (ahead.det[block] - behind.det[block]) / motion[j] / (2.0 * eps[j])
-        direction = gradient / motion
-        return np.asarray(direction / np.linalg.norm(direction), dtype=float)
-
     # --------------------------------------------------------------------- obstacles
-
-    def _classify(self, point: Point, failure: NoBridgeError) -> Obstacle:
-        """Tell a toggle (K stays regular) from a near miss and from what second order leaves open."""
-        d = self._direction(point)
-        block = int(np.argmin(point.rcond))
-        size = float(np.abs(point.G @ d / self.path.mechanism.column_scale).max())
-        eps = 1e-3 * point.conditioning / size
-        ahead = march(self.path, point, point.y + eps * d, point.ydot)
-        change = float(ahead.det[block] - point.det[block]) / eps
-        reach = abs(float(point.det[block]) / change) if change else 1.0 / size
-        inward = d if float(point.det[block]) * change < 0.0 else -d
-        reason = str(failure)
-        if np.isfinite(failure.separation):
-            return Obstacle("tangential", point.y, reach, failure.residual, reason)
-        try:
-            deep = march(
-                self.path, point, point.y + 2.0 * reach * inward, point.ydot, DEPTH * point.conditioning
-            )
-        except BranchError:
-            return Obstacle("unknown", point.y, reach, failure.residual, reason)
-        if deep.conditioning > 2.0 * DEPTH * point.conditioning:
-            return Obstacle("near miss", point.y, reach, failure.residual, reason)
-        growth = self._regularity(deep) / deep.conditioning
-        if growth > 2.0 * self._regularity(point) / point.conditioning:
-            return Obstacle("toggle", point.y, reach, failure.residual, reason)
-        kind: ObstacleKind = "near miss" if np.isfinite(failure.residual) else "unknown"
-        return Obstacle(kind, point.y, reach, failure.residual, reason)
-
-    def _regularity(self, point: Point) -> float:
-        """σ_min/σ_max of the selected rows of K: stays large at a toggle, vanishes where modes meet."""
-        mechanism = self.path.mechanism
-        s = np.linalg.svd(mechanism.scaled(mechanism.K(point.q))[self.path.rows], compute_uv=False)
-        self.counters.svds += 1
-        return float(s[-1] / s[0]) if numerical_rank(s, 0.0) else 0.0
 
     def _uncertified(self, here: Point, y: Array, ydot: Array) -> Point:
         obstacle = self._obstacle
@@ -320,47 +230,12 @@ class BridgeMap:
         try:
             point = march(self.path, here, y, ydot)
         except BranchError as error:
-            raise self._refusal(obstacle, here) from error
+            raise refusal(self.path, obstacle, here) from error
         if obstacle.kind != "near miss" and point.conditioning < DEEP * self.options.zone:
-            raise self._refusal(obstacle, point)
+            raise refusal(self.path, obstacle, point)
         return point
 
     def refusal(self) -> SimulationError:
         """The error to stop with when the present obstacle cannot be passed."""
         assert self._obstacle is not None
-        return self._refusal(self._obstacle, self.anchor)
-
-    def _refusal(self, obstacle: Obstacle, here: Point) -> SimulationError:
-        """The error that an obstacle ends a run with."""
-        mechanism = self.path.mechanism
-        where = f"y = {np.array2string(here.y, precision=6)} ({', '.join(mechanism.independent)})"
-        figures = {"conditioning": here.conditioning, "gap": obstacle.gap}
-        if obstacle.kind == "toggle":
-            choices = [
-                names
-                for _, names in mechanism.coordinate_choices(here.q)
-                if set(names) != set(mechanism.independent)
-            ]
-            better = ", or ".join(" + ".join(c) for c in choices) or "none"
-            return ToggleError(
-                f"toggle at {where}: K_d is singular while K is not, the independent coordinates turn "
-                f"back here and cannot parametrise the motion; joints that can: {better} (or pass "
-                'on_toggle="repartition")',
-                here.y,
-                choices,
-                **figures,
-            )
-        if obstacle.kind == "near miss":
-            return BranchError(
-                f"near miss at {where}: two modes pass each other with a gap of {obstacle.gap:.2g} lengths "
-                "and the true curve could not be followed; use a smaller step or, if the gap is an error "
-                "of the model, raise geometric_tolerance above it",
-                here.y,
-                **figures,
-            )
-        return NotCertifiedError(
-            f"singularity at {where} not certified: {obstacle.reason}; second order does not say how the "
-            "motion goes on (see analyse(mech, q) at traj.q[-1])",
-            here.y,
-            **figures,
-        )
+        return refusal(self.path, self._obstacle, self.anchor)

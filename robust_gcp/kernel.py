@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .blocks import BlockFactor
-from .closure import ImplicitConstraint
+from .implicit import ImplicitConstraint
 from .loops import STRUCTURAL
 from .mechanism import Mechanism
 from .partition import Block, triangular_blocks

@@ -13,12 +13,12 @@ from scipy.optimize import least_squares
 from .closure import (
     Closure,
     FrameClosure,
-    ImplicitConstraint,
     PointClosure,
     RevoluteClosure,
     closure_frames,
 )
 from .errors import ClosureError, ModelError, StateError
+from .implicit import ImplicitConstraint
 from .partition import numerical_rank, ranked_choices
 from .tree import Array, Tree, require_depth_first
 

@@ -6,7 +6,7 @@ import difflib
 import logging
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pinocchio as pin
@@ -17,6 +17,7 @@ from .errors import ModelError, PartitionError, StateError
 from .forces import AppliedForces, Force
 from .loops import CLOSED, STRUCTURAL, ClosedLoops, checked_vector
 from .partition import independent_rows, numerical_rank
+from .pin_constraints import with_named_frames
 from .singularity import analyse
 from .tree import Array
 from .urdf import model_from_urdf
@@ -73,7 +74,7 @@ class Mechanism(ClosedLoops):
     def from_pinocchio(
         cls,
         model: pin.Model,
-        closures: Sequence[Closure] = (),
+        closures: Sequence[Any] = (),
         independent: Sequence[str] | Literal["auto"] | None = None,
         home: ArrayLike | None = None,
         name: str = "",
@@ -86,7 +87,8 @@ class Mechanism(ClosedLoops):
         model : pin.Model
             The spanning tree.
         closures : sequence of PointClosure, FrameClosure or RevoluteClosure
-            Pairs of frame names that close the loops.
+            Pairs of frame names that close the loops; also Pinocchio's constraint models, see
+            `pin_constraints.with_named_frames`.
         independent : sequence of str or "auto", optional
             Joints that serve as minimal coordinates, one number in q each; may be left out only
             where there is no loop (then: all joints). "auto" takes the best conditioned set at home
@@ -103,6 +105,7 @@ class Mechanism(ClosedLoops):
         PartitionError
             When the dependent joints cannot be solved for in any configuration.
         """
+        model, closures = with_named_frames(model, closures)
         if independent is None:
             if closures:
                 raise ModelError(
@@ -116,7 +119,7 @@ class Mechanism(ClosedLoops):
     def from_urdf(
         cls,
         urdf: str | Path,
-        closures: Sequence[Closure] = (),
+        closures: Sequence[Any] = (),
         independent: Sequence[str] | Literal["auto"] | None = None,
         home: ArrayLike | None = None,
         name: str = "",

@@ -144,11 +144,7 @@ def _require_none(value: Any, what: str, label: str) -> None:
 
 
 def _require_rigid(constraint: Any, label: str) -> None:
-    compliance = np.zeros(constraint.residualSize())
-    try:
-        compliance = np.asarray(constraint.retrieveCompliance(), dtype=float)
-    except TypeError:  # the method of some versions needs the constraint's data
-        return
+    compliance = np.asarray(constraint.retrieveCompliance(), dtype=float)
     if np.abs(compliance).max(initial=0.0) > 0.0:
         raise ModelError(
             f"{label}: its compliance is {compliance.tolist()}; closures are rigid: set it to zero, "

@@ -13,7 +13,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import brentq
 
 from .bridge import BridgeOptions
-from .bridge_map import BridgeMap, UncertifiedZoneError
+from .bridge_map import BridgeMap
 from .dynamics import EquationsOfMotion, Evaluation, Torque, constraint_forces, does_work
 from .errors import NonFiniteError
 from .explicit import Crossing, ExplicitMap, Passage
@@ -21,6 +21,7 @@ from .gcp import SingularityWarning
 from .kernel import Counters, Point
 from .march import POOR
 from .mechanism import Mechanism
+from .obstacle import UncertifiedZoneError
 from .start import Start, begin
 from .steppers import NoProgressError, adaptive, rk4_step
 from .trajectory import Stats, Trajectory

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import functools
+import os
 import warnings
 from collections.abc import Callable
+
+# The matrices here are small: threads of BLAS only wait for each other on a busy machine.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import pinocchio as pin

@@ -10,7 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
-from robust_gcp.closure import Closure, ImplicitConstraint, closure_frames
+from robust_gcp.closure import Closure, closure_frames
+from robust_gcp.implicit import ImplicitConstraint
 from robust_gcp.scenes import add_link
 from robust_gcp.tree import Tree
 
