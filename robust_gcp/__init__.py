@@ -21,6 +21,7 @@ from .errors import (
 from .explicit import Crossing
 from .forces import JointDamper, JointSpring, JointTorque, PointSpring
 from .gcp import SingularityWarning
+from .inverse import inverse_dynamics
 from .loader import load, model_names
 from .mechanism import Mechanism
 from .simulate import simulate
@@ -59,6 +60,7 @@ __all__ = [
     "Trajectory",
     "analyse",
     "implicit_dynamics",
+    "inverse_dynamics",
     "load",
     "model_names",
     "simulate",

@@ -15,6 +15,7 @@ from .mechanism import Mechanism
 from .tree import Array
 
 Torque = Callable[[float, Array, Array], ArrayLike]
+CheckedTorque = Callable[[float, Array, Array], Array]
 
 REDUNDANT = 1e-9
 """Relative singular value below which a constraint direction counts as redundant in (2)."""
@@ -121,7 +122,7 @@ def does_work(mechanism: Mechanism, torque: Torque | ArrayLike | None) -> bool:
     return torque is not None or (mechanism.applied is not None and mechanism.applied.works)
 
 
-def torque_function(mechanism: Mechanism, torque: Torque | ArrayLike | None) -> Torque | None:
+def torque_function(mechanism: Mechanism, torque: Torque | ArrayLike | None) -> CheckedTorque | None:
     """A checked torque callable from what a user passes."""
     if torque is None:
         return None

@@ -96,10 +96,10 @@ def test_order_on_a_smooth_equation() -> None:
         return x * np.cos(t)
 
     errors = [
-        abs(integrate(f, np.ones(1), 3.0, n)[0] - np.exp(np.sin(3.0))) for n in (20, 40, 80, 160)
+        abs(integrate(f, np.ones(1), 3.0, n)[0] - np.exp(np.sin(3.0))) for n in (100, 200, 400, 800)
     ]
-    # the ratio is 16 (1 + O(h)); h = 0.02 … 0.15
-    np.testing.assert_allclose([a / b for a, b in pairwise(errors)], 16.0, rtol=0.15)
+    # the ratio is 16 (1 + O(h)), h = 0.03 … 0.004; the last error is 5e-13
+    np.testing.assert_allclose([a / b for a, b in pairwise(errors)], 16.0, rtol=0.05)
 
 
 # --------------------------------------------------------------------------- through singularities
@@ -112,19 +112,19 @@ def test_order_four_through_crossings_against_the_exact_pendulum(
 ) -> None:
     """1.6 s of free fall from 0.2 rad, through q1 = 0 and q1 = −π, against elliptic functions.
 
-    The error at h = 8, 4 and 2 ms is 1e-8 … 1e-10, far above rounding; 2⁴ = 16 a halving."""
+    The error is 6e-7 at h = 16 ms, far above rounding; 2⁴ = 16 is approached as 16 (1 − 2 h/s)."""
     l = {"rhombus": 1.0, "parallelogram": 2.0}[name]
     A, B = parallelogram_pendulum(l, l, 1.0, 1.0, 1.0)
     errors = []
-    for step in (8e-3, 4e-3, 2e-3):
+    for step in (16e-3, 8e-3):
         traj = free_fall(name, method, step, 1.6)
         y, rate, _ = pendulum(traj.t, 0.2, 0.0, A, B)
         assert y.min() < -np.pi < 0.0 < y.max()
         tangent = np.array([1.0, -1.0, 1.0])
         off = np.abs(traj.q - np.outer(y, tangent)), np.abs(traj.v - np.outer(rate, tangent))
         errors.append(max(off[0].max(), off[1].max()))
-    assert errors[-1] < 1e-8
-    np.testing.assert_allclose([a / b for a, b in pairwise(errors)], 16.0, rtol=0.15)
+    assert errors[1] < 1e-7
+    assert errors[0] / errors[1] == pytest.approx(16.0, rel=0.05)
 
 
 # --------------------------------------------------------------------------- scipy's solvers
@@ -172,10 +172,10 @@ def test_states_can_be_kept() -> None:
     np.testing.assert_allclose([s[0] for s in states], np.cos(times[1:]), atol=1e-6)
 
 
-@pytest.mark.parametrize("name", [n for n in SCIPY_STEPPERS if n != "LSODA"])
+@pytest.mark.parametrize("name", ("RK45", "DOP853", "Radau", "BDF"))
 def test_refused_trials_make_the_step_shrink(name: str) -> None:
-    """x = −ln(1 + t) in an equation that refuses x < −ln 2.001: steps beyond t = 1 are never tried
-    again as large, and t = 1 is reached."""
+    """x = −ln(1 + t) in an equation that refuses x < −ln 2.001: trials beyond t = 1 are taken back,
+    and t = 1 is reached within the tolerance."""
     refusals = []
 
     def f(t: float, x: Array) -> Array:
@@ -185,7 +185,20 @@ def test_refused_trials_make_the_step_shrink(name: str) -> None:
         return -np.exp(x)
 
     (end,) = adaptive(name, f, np.zeros(1), np.array([0.0, 1.0]), 1e-3, 1e-3)
-    assert end[0] == pytest.approx(-np.log(2.0), abs=1e-2)
+    assert refusals
+    assert end[0] == pytest.approx(-np.log(2.0), abs=2e-3)
+
+
+@pytest.mark.parametrize("name", ("Radau", "BDF", "LSODA"))
+def test_a_toggle_stops_every_stepper_with_its_reason(name: str) -> None:
+    """The crank-rocker's rocker turns back after 0.28 s: a typed error, and what came before."""
+    mech = rg.load("crank_rocker").with_independent(["q3"])
+    with pytest.raises(rg.ToggleError, match=r"turn back.*q1, or q2") as caught:
+        rg.simulate(mech, duration=0.4, step=0.01, stepper=name)
+    kept = caught.value.trajectory
+    assert kept is not None
+    assert 0.2 < kept.t[-1] < 0.29
+    assert kept.closure_error().max() < 1e-12
 
 
 def test_where_no_step_is_small_enough_the_refusal_is_raised() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import time
 from collections.abc import Callable
@@ -88,16 +89,10 @@ def measure(n: int, budget: float = 0.1) -> dict[str, float]:
     equations = EquationsOfMotion(mechanism, BridgeMap(path, start.point, BridgeOptions()))
     q, G = start.point.q, start.point.G[:, 0]
     x = np.array([ANGLE, 1.0])
-    sweep = 1e-4 * np.sin(np.arange(64))
-    turn = iter(())
+    sweep = itertools.cycle(ANGLE + 1e-4 * np.sin(np.arange(64)))
 
     def right_hand_side() -> object:
-        nonlocal turn
-        y = next(turn, None)
-        if y is None:
-            turn = iter(sweep)
-            y = next(turn)
-        x[0] = ANGLE + y
+        x[0] = next(sweep)
         return equations(0.0, x.copy())
 
     def constraint() -> object:

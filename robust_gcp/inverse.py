@@ -1,0 +1,60 @@
+"""Inverse dynamics in minimal coordinates."""
+
+from __future__ import annotations
+
+from numpy.typing import ArrayLike
+
+from .bridge import BridgeOptions
+from .errors import StateError
+from .kernel import Counters
+from .loops import checked_vector
+from .mechanism import Mechanism
+from .start import begin
+from .tree import Array
+
+
+def inverse_dynamics(
+    mechanism: Mechanism,
+    q: ArrayLike,
+    v: ArrayLike,
+    ydd: ArrayLike,
+    mode: ArrayLike | None = None,
+) -> Array:
+    """Generalized forces on the independent joints that make the motion (q, v) accelerate by ÿ.
+
+    τ_y = Gᵀ (M (G ÿ + g) + C − τ_applied), the rows of (3) solved for the drives; τ_applied are the
+    mechanism's springs, dampers and constant torques. At a singular configuration the bridge supplies
+    G and g, so the result is continuous along a mode.
+
+    Parameters
+    ----------
+    q, v : array_like (nq,), (nv,)
+        Closed, and K v = 0 (see `Mechanism.lift`).
+    ydd : array_like (m,)
+        rad/s² or m/s².
+    mode : array_like, optional
+        As in `simulate`, where q is singular.
+
+    Returns
+    -------
+    ndarray (m,)
+        N m or N, in the order of `mechanism.independent`.
+
+    Raises
+    ------
+    StateError, SimulationError
+        As `simulate` does for a start.
+    """
+    wanted = checked_vector(ydd, mechanism.m, "ydd", "m")
+    start = begin(mechanism, q, v, mode, BridgeOptions(), Counters())
+    point = start.point
+    speed = point.G @ start.ydot
+    if mechanism.m > 1 and start.bridge is not None:
+        raise StateError(
+            "inverse_dynamics at a singular configuration is available for mobility 1; "
+            "evaluate beside it, where the result is the same in the limit"
+        )
+    force = mechanism.tree.rnea(point.q, speed, point.G @ wanted + point.g).copy()
+    if mechanism.applied is not None:
+        force -= mechanism.applied.tau(point.q, speed)
+    return point.G.T @ force
