@@ -1,4 +1,4 @@
-"""The tables of docs/method.md: `python docs/tables.py floors | options | thresholds | gaps`.
+"""The tables of docs/method.md: `python docs/tables.py floors`, `options`, `thresholds`, `gaps`, `gains`.
 
 Every error is max |q − exact| over the run, rad, against the closed form integrated by DOP853 with
 rtol = atol = 1e-13.
@@ -133,7 +133,50 @@ def gaps(quick: bool) -> Iterator[list[str]]:
         yield [f"{gap:g}", ours, floor, kinds, str(study.last.stats.refined_steps)]
 
 
-TABLES = {table.__name__: table for table in (floors, options, thresholds, gaps)}
+def gains(quick: bool) -> Iterator[list[str]]:
+    """The implicit system with Baumgarte's stabilisation, over its gains: K a = k − 2 α K v − β² φ."""
+    yield ["α, β [1/s]", "h = 0.01 s", "h = 0.001 s"]
+    study = Study(scenes.four_bar(2, 1, 2, 1, 0.1, -1), 0.1 if quick else 10.0, -2.0)
+    pairs = [(x, x) for x in (0, 10, 20, 50, 100, 200)] + [(100, 20), (20, 100)]
+    for alpha, beta in pairs[: 1 if quick else None]:
+        found = []
+        for step in (1e-2, 1e-3):
+            with np.errstate(all="ignore"):
+                error = np.abs(baumgarte(study, step, alpha, beta) - study.exact).max()
+            found.append(f"{error:.2e}" if np.isfinite(error) else "NaN")
+        yield [f"{alpha}, {beta}", *found]
+
+
+def baumgarte(study: Study, step: float, alpha: float, beta: float) -> Any:
+    """q at the output times by RK4, NaN after a failure."""
+    mechanism = study.mechanism
+    n, tree = mechanism.nv, mechanism.tree
+
+    def rate(x: Any) -> Any:
+        q, v = x[:n], x[n:]
+        K, phi, k = mechanism.K(q), mechanism.phi(q), mechanism.k(q, v)
+        M, C = tree.crba(q).copy(), tree.rnea(q, v, np.zeros(n)).copy()
+        matrix = np.block([[M, K.T], [K, np.zeros((len(K), len(K)))]])
+        right = np.concatenate([-C, k - 2.0 * alpha * (K @ v) - beta**2 * phi])
+        return np.concatenate([v, np.linalg.solve(matrix, right)[:n]])
+
+    x = np.concatenate([mechanism.home, study.v0])
+    every, found = round(study.output / step), np.full_like(study.exact, np.nan)
+    found[0] = mechanism.home
+    for i in range(1, every * (len(found) - 1) + 1):
+        try:
+            k1 = rate(x)
+            k2 = rate(x + 0.5 * step * k1)
+            k3 = rate(x + 0.5 * step * k2)
+            x = x + (step / 6.0) * (k1 + 2.0 * (k2 + k3) + rate(x + step * k3))
+        except (rg.StateError, np.linalg.LinAlgError):  # no longer finite, or singular
+            return found
+        if i % every == 0:
+            found[i // every] = x[:n]
+    return found
+
+
+TABLES = {table.__name__: table for table in (floors, options, thresholds, gaps, gains)}
 
 
 def main() -> None:

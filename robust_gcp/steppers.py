@@ -18,6 +18,9 @@ SCIPY_STEPPERS = ("RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA")
 HEADWAY = 1e-3
 """Fraction of the span that a solver must advance by within its allowed effort."""
 
+PATIENCE = 200
+"""Refused trials without headway after which the refusal is final: halving reaches rounding in 50."""
+
 
 class NoProgressError(SimulationError):
     """An adaptive solver could not go on; the last refusal of the right-hand side, if any, is its cause."""
@@ -78,7 +81,7 @@ def adaptive(
     """
     from scipy import integrate
 
-    refused: list[SimulationError] = []
+    refused: list[SimulationError] = []  # since the last headway
     started = False
 
     def guarded(t: float, state: Array) -> Array:
@@ -93,24 +96,23 @@ def adaptive(
         started = True
         return value
 
+    more = {"jac": _KeptJacobian(f)} if method in ("Radau", "BDF") else {}
     solver: Any = getattr(integrate, method)(
-        guarded, float(times[0]), x, float(times[-1]), rtol=rtol, atol=atol
+        guarded, float(times[0]), x, float(times[-1]), rtol=rtol, atol=atol, **more
     )
     i, mark = 1, (float(times[0]), 0)
     while i < len(times):
         message = solver.step() if solver.status == "running" else None
-        if solver.status == "failed":
+        if solver.t - mark[0] >= HEADWAY * (times[-1] - times[0]) or solver.status == "finished":
+            mark = (solver.t, solver.nfev)
+            refused.clear()
+        elif solver.status == "failed" or len(refused) > PATIENCE or solver.nfev - mark[1] > effort:
             if refused:
                 raise refused[-1]
-            raise NoProgressError(f"{method} stopped at t = {solver.t:.6g} s: {message}")
-        if solver.t - mark[0] >= HEADWAY * (times[-1] - times[0]):
-            mark = (solver.t, solver.nfev)
-        elif solver.nfev - mark[1] > effort:
             raise NoProgressError(
-                f"{method} made no headway at t = {solver.t:.6g} s in {effort} evaluations: the problem is "
-                "too stiff for this method or tolerance, or the coordinates turn back here"
+                f"{method} made no headway at t = {solver.t:.6g} s in {solver.nfev - mark[1]} evaluations"
+                f"{f' ({message})' if message else ''}: the problem is too stiff for this method or tolerance"
             )
-        refused.clear()
         dense = None
         while i < len(times) and (times[i] <= solver.t or solver.status == "finished"):
             if times[i] == solver.t:
@@ -119,6 +121,30 @@ def adaptive(
                 dense = dense or solver.dense_output()
                 yield np.asarray(dense(times[i]))
             i += 1
+
+
+class _KeptJacobian:
+    """∂f/∂x by forward differences; the last one where f refuses the state or its neighbour.
+
+    A solver's own differences would put NaN into its linear algebra there.
+    """
+
+    def __init__(self, f: RightHandSide) -> None:
+        self._f = f
+        self._last: Array | None = None
+
+    def __call__(self, t: float, x: Array) -> Array:
+        from scipy.optimize import approx_fprime
+
+        steps = np.sqrt(np.finfo(float).eps) * np.maximum(1.0, np.abs(x))
+        try:
+            found: Array = approx_fprime(x, lambda state: self._f(t, state.copy()), steps)
+        except SimulationError:
+            if self._last is None:
+                raise
+            return self._last
+        self._last = found.reshape(len(x), len(x))
+        return self._last
 
 
 def check_stepper(name: str) -> str:

@@ -53,7 +53,8 @@ class Tree:
         self.nq, self.nv = int(model.nq), int(model.nv)
         self.vector_space = self.nq == self.nv
         self.zero = np.zeros(self.nv)
-        self.J: Array = self.data.J.T
+        # with a single velocity Pinocchio hands out a flat vector; its reshaped transpose is still a view
+        self.J: Array = self.data.J.reshape((6, self.nv), order="F").T
         self.p = _stacked([m.translation for m in self.data.oMi])
         self.R = _stacked([m.rotation for m in self.data.oMi])
         frames = list(self.data.oMf)
