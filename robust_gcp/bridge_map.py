@@ -96,7 +96,7 @@ class BridgeMap:
 
     def passed(self, before: Point, after: Point) -> list[Passage]:
         """Singular surfaces between two accepted points."""
-        if np.array_equal(np.sign(before.det), np.sign(after.det)) or not self._bridges:
+        if not self._bridges or np.array_equal(np.sign(before.det), np.sign(after.det)):
             return []
         bridge = self._bridges[-1]
         if self.path.m == 1:

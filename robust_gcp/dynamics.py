@@ -71,25 +71,25 @@ class EquationsOfMotion:
         self._applied = mechanism.applied
         self.works = does_work(mechanism, torque)
         self.calls = 0
+        self._y, self._ydot = slice(0, self.m), slice(self.m, 2 * self.m)
 
     def evaluate(self, t: float, x: Array) -> Evaluation:
         """Point, velocity and ÿ at state x."""
-        m, tree = self.m, self.mechanism.tree
-        ydot = x[m : 2 * m]
-        point = self.explicit.at(x[:m], ydot)
-        G = point.G
-        v = G @ ydot
-        force = -tree.rnea(point.q, v, point.g)
-        tau, power = self._act(t, point.q, v)
+        tree, ydot = self.mechanism.tree, x[self._ydot]
+        point = self.explicit.at(x[self._y], ydot)
+        q, G = point.q, point.G
+        v = G.dot(ydot)  # the method costs half as much as @ on small arrays
+        force = -tree.rnea(q, v, point.g)
+        tau, power = self._act(t, q, v)
         if tau is not None:
             force += tau
-        M = tree.crba(point.q)
+        M = tree.crba(q)
         self.calls += 1
-        if m == 1:
+        if self.m == 1:
             direction = G[:, 0]
-            mass = float(direction @ (M @ direction))
+            mass = float(direction.dot(M.dot(direction)))
             if mass > 0.0:
-                ydd = np.array([float(direction @ force) / mass])
+                ydd = np.array([float(direction.dot(force)) / mass])
                 return Evaluation(point, v, ydd, tau, power)
         ydd = _solve(G.T @ (M @ G), G.T @ force, self.mechanism)
         return Evaluation(point, v, ydd, tau, power)
@@ -107,10 +107,12 @@ class EquationsOfMotion:
 
     def derivative(self, evaluation: Evaluation) -> Array:
         """ẋ from an evaluation."""
-        parts = [evaluation.point.ydot, evaluation.ydd]
+        rate = np.empty(2 * self.m + self.works)
+        rate[self._y] = evaluation.point.ydot
+        rate[self._ydot] = evaluation.ydd
         if self.works:
-            parts.append(np.array([evaluation.power]))
-        return np.concatenate(parts)
+            rate[-1] = evaluation.power
+        return rate
 
     def __call__(self, t: float, x: Array) -> Array:
         """ẋ = f(t, x) for a stepper."""

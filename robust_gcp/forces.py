@@ -110,14 +110,11 @@ class AppliedForces:
     def __init__(self, tree: Tree, forces: Sequence[Force]) -> None:
         self._tree = tree
         model, nv = tree.model, tree.nv
+        forces = [_as_force(f) for f in forces]
         springs = [f for f in forces if isinstance(f, JointSpring)]
         dampers = [f for f in forces if isinstance(f, JointDamper)]
         drives = [f for f in forces if isinstance(f, JointTorque)]
         lines = [f for f in forces if isinstance(f, PointSpring)]
-        if len(springs) + len(dampers) + len(drives) + len(lines) != len(forces):
-            known = (JointSpring, JointDamper, PointSpring, JointTorque)
-            odd = next(f for f in forces if not isinstance(f, known))
-            raise ModelError(f"forces: {odd!r} is not a JointSpring, JointDamper, PointSpring or JointTorque")
 
         joints = [_joint(model, f.joint, "JointSpring", single=True) for f in springs]
         self._spring_q = np.array([j.idx_q for j in joints], dtype=np.int64)
@@ -182,8 +179,8 @@ class _Lines:
     def __init__(self, tree: Tree, springs: Sequence[PointSpring]) -> None:
         self._tree = tree
         ends = [
-            [_frame(tree.model, f, s) for s in springs for f in (getattr(s, side),)]
-            for side in ("frame1", "frame2")
+            [_frame(tree.model, s.frame1, s) for s in springs],
+            [_frame(tree.model, s.frame2, s) for s in springs],
         ]
         self._labels = [f"{s.frame1} – {s.frame2}" for s in springs]
         self._joint = np.array([[int(f.parentJoint) for f in end] for end in ends], dtype=np.int64)
@@ -235,6 +232,12 @@ class _Lines:
                 "no direction; move one of its frames off the other's path, or give it "
                 "rest_length = 0 and damping = 0"
             )
+
+
+def _as_force(force: Force) -> Force:
+    if not isinstance(force, JointSpring | JointDamper | PointSpring | JointTorque):
+        raise ModelError(f"forces: {force!r} is not a JointSpring, JointDamper, PointSpring or JointTorque")
+    return force
 
 
 def _require_number(label: str, field: str, value: object, positive: bool = False) -> None:

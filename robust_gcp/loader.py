@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import difflib
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import yaml
 
 from .closure import Closure, FrameClosure, PointClosure, RevoluteClosure
 from .errors import ModelError, RobustGcpError
+from .gepetto import joint_changes, with_joint_changes
 from .loops import NEARLY_CLOSED
 from .mechanism import Mechanism
+from .mjcf import model_from_mjcf
 from .own_block import forces_of, home_of, own_block, set_gravity, with_axes
 from .urdf import model_from_urdf
 
@@ -31,13 +34,22 @@ def model_names() -> list[str]:
     return sorted(p.parent.name for p in models_folder().glob("*/robot.yaml"))
 
 
-def load(name_or_folder: str | Path) -> Mechanism:
-    """A mechanism from a shipped model's name, or from a folder with robot.urdf and robot.yaml.
+def load(name_or_folder: str | Path, independent: Sequence[str] | Literal["auto"] | None = None) -> Mechanism:
+    """A mechanism from a shipped model's name, from a folder, or from a MJCF file (*.xml).
 
-    The YAML's keys are those of the parallel-robot community around Pinocchio: `closed_loop` (pairs
-    of frame names), `type` ('3d', '6d' or 'revolute'), `name_mot` (independent joints); the block
-    `robust_gcp` is this package's own and optional: `schema`, `description`, `home` (configuration by
-    joint), `gravity`, `axes` (of revolute closures), `springs`, `dampers`, `point_springs`, `torques`.
+    A folder holds robot.yaml and robot.urdf, or robot.xml (MJCF) in its place. The YAML's keys are
+    those of the parallel-robot community around Pinocchio: `closed_loop` (pairs of frame names),
+    `type` ('3d', '6d' or 'revolute'), `name_mot` (independent joints), `joint_name` and `joint_type`
+    (joints of the URDF that stand for SPHERICAL, UJOINT_XY, … or FIXED ones); the block `robust_gcp`
+    is this package's own and optional: `schema`, `description`, `home` (configuration by joint),
+    `gravity`, `axes` (of revolute closures), `springs`, `dampers`, `point_springs`, `torques`. Other
+    keys are left to other programs.
+
+    Parameters
+    ----------
+    name_or_folder : str or Path
+    independent : sequence of str or "auto", optional
+        In place of `name_mot`.
 
     Raises
     ------
@@ -47,6 +59,8 @@ def load(name_or_folder: str | Path) -> Mechanism:
         When the home configuration leaves a loop open by more than rounding.
     """
     folder = Path(name_or_folder)
+    if folder.suffix == ".xml":
+        return Mechanism.from_mjcf(folder, independent, name=folder.stem)
     if not folder.is_dir():
         folder = models_folder() / str(name_or_folder)
     if not (folder / "robot.yaml").is_file():
@@ -58,18 +72,27 @@ def load(name_or_folder: str | Path) -> Mechanism:
         )
     path = folder / "robot.yaml"
     settings = _read_yaml(path)
-    model = model_from_urdf(folder / "robot.urdf")
     own = own_block(settings, path)
     closures = with_axes(own.get("axes"), _closures(settings, path), path)
-    set_gravity(own.get("gravity"), model, path)
     forces = forces_of(own, path)
-    independent = settings.get("name_mot")
-    if independent is not None and not _is_list_of_str(independent):
-        raise ModelError(f"{path}: name_mot must be a list of joint names, not {independent!r}")
+    changes = joint_changes(settings, path)
+    base = None
+    if (folder / "robot.xml").is_file() and not (folder / "robot.urdf").is_file():
+        parts = model_from_mjcf(folder / "robot.xml")
+        model, base = parts.model, parts.home
+        if changes:
+            raise ModelError(f"{path}: joint_name is for URDF; write the joint as it is in robot.xml")
+        closures, forces = [*parts.closures, *closures], [*parts.forces, *forces]
+    else:
+        model = with_joint_changes(model_from_urdf(folder / "robot.urdf"), changes, path)
+    set_gravity(own.get("gravity"), model, path)
+    if independent is None:
+        independent = settings.get("name_mot")
+        if independent is not None and not _is_list_of_str(independent):
+            raise ModelError(f"{path}: name_mot must be a list of joint names, not {independent!r}")
     try:
-        mechanism = Mechanism.from_pinocchio(model, closures, independent, name=folder.name, forces=forces)
-        home = home_of(own.get("home"), model, path)
-        mechanism.home = mechanism.configuration(home, "home")
+        home = base if base is not None and own.get("home") is None else home_of(own.get("home"), model, path)
+        mechanism = Mechanism.from_pinocchio(model, closures, independent, home, folder.name, forces)
     except RobustGcpError as error:
         error.args = (f"{path}: {error.args[0]}", *error.args[1:])
         raise

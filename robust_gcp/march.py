@@ -38,14 +38,13 @@ def same_branch(before: Point, after: Point) -> bool:
     if conditioning >= POOR and before.conditioning >= POOR:
         signs = before.det * after.det
         return bool((signs[0] if len(signs) == 1 else signs.min()) > 0.0)
-    ratio = after.det / before.det
-    watched = (after.rcond < POOR) | (before.rcond < POOR)
-    change = np.where(watched, ratio, 1.0)
-    return bool(
-        np.all(ratio > 0.0)
-        and np.all(change < DETERMINANT_RATIO)
-        and np.all(change > 1.0 / DETERMINANT_RATIO)
-    )
+    rconds = zip(before.rcond.tolist(), after.rcond.tolist(), strict=True)
+    for a, b, rcond in zip(before.det.tolist(), after.det.tolist(), map(min, rconds), strict=True):
+        if not a * b > 0.0:
+            return False
+        if rcond < POOR and not 1.0 / DETERMINANT_RATIO < b / a < DETERMINANT_RATIO:
+            return False
+    return True
 
 
 def march(path: RegularPath, start: Point, y: Array, ydot: Array, stop_below: float = 0.0) -> Point:

@@ -16,6 +16,7 @@ from .closure import Closure
 from .errors import ModelError, PartitionError, StateError
 from .forces import AppliedForces, Force
 from .loops import CLOSED, STRUCTURAL, ClosedLoops, checked_vector
+from .mjcf import model_from_mjcf
 from .partition import independent_rows, numerical_rank
 from .pin_constraints import with_named_frames
 from .singularity import analyse
@@ -28,7 +29,7 @@ log = logging.getLogger(__name__)
 class Mechanism(ClosedLoops):
     """A `pin.Model` with closed loops, seen in minimal coordinates.
 
-    Use `load`, `Mechanism.from_urdf` or `Mechanism.from_pinocchio`.
+    Use `load`, `Mechanism.from_urdf`, `Mechanism.from_mjcf` or `Mechanism.from_pinocchio`.
 
     Attributes
     ----------
@@ -130,6 +131,22 @@ class Mechanism(ClosedLoops):
         See `from_pinocchio` for the other parameters.
         """
         return cls.from_pinocchio(model_from_urdf(urdf), closures, independent, home, name, forces)
+
+    @classmethod
+    def from_mjcf(
+        cls,
+        mjcf: str | Path,
+        independent: Sequence[str] | Literal["auto"] | None = None,
+        home: ArrayLike | str | None = None,
+        name: str = "",
+    ) -> Mechanism:
+        """A mechanism from a MJCF file (or its text); see `mjcf.model_from_mjcf` for what is read.
+
+        `home` is q (nq,), the name of a keyframe, or MuJoCo's qpos0 when left out.
+        """
+        parts = model_from_mjcf(mjcf)
+        q = parts.configuration(home) if home is None or isinstance(home, str) else home
+        return cls.from_pinocchio(parts.model, parts.closures, independent, q, name, parts.forces)
 
     def lift(self, q: ArrayLike, ydot: ArrayLike) -> Array:
         """v = G(q) ẏ, (nv,): the velocity of the whole tree for velocities ẏ (m,) of the independent joints.

@@ -139,7 +139,7 @@ class Run:
     def _rk4(self, t: float, h: float, now: Evaluation) -> Array:
         f = self._equations
         x = rk4_step(f, t, self._x, h, f.derivative(now))
-        if not np.all(np.isfinite(x)):
+        if not np.isfinite(x).all():
             raise NonFiniteError(
                 f"the state left the finite numbers between t = {t:.6g} and {t + h:.6g} s; use a "
                 "smaller step, or an implicit stepper (Radau, BDF) if the mechanism is stiff"

@@ -23,6 +23,7 @@ from .mechanism import Mechanism
 from .partition import numerical_rank
 from .singularity import LocalAnalysis, analyse
 from .tree import Array
+from .unrolled import regular_path
 
 SINGULAR = 1e-5
 """Conditioning of K_d below which a start counts as singular: G has lost ten digits there."""
@@ -84,7 +85,7 @@ def begin(
     _require_compatible(mechanism, q, v)
     ydot = v[mechanism.iv_independent]
     y = q[mechanism.iq_independent]
-    path = RegularPath(mechanism, mechanism.select_rows(mechanism.K(q)), counters)
+    path = regular_path(mechanism, mechanism.select_rows(mechanism.K(q)), counters)
     rest = np.zeros(mechanism.m)
     if path.nd == 0 or path.worst_conditioning(q) > SINGULAR:
         point = path.derivatives(q, y, ydot)

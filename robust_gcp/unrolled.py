@@ -8,6 +8,8 @@ three dimensions, what is left for a planar linkage is what one would write by h
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from math import atan2, cos, inf, isfinite, sin, sqrt
@@ -29,17 +31,22 @@ MAX_JOINTS = 100
 MAX_BLOCK = 2
 """Largest block of K_d that is solved by Cramer's rule."""
 
+LONGEST = 80
+"""Characters up to which an expression is nested into another one."""
+
 EXACT = 1e-15
 """Entries of constant rotations this near to 0 or ±1 are taken for what they are rounded from."""
 
 Scalar = float | str
 """A constant, or the name of a variable, with a minus sign in front or not."""
 
+_TEMPORARY = re.compile(r"\bt\d+\b")
+
 Vector = tuple[Scalar, Scalar, Scalar]
 
 Solver = Callable[[list[float], list[float], bool], tuple[list[float] | None, float, float, int]]
 Predictor = Callable[
-    [list[float], list[float], list[float], list[float], list[float], float], tuple[list[float], float]
+    [list[float], list[float], list[float], list[float], list[float], list[float]], tuple[list[float], float]
 ]
 
 
@@ -63,19 +70,15 @@ class UnrolledPath(RegularPath):
 
     def step(self, anchor: Point, y: Array, ydot: Array) -> Point | None:
         """See `RegularPath.step`."""
-        target = y.tolist()
-        delta = [a - b for a, b in zip(target, anchor.y.tolist(), strict=True)]
-        bend, weight = anchor.curvature, 0.0
-        if bend is not None:
-            weight = 0.5 * delta[0] * delta[0]
-        else:
-            bend, rates = anchor.g, anchor.ydot.tolist()
-            speed = sum(rate * rate for rate in rates)
-            if speed > 0.0:
-                along = sum(d * rate for d, rate in zip(delta, rates, strict=True)) / speed
-                weight = 0.5 * along * along
-        G = anchor.G.reshape(-1).tolist()
-        q, distance = self._predictor(anchor.q.tolist(), G, bend.tolist(), target, delta, weight)
+        bend = anchor.g if anchor.curvature is None else anchor.curvature
+        q, distance = self._predictor(
+            anchor.q.tolist(),
+            anchor.G.reshape(-1).tolist(),
+            bend.tolist(),
+            y.tolist(),
+            anchor.y.tolist(),
+            anchor.ydot.tolist(),
+        )
         point = self._solved(q, y, ydot, True)
         if point is not None and point.correction > 0.0:
             point.distance = distance
@@ -144,11 +147,13 @@ class _Lines:
     def __init__(self) -> None:
         self.lines: list[str] = []
         self.names: dict[str, str] = {}
+        self._count = 0
 
     def let(self, expression: str) -> str:
         """The variable that holds the expression."""
         if expression not in self.names:
-            self.names[expression] = f"t{len(self.names)}"
+            self.names[expression] = f"t{self._count}"
+            self._count += 1
             self.lines.append(f"{self.names[expression]} = {expression}")
         return self.names[expression]
 
@@ -200,6 +205,26 @@ class _Lines:
         """One entry of a × b."""
         s, t = (r + 1) % 3, (r + 2) % 3
         return self.total([self.product(a[s], b[t]), negative(self.product(a[t], b[s]))])
+
+
+def _nested(lines: list[str]) -> list[str]:
+    """The lines without variables that nobody reads, and with those read once put where they are read."""
+    kept: list[str] = []
+    reads: Counter[str] = Counter()
+    for line in reversed(lines):
+        name, _, expression = line.strip().partition(" = ")
+        if not _TEMPORARY.fullmatch(name) or reads[name]:
+            reads.update(_TEMPORARY.findall(expression if _TEMPORARY.fullmatch(name) else line))
+            kept.append(line)
+    nested, inner = [], dict[str, str]()
+    for line in reversed(kept):
+        line = _TEMPORARY.sub(lambda match: inner.get(match[0], match[0]), line)
+        name, _, expression = line.strip().partition(" = ")
+        if reads[name] == 1 and len(expression) < LONGEST:
+            inner[name] = f"({expression})"
+        else:
+            nested.append(line)
+    return nested
 
 
 def negative(a: Scalar) -> Scalar:
@@ -267,19 +292,25 @@ class _Generator:
 
     def source(self) -> str:
         """Both functions."""
-        return "\n".join([*self._predict(), *self._solve(), ""])
+        return "\n".join([*self._predict(), *_nested(self._solve()), ""])
 
     def _predict(self) -> list[str]:
-        """Q + G Δy + w c with y put in exactly, and the size of that step."""
+        """q + G Δy + w c with the new y put in exactly, and the size of that step; see `predict`."""
         path, m = self.path, self.path.m
         nv, scale = path.tree.nv, path._length_scale.tolist()
-        y = {int(v): f"y{j}" for j, v in enumerate(path.independent)}
-        lines = ["def predict(q, G, c, y, d, w):"]
-        counts = {"q": nv, "G": nv * m, "c": nv, "y": m, "d": m}
+        new = {int(v): f"y{j}" for j, v in enumerate(path.independent)}
+        counts = {"q": nv, "G": nv * m, "c": nv, "y": m, "a": m, "s": m}
+        lines = [f"def predict({', '.join(counts)}):"]
         lines += [f" {_names(name, count)} = {name}" for name, count in counts.items()]
-        for i in range(nv):
-            lines.append(f" v{i} = " + " + ".join(f"G{i * m + j} * d{j}" for j in range(m)) + f" + w * c{i}")
-        moved = ", ".join(y.get(i, f"q{i} + v{i}") for i in range(nv))
+        lines += [f" d{j} = y{j} - a{j}" for j in range(m)]
+        if m == 1:
+            lines.append(" w = 0.5 * d0 * d0")
+        else:
+            lines.append(f" speed = {_sum(f's{j} * s{j}' for j in range(m))}")
+            lines.append(f" along = ({_sum(f'd{j} * s{j}' for j in range(m))}) / speed if speed else 0.0")
+            lines.append(" w = 0.5 * along * along")
+        lines += [f" v{i} = {_sum(f'G{i * m + j} * d{j}' for j in range(m))} + w * c{i}" for i in range(nv)]
+        moved = ", ".join(new.get(i, f"q{i} + v{i}") for i in range(nv))
         size = ", ".join(f"abs(v{i})" if scale[i] == 1.0 else f"abs(v{i} * {scale[i]!r})" for i in range(nv))
         return [*lines, f" return [{moved}], max({size})"]
 
@@ -295,9 +326,7 @@ class _Generator:
         closing, known = out.lines, dict(out.names)
         out.lines = []
         u = self._substitute(K, phi)
-        moves = [
-            f"q{v} -= {_text(out.product(float(self.scale[v]), u[v]))}" for v in dependent
-        ]
+        moves = [f"q{v} -= {_text(out.product(float(self.scale[v]), u[v]))}" for v in dependent]
         newton, out.lines = out.lines, []
         out.names = known  # what a Newton step computed is stale after it
 

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
-import yaml
 from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp import scenes
 from robust_gcp.forces import Force
-from robust_gcp.loader import models_folder
 
 Array = NDArray[np.float64]
 PI = np.pi
@@ -67,13 +64,12 @@ def test_springs_follow_their_potential(
     assert applied is not None
     assert not applied.works
     rng = np.random.default_rng(0)
-    for _ in range(3):
-        q = tree.integrate(mech.home, rng.uniform(-0.4, 0.4, mech.nv))
-        tau = applied.tau(q, rng.uniform(-1, 1, mech.nv))
-        assert np.abs(tau).max() > 1.0
-        along = rng.uniform(-1, 1, mech.nv)
-        slope = derivative(lambda s: np.array(applied.energy(tree.integrate(q, s * along))), 1e-3)
-        assert tau @ along == pytest.approx(-float(slope), abs=1e-9 * np.abs(tau).max())
+    q = tree.integrate(mech.home, rng.uniform(-0.4, 0.4, mech.nv))
+    tau = applied.tau(q, rng.uniform(-1, 1, mech.nv))
+    assert np.abs(tau).max() > 1.0
+    along = rng.uniform(-1, 1, mech.nv)
+    slope = derivative(lambda s: np.array(applied.energy(tree.integrate(q, s * along))), 1e-3)
+    assert tau @ along == pytest.approx(-float(slope), abs=1e-9 * np.abs(tau).max())
 
 
 def test_dampers_take_what_their_speed_says(
@@ -244,7 +240,10 @@ def test_a_spring_without_length() -> None:
     mech = slide(rg.PointSpring("universe", "mass", 5.0))
     assert mech.applied is not None
     np.testing.assert_array_equal(mech.applied.tau(np.zeros(1), np.ones(1)), [0.0])
-    for stiff in (rg.PointSpring("universe", "mass", 5.0, 0.1), rg.PointSpring("universe", "mass", 5.0, 0.0, 1.0)):
+    for stiff in (
+        rg.PointSpring("universe", "mass", 5.0, 0.1),
+        rg.PointSpring("universe", "mass", 5.0, 0.0, 1.0),
+    ):
         mech = slide(rg.PointSpring("post", "mass", 5.0, 0.1), stiff)
         with pytest.raises(rg.SimulationError, match=r"universe – mass .* no direction; move one"):
             rg.simulate(mech, q0=[0.0], duration=0.01, step=0.01)
@@ -289,62 +288,3 @@ def test_names_that_are_not_there(force: Force, message: str) -> None:
 def test_a_joint_spring_needs_a_joint_of_one_number(spatial: dict[str, rg.Mechanism]) -> None:
     with pytest.raises(rg.ModelError, match=r"'platform' .* has 7 numbers in q and 6 velocities"):
         with_forces(spatial["tripod"], rg.JointSpring("platform", 1.0))
-
-
-# --------------------------------------------------------------------------- model folders
-
-
-def folder_with(tmp_path: Path, **own: object) -> Path:
-    """The crank-rocker with more in its own block."""
-    source = models_folder() / "crank_rocker"
-    (tmp_path / "robot.urdf").write_text((source / "robot.urdf").read_text(encoding="utf-8"))
-    settings = yaml.safe_load((source / "robot.yaml").read_text(encoding="utf-8"))
-    settings["robust_gcp"] |= own
-    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(settings))
-    return tmp_path
-
-
-def test_forces_from_a_model_folder(tmp_path: Path) -> None:
-    mech = rg.load(
-        folder_with(
-            tmp_path,
-            springs=[{"joint": "q2", "stiffness": 3, "rest": 0.4}],
-            dampers=[{"joint": "q3", "damping": 0.8}],
-            point_springs=[
-                {"frames": ["coupler_tip", "universe"], "stiffness": 5, "rest_length": 1, "damping": 0.6}
-            ],
-            torques={"q1": 2},
-            gravity=[0, 1, -2],
-        )
-    )
-    assert mech.forces == ACTING
-    np.testing.assert_array_equal(mech.model.gravity.linear, [0.0, 1.0, -2.0])
-
-
-@pytest.mark.parametrize(
-    ("own", "message"),
-    [
-        ({"spring": []}, r"unknown key 'spring' in robust_gcp; did you mean 'springs'"),
-        ({"springs": {"q1": 3}}, r"springs must be a list of mappings with joint, stiffness"),
-        ({"springs": [{"joint": "q1"}]}, r"springs\[0\] lacks stiffness"),
-        (
-            {"springs": [{"joint": "q1", "stiffnes": 1}]},
-            r"unknown key 'stiffnes' in robust_gcp.springs\[0\]; did you mean 'stiffness'",
-        ),
-        ({"springs": [{"joint": "q1", "stiffness": -1}]}, r"springs\[0\]: .* stiffness is -1; give zero"),
-        ({"springs": [{"joint": "q9", "stiffness": 1}]}, r"robot.yaml: JointSpring: .* no joint 'q9'"),
-        ({"dampers": [{"joint": "q1", "damping": "much"}]}, r"dampers\[0\]: .* 'much'; give a number"),
-        ({"point_springs": [{"frames": ["coupler_tip"], "stiffness": 1}]}, r"point_springs\[0\]: frames must"),
-        ({"torques": [2.0]}, r"torques must map joint names"),
-        ({"torques": {"q1": float("nan")}}, r"torques: .* torque is nan; give a finite"),
-        ({"gravity": [0, 0]}, r"gravity is \[0, 0\]; give three finite numbers"),
-        ({"gravity": [0, 0, float("inf")]}, r"gravity .* give three finite numbers"),
-        ({"axes": [[1, 0, 0]]}, r"axes\[0\]: loop 0 is of type '3d', which has no axis; write null"),
-        ({"axes": []}, r"axes must list an axis or null for each of 1 loops"),
-    ],
-)
-def test_what_a_model_folder_may_not_say(tmp_path: Path, own: dict[str, object], message: str) -> None:
-    """Each error names the file, the key and the remedy."""
-    with pytest.raises(rg.ModelError, match=message) as caught:
-        rg.load(folder_with(tmp_path, **own))
-    assert "robot.yaml" in str(caught.value)
