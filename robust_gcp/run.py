@@ -6,6 +6,7 @@ import time
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,7 +16,7 @@ from scipy.optimize import brentq
 from .bridge import BridgeOptions
 from .bridge_map import BridgeMap
 from .dynamics import EquationsOfMotion, Evaluation, Torque, constraint_forces, does_work
-from .errors import NonFiniteError
+from .errors import NonFiniteError, ToggleError
 from .explicit import Crossing, ExplicitMap, Passage
 from .gcp import SingularityWarning
 from .kernel import Counters, Point
@@ -139,7 +140,7 @@ class Run:
     def _rk4(self, t: float, h: float, now: Evaluation) -> Array:
         f = self._equations
         x = rk4_step(f, t, self._x, h, f.derivative(now))
-        if not np.isfinite(x).all():
+        if not all(map(isfinite, x.tolist())):
             raise NonFiniteError(
                 f"the state left the finite numbers between t = {t:.6g} and {t + h:.6g} s; use a "
                 "smaller step, or an implicit stepper (Radau, BDF) if the mechanism is stiff"
@@ -154,16 +155,29 @@ class Run:
         self._crossings = [c for c in self._crossings if c.time <= t]
         return safe.i
 
-    def adaptive_steps(self, stepper: str, rtol: float, atol: float) -> None:
-        """One of scipy's solvers; output at the requested times."""
-        first = self._equations.evaluate(float(self._times[0]), self._x)
-        self._accept(0, first)
-        states = adaptive(stepper, self._equations, self._x, self._times, rtol, atol)
-        for i, x in enumerate(states, start=1):
-            if not np.all(np.isfinite(x)):
-                raise NonFiniteError(f"{stepper} left the finite numbers at t = {self._times[i]:.6g} s")
-            self._x = x
-            self._accept(i, self._equations.evaluate(float(self._times[i]), x))
+    def adaptive_steps(
+        self, stepper: str, rtol: float, atol: float, on_toggle: str, options: BridgeOptions
+    ) -> None:
+        """One of scipy's solvers, started anew after a change of coordinates; output at the times."""
+        times = self._times
+        self._accept(0, self._equations.evaluate(float(times[0]), self._x))
+        i, changed_at = 0, -1
+        while i + 1 < len(times):
+            try:
+                for x in adaptive(stepper, self._equations, self._x, times[i:], rtol, atol):
+                    i += 1
+                    if not np.all(np.isfinite(x)):
+                        raise NonFiniteError(f"{stepper} left the finite numbers at t = {times[i]:.6g} s")
+                    self._x = x
+                    self._accept(i, self._equations.evaluate(float(times[i]), x))
+            except ToggleError:
+                i = self._recorded - 1
+                if on_toggle == "error" or i == changed_at or self._last is None:
+                    raise
+                self._explicit.anchor = self._last.point
+                self._x = self._accepted
+                self._repartition(i, options)
+                changed_at = i
 
     def _careful(self, t: float) -> Evaluation:
         """The evaluation at the present state on the true curve of an uncertified zone."""
@@ -210,7 +224,8 @@ class Run:
             raise self._bridge_map().refusal()
         mechanism = self._mechanism.with_independent(names)
         start = begin(mechanism, here.q, v, None, options, self._counters)
-        self._use(mechanism, start, BridgeMap(start.path, start.point, options))
+        error_controlled = self._bridge_map().error_controlled
+        self._use(mechanism, start, BridgeMap(start.path, start.point, options, error_controlled))
         self._repartitions = [(when, what) for when, what in self._repartitions if when < t]
         self._repartitions.append((t, names))
 
@@ -232,7 +247,7 @@ class Run:
             self._multipliers[i] = constraint_forces(self._original, now.point.q, now.v, now.a, now.tau)
         if self._work is not None:
             self._work[i] = self._x[-1]
-        self._recorded = i + 1
+        self._recorded, self._accepted = i + 1, self._x
         if self._progress is not None:
             self._progress(i / (len(self._times) - 1))
 

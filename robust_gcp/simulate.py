@@ -103,6 +103,8 @@ def simulate(
     times = _times(duration, step)
     _check_choice("method", method, METHODS)
     _check_choice("on_toggle", on_toggle, ("error", "repartition"))
+    if on_toggle == "repartition" and method != "bridge":
+        raise OptionError(f'on_toggle="repartition" goes with method="bridge", not with {method!r}')
     _check_choice("newton_start", newton_start, ("tangent", "previous"))
     if isinstance(record, str):
         record = (record,)
@@ -121,7 +123,7 @@ def simulate(
         if fixed:
             run.fixed_steps(on_toggle, options)
         else:
-            run.adaptive_steps(stepper, rtol, atol)
+            run.adaptive_steps(stepper, rtol, atol, on_toggle, options)
     except SimulationError as error:
         error.trajectory = run.trajectory(begun)
         raise

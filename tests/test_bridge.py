@@ -295,3 +295,21 @@ def test_mode_on_which_the_coordinate_rests_is_refused():
 def test_initial_velocity_off_every_mode_is_refused():
     with pytest.raises(rg.SingularStartError, match="none of them"):
         rg.simulate(rg.load("rhombus"), np.zeros(3), v0=[1.0, 0.0, 2.0])
+
+
+@pytest.mark.parametrize("stepper", ["DOP853", "Radau"])
+def test_adaptive_solvers_change_coordinates_at_toggles(stepper):
+    # the kite's q1 turns back at −π/3
+    kite = rg.load("kite")
+    run = rg.simulate(
+        kite, duration=1.2, step=2e-2, stepper=stepper, rtol=1e-8, atol=1e-10, on_toggle="repartition"
+    )
+    assert run.stats.repartitions
+    assert run.t[-1] == 1.2
+    assert np.abs(run.energy_error()).max() < 1e-5
+    assert run.closure_error().max() < 1e-12
+
+
+def test_repartition_needs_the_bridge():
+    with pytest.raises(rg.OptionError, match="repartition"):
+        rg.simulate(rg.load("rhombus"), method="classical", on_toggle="repartition")
