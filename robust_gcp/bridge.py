@@ -15,7 +15,7 @@ from .explicit import CrossingKind
 from .kernel import Point, RegularPath
 from .line import Line
 from .march import march
-from .singularity import transversality
+from .second_order import transversality
 from .tree import Array
 
 

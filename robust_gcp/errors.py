@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from .trajectory import Trajectory
-
 
 class RobustGcpError(Exception):
     """Base of every error raised by this package.
@@ -21,7 +19,7 @@ class RobustGcpError(Exception):
 
     def __init__(self, message: str) -> None:
         super().__init__(message)
-        self.trajectory: Trajectory | None = None
+        self.trajectory: Any = None
 
 
 class OptionError(RobustGcpError, ValueError):

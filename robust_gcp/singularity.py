@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from .loops import CLOSED, NEARLY_CLOSED, ClosedLoops
 from .partition import numerical_rank
+from .second_order import curvature, full_svd, orthonormal, second_order_forms
 from .tree import Array
 
 Kind = Literal["regular", "redundant", "singular", "not certified"]
@@ -109,10 +110,10 @@ def analyse(mechanism: ClosedLoops, q: ArrayLike, rank_tolerance: float = RANK_T
     q = mechanism.configuration(q)
     mechanism.require_closed(q, NEARLY_CLOSED, "analyse: q")
     K = mechanism.scaled(mechanism.K(q))
-    U, s, Vt = _svd(K)
+    U, s, Vt = full_svd(K)
     rank = numerical_rank(s, rank_tolerance)
     scaled_kernel = Vt[rank:].T
-    kernel = _orthonormal(mechanism.column_scale[:, None] * scaled_kernel)
+    kernel = orthonormal(mechanism.column_scale[:, None] * scaled_kernel)
     left = U[:, rank:]
 
     def answer(
@@ -122,14 +123,14 @@ def analyse(mechanism: ClosedLoops, q: ArrayLike, rank_tolerance: float = RANK_T
         message: str,
         forms: tuple[Array, ...] = (),
     ) -> LocalAnalysis:
-        unscaled_left = _orthonormal(left / mechanism.row_scale[:, None])
+        unscaled_left = orthonormal(left / mechanism.row_scale[:, None])
         return LocalAnalysis(q, kind, rank, generic, s, kernel, unscaled_left, forms, modes, message)
 
     if rank == len(K) or kernel.shape[1] == 0:
         modes = (_direction(kernel),) if kernel.shape[1] else ()
         return answer("regular", rank, modes, f"K has full rank {rank}: one smooth mode")
     forms = second_order_forms(mechanism, q, left, kernel)
-    flat = [f for f in forms if np.abs(f).max() <= FORM_TOLERANCE * _curvature(mechanism, q, kernel)]
+    flat = [f for f in forms if np.abs(f).max() <= FORM_TOLERANCE * curvature(mechanism, q, kernel)]
     if len(flat) == len(forms):
         generic = _rank_along(mechanism, q, kernel, rank_tolerance)
         if generic == rank:
@@ -150,71 +151,6 @@ def analyse(mechanism: ClosedLoops, q: ArrayLike, rank_tolerance: float = RANK_T
     return _classify(mechanism, q, left, kernel, rank, answer)
 
 
-def second_order_forms(mechanism: ClosedLoops, q: Array, left: Array, kernel: Array) -> list[Array]:
-    """Q_u = Nᵀ (uᵀ φ'') N for each column u of `left` (dimensionless rows), (δ, δ) each.
-
-    φ''[v, v] = −k(q, v), and by polarisation φ''[v, w] = −½ (k(v + w) − k(v) − k(w)): no new
-    derivatives.
-    """
-    n = kernel.shape[1]
-    square = [second_derivative(mechanism, q, kernel[:, i]) for i in range(n)]
-    forms = np.zeros((left.shape[1], n, n))
-    for i in range(n):
-        forms[:, i, i] = left.T @ square[i]
-        for j in range(i):
-            mixed = second_derivative(mechanism, q, kernel[:, i] + kernel[:, j])
-            forms[:, i, j] = forms[:, j, i] = 0.5 * left.T @ (mixed - square[i] - square[j])
-    return list(forms)
-
-
-def second_derivative(mechanism: ClosedLoops, q: Array, v: Array) -> Array:
-    """φ''[v, v] = −k(q, v), dimensionless rows, (nc,)."""
-    return -mechanism.k(q, v) / mechanism.row_scale
-
-
-def transversality(mechanism: ClosedLoops, q: Array, G: Array, rank: int) -> float:
-    """How clearly the mode with tangent space G leaves a singular q: 0 tangential, 1 orthogonal.
-
-    Near q* write q = q* ⊕ s w. Then φ/s has the range part K w and, on the left null space U,
-    ½ s Q_u(w, w). The mode through w = G is unique and smooth when the derivative of that system,
-    the rows K and Q_u(G, ·), has the mechanism's generic rank: a second-order certificate for any
-    corank.
-
-    Parameters
-    ----------
-    rank : int
-        Generic rank, nv − m.
-
-    Returns
-    -------
-    float
-        σ_rank/σ_1 of the stacked, row-normalised system.
-    """
-    K = mechanism.scaled(mechanism.K(q))
-    U, s, Vt = _svd(K)
-    here = numerical_rank(s, 1e-5)
-    if here >= rank:
-        return 1.0
-    tangents = _orthonormal(G / mechanism.column_scale[:, None])
-    left, kernel = U[:, here:], mechanism.column_scale[:, None] * Vt[here:].T
-    rows = []
-    for t in (mechanism.column_scale[:, None] * tangents).T:
-        plain = second_derivative(mechanism, q, t)
-        mixed = np.array(
-            [
-                0.5 * (second_derivative(mechanism, q, t + n) - plain - second_derivative(mechanism, q, n))
-                for n in kernel.T
-            ]
-        )
-        rows.append(left.T @ mixed.T)
-    stacked = np.vstack(rows)
-    needed = rank - here
-    sigma = np.linalg.svd(stacked, compute_uv=False)
-    if len(sigma) < needed or sigma[0] == 0.0:
-        return 0.0
-    return float(sigma[needed - 1] / max(sigma[0], 1.0))
-
-
 def _classify(
     mechanism: ClosedLoops,
     q: Array,
@@ -227,7 +163,7 @@ def _classify(
     forms = []
     for u in _decoupled(mechanism, q, left).T:
         form = second_order_forms(mechanism, q, u[:, None], kernel)[0]
-        if np.abs(form).max() > FORM_TOLERANCE * _curvature(mechanism, q, kernel):
+        if np.abs(form).max() > FORM_TOLERANCE * curvature(mechanism, q, kernel):
             forms.append(form)
     generic = rank + len(forms)
     m = kernel.shape[1] - len(forms)
@@ -299,12 +235,6 @@ def _decoupled(mechanism: ClosedLoops, q: Array, left: Array) -> Array:
     return left
 
 
-def _curvature(mechanism: ClosedLoops, q: Array, kernel: Array) -> float:
-    """Size of φ'' on the kernel: what a second-order form is compared with."""
-    sizes = [np.abs(second_derivative(mechanism, q, v)).max(initial=0.0) for v in kernel.T]
-    return float(max(sizes, default=0.0)) or 1.0
-
-
 def _rank_along(mechanism: ClosedLoops, q: Array, kernel: Array, tolerance: float) -> int:
     """Largest rank of K a little way along the kernel, back on the constraint."""
     best = 0
@@ -313,31 +243,15 @@ def _rank_along(mechanism: ClosedLoops, q: Array, kernel: Array, tolerance: floa
         near = mechanism.tree.integrate(q, direction * (NEARBY / size))
         near = mechanism.polish(near, np.arange(mechanism.nv))
         if mechanism.closure_residual(near) <= CLOSED:
-            s = _svd(mechanism.scaled(mechanism.K(near)))[1]
+            s = full_svd(mechanism.scaled(mechanism.K(near)))[1]
             best = max(best, numerical_rank(s, max(tolerance, 1e-6)))
     return best
-
-
-def _svd(K: Array) -> tuple[Array, Array, Array]:
-    """Full SVD that also serves a K without rows."""
-    if K.shape[0] == 0:
-        return np.zeros((0, 0)), np.zeros(0), np.eye(K.shape[1])
-    U, s, Vt = np.linalg.svd(K)
-    return U, s, Vt
-
-
-def _orthonormal(basis: Array) -> Array:
-    """Orthonormal columns with the same span."""
-    if basis.shape[1] == 0:
-        return basis
-    Q, _ = np.linalg.qr(basis)
-    return np.asarray(Q, dtype=float)
 
 
 def _direction(basis: Array) -> Array:
     """A mode's tangent as reported: a normalised direction for one column, else an orthonormal basis."""
     if basis.shape[1] != 1:
-        return _orthonormal(basis)
+        return orthonormal(basis)
     t = basis[:, 0] / np.abs(basis[:, 0]).max()
     t[np.abs(t) < 1e-12] = 0.0
     first = t[np.flatnonzero(t)[0]]

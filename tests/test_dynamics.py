@@ -23,9 +23,7 @@ def explicit(
     mech: rg.Mechanism, q: Array, v: Array, tau: Array | None = None
 ) -> tuple[Array, Array, Array, Array]:
     """q, v, a and λ of the state with which a simulation by (3) begins."""
-    traj = rg.simulate(
-        mech, q, v, duration=1e-6, step=1e-6, torque=tau, record=("a", "multipliers")
-    )
+    traj = rg.simulate(mech, q, v, duration=1e-6, step=1e-6, torque=tau, record=("a", "multipliers"))
     assert traj.a is not None
     assert traj.multipliers is not None
     return traj.q[0], traj.v[0], traj.a[0], traj.multipliers[0]
@@ -182,10 +180,7 @@ def test_every_partition_gives_the_same_motion(independent: tuple[str, ...]) -> 
     turns back on the way, and RK4 errs by some 1e-11 in each."""
     mech = rg.load("crank_rocker")
     q0 = FourBar(4.0, 1.0, 3.5, 3.0).evaluate(-1.0)[0]
-    ends = [
-        rg.simulate(m, q0, duration=0.4, step=2e-3)
-        for m in (mech, mech.with_independent(independent))
-    ]
+    ends = [rg.simulate(m, q0, duration=0.4, step=2e-3) for m in (mech, mech.with_independent(independent))]
     assert np.abs(ends[0].q[-1] - q0).min() > 0.1  # all three have moved
     np.testing.assert_allclose(ends[1].q, ends[0].q, atol=1e-9)
     np.testing.assert_allclose(ends[1].v, ends[0].v, atol=1e-8)

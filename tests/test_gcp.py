@@ -153,9 +153,7 @@ def test_started_from_the_tangent_it_keeps_the_mode() -> None:
     """METHOD.md §2: branch loss is cured by the prediction. On this mode G is constant and g = 0,
     so that no digits are lost either; it warns all the same."""
     with pytest.warns(rg.SingularityWarning, match=r"singular configuration.*method=\"bridge\""):
-        traj = rg.simulate(
-            rg.load("rhombus"), [0.2, -0.2, 0.2], duration=1.5, step=2e-3, method="classical"
-        )
+        traj = rg.simulate(rg.load("rhombus"), [0.2, -0.2, 0.2], duration=1.5, step=2e-3, method="classical")
     A, B = parallelogram_pendulum(1.0, 1.0, 1.0, 1.0, 1.0)
     y, _, _ = pendulum(traj.t, 0.2, 0.0, A, B)
     assert y.min() < -PI

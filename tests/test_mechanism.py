@@ -32,7 +32,9 @@ def test_sizes_and_names() -> None:
     ("name", "size"),
     [("tripod", (6, 9)), ("spherical loop", (1, 5)), ("seven hinges", (1, 6)), ("humanoid", (23, 9))],
 )
-def test_mobility_and_rows_in_space(spatial: dict[str, rg.Mechanism], name: str, size: tuple[int, int]) -> None:
+def test_mobility_and_rows_in_space(
+    spatial: dict[str, rg.Mechanism], name: str, size: tuple[int, int]
+) -> None:
     """m = nv − nc, see the fixtures; nq exceeds nv by one for each quaternion."""
     mech = spatial[name]
     quaternions = 0 if name == "seven hinges" else 1
@@ -72,9 +74,7 @@ def test_units_of_length_do_not_matter() -> None:
     millimetres = scenes.four_bar(4000.0, 1000.0, 3500.0, 3000.0, y=1.0)
     q = np.array([0.3, 0.8, -0.4])
     np.testing.assert_allclose(millimetres.K(q), 1000.0 * metres.K(q), rtol=1e-12)
-    np.testing.assert_allclose(
-        millimetres.scaled(millimetres.K(q)), metres.scaled(metres.K(q)), rtol=1e-12
-    )
+    np.testing.assert_allclose(millimetres.scaled(millimetres.K(q)), metres.scaled(metres.K(q)), rtol=1e-12)
     assert millimetres.length == 1000.0 * metres.length == 4000.0  # the ground link is longest
     assert millimetres.closure_residual(q) == pytest.approx(metres.closure_residual(q), rel=1e-12)
     assert metres.closure_residual(q) == pytest.approx(np.abs(metres.phi(q)).max() / 4.0)
@@ -121,7 +121,9 @@ def test_loops_that_cannot_close_are_reported_with_their_gap() -> None:
     """Crank-rocker 4, 1, 3.5, 3 with q3 held at −π/2·… out of reach: the tip is at (4, −3), 5 m away;
     crank and coupler reach 4.5 m, so 0.5 m are left, shared by least squares along the line."""
     mech = rg.load("crank_rocker")
-    with pytest.raises(rg.ClosureError, match=r"coupler_tip – rocker_tip is open by .*another guess") as caught:
+    with pytest.raises(
+        rg.ClosureError, match=r"coupler_tip – rocker_tip is open by .*another guess"
+    ) as caught:
         mech.assemble([-0.6, 0.0, -PI / 2], hold=["q3"])
     assert caught.value.loop == "coupler_tip – rocker_tip"
     # the gap's vector points along (4, −3)/5: its entries are 0.4 and −0.3 m, the larger is reported

@@ -39,9 +39,7 @@ def eq7(kernel: Array, G_prev: Array) -> tuple[Array, Array]:
 def test_regular_configuration(rhombus: rg.Mechanism) -> None:
     """q = (0.2, −0.2, 0.2)."""
     q = [0.2, -0.2, 0.2]
-    np.testing.assert_array_equal(
-        np.round(rhombus.K(q), 4), [[-0.1987, 0.0, 0.1987], [1.9801, 1.0, -0.9801]]
-    )
+    np.testing.assert_array_equal(np.round(rhombus.K(q), 4), [[-0.1987, 0.0, 0.1987], [1.9801, 1.0, -0.9801]])
     here = rg.analyse(rhombus, q)
     assert here.rank == 2
     path = RegularPath(rhombus, rhombus.select_rows(rhombus.K(q)))

@@ -154,7 +154,7 @@ def test_a_soft_constraint_is_refused(spatial: dict[str, rg.Mechanism]) -> None:
     named = spatial["seven hinges"]
     constraint = anchor(named, named.closures[0])
     constraint.setCompliance(1e-3 * np.ones(6))
-    with pytest.raises(rg.ModelError, match="compliance.*PointSpring"):
+    with pytest.raises(rg.ModelError, match=r"compliance.*PointSpring"):
         remade(named, [constraint])
 
 

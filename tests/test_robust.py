@@ -129,8 +129,7 @@ def test_a_threshold_of_the_callers_choice() -> None:
     """0.05 projects farther from the crossing; on straight modes that does no harm."""
     mech, q0 = rg.load("rhombus"), [0.2, -0.2, 0.2]
     runs = [
-        rg.simulate(mech, q0, duration=0.4, step=4e-3, method="projection", threshold=t)
-        for t in (1e-3, 0.05)
+        rg.simulate(mech, q0, duration=0.4, step=4e-3, method="projection", threshold=t) for t in (1e-3, 0.05)
     ]
     assert runs[1].stats.svds > runs[0].stats.svds
     np.testing.assert_allclose(runs[0].q, runs[1].q, atol=1e-12)

@@ -13,7 +13,7 @@ import robust_gcp as rg
 from robust_gcp import scenes
 from robust_gcp.closed_form import FourBar
 from robust_gcp.closure import Closure
-from robust_gcp.singularity import second_order_forms, transversality
+from robust_gcp.second_order import second_order_forms, transversality
 
 Array = NDArray[np.float64]
 PI = np.pi

@@ -95,9 +95,7 @@ def test_order_on_a_smooth_equation() -> None:
     def f(t: float, x: Array) -> Array:
         return x * np.cos(t)
 
-    errors = [
-        abs(integrate(f, np.ones(1), 3.0, n)[0] - np.exp(np.sin(3.0))) for n in (100, 200, 400, 800)
-    ]
+    errors = [abs(integrate(f, np.ones(1), 3.0, n)[0] - np.exp(np.sin(3.0))) for n in (100, 200, 400, 800)]
     # the ratio is 16 (1 + O(h)), h = 0.03 … 0.004; the last error is 5e-13
     np.testing.assert_allclose([a / b for a, b in pairwise(errors)], 16.0, rtol=0.05)
 
@@ -257,9 +255,7 @@ def test_names_are_checked() -> None:
 def test_simulation_with_an_adaptive_stepper(name: str) -> None:
     """0.5 s of the rhombus through q1 = 0 (at 0.19 s), against the exact pendulum."""
     A, B = parallelogram_pendulum(1.0, 1.0, 1.0, 1.0, 1.0)
-    traj = rg.simulate(
-        rg.load("rhombus"), duration=0.5, step=0.05, stepper=name, rtol=1e-7, atol=1e-9
-    )
+    traj = rg.simulate(rg.load("rhombus"), duration=0.5, step=0.05, stepper=name, rtol=1e-7, atol=1e-9)
     y, _, _ = pendulum(traj.t, 0.2, 0.0, A, B)
     assert y[-1] < -0.5
     assert np.abs(traj.q - np.outer(y, [1.0, -1.0, 1.0])).max() < 1e-5

@@ -23,7 +23,7 @@ def trammel(theta: float, share: float = 0.55) -> rg.Mechanism:
     speed2 = (A * np.sin(theta)) ** 2 + (B * np.cos(theta)) ** 2
     radius = speed2**1.5 / (A * B)
     # centre of curvature of (A cos θ, B sin θ)
-    center = (A**2 - B**2) * np.array([np.cos(theta) ** 3 / A, -np.sin(theta) ** 3 / B])
+    center = (A**2 - B**2) * np.array([np.cos(theta) ** 3 / A, -(np.sin(theta) ** 3) / B])
     model = pin.Model()
 
     def slider(name: str, joint_model: object) -> int:

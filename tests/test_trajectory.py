@@ -50,9 +50,7 @@ def test_certificates_of_five_seconds_through_singularities(
 @pytest.mark.parametrize("method", ("bridge", "projection", "closed_form"))
 def test_energy_drift_is_that_of_rk4(free_fall: Callable[..., rg.Trajectory], method: str) -> None:
     """Halving the step divides it by 2⁴ (the part that comes and goes) to 2⁵ (the drift)."""
-    drifts = [
-        np.abs(free_fall("rhombus", method, step, 1.6).energy_error()).max() for step in (16e-3, 8e-3)
-    ]
+    drifts = [np.abs(free_fall("rhombus", method, step, 1.6).energy_error()).max() for step in (16e-3, 8e-3)]
     assert 15.0 < drifts[0] / drifts[1] < 33.0
 
 
@@ -174,9 +172,7 @@ def test_crossings_at_their_exact_times(
     exact = []
     for angle in (0.0, -PI):
         for i in np.flatnonzero((y[:-1] - angle) * (y[1:] - angle) < 0.0):
-            when = brentq(
-                lambda s, a=angle: float(pendulum(s, 0.2, 0.0, A, B)[0]) - a, t[i], t[i + 1]
-            )
+            when = brentq(lambda s, a=angle: float(pendulum(s, 0.2, 0.0, A, B)[0]) - a, t[i], t[i + 1])
             exact.append((when, angle))
     exact.sort()
     assert [round(c.y[0], 6) + 0.0 for c in traj.crossings] == [round(a, 6) for _, a in exact]
