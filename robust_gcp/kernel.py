@@ -149,7 +149,8 @@ class RegularPath:
         delta = y - anchor.y
         dv = anchor.G @ delta
         if anchor.curvature is not None:
-            dv += (0.5 * float(delta[0]) ** 2) * anchor.curvature
+            move = float(delta[0])
+            dv += (0.5 * move * move) * anchor.curvature
         elif self.m:
             speed = float(anchor.ydot @ anchor.ydot)
             if speed > 0.0:

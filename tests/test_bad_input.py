@@ -131,22 +131,22 @@ PARTITIONS: dict[str, Case] = {
     "a joint that no loop holds left dependent": (
         lambda: rg.Mechanism.from_pinocchio(with_pendulum(), [TIPS], ["q1"]),
         rg.PartitionError,
-        ("structurally singular", "do not determine 'pendulum'", "pendulum + q1"),
+        ("structurally singular", "do not determine 'pendulum'", "sets that would serve"),
     ),
     "two in the loop, the other one free": (
         lambda: rg.Mechanism.from_pinocchio(with_pendulum(), [TIPS], ["q1", "q2"]),
         rg.PartitionError,
-        ("'q1', 'q2'", "'pendulum'", "pendulum + q1"),
+        ("'q1', 'q2'", "do not determine 'pendulum'", "sets that would serve"),
     ),
     "too many": (
         lambda: rg.simulate(build(independent=["q1", "q2"]), Q, duration=0.01, step=0.01),
         rg.PartitionError,
-        ("2 independent joints", "mobility at q0 is 1", "sets that serve: q1, or q2, or q3"),
+        ("2 independent joints", "mobility at q0 is 1", "sets that serve"),
     ),
     "all": (
         lambda: rg.simulate(build(independent=["q1", "q2", "q3"]), Q, duration=0.01, step=0.01),
         rg.PartitionError,
-        ("3 independent joints", "mobility at q0 is 1", "q1, or q2, or q3"),
+        ("3 independent joints", "mobility at q0 is 1", "sets that serve"),
     ),
 }
 
@@ -159,9 +159,29 @@ def test_partitions(case: Case) -> None:
     assert error.choices
     model = with_pendulum() if "pendulum" in str(error) else RHOMBUS.model
     for names in error.choices:
+        assert " + ".join(names) in str(error)
         mech = rg.Mechanism.from_pinocchio(model, [TIPS], names)
         home = np.array([*Q, *[0.0] * (mech.nq - 3)])
         rg.simulate(mech, home, duration=0.01, step=0.01)
+
+
+def test_a_structure() -> None:
+    """A triangle of two hinged rods has no freedom: there is no set of joints to offer."""
+    model = pin.Model()
+    first = scenes.add_link(model, 0, 0.0, "q1", 1.0)
+    scenes.add_link(model, first, 1.0, "q2", 1.0)
+    base = pin.SE3(np.eye(3), np.array([0.0, 1.0, 0.0]))
+    model.addFrame(pin.Frame("base", 0, base, pin.FrameType.OP_FRAME))
+    mech = rg.Mechanism.from_pinocchio(model, [rg.PointClosure("q2_tip", "base")], ["q1"])
+    error = refused(
+        (
+            lambda: rg.simulate(mech, [PI / 3, -2 * PI / 3], duration=0.01, step=0.01),
+            rg.PartitionError,
+            ("1 independent joint", "mobility at q0 is 0", "none"),
+        )
+    )
+    assert isinstance(error, rg.PartitionError)
+    assert error.choices == []
 
 
 def test_a_base_that_the_loop_does_not_see() -> None:
@@ -170,9 +190,7 @@ def test_a_base_that_the_loop_does_not_see() -> None:
     good = scenes.swinging_four_bar(4.0, 1.0, 3.5, 3.0, swing=0.3, y=1.0)
     with pytest.raises((rg.PartitionError, rg.ToggleError)) as caught:
         rg.simulate(good.with_independent(["q1", "q2"]), duration=0.01, step=0.01)
-    assert {frozenset(c) for c in caught.value.choices} == {
-        frozenset({"q0", q}) for q in ("q1", "q2", "q3")
-    }
+    assert {frozenset(c) for c in caught.value.choices} == {frozenset({"q0", q}) for q in ("q1", "q2", "q3")}
     assert "q1, q2" in str(caught.value).replace("'", "")
     assert "q0 + q1" in str(caught.value)
 
@@ -221,7 +239,7 @@ CLOSURES: dict[str, Case] = {
         rg.ModelError,
         ("RevoluteClosure", "nan", "not a direction"),
     ),
-    "axis in the plane": (
+    "axis of two numbers": (
         lambda: build([rg.RevoluteClosure("coupler_tip", "rocker_tip", axis=(1, 0))]),  # type: ignore[arg-type]
         rg.ModelError,
         ("RevoluteClosure", "(1, 0)", "not a direction"),
@@ -379,7 +397,7 @@ STARTS: dict[str, Case] = {
     "at rest, no mode": (
         lambda: run(AT_ZERO),
         rg.SingularStartError,
-        ("2 modes meet", "at rest", "mode=", "analyse", "[1.0, -1.0, 1.0]", "[0.0, 1.0, 1.0]"),
+        ("2 modes meet", "at rest", "mode=", "[1.0, -1.0, 1.0]", "[0.0, 1.0, 1.0]"),
     ),
     "between the modes": (
         lambda: run(AT_ZERO, [1.0, 0.0, 2.0]),  # (1, −1, 1) + (0, 1, 1)
@@ -414,7 +432,7 @@ STARTS: dict[str, Case] = {
     "a toggle": (
         lambda: rg.simulate(dead_point(), duration=0.01, step=0.01),
         rg.ToggleError,
-        ("toggle", "q3 cannot parametrise", "joints that can: q1, or q2"),
+        ("toggle", "q3 cannot parametrise", "joints that can: ", "q1", "q2"),
     ),
 }
 
@@ -433,9 +451,7 @@ def dead_point() -> rg.Mechanism:
     crank = np.arccos((4.0**2 + 4.5**2 - 3.0**2) / (2.0 * 4.0 * 4.5))  # law of cosines
     rocker = PI - np.arccos((4.0**2 + 3.0**2 - 4.5**2) / (2.0 * 4.0 * 3.0))
     flat = rg.load("crank_rocker")
-    return rg.Mechanism.from_pinocchio(
-        flat.model, flat.closures, ["q3"], home=[crank, 0.0, rocker]
-    )
+    return rg.Mechanism.from_pinocchio(flat.model, flat.closures, ["q3"], home=[crank, 0.0, rocker])
 
 
 @cases(STARTS)
@@ -626,7 +642,11 @@ YAML: dict[str, tuple[dict[str, Any], type[rg.RobustGcpError], tuple[str, ...]]]
         rg.ModelError,
         ("home['q1']", "'1 rad'", "1 finite number"),
     ),
-    "home not finite": ({"robust_gcp": {"home": {"q1": NAN}}}, rg.ModelError, ("home['q1']", "nan", "finite")),
+    "home not finite": (
+        {"robust_gcp": {"home": {"q1": NAN}}},
+        rg.ModelError,
+        ("home['q1']", "nan", "finite"),
+    ),
     "home of two numbers": (
         {"robust_gcp": {"home": {"q1": [1.0, 2.0]}}},
         rg.ModelError,
@@ -731,7 +751,13 @@ URDF: dict[str, tuple[str, tuple[str, ...]]] = {
         ("'a'", "'b'", "root"),
     ),
     "no links": ('<robot name="r"/>', ("link",)),
-    "a place in words": (spoilt('xyz="0 1 0"', 'xyz="0 one 0"'), ("0 one 0",)),
+    "a place in words": (
+        spoilt(
+            '<child link="rocker"/>\n    <origin xyz="0 4 0"',
+            '<child link="rocker"/>\n    <origin xyz="0 four 0"',
+        ),
+        ("'q3'", "0 four 0"),
+    ),
     "a mass in words": (spoilt('<mass value="1"/>', '<mass value="one"/>'), ("'crank'", "one")),
     "an axis of no length": (spoilt('<axis xyz="1 0 0"/>', '<axis xyz="0 0 0"/>'), ("'q1'", "axis")),
     "not XML": ("<robot", ("not well-formed XML",)),

@@ -145,7 +145,7 @@ def test_four_bars_against_the_paper(name: str) -> None:
     rng = np.random.default_rng(6)
     for _ in range(20):
         q, v = rng.uniform(-7, 7, 3), rng.uniform(-2, 2, 3)
-        (q1, q12, q3), (v1, v12, v3) = np.cumsum(q[:2]).tolist() + [q[2]], (v[0], v[0] + v[1], v[2])
+        (q1, q12, q3), (v1, v12, v3) = (q[0], q[0] + q[1], q[2]), (v[0], v[0] + v[1], v[2])
         s1, s12, s3 = np.sin((q1, q12, q3))
         c1, c12, c3 = np.cos((q1, q12, q3))
         phi = [l1 * c1 + l2 * c12 - l0 - l3 * c3, l1 * s1 + l2 * s12 - l3 * s3]

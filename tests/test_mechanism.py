@@ -99,7 +99,7 @@ def test_assemble_closes_the_loops_and_holds_the_independent_joints(
 
 def test_assemble_can_hold_other_joints() -> None:
     mech = rg.load("crank_rocker")
-    guess = mech.home + [0.05, -0.1, 0.02]
+    guess = mech.home + np.array([0.05, -0.1, 0.02])
     q = mech.assemble(guess, hold=["q3"])
     assert q[2] == guess[2]
     assert np.abs(mech.phi(q)).max() <= 1e-12
@@ -149,7 +149,7 @@ def test_half_turned_frames_are_not_closed() -> None:
     mech = ring(rg.FrameClosure)
     closed = mech.assemble([1.0, -1.0, -PI + 1.0, PI - 1.0])
     np.testing.assert_allclose(closed, [1.0, -1.0, -PI + 1.0, PI - 1.0], atol=1e-12)
-    false = closed + [0.0, 0.0, 0.0, PI]
+    false = closed + np.array([0.0, 0.0, 0.0, PI])
     assert mech.closure_residual(false) < 1e-12
     with pytest.raises(rg.ClosureError, match=r"end – base .*half a turn.*nearer to the aligned"):
         mech.assemble(false)
@@ -227,3 +227,41 @@ def test_choices_offer_joints_of_one_number_only(spatial: dict[str, rg.Mechanism
     choices = mech.coordinate_choices(mech.home)
     assert {names for _, names in choices} <= {("crank",), ("elbow",), ("wrist",)}
     assert len(choices) >= 2
+
+
+def test_automatic_choice_is_the_best_conditioned_one() -> None:
+    """At home as given, or assembled first where its loops are open."""
+    mech = rg.load("crank_rocker")
+    auto = rg.Mechanism.from_pinocchio(mech.model, mech.closures, "auto", home=mech.home)
+    assert auto.independent == mech.coordinate_choices(mech.home)[0][1]
+    opened = mech.home + np.array([0.0, 0.1, 0.0])
+    auto = rg.Mechanism.from_pinocchio(mech.model, mech.closures, "auto", home=opened)
+    assert auto.closure_residual(auto.home) < 1e-12
+    assert auto.independent == mech.coordinate_choices(auto.home)[0][1]
+
+
+@pytest.mark.parametrize("name", ("crank_rocker", "tripod", "seven hinges"))
+def test_constraint_models_of_pinocchio_close_loops_too(
+    mechanisms: dict[str, rg.Mechanism], name: str
+) -> None:
+    """Rigid and anchor models, points and frames: φ, K and k of the closures between named frames."""
+    mech = mechanisms[name]
+    model, rng = mech.model, np.random.default_rng(2)
+    rigid, anchors = [], []
+    for closure in mech.closures:
+        ends = [model.frames[model.getFrameId(f)] for f in (closure.frame1, closure.frame2)]
+        places = [p for end in ends for p in (end.parentJoint, end.placement)]
+        point = isinstance(closure, rg.PointClosure)
+        contact = pin.ContactType.CONTACT_3D if point else pin.ContactType.CONTACT_6D
+        anchor = pin.PointAnchorConstraintModel if point else pin.FrameAnchorConstraintModel
+        rigid.append(pin.RigidConstraintModel(contact, model, *places, pin.ReferenceFrame.LOCAL))
+        anchors.append(anchor(model, *places))
+    before = model.copy()
+    q = mech.tree.integrate(mech.home, rng.uniform(-1, 1, mech.nv))
+    v = rng.uniform(-1, 1, mech.nv)
+    for constraints in (rigid, anchors):
+        other = rg.Mechanism.from_pinocchio(model, constraints, mech.independent)
+        np.testing.assert_allclose(other.phi(q), mech.phi(q), atol=1e-14)
+        np.testing.assert_allclose(other.K(q), mech.K(q), atol=1e-14)
+        np.testing.assert_allclose(other.k(q, v), mech.k(q, v), atol=1e-12)
+    assert model == before

@@ -50,6 +50,7 @@ def test_two_bodies_in_the_world_are_both_read(closed_states: States) -> None:
     """Pinocchio's parser alone stops after the first body under <worldbody>."""
     urdf, mjcf = rg.load("rhombus"), rhombus()
     assert mjcf.joint_names == urdf.joint_names
+    assert mjcf.closures == (rg.PointClosure("tip_1", "tip_2"),)
     q = np.array([0.3, 0.7, -0.4])
     np.testing.assert_allclose(mjcf.phi(q), urdf.phi(q), atol=1e-15)
     np.testing.assert_allclose(mjcf.K(q), urdf.K(q), atol=1e-15)
@@ -62,10 +63,6 @@ def test_two_bodies_in_the_world_are_both_read(closed_states: States) -> None:
 def test_the_motion_is_that_of_the_urdf() -> None:
     ends = [rg.simulate(m, m.home, duration=0.2, step=1e-3).q[-1] for m in (rhombus(), rg.load("rhombus"))]
     np.testing.assert_allclose(*ends, atol=1e-13)
-
-
-def test_closures_carry_the_names_of_the_file() -> None:
-    assert rhombus().closures == (rg.PointClosure("tip_1", "tip_2"),)
 
 
 @pytest.mark.parametrize(
@@ -121,7 +118,8 @@ def test_springs_and_dampers_of_joints_act() -> None:
 
 
 def test_several_joints_of_a_body_stay_apart() -> None:
-    bodies = f'<body name="b"><joint name="x" type="slide" axis="1 0 0"/><joint name="t" axis="0 1 0"/>{ROD}</body>'
+    joints = '<joint name="x" type="slide" axis="1 0 0"/><joint name="t" axis="0 1 0"/>'
+    bodies = f'<body name="b">{joints}{ROD}</body>'
     model = model_from_mjcf(document(bodies, "", "")).model
     assert list(model.names)[1:] == ["x", "t"]
     assert [i.mass for i in model.inertias] == [0.0, 0.0, 1.0]
@@ -177,8 +175,7 @@ EVERYTHING = """<mujoco model="everything"><compiler angle="degree" eulerseq="zY
 def both() -> tuple[Any, Any, MjcfModel]:
     """MuJoCo's model and data, and ours."""
     mujoco = pytest.importorskip("mujoco", reason="mujoco (extra `bench`) is not installed")
-    model = mujoco.MjModel.from_xml_string(EVERYTHING)
-    return mujoco, model, model_from_mjcf(EVERYTHING)
+    return mujoco, mujoco.MjModel.from_xml_string(EVERYTHING), model_from_mjcf(EVERYTHING)
 
 
 def mujoco_order(model: pin.Model, q: Array) -> Array:

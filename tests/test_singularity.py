@@ -311,6 +311,16 @@ def test_a_planar_chain_welded_in_space_is_redundant() -> None:
     assert_modes(here, [(G4 / np.abs(G4).max()).tolist()])
 
 
+def test_a_mode_that_a_weld_leaves_is_redundant() -> None:
+    """The rhombus with coupler and rocker welded at their tips: mode b alone is left, on which they
+    coincide, with rank 2 of 3 rows. There φ'' vanishes along the mode, and so do the forms."""
+    mech = linkage(1.0, 1.0, 1.0, 1.0, kind=rg.FrameClosure)
+    for t in (0.2, 1.0, -2.9):
+        here = rg.analyse(mech, [0.0, t, t])
+        assert (here.kind, here.rank, here.generic_rank, here.local_dof) == ("redundant", 2, 2, 1)
+        assert_modes(here, [[0.0, 1.0, 1.0]])
+
+
 def bricard() -> rg.Mechanism:
     """The orthogonal Bricard six-hinge loop of the benchmark A04, cut at its sixth hinge.
 

@@ -56,7 +56,8 @@ def test_energy_drift_is_that_of_rk4(free_fall: Callable[..., rg.Trajectory], me
 
 def test_closure_and_velocity_errors_are_what_they_say(fall: rg.Trajectory) -> None:
     mech = fall.mechanism
-    wrong = rg.Trajectory(mech, fall.t, fall.q + [0.0, 1e-3, 0.0], fall.v + [0.0, 0.0, 1e-2])
+    q_off, v_off = np.array([0.0, 1e-3, 0.0]), np.array([0.0, 0.0, 1e-2])
+    wrong = rg.Trajectory(mech, fall.t, fall.q + q_off, fall.v + v_off)
     phi = [np.abs(mech.phi(q)).max() for q in wrong.q]
     Kv = [np.abs(mech.K(q) @ v).max() for q, v in zip(wrong.q, wrong.v, strict=True)]
     np.testing.assert_array_equal(wrong.closure_error(), phi)

@@ -24,7 +24,8 @@ def arm(first: str = "continuous", second: str = "prismatic") -> str:
         <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
       <link name="tip"/>
       <joint name="hinge" type="{first}"><parent link="world"/><child link="upper"/>
-        <origin xyz="1 2 3" rpy="0.3 0.2 0.1"/><axis xyz="0 0 1"/>{"" if first == "continuous" else LIMIT}</joint>
+        <origin xyz="1 2 3" rpy="0.3 0.2 0.1"/><axis xyz="0 0 1"/>
+        {"" if first == "continuous" else LIMIT}</joint>
       <joint name="slide" type="{second}"><parent link="upper"/><child link="fore"/>
         <origin xyz="0.5 0 0" rpy="0 0 0"/><axis xyz="1 0 0"/>{LIMIT}</joint>
       <joint name="end" type="fixed"><parent link="fore"/><child link="tip"/>
