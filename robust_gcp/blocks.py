@@ -148,8 +148,14 @@ class BlockFactor:
             return self._inverse @ B
         if self._info > 0:
             return np.full_like(B, np.nan)
+        if B.ndim == 1:
+            return self._solve_one(B)
+        # one at a time: for several right-hand sides BLAS wakes its threads, at 100 times the cost
+        return np.stack([self._solve_one(column) for column in B.T], axis=1)
+
+    def _solve_one(self, b: Array) -> Array:
         if self._banded:
-            X, _ = dgbtrs(self._lu, self._kl, self._ku, B[self._rows], self._pivots)
+            x, _ = dgbtrs(self._lu, self._kl, self._ku, b[self._rows], self._pivots)
         else:
-            X, _ = dgetrs(self._lu, self._pivots, B[self._rows])
-        return X[self._into]
+            x, _ = dgetrs(self._lu, self._pivots, b[self._rows])
+        return np.asarray(x[self._into])

@@ -47,7 +47,7 @@ class BridgeOptions:
     transversality: float = 1e-4
 
 
-SHRINKS = (1.0, 0.7, 0.5, 0.35, 0.25)
+SHRINKS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.17, 0.12, 0.08)
 """Half widths tried, relative to the zone's: a mode with much curvature needs a shorter bridge."""
 
 GOOD = 1e-9

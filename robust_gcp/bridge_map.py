@@ -16,6 +16,7 @@ from .line import Line
 from .march import march, same_branch
 from .obstacle import Obstacle, UncertifiedZoneError, classify, refusal, steepest
 from .tree import Array
+from .unrolled import regular_path
 
 MAX_BRIDGES = 16
 """Bridges kept for reuse; a mechanism that turns over meets a new one each half turn."""
@@ -102,7 +103,9 @@ class BridgeMap:
         if self.path.m == 1:
             low, high = sorted((before.y[0], after.y[0]))
             touched = [b for b in self._bridges if any(low <= b.line.origin[0] + z <= high for z in b.zeros)]
-            bridge = touched[-1] if touched else bridge
+            if not touched:  # other rows of redundant closures: their determinants are not comparable
+                return []
+            bridge = touched[-1]
             s = bridge.zeros[0]
             point = bridge.line.at(s, after.ydot)
             y, q = point.y, point.q
@@ -175,6 +178,10 @@ class BridgeMap:
                 here = march(self.path, here, y, ydot, stop_below=zone)
                 if here.conditioning >= zone:
                     return here
+            better = self._through_better_rows(here)
+            if better is not None:
+                here = better
+                continue
             bridge = self._bridge_at(here)
             if bridge is None:
                 return self._uncertified(here, y, ydot)
@@ -193,6 +200,22 @@ class BridgeMap:
             if here.conditioning < zone:
                 return march(self.path, here, y, ydot)
         raise BranchError(f"too many singular surfaces on the way to y = {y}; use a smaller step", y)
+
+    def _through_better_rows(self, here: Point) -> Point | None:
+        """The point seen through other rows of redundant closures; None where no others do better."""
+        mechanism = self.path.mechanism
+        if mechanism.nc == self.path.nd:
+            return None
+        rows = mechanism.select_rows(mechanism.K(here.q))
+        if np.array_equal(rows, self.path.rows):
+            return None
+        path = regular_path(mechanism, rows, self.counters)
+        point = path.settle(here.q.copy(), here.y, here.ydot)
+        if point is None or point.conditioning < max(2.0 * here.conditioning, self.options.zone):
+            return None
+        self.path, self._builder = path, Builder(path, self.options)
+        self._bridges, self._current, self._obstacle = [], None, None
+        return point
 
     def _bridge_at(self, point: Point) -> Bridge | None:
         """A kept or new bridge at a point in the zone; None at an obstacle."""

@@ -248,7 +248,15 @@ class Mechanism(ClosedLoops):
             self.home = self.close_loops(self.home, np.arange(self.nv))
         picture = analyse(self, self.home)
         choices = self.coordinate_choices(self.home)
-        if picture.kind not in ("regular", "redundant") or not choices:
+        freedom = picture.differential_dof
+        if picture.kind in ("regular", "redundant") and not choices:
+            single = [n for n in self.joint_names if self.joint(n).nq == 1 == self.joint(n).nv]
+            raise PartitionError(
+                f"independent = 'auto': the mechanism has {freedom} degrees of freedom, and its joints with "
+                f"one number each ({', '.join(single) or 'none'}) do not parametrise them; give the tree "
+                "more such joints, for instance a chain of revolute and prismatic ones for a free body"
+            )
+        if picture.kind not in ("regular", "redundant"):
             raise PartitionError(
                 f"independent = 'auto' needs a regular home configuration, and home is {picture.kind} "
                 f"({picture.message}); give another home, or name the joints"

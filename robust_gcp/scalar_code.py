@@ -1,4 +1,4 @@
-"""Straight-line code over floats, written by a program: a small compiler's front and back end.
+"""Straight-line code over floats, written by a program.
 
 A scalar is a constant, or the name of a variable that a line of the source assigns. Sums and products
 of constants are worked out at once, zeros and ones vanish, and equal expressions share a variable.

@@ -74,10 +74,33 @@ def transversality(mechanism: ClosedLoops, q: Array, G: Array, rank: int) -> flo
     return float(sigma[needed - 1] / max(sigma[0], 1.0))
 
 
-def curvature(mechanism: ClosedLoops, q: Array, kernel: Array) -> float:
-    """Size of φ'' on the kernel: what a second-order form is compared with."""
-    sizes = [np.abs(second_derivative(mechanism, q, v)).max(initial=0.0) for v in kernel.T]
+def curvature(mechanism: ClosedLoops, q: Array) -> float:
+    """Size of φ'' for single joints: what a second-order form is compared with."""
+    sizes = [np.abs(second_derivative(mechanism, q, e)).max(initial=0.0) for e in np.eye(mechanism.nv)]
     return float(max(sizes, default=0.0)) or 1.0
+
+
+def bending(forms: list[Array], size: float) -> tuple[Array, Array]:
+    """Split the left null space by its forms: combinations whose form bends, and those that are flat.
+
+    Redundant rows have flat forms, rows of a singularity bend.
+
+    Parameters
+    ----------
+    forms : list of ndarray (δ, δ)
+        One for each basis vector of the left null space.
+    size : float
+        Below this a form counts as flat.
+
+    Returns
+    -------
+    ndarray (c, r), ndarray (c, c − r)
+        Coefficients in that basis, orthonormal.
+    """
+    stacked = np.array([form.ravel() for form in forms])
+    U, s, _ = np.linalg.svd(stacked)
+    rank = int(np.sum(s > size))
+    return U[:, :rank], U[:, rank:]
 
 
 def full_svd(K: Array) -> tuple[Array, Array, Array]:

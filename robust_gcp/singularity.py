@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
 from typing import Literal
@@ -12,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from .loops import CLOSED, NEARLY_CLOSED, ClosedLoops
 from .partition import numerical_rank
-from .second_order import curvature, full_svd, orthonormal, second_order_forms
+from .second_order import bending, curvature, full_svd, orthonormal, second_order_forms
 from .tree import Array
 
 Kind = Literal["regular", "redundant", "singular", "not certified"]
@@ -127,46 +126,38 @@ def analyse(mechanism: ClosedLoops, q: ArrayLike, rank_tolerance: float = RANK_T
         return LocalAnalysis(q, kind, rank, generic, s, kernel, unscaled_left, forms, modes, message)
 
     if rank == len(K) or kernel.shape[1] == 0:
-        modes = (_direction(kernel),) if kernel.shape[1] else ()
-        return answer("regular", rank, modes, f"K has full rank {rank}: one smooth mode")
+        tangent = (_direction(kernel),) if kernel.shape[1] else ()
+        return answer("regular", rank, tangent, f"K has full rank {rank}: one smooth mode")
     forms = second_order_forms(mechanism, q, left, kernel)
-    flat = [f for f in forms if np.abs(f).max() <= FORM_TOLERANCE * curvature(mechanism, q, kernel)]
-    if len(flat) == len(forms):
+    bent, flat = bending(forms, FORM_TOLERANCE * curvature(mechanism, q))
+    if bent.shape[1] == 0:
         generic = _rank_along(mechanism, q, kernel, rank_tolerance)
         if generic == rank:
-            return answer(
-                "redundant",
-                rank,
-                (_direction(kernel),),
-                f"K keeps rank {rank} of {len(K)} rows nearby: redundant closures, one smooth mode",
-            )
-        return answer(
-            "not certified",
-            generic,
-            (),
+            words = f"K keeps rank {rank} of {len(K)} rows nearby: redundant closures, one smooth mode"
+            return answer("redundant", rank, (_direction(kernel),), words)
+        words = (
             f"rank {rank} against {generic} nearby, and the second-order forms vanish: "
-            "a tangential or higher-order singularity",
-            tuple(forms),
+            "a tangential or higher-order singularity"
         )
-    return _classify(mechanism, q, left, kernel, rank, answer)
-
-
-def _classify(
-    mechanism: ClosedLoops,
-    q: Array,
-    left: Array,
-    kernel: Array,
-    rank: int,
-    answer: Callable[..., LocalAnalysis],
-) -> LocalAnalysis:
-    """Factor the forms loop by loop and combine the hyperplanes into modes."""
-    forms = []
-    for u in _decoupled(mechanism, q, left).T:
-        form = second_order_forms(mechanism, q, u[:, None], kernel)[0]
-        if np.abs(form).max() > FORM_TOLERANCE * curvature(mechanism, q, kernel):
-            forms.append(form)
+        return answer("not certified", generic, (), words, tuple(forms))
+    own = _decoupled(mechanism, left @ bent)
+    forms = second_order_forms(mechanism, q, own, kernel)
     generic = rank + len(forms)
-    m = kernel.shape[1] - len(forms)
+    kind, modes, words = _factored(forms, kernel)
+    if modes and flat.shape[1]:
+        # what second order leaves flat must be redundant along every mode
+        nearby = [_rank_along(mechanism, q, t.reshape(len(kernel), -1), rank_tolerance) for t in modes]
+        if any(found > generic for found in nearby):
+            words = f"rank {max(nearby)} nearby, of which second order explains {generic} only"
+            return answer("not certified", max(nearby), (), words, tuple(forms))
+    if modes:
+        m = kernel.shape[1] - len(forms)
+        words = f"rank {rank} against {generic} nearby: {len(modes)} modes of dimension {m} meet here"
+    return answer(kind, generic if modes else rank + len(forms), modes, words, tuple(forms))
+
+
+def _factored(forms: list[Array], kernel: Array) -> tuple[Kind, tuple[Array, ...], str]:
+    """Factor each form into two hyperplanes and combine them into modes."""
     planes: list[list[Array]] = []
     for form in forms:
         values, vectors = np.linalg.eigh(form)
@@ -174,51 +165,36 @@ def _classify(
         active = np.flatnonzero(np.abs(values) > FORM_TOLERANCE * size)
         signs = np.sign(values[active])
         if len(active) == kernel.shape[1] and abs(int(signs.sum())) == len(active):
-            return answer(
-                "singular", rank, (), "the second-order form is definite: an isolated point", tuple(forms)
-            )
+            return "singular", (), "the second-order form is definite: an isolated point"
         if len(active) != 2 or signs.sum() != 0:
-            return answer(
+            return (
                 "not certified",
-                generic,
                 (),
                 f"a second-order form has signature {int((signs > 0).sum())}, {int((signs < 0).sum())} "
                 f"on {kernel.shape[1]} directions: tangential or higher order, not two crossing modes",
-                tuple(forms),
             )
         (low, high), v = values[active], vectors[:, active]
         a, b = np.sqrt(-low) * v[:, 0], np.sqrt(high) * v[:, 1]
         planes.append([a + b, a - b])
     if 2 ** len(planes) > MAX_COMBINATIONS:
-        return answer(
-            "not certified",
-            generic,
-            (),
-            f"{len(planes)} loops are singular at once: too many combinations of modes to list",
-            tuple(forms),
-        )
-    modes = []
+        words = f"{len(planes)} loops are singular at once: too many combinations of modes to list"
+        return "not certified", (), words
+    modes: list[Array] = []
     for combination in product(*planes):
         normals = np.array(combination)
         _, sigma, Vt = np.linalg.svd(normals)
-        if numerical_rank(sigma, 1e-6) < len(normals):
-            return answer(
-                "not certified",
-                generic,
-                (),
-                "the loops' second-order conditions are not independent: not decided at second order",
-                tuple(forms),
-            )
-        modes.append(_direction(kernel @ Vt[len(normals) :].T))
-    if m == 0:
-        return answer(
-            "singular", generic, (), "no direction passes second order: an isolated point", tuple(forms)
-        )
-    words = f"rank {rank} against {generic} nearby: {len(modes)} modes of dimension {m} meet here"
-    return answer("singular", generic, tuple(modes), words, tuple(forms))
+        if numerical_rank(sigma, FORM_TOLERANCE) < len(normals):
+            words = "the loops' second-order conditions are not independent: not decided at second order"
+            return "not certified", (), words
+        if kernel.shape[1] > len(normals):
+            mode = _direction(kernel @ Vt[len(normals) :].T)
+            # a loop at rest satisfies both of its planes: the same tangent turns up twice
+            if not any(np.allclose(mode, known, atol=1e-9) for known in modes):
+                modes.append(mode)
+    return "singular", tuple(modes), "no direction passes second order: an isolated point"
 
 
-def _decoupled(mechanism: ClosedLoops, q: Array, left: Array) -> Array:
+def _decoupled(mechanism: ClosedLoops, left: Array) -> Array:
     """A basis of the left null space whose vectors belong to one closure each, where there is one."""
     labels = np.array(mechanism.implicit.labels)
     own: list[Array] = []

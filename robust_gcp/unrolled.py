@@ -17,10 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .closure import PointClosure
+from .cut_points import joint_axis
 from .kernel import Counters, Point, RegularPath
 from .mechanism import Mechanism
 from .tree import Array
-from .unrolled_source import Generator, joint_axis
+from .unrolled_source import Generator
 
 MAX_JOINTS = 100
 """Joints up to which plain floats pay: eight times as fast as arrays with three joints, twice with 80,

@@ -242,7 +242,8 @@ def test_torques_reach_the_dependent_joints() -> None:
 def test_work_of_torques_is_accounted_for() -> None:
     """A damper −c q̇ on every joint and a drive sin t: energy changes, the error does not.
 
-    RK4 integrates the work along with the motion, so what is left is its error, h⁴ (here 1e-10)."""
+    RK4 integrates the work along with the motion, so what is left is its own error: 200 steps of
+    (ω h)⁵/120, ω² < 12 /s², times some 10 W s, is 3e-8."""
     mech = rg.load("rhombus")
     traj = rg.simulate(
         mech,

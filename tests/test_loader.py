@@ -99,8 +99,9 @@ def test_a_folder_of_the_parallel_robot_community(folder: Path) -> None:
 
 def test_kinds_of_closures_by_name(folder: Path) -> None:
     rewrite(folder, type=["revolute"], robust_gcp=None)
-    # hinge axis z of the frames, which all turn about x: two rows more, one of them about the hinge
-    assert isinstance(rg.load(folder).closures[0], rg.RevoluteClosure)
+    mech = rg.load(folder)
+    assert isinstance(mech.closures[0], rg.RevoluteClosure)
+    assert mech.nc == 3  # in the plane; and z, the hinge axis when left out, must not tilt about x
     rewrite(folder, type=["6d"], name_mot=[], robust_gcp=None)
     assert isinstance(rg.load(folder).closures[0], rg.FrameClosure)
 

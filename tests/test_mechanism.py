@@ -118,8 +118,8 @@ def test_assemble_at_a_singular_configuration(q: list[float]) -> None:
 
 
 def test_loops_that_cannot_close_are_reported_with_their_gap() -> None:
-    """Crank-rocker 4, 1, 3.5, 3 with q3 held at −π/2·… out of reach: the tip is at (4, −3), 5 m away;
-    crank and coupler reach 4.5 m, so 0.5 m are left, shared by least squares along the line."""
+    """Crank-rocker 4, 1, 3.5, 3 with q3 held at −π/2: the rocker's tip is at (4, −3), 5 m away, and
+    crank and coupler reach 4.5 m, so 0.5 m are left."""
     mech = rg.load("crank_rocker")
     with pytest.raises(
         rg.ClosureError, match=r"coupler_tip – rocker_tip is open by .*another guess"
