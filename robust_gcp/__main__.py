@@ -15,9 +15,9 @@ from . import __version__, commands
 from .errors import RobustGcpError
 from .simulate import METHODS, RECORDS
 from .steppers import SCIPY_STEPPERS
-from .studies import benchmark, crossings, paper
+from .studies import a02, benchmark, crossings, paper
 
-ROOMS = (paper, crossings, benchmark)
+ROOMS = (paper, crossings, a02, benchmark)
 """Modules that bring subcommands of their own by `add_parser(subparsers)`."""
 
 MODEL = "a shipped model's name, or a folder with robot.urdf and robot.yaml"

@@ -124,15 +124,14 @@ def measure(n: int, budget: float = 0.1) -> dict[str, float]:
     def zone_test() -> object:
         return there.conditioning < zone or not same_branch(here, there)
 
-    steps = 40
-    run = seconds_per_call(lambda: simulate(mechanism, duration=steps * 1e-4, step=1e-4), max(budget, 0.2))
-    begin_only = seconds_per_call(
-        lambda: begin(mechanism, mechanism.home, None, None, BridgeOptions(), Counters()), budget
-    )
+    def steps(count: int) -> float:
+        return seconds_per_call(lambda: simulate(mechanism, duration=count * 1e-4, step=1e-4), budget)
+
+    few, many = 20, 120
     return {
         "loops": n,
         "rhs": 1e6 * seconds_per_call(right_hand_side, budget),
-        "rk4_step": 1e6 * max(run - begin_only, 0.0) / steps,
+        "rk4_step": 1e6 * (steps(many) - steps(few)) / (many - few),
         "phi_and_K": 1e6 * seconds_per_call(constraint, budget),
         "factor_and_solve": 1e6 * seconds_per_call(solve, budget),
         "bias_k": 1e6 * seconds_per_call(bias, budget),

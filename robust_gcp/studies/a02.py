@@ -1,0 +1,150 @@
+"""The IFToMM benchmark A02, N rhombic four-bars in a row, against its closed form.
+
+All N + 1 cranks turn alike, so with θ from the upright θ̈ = (g/L) ((3N + 1)/2)/((4N + 1)/3) sin θ: a
+pendulum. Twice a turn all loops are singular at once, and the instantaneous freedom is N + 1.
+Source: the library of computational benchmark problems of the IFToMM committee for multibody dynamics.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from .. import commands
+from ..closed_form import pendulum
+from ..errors import RobustGcpError
+from ..scenes import n_four_bar
+from ..simulate import simulate
+
+SIZES = (1, 2, 5, 10, 40)
+GRAVITY = 9.81
+LOW, HIGH = 1e-1, 1e-3
+"""The benchmark's two precisions: largest error over 400 outputs, m and m/s."""
+OUTPUTS = 400
+
+
+@dataclass(frozen=True)
+class Result:
+    """One run.
+
+    Attributes
+    ----------
+    n : int
+        Loops.
+    step : float
+        s.
+    position, velocity : float
+        Largest error of B0, the tip of the first crank, m and m/s; infinite when the run stopped.
+    closure : float
+        max |φ|, m.
+    crossings : int
+    seconds, microseconds_per_step : float
+    """
+
+    n: int
+    step: float
+    position: float
+    velocity: float
+    closure: float
+    crossings: int
+    seconds: float
+    microseconds_per_step: float
+
+
+def measure(n: int, step: float, duration: float = 20.0) -> Result:
+    """Simulate A02: cranks upright, B0 at 1 m/s along the ground line, `duration` s."""
+    mechanism = n_four_bar(n)
+    v0 = mechanism.lift(mechanism.home, [-1.0])
+    begun = time.perf_counter()
+    try:
+        run = simulate(mechanism, v0=v0, duration=duration, step=step)
+    except RobustGcpError:
+        return Result(n, step, np.inf, np.inf, np.inf, 0, time.perf_counter() - begun, np.nan)
+    seconds = time.perf_counter() - begun
+    every = max(1, (len(run.t) - 1) // OUTPUTS)
+    t, angle, speed = run.t[::every], run.q[::every, 0], run.v[::every, 0]
+    A, B = (4 * n + 1) / 3.0, (3 * n + 1) / 2.0 * GRAVITY
+    exact, rate, _ = pendulum(t, np.pi / 2, -1.0, A, B)
+    tip = np.exp(1j * angle) - np.exp(1j * exact)
+    drift = speed * 1j * np.exp(1j * angle) - rate * 1j * np.exp(1j * exact)
+    return Result(
+        n,
+        step,
+        float(np.abs(tip).max()),
+        float(np.abs(drift).max()),
+        float(max(np.abs(mechanism.phi(q)).max() for q in run.q[::every])),
+        len(run.crossings),
+        seconds,
+        1e6 * seconds / (len(run.t) - 1),
+    )
+
+
+def largest_step(n: int, threshold: float, duration: float = 20.0) -> Result:
+    """The largest step of the ladder 0.1, 0.05, 0.02, … s whose position and velocity errors pass."""
+    for step in (0.1, 0.05, 0.025, 0.02, 0.0125, 0.01, 0.005, 0.0025, 0.002, 0.001):
+        result = measure(n, step, duration)
+        if max(result.position, result.velocity) <= threshold:
+            return result
+    return result
+
+
+def study(
+    sizes: Sequence[int],
+    step: float,
+    duration: float,
+    progress: Callable[[float], None] | None = None,
+) -> tuple[list[Result], list[Result], list[Result]]:
+    """Runs at `step`, and at the largest steps that meet the low and the high precision."""
+    fine, low, high = [], [], []
+    for i, n in enumerate(sizes):
+        fine.append(measure(n, step, duration))
+        low.append(largest_step(n, LOW, duration))
+        high.append(largest_step(n, HIGH, duration))
+        if progress is not None:
+            progress((i + 1) / len(sizes))
+    return fine, low, high
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the subcommand."""
+    parser = subparsers.add_parser("a02", help="N four-bars in a row (IFToMM A02) against the closed form")
+    parser.add_argument("--sizes", type=int, nargs="+", default=list(SIZES), metavar="N")
+    parser.add_argument("--step", type=float, default=1e-3, help="s (default: %(default)s)")
+    parser.add_argument("--duration", type=float, default=20.0, help="s (default: %(default)s)")
+    parser.add_argument("--out", type=Path, help="write every run to this JSON file")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the table and the exponent of the cost."""
+    with commands.progress_bar(float(len(args.sizes)), "A02") as progress:
+        fine, low, high = study(args.sizes, args.step, args.duration, progress)
+    header = [" N", " step [s]", " error [m]", " error [m/s]", " closure [m]", " crossings", " µs/step"]
+    rows = [
+        [
+            str(r.n),
+            f"{r.step:g}",
+            f"{r.position:.1e}",
+            f"{r.velocity:.1e}",
+            f"{r.closure:.1e}",
+            str(r.crossings),
+            f"{r.microseconds_per_step:.0f}",
+        ]
+        for r in (*fine, *low, *high)
+    ]
+    print(commands.table(header, rows, longest=len(rows)))
+    if len(fine) > 2:
+        logs = np.log([[r.n, r.microseconds_per_step] for r in fine])
+        slope = float(np.polyfit(logs[-3:, 0], logs[-3:, 1], 1)[0])
+        print(f"cost per step grows as N^{slope:.2f} over the largest sizes")
+    if args.out:
+        records = [asdict(r) for r in (*fine, *low, *high)]
+        args.out.write_text(json.dumps(records, indent=1) + "\n", encoding="utf-8")
+        print(f"wrote {args.out}")
+    return 0
