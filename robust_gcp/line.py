@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from math import acos
 
 import numpy as np
+from scipy.fft import dct
 from scipy.interpolate import BarycentricInterpolator, KroghInterpolator
 from scipy.optimize import brentq
 
@@ -43,6 +45,9 @@ class Line:
         self._center = float(self.s.mean())
         self._unit = float(np.ptp(self.s)) / 2.0 or 1.0
         self._x = (self.s - self._center) / self._unit
+        inner = self._x[[len(self._x) // 2 - 1, len(self._x) // 2]]
+        self._middle, self._half = float(inner.mean()), float(np.ptp(inner)) / 2.0 or 1.0
+        self._orders = np.arange(3 * len(self.nodes))
 
     def x(self, s: float) -> float:
         """s in units that put the nodes on [−1, 1]."""
@@ -109,15 +114,40 @@ class Line:
         return self._point(s, self.configuration(s), ydot, G, g, curvature)
 
     def _smooth_point(self, s: float, x: float, ydot: Array) -> Point:
-        path, pace = self.path, float(self.direction[0]) * self._unit
-        dq, first, second = self._q.derivatives(x, 3)
-        q = self._reference + dq
-        q[path.iq] = self.origin + s * self.direction
-        G = first[:, None] / pace
-        G[path.independent] = 1.0
-        curvature = second / pace**2
-        curvature[path.independent] = 0.0
-        return self._point(s, q, ydot, G, curvature * float(ydot[0]) ** 2, curvature)
+        nv, pace = self.path.tree.nv, float(self.direction[0]) * self._unit
+        u = (x - self._middle) / self._half
+        if abs(u) <= 1.0:
+            values = np.cos(self._orders * acos(u)) @ self._table
+        else:
+            values = self._sampled(np.array([x]))[0]
+        q = self._reference + values[:nv]
+        q[self.path.iq] = self.origin + s * self.direction
+        G = values[nv : 2 * nv, None] / pace
+        G[self.path.independent] = 1.0
+        curvature = values[2 * nv : 3 * nv] / pace**2
+        curvature[self.path.independent] = 0.0
+        g = curvature * float(ydot[0]) ** 2
+        y, det = self.origin + s * self.direction, values[3 * nv :]
+        return Point(y, ydot.copy(), q, G, g, curvature, det, np.ones_like(det))
+
+    @cached_property
+    def _table(self) -> Array:
+        """Chebyshev coefficients of q, G, γ'' and det between the innermost nodes, (3n, 3nv + nblocks).
+
+        The same polynomial, in a form that costs one small product to evaluate; G and γ'' have
+        coefficients of their own, since differentiating those of q would amplify their rounding.
+        """
+        n = len(self._orders)
+        x = self._middle + self._half * np.cos(np.pi * (self._orders + 0.5) / n)
+        coefficients: Array = dct(self._sampled(x), type=2, axis=0) / n
+        coefficients[0] *= 0.5
+        return coefficients
+
+    def _sampled(self, x: Array) -> Array:
+        """q, dq/dx, d²q/dx² and det side by side at each x."""
+        q = self._q.derivatives(x, 3)
+        det = [np.asarray(f(x)) for f in self._det]
+        return np.column_stack([q[0], q[1], q[2], *det])
 
     def _point(self, s: float, q: Array, ydot: Array, G: Array, g: Array, curvature: Array | None) -> Point:
         det = np.array([float(f(self.x(s))) for f in self._det])
