@@ -6,11 +6,14 @@ solved on both sides where K_d is well conditioned; q and G are interpolated bet
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from .errors import BranchError, SimulationError
+from .checks import check_between, check_number, check_positive
+from .errors import BranchError, OptionError, SimulationError
 from .explicit import CrossingKind
 from .kernel import Point, RegularPath
 from .line import Line
@@ -45,6 +48,27 @@ class BridgeOptions:
     closure_tolerance: float = 1e-12
     geometric_tolerance: float = 1e-9
     transversality: float = 1e-4
+
+    def __post_init__(self) -> None:
+        """Refuse values that make no bridge (`OptionError`)."""
+        check_between("BridgeOptions: zone", self.zone, 0.0, 0.5)
+        if isinstance(self.nodes, str) or not isinstance(self.nodes, Iterable):
+            raise OptionError(f"BridgeOptions: nodes = {self.nodes!r} must be a tuple of numbers")
+        nodes = tuple(self.nodes)
+        for i, node in enumerate(nodes):
+            check_positive(f"BridgeOptions: nodes[{i}]", node)
+        if len(nodes) < 2 or nodes[0] < 1.0 or any(b <= a for a, b in pairwise(nodes)):
+            raise OptionError(
+                f"BridgeOptions: nodes = {nodes} must be at least two distances, ascending from 1 half width"
+            )
+        object.__setattr__(self, "nodes", nodes)
+        check_positive("BridgeOptions: closure_tolerance", self.closure_tolerance)
+        check_positive("BridgeOptions: transversality", self.transversality)
+        check_number("BridgeOptions: geometric_tolerance", self.geometric_tolerance)
+        if not 0.0 <= self.geometric_tolerance < np.inf:
+            raise OptionError(
+                f"BridgeOptions: geometric_tolerance = {self.geometric_tolerance} must be finite, 0 or more"
+            )
 
 
 SHRINKS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.17, 0.12, 0.08)

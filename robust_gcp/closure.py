@@ -91,10 +91,13 @@ class RevoluteClosure:
 
     def rotation_terms(self) -> list[Term]:
         """The axis in frame 1 is normal to two directions of frame 2."""
-        axis = np.asarray(self.axis, dtype=float)
+        try:
+            axis = np.asarray(self.axis, dtype=float)
+        except (TypeError, ValueError):
+            axis = np.zeros(0)
         norm = float(np.linalg.norm(axis))
         if axis.shape != (3,) or not np.isfinite(norm) or norm == 0.0:
-            raise ModelError(f"RevoluteClosure: axis {self.axis!r} is not a direction in space")
+            raise ModelError(f"RevoluteClosure: axis {self.axis!r} is not a direction in space, (x, y, z)")
         axis = axis / norm
         first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
         first /= np.linalg.norm(first)
@@ -112,20 +115,38 @@ def closure_frames(model: pin.Model, closures: Sequence[Closure]) -> list[tuple[
     Raises
     ------
     ModelError
-        For a frame that the model does not have.
+        For a frame that the model does not have, or two frames on one body.
     """
-    frames = [
-        frame_of(model, name, f"{closure.frame1} – {closure.frame2}")
-        for names in ([(c.frame1, c) for c in closures], [(c.frame2, c) for c in closures])
-        for name, closure in names
-    ]
-    return [(int(frame.parentJoint), frame.placement) for frame in frames]
+    firsts, seconds = [], []
+    for closure in closures:
+        label = f"closure {closure.frame1} – {closure.frame2}"
+        first, second = (frame_of(model, name, label) for name in (closure.frame1, closure.frame2))
+        if first.parentJoint == second.parentJoint:
+            where = "the ground" if first.parentJoint == 0 else f"the body of {model.names[first.parentJoint]!r}"
+            raise ModelError(
+                f"{label}: both frames are fixed to {where}, so there is no loop to close; "
+                "name a frame of another body"
+            )
+        firsts.append(first)
+        seconds.append(second)
+    return [(int(frame.parentJoint), frame.placement) for frame in (*firsts, *seconds)]
 
 
 def frame_of(model: pin.Model, name: str, owner: str) -> pin.Frame:
-    """The frame of that name, or a ModelError that names near ones."""
-    if not model.existFrame(name):
-        near = difflib.get_close_matches(name, [f.name for f in model.frames], n=3)
+    """The frame of that name, or a ModelError by `owner` that names near ones.
+
+    A joint and a link of the same name share one place, and either will do.
+    """
+    found = [frame for frame in model.frames if frame.name == name]
+    if not found:
+        near = difflib.get_close_matches(str(name), [f.name for f in model.frames], n=3)
         hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
-        raise ModelError(f"closure {owner}: the model has no frame {name!r}{hint}")
-    return model.frames[model.getFrameId(name)]
+        raise ModelError(f"{owner}: the model has no frame {name!r}{hint}")
+    first = found[0]
+    for other in found[1:]:
+        if other.parentJoint != first.parentJoint or other.placement != first.placement:
+            raise ModelError(
+                f"{owner}: the model has {len(found)} frames {name!r} "
+                f"({', '.join(str(f.type) for f in found)}) in different places; rename all but one"
+            )
+    return first

@@ -268,13 +268,7 @@ def _joint(model: pin.Model, name: str, owner: str, single: bool = False) -> pin
 
 
 def _frame(model: pin.Model, name: str, spring: PointSpring) -> pin.Frame:
-    if not model.existFrame(name):
-        near = difflib.get_close_matches(str(name), [f.name for f in model.frames], n=3)
-        hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
-        raise ModelError(
-            f"PointSpring {spring.frame1} – {spring.frame2}: the model has no frame {name!r}{hint}"
-        )
-    return model.frames[model.getFrameId(name)]
+    return frame_of(model, name, f"PointSpring {spring.frame1} – {spring.frame2}")
 
 
 def _support(model: pin.Model, joint: int) -> list[int]:

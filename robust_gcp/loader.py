@@ -22,6 +22,12 @@ KINDS: dict[str, type[PointClosure] | type[FrameClosure] | type[RevoluteClosure]
     cls.kind: cls for cls in (PointClosure, FrameClosure, RevoluteClosure)
 }
 
+KEYS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type", "robust_gcp")
+"""Keys of robot.yaml that are read."""
+
+ALIKE = 0.85
+"""Likeness (difflib's ratio) above which another key is taken for one of them misspelt."""
+
 
 def models_folder() -> Path:
     """Where the shipped models are: inside an installed package, or beside it in a checkout."""
@@ -90,8 +96,13 @@ def load(name_or_folder: str | Path, independent: Sequence[str] | Literal["auto"
         independent = settings.get("name_mot")
         if independent is not None and not _is_list_of_str(independent):
             raise ModelError(f"{path}: name_mot must be a list of joint names, not {independent!r}")
+        if independent is None and closures:
+            raise ModelError(
+                f"{path}: name_mot is missing; list the joints that serve as minimal coordinates, or give "
+                f"independent='auto'; the model's joints are {', '.join(list(model.names)[1:])}"
+            )
+    home = base if base is not None and own.get("home") is None else home_of(own.get("home"), model, path)
     try:
-        home = base if base is not None and own.get("home") is None else home_of(own.get("home"), model, path)
         mechanism = Mechanism.from_pinocchio(model, closures, independent, home, folder.name, forces)
     except RobustGcpError as error:
         error.args = (f"{path}: {error.args[0]}", *error.args[1:])
@@ -109,6 +120,11 @@ def _read_yaml(path: Path) -> dict[str, Any]:
         raise ModelError(f"{path}: cannot be read as YAML ({error})") from error
     if not isinstance(settings, dict):
         raise ModelError(f"{path}: must be a mapping with closed_loop, type and name_mot")
+    unknown = [key for key in settings if key not in KEYS]
+    for key in KEYS:
+        near = [] if key in settings else difflib.get_close_matches(key, map(str, unknown), n=1, cutoff=ALIKE)
+        if near:
+            raise ModelError(f"{path}: {near[0]!r} is not a key that is read; did you mean {key!r}?")
     return settings
 
 

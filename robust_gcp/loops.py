@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Sequence
 from functools import cached_property
 
@@ -10,6 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
+from .checks import check_model, listed
 from .closure import (
     Closure,
     FrameClosure,
@@ -47,6 +49,8 @@ class ClosedLoops:
     """
 
     def __init__(self, model: pin.Model, closures: Sequence[Closure]) -> None:
+        check_model(model)
+        closures = listed(closures, "closures", "closures, such as PointClosure(frame1, frame2)")
         require_depth_first(model)
         self.model: pin.Model = model.copy()
         self.closures = tuple(_as_closure(c) for c in closures)
@@ -207,7 +211,14 @@ class ClosedLoops:
                 )
 
     def joint(self, name: str) -> pin.JointModel:
-        """The joint of that name."""
+        """The joint of that name, or a ModelError that names near ones."""
+        if name not in self.joint_names:
+            near = difflib.get_close_matches(str(name), self.joint_names, n=3)
+            raise ModelError(
+                f"the model has no joint {name!r}; "
+                + (f"did you mean {' or '.join(map(repr, near))}? " if near else "")
+                + f"its joints are {', '.join(self.joint_names)}"
+            )
         return self.model.joints[self.model.getJointId(name)]
 
     def coordinate_choices(self, q: ArrayLike) -> list[tuple[float, tuple[str, ...]]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import logging
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from .checks import check_model, listed
 from .closure import Closure
 from .errors import ModelError, PartitionError, StateError
 from .forces import AppliedForces, Force
@@ -64,7 +64,7 @@ class Mechanism(ClosedLoops):
         self.applied = AppliedForces(self.tree, self.forces) if self.forces else None
         self.name = name or str(model.name)
         self.home = pin.neutral(self.model) if home is None else self.configuration(home, "home")
-        self.independent = self._chosen() if independent == "auto" else tuple(independent)
+        self.independent = self._chosen() if independent == "auto" else _joints(independent, "independent")
         self.iq_independent, self.iv_independent = self._indices(self.independent)
         self.m = len(self.independent)
         self.iv_dependent = np.setdiff1d(np.arange(self.nv), self.iv_independent)
@@ -106,6 +106,8 @@ class Mechanism(ClosedLoops):
         PartitionError
             When the dependent joints cannot be solved for in any configuration.
         """
+        check_model(model)
+        closures = listed(closures, "closures", "closures, such as PointClosure(frame1, frame2)")
         model, closures = with_named_frames(model, closures)
         if independent is None:
             if closures:
@@ -199,7 +201,7 @@ class Mechanism(ClosedLoops):
         ClosureError
             With the residual that is left and the loop that it is in.
         """
-        names = self.independent if hold is None else tuple(hold)
+        names = self.independent if hold is None else _joints(hold, "hold")
         _, held = self._indices(names, single=False)
         free = np.setdiff1d(np.arange(self.nv), held)
         return self.close_loops(self.configuration(q_guess, "q_guess"), free)
@@ -222,13 +224,6 @@ class Mechanism(ClosedLoops):
         iq: list[int] = []
         iv: list[int] = []
         for name in names:
-            if name not in self.joint_names:
-                near = difflib.get_close_matches(str(name), self.joint_names, n=3)
-                raise ModelError(
-                    f"the model has no joint {name!r}; "
-                    + (f"did you mean {' or '.join(map(repr, near))}? " if near else "")
-                    + f"its joints are {', '.join(self.joint_names)}"
-                )
             joint = self.joint(name)
             if single and (joint.nq, joint.nv) != (1, 1):
                 raise ModelError(
@@ -302,3 +297,8 @@ class Mechanism(ClosedLoops):
     def _generic_choices(self) -> list[tuple[str, ...]]:
         """Sets of joints whose complement the closures determine at a generic configuration."""
         return [names for _, names in self.coordinate_choices(self.generic_configurations()[0])]
+
+
+def _joints(names: Any, what: str) -> tuple[str, ...]:
+    """Joint names that were given as a list."""
+    return tuple(listed(names, what, "joint names"))

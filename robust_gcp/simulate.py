@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike
 
 from .bridge import BridgeOptions
 from .bridge_map import BridgeMap
+from .checks import check_between, check_choice, check_mechanism, check_positive
 from .dynamics import Torque
-from .errors import OptionError, SimulationError
+from .errors import NonFiniteError, OptionError, SimulationError
 from .explicit import ExplicitMap
 from .four_bar_map import FourBarMap
 from .gcp import ClassicalMap, NewtonStart
@@ -28,6 +29,9 @@ from .tree import Array
 Method = Literal["bridge", "projection", "classical", "closed_form"]
 METHODS: tuple[Method, ...] = ("bridge", "projection", "classical", "closed_form")
 RECORDS = ("a", "energy", "multipliers")
+
+MAX_OUTPUTS = 100_000_000
+"""Most outputs of a run: q and v of a four-bar alone then take 5 GB."""
 
 
 def simulate(
@@ -100,19 +104,23 @@ def simulate(
     SimulationError
         When the run must stop; `error.trajectory` holds what was simulated until then.
     """
+    check_mechanism(mechanism, Mechanism, "simulate")
     times = _times(duration, step)
-    _check_choice("method", method, METHODS)
-    _check_choice("on_toggle", on_toggle, ("error", "repartition"))
+    check_choice("method", method, METHODS)
+    check_choice("on_toggle", on_toggle, ("error", "repartition"))
     if on_toggle == "repartition" and method != "bridge":
         raise OptionError(f'on_toggle="repartition" goes with method="bridge", not with {method!r}')
-    _check_choice("newton_start", newton_start, ("tangent", "previous"))
+    check_choice("newton_start", newton_start, ("tangent", "previous"))
     if isinstance(record, str):
         record = (record,)
     for item in record:
-        _check_choice("record", item, RECORDS)
-    _check_positive("rtol", rtol)
-    _check_positive("atol", atol)
-    options = options or BridgeOptions()
+        check_choice("record", item, RECORDS)
+    check_positive("rtol", rtol)
+    check_positive("atol", atol)
+    check_between("threshold", threshold, 0.0, 1.0)
+    options = BridgeOptions() if options is None else options
+    if not isinstance(options, BridgeOptions):
+        raise OptionError(f"options = {options!r} must be a BridgeOptions, such as BridgeOptions(zone=0.05)")
     fixed = check_stepper(stepper) == "rk4"
     counters = Counters()
     begun = time.perf_counter()
@@ -127,6 +135,10 @@ def simulate(
     except SimulationError as error:
         error.trajectory = run.trajectory(begun)
         raise
+    except OverflowError as overflow:
+        stop = NonFiniteError("the state left the finite numbers; use a smaller step, and check v0 and torque")
+        stop.trajectory = run.trajectory(begun)
+        raise stop from overflow
     return run.trajectory(begun)
 
 
@@ -152,23 +164,16 @@ def _map(
 
 def _times(duration: float, step: float) -> Array:
     """Output times; the last interval is shorter when the step does not divide the duration."""
-    _check_positive("duration", duration)
-    _check_positive("step", step)
+    check_positive("duration", duration)
+    check_positive("step", step)
     if step > duration * (1.0 + 1e-12):
         raise OptionError(f"step = {step} s is longer than the duration = {duration} s")
+    if duration / step > MAX_OUTPUTS:
+        raise OptionError(
+            f"step = {step} s and duration = {duration} s make {duration / step:.3g} outputs, more than "
+            f"{MAX_OUTPUTS:.0e}; use a larger step, or several runs one after the other"
+        )
     count = max(1, int(np.ceil(duration / step - 1e-9)))
     times = step * np.arange(count + 1)
     times[-1] = duration
     return times
-
-
-def _check_positive(name: str, value: float) -> None:
-    if isinstance(value, bool) or not isinstance(value, int | float | np.number):
-        raise OptionError(f"{name} = {value!r} must be a number")
-    if not np.isfinite(value) or value <= 0.0:
-        raise OptionError(f"{name} = {value} must be positive and finite")
-
-
-def _check_choice(name: str, value: str, allowed: Sequence[str]) -> None:
-    if value not in allowed:
-        raise OptionError(f"{name} = {value!r} is unknown; use one of {', '.join(allowed)}")

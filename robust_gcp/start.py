@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from .bridge import Bridge, BridgeOptions, Builder, NoBridgeError
 from .errors import (
+    NonFiniteError,
     NotCertifiedError,
     OptionError,
     PartitionError,
@@ -30,6 +31,9 @@ SINGULAR = 1e-5
 
 COMPATIBLE = 1e-6
 """Largest |K v| relative to |K| |v| of an initial velocity that satisfies the constraint."""
+
+SAME_MODE = 1e-4
+"""Sine of the largest angle, dimensionless velocities, between tangents of the same mode."""
 
 
 @dataclass
@@ -82,6 +86,7 @@ def begin(
     mechanism.require_proper(q)
     q = mechanism.polish(q, mechanism.iv_dependent)
     v = mechanism.tree.zero if v0 is None else mechanism.velocity(v0, "v0")
+    _require_finite_energy(mechanism, v)
     _require_compatible(mechanism, q, v)
     ydot = v[mechanism.iv_independent]
     y = q[mechanism.iq_independent]
@@ -90,6 +95,7 @@ def begin(
     if path.nd == 0 or path.worst_conditioning(q) > SINGULAR:
         point = path.derivatives(q, y, ydot)
         _require_mobility(mechanism, q, path)
+        _require_mode(mechanism, mode, point.G)
         _require_velocity_in_mode(mechanism, v, point.G)
         return Start(path, point, ydot)
     picture = analyse(mechanism, q, rank_tolerance=10.0 * SINGULAR)
@@ -118,6 +124,17 @@ def path_point(point: Point, ydot: Array) -> Point:
     if point.curvature is not None:
         point.g = point.curvature * float(ydot[0]) ** 2
     return point
+
+
+def _require_finite_energy(mechanism: Mechanism, v: Array) -> None:
+    with np.errstate(over="ignore"):
+        u = v / mechanism.column_scale
+        finite = np.isfinite(u @ u) and np.isfinite(v @ v)
+    if not finite:
+        raise NonFiniteError(
+            f"v0 is so large (up to {np.abs(v).max():.3g}) that its square is not a finite number; "
+            "give it in rad/s and m/s"
+        )
 
 
 def _require_compatible(mechanism: Mechanism, q: Array, v: Array) -> None:
@@ -166,15 +183,12 @@ def _pick(mechanism: Mechanism, picture: LocalAnalysis, v: Array, mode: ArrayLik
     listed = "; ".join(f"modes[{i}] = {np.round(t, 4).tolist()}" for i, t in enumerate(picture.modes))
     bases = [t.reshape(mechanism.nv, -1) for t in picture.modes]
     if mode is not None:
-        wanted = np.asarray(mode, dtype=float)
-        if wanted.size != mechanism.nv * mechanism.m or not np.all(np.isfinite(wanted)):
-            raise OptionError(f"mode must have shape (nv,) or (nv, m), not {wanted.shape}")
-        wanted = wanted.reshape(mechanism.nv, mechanism.m)
-        fits = [b for b in bases if _apart(mechanism, wanted, b) < 1e-4]
+        wanted = _checked_mode(mechanism, mode)
+        fits = [b for b in bases if _apart(mechanism, wanted, b) < SAME_MODE]
         if not fits:
             raise OptionError(f"mode is not one of those that meet at q0: {listed}")
         return fits[0]
-    moving = [b for b in bases if np.any(v) and _apart(mechanism, v[:, None], b) < 1e-4]
+    moving = [b for b in bases if np.any(v) and _apart(mechanism, v[:, None], b) < SAME_MODE]
     if len(moving) == 1:
         return moving[0]
     why = (
@@ -190,12 +204,44 @@ def _pick(mechanism: Mechanism, picture: LocalAnalysis, v: Array, mode: ArrayLik
     )
 
 
+def _checked_mode(mechanism: Mechanism, mode: ArrayLike) -> Array:
+    """`mode` as a finite float array (nv, m), or an OptionError."""
+    shape = f"(nv,) = ({mechanism.nv},)" if mechanism.m == 1 else f"(nv, m) = ({mechanism.nv}, {mechanism.m})"
+    try:
+        wanted = np.asarray(mode, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise OptionError(
+            f"mode = {mode!r} is not an array of numbers {shape}; give one of analyse(mechanism, q0).modes"
+        ) from error
+    if wanted.size != mechanism.nv * mechanism.m:
+        raise OptionError(f"mode must have shape {shape}, not {wanted.shape}")
+    if not np.all(np.isfinite(wanted)):
+        raise OptionError(f"mode = {wanted.tolist()} must be finite; give one of analyse(mechanism, q0).modes")
+    return wanted.reshape(mechanism.nv, mechanism.m)
+
+
+def _require_mode(mechanism: Mechanism, mode: ArrayLike | None, G: Array) -> None:
+    """A mode named at a regular start must be the one that the start is on."""
+    if mode is None:
+        return
+    wanted = _checked_mode(mechanism, mode)
+    if mechanism.m and _apart(mechanism, wanted, G) >= SAME_MODE:
+        raise OptionError(
+            f"mode = {wanted.squeeze().tolist()} is not tangent to the motion at q0, a regular configuration on "
+            f"one mode only, whose tangent is {np.round(G, 4).squeeze().tolist()}: leave mode out, or start "
+            "where the modes meet"
+        )
+
+
 def _apart(mechanism: Mechanism, vectors: Array, basis: Array) -> float:
     """Sine of the largest angle between vectors and the span of basis, dimensionless velocities."""
     scale = mechanism.column_scale[:, None]
     Q, _ = np.linalg.qr(basis / scale)
     u = vectors / scale
-    u = u / np.linalg.norm(u, axis=0)
+    size = np.linalg.norm(u, axis=0)
+    if np.any(size == 0.0):
+        return 1.0  # no direction at all
+    u = u / size
     return float(np.linalg.norm(u - Q @ (Q.T @ u), axis=0).max())
 
 

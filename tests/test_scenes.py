@@ -139,7 +139,7 @@ def test_agreement_with_pinocchios_constraint_dynamics(closed_states: States, na
         ("stewart", [("leg1_x", "leg1_y", "leg1", "leg2_x", "leg2", "leg3")], 0.02, 1e-3, 1e-9),
     ],
 )
-def test_every_choice_of_coordinates_gives_the_same_motion(
+def test_other_coordinates_give_the_same_motion(
     name: str, others: list[tuple[str, ...]], duration: float, step: float, tolerance: float
 ) -> None:
     mech = rg.load(name)
