@@ -6,7 +6,6 @@ solved on both sides where K_d is well conditioned; q and G are interpolated bet
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -52,9 +51,10 @@ class BridgeOptions:
     def __post_init__(self) -> None:
         """Refuse values that make no bridge (`OptionError`)."""
         check_between("BridgeOptions: zone", self.zone, 0.0, 0.5)
-        if isinstance(self.nodes, str) or not isinstance(self.nodes, Iterable):
-            raise OptionError(f"BridgeOptions: nodes = {self.nodes!r} must be a tuple of numbers")
-        nodes = tuple(self.nodes)
+        try:
+            nodes = tuple(self.nodes)
+        except TypeError as error:
+            raise OptionError(f"BridgeOptions: nodes = {self.nodes!r} must be a tuple of numbers") from error
         for i, node in enumerate(nodes):
             check_positive(f"BridgeOptions: nodes[{i}]", node)
         if len(nodes) < 2 or nodes[0] < 1.0 or any(b <= a for a, b in pairwise(nodes)):

@@ -79,4 +79,6 @@ def check_model(model: Any) -> None:
                 f"{inertia.lever.tolist()} m: mass, centre and inertia must be finite"
             )
         if not np.all(np.isfinite(placement.homogeneous)):
-            raise ModelError(f"joint {name!r} has a placement that is not finite; correct model.jointPlacements")
+            raise ModelError(
+                f"joint {name!r} has a placement that is not finite; correct model.jointPlacements"
+            )

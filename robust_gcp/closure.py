@@ -122,7 +122,8 @@ def closure_frames(model: pin.Model, closures: Sequence[Closure]) -> list[tuple[
         label = f"closure {closure.frame1} – {closure.frame2}"
         first, second = (frame_of(model, name, label) for name in (closure.frame1, closure.frame2))
         if first.parentJoint == second.parentJoint:
-            where = "the ground" if first.parentJoint == 0 else f"the body of {model.names[first.parentJoint]!r}"
+            joint = model.names[first.parentJoint]
+            where = f"the body of joint {joint!r}" if first.parentJoint else "the ground"
             raise ModelError(
                 f"{label}: both frames are fixed to {where}, so there is no loop to close; "
                 "name a frame of another body"

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from .closure import frame_of
 from .errors import ModelError, SimulationError
 from .tree import Array, Tree
 

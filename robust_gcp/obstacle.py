@@ -20,6 +20,10 @@ DEPTH = 1e-3
 """How deep into the zone, in conditioning, an obstacle is looked at to tell what it is."""
 
 
+CLEARLY = 5.0
+"""K this many times better conditioned than K_d: the coordinates are at fault, not the mechanism."""
+
+
 @dataclass(frozen=True)
 class Obstacle:
     """A place where K_d is poor and no bridge was certified.
@@ -82,6 +86,8 @@ def classify(path: RegularPath, point: Point, failure: NoBridgeError) -> Obstacl
     reach = abs(float(point.det[block]) / change) if change else 1.0 / size
     inward = d if float(point.det[block]) * change < 0.0 else -d
     reason = str(failure)
+    if _regularity(path, point) > CLEARLY * point.conditioning:
+        return Obstacle("toggle", point.y, reach, failure.residual, reason)
     if np.isfinite(failure.separation):
         return Obstacle("tangential", point.y, reach, failure.residual, reason)
     try:
@@ -126,8 +132,9 @@ def refusal(path: RegularPath, obstacle: Obstacle, here: Point) -> SimulationErr
             **figures,
         )
     if obstacle.kind == "near miss":
+        gap = f"{obstacle.gap:.2g} lengths" if np.isfinite(obstacle.gap) else "unknown size"
         return BranchError(
-            f"near miss at {where}: two modes pass each other with a gap of {obstacle.gap:.2g} lengths "
+            f"near miss at {where}: two modes pass each other with a gap of {gap} "
             "and the true curve could not be followed; use a smaller step or, if the gap is an error "
             "of the model, raise geometric_tolerance above it",
             here.y,

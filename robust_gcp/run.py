@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 from .bridge import BridgeOptions
 from .bridge_map import BridgeMap
 from .dynamics import EquationsOfMotion, Evaluation, Torque, constraint_forces, does_work
-from .errors import NonFiniteError, ToggleError
+from .errors import BranchError, NonFiniteError, ToggleError
 from .explicit import Crossing, ExplicitMap, Passage
 from .gcp import SingularityWarning
 from .kernel import Counters, Point
@@ -133,6 +133,14 @@ class Run:
                     changed_at, safe = i, Checkpoint(i, self._x, self._explicit.anchor)
                 else:
                     careful = True
+                continue
+            except (BranchError, ToggleError):
+                # the true curve is lost in these coordinates; others may hold it
+                if not careful or on_toggle != "repartition" or safe.i <= changed_at:
+                    raise
+                i, careful = self._back_to(safe), False
+                self._repartition(i, options)
+                changed_at, safe = i, Checkpoint(i, self._x, self._explicit.anchor)
                 continue
             self._x = x
             i += 1

@@ -136,7 +136,9 @@ def simulate(
         error.trajectory = run.trajectory(begun)
         raise
     except OverflowError as overflow:
-        stop = NonFiniteError("the state left the finite numbers; use a smaller step, and check v0 and torque")
+        stop = NonFiniteError(
+            "the state left the finite numbers; use a smaller step, and check v0 and torque"
+        )
         stop.trajectory = run.trajectory(begun)
         raise stop from overflow
     return run.trajectory(begun)

@@ -9,31 +9,31 @@ from numpy.typing import ArrayLike
 
 from .bridge import Bridge, BridgeOptions, Builder, NoBridgeError
 from .errors import (
-    NonFiniteError,
     NotCertifiedError,
     OptionError,
-    PartitionError,
     SingularStartError,
-    StateError,
     ToggleError,
 )
 from .kernel import Counters, Point, RegularPath
 from .loops import NEARLY_CLOSED
 from .march import same_branch
 from .mechanism import Mechanism
-from .partition import numerical_rank
 from .singularity import LocalAnalysis, analyse
+from .start_check import (
+    SAME_MODE,
+    apart,
+    checked_mode,
+    require_compatible,
+    require_finite_energy,
+    require_mobility,
+    require_mode,
+    require_velocity_in_mode,
+)
 from .tree import Array
 from .unrolled import regular_path
 
 SINGULAR = 1e-5
 """Conditioning of K_d below which a start counts as singular: G has lost ten digits there."""
-
-COMPATIBLE = 1e-6
-"""Largest |K v| relative to |K| |v| of an initial velocity that satisfies the constraint."""
-
-SAME_MODE = 1e-4
-"""Sine of the largest angle, dimensionless velocities, between tangents of the same mode."""
 
 
 @dataclass
@@ -86,17 +86,17 @@ def begin(
     mechanism.require_proper(q)
     q = mechanism.polish(q, mechanism.iv_dependent)
     v = mechanism.tree.zero if v0 is None else mechanism.velocity(v0, "v0")
-    _require_finite_energy(mechanism, v)
-    _require_compatible(mechanism, q, v)
+    require_finite_energy(mechanism, v)
+    require_compatible(mechanism, q, v)
     ydot = v[mechanism.iv_independent]
     y = q[mechanism.iq_independent]
     path = regular_path(mechanism, mechanism.select_rows(mechanism.K(q)), counters)
     rest = np.zeros(mechanism.m)
     if path.nd == 0 or path.worst_conditioning(q) > SINGULAR:
         point = path.derivatives(q, y, ydot)
-        _require_mobility(mechanism, q, path)
-        _require_mode(mechanism, mode, point.G)
-        _require_velocity_in_mode(mechanism, v, point.G)
+        require_mobility(mechanism, q, path)
+        require_mode(mechanism, mode, point.G)
+        require_velocity_in_mode(mechanism, v, point.G)
         return Start(path, point, ydot)
     picture = analyse(mechanism, q, rank_tolerance=10.0 * SINGULAR)
     if picture.kind == "regular" or picture.kind == "redundant":
@@ -115,7 +115,7 @@ def begin(
     bridge, path = _bridge_along(mechanism, path, q, G, options)
     point = bridge.line.at(bridge.parameter(y), rest)
     point.ydot = ydot
-    _require_velocity_in_mode(mechanism, v, G)
+    require_velocity_in_mode(mechanism, v, G)
     return Start(path, path_point(point, ydot), ydot, bridge)
 
 
@@ -126,69 +126,17 @@ def path_point(point: Point, ydot: Array) -> Point:
     return point
 
 
-def _require_finite_energy(mechanism: Mechanism, v: Array) -> None:
-    with np.errstate(over="ignore"):
-        u = v / mechanism.column_scale
-        finite = np.isfinite(u @ u) and np.isfinite(v @ v)
-    if not finite:
-        raise NonFiniteError(
-            f"v0 is so large (up to {np.abs(v).max():.3g}) that its square is not a finite number; "
-            "give it in rad/s and m/s"
-        )
-
-
-def _require_compatible(mechanism: Mechanism, q: Array, v: Array) -> None:
-    if mechanism.nc == 0 or not np.any(v):
-        return
-    K = mechanism.scaled(mechanism.K(q))
-    u = v / mechanism.column_scale
-    worst = int(np.argmax(np.abs(K @ u)))
-    size = float(np.abs(K @ u)[worst])
-    if size > COMPATIBLE * float(np.abs(K).max() * np.abs(u).max()):
-        raise StateError(
-            f"v0 breaks the loop {mechanism.implicit.labels[worst]}: K v0 = {size:.3g} (scaled); give "
-            "v0 = G ẏ, for instance from mech.lift(q0, ydot)"
-        )
-
-
-def _require_velocity_in_mode(mechanism: Mechanism, v: Array, G: Array) -> None:
-    """v0 = G ẏ0 must hold on the chosen mode too, where K alone allows more."""
-    scale = mechanism.column_scale
-    off = np.abs((v - G @ v[mechanism.iv_independent]) / scale).max(initial=0.0)
-    if off > 10.0 * COMPATIBLE * max(np.abs(v / scale).max(initial=0.0), 1e-300) and off > 0.0:
-        raise StateError(
-            "v0 does not lie in the tangent space of the mode that the start is on "
-            f"(v0 − G ẏ0 is {off:.3g}, scaled); give v0 along that mode, or another mode"
-        )
-
-
-def _require_mobility(mechanism: Mechanism, q: Array, path: RegularPath) -> None:
-    """With rows left over, they must depend on the selected ones; else y has too many joints."""
-    if mechanism.nc == path.nd:
-        return
-    s = np.linalg.svd(mechanism.scaled(mechanism.K(q)), compute_uv=False)
-    rank = numerical_rank(s, 1e-8)
-    if rank > path.nd:
-        choices = [names for _, names in mechanism.coordinate_choices(q)]
-        raise PartitionError(
-            f"{mechanism.m} independent joints are named, and the mobility at q0 is "
-            f"{mechanism.nv - rank}: the loops leave no freedom to some of them; sets that serve: "
-            + (", or ".join(" + ".join(c) for c in choices) or "none"),
-            choices,
-        )
-
-
 def _pick(mechanism: Mechanism, picture: LocalAnalysis, v: Array, mode: ArrayLike | None) -> Array:
     """Tangent basis (nv, m) of the mode named by the caller or by the initial velocity."""
     listed = "; ".join(f"modes[{i}] = {np.round(t, 4).tolist()}" for i, t in enumerate(picture.modes))
     bases = [t.reshape(mechanism.nv, -1) for t in picture.modes]
     if mode is not None:
-        wanted = _checked_mode(mechanism, mode)
-        fits = [b for b in bases if _apart(mechanism, wanted, b) < SAME_MODE]
+        wanted = checked_mode(mechanism, mode)
+        fits = [b for b in bases if apart(mechanism, wanted, b) < SAME_MODE]
         if not fits:
             raise OptionError(f"mode is not one of those that meet at q0: {listed}")
         return fits[0]
-    moving = [b for b in bases if np.any(v) and _apart(mechanism, v[:, None], b) < SAME_MODE]
+    moving = [b for b in bases if np.any(v) and apart(mechanism, v[:, None], b) < SAME_MODE]
     if len(moving) == 1:
         return moving[0]
     why = (
@@ -202,47 +150,6 @@ def _pick(mechanism: Mechanism, picture: LocalAnalysis, v: Array, mode: ArrayLik
         f"{len(bases)} modes meet at q0 and {why}: choose one with mode=..., of {listed}",
         picture.q[mechanism.iq_independent],
     )
-
-
-def _checked_mode(mechanism: Mechanism, mode: ArrayLike) -> Array:
-    """`mode` as a finite float array (nv, m), or an OptionError."""
-    shape = f"(nv,) = ({mechanism.nv},)" if mechanism.m == 1 else f"(nv, m) = ({mechanism.nv}, {mechanism.m})"
-    try:
-        wanted = np.asarray(mode, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise OptionError(
-            f"mode = {mode!r} is not an array of numbers {shape}; give one of analyse(mechanism, q0).modes"
-        ) from error
-    if wanted.size != mechanism.nv * mechanism.m:
-        raise OptionError(f"mode must have shape {shape}, not {wanted.shape}")
-    if not np.all(np.isfinite(wanted)):
-        raise OptionError(f"mode = {wanted.tolist()} must be finite; give one of analyse(mechanism, q0).modes")
-    return wanted.reshape(mechanism.nv, mechanism.m)
-
-
-def _require_mode(mechanism: Mechanism, mode: ArrayLike | None, G: Array) -> None:
-    """A mode named at a regular start must be the one that the start is on."""
-    if mode is None:
-        return
-    wanted = _checked_mode(mechanism, mode)
-    if mechanism.m and _apart(mechanism, wanted, G) >= SAME_MODE:
-        raise OptionError(
-            f"mode = {wanted.squeeze().tolist()} is not tangent to the motion at q0, a regular configuration on "
-            f"one mode only, whose tangent is {np.round(G, 4).squeeze().tolist()}: leave mode out, or start "
-            "where the modes meet"
-        )
-
-
-def _apart(mechanism: Mechanism, vectors: Array, basis: Array) -> float:
-    """Sine of the largest angle between vectors and the span of basis, dimensionless velocities."""
-    scale = mechanism.column_scale[:, None]
-    Q, _ = np.linalg.qr(basis / scale)
-    u = vectors / scale
-    size = np.linalg.norm(u, axis=0)
-    if np.any(size == 0.0):
-        return 1.0  # no direction at all
-    u = u / size
-    return float(np.linalg.norm(u - Q @ (Q.T @ u), axis=0).max())
 
 
 def _parametrised(mechanism: Mechanism, tangent: Array, y: Array) -> Array:

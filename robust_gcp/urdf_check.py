@@ -69,7 +69,8 @@ def _check_link(link: Element, owner: str) -> None:
         if mass is None or inertia is None:
             lacking = "<mass>" if mass is None else "<inertia>"
             raise ModelError(
-                f"{owner}: its <inertial> lacks {lacking}; add it, or leave out <inertial> for a massless link"
+                f"{owner}: its <inertial> lacks {lacking}; add it, or leave out all of <inertial> "
+                "for a massless link"
             )
         value = _number(mass, "value", owner)
         if value < 0.0:
@@ -161,15 +162,15 @@ def _check_tree(root: Element, links: Sequence[str], name: str) -> None:
         child = ends["child"]
         if child in parent_of:
             raise ModelError(
-                f"{name}: link {child!r} has two parent joints, {parent_of[child][1]!r} and {label!r}; a URDF "
-                "is a tree: cut the loop at one of them and close it with a pair of frames in robot.yaml"
+                f"{name}: link {child!r} has two parent joints, {parent_of[child][1]!r} and {label!r}; a "
+                "URDF is a tree: cut the loop at one of them and close it with a pair of frames in robot.yaml"
             )
         parent_of[child] = ends["parent"], label
     roots = [link for link in links if link not in parent_of]
     if len(roots) > 1:
         raise ModelError(
-            f"{name}: {len(roots)} links have no parent joint ({', '.join(map(repr, roots))}), and a URDF has "
-            "one root: join the others to it, with fixed joints where they do not move"
+            f"{name}: {len(roots)} links have no parent joint ({', '.join(map(repr, roots))}), and a URDF "
+            "has one root: join the others to it, with fixed joints where they do not move"
         )
     for link in links:
         seen = [link]
