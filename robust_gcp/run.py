@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import isfinite
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicHermiteSpline
-from scipy.optimize import brentq
 
 from .bridge import BridgeOptions
 from .bridge_map import BridgeMap
-from .dynamics import EquationsOfMotion, Evaluation, Torque, constraint_forces, does_work
+from .dynamics import EquationsOfMotion, Evaluation, Torque, does_work
 from .errors import BranchError, NonFiniteError, ToggleError
-from .explicit import Crossing, ExplicitMap, Passage
-from .gcp import SingularityWarning
+from .explicit import ExplicitMap
 from .kernel import Counters, Point
 from .march import POOR
 from .mechanism import Mechanism
 from .obstacle import UncertifiedZoneError
+from .record import Record
 from .start import Start, begin
 from .steppers import NoProgressError, adaptive, rk4_step
 from .trajectory import Stats, Trajectory
@@ -73,23 +70,14 @@ class Run:
         counters: Counters,
         progress: Callable[[float], None] | None,
     ) -> None:
-        self._original = mechanism
         self._torque, self._times, self._counters = torque, times, counters
         self._progress = progress
-        self._recorded = 0
-        n = len(times)
-        self._q, self._v = np.empty((n, mechanism.nq)), np.empty((n, mechanism.nv))
-        self._a = np.empty((n, mechanism.nv)) if "a" in record else None
-        self._energy = np.empty(n) if "energy" in record else None
-        self._multipliers = np.empty((n, mechanism.nc)) if "multipliers" in record else None
-        self._works = does_work(mechanism, torque)
-        self._work = np.empty(n) if self._works else None
-        self._crossings: list[Crossing] = []
+        self._record = Record(mechanism, times, record, does_work(mechanism, torque))
+        self._works = self._record.work is not None
         self._repartitions: list[tuple[float, tuple[str, ...]]] = []
         self._calls = 0
         self._last: Evaluation | None = None
         self._x = np.concatenate([start.point.y, start.ydot, np.zeros(int(self._works))])
-        self._warned = False
         self._mechanism, self._explicit = mechanism, explicit
         self._equations = EquationsOfMotion(mechanism, explicit, torque)
 
@@ -157,10 +145,8 @@ class Run:
 
     def _back_to(self, safe: Checkpoint) -> int:
         """Forget what came after the checkpoint."""
-        t = float(self._times[safe.i])
         self._x, self._explicit.anchor, self._last = safe.x, safe.point, None
-        self._recorded = safe.i
-        self._crossings = [c for c in self._crossings if c.time <= t]
+        self._record.rewind(safe.i)
         return safe.i
 
     def adaptive_steps(
@@ -179,11 +165,11 @@ class Run:
                     self._x = x
                     self._accept(i, self._equations.evaluate(float(times[i]), x))
             except ToggleError:
-                i = self._recorded - 1
+                i = self._record.count - 1
                 if on_toggle == "error" or i == changed_at or self._last is None:
                     raise
                 self._explicit.anchor = self._last.point
-                self._x = self._accepted
+                self._x = self._record.last_state
                 self._repartition(i, options)
                 changed_at = i
 
@@ -241,54 +227,15 @@ class Run:
 
     def _accept(self, i: int, now: Evaluation) -> None:
         """Record the evaluation at time i, and what was passed since the last one."""
-        t = float(self._times[i])
-        if self._last is not None:
-            for passage in self._explicit.passed(self._last.point, now.point):
-                self._cross(passage, float(self._times[i - 1]), t, self._last, now)
+        passages = [] if self._last is None else self._explicit.passed(self._last.point, now.point)
+        self._record.add(i, now, self._x, passages, self._last)
         self._last = now
-        self._q[i], self._v[i] = now.point.q, now.v
-        if self._a is not None:
-            self._a[i] = now.a
-        if self._energy is not None:
-            self._energy[i] = self._mechanism.energy(now.point.q, now.v)
-        if self._multipliers is not None:
-            self._multipliers[i] = constraint_forces(self._original, now.point.q, now.v, now.a, now.tau)
-        if self._work is not None:
-            self._work[i] = self._x[-1]
-        self._recorded, self._accepted = i + 1, self._x
         if self._progress is not None:
             self._progress(i / (len(self._times) - 1))
 
-    def _cross(self, passage: Passage, t0: float, t1: float, before: Evaluation, after: Evaluation) -> None:
-        """Log a crossing at the time where the Hermite interpolant of y meets the surface."""
-        a, b = before.point, after.point
-        towards = b.y - a.y
-        spline = CubicHermiteSpline([t0, t1], np.array([a.y, b.y]), np.array([a.ydot, b.ydot]))
-
-        def ahead(t: float) -> float:
-            return float((spline(t) - passage.y) @ towards)
-
-        ends = ahead(t0), ahead(t1)
-        when = t1 if ends[1] == 0.0 or ends[0] * ends[1] > 0.0 else float(brentq(ahead, t0, t1))
-        self._crossings.append(
-            Crossing(when, passage.y, passage.q, passage.kind, passage.certificate, passage.transversality)
-        )
-        if passage.kind == "near miss" and not self._warned:
-            self._warned = True
-            warnings.warn(
-                f"at t = {when:.6g} s two modes pass with a gap of {passage.certificate:.1g} lengths, "
-                "below geometric_tolerance: bridged as a crossing",
-                SingularityWarning,
-                stacklevel=5,
-            )
-
     def trajectory(self, begun: float) -> Trajectory:
         """What was recorded so far."""
-        n, c = self._recorded, self._counters
-
-        def cut(values: Array | None) -> Array | None:
-            return None if values is None else values[:n]
-
+        c = self._counters
         stats = Stats(
             rhs=self._calls + self._equations.calls,
             newton_iterations=c.newton_iterations,
@@ -300,15 +247,4 @@ class Run:
             repartitions=self._repartitions,
             wall_seconds=time.perf_counter() - begun,
         )
-        return Trajectory(
-            self._original,
-            self._times[:n],
-            self._q[:n],
-            self._v[:n],
-            cut(self._a),
-            cut(self._energy),
-            cut(self._multipliers),
-            cut(self._work),
-            self._crossings,
-            stats,
-        )
+        return self._record.trajectory(stats)

@@ -98,8 +98,8 @@ def require_mode(mechanism: Mechanism, mode: ArrayLike | None, G: Array) -> None
     if mechanism.m and apart(mechanism, wanted, G) >= SAME_MODE:
         raise OptionError(
             f"mode = {wanted.squeeze().tolist()} is not tangent to the motion at q0, a regular "
-            f"configuration on one mode only, whose tangent is {np.round(G, 4).squeeze().tolist()}: leave mode out, or start "
-            "where the modes meet"
+            f"configuration on one mode only, whose tangent is {np.round(G, 4).squeeze().tolist()}: leave mode "
+            "out, or start where the modes meet"
         )
 
 

@@ -1,0 +1,119 @@
+"""What a simulation keeps: the outputs, the crossings and their times."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+from scipy.optimize import brentq
+
+from .dynamics import Evaluation, constraint_forces
+from .explicit import Crossing, Passage
+from .gcp import SingularityWarning
+from .mechanism import Mechanism
+from .trajectory import Stats, Trajectory
+from .tree import Array
+
+
+class Record:
+    """Outputs at the given times, filled one by one.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    times : ndarray (N + 1,)
+        s.
+    items : sequence of {"a", "energy", "multipliers"}
+        What to keep besides q and v.
+    works : bool
+        Whether the state ends with the work done.
+
+    Attributes
+    ----------
+    count : int
+        Outputs kept so far.
+    last_state : ndarray
+        The state at the last one.
+    work : ndarray or None
+    """
+
+    def __init__(self, mechanism: Mechanism, times: Array, items: Sequence[str], works: bool) -> None:
+        n = len(times)
+        self._mechanism, self._times = mechanism, times
+        self._q, self._v = np.empty((n, mechanism.nq)), np.empty((n, mechanism.nv))
+        self._a = np.empty((n, mechanism.nv)) if "a" in items else None
+        self._energy = np.empty(n) if "energy" in items else None
+        self._multipliers = np.empty((n, mechanism.nc)) if "multipliers" in items else None
+        self.work = np.empty(n) if works else None
+        self._crossings: list[Crossing] = []
+        self._warned = False
+        self.count = 0
+        self.last_state: Array = np.zeros(0)
+
+    def add(
+        self, i: int, now: Evaluation, x: Array, passages: Sequence[Passage], before: Evaluation | None
+    ) -> None:
+        """Keep the evaluation at time i and state x; `passages` lie between `before` and it."""
+        for passage in passages:
+            assert before is not None
+            self._cross(passage, float(self._times[i - 1]), float(self._times[i]), before, now)
+        self._q[i], self._v[i] = now.point.q, now.v
+        if self._a is not None:
+            self._a[i] = now.a
+        if self._energy is not None:
+            self._energy[i] = self._mechanism.energy(now.point.q, now.v)
+        if self._multipliers is not None:
+            self._multipliers[i] = constraint_forces(self._mechanism, now.point.q, now.v, now.a, now.tau)
+        if self.work is not None:
+            self.work[i] = x[-1]
+        self.count, self.last_state = i + 1, x
+
+    def rewind(self, i: int) -> None:
+        """Forget what came at time i and later."""
+        self.count = i
+        self._crossings = [c for c in self._crossings if c.time <= self._times[i]]
+
+    def _cross(self, passage: Passage, t0: float, t1: float, before: Evaluation, after: Evaluation) -> None:
+        """Log a crossing at the time where the Hermite interpolant of y meets the surface."""
+        a, b = before.point, after.point
+        towards = b.y - a.y
+        spline = CubicHermiteSpline([t0, t1], np.array([a.y, b.y]), np.array([a.ydot, b.ydot]))
+
+        def ahead(t: float) -> float:
+            return float((spline(t) - passage.y) @ towards)
+
+        ends = ahead(t0), ahead(t1)
+        when = t1 if ends[1] == 0.0 or ends[0] * ends[1] > 0.0 else float(brentq(ahead, t0, t1))
+        self._crossings.append(
+            Crossing(when, passage.y, passage.q, passage.kind, passage.certificate, passage.transversality)
+        )
+        if passage.kind == "near miss" and not self._warned:
+            self._warned = True
+            warnings.warn(
+                f"at t = {when:.6g} s two modes pass with a gap of {passage.certificate:.1g} lengths, "
+                "below geometric_tolerance: bridged as a crossing",
+                SingularityWarning,
+                stacklevel=6,
+            )
+
+    def trajectory(self, stats: Stats) -> Trajectory:
+        """What is kept so far."""
+        n = self.count
+
+        def cut(values: Array | None) -> Array | None:
+            return None if values is None else values[:n]
+
+        return Trajectory(
+            self._mechanism,
+            self._times[:n],
+            self._q[:n],
+            self._v[:n],
+            cut(self._a),
+            cut(self._energy),
+            cut(self._multipliers),
+            cut(self.work),
+            self._crossings,
+            stats,
+        )
