@@ -5,6 +5,7 @@ from __future__ import annotations
 from numpy.typing import ArrayLike
 
 from .bridge import BridgeOptions
+from .checks import check_mechanism
 from .errors import StateError
 from .kernel import Counters
 from .loops import checked_vector
@@ -45,6 +46,7 @@ def inverse_dynamics(
     StateError, SimulationError
         As `simulate` does for a start.
     """
+    check_mechanism(mechanism, Mechanism, "inverse_dynamics")
     wanted = checked_vector(ydd, mechanism.m, "ydd", "m")
     start = begin(mechanism, q, v, mode, BridgeOptions(), Counters())
     point = start.point

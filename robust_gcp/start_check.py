@@ -96,10 +96,11 @@ def require_mode(mechanism: Mechanism, mode: ArrayLike | None, G: Array) -> None
         return
     wanted = checked_mode(mechanism, mode)
     if mechanism.m and apart(mechanism, wanted, G) >= SAME_MODE:
+        tangent = np.round(G, 4).squeeze().tolist()
         raise OptionError(
             f"mode = {wanted.squeeze().tolist()} is not tangent to the motion at q0, a regular "
-            f"configuration on one mode only, whose tangent is {np.round(G, 4).squeeze().tolist()}: leave mode "
-            "out, or start where the modes meet"
+            f"configuration on one mode only, whose tangent is {tangent}: leave mode out, or "
+            "start where the modes meet"
         )
 
 

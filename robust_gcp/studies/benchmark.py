@@ -22,6 +22,7 @@ from ..simulate import simulate
 from ..start import begin
 
 SIZES = (1, 5, 10, 20, 40)
+SHARES = ("map", "M_and_C", "rest", "zone_test")
 ANGLE = 1.2
 """rad: cranks well away from flat, so that only the regular path is timed."""
 
@@ -95,6 +96,12 @@ def measure(n: int, budget: float = 0.1) -> dict[str, float]:
         x[0] = next(sweep)
         return equations(0.0, x.copy())
 
+    explicit = BridgeMap(path, start.point, BridgeOptions())
+    unit = np.ones(1)
+
+    def solve_map() -> object:
+        return explicit.at(np.array([next(sweep)]), unit)
+
     def constraint() -> object:
         tree.jacobians(q)
         path.implicit.residual()
@@ -128,17 +135,21 @@ def measure(n: int, budget: float = 0.1) -> dict[str, float]:
         return seconds_per_call(lambda: simulate(mechanism, duration=count * 1e-4, step=1e-4), budget)
 
     few, many = 20, 120
-    return {
-        "loops": n,
-        "rhs": 1e6 * seconds_per_call(right_hand_side, budget),
-        "rk4_step": 1e6 * (steps(many) - steps(few)) / (many - few),
-        "phi_and_K": 1e6 * seconds_per_call(constraint, budget),
-        "factor_and_solve": 1e6 * seconds_per_call(solve, budget),
-        "bias_k": 1e6 * seconds_per_call(bias, budget),
-        "M_and_C": 1e6 * seconds_per_call(inertia, budget),
-        "zone_test": 1e6 * seconds_per_call(zone_test, budget),
-        "naive_rhs": 1e6 * naive_seconds(n, budget),
+    rhs, whole = seconds_per_call(right_hand_side, budget), seconds_per_call(solve_map, budget)
+    masses = seconds_per_call(inertia, budget)
+    times = {
+        "rhs": rhs,
+        "rk4_step": (steps(many) - steps(few)) / (many - few),
+        "map": whole,
+        "M_and_C": masses,
+        "rest": max(rhs - whole - masses, 0.0),
+        "zone_test": seconds_per_call(zone_test, budget),
+        "numpy_phi_K": seconds_per_call(constraint, budget),
+        "numpy_solve": seconds_per_call(solve, budget),
+        "numpy_bias": seconds_per_call(bias, budget),
+        "naive_rhs": naive_seconds(n, budget),
     }
+    return {"loops": n} | {name: 1e6 * value for name, value in times.items()}
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -156,12 +167,15 @@ def run(args: argparse.Namespace) -> int:
     """Print the table."""
     rows = [measure(n, 0.01 if args.quick else 0.2) for n in args.sizes]
     names = list(rows[0])
-    print("microseconds; rhs with a small move of y each call, parts once each, smallest of 5 rounds")
+    print("microseconds, smallest of 5 rounds. map: predict, Newton, G, g and the zone test; rest: reduced")
+    print("equation and objects; numpy_*: parts of the reference path that the map replaces where it can")
     print(
         commands.table(
             [f" {name}" for name in names], [[f"{row[name]:.4g}" for name in names] for row in rows]
         )
     )
+    shares = [[f"{row['loops']:.0f}", *(f"{row[part] / row['rhs']:.1%}" for part in SHARES)] for row in rows]
+    print(commands.table([" loops", *(f" {part}" for part in SHARES)], shares))
     if len(rows) > 1:
         sizes = np.log([row["loops"] for row in rows[-3:]])
         slope = float(np.polyfit(sizes, np.log([row["rhs"] for row in rows[-3:]]), 1)[0])
