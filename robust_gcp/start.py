@@ -102,8 +102,9 @@ def begin(
     if picture.kind == "regular" or picture.kind == "redundant":
         choices = [names for _, names in mechanism.coordinate_choices(q)]
         raise ToggleError(
-            f"start at a toggle: K_d is singular at q0 while K is not, so "
-            f"{', '.join(mechanism.independent)} cannot parametrise the motion here; joints that can: "
+            f"start at a toggle: K_d is singular at q0 (conditioning {path.worst_conditioning(q):.1g}) while "
+            f"K is not, so {', '.join(mechanism.independent)} cannot parametrise the motion here; joints "
+            "that can: "
             + (", or ".join(" + ".join(c) for c in choices) or "none"),
             y,
             choices,
