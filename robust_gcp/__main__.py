@@ -72,7 +72,9 @@ def _parser() -> argparse.ArgumentParser:
     _add_simulate(subparsers)
     _add_analyse(subparsers)
     text = "list the shipped models"
-    subparsers.add_parser("models", help=text, description=text).set_defaults(run=commands.models)
+    models = subparsers.add_parser("models", help=text, description=text)
+    models.add_argument("--full", action="store_true", help="every joint and closure by name")
+    models.set_defaults(run=commands.models)
     for room in ROOMS:
         room.add_parser(subparsers)
     return parser

@@ -266,9 +266,19 @@ def models(args: argparse.Namespace) -> int:
         mechanism = load(name)
         text = (models_folder() / name / "robot.yaml").read_text(encoding="utf-8")
         about = (yaml.safe_load(text).get("robust_gcp") or {}).get("description", "")
-        closures = ", ".join(f"{c.frame1} – {c.frame2} ({c.kind})" for c in mechanism.closures)
-        joints = ", ".join(mechanism.joint_names)
-        rows.append([name, joints, ", ".join(mechanism.independent), closures, about])
+        closures = [f"{c.frame1} – {c.frame2} ({c.kind})" for c in mechanism.closures]
+        columns = (
+            (mechanism.joint_names, 4, "joints"),
+            (mechanism.independent, 4, "joints"),
+            (closures, 1, "closures"),
+        )
+        cells = (counted(words, len(words) if args.full else most, what) for words, most, what in columns)
+        rows.append([name, *cells, about])
     header = ["name", "joints", "independent", "closures", "description"]
     print(table(header, rows, longest=len(rows)))
     return 0
+
+
+def counted(words: Sequence[str], most: int, what: str) -> str:
+    """The words, or how many there are where they are more than `most`."""
+    return ", ".join(words) if len(words) <= most else f"{len(words)} {what}"

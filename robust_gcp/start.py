@@ -104,8 +104,7 @@ def begin(
         raise ToggleError(
             f"start at a toggle: K_d is singular at q0 (conditioning {path.worst_conditioning(q):.1g}) while "
             f"K is not, so {', '.join(mechanism.independent)} cannot parametrise the motion here; joints "
-            "that can: "
-            + (", or ".join(" + ".join(c) for c in choices) or "none"),
+            "that can: " + (", or ".join(" + ".join(c) for c in choices) or "none"),
             y,
             choices,
         )

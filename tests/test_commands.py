@@ -267,6 +267,11 @@ def test_models_lists_all_of_them(capsys: Capture) -> None:
     rhombus = next(line for line in lines if line.split()[0] == "rhombus")
     for words in ("q1, q2, q3", "coupler_tip – rocker_tip (3d)", "all lengths 1 m"):
         assert words in rhombus
+    stewart = next(line for line in lines if line.split()[0] == "stewart")
+    assert "19 joints" in stewart
+    assert "6 closures" in stewart
+    assert run("models", "--full") == 0
+    assert "leg6_tip – plate_ball6 (3d)" in capsys.readouterr().out
 
 
 def test_as_a_module() -> None:
