@@ -92,7 +92,6 @@ class BridgeMap:
             if point is None or point.conditioning < self.options.zone or not same_branch(self.anchor, point):
                 point = self._rare(y, ydot)
         self.anchor = point
-        self.counters.evaluations += 1
         return point
 
     def passed(self, before: Point, after: Point) -> list[Passage]:

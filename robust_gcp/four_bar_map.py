@@ -123,7 +123,6 @@ class FourBarMap:
         except OptionError as error:
             raise ToggleError(f"closed form: {error}", y) from error
         self.anchor = point
-        self.counters.evaluations += 1
         return point
 
     def passed(self, before: Point, after: Point) -> list[Passage]:

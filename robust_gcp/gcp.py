@@ -73,7 +73,6 @@ class ClassicalMap:
                 SingularityWarning,
                 stacklevel=2,
             )
-        self.counters.evaluations += 1
         self.anchor = point
         return point
 

@@ -6,7 +6,7 @@ nothing of singularities beyond reporting how well K_d is conditioned.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,14 +69,12 @@ class Point:
 class Counters:
     """What was computed, for `Trajectory.stats`."""
 
-    evaluations: int = 0
     newton_iterations: int = 0
     marching_steps: int = 0
     zone_evaluations: int = 0
     bridges_built: int = 0
     svds: int = 0
     refined_steps: int = 0
-    repartitions: list[tuple[str, ...]] = field(default_factory=list)
 
 
 class RegularPath:

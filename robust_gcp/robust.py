@@ -54,7 +54,6 @@ class ProjectionMap:
         if point is None or point.conditioning < self.threshold:
             point = self._project(y, ydot)
         self.anchor = point
-        self.counters.evaluations += 1
         return point
 
     def passed(self, before: Point, after: Point) -> list[Passage]:
