@@ -212,7 +212,7 @@ class Builder:
 
     def _slope(self, anchor: Point, d: Array, block: int) -> float:
         """d det/ds at the anchor by a small central step that stays on the branch."""
-        size = float(np.abs(anchor.G @ d / self.path.mechanism.column_scale).max())
+        size = self.path.size(anchor.G @ d)
         eps = 1e-3 * max(float(anchor.rcond[block]), 1e-9) / max(size, 1e-300)
         forward = self._march(anchor, anchor.y + eps * d, anchor.ydot)
         backward = self._march(anchor, anchor.y - eps * d, anchor.ydot)
@@ -243,7 +243,7 @@ class Builder:
                 raise NoBridgeError("there is no configuration beyond the singular surface on this mode")
             if np.any(np.sign(far.det) != expected):
                 raise NoBridgeError("beyond the singular surface Newton found another mode")
-            reach = float(np.abs(far.G @ d / path.mechanism.column_scale).max()) * factor * width
+            reach = path.size(far.G @ d) * factor * width
             if far.correction > 0.3 * reach:
                 raise NoBridgeError("beyond the singular surface the mode does not go on smoothly")
             nodes.append((s, far))

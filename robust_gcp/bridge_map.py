@@ -101,11 +101,10 @@ class BridgeMap:
         bridge = self._bridges[-1]
         if self.path.m == 1:
             low, high = sorted((before.y[0], after.y[0]))
-            touched = [b for b in self._bridges if any(low <= b.line.origin[0] + z <= high for z in b.zeros)]
+            touched = [(b, z) for b in self._bridges for z in b.zeros if low <= b.line.origin[0] + z <= high]
             if not touched:  # other rows of redundant closures: their determinants are not comparable
                 return []
-            bridge = touched[-1]
-            s = bridge.zeros[0]
+            bridge, s = touched[-1]
             point = bridge.line.at(s, after.ydot)
             y, q = point.y, point.q
         else:

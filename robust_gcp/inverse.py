@@ -6,7 +6,6 @@ from numpy.typing import ArrayLike
 
 from .bridge import BridgeOptions
 from .checks import check_mechanism
-from .errors import StateError
 from .kernel import Counters
 from .loops import checked_vector
 from .mechanism import Mechanism
@@ -51,11 +50,6 @@ def inverse_dynamics(
     start = begin(mechanism, q, v, mode, BridgeOptions(), Counters())
     point = start.point
     speed = point.G @ start.ydot
-    if mechanism.m > 1 and start.bridge is not None:
-        raise StateError(
-            "inverse_dynamics at a singular configuration is available for mobility 1; "
-            "evaluate beside it, where the result is the same in the limit"
-        )
     force = mechanism.tree.rnea(point.q, speed, point.G @ wanted + point.g).copy()
     if mechanism.applied is not None:
         force -= mechanism.applied.tau(point.q, speed)

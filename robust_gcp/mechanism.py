@@ -17,7 +17,7 @@ from .errors import ModelError, PartitionError, StateError
 from .forces import AppliedForces, Force
 from .loops import CLOSED, STRUCTURAL, ClosedLoops, checked_vector
 from .mjcf import model_from_mjcf
-from .partition import independent_rows, numerical_rank
+from .partition import independent_rows, numerical_rank, spelled
 from .pin_constraints import with_named_frames
 from .singularity import analyse
 from .tree import Array
@@ -282,11 +282,7 @@ class Mechanism(ClosedLoops):
             if np.any(moving[np.isin(self.iv_dependent, self._indices([n], single=False)[1])] > 1e-6)
         ]
         suggestions = self._generic_choices()
-        hint = (
-            "; sets that would serve: " + ", or ".join(" + ".join(c) for c in suggestions)
-            if suggestions
-            else ""
-        )
+        hint = "; sets that would serve: " + spelled(suggestions) if suggestions else ""
         raise PartitionError(
             f"independent = {', '.join(map(repr, self.independent)) or 'none'}: K_d is structurally "
             f"singular (rank {rank} for {nd} dependent velocities): the closures do not determine "

@@ -11,7 +11,7 @@ from .bridge import NoBridgeError
 from .errors import BranchError, NotCertifiedError, SimulationError, ToggleError
 from .kernel import Point, RegularPath
 from .march import march
-from .partition import numerical_rank
+from .partition import numerical_rank, spelled
 from .tree import Array
 
 ObstacleKind = Literal["toggle", "near miss", "tangential", "unknown"]
@@ -79,7 +79,7 @@ def classify(path: RegularPath, point: Point, failure: NoBridgeError) -> Obstacl
     """Tell a toggle (K stays regular) from a near miss and from what second order leaves open."""
     d = steepest(path, point)
     block = int(np.argmin(point.rcond))
-    size = float(np.abs(point.G @ d / path.mechanism.column_scale).max())
+    size = path.size(point.G @ d)
     eps = 1e-3 * point.conditioning / size
     ahead = march(path, point, point.y + eps * d, point.ydot)
     change = float(ahead.det[block] - point.det[block]) / eps
@@ -122,10 +122,9 @@ def refusal(path: RegularPath, obstacle: Obstacle, here: Point) -> SimulationErr
             for _, names in mechanism.coordinate_choices(here.q)
             if set(names) != set(mechanism.independent)
         ]
-        better = ", or ".join(" + ".join(c) for c in choices) or "none"
         return ToggleError(
             f"toggle at {where}: K_d is singular while K is not, the independent coordinates turn "
-            f"back here and cannot parametrise the motion; joints that can: {better} (or pass "
+            f"back here and cannot parametrise the motion; joints that can: {spelled(choices)} (or pass "
             'on_toggle="repartition")',
             here.y,
             choices,

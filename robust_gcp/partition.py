@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from graphlib import TopologicalSorter
 from itertools import combinations
@@ -91,6 +92,11 @@ def numerical_rank(singular_values: Array, tolerance: float) -> int:
     if len(singular_values) == 0 or singular_values[0] == 0.0:
         return 0
     return int(np.sum(singular_values > tolerance * singular_values[0]))
+
+
+def spelled(choices: Sequence[Sequence[str]]) -> str:
+    """Sets of joints in words, for a message."""
+    return ", or ".join(" + ".join(names) for names in choices) or "none"
 
 
 def ranked_choices(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from math import isfinite
 
 import numpy as np
@@ -117,8 +117,7 @@ class Run:
             except UncertifiedZoneError as zone:
                 met_at, i = i, self._back_to(safe)
                 if zone.obstacle.kind == "toggle" and on_toggle == "repartition" and i > changed_at:
-                    self._repartition(i, options)
-                    changed_at, safe = i, Checkpoint(i, self._x, self._explicit.anchor)
+                    changed_at, safe = i, self._repartition(i, options)
                 else:
                     careful = True
                 continue
@@ -127,8 +126,7 @@ class Run:
                 if not careful or on_toggle != "repartition" or safe.i <= changed_at:
                     raise
                 i, careful = self._back_to(safe), False
-                self._repartition(i, options)
-                changed_at, safe = i, Checkpoint(i, self._x, self._explicit.anchor)
+                changed_at, safe = i, self._repartition(i, options)
                 continue
             self._x = x
             i += 1
@@ -202,8 +200,8 @@ class Run:
         assert isinstance(self._explicit, BridgeMap)  # no other map knows uncertified zones
         return self._explicit
 
-    def _repartition(self, i: int, options: BridgeOptions) -> None:
-        """Change to the best conditioned independent joints at the present state."""
+    def _repartition(self, i: int, options: BridgeOptions) -> Checkpoint:
+        """Change to the best conditioned independent joints at the present state, which is returned."""
         here, t = self._explicit.anchor, float(self._times[i])
         v = here.G @ self._x[self._mechanism.m : 2 * self._mechanism.m]
         names = next(
@@ -222,6 +220,7 @@ class Run:
         self._use(mechanism, start, BridgeMap(start.path, start.point, options, error_controlled))
         self._repartitions = [(when, what) for when, what in self._repartitions if when < t]
         self._repartitions.append((t, names))
+        return Checkpoint(i, self._x, start.point)
 
     # --------------------------------------------------------------------- record
 
@@ -235,15 +234,9 @@ class Run:
 
     def trajectory(self, begun: float) -> Trajectory:
         """What was recorded so far."""
-        c = self._counters
         stats = Stats(
+            **asdict(self._counters),
             rhs=self._calls + self._equations.calls,
-            newton_iterations=c.newton_iterations,
-            zone_evaluations=c.zone_evaluations,
-            marching_steps=c.marching_steps,
-            bridges_built=c.bridges_built,
-            refined_steps=c.refined_steps,
-            svds=c.svds,
             repartitions=self._repartitions,
             wall_seconds=time.perf_counter() - begun,
         )

@@ -18,6 +18,7 @@ from .kernel import Counters, Point, RegularPath
 from .loops import NEARLY_CLOSED
 from .march import same_branch
 from .mechanism import Mechanism
+from .partition import spelled
 from .singularity import LocalAnalysis, analyse
 from .start_check import (
     SAME_MODE,
@@ -91,7 +92,6 @@ def begin(
     ydot = v[mechanism.iv_independent]
     y = q[mechanism.iq_independent]
     path = regular_path(mechanism, mechanism.select_rows(mechanism.K(q)), counters)
-    rest = np.zeros(mechanism.m)
     if path.nd == 0 or path.worst_conditioning(q) > SINGULAR:
         point = path.derivatives(q, y, ydot)
         require_mobility(mechanism, q, path)
@@ -104,7 +104,7 @@ def begin(
         raise ToggleError(
             f"start at a toggle: K_d is singular at q0 (conditioning {path.worst_conditioning(q):.1g}) while "
             f"K is not, so {', '.join(mechanism.independent)} cannot parametrise the motion here; joints "
-            "that can: " + (", or ".join(" + ".join(c) for c in choices) or "none"),
+            "that can: " + spelled(choices),
             y,
             choices,
         )
@@ -112,18 +112,9 @@ def begin(
         raise NotCertifiedError(f"start at a singularity: {picture.message}", y)
     tangent = _pick(mechanism, picture, v, mode)
     G = _parametrised(mechanism, tangent, y)
-    bridge, path = _bridge_along(mechanism, path, q, G, options)
-    point = bridge.line.at(bridge.parameter(y), rest)
-    point.ydot = ydot
+    bridge = _bridge_along(mechanism, path, q, G, options)
     require_velocity_in_mode(mechanism, v, G)
-    return Start(path, path_point(point, ydot), ydot, bridge)
-
-
-def path_point(point: Point, ydot: Array) -> Point:
-    """The point with its g for ẏ (m = 1; for other m the first evaluation sets it)."""
-    if point.curvature is not None:
-        point.g = point.curvature * float(ydot[0]) ** 2
-    return point
+    return Start(path, bridge.line.at(bridge.parameter(y), ydot), ydot, bridge)
 
 
 def _pick(mechanism: Mechanism, picture: LocalAnalysis, v: Array, mode: ArrayLike | None) -> Array:
@@ -174,7 +165,7 @@ def _parametrised(mechanism: Mechanism, tangent: Array, y: Array) -> Array:
 
 def _bridge_along(
     mechanism: Mechanism, path: RegularPath, q: Array, G: Array, options: BridgeOptions
-) -> tuple[Bridge, RegularPath]:
+) -> Bridge:
     """The bridge over a singular q on the mode with tangent space G."""
     y = q[mechanism.iq_independent]
     motion = np.abs(G / mechanism.column_scale[:, None]).max(axis=0)
@@ -190,10 +181,10 @@ def _bridge_along(
                 reasons.append(str(failure))
             else:
                 here = bridge.line.at(bridge.parameter(y), np.zeros(mechanism.m))
-                gap = np.abs(mechanism.tree.difference(q, here.q) / mechanism.column_scale).max()
+                gap = path.size(mechanism.tree.difference(q, here.q))
                 turn = np.abs((here.G - G) / mechanism.column_scale[:, None]).max() / motion.max()
                 if gap < 10.0 * np.sqrt(SINGULAR) * size and turn < 1e-2:
-                    return bridge, path
+                    return bridge
                 reasons.append("the bridge does not pass through q0 along the mode")
         size *= 0.5
     raise NotCertifiedError(
@@ -235,8 +226,8 @@ def _outward(
     if norm == 0.0:
         return None
     d = np.ones(1) if mechanism.m == 1 else direction / norm
-    ahead = beside(d * (size / float(np.abs(G @ d / mechanism.column_scale).max())))
-    nearer = beside(d * (0.8 * size / float(np.abs(G @ d / mechanism.column_scale).max())))
+    reach = size / path.size(G @ d)
+    ahead, nearer = beside(d * reach), beside(d * (0.8 * reach))
     if ahead is None or nearer is None:
         return None
     check = path.step(ahead, nearer.y, rest)

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from .errors import NonFiniteError, OptionError, PartitionError, StateError
 from .kernel import RegularPath
 from .mechanism import Mechanism
-from .partition import numerical_rank
+from .partition import numerical_rank, spelled
 from .tree import Array
 
 COMPATIBLE = 1e-6
@@ -67,7 +67,7 @@ def require_mobility(mechanism: Mechanism, q: Array, path: RegularPath) -> None:
         raise PartitionError(
             f"{mechanism.m} independent joints are named, and the mobility at q0 is "
             f"{mechanism.nv - rank}: the loops leave no freedom to some of them; sets that serve: "
-            + (", or ".join(" + ".join(c) for c in choices) or "none"),
+            + spelled(choices),
             choices,
         )
 

@@ -34,3 +34,21 @@ def test_holding_torque_of_the_rhombus_at_its_singularity():
         q = np.array([y, -y, y])
         held = rg.inverse_dynamics(rhombus, q, np.zeros(3), [0.0], mode=mode)
         assert held[0] == pytest.approx(2.0 * 9.81 * np.cos(y), abs=1e-9)
+
+
+def test_drives_of_mobility_two_are_continuous_through_the_singularity():
+    # the change-point linkage folds flat at q1 = π whatever the swing of its ground link
+    scene = scenes.swinging_four_bar(4, 2, 3, 3, swing=0.3, y=np.pi)
+    ydot, ydd = np.array([0.7, -1.1]), np.array([0.4, 0.9])
+    beside = []
+    for offset in (-0.02, 0.02):
+        near = scenes.swinging_four_bar(4, 2, 3, 3, swing=0.3, y=np.pi + offset)
+        v = near.lift(near.home, ydot)
+        beside.append((rg.inverse_dynamics(near, near.home, v, ydd), v))
+    v0 = 0.5 * (beside[0][1] + beside[1][1])
+    modes = rg.analyse(scene, scene.home).modes
+    mode = min(modes, key=lambda t: np.linalg.norm(v0 - t @ np.linalg.lstsq(t, v0, rcond=None)[0]))
+    v0 = mode @ np.linalg.solve(mode[scene.iv_independent], ydot)
+    drives = rg.inverse_dynamics(scene, scene.home, v0, ydd, mode=mode)
+    # the mean of both sides differs by the second order of 0.02 rad
+    assert drives == pytest.approx(0.5 * (beside[0][0] + beside[1][0]), rel=2e-3)
