@@ -140,7 +140,7 @@ def frame_of(model: pin.Model, name: str, owner: str) -> pin.Frame:
     """
     found = [frame for frame in model.frames if frame.name == name]
     if not found:
-        near = difflib.get_close_matches(str(name), [f.name for f in model.frames], n=3)
+        near = difflib.get_close_matches(str(name), {f.name for f in model.frames}, n=3)
         hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
         raise ModelError(f"{owner}: the model has no frame {name!r}{hint}")
     first = found[0]

@@ -158,18 +158,45 @@ class Mechanism(ClosedLoops):
         StateError
             At a configuration where K_d is singular: give v along a mode of `analyse` instead.
         """
-        q, ydot = self.configuration(q), checked_vector(ydot, self.m, "ydot", "m")
-        v = np.zeros(self.nv)
-        v[self.iv_independent] = ydot
+        return self.G(q) @ checked_vector(ydot, self.m, "ydot", "m")
+
+    def G(self, q: ArrayLike) -> Array:
+        """∂γ/∂y at a closed q, (nv, m): v = G ẏ, with G = [I; −K_d⁻¹ K_i], Eq. (4).
+
+        Raises
+        ------
+        StateError
+            At a configuration where K_d is singular.
+        """
+        q = self.configuration(q)
+        G = np.zeros((self.nv, self.m))
+        G[self.iv_independent] = np.eye(self.m)
+        G[self.iv_dependent] = self._dependent(q, -self.K(q)[:, self.iv_independent])
+        return G
+
+    def g(self, q: ArrayLike, v: ArrayLike) -> Array:
+        """Ġ ẏ at a closed q with K v = 0, (nv,): a = G ÿ + g, with g = [0; K_d⁻¹ k], Eq. (4).
+
+        Raises
+        ------
+        StateError
+            As for `G`.
+        """
+        q = self.configuration(q)
+        g = np.zeros(self.nv)
+        g[self.iv_dependent] = self._dependent(q, self.k(q, v))
+        return g
+
+    def _dependent(self, q: Array, rhs: Array) -> Array:
+        """K_d⁻¹ rhs, in the least-squares sense over redundant rows."""
         K = self.scaled(self.K(q))[:, self.iv_dependent]
-        rhs = -self.K(q)[:, self.iv_independent] @ ydot / self.row_scale
+        rhs = (rhs.T / self.row_scale).T
         u, _, rank, _ = np.linalg.lstsq(K, rhs, rcond=1e-8)
         if rank < len(self.iv_dependent):
             raise StateError(
-                "lift: K_d is singular at q, so ẏ does not determine v; take v along a mode of analyse"
+                "K_d is singular at q, so ẏ does not determine v; take v along a mode of analyse"
             )
-        v[self.iv_dependent] = self.column_scale[self.iv_dependent] * u
-        return v
+        return (self.column_scale[self.iv_dependent] * u.T).T
 
     def energy(self, q: ArrayLike, v: ArrayLike) -> float:
         """Kinetic energy, potential energy of gravity and of the springs together, J."""

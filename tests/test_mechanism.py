@@ -193,9 +193,26 @@ def test_lift_satisfies_the_constraint_and_keeps_the_given_rates(
         assert np.abs(mech.K(q) @ v).max() <= 1e-13 * np.abs(mech.K(q)).max() * max(1.0, np.abs(v).max())
 
 
-def test_lift_at_a_singular_configuration_points_to_the_modes() -> None:
-    with pytest.raises(rg.StateError, match=r"K_d is singular.*mode of analyse"):
-        rg.load("rhombus").lift([0.0, 0.0, 0.0], [1.0])
+@pytest.mark.parametrize("name", ("crank_rocker", "kite", *SPATIAL))
+def test_the_explicit_constraint_satisfies_its_identities(
+    mechanisms: dict[str, rg.Mechanism], closed_states: Callable[..., list[tuple[Array, Array]]], name: str
+) -> None:
+    """K G = 0 and K g = k; the independent rows of G are the identity, those of g zero."""
+    mech = mechanisms[name]
+    for q, v in closed_states(mech, 3):
+        G, g, K, k = mech.G(q), mech.g(q, v), mech.K(q), mech.k(q, v)
+        np.testing.assert_array_equal(G[mech.iv_independent], np.eye(mech.m))
+        np.testing.assert_array_equal(g[mech.iv_independent], 0.0)
+        size = np.abs(K).max()
+        assert np.abs(K @ G).max() <= 1e-13 * size * np.abs(G).max()
+        assert np.abs(K @ g - k).max() <= 1e-12 * max(1.0, size * np.abs(g).max())
+
+
+def test_the_explicit_constraint_at_a_singular_configuration_points_to_the_modes() -> None:
+    rhombus, q = rg.load("rhombus"), np.zeros(3)
+    for call in (lambda: rhombus.lift(q, [1.0]), lambda: rhombus.G(q), lambda: rhombus.g(q, q)):
+        with pytest.raises(rg.StateError, match=r"K_d is singular.*mode of analyse"):
+            call()
 
 
 # --------------------------------------------------------------------------- coordinates
