@@ -84,7 +84,7 @@ class FourBar:
     all others: coupler to the left | to the right of D at small y > 0, or at the first in reach.
     With just one of the two equalities, a mode that turns fully closes after two turns: y + 2π is
     the other assembly at y. Modes on which y rests (the rhombus' mode b) have no γ(y).
-    Source: METHOD.md §1; circle intersection in half-angles, differentiated: no K_d is inverted, no
+    Source: docs/method.md; circle intersection in half-angles, differentiated: no K_d is inverted, no
     digit lost at a crossing. Where r is as small as |l0 − l1|, G is off by up to ε l1 / |l0 − l1|.
 
     Parameters
@@ -213,7 +213,7 @@ def parallelogram_pendulum(
     """Give A (kg m²) and B (N m) of A ÿ = −B cos y for a parallelogram of uniform slender rods.
 
     A = m1 l1²/3 + m2 l1² + m3 l3²/3, B = (m1 l1/2 + m2 l1 + m3 l3/2) gravity; lengths in m, masses
-    in kg, gravity along −y in m/s². Source: METHOD.md §1.
+    in kg, gravity along −y in m/s². Source: docs/method.md.
     """
     moment = (m1 * l1 / 2.0 + m2 * l1 + m3 * l3 / 2.0) * gravity
     return m1 * l1**2 / 3.0 + m2 * l1**2 + m3 * l3**2 / 3.0, moment

@@ -46,7 +46,7 @@ CASES = [
 
 
 def phi(lengths: Lengths, q: Array) -> Array:
-    """φ of METHOD.md §1, m."""
+    """φ of docs/method.md, m."""
     l0, l1, l2, l3 = lengths
     tip = l1 * np.exp(1j * q[0]) + l2 * np.exp(1j * (q[0] + q[1])) - l0 - l3 * np.exp(1j * q[2])
     return np.array([tip.real, tip.imag])
@@ -158,7 +158,7 @@ def test_angles_start_in_the_principal_turn(lengths: Lengths, s: int) -> None:
 
 
 def test_rhombus_published_values() -> None:
-    """METHOD.md §1: K at (0.2, −0.2, 0.2), G = (1, −1, 1), g = 0, also at both crossings."""
+    """docs/method.md: K at (0.2, −0.2, 0.2), G = (1, −1, 1), g = 0, also at both crossings."""
     lengths = FULL_TURN["rhombus"]
     bar = FourBar(*lengths, 1)
     for y, K_published in (

@@ -140,7 +140,7 @@ def test_mechanisms_in_space(
 
 @pytest.mark.parametrize("name", LENGTHS)
 def test_four_bars_against_the_paper(name: str) -> None:
-    """φ, K (5) and k (6) of METHOD.md §1, differentiated by hand, at open configurations."""
+    """φ, K (5) and k (6) of docs/method.md, differentiated by hand, at open configurations."""
     mech, (l0, l1, l2, l3) = rg.load(name), LENGTHS[name]
     rng = np.random.default_rng(6)
     for _ in range(20):

@@ -241,7 +241,7 @@ def test_analyse_prints_the_published_picture_at_the_crossing(capsys: Capture) -
         "coupler_tip – rocker_tip 2.0000 1.0000 -1.0000",
     ):
         assert words in lines
-    # Modes (1, −1, 1) and (0, 1, 1) of METHOD.md §1, in either order, as the last two columns.
+    # Modes (1, −1, 1) and (0, 1, 1) of docs/method.md, in either order, as the last two columns.
     start = next(i for i, line in enumerate(lines) if line.startswith("tangents"))
     modes = np.array([line.split()[-2:] for line in lines[start + 1 : start + 4]], dtype=float).T
     assert sorted(modes.tolist()) == [[0.0, 1.0, 1.0], [1.0, -1.0, 1.0]]

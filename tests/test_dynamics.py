@@ -52,7 +52,7 @@ def test_agreement_with_pinocchios_constraint_dynamics(
 ) -> None:
     """An independent implementation; a proximal μ > 0, because its default NaNs on planar loops.
 
-    DESIGN.md, facts about the dependencies: the two agree to 2e-13 at regular configurations.
+    The two agree to 2e-13 at regular configurations.
     """
     mech = mechanisms[name]
     model, rng = mech.model, np.random.default_rng(1)
@@ -164,7 +164,7 @@ def test_implicit_equations_survive_a_singular_configuration() -> None:
 
 @pytest.mark.parametrize("name", ("rhombus", "parallelogram"))
 def test_reduced_equation_is_the_papers_pendulum(name: str) -> None:
-    """A ÿ = −B cos y of METHOD.md §1, in every state of the parallelogram mode."""
+    """A ÿ = −B cos y of docs/method.md, in every state of the parallelogram mode."""
     mech = rg.load(name)
     l1 = l3 = {"rhombus": 1.0, "parallelogram": 2.0}[name]
     A, B = parallelogram_pendulum(l1, l3, 1.0, 1.0, 1.0)

@@ -150,7 +150,7 @@ def test_started_from_the_previous_value_the_parallelogram_changes_its_mode(
 
 
 def test_started_from_the_tangent_it_keeps_the_mode() -> None:
-    """METHOD.md §2: branch loss is cured by the prediction. On this mode G is constant and g = 0,
+    """docs/method.md: branch loss is cured by the prediction. On this mode G is constant and g = 0,
     so that no digits are lost either; it warns all the same."""
     with pytest.warns(rg.SingularityWarning, match=r"singular configuration.*method=\"bridge\""):
         traj = rg.simulate(rg.load("rhombus"), [0.2, -0.2, 0.2], duration=1.5, step=2e-3, method="classical")
@@ -163,7 +163,7 @@ def test_started_from_the_tangent_it_keeps_the_mode() -> None:
 
 @pytest.mark.parametrize("distance", (1e-3, 1e-4, 1e-5))
 def test_digits_are_lost_beside_a_crossing(distance: float) -> None:
-    """METHOD.md §2: errors ε/δ in q, ε/δ² in G and ε/δ³ in g at the distance δ from a crossing of
+    """docs/method.md: errors ε/δ in q, ε/δ² in G and ε/δ³ in g at the distance δ from a crossing of
     curved modes; the linkage 4, 2, 3, 3 at y = π, against its closed form, which loses none."""
     bar, mech = FourBar(4.0, 2.0, 3.0, 3.0), rg.load("change_point")
     y = PI - distance

@@ -1,4 +1,4 @@
-"""The published numbers of the paper's four-bar examples (METHOD.md §1), to all printed digits."""
+"""The published numbers of the paper's four-bar examples (docs/method.md), to all printed digits."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ def test_alpha_is_the_projection_of_the_last_G() -> None:
     explicit = projection(mech, 0.01 * ALONG, ALONG)
     start = explicit.anchor
     start.G = np.array([[1.0], [-0.9], [1.2]])
-    N = np.array([[-1, 1, -1] / np.sqrt(3), [0, 1, 1] / np.sqrt(2)]).T  # METHOD.md §1
+    N = np.array([[-1, 1, -1] / np.sqrt(3), [0, 1, 1] / np.sqrt(2)]).T  # docs/method.md
     # in dimensionless velocities, in which the library takes ranks and projections
     Q, _ = np.linalg.qr(N / mech.column_scale[:, None])
     scaled = start.G / mech.column_scale[:, None]
@@ -83,7 +83,7 @@ def test_starting_at_rest_beside_the_singularity() -> None:
 
 @pytest.mark.parametrize("assembly", (1, -1))
 def test_on_curved_modes_it_errs_with_the_distance(assembly: int) -> None:
-    """METHOD.md §3: a first-order patch. The last G is kept and g is 0 where γ'' is not.
+    """docs/method.md: a first-order patch. The last G is kept and g is 0 where γ'' is not.
 
     A flat pose is its own mirror image, so γ is odd about it: at the distance s, G = G* + c s² and
     γ'' = 2 c s. From the last point at 20 s, G errs by c (20² − 1) s² less what the projection

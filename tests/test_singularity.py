@@ -72,7 +72,7 @@ def assert_certified(mech: rg.Mechanism, here: rg.LocalAnalysis) -> None:
 # --------------------------------------------------------------------------- the paper's rhombus
 
 
-REGULAR = {  # a point of each operation mode of METHOD.md §1, and its tangent
+REGULAR = {  # a point of each operation mode of docs/method.md, and its tangent
     "a, parallelogram": ([0.2, -0.2, 0.2], [1.0, -1.0, 1.0]),
     "b, links 2 and 3 folded": ([0.0, 1.0, 1.0], [0.0, 1.0, 1.0]),
     "c, links 1 and 2 folded": ([2.0, PI, PI], [1.0, 0.0, 0.0]),
