@@ -1,0 +1,110 @@
+"""MuJoCo on the same spanning tree, loops closed by `connect` between sites.
+
+Springs and dampers are MuJoCo's own (joints and spatial tendons); a constant drive is `qfrc_applied`.
+"""
+
+from __future__ import annotations
+
+import functools
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+
+from ...mechanism import Mechanism
+from ..contender import Contender, Kind, Outcome, Scene
+from . import tuning
+from .mjcf_text import mjcf
+from .outputs import Outputs, division
+from .parts import constant_torques, has_simple_joints
+
+EVALUATIONS = {"Euler": 1, "implicitfast": 1, "RK4": 4}
+"""Forward dynamics in a step of each integrator."""
+
+
+@dataclass
+class Connect:
+    """MuJoCo with `connect` constraints.
+
+    Attributes
+    ----------
+    stepper : str
+        MuJoCo's integrator.
+    time_constant : callable (step) -> float, optional
+        Makes the constraints as stiff as MuJoCo allows, with this time constant (`solref`), s; its
+        defaults when left out.
+    """
+
+    name: str
+    tuning: str
+    stepper: str
+    time_constant: Callable[[float], float] | None = None
+    family: str = "MuJoCo"
+    kind: Kind = "fixed"
+
+    def refuses(self, scene: Scene) -> str:
+        """Why not: joints other than hinges and sliders, or closures of whole frames."""
+        if not has_simple_joints(scene.mechanism):
+            return "the adapter knows hinges and sliders only"
+        if any(c.kind == "6d" for c in scene.mechanism.closures):
+            return "connect holds points together, and a closure here holds whole frames"
+        return ""
+
+    def run(self, scene: Scene, setting: float) -> Outcome:
+        """MuJoCo's integrator with the step nearest to `setting`, s."""
+        substeps, h = division(scene, setting)
+        model = compiled(scene.mechanism, self.stepper, self.time_constant is not None)
+        model.opt.timestep = h
+        if self.time_constant is not None:
+            model.eq_solref[:] = (self.time_constant(h), 1.0)
+        data = mujoco.MjData(model)
+        data.qpos[:], data.qvel[:] = scene.q0, scene.v0
+        data.qfrc_applied[:] = constant_torques(scene.mechanism)
+        outputs, count, step = Outputs(scene), 0, mujoco.mj_step
+        before = mujoco.get_mju_user_warning()
+        mujoco.set_mju_user_warning(lambda message: None)  # else written to a file
+        try:
+            begun = time.perf_counter()
+            for _ in scene.times[1:]:
+                step(model, data, substeps)
+                count += EVALUATIONS[self.stepper] * substeps
+                if not outputs.put(data.qpos, data.qvel):
+                    break
+            seconds = time.perf_counter() - begun
+        finally:
+            mujoco.set_mju_user_warning(before)
+        return outputs.outcome(seconds, count)
+
+
+@functools.lru_cache(maxsize=16)
+def compiled(mechanism: Mechanism, integrator: str, hard: bool) -> Any:
+    """The MjModel with one of MuJoCo's integrators, its constraints as hard as can be or as they come."""
+    model = mujoco.MjModel.from_xml_string(mjcf(mechanism))
+    model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
+    if hard:
+        model.opt.tolerance = 1e-15
+        model.eq_solimp[:, :2] = tuning.MUJOCO_HARDEST
+    return model
+
+
+def tuned() -> Connect:
+    """As stiff as MuJoCo allows, order 4."""
+    return Connect("MuJoCo connect, tuned", f"{STIFF}, RK4", "RK4", tuning.mujoco_time_constant)
+
+
+STIFF = (
+    f"connect with solimp {tuning.MUJOCO_HARDEST} (the hardest), solref = "
+    f"{tuning.MUJOCO_TIME_CONSTANT:g} steps at critical damping, tolerance 1e-15"
+)
+
+
+def contenders() -> list[Contender]:
+    """MuJoCo's defaults, and stiff constraints with its integrators of order 4 and for stiff dampers."""
+    name, integrator = "MuJoCo connect, implicitfast", "implicitfast"
+    return [
+        Connect("MuJoCo connect, defaults", "connect, semi-implicit Euler, no option touched", "Euler"),
+        tuned(),
+        Connect(name, f"{STIFF}, {integrator}", integrator, tuning.mujoco_time_constant),
+    ]

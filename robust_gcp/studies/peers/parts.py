@@ -1,0 +1,86 @@
+"""A mechanism's spanning tree as plain parts, for tools that build their own models."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from ...closure import closure_frames, frame_of
+from ...forces import JointTorque
+from ...mechanism import Mechanism
+from ...tree import Array
+
+Place = tuple[int, pin.SE3]
+"""A joint's index (0: the ground) and a placement on its body."""
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A hinge or slider with its body.
+
+    Attributes
+    ----------
+    name : str
+    parent : int
+        Index of the parent joint; 0 is the ground.
+    placement : pin.SE3
+        On the parent's body.
+    hinge : bool
+        Else a slider.
+    axis : ndarray (3,)
+        Unit vector in the joint's own axes.
+    inertia : pin.Inertia
+        Of the body, in the joint's own axes.
+    """
+
+    name: str
+    parent: int
+    placement: pin.SE3
+    hinge: bool
+    axis: Array
+    inertia: pin.Inertia
+
+
+def has_simple_joints(mechanism: Mechanism) -> bool:
+    """Whether all joints are hinges and sliders with one number in q."""
+    model = mechanism.model
+    return all((j.nq, j.nv) == (1, 1) for j in list(model.joints)[1:])
+
+
+def joints(mechanism: Mechanism) -> list[Joint]:
+    """All joints in the order of q; the first one's index is 1."""
+    model = mechanism.model
+    data = model.createData()
+    pin.computeJointJacobians(model, data, np.zeros(model.nq))
+    found = []
+    for i in range(1, model.njoints):
+        motion = pin.getJointJacobian(model, data, i, pin.ReferenceFrame.LOCAL)[:, model.idx_vs[i]]
+        hinge = bool(np.any(motion[3:]))
+        axis = motion[3:] if hinge else motion[:3]
+        placement, inertia = model.jointPlacements[i], model.inertias[i]
+        found.append(Joint(model.names[i], int(model.parents[i]), placement, hinge, axis, inertia))
+    return found
+
+
+def closure_places(mechanism: Mechanism) -> list[tuple[Place, Place]]:
+    """Both places that each closure holds together."""
+    places = closure_frames(mechanism.model, mechanism.closures)
+    half = len(places) // 2
+    return list(zip(places[:half], places[half:], strict=True))
+
+
+def frame_place(mechanism: Mechanism, name: str) -> Place:
+    """Where a frame is."""
+    frame = frame_of(mechanism.model, name, mechanism.name)
+    return int(frame.parentJoint), frame.placement
+
+
+def constant_torques(mechanism: Mechanism) -> Array:
+    """The constant drives on all joints, (nv,), N m and N."""
+    torques = np.zeros(mechanism.nv)
+    for force in mechanism.forces:
+        if isinstance(force, JointTorque):
+            torques[mechanism.velocity_slice(force.joint)] += force.torque
+    return torques

@@ -1,0 +1,191 @@
+"""Pinocchio's constrained dynamics on the spanning tree, with the classical Runge-Kutta method in Python.
+
+Closures are rigid constraint models: CONTACT_3D for a point, CONTACT_6D for a frame, and for a cut hinge
+two points on its axis. Springs, dampers and drives enter through τ, as in this package's own methods.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from ...closure import Closure, RevoluteClosure
+from ...errors import SimulationError
+from ...mechanism import Mechanism
+from ...tree import Array
+from ..contender import Contender, Kind, Outcome, Scene
+from . import tuning
+from .outputs import Outputs, division
+from .parts import Place, closure_places
+
+Acceleration = Callable[[Array, Array], Array]
+
+
+@dataclass
+class ConstraintDynamics:
+    """`pin.constraintDynamics` with RK4.
+
+    Attributes
+    ----------
+    mu : float
+        Proximal regularisation of the constraint forces' equation.
+    accuracy : float
+        At which its iterations stop.
+    iterations : int
+        At most.
+    omega : callable (scene, step) -> float
+        Of the Baumgarte terms ω² and 2 ω (critical damping), 1/s.
+    """
+
+    name: str
+    tuning: str
+    mu: float
+    accuracy: float
+    iterations: int
+    omega: Callable[[Scene, float], float]
+    family: str = "Pinocchio"
+    stepper: str = "rk4"
+    kind: Kind = "fixed"
+
+    def refuses(self, scene: Scene) -> str:
+        """Why not: only for joints with several numbers in q, or a repetition without loops."""
+        if not scene.mechanism.tree.vector_space:
+            return "the adapter steps q as a vector, and a joint here has more numbers in q than velocities"
+        if not scene.mechanism.closures and self.name != DEFAULTS:
+            return f"no loop to close, so it is the same as {DEFAULTS!r}"
+        return ""
+
+    def run(self, scene: Scene, setting: float) -> Outcome:
+        """RK4 with the step nearest to `setting`, s."""
+        substeps, h = division(scene, setting)
+        settings = pin.ProximalSettings(self.accuracy, self.mu, self.iterations)
+        f = acceleration(scene.mechanism, self.omega(scene, h), settings)
+        outputs, count = Outputs(scene), 0
+        q, v = scene.q0.copy(), scene.v0.copy()
+        why = "the state left the finite numbers"
+        with np.errstate(all="ignore"):  # a run that blows up is an outcome, not an error
+            begun = time.perf_counter()
+            try:
+                for _ in scene.times[1:]:
+                    for _ in range(substeps):
+                        q, v = rk4(f, q, v, h)
+                    count += 4 * substeps
+                    if not outputs.put(q, v):
+                        break
+            except SimulationError as error:  # by the springs
+                why = str(error)
+            seconds = time.perf_counter() - begun
+        return outputs.outcome(seconds, count, why)
+
+
+def rk4(f: Acceleration, q: Array, v: Array, h: float) -> tuple[Array, Array]:
+    """One step for q̈ = f(q, v) on a vector space; f's result is used up before its next call."""
+    half = 0.5 * h
+    a = f(q, v)
+    v2, slope = v + half * a, a.copy()
+    a = f(q + half * v, v2)
+    v3 = v + half * a
+    slope += 2.0 * a
+    a = f(q + half * v2, v3)
+    v4 = v + h * a
+    slope += 2.0 * a
+    slope += f(q + h * v3, v4)
+    return q + (h / 6.0) * (v + 2.0 * (v2 + v3) + v4), v + (h / 6.0) * slope
+
+
+def acceleration(mechanism: Mechanism, omega: float, settings: pin.ProximalSettings) -> Acceleration:
+    """q̈(q, v) of the mechanism, a view that the next call overwrites; all memory is allocated here."""
+    model, data = mechanism.model, mechanism.model.createData()
+    models, datas = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
+    for closure, places in zip(mechanism.closures, closure_places(mechanism), strict=True):
+        for constraint in constraints(mechanism, closure, places):
+            constraint.setBaumgarteCorrectorParameters(
+                pin.BaumgarteCorrectorParameters(omega**2, 2.0 * omega)
+            )
+            models.append(constraint)
+            datas.append(constraint.createData())
+    pin.initConstraintDynamics(model, data, models, datas)
+    solve = pin.constraintDynamics
+    if mechanism.applied is None:
+        zero = np.zeros(model.nv)
+        return lambda q, v: solve(model, data, q, v, zero, models, datas, settings)
+    tau = mechanism.applied.tau
+    return lambda q, v: solve(model, data, q, v, tau(q, v), models, datas, settings)
+
+
+def constraints(
+    mechanism: Mechanism, closure: Closure, places: tuple[Place, Place]
+) -> list[pin.RigidConstraintModel]:
+    """The rigid constraint models of a closure."""
+    (joint1, place1), (joint2, place2) = places
+    kind = pin.ContactType.CONTACT_6D if closure.kind == "6d" else pin.ContactType.CONTACT_3D
+    shifts = [np.zeros(3)]
+    if isinstance(closure, RevoluteClosure):
+        axis = np.asarray(closure.axis, dtype=float)
+        shifts.append(mechanism.length / float(np.linalg.norm(axis)) * axis)
+    return [
+        pin.RigidConstraintModel(
+            kind,
+            mechanism.model,
+            joint1,
+            place1 * pin.SE3(np.eye(3), shift),
+            joint2,
+            place2 * pin.SE3(np.eye(3), shift),
+            pin.ReferenceFrame.LOCAL,
+        )
+        for shift in shifts
+    ]
+
+
+DEFAULTS = "Pinocchio, defaults"
+EXAMPLE = 10.0**0.5
+"""ω of Pinocchio's own example of a closed chain, Kp = 10 and Kd = 2 √Kp, 1/s."""
+
+
+def tuned() -> ConstraintDynamics:
+    """Gains and mu that the scan chose."""
+    return ConstraintDynamics(
+        "Pinocchio, tuned",
+        f"critically damped Baumgarte terms, {tuning.OMEGA_RULE}; mu = 1e-8, at most 10 iterations to 1e-12; "
+        "RK4 in Python",
+        1e-8,
+        1e-12,
+        10,
+        tuning.omega,
+    )
+
+
+def contenders() -> list[Contender]:
+    """Default settings, Pinocchio's own example, mu > 0 without gains, and tuned gains."""
+    return [
+        ConstraintDynamics(
+            DEFAULTS,
+            "constraintDynamics as it comes: no Baumgarte terms, mu = 0, RK4 in Python",
+            0.0,
+            1e-12,
+            1,
+            lambda scene, step: 0.0,
+        ),
+        ConstraintDynamics(
+            "Pinocchio, example",
+            "settings of Pinocchio's simulation-closed-kinematic-chains.py: Kp = 10, Kd = 2 √Kp, mu = 1e-10, "
+            "at most 10 iterations to 1e-8; RK4 in Python",
+            1e-10,
+            1e-8,
+            10,
+            lambda scene, step: EXAMPLE,
+        ),
+        ConstraintDynamics(
+            "Pinocchio, mu > 0",
+            "no Baumgarte terms, mu = 1e-8, at most 10 iterations to 1e-12; RK4 in Python",
+            1e-8,
+            1e-12,
+            10,
+            lambda scene, step: 0.0,
+        ),
+        tuned(),
+    ]

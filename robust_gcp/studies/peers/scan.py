@@ -1,0 +1,193 @@
+"""The scan behind the peers' tuned parameters: `python -m robust_gcp.studies.peers.scan TOOL`.
+
+Each candidate runs regular mechanisms and others through their singular configurations, from several
+starts and with several steps. Its score is its mean number of correct digits, −log10 of the largest error
+of any joint over all outputs, between 0 (also for runs that stop) and 16.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from tqdm import tqdm
+
+from ... import commands
+from ...loader import load
+from ...mechanism import Mechanism
+from ...scenes import four_bar
+from ...simulate import simulate
+from ...tree import Array
+from ..contender import Contender, Scene
+
+REGULAR = ("crank_rocker", "andrews", "bricard")
+SINGULAR = ("rhombus", "parallelogram", "antiparallelogram", "change_point")
+SHIFTS = (0.0, 0.013, 0.031)
+"""Of the first coordinate's start, rad: whether a run survives a singularity can hang on the last digit."""
+DIVISIONS = (2, 4, 8, 16)
+"""Steps between outputs."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """How a candidate did.
+
+    Attributes
+    ----------
+    name : str
+    regular, singular : float
+        Mean correct digits.
+    stopped, runs : int
+    """
+
+    name: str
+    regular: float
+    singular: float
+    stopped: int
+    runs: int
+
+
+def scenes(names: Sequence[str], shifts: Sequence[float]) -> Iterator[tuple[Scene, Array]]:
+    """Free motion from starts near home, and its q at the output times by DOP853."""
+    for name in names:
+        mechanism = _mechanism(name)
+        duration = 0.03 if name == "andrews" else 5.0
+        for shift in shifts:
+            guess = mechanism.home.copy()
+            guess[mechanism.iq_independent[0]] += shift
+            q0 = mechanism.assemble(guess) if shift else mechanism.home
+            run = simulate(
+                mechanism,
+                q0,
+                duration=duration,
+                step=duration / 400,
+                stepper="DOP853",
+                rtol=1e-12,
+                atol=1e-13,
+            )
+            yield Scene(name, mechanism, run.q[0], run.v[0], run.t), run.q
+
+
+def _mechanism(name: str) -> Mechanism:
+    if name == "antiparallelogram":
+        return four_bar(1.0, 2.0, 1.0, 2.0, assembly=-1)
+    return load(name)
+
+
+def digits(contender: Contender, scene: Scene, q: Array, divisions: Sequence[int]) -> Iterator[float]:
+    """Correct digits with each step; NaN for a run that stopped."""
+    for count in divisions:
+        outcome = contender.run(scene, float(scene.times[1]) / count)
+        if outcome.stopped:
+            yield float("nan")
+        else:
+            error = float(np.abs(outcome.q - q).max())
+            yield float(np.clip(-np.log10(max(error, 1e-16)), 0.0, 16.0))
+
+
+def score(
+    contender: Contender,
+    regular: Sequence[tuple[Scene, Array]],
+    singular: Sequence[tuple[Scene, Array]],
+    divisions: Sequence[int] = DIVISIONS,
+) -> Score:
+    """Run a candidate on all scenes."""
+    found = [
+        np.array([list(digits(contender, scene, q, divisions)) for scene, q in group])
+        for group in (regular, singular)
+    ]
+    means = [float(np.nan_to_num(group).mean()) for group in found]
+    stopped = sum(int(np.isnan(group).sum()) for group in found)
+    return Score(contender.name, means[0], means[1], stopped, sum(group.size for group in found))
+
+
+def pinocchio_candidates() -> list[Contender]:
+    """Baumgarte's ω as a multiple of the scene's duration or of the step, and mu."""
+    from . import pinocchio
+
+    tuned = pinocchio.tuned()
+
+    def per_duration(n: float) -> Contender:
+        def omega(scene: Scene, step: float) -> float:
+            return min(n / float(scene.times[-1]), 0.5 / step)
+
+        return replace(tuned, name=f"ω = {n:g}/T, at most 0.5/h", omega=omega)
+
+    def per_step(c: float) -> Contender:
+        return replace(tuned, name=f"ω = {c:g}/h", omega=lambda scene, step: c / step)
+
+    return [
+        *(per_duration(n) for n in (100.0, 200.0, 500.0, 1000.0, 2000.0)),
+        *(per_step(c) for c in (0.02, 0.05, 0.1, 0.3, 1.0)),
+        *(replace(tuned, name=f"tuned, but mu = {mu:g}", mu=mu) for mu in (1e-6, 1e-10, 1e-12)),
+        tuned,
+    ]
+
+
+def mujoco_candidates() -> list[Contender]:
+    """The constraints' time constant in steps and in seconds, and the integrator."""
+    from . import mujoco
+
+    tuned = mujoco.tuned()
+
+    def per_step(n: float) -> Contender:
+        return replace(tuned, name=f"RK4, solref = {n:g} h", time_constant=lambda step: n * step)
+
+    def fixed(seconds: float) -> Contender:
+        return replace(tuned, name=f"RK4, solref = {seconds:g} s", time_constant=lambda step: seconds)
+
+    return [
+        *(per_step(n) for n in (2.0, 3.0, 4.0, 6.0, 10.0)),
+        *(fixed(seconds) for seconds in (0.02, 0.05)),
+        *(replace(tuned, name=f"{kind}, tuned", stepper=kind) for kind in ("Euler", "implicitfast")),
+    ]
+
+
+def exudyn_candidates() -> list[Contender]:
+    """Spectral radius, Newton's kind and tolerance."""
+    from . import exudyn
+
+    defaults = exudyn.generalised_alpha()
+    return [
+        replace(
+            defaults,
+            name=f"ρ = {radius:g}, {'modified' if modified else 'full'} Newton to {tolerance:g}",
+            integration={
+                "generalizedAlpha.spectralRadius": radius,
+                "newton.useModifiedNewton": modified,
+                "newton.relativeTolerance": tolerance,
+            },
+        )
+        for radius in (0.6, 0.8, 0.9, 1.0)
+        for modified in (True, False)
+        for tolerance in (1e-8, 1e-10)
+    ]
+
+
+CANDIDATES = {
+    "pinocchio": pinocchio_candidates,
+    "mujoco": mujoco_candidates,
+    "exudyn": exudyn_candidates,
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Print the table of one tool's candidates."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else None)
+    parser.add_argument("tool", choices=CANDIDATES)
+    args = parser.parse_args(argv)
+    regular, singular = (list(scenes(names, SHIFTS)) for names in (REGULAR, SINGULAR))
+    candidates = CANDIDATES[args.tool]()
+    rows = [
+        [s.name, f"{s.regular:.2f}", f"{s.singular:.2f}", f"{s.stopped} of {s.runs}"]
+        for s in (score(c, regular, singular) for c in tqdm(candidates, disable=None))
+    ]
+    print(commands.table(["candidate", " regular", " singular", " stopped"], rows, longest=len(rows)))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
