@@ -1,0 +1,292 @@
+"use strict";
+// Play, pause, scrub, speed; labels; keys; the address's fragment.
+
+(() => {
+  const $ = (id) => document.getElementById(id);
+  const data = JSON.parse($("data").textContent);
+  if (document.createElement("canvas").getContext("webgl") === null) {
+    throw new Error("This browser cannot draw the motion: WebGL is missing or switched off.");
+  }
+  const scene = new Scene($("pane"), data);
+  const picture = data.speed / 30; // simulated seconds from one picture to the next
+  const span = data.end - data.start;
+  const digits = span > 0 ? Math.min(9, Math.max(2, 3 + Math.ceil(-Math.log10(span)))) : 3;
+  const state = { time: data.start, playing: false, speed: data.speed, last: null };
+  const many = data.runs.length > 1;
+  const spell = (time) => time.toFixed(digits).replace("-", "−");
+
+  // ------------------------------------------------------------------ crossings
+
+  const crossings = data.runs
+    .flatMap((run, i) => run.crossings.map((crossing, k) => ({ ...crossing, run: i, index: k })))
+    .sort((a, b) => a.time - b.time);
+  crossings.forEach((crossing, i) => { crossing.number = i + 1; });
+
+  function nearest() {
+    let best = null;
+    for (const c of crossings) {
+      const away = Math.abs(c.time - state.time);
+      if (away <= 8 * picture && (best === null || away < Math.abs(best.time - state.time))) best = c;
+    }
+    return best;
+  }
+
+  function list_crossings() {
+    $("crossings").hidden = crossings.length === 0;
+    for (const c of crossings) {
+      const item = document.createElement("li"), button = document.createElement("button");
+      const about = document.createElement("small");
+      button.textContent = `${c.number} · t = ${spell(c.time)} s`;
+      about.textContent = `${c.y}, ${c.kind}` + (many ? `, ${data.runs[c.run].label}` : "");
+      button.append(about);
+      button.addEventListener("click", () => { pause(); seek(c.time); });
+      item.append(button);
+      $("crossing-list").append(item);
+      c.button = button;
+    }
+  }
+
+  function draw_ticks() {
+    const ticks = $("ticks"), width = ticks.clientWidth;
+    ticks.replaceChildren();
+    let free = -Infinity;
+    for (const c of crossings) {
+      const x = span > 0 ? ((c.time - data.start) / span) * width : 0;
+      const tick = document.createElement("span");
+      tick.style.left = `${x}px`;
+      ticks.append(tick);
+      const half = 5 + 4 * String(c.number).length;
+      if (x - half < free) continue;
+      const name = document.createElement("b");
+      name.textContent = c.number;
+      name.style.left = `${x}px`;
+      ticks.append(name);
+      free = x + half;
+    }
+  }
+
+  // ------------------------------------------------------------------ labels in the scene
+
+  const marks = scene.drawings.flatMap((drawing, i) => drawing.marks.map((mark) => {
+    const label = document.createElement("div");
+    label.className = "mark";
+    $("labels").append(label);
+    const members = mark.members.map((k) => crossings.find((c) => c.run === i && c.index === k));
+    return { ...mark, drawing, label, members };
+  }));
+  const leaders = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+  $("labels").prepend(leaders);
+
+  function draw_labels() {
+    const shown = $("show-labels").checked, now = nearest();
+    const width = $("pane").clientWidth, height = $("pane").clientHeight;
+    leaders.replaceChildren();
+    const placed = [], views = scene.views();
+    draw_captions(views, width, height);
+    for (const mark of marks) {
+      mark.label.hidden = !shown;
+      mark.ring.visible = shown;
+      if (!shown) continue;
+      const active = now !== null && mark.members.includes(now);
+      const numbers = mark.members.map((c) => c.number);
+      const some = numbers.length > 6 ? [...numbers.slice(0, 5), "…"] : numbers;
+      const text = active ? `${now.number}: t = ${spell(now.time)} s\n${now.y}, ${now.kind}` : some.join(" · ");
+      if (mark.label.textContent !== text) mark.label.textContent = text;
+      mark.label.classList.toggle("now", active);
+      const tile = views.find((view) => view.shown.includes(mark.drawing));
+      const at = scene.project(mark.at, tile), rim = scene.project(mark.rim, tile);
+      const gap = 6 + Math.hypot(rim.x - at.x, rim.y - at.y);
+      placed.push({ mark, tile, ...at, gap, w: mark.label.offsetWidth, h: mark.label.offsetHeight });
+    }
+    // Each label above its mark, then pushed clear of those already set, inside its own view.
+    const boxes = obstacles();
+    placed.sort((a, b) => a.y - b.y || a.x - b.x);
+    for (const { mark, tile, x, y, gap, w, h } of placed) {
+      const low = tile.x + 4, top = height - tile.y - tile.h + 4;
+      const left = Math.min(Math.max(x - w / 2, low), Math.max(low, tile.x + tile.w - w - 4));
+      const options = [];
+      for (let k = 0; k < 12; k++) options.push(y - gap - h - 4 * k, y + gap + 4 * k);
+      const clear = (b) => b >= top && b + h <= top + tile.h - 8
+        && boxes.every((o) => left >= o.x + o.w + 3 || left + w + 3 <= o.x || b >= o.y + o.h + 3 || b + h + 3 <= o.y);
+      const b = options.find(clear);
+      mark.label.style.visibility = b === undefined ? "hidden" : "visible";
+      if (b === undefined) continue;
+      boxes.push({ x: left, y: b, w, h });
+      mark.label.style.transform = `translate(${left}px, ${b}px)`;
+      const line = document.createElementNS("http://www.w3.org/2000/svg", "line");
+      const ends = { x1: x, y1: b > y ? y + gap - 6 : y - gap + 6, x2: Math.min(Math.max(x, left + 6), left + w - 6), y2: b > y ? b : b + h };
+      for (const [name, value] of Object.entries(ends)) line.setAttribute(name, value);
+      leaders.append(line);
+    }
+  }
+
+  function obstacles() {
+    const pane = $("pane").getBoundingClientRect();
+    return [$("view-buttons"), ...captions].map((element) => {
+      const box = element.getBoundingClientRect();
+      return { x: box.left - pane.left, y: box.top - pane.top, w: box.width, h: box.height };
+    });
+  }
+
+  const captions = scene.side_by_side ? data.runs.map((run) => {
+    const caption = document.createElement("div");
+    caption.className = "caption";
+    caption.textContent = run.label;
+    $("labels").append(caption);
+    return caption;
+  }) : [];
+  const dividers = captions.slice(1).map(() => {
+    const divider = document.createElement("div");
+    divider.className = "divider";
+    $("labels").append(divider);
+    return divider;
+  });
+
+  function draw_captions(views, width, height) {
+    captions.forEach((caption, i) => {
+      const { x, y, w, h } = views[i], top = height - y - h;
+      caption.style.left = `${x + 10}px`;
+      caption.style.top = `${top + 8}px`;
+      caption.style.color = RUN_COLOURS[i];
+      if (i === 0) return;
+      const wide = views[0].y === y;
+      const box = wide ? [x, 0, 1, height] : [0, top, width, 1];
+      ["left", "top", "width", "height"].forEach((name, k) => { dividers[i - 1].style[name] = `${box[k]}px`; });
+    });
+  }
+
+  function draw_legend() {
+    data.runs.forEach((run, i) => {
+      const item = document.createElement("li"), swatch = document.createElement("i");
+      swatch.style.background = RUN_COLOURS[i];
+      item.append(...(many ? [swatch] : []), run.label);
+      if (run.end < data.end) item.append(`, until t = ${spell(run.end)} s`);
+      $("legend").append(item);
+    });
+  }
+
+  // ------------------------------------------------------------------ time
+
+  function seek(time) {
+    state.time = Math.min(Math.max(time, data.start), data.end);
+    scene.place(state.time);
+  }
+
+  function show_time() {
+    const now = nearest();
+    $("time").value = state.time;
+    $("time").setAttribute("aria-valuetext", `${spell(state.time)} s of ${spell(data.end)} s`);
+    $("clock").innerHTML = `t = ${spell(state.time)} s <small>of ${spell(data.end)} s</small>`;
+    for (const c of crossings) c.button.setAttribute("aria-current", String(c === now));
+    document.body.dataset.time = state.time;
+    document.body.dataset.state = state.playing ? "playing" : "paused";
+  }
+
+  function play() {
+    if (state.time >= data.end) seek(data.start);
+    state.playing = true;
+    state.last = null;
+    $("play").textContent = "Pause";
+    scene.dirty = true;
+  }
+
+  function pause() {
+    state.playing = false;
+    $("play").textContent = "Play";
+    scene.dirty = true;
+  }
+
+  function tick(now) {
+    requestAnimationFrame(tick);
+    if (state.playing) {
+      const passed = state.last === null ? 0 : Math.min(now - state.last, 500) / 1000;
+      state.last = now;
+      seek(state.time + passed * state.speed);
+      if (state.time >= data.end) {
+        if ($("loop").checked && span > 0) seek(data.start);
+        else pause();
+      }
+    }
+    if (!scene.dirty) return;
+    scene.draw();
+    draw_labels();
+    show_time();
+  }
+
+  // ------------------------------------------------------------------ controls
+
+  function show() {
+    for (const drawing of scene.drawings) {
+      drawing.show_meshes(drawing.meshes.length > 0 && $("show-meshes").checked);
+      drawing.ghost.visible = $("show-ghost").checked;
+      for (const trail of drawing.trails) trail.visible = $("show-trails").checked;
+    }
+    scene.dirty = true;
+  }
+
+  function hop(sign) {
+    pause();
+    const near = picture / 100;
+    const ahead = crossings.filter((c) => sign * (c.time - state.time) > near);
+    if (ahead.length) seek(ahead[sign > 0 ? 0 : ahead.length - 1].time);
+  }
+
+  const step = (count) => { pause(); seek(state.time + count * picture); };
+  const keys = {
+    " ": () => (state.playing ? pause() : play()),
+    ArrowLeft: (event) => step(event.shiftKey ? -30 : -1),
+    ArrowRight: (event) => step(event.shiftKey ? 30 : 1),
+    Home: () => { pause(); seek(data.start); },
+    End: () => { pause(); seek(data.end); },
+    n: () => hop(1), p: () => hop(-1), r: () => scene.fit(),
+    "+": () => scene.zoom(0.8), "=": () => scene.zoom(0.8), "-": () => scene.zoom(1.25),
+  };
+  document.addEventListener("keydown", (event) => {
+    const action = keys[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+    const at = event.target;
+    const own = at.tagName === "SELECT" || (event.key === " " && (at.tagName === "BUTTON" || at.type === "checkbox"
+      || at.tagName === "SUMMARY"));
+    if (!action || own || event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    action(event);
+  });
+  $("play").addEventListener("click", () => keys[" "]());
+  $("step-back").addEventListener("click", () => step(-1));
+  $("step-on").addEventListener("click", () => step(1));
+  $("zoom-in").addEventListener("click", () => scene.zoom(0.8));
+  $("zoom-out").addEventListener("click", () => scene.zoom(1.25));
+  $("reset").addEventListener("click", () => scene.fit());
+  $("time").addEventListener("input", () => { pause(); seek(Number($("time").value)); });
+  $("speed").addEventListener("change", () => { state.speed = Number($("speed").value); });
+  for (const box of ["show-trails", "show-ghost", "show-labels", "show-meshes"]) $(box).addEventListener("change", show);
+  new ResizeObserver(() => { scene.resize(); draw_ticks(); }).observe($("pane"));
+
+  function follow_fragment() {
+    const asked = new URLSearchParams(location.hash.slice(1));
+    if (asked.has("t") && Number.isFinite(Number(asked.get("t")))) seek(Number(asked.get("t")));
+    if (asked.has("paused")) pause();
+    return asked.has("paused");
+  }
+  window.addEventListener("hashchange", follow_fragment);
+
+  for (const times of [0.05, 0.1, 0.25, 0.5, 1, 2, 5]) {
+    const option = document.createElement("option");
+    option.value = times * data.speed;
+    option.textContent = `${Number((times * data.speed).toPrecision(6))}×`;
+    option.selected = times === 1;
+    $("speed").append(option);
+  }
+  $("time").min = data.start;
+  $("time").max = data.end;
+  $("show-meshes").parentElement.hidden = data.runs.every((run) => run.meshes.length === 0);
+  draw_legend();
+  list_crossings();
+  draw_ticks();
+  seek(data.start);
+  const still = window.matchMedia("(prefers-reduced-motion: reduce)").matches;
+  if (!follow_fragment() && !still && span > 0) play();
+  requestAnimationFrame(tick);
+
+  // For scripts and the browser's console.
+  window.replay = { play, pause, seek, scene, time: () => state.time };
+})();

@@ -1,0 +1,158 @@
+"""The live viewer: for this machine alone, never waiting without end, leaving nothing behind."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import subprocess
+import sys
+import threading
+import time
+import urllib.error
+import urllib.request
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+
+import robust_gcp as rg
+
+umsgpack = pytest.importorskip("umsgpack", reason="meshcat (extra viz) is not installed")
+pytest.importorskip("meshcat", reason="meshcat (extra viz) is not installed")
+
+
+def port_of(url: str) -> int:
+    port = urlsplit(url).port
+    assert port is not None
+    return port
+
+
+def listening(address: str, port: int) -> bool:
+    with socket.socket() as probe:
+        probe.settimeout(1.0)
+        return probe.connect_ex((address, port)) == 0
+
+
+async def received(url: str, count: int) -> list[dict]:
+    from tornado.websocket import websocket_connect
+
+    connection = await websocket_connect(url)
+    messages = []
+    for _ in range(count):
+        message = await asyncio.wait_for(connection.read_message(), 5.0)
+        assert isinstance(message, bytes)
+        messages.append(umsgpack.unpackb(message))
+    connection.close()
+    while await connection.read_message() is not None:
+        pass
+    return messages
+
+
+def test_this_machine_alone_can_see_it(capfd: pytest.CaptureFixture[str]) -> None:
+    with rg.live(rg.load("rhombus")) as viewer:
+        port = port_of(viewer.url)
+        assert listening("127.0.0.1", port)
+        assert not listening("127.0.0.2", port)  # any other address, even one of this machine
+        with urllib.request.urlopen(viewer.url, timeout=5) as page:
+            assert b"MeshCat" in page.read()
+        elsewhere = urllib.request.Request(viewer.url, headers={"Host": f"example.org:{port}"})
+        with pytest.raises(urllib.error.HTTPError, match="404") as refused:
+            urllib.request.urlopen(elsewhere, timeout=5)
+        refused.value.close()
+    assert capfd.readouterr() == ("", "")  # nothing is printed, refusals included
+
+
+def test_a_browser_is_told_the_scene_and_where_its_parts_are() -> None:
+    mechanism = rg.load("rhombus")
+    with rg.live(mechanism) as viewer:
+        viewer.show([0.7, -0.7, 0.7])
+        url = f"ws://127.0.0.1:{port_of(viewer.url)}/"
+        messages = asyncio.run(received(url, 21))
+    objects = [m["path"] for m in messages if m["type"] == "set_object"]
+    poses = {m["path"]: np.reshape(m["matrix"], (4, 4)).T for m in messages if m["type"] == "set_transform"}
+    assert set(objects) == set(poses)
+    sticks = [T for path, T in poses.items() if "stick" in path]
+    # four unit rods, ground included, at one scale: meshcat's unit cylinder is along y
+    lengths = [np.linalg.norm(T[:3, 1]) for T in sticks]
+    np.testing.assert_allclose(lengths, lengths[0], rtol=1e-12)
+    ends = np.array([T[:3, 3] + s * T[:3, 1] for T in sticks for s in (-0.5, 0.5)]) / lengths[0]
+    # the rhombus' corners: sides 1, angle 0.7, so the diagonals are 2 cos 0.35 and 2 sin 0.35
+    apart = np.linalg.norm(ends[:, None] - ends[None], axis=2)
+    expected = {0.0, 1.0, 2 * np.cos(0.35), 2 * np.sin(0.35)}
+    assert {min(expected, key=lambda x, d=d: abs(x - d)) for d in apart.ravel()} == expected
+    assert max(min(abs(x - d) for x in expected) for d in apart.ravel()) < 1e-12
+
+
+def test_playing_takes_the_time_of_the_motion_with_nobody_looking_on() -> None:
+    run = rg.simulate(rg.load("rhombus"), duration=0.5, step=1e-2)
+    with rg.live(run) as viewer:
+        begin = time.monotonic()
+        viewer.play(run)
+        assert 0.4 < time.monotonic() - begin < 3.0
+        begin = time.monotonic()
+        assert not viewer.wait_for_browser(timeout=0.1)
+        assert time.monotonic() - begin < 2.0
+
+
+def test_closing_frees_port_and_thread_and_may_be_repeated() -> None:
+    before = set(threading.enumerate())
+    viewer = rg.live(rg.load("rhombus"))
+    port = port_of(viewer.url)
+    viewer.close()
+    viewer.close()
+    assert set(threading.enumerate()) == before
+    assert not listening("127.0.0.1", port)
+    with pytest.raises(rg.RobustGcpError, match="closed"):
+        viewer.show([0.2, -0.2, 0.2])
+    with rg.live(rg.load("rhombus"), port=port) as again:
+        assert port_of(again.url) == port
+
+
+def test_a_browser_that_stays_does_not_keep_it_open() -> None:
+    from tornado.websocket import websocket_connect
+
+    async def stay() -> None:
+        loop = asyncio.get_running_loop()
+        viewer = await loop.run_in_executor(None, rg.live, rg.load("rhombus"))
+        connection = await websocket_connect(f"ws://127.0.0.1:{port_of(viewer.url)}/")
+        assert await loop.run_in_executor(None, viewer.wait_for_browser, 5.0)
+        for y in np.linspace(0.2, 0.9, 50):  # never read: nothing may pile up or wait
+            await loop.run_in_executor(None, viewer.show, [y, -y, y])
+        await loop.run_in_executor(None, viewer.close)
+        while await connection.read_message() is not None:
+            pass  # what had been sent, then the end
+        connection.close()
+
+    asyncio.run(asyncio.wait_for(stay(), 20.0))
+
+
+def test_a_program_that_forgets_to_close_still_ends() -> None:
+    script = 'import robust_gcp as rg; viewer = rg.live(rg.load("rhombus")); print(viewer.url)'
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert done.stderr == ""
+    assert not listening("127.0.0.1", port_of(done.stdout.strip()))
+
+
+def test_a_taken_port_and_other_bad_input_are_refused() -> None:
+    before = set(threading.enumerate())
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        with pytest.raises(rg.OptionError, match="0 takes a free one"):
+            rg.live(rg.load("rhombus"), port=taken.getsockname()[1])
+    with pytest.raises(rg.OptionError, match="not a str"):
+        rg.live("rhombus")  # type: ignore[arg-type]
+    assert set(threading.enumerate()) == before
+    with rg.live(rg.load("rhombus")) as viewer:
+        with pytest.raises(rg.StateError):
+            viewer.show([0.2])
+        with pytest.raises(rg.OptionError, match="not one of"):
+            viewer.play(rg.simulate(rg.load("bricard"), duration=0.01))
+
+
+def test_without_the_extra_the_remedy_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(rg.MissingExtraError, match=r"robust_gcp\[viz\]"):
+        rg.live(rg.load("rhombus"))
