@@ -122,13 +122,6 @@ def test_a_run_that_stopped_is_drawn_as_far_as_it_got(rhombus: paper.Case) -> No
     assert words == ["stopped"] * 5
 
 
-def test_closed_poses_meet_at_the_tip(rhombus: paper.Case) -> None:
-    drawing = paper.draw_four_bar(rhombus.mechanism)
-    for q in rhombus.runs["classical"].q[::50]:
-        pose = plots.four_bar_pose(drawing, q)
-        np.testing.assert_allclose(pose["B"], pose["D"], atol=1e-12)
-
-
 def test_figures_are_the_same_picture_every_time(rhombus: paper.Case, tmp_path: Path) -> None:
     """Pixel by pixel; the bytes of a PDF hold coordinates whose last digit is rounding."""
     from matplotlib import image

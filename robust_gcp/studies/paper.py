@@ -21,10 +21,11 @@ import numpy as np
 from ..closed_form import parallelogram_pendulum, pendulum
 from ..commands import progress_bar, table
 from ..errors import SimulationError
-from ..four_bar_map import Drawing, draw_four_bar
+from ..four_bar_map import draw_four_bar
 from ..gcp import SingularityWarning
 from ..loader import load
 from ..mechanism import Mechanism
+from ..pictures_mechanism import body_legend, draw_pose, face_on, pose
 from ..simulate import Method, simulate
 from ..trajectory import Trajectory
 from ..tree import Array
@@ -209,10 +210,10 @@ def joint_figure(case: Case) -> Figure:
 
 def strobe_figure(case: Case) -> Figure:
     """Draw the motion at the same instants by classical and robust GCP, one above the other."""
-    drawing = draw_four_bar(case.mechanism)
+    view = face_on(case.mechanism)
     times, y = strobe_instants(case).reshape(2, -1), case.exact["q"][:, 0]
-    poses = [list(plots.four_bar_pose(drawing, q).values()) for q in case.exact["q"][::10]]
-    low, high = np.min(poses, axis=(0, 1)) - MARGIN, np.max(poses, axis=(0, 1)) + MARGIN
+    room = np.vstack([pose(case.mechanism, q, view).points for q in case.exact["q"][::10]])
+    low, high = room.min(axis=0) - MARGIN, room.max(axis=0) + MARGIN
     panel = 0.94 * plots.WIDTH / times.shape[1] / (high - low)[0]
     block_height = 2.0 * panel * float((high - low)[1]) + 0.45
     figure = plots.new_figure(2.0 * block_height + LEGEND_HEIGHT)
@@ -225,12 +226,12 @@ def strobe_figure(case: Case) -> Figure:
                 ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
                 ax.set(xticks=[], yticks=[])
                 ax.spines[:].set_visible(False)
-                _strobe(ax, case.runs[method], drawing, float(t))
+                _strobe(ax, case.runs[method], view, float(t))
             line[0].set_ylabel(title)
         for ax, t in zip(panels[0], instants, strict=True):
             lost = t == case.lock_time and abs(np.interp(t, case.t, y) + np.pi) < 0.02
             ax.set_title(f"{t:.3f} s, $q_1 = -\\pi$" if lost else f"{t:.2f} s", fontsize=8.5)
-    plots.link_legend(parts[2])
+    body_legend(parts[2], case.mechanism)
     return figure
 
 
@@ -242,7 +243,7 @@ def strobe_instants(case: Case) -> Array:
     return lock * np.array([*STROBE_BEFORE, *(1.0 + after * x for x in STROBE_AFTER)])
 
 
-def _strobe(ax: Axes, run: Trajectory, drawing: Drawing, t: float) -> None:
+def _strobe(ax: Axes, run: Trajectory, view: Array, t: float) -> None:
     """Draw the mechanism at t and, faded, a little earlier."""
     if t > run.t[-1]:
         ax.text(0.5, 0.0, "stopped", transform=ax.transAxes, ha="center", fontsize=8)
@@ -250,7 +251,7 @@ def _strobe(ax: Axes, run: Trajectory, drawing: Drawing, t: float) -> None:
         if t - before < 0.0:
             continue
         q = run.q[min(int(np.searchsorted(run.t, t - before - 1e-9)), len(run.t) - 1)]
-        plots.draw_four_bar_pose(ax, plots.four_bar_pose(drawing, q), alpha, pins=before == 0.0)
+        draw_pose(ax, pose(run.mechanism, q, view), alpha, pins=before == 0.0)
 
 
 # --------------------------------------------------------------------------- command
