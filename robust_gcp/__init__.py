@@ -2,6 +2,8 @@
 
 from .bridge import BridgeOptions
 from .closure import FrameClosure, PointClosure, RevoluteClosure
+from .coarse import CoarseStepWarning
+from .config_space import ConfigurationSpace, ModeCurve, trace_modes
 from .dynamics import implicit_dynamics
 from .errors import (
     BranchError,
@@ -16,52 +18,80 @@ from .errors import (
     SimulationError,
     SingularStartError,
     StateError,
+    SweepError,
     ToggleError,
 )
 from .explicit import Crossing
 from .forces import JointDamper, JointSpring, JointTorque, PointSpring
 from .gcp import SingularityWarning
 from .inverse import inverse_dynamics
+from .linearise import Linearisation, StabilityWarning, linearise
+from .live import live
 from .loader import load, model_names
+from .many_runs import grid, sweep, sweep_as_completed
 from .mechanism import Mechanism
+from .native import Backend, NativeBuildWarning, backends
+from .pictures_modes import plot_modes
+from .replay import ReplayPage, replay
 from .simulate import simulate
 from .singularity import LocalAnalysis, analyse
+from .sweep_record import Failure, RunRecord
 from .trajectory import Stats, Trajectory
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "Backend",
     "BranchError",
     "BridgeOptions",
     "ClosureError",
+    "CoarseStepWarning",
+    "ConfigurationSpace",
     "Crossing",
+    "Failure",
     "FrameClosure",
     "JointDamper",
     "JointSpring",
     "JointTorque",
+    "Linearisation",
     "LocalAnalysis",
     "Mechanism",
     "MissingExtraError",
+    "ModeCurve",
     "ModelError",
+    "NativeBuildWarning",
     "NonFiniteError",
     "NotCertifiedError",
     "OptionError",
     "PartitionError",
     "PointClosure",
     "PointSpring",
+    "ReplayPage",
     "RevoluteClosure",
     "RobustGcpError",
+    "RunRecord",
     "SimulationError",
     "SingularStartError",
     "SingularityWarning",
+    "StabilityWarning",
     "StateError",
     "Stats",
+    "SweepError",
     "ToggleError",
     "Trajectory",
     "analyse",
+    "backends",
+    "grid",
     "implicit_dynamics",
     "inverse_dynamics",
+    "linearise",
+    "live",
     "load",
     "model_names",
+    "plot_modes",
+    "replay",
     "simulate",
+    "sweep",
+    "sweep_as_completed",
+    "trace_modes",
 ]

@@ -11,13 +11,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from . import __version__, commands
+from . import __version__, commands, modes_command
 from .errors import RobustGcpError
 from .simulate import METHODS, RECORDS
 from .steppers import SCIPY_STEPPERS
-from .studies import a02, benchmark, crossings, paper
+from .studies import a02, benchmark, costs, crossings, paper
+from .studies.stability import command as stability
+from .studies.work_precision import command as work_precision
 
-ROOMS = (paper, crossings, a02, benchmark)
+ROOMS = (modes_command, paper, crossings, a02, benchmark, costs, work_precision, stability)
 """Modules that bring subcommands of their own by `add_parser(subparsers)`."""
 
 MODEL = "a shipped model's name, or a folder with robot.urdf and robot.yaml"
@@ -29,6 +31,9 @@ PI = re.compile(r"(?P<sign>[+-]?)(?:(?P<times>\d+\.?\d*)\*?)?pi(?:/(?P<over>\d+\
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a subcommand; the exit code is 0 when done, 2 when refused or stopped by an error."""
     given = sys.argv[1:] if argv is None else argv
+    if any("\0" in text for text in given):
+        commands.complain("a word holds a null character, which no name or path does; remove it")
+        return 2
     args = _parser().parse_args([shield(text) for text in given])
     try:
         return int(args.run(args))
@@ -48,7 +53,10 @@ def number(text: str) -> float:
     match = PI.fullmatch(text.strip())
     if match is None:
         return float(text)
-    value = math.pi * float(match["times"] or 1.0) / float(match["over"] or 1.0)
+    over = float(match["over"] or 1.0)
+    if over == 0.0:
+        raise ValueError(f"{text} divides by zero")
+    value = math.pi * float(match["times"] or 1.0) / over
     return -value if match["sign"] == "-" else value
 
 
@@ -56,7 +64,7 @@ def shield(text: str) -> str:
     """Put a space before a negative number, which argparse may take for an option (`-pi`)."""
     try:
         return f" {text}" if text.startswith("-") and number(text) <= 0.0 else text
-    except (ValueError, ZeroDivisionError):
+    except ValueError:
         return text
 
 
@@ -110,6 +118,9 @@ def _add_simulate(subparsers: Any) -> None:
     add("--record", type=lambda items: items.split(","), default=[], metavar="LIST", help=text)
     add("--out", type=Path, metavar="PATH", help="write CSV: a file.csv, or a folder")
     add("--plot", type=Path, metavar="FILE", help="draw q and v over time: a .png or .pdf file")
+    add("--replay", type=Path, metavar="FILE", help="write the motion as a web page: a .html file")
+    text = "frames whose paths the replay draws; default: the first closure's"
+    add("--trails", type=lambda names: names.split(","), metavar="LIST", help=text)
     parser.set_defaults(run=commands.simulate)
 
 

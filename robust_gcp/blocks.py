@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from math import sqrt
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dgbtrf, dgbtrs, dgecon, dgetrf, dgetrs
 
 from .partition import Block
 from .tree import Array
@@ -103,9 +103,9 @@ class BlockFactor:
         if self._banded:
             self._band[:] = 0.0
             self._band[self._band_at] = flat[self._band_from]
-            self._lu, self._pivots, self._info = dgbtrf(self._band, self._kl, self._ku)
+            self._lu, self._pivots, self._info = scipy.linalg.lapack.dgbtrf(self._band, self._kl, self._ku)
         else:
-            self._lu, self._pivots, self._info = dgetrf(flat[self._order])
+            self._lu, self._pivots, self._info = scipy.linalg.lapack.dgetrf(flat[self._order])
         self._measure(flat)
 
     def _factor_pair(self, flat: Array) -> None:
@@ -134,11 +134,12 @@ class BlockFactor:
         for i, grid in self._large:
             piece = flat[grid]
             norm = float(np.abs(piece).sum(axis=0).max())
-            lu, pivots, info = dgetrf(piece)
+            lu, pivots, info = scipy.linalg.lapack.dgetrf(piece)
             swaps = int(np.count_nonzero(pivots != np.arange(len(pivots))))
             det[i] = float(np.prod(lu.diagonal())) * (-1.0 if swaps % 2 else 1.0)
             regular = info == 0 and np.isfinite(norm)
-            rcond[i] = min(float(dgecon(lu, norm)[0]) / self.reference[i], 1.0) if regular else 0.0
+            estimate = float(scipy.linalg.lapack.dgecon(lu, norm)[0]) if regular else 0.0
+            rcond[i] = min(estimate / self.reference[i], 1.0)
         self.det, self.rcond = det, rcond
         self.worst = float(rcond.min(initial=1.0))
 
@@ -155,7 +156,7 @@ class BlockFactor:
 
     def _solve_one(self, b: Array) -> Array:
         if self._banded:
-            x, _ = dgbtrs(self._lu, self._kl, self._ku, b[self._rows], self._pivots)
+            x, _ = scipy.linalg.lapack.dgbtrs(self._lu, self._kl, self._ku, b[self._rows], self._pivots)
         else:
-            x, _ = dgetrs(self._lu, self._pivots, b[self._rows])
+            x, _ = scipy.linalg.lapack.dgetrs(self._lu, self._pivots, b[self._rows])
         return np.asarray(x[self._into])

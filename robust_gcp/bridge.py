@@ -266,6 +266,7 @@ class Builder:
         point = line.at(zeros[0], np.zeros(path.m))
         separation = transversality(mechanism, point.q, point.G, path.nd)
         path.counters.svds += 1
+        path.counters.second_order += 1
         if separation < options.transversality:
             raise NoBridgeError("the modes part at higher than second order", residual, separation)
         certified = residual <= options.closure_tolerance

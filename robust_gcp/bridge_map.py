@@ -24,6 +24,9 @@ MAX_BRIDGES = 16
 SAME_POINT = 1e-6
 """Agreement of q and G, dimensionless, by which a point is known to lie on a bridge's mode."""
 
+ONE_TURN = 2.0 * np.pi
+"""Largest rotation between evaluations, rad, or slide in lengths, that is followed in small steps."""
+
 DEEP = 0.1
 """Fraction of the zone below which an undecided singularity stops the run."""
 
@@ -61,6 +64,17 @@ class BridgeMap:
     def counters(self) -> Counters:
         """What was computed so far."""
         return self.path.counters
+
+    @property
+    def current(self) -> Bridge | None:
+        """The bridge in use."""
+        return self._current
+
+    def resume(self, anchor: Point, on_bridge: bool) -> None:
+        """Go on from a point that was reached elsewhere, still on the bridge in use or beside it."""
+        self.anchor = anchor
+        if not on_bridge:
+            self._current = None
 
     def adopt(self, bridge: Bridge) -> None:
         """Start on this bridge: the motion begins at or beside the singular configuration."""
@@ -171,6 +185,14 @@ class BridgeMap:
     def _rare(self, y: Array, ydot: Array) -> Point:
         """March towards y; bridge the zones on the way."""
         here, zone = self.anchor, self.options.zone
+        turn = self.path.turn(here.G @ (y - here.y))
+        if turn > ONE_TURN:
+            raise BranchError(
+                f"from y = {here.y} to {y} the stepper moves a joint by {turn:.3g} rad (or lengths) at once, "
+                "more than a turn, in which no branch can be followed: the step is too large for this "
+                "motion, or the motion has become unstable; use a smaller step",
+                here.y,
+            )
         for _ in range(50):
             if here.conditioning >= zone:
                 here = march(self.path, here, y, ydot, stop_below=zone)

@@ -2,25 +2,56 @@
 
 from __future__ import annotations
 
+import math
+import reprlib
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
 
-from .errors import ModelError, OptionError
+from .errors import ModelError, OptionError, RobustGcpError, StateError
+
+Array = NDArray[np.floating[Any]]
+
+LARGEST = 10**300
+"""Integers beyond it do not fit a float."""
+
+OVERFLOWING = 1e100
+"""SI units: products of three such numbers are no longer finite."""
+
+NOT_TURNED = 1e-6
+"""Largest entry of R Rᵀ − I of a rotation: rounded input."""
+
+UNPHYSICAL = 1e-6
+"""Negative principal moment, relative to the body's inertia at the model's size, taken for rounding."""
+
+LIGHTEST = float(np.finfo(float).eps)
+"""kg: Pinocchio divides by no smaller sum of masses, so that lighter bodies get a wrong centre."""
+
+_BRIEF = reprlib.Repr()
+_BRIEF.maxstring = _BRIEF.maxother = 200
+_BRIEF.maxlist = _BRIEF.maxtuple = _BRIEF.maxdict = _BRIEF.maxset = 12
+_BRIEF.maxlevel = 4
+
+
+def shown(value: Any) -> str:
+    """`repr`, cut where it is long: input in a message may be of any size."""
+    return _BRIEF.repr(value)
 
 
 def check_number(name: str, value: Any) -> None:
     """Refuse what is not a real number; NaN and infinity pass."""
-    if isinstance(value, bool) or not isinstance(value, int | float | np.number):
-        raise OptionError(f"{name} = {value!r} must be a number")
+    real = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+    if not real or (isinstance(value, int) and abs(value) > LARGEST):
+        raise OptionError(f"{name} = {shown(value)} must be a number" + " below 1e300" * real)
 
 
 def check_positive(name: str, value: Any) -> None:
     """Refuse what is not a positive, finite number."""
     check_number(name, value)
-    if not np.isfinite(value) or value <= 0.0:
+    if not math.isfinite(value) or value <= 0.0:
         raise OptionError(f"{name} = {value} must be positive and finite")
 
 
@@ -34,7 +65,7 @@ def check_between(name: str, value: Any, low: float, high: float) -> None:
 def check_choice(name: str, value: Any, allowed: Sequence[str]) -> None:
     """Refuse what is not one of the words allowed."""
     if not isinstance(value, str) or value not in allowed:
-        raise OptionError(f"{name} = {value!r} is unknown; use one of {', '.join(allowed)}")
+        raise OptionError(f"{name} = {shown(value)} is unknown; use one of {', '.join(allowed)}")
 
 
 def check_mechanism(value: Any, kind: type[Any], function: str) -> None:
@@ -42,7 +73,7 @@ def check_mechanism(value: Any, kind: type[Any], function: str) -> None:
     if isinstance(value, kind):
         return
     if isinstance(value, str):
-        remedy = f"{value!r} is a name: give robust_gcp.load({value!r})"
+        remedy = f"{shown(value)} is a name: give robust_gcp.load({shown(value)})"
     elif isinstance(value, pin.Model):
         remedy = "a pinocchio Model has no closures yet: give Mechanism.from_pinocchio(model, ...)"
     else:
@@ -50,35 +81,107 @@ def check_mechanism(value: Any, kind: type[Any], function: str) -> None:
     raise OptionError(f"{function} needs a Mechanism; {remedy}")
 
 
-def listed(value: Any, what: str, items: str) -> list[Any]:
-    """The items of a list, or a ModelError where one item was given without its list."""
-    if isinstance(value, str | Mapping) or not isinstance(value, Iterable):
-        hint = f"; write [{value!r}]" if value is not None and not isinstance(value, Mapping) else ""
-        raise ModelError(f"{what} must be a list of {items}, not {value!r}{hint}")
-    return list(value)
+def listed(value: Any, what: str, items: str, error_type: type[RobustGcpError] = ModelError) -> list[Any]:
+    """The items of a list, or an error where one item was given without its list."""
+    if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable):
+        hint = f"; write [{shown(value)}]" if value is not None and not isinstance(value, Mapping) else ""
+        raise error_type(f"{what} must be a list of {items}, not {shown(value)}{hint}")
+    try:
+        return list(value)
+    except TypeError as error:  # an array without dimensions
+        raise error_type(f"{what} must be a list of {items}, not {shown(value)}") from error
+
+
+def checked_vector(value: ArrayLike, size: int, what: str, letter: str) -> Array:
+    """A finite float array (size,), or a StateError that names `what` and its size's letter."""
+    try:
+        given = np.asarray(value)
+        if given.dtype.kind not in "iuf" or np.ma.isMaskedArray(value):
+            raise TypeError(f"numbers of kind {given.dtype}")
+        array = given.astype(float)
+    except (TypeError, ValueError) as error:
+        raise StateError(f"{what}: {shown(value)} is not a list of {size} numbers") from error
+    if array.shape != (size,):
+        raise StateError(f"{what} has shape {array.shape}, expected ({letter},) = ({size},)")
+    if not np.all(np.isfinite(array)):
+        bad = int(np.flatnonzero(~np.isfinite(array))[0])
+        raise StateError(f"{what}[{bad}] is {array[bad]}: every entry must be finite")
+    return array
+
+
+def require_finite(value: Array, what: str) -> Array:
+    """The value, or a StateError: finite states can be so large that their products are not."""
+    if np.isfinite(value).all():
+        return value
+    raise StateError(f"{what} is not a finite number: q or v is too large; give m, rad and seconds")
 
 
 def check_model(model: Any) -> None:
-    """Refuse what is not a `pin.Model`, and a model with masses or placements that are not finite.
+    """Refuse what is not a `pin.Model`, and a model whose numbers no body in space can have.
 
     Raises
     ------
     ModelError
-        Naming the joint that carries the body.
+        Naming the joint or frame.
     """
     if not isinstance(model, pin.Model):
-        what = repr(model) if model is None or isinstance(model, str) else type(model).__name__
+        what = shown(model) if model is None or isinstance(model, str) else type(model).__name__
         raise ModelError(
             f"model: {what} is not a pin.Model; use robust_gcp.load(...) for a shipped model or a folder, "
             "Mechanism.from_urdf(...) for a URDF file"
         )
-    for name, inertia, placement in zip(model.names, model.inertias, model.jointPlacements, strict=True):
-        if not np.all(np.isfinite(inertia.toDynamicParameters())):
-            raise ModelError(
-                f"the body that joint {name!r} carries has mass {inertia.mass:g} kg and centre "
-                f"{inertia.lever.tolist()} m: mass, centre and inertia must be finite"
-            )
-        if not np.all(np.isfinite(placement.homogeneous)):
-            raise ModelError(
-                f"joint {name!r} has a placement that is not finite; correct model.jointPlacements"
-            )
+    if model.nv != model.nvExtended:
+        raise ModelError("model: it has mimic joints, which cannot be simulated; build it without mimic=True")
+    for what in ("armature", "rotorInertia"):
+        values = np.asarray(getattr(model, what))
+        if not _is_finite(values) or np.any(values < 0.0):
+            raise ModelError(f"model.{what} = {shown(values.tolist())} must be finite and not negative")
+    if not _is_finite(model.gravity.vector):
+        raise ModelError(f"model.gravity = {model.gravity.vector.tolist()} must be finite")
+    labels = [f"joint {name!r} has a placement" for name in model.names]
+    labels += [f"frame {frame.name!r} has a placement" for frame in model.frames]
+    poses = [p.homogeneous for p in model.jointPlacements] + [f.placement.homogeneous for f in model.frames]
+    _check_placements(labels, np.array(poses))
+    size = float(np.abs(np.array(poses)[: model.njoints, :3, 3]).max())
+    for name, inertia in list(zip(model.names, model.inertias, strict=True))[1:]:
+        _check_inertia(name, inertia, size)
+
+
+def _is_finite(values: Array) -> bool:
+    """Finite, and so are products of a few of them."""
+    return bool(np.abs(values).max(initial=0.0) <= OVERFLOWING)  # False for NaN
+
+
+def _check_placements(labels: Sequence[str], poses: Array) -> None:
+    """Finite translations, and rotations that are some."""
+    for label, pose in zip(labels, poses, strict=True):
+        if not _is_finite(pose):
+            raise ModelError(f"{label} that is not finite, or beyond {OVERFLOWING:g} m; correct it")
+    R = poses[:, :3, :3]
+    off = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+    worst = int(np.argmax(off))
+    if off[worst] > NOT_TURNED or np.any(np.linalg.det(R) < 0.0):
+        raise ModelError(f"{labels[worst]} whose 3 × 3 matrix is no rotation; make it orthonormal")
+
+
+def _check_inertia(joint: str, inertia: pin.Inertia, size: float) -> None:
+    """Mass not negative and principal moments neither, or kinetic energy would be."""
+    if not _is_finite(inertia.toDynamicParameters()):
+        raise ModelError(
+            f"the body that joint {joint!r} carries has mass {inertia.mass:g} kg and centre "
+            f"{inertia.lever.tolist()} m: mass, centre and inertia must be finite"
+        )
+    if 0.0 < inertia.mass < LIGHTEST:
+        raise ModelError(
+            f"the body that joint {joint!r} carries has mass {inertia.mass:g} kg: Pinocchio misplaces the "
+            f"centre of bodies below {LIGHTEST:g} kg when it adds them up; give it no mass at all or, where "
+            "all bodies are as light, take a larger unit of mass for masses, inertias and forces"
+        )
+    moments = np.linalg.eigvalsh(inertia.inertia)
+    arm = size**2 + float(inertia.lever @ inertia.lever)
+    scale = float(np.abs(moments).max()) + abs(inertia.mass) * arm
+    if inertia.mass < 0.0 or moments[0] < -UNPHYSICAL * scale:
+        raise ModelError(
+            f"the body that joint {joint!r} carries has mass {inertia.mass:g} kg and principal moments of "
+            f"inertia {moments.tolist()} kg m²: none may be negative, correct them"
+        )

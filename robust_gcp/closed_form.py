@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import ellipkm1, elliprf
 
+from .checks import OVERFLOWING, check_between
 from .errors import OptionError
 
 Array = NDArray[np.float64]
@@ -29,6 +30,8 @@ class _Shape(NamedTuple):
     kappa: float  # l2² − l3²
     c1: float  # S1² = c1 + 4 l0 l1 sin²(y/2); 0: S1 is signed
     c2: float  # S2² = c2 + 4 l0 l1 cos²(y/2); 0: S2 is signed
+    b1: float  # S1² = b1 − 4 l0 l1 cos²(y/2): keeps the digits where c1 would cancel
+    b2: float  # S2² = b2 − 4 l0 l1 sin²(y/2)
     still: int  # two links keep their direction: 1 parallelogram, −1 folded, 0 neither
     beta: tuple[float, float]  # offset and slope of a line within π of which β stays
     psi: tuple[float, float]  # the same for ψ
@@ -44,6 +47,7 @@ def _shape(l0: float, l1: float, l2: float, l3: float, s: int) -> _Shape:
     if abs(c - f) <= rounding:
         f = c
     c1, c2 = (abs(d) - abs(e)) * (abs(d) + abs(e)), (f - c) * (f + c)
+    b1, b2 = (c - abs(e)) * (c + abs(e)), (f - abs(d)) * (f + abs(d))
     still = s if c1 == c2 == 0.0 and d == s * e else 0
     flat, half = (0.0, 0.0), (PI, 0.0)
     if c1 == c2 == 0.0:  # β or ψ winds once per turn of y
@@ -51,7 +55,7 @@ def _shape(l0: float, l1: float, l2: float, l3: float, s: int) -> _Shape:
     else:
         beta = half if c1 == 0.0 and e < 0.0 else flat
         psi = half if c2 == 0.0 else beta
-    return _Shape(d, e * f, c1, c2, still, beta, psi)
+    return _Shape(d, e * f, c1, c2, b1, b2, still, beta, psi)
 
 
 def _angle(cosine: float, sine: float, reference: float) -> float:
@@ -105,6 +109,8 @@ class FourBar:
 
     def __post_init__(self) -> None:
         lengths = (self.l0, self.l1, self.l2, self.l3)
+        for name, length in zip(("l0", "l1", "l2", "l3"), lengths, strict=True):
+            check_between(name, length, 0.0, OVERFLOWING)
         room = sum(lengths) * (1.0 - LENGTH_ROUNDING) - 2.0 * max(lengths)
         if not (min(lengths) > 0.0 and 0.0 < room < math.inf):
             raise OptionError(f"lengths {lengths} m: need all > 0, the longest below the others' sum")
@@ -120,9 +126,9 @@ class FourBar:
     @property
     def reach(self) -> tuple[float, float]:
         """(low, high), rad: y is in reach where low ≤ |y| ≤ high, y taken mod 2π in (−π, π]."""
-        f, p = self._shape, 4.0 * self.l0 * self.l1
-        low = 0.0 if f.c1 >= 0.0 else 2.0 * math.asin(math.sqrt(min(1.0, -f.c1 / p)))
-        return low, PI if f.c2 >= 0.0 else 2.0 * math.acos(math.sqrt(min(1.0, -f.c2 / p)))
+        f = self._shape
+        low = 0.0 if f.c1 >= 0.0 else 2.0 * math.atan2(math.sqrt(-f.c1), math.sqrt(max(f.b1, 0.0)))
+        return low, PI if f.c2 >= 0.0 else 2.0 * math.atan2(math.sqrt(max(f.b2, 0.0)), math.sqrt(-f.c2))
 
     def evaluate(self, y: float, near: ArrayLike | None = None) -> Triple:
         """γ(y), G = γ'(y) and γ''(y), so that v = G ẏ and g = γ'' ẏ².
@@ -184,14 +190,16 @@ class FourBar:
     def _pose(self, y: float) -> tuple[float, float, float, float, float, float, float]:
         """q2, q3 (rad), sin(y/2), cos(y/2), r² (m²), S1, S2 (m)."""
         f, s, p = self._shape, self.assembly, 4.0 * self.l0 * self.l1
-        sh, ch = (math.sin(0.5 * y), math.cos(0.5 * y)) if math.isfinite(y) else (0.0, math.nan)
+        sh, ch = (math.sin(0.5 * y), math.cos(0.5 * y)) if math.isfinite(y) else (math.nan, math.nan)
         s1, s2 = math.sqrt(p) * sh, math.sqrt(p) * ch
         rr = f.d * f.d + s1 * s1
-        if not (f.c1 + s1 * s1 >= 0.0 and f.c2 + s2 * s2 >= 0.0):
+        square1 = f.b1 - s2 * s2 if -f.c1 > f.b1 else f.c1 + s1 * s1
+        square2 = f.b2 - s1 * s1 if -f.c2 > f.b2 else f.c2 + s2 * s2
+        if not (square1 >= 0.0 and square2 >= 0.0):
             reach = "{:.15g} <= |y| <= {:.15g} rad, y modulo 2 pi in (-pi, pi]".format(*self.reach)
             raise OptionError(f"y = {y!r} is out of reach of {self}, which needs {reach}")
-        s1 = math.sqrt(f.c1 + s1 * s1) if f.c1 else s1
-        s2 = math.sqrt(f.c2 + s2 * s2) if f.c2 else s2
+        s1 = math.sqrt(square1) if f.c1 else s1
+        s2 = math.sqrt(square2) if f.c2 else s2
         beta, psi = f.beta[0] + f.beta[1] * y, f.psi[0] + f.psi[1] * y
         if f.still:
             q2, q3 = (-y, y) if f.still > 0 else (PI, PI)
@@ -264,8 +272,8 @@ def pendulum(t: ArrayLike, y0: float, ydot0: float, A: float, B: float) -> Tripl
 
 def _first_kind(sine: float, cosine: float, m1: float) -> float:
     """F(φ | 1 − m1) for φ = atan2(sine, cosine); DLMF 19.25.5."""
-    value = sine * float(elliprf(cosine**2, cosine**2 + m1 * sine**2, 1.0))
-    return value if cosine >= 0.0 else math.copysign(2.0 * float(ellipkm1(m1)), sine) - value
+    value = sine * float(scipy.special.elliprf(cosine**2, cosine**2 + m1 * sine**2, 1.0))
+    return value if cosine >= 0.0 else math.copysign(2.0 * float(scipy.special.ellipkm1(m1)), sine) - value
 
 
 def _jacobi(u: Array, m1: float) -> tuple[Array, Array, Array, Array]:
@@ -277,7 +285,7 @@ def _jacobi(u: Array, m1: float) -> tuple[Array, Array, Array, Array]:
     if m1 == 0.0:
         sech = 1.0 / np.cosh(np.clip(u, -700.0, 700.0))
         return 2.0 * np.arctan(np.tanh(0.5 * u)), np.tanh(u), sech, sech
-    period = 2.0 * float(ellipkm1(m1))
+    period = 2.0 * float(scipy.special.ellipkm1(m1))
     count = np.round(u / period)
     u = u - count * period
     u = np.where(np.abs(u) < 1e-60, 1e-60, u)  # its cotangent squared must not overflow

@@ -12,18 +12,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import ArrayLike
 
 from . import singularity
 from .errors import OptionError, SimulationError, SingularStartError
 from .gcp import SingularityWarning
+from .joint_entries import entries
+from .linearise import StabilityWarning
 from .loader import load, model_names, models_folder
 from .mechanism import Mechanism
+from .pictures import require_file
+from .replay import replay, require_page
 from .simulate import simulate as run_simulation
 from .singularity import LocalAnalysis
-from .studies import plots
 from .trajectory import Trajectory
+from .yaml_text import parsed_yaml
+
+OURS = (SingularityWarning, StabilityWarning)
 
 LONGEST_TABLE = 12
 """Rows of a printed table; the rest is counted, and is in the CSV."""
@@ -69,11 +74,12 @@ def clean_warnings() -> Iterator[None]:
     caught: list[warnings.WarningMessage] = []
     try:
         with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always", SingularityWarning)
+            for kind in OURS:
+                warnings.simplefilter("always", kind)
             yield
     finally:
         for w in caught:
-            if issubclass(w.category, SingularityWarning):
+            if issubclass(w.category, OURS):
                 complain(f"warning: {w.message}")
             else:
                 warnings.showwarning(w.message, w.category, w.filename, w.lineno)
@@ -102,7 +108,9 @@ def simulate(args: argparse.Namespace) -> int:
     if csv is not None and csv.suffix != ".csv":
         csv = csv / f"{mechanism.name}_{args.method}.csv"
     if args.plot is not None:
-        plots.require_file(args.plot)
+        require_file(args.plot)
+    if args.replay is not None:
+        require_page(args.replay)
     q0 = mechanism.home if args.q0 is None else args.q0
     mode = None if args.mode is None else _mode(mechanism, q0, args.mode)
     if csv is not None:
@@ -143,7 +151,10 @@ def simulate(args: argparse.Namespace) -> int:
     if csv is not None:
         tell(f"wrote {trajectory.to_csv(csv)}")
     if args.plot is not None:
-        tell(f"drew {plots.draw_trajectory(trajectory, args.plot)}")
+        trajectory.plot(("q", "v"), args.plot)
+        tell(f"drew {args.plot}")
+    if args.replay is not None:
+        tell(f"wrote {replay(trajectory, args.replay, trails=args.trails)}")
     return 0 if stop is None else 2
 
 
@@ -182,23 +193,6 @@ def _mode(mechanism: Mechanism, q: ArrayLike, index: int) -> Any:
     if not 0 <= index < len(modes):
         raise OptionError(f"--mode {index}: analyse lists {len(modes)} modes at q0, from 0 on")
     return modes[index]
-
-
-def entries(mechanism: Mechanism) -> list[tuple[str, int, int, str]]:
-    """List name, index in q, index in v (−1: none) and units of each number of each joint."""
-    units = {"R": "rad, rad/s", "P": "m, m/s"}
-    found = []
-    for name, joint in zip(mechanism.joint_names, list(mechanism.model.joints)[1:], strict=True):
-        count = max(joint.nq, joint.nv)
-        if count == 1:
-            kind = joint.shortname().removeprefix("JointModel")[:1]
-            found.append((name, joint.idx_q, joint.idx_v, units.get(kind, "")))
-            continue
-        for k in range(count):
-            i = joint.idx_q + k if k < joint.nq else -1
-            j = joint.idx_v + k if k < joint.nv else -1
-            found.append((f"{name}[{k}]", i, j, ""))
-    return found
 
 
 # --------------------------------------------------------------------------- analyse, models
@@ -264,8 +258,8 @@ def models(args: argparse.Namespace) -> int:
     rows = []
     for name in model_names():
         mechanism = load(name)
-        text = (models_folder() / name / "robot.yaml").read_text(encoding="utf-8")
-        about = (yaml.safe_load(text).get("robust_gcp") or {}).get("description", "")
+        own = parsed_yaml(models_folder() / name / "robot.yaml").get("robust_gcp") or {}
+        about = own.get("description", "")
         closures = [f"{c.frame1} – {c.frame2} ({c.kind})" for c in mechanism.closures]
         columns = (
             (mechanism.joint_names, 4, "joints"),

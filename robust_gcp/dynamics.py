@@ -8,10 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .errors import NonFiniteError, OptionError, SimulationError
+from .checks import check_mechanism, require_finite, shown
+from .errors import NonFiniteError, OptionError
 from .explicit import ExplicitMap
 from .kernel import Point
 from .mechanism import Mechanism
+from .reduced_inertia import ReducedInertia
 from .tree import Array
 
 Torque = Callable[[float, Array, Array], ArrayLike]
@@ -69,6 +71,7 @@ class EquationsOfMotion:
         self.m = mechanism.m
         self._torque = torque_function(mechanism, torque)
         self._applied = mechanism.applied
+        self._inertia = ReducedInertia(mechanism)
         self.works = does_work(mechanism, torque)
         self.calls = 0
         self._y, self._ydot = slice(0, self.m), slice(self.m, 2 * self.m)
@@ -83,20 +86,15 @@ class EquationsOfMotion:
         tau, power = self._act(t, q, v)
         if tau is not None:
             force += tau
-        M = tree.crba(q)
         self.calls += 1
-        if self.m == 1:
-            direction = G[:, 0]
-            mass = float(direction.dot(M.dot(direction)))
-            if mass > 0.0:
-                ydd = np.array([float(direction.dot(force)) / mass])
-                return Evaluation(point, v, ydd, tau, power)
-        ydd = _solve(G.T @ (M @ G), G.T @ force, self.mechanism)
-        return Evaluation(point, v, ydd, tau, power)
+        return Evaluation(point, v, self._inertia.solve(q, G, G.T.dot(force)), tau, power)
 
     def _act(self, t: float, q: Array, v: Array) -> tuple[Array | None, float]:
         """What acts besides gravity, (nv,), and the power of its part without a potential."""
         tau, power = None, 0.0
+        if self._applied is None and self._torque is None:
+            return tau, power
+        self.explicit.counters.force_evaluations += 1
         if self._applied is not None:
             tau, power = self._applied.at(q, v)
         if self._torque is not None:
@@ -134,7 +132,13 @@ def torque_function(mechanism: Mechanism, torque: Torque | ArrayLike | None) -> 
     supplied: Torque = torque
 
     def checked(t: float, q: Array, v: Array) -> Array:
-        tau = np.asarray(supplied(t, q.copy(), v.copy()), dtype=float)
+        given = supplied(t, q.copy(), v.copy())
+        try:
+            tau = np.asarray(given, dtype=float)
+        except (TypeError, ValueError) as error:
+            raise OptionError(
+                f"torque(t, q, v) returned {shown(given)}, expected (nv,) = ({mechanism.nv},) numbers"
+            ) from error
         if tau.shape != (mechanism.nv,):
             raise OptionError(
                 f"torque(t, q, v) returned shape {tau.shape}, expected (nv,) = ({mechanism.nv},)"
@@ -177,6 +181,7 @@ def implicit_dynamics(
     a : ndarray (nv,)
     λ : ndarray (nc,)
     """
+    check_mechanism(mechanism, Mechanism, "implicit_dynamics")
     q, v = mechanism.configuration(q), mechanism.velocity(v)
     K, k = mechanism.K(q), mechanism.k(q, v)
     bias = mechanism.tree.rnea(q, v, mechanism.tree.zero)
@@ -185,18 +190,7 @@ def implicit_dynamics(
         force = force + mechanism.applied.tau(q, v)
     M = mechanism.tree.crba(q)
     n, c = mechanism.nv, mechanism.nc
-    matrix = np.block([[M, K.T], [K, np.zeros((c, c))]])
+    matrix = require_finite(np.block([[M, K.T], [K, np.zeros((c, c))]]), "M(q)")
+    require_finite(force, "τ − C")
     solution = np.linalg.lstsq(matrix, np.concatenate([force, k]), rcond=REDUNDANT)[0]
     return solution[:n], -solution[n:]
-
-
-def _solve(inertia: Array, force: Array, mechanism: Mechanism) -> Array:
-    try:
-        solution: Array = np.linalg.solve(inertia, force)
-        return solution
-    except np.linalg.LinAlgError:
-        pass
-    raise SimulationError(
-        f"the reduced inertia Gᵀ M G of {mechanism.name!r} is singular: a motion of "
-        f"{', '.join(mechanism.independent)} moves no mass; give its links inertia"
-    )

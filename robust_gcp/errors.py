@@ -69,6 +69,10 @@ class MissingExtraError(RobustGcpError, ImportError):
     """An optional dependency is needed and is not installed."""
 
 
+class SweepError(RobustGcpError, RuntimeError):
+    """The workers of a sweep cannot start, or the executor it was given broke."""
+
+
 class SimulationError(RobustGcpError, RuntimeError):
     """A run had to stop.
 

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from .checks import check_number, shown
 from .closure import frame_of
-from .errors import ModelError, SimulationError
+from .errors import ModelError, OptionError, SimulationError
 from .tree import Array, Tree
 
 
@@ -242,8 +243,11 @@ def _as_force(force: Force) -> Force:
 
 
 def _require_number(label: str, field: str, value: object, positive: bool = False) -> None:
-    if isinstance(value, bool) or not isinstance(value, int | float | np.number):
-        raise ModelError(f"{label}: {field} is {value!r}; give a number")
+    try:
+        check_number(field, value)
+    except OptionError as error:
+        raise ModelError(f"{label}: {field} is {shown(value)}; give a number") from error
+    assert isinstance(value, int | float | np.number)
     if not np.isfinite(float(value)):
         raise ModelError(f"{label}: {field} is {value}; give a finite number")
     if positive and value < 0.0:

@@ -110,6 +110,10 @@ class FourBarMap:
             linkage = FourBar(*self._drawing.lengths, assembly)
             candidates.append((self._distance(linkage, start), linkage))
         self.linkage = min(candidates, key=lambda item: item[0])[1]
+        self._interval = self._interval_of(start.y)
+        theta = self._drawing.sign * start.q + self._drawing.offset
+        apart = theta - self.linkage.evaluate(float(theta[0]))[0]
+        self._turns = 2.0 * np.pi * np.round(apart / (2.0 * np.pi))
 
     @property
     def counters(self) -> Counters:
@@ -119,9 +123,15 @@ class FourBarMap:
     def at(self, y: Array, ydot: Array) -> Point:
         """The point at y; ToggleError beyond the linkage's reach."""
         try:
-            point = self._point(self.linkage, y, ydot, self.anchor.q)
+            point = self._point(self.linkage, y, ydot)
         except OptionError as error:
             raise ToggleError(f"closed form: {error}", y) from error
+        if self._interval_of(y) != self._interval:
+            raise ToggleError(
+                f"closed form: from y = {self.anchor.y} the stepper jumped to {y}, beyond a dead point; "
+                "use a smaller step, or another coordinate",
+                y,
+            )
         self.anchor = point
         return point
 
@@ -129,9 +139,19 @@ class FourBarMap:
         """Nothing: the closed form has no singularity to pass."""
         return []
 
-    def _point(self, linkage: FourBar, y: Array, ydot: Array, near: Array) -> Point:
+    def _interval_of(self, y: Array) -> tuple[int, int]:
+        """Which of the intervals in reach y lies in; whole turns count as different ones at dead points."""
+        low, high = self.linkage.reach
+        turns = float(self._drawing.sign[0] * y[0] + self._drawing.offset[0]) / (2.0 * np.pi)
+        return int(np.floor(turns)) if low > 0.0 else 0, int(np.floor(turns + 0.5)) if high < np.pi else 0
+
+    def _point(self, linkage: FourBar, y: Array, ydot: Array, near: Array | None = None) -> Point:
+        """The point at y; q2 and q3 continuous from the start, or else nearest to those of `near`."""
         sign, offset = self._drawing.sign, self._drawing.offset
-        theta, rate, second = linkage.evaluate(float(sign[0] * y[0] + offset[0]), sign * near + offset)
+        about = None if near is None else sign * near + offset
+        theta, rate, second = linkage.evaluate(float(sign[0] * y[0] + offset[0]), about)
+        if near is None:
+            theta = theta + self._turns
         G = (sign * sign[0] * rate)[:, None]
         curvature = sign * second
         one = np.ones(1)

@@ -45,6 +45,10 @@ class ClassicalMap:
         """What was computed so far."""
         return self.path.counters
 
+    def resume(self, anchor: Point, on_bridge: bool) -> None:
+        """Go on from a point that was reached elsewhere; there are no bridges here."""
+        self.anchor = anchor
+
     def at(self, y: Array, ydot: Array) -> Point:
         """The point at y that Newton finds.
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from .checks import shown
 from .errors import ModelError
 
 UNIVERSAL = {f"UJOINT_{a}{b}": (a, b) for a, b in itertools.permutations("XYZ", 2)}
@@ -37,7 +38,7 @@ def joint_changes(settings: dict[str, Any], path: Path) -> dict[str, str]:
     kinds = settings.get("joint_type") or []
     for key, value in (("joint_name", names), ("joint_type", kinds)):
         if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
-            raise ModelError(f"{path}: {key} must be a list of names, not {value!r}")
+            raise ModelError(f"{path}: {key} must be a list of names, not {shown(value)}")
     if len(names) != len(kinds):
         raise ModelError(
             f"{path}: joint_name lists {len(names)} joints and joint_type {len(kinds)} types; give one each"
@@ -47,10 +48,11 @@ def joint_changes(settings: dict[str, Any], path: Path) -> dict[str, str]:
         kind = SHORT.get(written.upper(), written.upper())
         if kind not in UNIVERSAL and kind not in ("SPHERICAL", "FIXED"):
             raise ModelError(
-                f"{path}: joint_type {written!r} of joint {name!r} is unknown; use one of {', '.join(TYPES)}"
+                f"{path}: joint_type {shown(written)} of joint {shown(name)} is unknown; use one of "
+                + ", ".join(TYPES)
             )
         if name in changes:
-            raise ModelError(f"{path}: joint_name names the joint {name!r} twice; leave one out")
+            raise ModelError(f"{path}: joint_name names the joint {shown(name)} twice; leave one out")
         changes[name] = kind
     return changes
 
@@ -86,7 +88,7 @@ def with_joint_changes(model: pin.Model, changes: dict[str, str], path: Path) ->
         if name not in joint_names[1:]:
             near = difflib.get_close_matches(name, joint_names[1:], n=3)
             hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
-            raise ModelError(f"{path}: joint_name names {name!r}, which the URDF does not have{hint}")
+            raise ModelError(f"{path}: joint_name names {shown(name)}, which the URDF does not have{hint}")
     changed = pin.Model()
     changed.name = model.name
     changed.gravity = model.gravity

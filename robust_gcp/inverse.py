@@ -5,9 +5,8 @@ from __future__ import annotations
 from numpy.typing import ArrayLike
 
 from .bridge import BridgeOptions
-from .checks import check_mechanism
+from .checks import check_mechanism, checked_vector, require_finite
 from .kernel import Counters
-from .loops import checked_vector
 from .mechanism import Mechanism
 from .start import begin
 from .tree import Array
@@ -53,4 +52,4 @@ def inverse_dynamics(
     force = mechanism.tree.rnea(point.q, speed, point.G @ wanted + point.g).copy()
     if mechanism.applied is not None:
         force -= mechanism.applied.tau(point.q, speed)
-    return point.G.T @ force
+    return require_finite(point.G.T @ force, "the force")

@@ -50,6 +50,8 @@ class Point:
         Length of Newton's first step, dimensionless: how wrong the prediction was.
     distance : float
         Length of the predicted step, dimensionless.
+    turn : float
+        Largest rotation in the predicted step, rad, or slide in characteristic lengths.
     """
 
     y: Array
@@ -63,18 +65,23 @@ class Point:
     conditioning: float = 1.0
     correction: float = 0.0
     distance: float = 0.0
+    turn: float = 0.0
 
 
 @dataclass(slots=True)
 class Counters:
     """What was computed, for `Trajectory.stats`."""
 
+    constraint_evaluations: int = 0
     newton_iterations: int = 0
+    force_evaluations: int = 0
+    second_order: int = 0
     marching_steps: int = 0
     zone_evaluations: int = 0
     bridges_built: int = 0
     svds: int = 0
     refined_steps: int = 0
+    native_steps: int = 0
 
 
 class RegularPath:
@@ -111,7 +118,11 @@ class RegularPath:
             scale,
         )
         self._length_scale = 1.0 / mechanism.column_scale
+        self._turn_scale = np.where(self.tree.rotates, 1.0, 1.0 / mechanism.length)
         self._eye = np.eye(self.m)
+        self._tree_G = np.zeros((mechanism.nv, self.m))  # G of a tree: y may be in another order than v
+        self._tree_G[self.independent] = self._eye
+        self._none = np.ones(0)
         self.factor = self._structure()
 
     def _structure(self) -> BlockFactor:
@@ -160,6 +171,10 @@ class RegularPath:
         """Largest entry of a step dv, dimensionless."""
         return float(np.abs(dv * self._length_scale).max(initial=0.0))
 
+    def turn(self, dv: Array) -> float:
+        """Largest rotation in a step dv, rad, or slide in characteristic lengths."""
+        return float(np.abs(dv * self._turn_scale).max(initial=0.0))
+
     def close(self, q: Array, contracting: bool = True) -> tuple[Array, float] | None:
         """Newton on the dependent joints from q (overwritten).
 
@@ -199,8 +214,7 @@ class RegularPath:
     def derivatives(self, q: Array, y: Array, ydot: Array) -> Point:
         """G = [I; −K_d⁻¹ K_i] and g = [0; K_d⁻¹ k] at a closed q where `close` has just ended."""
         if self.nd == 0:
-            one = np.ones(0)
-            return Point(y, ydot, q, self._eye, np.zeros(self.tree.nv), None, one, one)
+            return Point(y, ydot, q, self._tree_G, self.tree.zero, None, self._none, self._none)
         tree, factor, dependent = self.tree, self.factor, self.dependent
         K = self._K
         factor.factor(K)
@@ -238,10 +252,14 @@ class RegularPath:
 
     def step(self, anchor: Point, y: Array, ydot: Array) -> Point | None:
         """The point at y reached from the anchor in one predicted step, or None when Newton is lost."""
+        if self.nd == 0:  # a tree: q is y
+            place: Array = np.empty(self.tree.nq)
+            place[self.iq] = y
+            return self.derivatives(place, y, ydot)
         q, dv = self.predict(anchor, y)
         point = self.settle(q, y, ydot)
         if point is not None and point.correction > 0.0:
-            point.distance = self.size(dv)
+            point.distance, point.turn = self.size(dv), self.turn(dv)
         return point
 
     def settle(self, q: Array, y: Array, ydot: Array, contracting: bool = True) -> Point | None:
@@ -255,6 +273,7 @@ class RegularPath:
         return point
 
     def _evaluate(self, q: Array) -> Array:
+        self.counters.constraint_evaluations += 1
         self.tree.jacobians(q)
         phi = self.implicit.residual()
         self._K = self.implicit.jacobian()

@@ -3,16 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from math import acos
 
 import numpy as np
-from scipy.fft import dct
-from scipy.interpolate import BarycentricInterpolator, KroghInterpolator
-from scipy.optimize import brentq
+import scipy
 
 from .kernel import Point, RegularPath
 from .tree import Array
+
+
+@dataclass(frozen=True)
+class Polynomial:
+    """γ, γ', γ'' and det between the innermost nodes as Chebyshev series, for m = 1.
+
+    At s the argument is u = ((s − center)/unit − middle)/half in [−1, 1]. The series' values are
+    q − reference, G times pace, γ'' times pace² and the determinants, side by side.
+
+    Attributes
+    ----------
+    coefficients : ndarray (orders, 3 nv + nblocks)
+    reference : ndarray (nq,)
+    center, unit, middle, half, pace : float
+    """
+
+    coefficients: Array
+    reference: Array
+    center: float
+    unit: float
+    middle: float
+    half: float
+    pace: float
 
 
 class Line:
@@ -53,13 +75,25 @@ class Line:
         """s in units that put the nodes on [−1, 1]."""
         return (s - self._center) / self._unit
 
+    @property
+    def one_polynomial(self) -> bool:
+        """Whether `polynomial` says all about the line."""
+        return self._smooth
+
+    def polynomial(self) -> Polynomial:
+        """The line between its innermost nodes, where `one_polynomial` holds."""
+        pace = float(self.direction[0]) * self._unit
+        return Polynomial(
+            self._table, self._reference, self._center, self._unit, self._middle, self._half, pace
+        )
+
     @cached_property
     def _smooth(self) -> bool:
         """Whether γ'' on the line is the derivative of G there: one coordinate, no chart."""
         return self.path.m == 1 and self.path.tree.vector_space
 
     @cached_property
-    def _q(self) -> KroghInterpolator:
+    def _q(self) -> scipy.interpolate.KroghInterpolator:
         tree = self.path.tree
         values: list[Array] = []
         for _, node in self.nodes:
@@ -67,18 +101,20 @@ class Line:
             values += [tree.difference(self._reference, node.q), rate * self._unit]
             if self._smooth and node.curvature is not None:
                 values.append(node.curvature * (float(self.direction[0]) * self._unit) ** 2)
-        return KroghInterpolator(np.repeat(self._x, 3 if self._smooth else 2), np.array(values))
+        return scipy.interpolate.KroghInterpolator(
+            np.repeat(self._x, 3 if self._smooth else 2), np.array(values)
+        )
 
     @cached_property
-    def _G(self) -> KroghInterpolator | BarycentricInterpolator:
+    def _G(self) -> scipy.interpolate.KroghInterpolator | scipy.interpolate.BarycentricInterpolator:
         columns = [node.G.ravel() for _, node in self.nodes]
         if self.path.m > 1 and not self.path.tree.vector_space:
             # ∂G_j/∂d is not symmetric in body-fixed velocities, so it is not γ''[d, e_j]: values only
-            return BarycentricInterpolator(self._x, np.array(columns))
+            return scipy.interpolate.BarycentricInterpolator(self._x, np.array(columns))
         values: list[Array] = []
         for (_, node), column in zip(self.nodes, columns, strict=True):
             values += [column, self._G_rate(node).ravel() * self._unit]
-        return KroghInterpolator(np.repeat(self._x, 2), np.array(values))
+        return scipy.interpolate.KroghInterpolator(np.repeat(self._x, 2), np.array(values))
 
     def _G_rate(self, node: Point) -> Array:
         """dG/ds = γ''[d, e_j] for each j, (nv, m), by polarisation."""
@@ -139,7 +175,7 @@ class Line:
         """
         n = len(self._orders)
         x = self._middle + self._half * np.cos(np.pi * (self._orders + 0.5) / n)
-        coefficients: Array = dct(self._sampled(x), type=2, axis=0) / n
+        coefficients: Array = scipy.fft.dct(self._sampled(x), type=2, axis=0) / n
         coefficients[0] *= 0.5
         return coefficients
 
@@ -174,12 +210,12 @@ class Line:
 
     def _interpolated_g(self, x: float, ydot: Array) -> Array:
         values = [self.path.second_derivative(node, ydot) for _, node in self.nodes]
-        return np.asarray(BarycentricInterpolator(self._x, np.array(values))(x))
+        return np.asarray(scipy.interpolate.BarycentricInterpolator(self._x, np.array(values))(x))
 
     @cached_property
-    def _det(self) -> list[BarycentricInterpolator]:
+    def _det(self) -> list[scipy.interpolate.BarycentricInterpolator]:
         dets = np.array([node.det for _, node in self.nodes])
-        return [BarycentricInterpolator(self._x, column) for column in dets.T]
+        return [scipy.interpolate.BarycentricInterpolator(self._x, column) for column in dets.T]
 
     def zero(self, block: int, low: float, high: float) -> float | None:
         """Where det of a block changes sign between low and high; None where it does not."""
@@ -187,5 +223,5 @@ class Line:
         ends = float(f(self.x(low))), float(f(self.x(high)))
         if not ends[0] * ends[1] < 0.0:
             return None
-        root = brentq(lambda x: float(f(x)), self.x(low), self.x(high), xtol=1e-13)
+        root = scipy.optimize.brentq(lambda x: float(f(x)), self.x(low), self.x(high), xtol=1e-13)
         return self._center + self._unit * float(root)

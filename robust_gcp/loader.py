@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-import yaml
-
+from .checks import shown
 from .closure import Closure, FrameClosure, PointClosure, RevoluteClosure
 from .errors import ModelError, RobustGcpError
 from .gepetto import joint_changes, with_joint_changes
@@ -16,7 +15,9 @@ from .loops import NEARLY_CLOSED
 from .mechanism import Mechanism
 from .mjcf import model_from_mjcf
 from .own_block import forces_of, home_of, own_block, set_gravity, with_axes
+from .text_file import inside, is_file, path_of
 from .urdf import model_from_urdf
+from .yaml_text import parsed_yaml
 
 KINDS: dict[str, type[PointClosure] | type[FrameClosure] | type[RevoluteClosure]] = {
     cls.kind: cls for cls in (PointClosure, FrameClosure, RevoluteClosure)
@@ -64,38 +65,38 @@ def load(name_or_folder: str | Path, independent: Sequence[str] | Literal["auto"
     ClosureError
         When the home configuration leaves a loop open by more than rounding.
     """
-    folder = Path(name_or_folder)
+    folder = path_of(name_or_folder, "load")
     if folder.suffix == ".xml":
         return Mechanism.from_mjcf(folder, independent, name=folder.stem)
-    if not folder.is_dir():
+    if not is_file(folder / "robot.yaml") and str(name_or_folder) in model_names():
         folder = models_folder() / str(name_or_folder)
-    if not (folder / "robot.yaml").is_file():
+    if not str(name_or_folder) or not is_file(folder / "robot.yaml"):
         near = difflib.get_close_matches(str(name_or_folder), model_names(), n=2)
         hint = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
         raise ModelError(
-            f"{str(name_or_folder)!r} is neither a shipped model nor a folder with robot.yaml; {hint}"
+            f"{shown(str(name_or_folder))} is neither a shipped model nor a folder with robot.yaml; {hint}"
             f"shipped models: {', '.join(model_names())}"
         )
-    path = folder / "robot.yaml"
-    settings = _read_yaml(path)
+    path = inside(folder, "robot.yaml")
+    settings = _settings(path)
     own = own_block(settings, path)
     closures = with_axes(own.get("axes"), _closures(settings, path), path)
     forces = forces_of(own, path)
     changes = joint_changes(settings, path)
     base = None
-    if (folder / "robot.xml").is_file() and not (folder / "robot.urdf").is_file():
-        parts = model_from_mjcf(folder / "robot.xml")
+    if is_file(folder / "robot.xml") and not is_file(folder / "robot.urdf"):
+        parts = model_from_mjcf(inside(folder, "robot.xml"))
         model, base = parts.model, parts.home
         if changes:
             raise ModelError(f"{path}: joint_name is for URDF; write the joint as it is in robot.xml")
         closures, forces = [*parts.closures, *closures], [*parts.forces, *forces]
     else:
-        model = with_joint_changes(model_from_urdf(folder / "robot.urdf"), changes, path)
+        model = with_joint_changes(model_from_urdf(inside(folder, "robot.urdf")), changes, path)
     set_gravity(own.get("gravity"), model, path)
     if independent is None:
         independent = settings.get("name_mot")
         if independent is not None and not _is_list_of_str(independent):
-            raise ModelError(f"{path}: name_mot must be a list of joint names, not {independent!r}")
+            raise ModelError(f"{path}: name_mot must be a list of joint names, not {shown(independent)}")
         if independent is None and closures:
             raise ModelError(
                 f"{path}: name_mot is missing; list the joints that serve as minimal coordinates, or give "
@@ -113,18 +114,13 @@ def load(name_or_folder: str | Path, independent: Sequence[str] | Literal["auto"
     return mechanism
 
 
-def _read_yaml(path: Path) -> dict[str, Any]:
-    try:
-        settings = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ModelError(f"{path}: cannot be read as YAML ({error})") from error
-    if not isinstance(settings, dict):
-        raise ModelError(f"{path}: must be a mapping with closed_loop, type and name_mot")
+def _settings(path: Path) -> dict[str, Any]:
+    settings = parsed_yaml(path)
     unknown = [key for key in settings if key not in KEYS]
     for key in KEYS:
         near = [] if key in settings else difflib.get_close_matches(key, map(str, unknown), n=1, cutoff=ALIKE)
         if near:
-            raise ModelError(f"{path}: {near[0]!r} is not a key that is read; did you mean {key!r}?")
+            raise ModelError(f"{path}: {shown(near[0])} is not a key that is read; did you mean {key!r}?")
     return settings
 
 
@@ -132,12 +128,12 @@ def _closures(settings: dict[str, Any], path: Path) -> list[Closure]:
     pairs = settings.get("closed_loop") or []
     kinds = settings.get("type") or []
     if not isinstance(pairs, list) or not all(_is_list_of_str(p) and len(p) == 2 for p in pairs):
-        raise ModelError(f"{path}: closed_loop must be a list of pairs of frame names, not {pairs!r}")
+        raise ModelError(f"{path}: closed_loop must be a list of pairs of frame names, not {shown(pairs)}")
     if not _is_list_of_str(kinds) or len(kinds) != len(pairs):
         raise ModelError(f"{path}: type must list one of {', '.join(KINDS)} for each of {len(pairs)} loops")
     unknown = [kind for kind in kinds if kind.lower() not in KINDS]
     if unknown:
-        raise ModelError(f"{path}: type {unknown[0]!r} is unknown; use one of {', '.join(KINDS)}")
+        raise ModelError(f"{path}: type {shown(unknown[0])} is unknown; use one of {', '.join(KINDS)}")
     return [KINDS[kind.lower()](*pair) for pair, kind in zip(pairs, kinds, strict=True)]
 
 

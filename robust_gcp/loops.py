@@ -8,10 +8,10 @@ from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import least_squares
 
-from .checks import check_model, listed
+from .checks import check_model, checked_vector, listed, require_finite
 from .closure import (
     Closure,
     FrameClosure,
@@ -29,6 +29,9 @@ CLOSED = 1e-12
 
 NEARLY_CLOSED = 1e-6
 """Largest |φ| / length of a start that is polished instead of refused: rounded input, not an open loop."""
+
+ROUNDED = 1e-3
+"""Distance from 1 of the norm of a quaternion that is normalised instead of refused: rounded input."""
 
 STRUCTURAL = 1e-9
 """Relative size below which an entry or singular value at random configurations is a structural zero."""
@@ -66,12 +69,12 @@ class ClosedLoops:
     def phi(self, q: ArrayLike) -> Array:
         """Loop-closure residual φ(q), (nc,), m and rad."""
         self.tree.jacobians(self.configuration(q))
-        return self.implicit.residual()
+        return require_finite(self.implicit.residual(), "φ(q)")
 
     def K(self, q: ArrayLike) -> Array:
         """K = ∂φ/∂q, (nc, nv): K v = 0."""
         self.phi(q)
-        return self.implicit.jacobian()
+        return require_finite(self.implicit.jacobian(), "K(q)")
 
     def k(self, q: ArrayLike, v: ArrayLike) -> Array:
         """k = −K̇ v, (nc,): K a = k."""
@@ -79,7 +82,7 @@ class ClosedLoops:
         self.tree.jacobians(q)
         self.implicit.residual()
         self.tree.rnea(q, v, self.tree.zero)
-        return self.implicit.bias()
+        return require_finite(self.implicit.bias(), "k(q, v)")
 
     @cached_property
     def row_scale(self) -> Array:
@@ -110,7 +113,17 @@ class ClosedLoops:
 
     def configuration(self, q: ArrayLike, what: str = "q") -> Array:
         """q as a float array (nq,), or a StateError that says what is wrong with it."""
-        return checked_vector(q, self.nq, what, "nq")
+        checked = checked_vector(q, self.nq, what, "nq")
+        if self.tree.vector_space or pin.isNormalized(self.model, checked, CLOSED):
+            return checked
+        if pin.isNormalized(self.model, checked, ROUNDED):
+            normalised: Array = pin.normalize(self.model, checked)
+            return normalised
+        turning = [n for n in self.joint_names if self.joint(n).nq != self.joint(n).nv]
+        raise StateError(
+            f"{what}: an orientation in it is none: the quaternion (x, y, z, w), or (cos, sin), of each of "
+            f"{', '.join(map(repr, turning))} must have norm 1; use pin.normalize(model, q)"
+        )
 
     def velocity(self, v: ArrayLike, what: str = "v") -> Array:
         """v as a float array (nv,), or a StateError that says what is wrong with it."""
@@ -142,7 +155,9 @@ class ClosedLoops:
             K = self.K(self.tree.integrate(q, dv)) / self.row_scale[:, None]
             return (K @ self.tree.integrate_rate(q, dv))[:, free]
 
-        fit = least_squares(residual, np.zeros(len(free)), jac=jacobian, xtol=1e-15, ftol=1e-15, gtol=1e-15)
+        fit = scipy.optimize.least_squares(
+            residual, np.zeros(len(free)), jac=jacobian, xtol=1e-15, ftol=1e-15, gtol=1e-15
+        )
         q = self.polish(self.tree.integrate(q, lift(fit.x)), free)
         self.require_closed(q, CLOSED, "assemble")
         self.require_proper(q)
@@ -270,20 +285,6 @@ def _as_closure(closure: Closure) -> Closure:
     if not isinstance(closure, PointClosure | FrameClosure | RevoluteClosure):
         raise ModelError(f"closures: {closure!r} is not a PointClosure, FrameClosure or RevoluteClosure")
     return closure
-
-
-def checked_vector(value: ArrayLike, size: int, what: str, letter: str) -> Array:
-    """A finite float array (size,), or a StateError that names `what` and its size's letter."""
-    try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise StateError(f"{what}: {value!r} is not a list of {size} numbers") from error
-    if array.shape != (size,):
-        raise StateError(f"{what} has shape {array.shape}, expected ({letter},) = ({size},)")
-    if not np.all(np.isfinite(array)):
-        bad = int(np.flatnonzero(~np.isfinite(array))[0])
-        raise StateError(f"{what}[{bad}] is {array[bad]}: every entry must be finite")
-    return array
 
 
 def _characteristic_length(model: pin.Model, closures: Sequence[Closure]) -> float:

@@ -22,6 +22,10 @@ the step; another branch lies at the first order of the distance to the singular
 ROUNDING = 1e-12
 """Correction always allowed, divided by the conditioning: the rounding of φ."""
 
+FARTHEST = 0.5
+"""Largest rotation in one predicted step, rad, or slide in lengths. Between the two good sides of a
+crossing the links of a loop turn against each other by more than three joints can in such a step."""
+
 SMALLEST = 1e-9
 """Smallest marching step relative to the whole way before the branch counts as lost."""
 
@@ -31,6 +35,8 @@ def same_branch(before: Point, after: Point) -> bool:
     if len(after.det) == 0:
         return True
     conditioning = after.conditioning
+    if after.turn > FARTHEST:
+        return False
     if after.correction > 0.0 and after.correction > CORRECTION * after.distance + ROUNDING / max(
         conditioning, 1e-12
     ):

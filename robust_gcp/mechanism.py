@@ -11,11 +11,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from .checks import check_model, listed
+from .checks import check_model, checked_vector, listed, require_finite
 from .closure import Closure
 from .errors import ModelError, PartitionError, StateError
 from .forces import AppliedForces, Force
-from .loops import CLOSED, STRUCTURAL, ClosedLoops, checked_vector
+from .loops import CLOSED, STRUCTURAL, ClosedLoops
 from .mjcf import model_from_mjcf
 from .partition import independent_rows, numerical_rank, spelled
 from .pin_constraints import with_named_frames
@@ -60,7 +60,7 @@ class Mechanism(ClosedLoops):
         forces: Sequence[Force] = (),
     ) -> None:
         super().__init__(model, closures)
-        self.forces = tuple(forces)
+        self.forces = tuple(listed(forces, "forces", "forces, such as JointSpring(joint, stiffness)"))
         self.applied = AppliedForces(self.tree, self.forces) if self.forces else None
         self.name = name or str(model.name)
         self.home = pin.neutral(self.model) if home is None else self.configuration(home, "home")
@@ -196,13 +196,15 @@ class Mechanism(ClosedLoops):
             raise StateError(
                 "K_d is singular at q, so ẏ does not determine v; take v along a mode of analyse"
             )
-        return (self.column_scale[self.iv_dependent] * u.T).T
+        return require_finite((self.column_scale[self.iv_dependent] * u.T).T, "K_d⁻¹ times it")
 
     def energy(self, q: ArrayLike, v: ArrayLike) -> float:
         """Kinetic energy, potential energy of gravity and of the springs together, J."""
         q, v = self.configuration(q), self.velocity(v)
         energy = sum(self.tree.energies(q, v))
-        return energy if self.applied is None else energy + self.applied.energy(q)
+        if self.applied is not None:
+            energy += self.applied.energy(q)
+        return float(require_finite(np.asarray(energy), "the energy"))
 
     def velocity_slice(self, name: str) -> slice:
         """Where the joint's entries are in v."""
@@ -236,6 +238,12 @@ class Mechanism(ClosedLoops):
     def with_independent(self, independent: Sequence[str]) -> Mechanism:
         """The same mechanism in other minimal coordinates."""
         return Mechanism(self.model, self.closures, independent, self.home, self.name, self.forces)
+
+    def __reduce__(self) -> tuple[type[Mechanism], tuple[Any, ...]]:
+        """Pickle and copy by the recipe: the workspace holds views that must not be copied."""
+        return Mechanism, (
+            self.model, self.closures, self.independent, self.home, self.name, self.forces
+        )  # fmt: skip
 
     def __repr__(self) -> str:
         return (

@@ -5,7 +5,6 @@ from __future__ import annotations
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
@@ -17,6 +16,7 @@ from .mjcf_parts import Element, Reduced, hint, vector
 from .mjcf_xml import reduced
 from .pin_constraints import close_between
 from .tree import Array
+from .xml_text import parsed_xml
 
 
 @dataclass(frozen=True)
@@ -69,11 +69,7 @@ def model_from_mjcf(mjcf: str | Path) -> MjcfModel:
     ModelError
         Naming the file, the element and the remedy.
     """
-    text, name = _text_of(mjcf)
-    try:
-        root = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
-        raise ModelError(f"{name}: not well-formed XML ({error})") from error
+    root, name = parsed_xml(mjcf, "MJCF")
     parts = reduced(root, name)
     if not parts.joints:
         raise ModelError(f"{name}: no body has a joint; a mechanism needs one at least")
@@ -92,16 +88,6 @@ def model_from_mjcf(mjcf: str | Path) -> MjcfModel:
     forces += [JointDamper(*damper) for damper in parts.dampers]
     closures = [_closure(model, item, i, parts, home, name) for i, item in enumerate(parts.equalities)]
     return MjcfModel(model, closures, home, configurations, forces)
-
-
-def _text_of(mjcf: str | Path) -> tuple[str, str]:
-    if isinstance(mjcf, str) and mjcf.lstrip().startswith("<"):
-        return mjcf, "MJCF text"
-    path = Path(mjcf)
-    try:
-        return path.read_text(encoding="utf-8"), str(path)
-    except (OSError, UnicodeDecodeError) as error:
-        raise ModelError(f"{path}: cannot be read ({error})") from error
 
 
 def _tree(parts: Reduced, name: str) -> pin.Model:

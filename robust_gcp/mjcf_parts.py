@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from xml.etree import ElementTree
 
@@ -15,6 +15,12 @@ from .errors import ModelError
 from .tree import Array
 
 Element = ElementTree.Element
+
+SOLIDS = {"sphere": 1, "capsule": 2, "cylinder": 2, "box": 3, "ellipsoid": 3}
+"""Shapes whose inertia is computed, and how many sizes each has."""
+
+PARALLEL = 1e-9
+"""Sine of the angle between two axes below which they do not span a plane."""
 
 
 @dataclass
@@ -113,6 +119,49 @@ def number(element: Element, key: str, where: str, default: float = 0.0) -> floa
     return float(vector(element, key, 1, where, (default,))[0])
 
 
+def text_of(values: Iterable[float]) -> str:
+    """Numbers as an attribute: all digits."""
+    return " ".join(repr(float(value)) for value in values)
+
+
+def inertia_of(inertial: Element, where: str) -> dict[str, str]:
+    """Mass and inertia of an <inertial>, checked; `checks.check_model` sees to their signs."""
+    keys = [key for key in ("diaginertia", "fullinertia") if key in inertial.attrib]
+    if len(keys) != 1:
+        raise ModelError(f"{where}: give one of diaginertia and fullinertia")
+    moments = vector(inertial, keys[0], 3 if keys[0] == "diaginertia" else 6, where)
+    return {"mass": text_of(vector(inertial, "mass", 1, where)), keys[0]: text_of(moments)}
+
+
+def solid_of(geom: Element, kind: str, where: str) -> dict[str, str]:
+    """Shape, size and mass of a geom, checked."""
+    given = {"type": kind}
+    sizes = words(geom, "size", where)
+    needed = SOLIDS[kind]
+    if "fromto" in geom.attrib:
+        ends = vector(geom, "fromto", 6, where)
+        direction(ends[3:] - ends[:3], where, "fromto")
+        given["fromto"] = text_of(ends)
+        needed -= 1
+    if len(sizes) < needed or not np.all(sizes[:needed] > 0.0):
+        raise ModelError(
+            f"{where}: size={geom.get('size')!r} is not that of a {kind}; give {needed} positive number(s)"
+        )
+    given["size"] = text_of(sizes)
+    for key in ("mass", "density"):
+        if key in geom.attrib:
+            value = number(geom, key, where)
+            if value < 0.0:
+                raise ModelError(f"{where}: {key}={geom.get(key)!r} is negative")
+            given[key] = repr(value)
+    return given
+
+
+def words(element: Element, key: str, where: str) -> Array:
+    """However many finite numbers an attribute holds; one zero where it is absent."""
+    return vector(element, key, len(element.get(key, "0").split()), where, (0.0,))
+
+
 def vector(
     element: Element, key: str, size: int, where: str, default: Sequence[float] | None = None
 ) -> Array:
@@ -129,6 +178,14 @@ def vector(
     return values
 
 
+def direction(values: Array, where: str, key: str) -> Array:
+    """The values divided by their norm, or a ModelError where they have none to speak of."""
+    size = math.hypot(*values.tolist())
+    if not 1e-100 < size < 1e100:
+        raise ModelError(f"{where}: {key} {values.tolist()} is no direction; give one of about unit length")
+    return values / size
+
+
 def placement(element: Element, radians: bool, sequence: str, where: str) -> pin.SE3:
     """`pos` with quat, axisangle, euler, xyaxes or zaxis; the identity where they are absent.
 
@@ -143,28 +200,28 @@ def placement(element: Element, radians: bool, sequence: str, where: str) -> pin
     place.translation = vector(element, "pos", 3, where, (0.0, 0.0, 0.0))
     unit = 1.0 if radians else math.pi / 180.0
     if element.get("quat"):
-        w, x, y, z = vector(element, "quat", 4, where)
-        quaternion = pin.Quaternion(float(w), float(x), float(y), float(z))
-        place.rotation = quaternion.normalized().toRotationMatrix()
+        w, x, y, z = direction(vector(element, "quat", 4, where), where, "quat")
+        place.rotation = pin.Quaternion(float(w), float(x), float(y), float(z)).toRotationMatrix()
     elif element.get("axisangle"):
-        x, y, z, angle = vector(element, "axisangle", 4, where)
-        axis = np.array([x, y, z]) / math.sqrt(x * x + y * y + z * z)
-        place.rotation = pin.exp3(axis * angle * unit)
+        turn = vector(element, "axisangle", 4, where)
+        place.rotation = pin.exp3(direction(turn[:3], where, "axisangle") * float(turn[3]) * unit)
     elif element.get("euler"):
         R = np.eye(3)
         if len(sequence) != 3 or set(sequence.lower()) - set("xyz"):
             raise ModelError(f"{where}: eulerseq {sequence!r} must be three of x, y, z, X, Y, Z")
         for letter, angle in zip(sequence, vector(element, "euler", 3, where) * unit, strict=True):
-            turn = pin.exp3(np.eye(3)["xyz".index(letter.lower())] * angle)
-            R = R @ turn if letter.islower() else turn @ R
+            turned = pin.exp3(np.eye(3)["xyz".index(letter.lower())] * angle)
+            R = R @ turned if letter.islower() else turned @ R
         place.rotation = R
     elif element.get("xyaxes"):
         axes = vector(element, "xyaxes", 6, where)
-        x = axes[:3] / np.linalg.norm(axes[:3])
-        y = axes[3:] - x * float(x @ axes[3:])
+        x, y = (direction(part, where, "xyaxes") for part in (axes[:3], axes[3:]))
+        y = y - x * float(x @ y)
+        if np.linalg.norm(y) < PARALLEL:
+            raise ModelError(f"{where}: xyaxes={element.get('xyaxes')!r} are parallel; give two directions")
         y /= np.linalg.norm(y)
         place.rotation = np.column_stack([x, y, np.cross(x, y)])
     elif element.get("zaxis"):
-        z = vector(element, "zaxis", 3, where)
+        z = direction(vector(element, "zaxis", 3, where), where, "zaxis")
         place.rotation = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), z).toRotationMatrix()
     return place

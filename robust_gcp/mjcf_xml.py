@@ -16,8 +16,23 @@ import numpy as np
 import pinocchio as pin
 
 from .errors import ModelError
-from .mjcf_parts import Defaults, Element, Reduced, Site, flag, number, placement, vector
-from .tree import Array
+from .mjcf_parts import (
+    SOLIDS,
+    Defaults,
+    Element,
+    Reduced,
+    Site,
+    direction,
+    flag,
+    inertia_of,
+    number,
+    placement,
+    solid_of,
+    text_of,
+    vector,
+    words,
+)
+from .xml_text import require_shallow
 
 IN_FULL = "let MuJoCo write the model out in full (mujoco.mj_saveLastXML after loading it) and load that file"
 SILENT = ("asset", "contact", "custom", "sensor", "size", "statistic", "visual")
@@ -25,7 +40,7 @@ SILENT = ("asset", "contact", "custom", "sensor", "size", "statistic", "visual")
 
 READ = ("compiler", "default", "equality", "keyframe", "option", "worldbody", "actuator", *SILENT)
 BODY_PARTS = ("body", "joint", "freejoint", "inertial", "geom", "site", "camera", "light")
-SOLIDS = ("sphere", "capsule", "cylinder", "box", "ellipsoid")
+RESERVED = ("universe", "world")
 REFUSED_COMPILER = {
     "settotalmass": ("-1", "give the masses in full"),
     "boundmass": ("0", "give the masses in full"),
@@ -67,6 +82,12 @@ class _Reader:
         self._names: dict[str, set[str]] = {"body": {"world"}, "joint": set()}
         for kind in self._names:
             self._names[kind] |= {e.get("name", "") for e in root.iter(kind)}
+        for element in root.iter():
+            if element.tag in ("body", "joint", "freejoint", "site") and element.get("name") in RESERVED:
+                raise ModelError(
+                    f"{name}: a {element.tag} is named {element.get('name')!r}, which is the ground; "
+                    "rename it"
+                )
 
     def read(self) -> Reduced:
         self._check_compiler()
@@ -84,6 +105,7 @@ class _Reader:
             for label, key in kept.items():
                 ElementTree.SubElement(section, "key", {"name": str(label), "qpos": key.get("qpos", "")})
         self._read_equalities()
+        require_shallow(top, self._name)
         self._out.xml = ElementTree.tostring(top, encoding="unicode")
         return self._out
 
@@ -100,7 +122,7 @@ class _Reader:
             if option.get("gravity"):
                 self._out.gravity = vector(option, "gravity", 3, self._name)
             for key in ("density", "viscosity", "wind"):
-                if any(float(x) != 0.0 for x in option.get(key, "0").split()):
+                if words(option, key, self._name).any():
                     raise ModelError(
                         f"{self._name}: option {key} cannot be read; put drag into torque= and remove it"
                     )
@@ -154,7 +176,7 @@ class _Reader:
     def _read_body(self, source: Element, target: Element, inherited: str) -> None:
         inherited = source.get("childclass", inherited)
         name = source.get("name") or self._fresh("body", "body")
-        if float(source.get("gravcomp", "0")) != 0.0:
+        if number(source, "gravcomp", f"{self._name}: body {name!r}") != 0.0:
             raise ModelError(
                 f"{self._name}: body {name!r}: gravcomp cannot be read; put the force into torque="
             )
@@ -188,19 +210,18 @@ class _Reader:
         unit = math.pi / 180.0 if kind == "hinge" and not self._radians else 1.0
         if kind in ("hinge", "slide"):
             axis = vector(joint, "axis", 3, where, (0.0, 0.0, 1.0))
-            norm = float(np.linalg.norm(axis))
-            if norm == 0.0:
+            if not axis.any():
                 raise ModelError(f"{where}: its axis is zero; give a direction")
-            attributes["axis"] = _text(axis / norm)
+            attributes["axis"] = text_of(direction(axis, where, "axis"))
             attributes["ref"] = repr(number(joint, "ref", where) * unit)
         if kind in ("hinge", "ball"):
-            attributes["pos"] = _text(vector(joint, "pos", 3, where, (0.0, 0.0, 0.0)))
+            attributes["pos"] = text_of(vector(joint, "pos", 3, where, (0.0, 0.0, 0.0)))
         if kind != "free":
             attributes["armature"] = repr(number(joint, "armature", where))
         elif joint.tag == "joint" and number(joint, "armature", where) != 0.0:
             raise ModelError(f"{where}: armature of a free joint cannot be read; leave it out")
         for key in ("frictionloss", "springdamper"):
-            if any(float(x) != 0.0 for x in joint.get(key, "0").split()):
+            if words(joint, key, where).any():
                 raise ModelError(f"{where}: {key} cannot be read; put the force into torque=, remove it here")
         stiffness, damping = number(joint, "stiffness", where), number(joint, "damping", where)
         if stiffness != 0.0 and kind in ("ball", "free"):
@@ -215,12 +236,8 @@ class _Reader:
         from_geom = self._compiler.get("inertiafromgeom", "auto")
         inertial = source.find("inertial")
         if inertial is not None and from_geom != "true":
-            _posed(
-                target,
-                "inertial",
-                self._placement(inertial),
-                _kept(inertial, ("mass", "diaginertia", "fullinertia")),
-            )
+            given = inertia_of(inertial, f"{self._name}: inertial of body {body!r}")
+            _posed(target, "inertial", self._placement(inertial), given)
             return
         for geom in source.findall("geom"):
             geom = self._defaults.resolved(geom, inherited)
@@ -237,7 +254,7 @@ class _Reader:
                     f"{where}: the inertia of a {'shell' if kind in SOLIDS else kind} cannot be computed; "
                     "give the body an <inertial>"
                 )
-            keep = _kept(geom, ("size", "mass", "density", "fromto")) | {"type": kind}
+            keep = solid_of(geom, kind, where)
             if "fromto" in keep:
                 ElementTree.SubElement(target, "geom", keep)
             else:
@@ -260,13 +277,5 @@ class _Reader:
 
 def _posed(parent: Element, tag: str, place: pin.SE3, attributes: dict[str, str]) -> Element:
     x, y, z, w = pin.Quaternion(place.rotation).coeffs()
-    pose = {"pos": _text(place.translation), "quat": _text(np.array([w, x, y, z]))}
+    pose = {"pos": text_of(place.translation), "quat": text_of(np.array([w, x, y, z]))}
     return ElementTree.SubElement(parent, tag, attributes | pose)
-
-
-def _kept(element: Element, keys: tuple[str, ...]) -> dict[str, str]:
-    return {key: element.get(key, "") for key in keys if key in element.attrib}
-
-
-def _text(values: Array) -> str:
-    return " ".join(repr(float(value)) for value in values)

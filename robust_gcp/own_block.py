@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from .checks import LARGEST, shown
 from .closure import Closure, RevoluteClosure
 from .errors import ModelError
 from .forces import Force, JointDamper, JointSpring, JointTorque, PointSpring
@@ -39,7 +40,7 @@ def own_block(settings: dict[str, Any], path: Path) -> dict[str, Any]:
     _require_known(own, OWN_KEYS, path, "robust_gcp")
     if own and own.get("schema", SCHEMA) != SCHEMA:
         raise ModelError(
-            f"{path}: robust_gcp.schema is {own['schema']!r}, this version reads {SCHEMA}; "
+            f"{path}: robust_gcp.schema is {shown(own['schema'])}, this version reads {SCHEMA}; "
             "update robust_gcp or the file"
         )
     return own
@@ -51,18 +52,19 @@ def home_of(home: Any, model: pin.Model, path: Path) -> Array:
     if home is None:
         return q
     if not isinstance(home, dict):
-        raise ModelError(f"{path}: robust_gcp.home must map joint names to values, not {home!r}")
+        raise ModelError(f"{path}: robust_gcp.home must map joint names to values, not {shown(home)}")
     names = list(model.names)
     for name, value in home.items():
         if name not in names:
             raise ModelError(
-                f"{path}: robust_gcp.home names the joint {name!r}; the model has {', '.join(names[1:])}"
+                f"{path}: robust_gcp.home names the joint {shown(name)}; the model has {', '.join(names[1:])}"
             )
         joint = model.joints[model.getJointId(name)]
         values = value if isinstance(value, list) else [value]
         if len(values) != joint.nq or not all(map(_is_finite, values)):
             raise ModelError(
-                f"{path}: robust_gcp.home[{name!r}] is {value!r}; expected {joint.nq} finite number(s)"
+                f"{path}: robust_gcp.home[{shown(name)}] is {shown(value)}; expected {joint.nq} finite "
+                "number(s)"
             )
         q[joint.idx_q : joint.idx_q + joint.nq] = np.array(values, dtype=float)
     return q
@@ -109,12 +111,12 @@ def forces_of(own: dict[str, Any], path: Path) -> list[Force]:
         where = f"{path}: robust_gcp.point_springs[{i}]"
         frames = item.pop("frames")
         if not isinstance(frames, list) or len(frames) != 2 or not all(isinstance(f, str) for f in frames):
-            raise ModelError(f"{where}: frames must be a pair of frame names, not {frames!r}")
+            raise ModelError(f"{where}: frames must be a pair of frame names, not {shown(frames)}")
         item |= {"frame1": frames[0], "frame2": frames[1]}
         forces.append(_made(PointSpring, item, where))
     torques = own.get("torques") or {}
     if not isinstance(torques, dict):
-        raise ModelError(f"{path}: robust_gcp.torques must map joint names to N m or N, not {torques!r}")
+        raise ModelError(f"{path}: robust_gcp.torques must map joint names to N m or N, not {shown(torques)}")
     for name, value in torques.items():
         item = {"joint": name, "torque": value}
         forces.append(_made(JointTorque, item, f"{path}: robust_gcp.torques"))
@@ -128,7 +130,8 @@ def _items(
     items = own.get(key) or []
     if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
         raise ModelError(
-            f"{path}: robust_gcp.{key} must be a list of mappings with {', '.join(required)}, not {items!r}"
+            f"{path}: robust_gcp.{key} must be a list of mappings with {', '.join(required)}, not "
+            + shown(items)
         )
     for i, item in enumerate(items):
         where = f"robust_gcp.{key}[{i}]"
@@ -152,15 +155,17 @@ def _require_known(block: dict[Any, Any], known: tuple[str, ...], path: Path, wh
         if key not in known:
             near = difflib.get_close_matches(str(key), known, n=1)
             hint = f"; did you mean {near[0]!r}?" if near else f"; known: {', '.join(known)}"
-            raise ModelError(f"{path}: unknown key {key!r} in {where}{hint}")
+            raise ModelError(f"{path}: unknown key {shown(key)} in {where}{hint}")
 
 
 def _vector(value: Any, where: str) -> tuple[float, float, float]:
     if not isinstance(value, list) or len(value) != 3 or not all(map(_is_finite, value)):
-        raise ModelError(f"{where} is {value!r}; give three finite numbers [x, y, z]")
+        raise ModelError(f"{where} is {shown(value)}; give three finite numbers [x, y, z]")
     x, y, z = map(float, value)
     return x, y, z
 
 
 def _is_finite(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return math.isfinite(value) if isinstance(value, float) else abs(value) < LARGEST

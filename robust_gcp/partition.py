@@ -9,10 +9,8 @@ from itertools import combinations
 from math import comb
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import qr
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components, maximum_bipartite_matching
 
 from .tree import Array
 
@@ -57,11 +55,15 @@ def triangular_blocks(pattern: NDArray[np.bool_]) -> list[Block] | None:
     n = len(pattern)
     if n == 0:
         return []
-    row_of_column = maximum_bipartite_matching(csr_array(pattern), perm_type="row")
+    row_of_column = scipy.sparse.csgraph.maximum_bipartite_matching(
+        scipy.sparse.csr_array(pattern), perm_type="row"
+    )
     if np.any(row_of_column < 0):
         return None
     matched = pattern[row_of_column]
-    count, label = connected_components(csr_array(matched), directed=True, connection="strong")
+    count, label = scipy.sparse.csgraph.connected_components(
+        scipy.sparse.csr_array(matched), directed=True, connection="strong"
+    )
     order: TopologicalSorter[int] = TopologicalSorter({b: set() for b in range(count)})
     for i, j in zip(*np.nonzero(matched), strict=True):
         if label[i] != label[j]:
@@ -83,7 +85,7 @@ def independent_rows(K_d: Array, count: int) -> Index:
     """
     if K_d.shape[0] == count:
         return np.arange(count)
-    _, _, pivots = qr(K_d.T, mode="economic", pivoting=True)
+    _, _, pivots = scipy.linalg.qr(K_d.T, mode="economic", pivoting=True)
     return np.sort(pivots[:count]).astype(np.int64)
 
 
@@ -120,7 +122,7 @@ def ranked_choices(
     if comb(len(candidates), m) <= MAX_ENUMERATED:
         sets: list[tuple[int, ...]] = list(combinations(range(len(candidates)), m))
     else:
-        _, _, pivots = qr(kernel[candidates].T, mode="economic", pivoting=True)
+        _, _, pivots = scipy.linalg.qr(kernel[candidates].T, mode="economic", pivoting=True)
         sets = [tuple(sorted(int(p) for p in pivots[:m]))]
     scored = []
     for chosen in sets:

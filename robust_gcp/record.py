@@ -4,17 +4,30 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
-from scipy.optimize import brentq
+import scipy
 
 from .dynamics import Evaluation, constraint_forces
 from .explicit import Crossing, Passage
 from .gcp import SingularityWarning
+from .kernel import Point
 from .mechanism import Mechanism
 from .trajectory import Stats, Trajectory
 from .tree import Array
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """Rows for several outputs at once, C-contiguous; None where not wanted."""
+
+    q: Array
+    v: Array
+    a: Array | None = None
+    tau: Array | None = None
+    energy: Array | None = None
+    work: Array | None = None
 
 
 class Record:
@@ -58,7 +71,7 @@ class Record:
         """Keep the evaluation at time i and state x; `passages` lie between `before` and it."""
         for passage in passages:
             assert before is not None
-            self._cross(passage, float(self._times[i - 1]), float(self._times[i]), before, now)
+            self._cross(passage, i, before.point, now.point)
         self._q[i], self._v[i] = now.point.q, now.v
         if self._a is not None:
             self._a[i] = now.a
@@ -70,22 +83,55 @@ class Record:
             self.work[i] = x[-1]
         self.count, self.last_state = i + 1, x
 
+    def room(self, i: int, n: int) -> Outputs:
+        """Where the n outputs after time i go."""
+
+        def rows(values: Array | None) -> Array | None:
+            return None if values is None else values[i + 1 : i + 1 + n]
+
+        a, tau, nv = rows(self._a), None, self._mechanism.nv
+        if self._multipliers is not None:
+            a, tau = np.empty((n, nv)) if a is None else a, np.zeros((n, nv))
+        kept = slice(i + 1, i + 1 + n)
+        return Outputs(self._q[kept], self._v[kept], a, tau, rows(self._energy), rows(self.work))
+
+    def keep(self, i: int, n: int, outputs: Outputs, x: Array) -> None:
+        """Keep n outputs after time i, written to what `room` gave; x is the state at the last one."""
+        if self._multipliers is not None:
+            a, tau = outputs.a, outputs.tau
+            assert a is not None
+            assert tau is not None
+            for j in range(n):
+                forces = constraint_forces(self._mechanism, outputs.q[j], outputs.v[j], a[j], tau[j])
+                self._multipliers[i + 1 + j] = forces
+        self.count = i + n + 1
+        self.last_state = x
+
+    def cross(self, passages: Sequence[Passage], i: int, before: Point, after: Point) -> None:
+        """Log what was passed between the points at times i − 1 and i."""
+        for passage in passages:
+            self._cross(passage, i, before, after)
+
     def rewind(self, i: int) -> None:
         """Forget what came at time i and later."""
         self.count = i
         self._crossings = [c for c in self._crossings if c.time <= self._times[i]]
 
-    def _cross(self, passage: Passage, t0: float, t1: float, before: Evaluation, after: Evaluation) -> None:
+    def _cross(self, passage: Passage, i: int, a: Point, b: Point) -> None:
         """Log a crossing at the time where the Hermite interpolant of y meets the surface."""
-        a, b = before.point, after.point
+        t0, t1 = float(self._times[i - 1]), float(self._times[i])
         towards = b.y - a.y
-        spline = CubicHermiteSpline([t0, t1], np.array([a.y, b.y]), np.array([a.ydot, b.ydot]))
+        spline = scipy.interpolate.CubicHermiteSpline(
+            [t0, t1], np.array([a.y, b.y]), np.array([a.ydot, b.ydot])
+        )
 
         def ahead(t: float) -> float:
             return float((spline(t) - passage.y) @ towards)
 
         ends = ahead(t0), ahead(t1)
-        when = t1 if ends[1] == 0.0 or ends[0] * ends[1] > 0.0 else float(brentq(ahead, t0, t1))
+        when = (
+            t1 if ends[1] == 0.0 or ends[0] * ends[1] > 0.0 else float(scipy.optimize.brentq(ahead, t0, t1))
+        )
         self._crossings.append(
             Crossing(when, passage.y, passage.q, passage.kind, passage.certificate, passage.transversality)
         )

@@ -16,8 +16,11 @@ from .dynamics import EquationsOfMotion, Evaluation, Torque, does_work
 from .errors import BranchError, NonFiniteError, ToggleError
 from .explicit import ExplicitMap
 from .kernel import Counters, Point
+from .linearise import ReducedJacobian
 from .march import POOR
 from .mechanism import Mechanism
+from .native.steps import NativeSteps
+from .native.structures import Reason
 from .obstacle import UncertifiedZoneError
 from .record import Record
 from .start import Start, begin
@@ -57,6 +60,8 @@ class Run:
     record : sequence of {"a", "energy", "multipliers"}
     counters : Counters
     progress : callable (fraction) or None
+    native : NativeSteps or None
+        Takes the regular steps of `fixed_steps`.
     """
 
     def __init__(
@@ -69,9 +74,10 @@ class Run:
         record: Sequence[str],
         counters: Counters,
         progress: Callable[[float], None] | None,
+        native: NativeSteps | None = None,
     ) -> None:
         self._torque, self._times, self._counters = torque, times, counters
-        self._progress = progress
+        self._progress, self._native = progress, native
         self._record = Record(mechanism, times, record, does_work(mechanism, torque))
         self._works = self._record.work is not None
         self._repartitions: list[tuple[float, tuple[str, ...]]] = []
@@ -96,10 +102,10 @@ class Run:
 
         There γ bends sharply and a fixed step loses its accuracy before the zone is met. So the run
         goes back to the last well-conditioned state and takes the steps from there to the next
-        well-conditioned one with error control, or changes coordinates there.
+        well-conditioned one with error control, or changes coordinates as soon as others serve better.
         """
         last = len(self._times) - 1
-        i, careful, met_at, changed_at = 0, False, -1, -1
+        i, careful, changing, met_at, changed_at = 0, False, False, -1, -1
         safe = Checkpoint(0, self._x, self._explicit.anchor)
         while True:
             t = float(self._times[i])
@@ -108,28 +114,55 @@ class Run:
                 self._accept(i, now)
                 good = now.point.conditioning >= POOR
                 careful = careful and not (good and i > met_at)
+                changing = changing and careful
+                if changing and self._others_serve_better(now.point):
+                    self._last, careful, changing = None, False, False
+                    changed_at, safe = i, self._repartition(i, options)
+                    continue
                 if (good and not careful) or i == 0:
                     safe = Checkpoint(i, self._x, now.point)
+                if self._native is not None and not careful:
+                    i, now, safe = self._natively(self._native, i, now, safe)
+                    t = float(self._times[i])
                 if i == last:
                     return
                 h = float(self._times[i + 1]) - t
                 x = self._refined(t, h) if careful else self._rk4(t, h, now)
             except UncertifiedZoneError as zone:
-                met_at, i = i, self._back_to(safe)
-                if zone.obstacle.kind == "toggle" and on_toggle == "repartition" and i > changed_at:
-                    changed_at, safe = i, self._repartition(i, options)
-                else:
-                    careful = True
+                met_at, i, careful = i, self._back_to(safe), True
+                changing = zone.obstacle.kind == "toggle" and on_toggle == "repartition"
                 continue
             except (BranchError, ToggleError):
                 # the true curve is lost in these coordinates; others may hold it
                 if not careful or on_toggle != "repartition" or safe.i <= changed_at:
                     raise
-                i, careful = self._back_to(safe), False
+                i, careful, changing = self._back_to(safe), False, False
                 changed_at, safe = i, self._repartition(i, options)
                 continue
             self._x = x
             i += 1
+
+    def _natively(
+        self, native: NativeSteps, i: int, now: Evaluation, safe: Checkpoint
+    ) -> tuple[int, Evaluation, Checkpoint]:
+        """As many steps after time i as the kernel can take."""
+        while i + 1 < len(self._times):
+            batch = native.take(self._mechanism, self._explicit, now, self._x, self._times, self._record, i)
+            if batch is None:
+                break
+            self._equations.calls += batch.counts["rhs"]
+            if batch.safe is not None:
+                safe = Checkpoint(i + batch.safe[0], *batch.safe[1:])
+            for j in range(i + 1, i + batch.steps + 1 if self._progress is not None else 0):
+                self._report(j)
+            if batch.steps:
+                i, now, self._x, self._last = i + batch.steps, batch.now, batch.x, batch.now
+            if batch.reason is Reason.PASSED and batch.before is not None:
+                passages = self._explicit.passed(batch.before, now.point)
+                self._record.cross(passages, i, batch.before, now.point)
+            elif batch.reason is not Reason.DONE:
+                break
+        return i, now, safe
 
     def _rk4(self, t: float, h: float, now: Evaluation) -> Array:
         f = self._equations
@@ -156,7 +189,9 @@ class Run:
         i, changed_at = 0, -1
         while i + 1 < len(times):
             try:
-                for x in adaptive(stepper, self._equations, self._x, times[i:], rtol, atol):
+                f = self._equations
+                states = adaptive(stepper, f, self._x, times[i:], rtol, atol, jacobian=ReducedJacobian(f))
+                for x in states:
                     i += 1
                     if not np.all(np.isfinite(x)):
                         raise NonFiniteError(f"{stepper} left the finite numbers at t = {times[i]:.6g} s")
@@ -200,6 +235,11 @@ class Run:
         assert isinstance(self._explicit, BridgeMap)  # no other map knows uncertified zones
         return self._explicit
 
+    def _others_serve_better(self, point: Point) -> bool:
+        """Whether other joints see more of the motion than the independent ones do."""
+        choices = self._mechanism.coordinate_choices(point.q)
+        return bool(choices) and set(choices[0][1]) != set(self._mechanism.independent)
+
     def _repartition(self, i: int, options: BridgeOptions) -> Checkpoint:
         """Change to the best conditioned independent joints at the present state, which is returned."""
         here, t = self._explicit.anchor, float(self._times[i])
@@ -229,6 +269,9 @@ class Run:
         passages = [] if self._last is None else self._explicit.passed(self._last.point, now.point)
         self._record.add(i, now, self._x, passages, self._last)
         self._last = now
+        self._report(i)
+
+    def _report(self, i: int) -> None:
         if self._progress is not None:
             self._progress(i / (len(self._times) - 1))
 

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
+from .checks import OVERFLOWING, check_between, check_number
 from .closed_form import FourBar
 from .closure import PointClosure
 from .errors import OptionError
@@ -18,6 +19,10 @@ from .mechanism import Mechanism
 
 def rod(length: float, mass: float = 1.0) -> pin.Inertia:
     """A uniform slender rod from a hinge along its body's y axis."""
+    check_between("rod: length", length, 0.0, OVERFLOWING)
+    check_number("rod: mass", mass)
+    if not 0.0 <= mass < OVERFLOWING:
+        raise OptionError(f"rod: mass = {mass} kg must not be negative, and finite")
     inertia = mass * length**2 / 12.0
     return pin.Inertia(mass, np.array([0.0, 0.5 * length, 0.0]), np.diag([inertia, 0.0, inertia]))
 
@@ -57,12 +62,15 @@ def four_bar(
     independent : str
         The joint that serves as minimal coordinate.
     """
+    check_number("four_bar: y", y)
+    home = FourBar(l0, l1, l2, l3, assembly).evaluate(y)[0]
+    if len(masses) != 3:
+        raise OptionError(f"four_bar: masses has {len(masses)} entries; give crank, coupler and rocker")
     model = pin.Model()
     model.name = "four_bar"
     crank = add_link(model, 0, 0.0, "q1", l1, masses[0])
     add_link(model, crank, l1, "q2", l2, masses[1])
     add_link(model, 0, l0, "q3", l3, masses[2])
-    home = FourBar(l0, l1, l2, l3, assembly).evaluate(y)[0]
     return Mechanism(model, [PointClosure("q2_tip", "q3_tip")], [independent], home=home)
 
 
@@ -82,8 +90,9 @@ def n_four_bar(n: int, angle: float = 0.5 * np.pi, length: float = 1.0, mass: fl
     length, mass : float
         Of every rod, m and kg.
     """
-    if n < 1:
-        raise OptionError(f"n_four_bar: n = {n} must be at least 1")
+    check_number("n_four_bar: n", n)
+    if n < 1 or n != int(n):
+        raise OptionError(f"n_four_bar: n = {n} must be at least 1, a whole number")
     model = pin.Model()
     model.name = f"n_four_bar_{n}"
     home: list[float] = []

@@ -11,14 +11,17 @@ from numpy.typing import ArrayLike
 
 from .bridge import BridgeOptions
 from .bridge_map import BridgeMap
-from .checks import check_between, check_choice, check_mechanism, check_positive
+from .checks import check_between, check_choice, check_mechanism, check_positive, listed, shown
+from .coarse import warn_if_coarse
 from .dynamics import Torque
 from .errors import NonFiniteError, OptionError, SimulationError
 from .explicit import ExplicitMap
 from .four_bar_map import FourBarMap
 from .gcp import ClassicalMap, NewtonStart
 from .kernel import Counters
+from .linearise import warn_if_unstable
 from .mechanism import Mechanism
+from .native.steps import BACKENDS, NativeSteps, chosen_library
 from .robust import PROJECTION_THRESHOLD, ProjectionMap
 from .run import Run
 from .start import Start, begin
@@ -53,6 +56,7 @@ def simulate(
     threshold: float = PROJECTION_THRESHOLD,
     options: BridgeOptions | None = None,
     progress: Callable[[float], None] | None = None,
+    backend: Literal["auto", "python", "native"] = "auto",
 ) -> Trajectory:
     """Simulate a mechanism in minimal coordinates.
 
@@ -91,7 +95,11 @@ def simulate(
     options : BridgeOptions, optional
         Choices of method="bridge".
     progress : callable (fraction), optional
-        Called after each output with the fraction of the duration that is done.
+        Called after each output with the fraction of the duration that is done; the compiled kernel
+        makes some outputs at once, and the calls follow.
+    backend : {"auto", "python", "native"}
+        "native" takes the regular steps of "rk4" in the compiled kernel (see `backends`) for the
+        methods "bridge" and "classical"; "auto" does so where it can; the results are the same to rounding.
 
     Returns
     -------
@@ -113,8 +121,11 @@ def simulate(
     check_choice("newton_start", newton_start, ("tangent", "previous"))
     if isinstance(record, str):
         record = (record,)
+    record = listed(record, "record", f"any of {', '.join(RECORDS)}", OptionError)
     for item in record:
         check_choice("record", item, RECORDS)
+    if progress is not None and not callable(progress):
+        raise OptionError(f"progress = {shown(progress)} must be callable, progress(fraction)")
     check_positive("rtol", rtol)
     check_positive("atol", atol)
     check_between("threshold", threshold, 0.0, 1.0)
@@ -122,11 +133,18 @@ def simulate(
     if not isinstance(options, BridgeOptions):
         raise OptionError(f"options = {options!r} must be a BridgeOptions, such as BridgeOptions(zone=0.05)")
     fixed = check_stepper(stepper) == "rk4"
+    check_choice("backend", backend, BACKENDS)
+    kernel = chosen_library(backend, stepper, method, newton_start)
     counters = Counters()
     begun = time.perf_counter()
     start = begin(mechanism, mechanism.home if q0 is None else q0, v0, mode, options, counters)
     explicit = _map(method, start, options, newton_start, threshold, not fixed)
-    run = Run(mechanism, start, explicit, torque, times, record, counters, progress)
+    if fixed:
+        warn_if_unstable(mechanism, start, torque, float(times[1]))
+    native = None if kernel is None else NativeSteps(kernel, torque, backend == "native")
+    if native is not None:
+        native.prepare(mechanism, start.path)
+    run = Run(mechanism, start, explicit, torque, times, record, counters, progress, native)
     try:
         if fixed:
             run.fixed_steps(on_toggle, options)
@@ -141,7 +159,10 @@ def simulate(
         )
         stop.trajectory = run.trajectory(begun)
         raise stop from overflow
-    return run.trajectory(begun)
+    finished = run.trajectory(begun)
+    if fixed and method == "bridge":
+        warn_if_coarse(finished)
+    return finished
 
 
 def _map(

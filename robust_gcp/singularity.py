@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .checks import check_mechanism
+from .checks import check_between, check_mechanism
 from .loops import CLOSED, NEARLY_CLOSED, ClosedLoops
 from .partition import numerical_rank
 from .second_order import bending, curvature, full_svd, orthonormal, second_order_forms
@@ -108,6 +108,7 @@ def analyse(mechanism: ClosedLoops, q: ArrayLike, rank_tolerance: float = RANK_T
     Müller, "Local kinematic analysis of closed-loop linkages", J. Mechanisms Robotics 8 (2016).
     """
     check_mechanism(mechanism, ClosedLoops, "analyse")
+    check_between("rank_tolerance", rank_tolerance, 0.0, 1.0)
     q = mechanism.configuration(q)
     mechanism.require_closed(q, NEARLY_CLOSED, "analyse: q")
     K = mechanism.scaled(mechanism.K(q))

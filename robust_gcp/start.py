@@ -99,6 +99,7 @@ def begin(
         require_velocity_in_mode(mechanism, v, point.G)
         return Start(path, point, ydot)
     picture = analyse(mechanism, q, rank_tolerance=10.0 * SINGULAR)
+    counters.second_order += 1
     if picture.kind == "regular" or picture.kind == "redundant":
         choices = [names for _, names in mechanism.coordinate_choices(q)]
         raise ToggleError(

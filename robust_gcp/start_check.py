@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .checks import shown
 from .errors import NonFiniteError, OptionError, PartitionError, StateError
 from .kernel import RegularPath
 from .mechanism import Mechanism
@@ -14,18 +15,19 @@ from .tree import Array
 COMPATIBLE = 1e-6
 """Largest |K v| relative to |K| |v| of an initial velocity that satisfies the constraint."""
 
+FASTEST = 1e50
+"""rad/s or m/s: accelerations grow with the square, and products of those must stay finite."""
+
 SAME_MODE = 1e-4
 """Sine of the largest angle, dimensionless velocities, between tangents of the same mode."""
 
 
 def require_finite_energy(mechanism: Mechanism, v: Array) -> None:
-    """|v0|² must be a finite number: energy and g grow with it."""
-    with np.errstate(over="ignore"):
-        u = v / mechanism.column_scale
-        finite = np.isfinite(u @ u) and np.isfinite(v @ v)
-    if not finite:
+    """Products of speeds must be finite numbers: g grows with |v0|², an error estimate with its square."""
+    size = max(np.abs(v).max(initial=0.0), np.abs(v / mechanism.column_scale).max(initial=0.0))
+    if size > FASTEST:
         raise NonFiniteError(
-            f"v0 is so large (up to {np.abs(v).max():.3g}) that its square is not a finite number; "
+            f"v0 is so large (up to {np.abs(v).max():.3g}) that its products are not finite numbers; "
             "give it in rad/s and m/s"
         )
 
@@ -76,10 +78,14 @@ def checked_mode(mechanism: Mechanism, mode: ArrayLike) -> Array:
     """`mode` as a finite float array (nv, m), or an OptionError."""
     shape = f"(nv,) = ({mechanism.nv},)" if mechanism.m == 1 else f"(nv, m) = ({mechanism.nv}, {mechanism.m})"
     try:
-        wanted = np.asarray(mode, dtype=float)
+        wanted = np.asarray(mode)
+        if wanted.dtype.kind not in "iuf":
+            raise TypeError(f"numbers of kind {wanted.dtype}")
+        wanted = wanted.astype(float)
     except (TypeError, ValueError) as error:
         raise OptionError(
-            f"mode = {mode!r} is not an array of numbers {shape}; give one of analyse(mechanism, q0).modes"
+            f"mode = {shown(mode)} is not an array of numbers {shape}; give one of "
+            "analyse(mechanism, q0).modes"
         ) from error
     if wanted.size != mechanism.nv * mechanism.m:
         raise OptionError(f"mode must have shape {shape}, not {wanted.shape}")

@@ -7,13 +7,17 @@ from typing import Any
 
 import numpy as np
 
+from .checks import shown
+from .differences import differences
 from .errors import OptionError, SimulationError
 from .tree import Array
 
 RightHandSide = Callable[[float, Array], Array]
+Jacobian = Callable[[float, Array], Array]
 
 SCIPY_STEPPERS = ("RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA")
-
+IMPLICIT = ("Radau", "BDF", "LSODA")
+"""Those that use ∂f/∂x."""
 
 HEADWAY = 1e-3
 """Fraction of the span that a solver must advance by within its allowed effort."""
@@ -57,6 +61,7 @@ def adaptive(
     rtol: float,
     atol: float,
     effort: int = 50_000,
+    jacobian: Jacobian | None = None,
 ) -> Iterator[Array]:
     """States at the given times by one of scipy's solvers with dense output.
 
@@ -73,6 +78,8 @@ def adaptive(
         Ascending, s.
     effort : int
         Evaluations of f within which the time must advance by 1/1000 of the whole span.
+    jacobian : callable (t, x) -> (n, n), optional
+        ∂f/∂x for Radau, BDF and LSODA; by forward differences of f when left out.
 
     Yields
     ------
@@ -86,6 +93,8 @@ def adaptive(
 
     def guarded(t: float, state: Array) -> Array:
         nonlocal started
+        if not np.all(np.isfinite(state)):  # of a trial that a refusal has spoilt
+            return np.full_like(state, np.nan)
         try:
             value = f(t, state.copy())  # LSODA overwrites its state in place
         except SimulationError as error:
@@ -96,7 +105,7 @@ def adaptive(
         started = True
         return value
 
-    more = {"jac": _KeptJacobian(f)} if method in ("Radau", "BDF") else {}
+    more = {"jac": _KeptJacobian(f, jacobian)} if method in IMPLICIT else {}
     solver: Any = getattr(integrate, method)(
         guarded, float(times[0]), x, float(times[-1]), rtol=rtol, atol=atol, **more
     )
@@ -124,33 +133,33 @@ def adaptive(
 
 
 class _KeptJacobian:
-    """∂f/∂x by forward differences; the last one where f refuses the state or its neighbour.
+    """∂f/∂x; the last one where f refuses the state or its neighbour.
 
     A solver's own differences would put NaN into its linear algebra there.
     """
 
-    def __init__(self, f: RightHandSide) -> None:
-        self._f = f
+    def __init__(self, f: RightHandSide, jacobian: Jacobian | None) -> None:
+        def by_differences(t: float, x: Array) -> Array:
+            return differences(lambda state: f(t, state), x, np.maximum(1.0, np.abs(x)))
+
+        self._jacobian = by_differences if jacobian is None else jacobian
         self._last: Array | None = None
 
     def __call__(self, t: float, x: Array) -> Array:
-        from scipy.optimize import approx_fprime
-
-        steps = np.sqrt(np.finfo(float).eps) * np.maximum(1.0, np.abs(x))
         try:
-            found: Array = approx_fprime(x, lambda state: self._f(t, state.copy()), steps)
+            found = self._jacobian(t, x.copy())
         except SimulationError:
             if self._last is None:
                 raise
             return self._last
-        self._last = found.reshape(len(x), len(x))
-        return self._last
+        self._last = found
+        return found
 
 
-def check_stepper(name: str) -> str:
+def check_stepper(name: Any) -> str:
     """The stepper's name, or an OptionError that lists those there are."""
-    if name != "rk4" and name not in SCIPY_STEPPERS:
+    if not isinstance(name, str) or (name != "rk4" and name not in SCIPY_STEPPERS):
         raise OptionError(
-            f"stepper {name!r} is unknown; use 'rk4' or one of scipy's {', '.join(SCIPY_STEPPERS)}"
+            f"stepper {shown(name)} is unknown; use 'rk4' or one of scipy's {', '.join(SCIPY_STEPPERS)}"
         )
     return name

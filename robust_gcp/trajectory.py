@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .explicit import Crossing
 from .mechanism import Mechanism
 from .tree import Array
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass
@@ -22,7 +27,13 @@ class Stats:
     ----------
     rhs : int
         Right-hand sides evaluated.
+    constraint_evaluations : int
+        Evaluations of φ and K, with K_d factorised where it is solved; 0 without closed loops.
     newton_iterations : int
+    force_evaluations : int
+        Evaluations of springs, dampers, drives and torques; 0 without any.
+    second_order : int
+        Second-order analyses of a singular configuration: at a start, and one for each bridge.
     zone_evaluations : int
         Right-hand sides taken from a bridge, a projection, or an uncertified zone.
     marching_steps : int
@@ -34,16 +45,22 @@ class Stats:
         Singular value decompositions; 0 in a scene that never comes near a singularity.
     repartitions : list of (float, tuple of str)
         Time and new independent joints of each change of coordinates.
+    native_steps : int
+        Steps taken by the compiled kernel; the other ones were taken in Python.
     wall_seconds : float
     """
 
     rhs: int = 0
+    constraint_evaluations: int = 0
     newton_iterations: int = 0
+    force_evaluations: int = 0
+    second_order: int = 0
     zone_evaluations: int = 0
     marching_steps: int = 0
     bridges_built: int = 0
     refined_steps: int = 0
     svds: int = 0
+    native_steps: int = 0
     repartitions: list[tuple[float, tuple[str, ...]]] = field(default_factory=list)
     wall_seconds: float = 0.0
 
@@ -108,6 +125,33 @@ class Trajectory:
             return self.energy
         energy = self.mechanism.energy
         return np.array([energy(q, v) for q, v in zip(self.q, self.v, strict=True)])
+
+    def plot(self, what: Sequence[str] | str | None = None, path: str | Path | None = None) -> Figure:
+        """Draw the motion over time, crossings marked by dotted lines; needs the extra `viz`.
+
+        Parameters
+        ----------
+        what : sequence of {"q", "v", "a", "energy", "closure"}, optional
+            Panels. "energy" is `energy_error`, J; "closure" is `closure_error`, on a logarithmic
+            scale. When left out: q, v, closure where there are loops, and a and energy if recorded.
+        path : str or Path, optional
+            Also write this .png or .pdf file.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Outside pyplot: nothing needs to be closed, and a notebook shows it by itself.
+
+        Raises
+        ------
+        OptionError
+            For other words, accelerations that were not recorded, another kind of file.
+        MissingExtraError
+            When Matplotlib is not installed.
+        """
+        from .pictures_motion import plot_motion
+
+        return plot_motion(self, what, path)
 
     def to_csv(self, path: str | Path) -> Path:
         """Write t, q, v and whatever else was recorded, one row a time; returns the path."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -63,6 +64,12 @@ class Tree:
         self.v = _stacked([_motion(m) for m in self.data.v])
         self.a = _stacked([_motion(m) for m in self.data.a_gf])
 
+    @cached_property
+    def rotates(self) -> NDArray[np.bool_]:
+        """Which velocities turn their bodies, (nv,); the others slide them."""
+        self.jacobians(pin.neutral(self.model))
+        return np.any(self.J[:, 3:] != 0.0, axis=1)
+
     def jacobians(self, q: Array) -> None:
         """Placements and joint Jacobians at q (nq,)."""
         pin.computeJointJacobians(self.model, self.data, q)
@@ -78,10 +85,17 @@ class Tree:
         M: Array = pin.crba(self.model, self.data, q)
         return M
 
+    def kinetic(self, q: Array, v: Array) -> float:
+        """½ vᵀ M v as the sum over the bodies, J.
+
+        Where joints move against each other so that their bodies hardly move, vᵀ M v cancels and
+        this does not.
+        """
+        return float(pin.computeKineticEnergy(self.model, self.data, q, v))
+
     def energies(self, q: Array, v: Array) -> tuple[float, float]:
         """Kinetic and potential energy, J."""
-        kinetic = float(pin.computeKineticEnergy(self.model, self.data, q, v))
-        return kinetic, float(pin.computePotentialEnergy(self.model, self.data, q))
+        return self.kinetic(q, v), float(pin.computePotentialEnergy(self.model, self.data, q))
 
     def integrate(self, q: Array, dv: Array) -> Array:
         """q ⊕ dv: the configuration reached from q along the tangent dv."""

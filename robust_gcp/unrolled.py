@@ -32,7 +32,8 @@ MAX_BLOCK = 2
 
 Solver = Callable[[list[float], list[float], bool], tuple[list[float] | None, float, float, int]]
 Predictor = Callable[
-    [list[float], list[float], list[float], list[float], list[float], list[float]], tuple[list[float], float]
+    [list[float], list[float], list[float], list[float], list[float], list[float]],
+    tuple[list[float], float, float],
 ]
 
 
@@ -57,7 +58,7 @@ class UnrolledPath(RegularPath):
     def step(self, anchor: Point, y: Array, ydot: Array) -> Point | None:
         """See `RegularPath.step`."""
         bend = anchor.g if anchor.curvature is None else anchor.curvature
-        q, distance = self._predictor(
+        q, distance, turn = self._predictor(
             anchor.q.tolist(),
             anchor.G.reshape(-1).tolist(),
             bend.tolist(),
@@ -67,7 +68,7 @@ class UnrolledPath(RegularPath):
         )
         point = self._solved(q, y, ydot, True)
         if point is not None and point.correction > 0.0:
-            point.distance = distance
+            point.distance, point.turn = distance, turn
         return point
 
     def settle(self, q: Array, y: Array, ydot: Array, contracting: bool = True) -> Point | None:
@@ -81,6 +82,7 @@ class UnrolledPath(RegularPath):
         except (ArithmeticError, ValueError):  # not finite, or a block exactly singular: rare
             return super().settle(np.array(q), y, ydot, contracting)
         self.counters.newton_iterations += iterations
+        self.counters.constraint_evaluations += iterations + 1
         if values is None:
             return None
         flat = np.array(values)

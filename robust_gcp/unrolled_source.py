@@ -34,9 +34,9 @@ class Generator:
         return "\n".join([*self._predict(), *nested(self._solve()), ""])
 
     def _predict(self) -> list[str]:
-        """q + G Δy + w c with the new y put in exactly, and the size of that step; see `RegularPath`."""
+        """q + G Δy + w c with the new y put in exactly, the size of that step and how far it turns."""
         path, m = self.path, self.path.m
-        nv, scale = path.tree.nv, path._length_scale.tolist()
+        nv = path.tree.nv
         new = {int(v): f"y{j}" for j, v in enumerate(path.independent)}
         counts = {"q": nv, "G": nv * m, "c": nv, "y": m, "a": m, "s": m}
         lines = [f"def predict({', '.join(counts)}):"]
@@ -50,8 +50,13 @@ class Generator:
             lines.append(" w = 0.5 * along * along")
         lines += [f" v{i} = {_sum(f'G{i * m + j} * d{j}' for j in range(m))} + w * c{i}" for i in range(nv)]
         moved = ", ".join(new.get(i, f"q{i} + v{i}") for i in range(nv))
-        size = ", ".join(f"abs(v{i})" if scale[i] == 1.0 else f"abs(v{i} * {scale[i]!r})" for i in range(nv))
-        return [*lines, f" return [{moved}], max({size})"]
+        size, turn = (
+            ", ".join(
+                f"abs(v{i})" if s == 1.0 else f"abs(v{i} * {s!r})" for i, s in enumerate(scale.tolist())
+            )
+            for scale in (path._length_scale, path._turn_scale)
+        )
+        return [*lines, f" return [{moved}], max({size}), max({turn})"]
 
     def _solve(self) -> list[str]:
         """Newton's method, then G, g and the conditioning: what `close` and `derivatives` do."""

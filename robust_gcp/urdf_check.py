@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import difflib
+from collections import Counter
 from collections.abc import Sequence
-from math import isfinite
+from math import hypot, isfinite
 from xml.etree.ElementTree import Element
 
 from .errors import ModelError
@@ -17,6 +18,15 @@ TYPES = (*MOVING, "floating", "fixed")
 MOMENTS = ("ixx", "iyy", "izz")
 PRODUCTS = ("ixy", "ixz", "iyz")
 LIMITS = ("lower", "upper", "effort", "velocity")
+
+SINGLE = ("inertial", "origin", "mass", "inertia", "parent", "child", "axis", "limit", "dynamics")
+"""Elements of which a link, an inertial or a joint has one at most."""
+
+GROUND = "universe"
+"""Pinocchio's name of the ground."""
+
+LONGEST_CHAIN = 1000
+"""Joints from the root to a link; Pinocchio's parser calls itself for each and crashes at some thousand."""
 
 
 def check_urdf(root: Element, name: str) -> None:
@@ -47,24 +57,34 @@ def check_urdf(root: Element, name: str) -> None:
 
 def _names(root: Element, tag: str, name: str) -> list[str]:
     """Names of all links or joints: each has one, and no two the same."""
-    names: list[str] = []
+    names: dict[str, None] = {}
     for element in root.findall(tag):
         label = element.get("name")
         if not label:
             raise ModelError(f"{name}: <{tag}> number {len(names) + 1} has no name; give it one")
         if label in names:
             raise ModelError(f"{name}: two {tag}s are named {label!r}; rename one of them")
-        names.append(label)
-    return names
+        if label == GROUND:
+            raise ModelError(f"{name}: a {tag} is named {GROUND!r}, which is the ground; rename it")
+        names[label] = None
+    return list(names)
+
+
+def _require_single(element: Element, owner: str) -> None:
+    for tag, count in Counter(child.tag for child in element).items():
+        if count > 1 and tag in SINGLE:
+            raise ModelError(f"{owner}: <{element.tag}> has {count} times <{tag}>; leave one")
 
 
 # --------------------------------------------------------------------------- numbers
 
 
 def _check_link(link: Element, owner: str) -> None:
+    _require_single(link, owner)
     for origin in link.iter("origin"):
         _check_origin(origin, owner)
     for inertial in link.findall("inertial"):
+        _require_single(inertial, owner)
         mass, inertia = inertial.find("mass"), inertial.find("inertia")
         if mass is None or inertia is None:
             lacking = "<mass>" if mass is None else "<inertia>"
@@ -89,12 +109,22 @@ def _check_joint(joint: Element, owner: str) -> None:
         near = difflib.get_close_matches(str(kind), TYPES, n=1)
         hint = f"did you mean {near[0]!r}? " if near else ""
         raise ModelError(f"{owner} is of unknown type {kind!r}; {hint}use one of {', '.join(TYPES)}")
+    _require_single(joint, owner)
+    if joint.find("mimic") is not None:
+        raise ModelError(
+            f"{owner}: <mimic> cannot be read, and without it the joint would move freely; model the "
+            "coupling with links and a pair of frames, or make the joint fixed"
+        )
     for origin in joint.findall("origin"):
         _check_origin(origin, owner)
+    for dynamics in joint.findall("dynamics"):
+        for key in ("damping", "friction"):
+            if dynamics.get(key) is not None and _number(dynamics, key, owner) < 0.0:
+                raise ModelError(f"{owner}: <dynamics {key}={dynamics.get(key)!r}> is negative")
     axis = joint.find("axis")
     if axis is not None and kind in MOVING:
         direction = _numbers(axis, "xyz", owner)
-        if not any(direction):
+        if not 1e-100 < hypot(*direction) < 1e100:
             raise ModelError(
                 f"{owner}: <axis xyz={axis.get('xyz')!r}> is no direction in space; give one, such as '0 0 1'"
             )
@@ -146,13 +176,14 @@ def _parsed(element: Element, key: str, owner: str, count: int) -> list[float]:
 def _check_tree(root: Element, links: Sequence[str], name: str) -> None:
     """Every link but one has exactly one parent, and all hang on that one."""
     parent_of: dict[str, tuple[str, str]] = {}  # link: its parent link and joint
+    known = set(links)
     for joint in root.findall("joint"):
         label = str(joint.get("name"))
         ends = {}
         for end in ("parent", "child"):
             element = joint.find(end)
             link = None if element is None else element.get("link")
-            if link not in links:
+            if link not in known:
                 near = difflib.get_close_matches(str(link), links, n=1)
                 hint = f"; did you mean {near[0]!r}?" if near else ""
                 raise ModelError(
@@ -169,18 +200,32 @@ def _check_tree(root: Element, links: Sequence[str], name: str) -> None:
     roots = [link for link in links if link not in parent_of]
     if len(roots) > 1:
         raise ModelError(
-            f"{name}: {len(roots)} links have no parent joint ({', '.join(map(repr, roots))}), and a URDF "
-            "has one root: join the others to it, with fixed joints where they do not move"
+            f"{name}: {len(roots)} links have no parent joint ({', '.join(map(repr, roots[:5]))}), and a "
+            "URDF has one root: join the others to it, with fixed joints where they do not move"
         )
+    _check_chains(parent_of, links, name)
+
+
+def _check_chains(parent_of: dict[str, tuple[str, str]], links: Sequence[str], name: str) -> None:
+    """All links hang on the root, none too far from it."""
+    depth = dict.fromkeys((link for link in links if link not in parent_of), 0)  # joints above a link
     for link in links:
-        seen = [link]
-        while seen[-1] in parent_of:
-            above = parent_of[seen[-1]][0]
-            if above in seen:
-                cycle = seen[seen.index(above) :]
+        way: dict[str, None] = {}
+        while link not in depth:
+            if link in way:
+                cycle = list(way)[list(way).index(link) :]
                 joints = ", ".join(repr(parent_of[one][1]) for one in cycle)
                 raise ModelError(
                     f"{name}: the joints {joints} form a cycle that hangs on no root link; a URDF is a tree: "
                     "cut the loop at one of them and close it with a pair of frames in robot.yaml"
                 )
-            seen.append(above)
+            way[link] = None
+            link = parent_of[link][0]
+        for below in reversed(way):
+            depth[below] = depth[parent_of[below][0]] + 1
+    deepest = max(links, key=depth.__getitem__)
+    if depth[deepest] > LONGEST_CHAIN:
+        raise ModelError(
+            f"{name}: {depth[deepest]} joints lie between the root and link {deepest!r}, more than "
+            f"{LONGEST_CHAIN}; build the pin.Model by hand and give it to Mechanism.from_pinocchio"
+        )

@@ -13,11 +13,25 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 import pinocchio as pin
 import pytest
+from hypothesis import HealthCheck, settings
 from numpy.typing import NDArray
 
 import robust_gcp as rg
+from robust_gcp.scenes import add_link, rod
 
 Array = NDArray[np.float64]
+
+THOROUGH = int(os.environ.get("FUZZ_EXAMPLES", "0"))
+"""Examples for each property of tests/test_fuzz_*.py; 0: some hundred, the same in every run."""
+
+settings.register_profile(
+    "fuzz",
+    deadline=None,
+    derandomize=not THOROUGH,
+    database=None,
+    max_examples=THOROUGH or 200,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much, HealthCheck.data_too_large],
+)
 
 
 def _placement(rng: np.random.Generator) -> pin.SE3:
@@ -120,6 +134,56 @@ def spatial() -> dict[str, rg.Mechanism]:
     return {mechanism.name: mechanism for mechanism in made}
 
 
+def _trammel(theta: float, share: float = 0.55) -> rg.Mechanism:
+    """Cardan's trammel with a dyad centred on the evolute at θ; y = angle of the ladder.
+
+    A ladder of unit length slides along the z and y axes; its point T at the distance b from the
+    lower end runs on the ellipse (a cos θ, b sin θ), a = 1 − b. A dyad hinged at O with the total
+    reach ρ holds T. Its two assemblies meet where |T − O| = ρ. With O the centre of curvature of the
+    ellipse at θ and ρ its radius there, |T − O| − ρ starts with the third power, and at a vertex with
+    the fourth: a cusp and a tangential meeting of modes.
+    """
+    B = 0.3
+    A = 1.0 - B
+    speed2 = (A * np.sin(theta)) ** 2 + (B * np.cos(theta)) ** 2
+    radius = speed2**1.5 / (A * B)
+    # centre of curvature of (A cos θ, B sin θ)
+    center = (A**2 - B**2) * np.array([np.cos(theta) ** 3 / A, -(np.sin(theta) ** 3) / B])
+    model = pin.Model()
+
+    def slider(name: str, joint_model: object) -> int:
+        joint = model.addJoint(0, joint_model, pin.SE3.Identity(), name)
+        model.appendBodyToJoint(joint, pin.Inertia(0.1, np.zeros(3), np.zeros((3, 3))), pin.SE3.Identity())
+        return int(joint)
+
+    def frame(joint: int, y: float, name: str) -> None:
+        placement = pin.SE3(np.eye(3), np.array([0.0, y, 0.0]))
+        model.addFrame(pin.Frame(name, joint, placement, pin.FrameType.OP_FRAME))
+
+    foot = slider("foot", pin.JointModelPY())
+    # the ladder leans back from its foot: direction (−cos θ, sin θ), joint value π − θ
+    ladder = add_link(model, foot, 0.0, "ladder", 1.0)
+    frame(ladder, B, "T")
+    frame(slider("head", pin.JointModelPZ()), 0.0, "head_frame")
+    placement = pin.SE3(np.eye(3), np.array([0.0, *center]))
+    upper = model.addJoint(0, pin.JointModelRX(), placement, "upper")
+    model.appendBodyToJoint(upper, rod(share * radius), pin.SE3.Identity())
+    add_link(model, upper, share * radius, "lower", (1.0 - share) * radius)
+    closures = [rg.PointClosure("ladder_tip", "head_frame"), rg.PointClosure("lower_tip", "T")]
+    mechanism = rg.Mechanism(model, closures, ["ladder"])
+    point = np.array([A * np.cos(theta), B * np.sin(theta)]) - center
+    q = [np.cos(theta), np.pi - theta, np.sin(theta), np.arctan2(point[1], point[0]), 0.0]
+    mechanism.home = np.array(q)
+    mechanism.require_closed(mechanism.home, 1e-14, "home")
+    return mechanism
+
+
+@pytest.fixture(scope="session")
+def trammel() -> Callable[..., rg.Mechanism]:
+    """Modes that touch: at θ = π/2 tangentially, at other θ in a cusp."""
+    return _trammel
+
+
 @pytest.fixture(scope="session")
 def mechanisms(spatial: dict[str, rg.Mechanism]) -> dict[str, rg.Mechanism]:
     """The shipped planar models and the spatial ones."""
@@ -181,3 +245,43 @@ def free_fall() -> Callable[..., rg.Trajectory]:
             )
 
     return run
+
+
+@pytest.fixture(scope="session")
+def accepted() -> Callable[[Callable[[], object]], object]:
+    """What a call gives, or None where it refuses with an error of ours; any other error is a fault."""
+
+    def attempt(call: Callable[[], object]) -> object:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore", RuntimeWarning)  # what they warn of is checked in the results
+            try:
+                return call()
+            except rg.RobustGcpError as error:
+                assert 10 < len(str(error)) < 20_000, "an error says what was wrong, and briefly"
+                return None
+
+    return attempt
+
+
+@pytest.fixture(scope="session")
+def require_sane(accepted: Callable[..., object]) -> Callable[[rg.Mechanism], None]:
+    """A mechanism that was accepted is finite, and moves with its loops closed or says why not."""
+
+    def check(mechanism: rg.Mechanism) -> None:
+        assert np.all(np.isfinite(mechanism.home))
+        assert np.isfinite(mechanism.length)
+        inertia = np.linalg.eigvalsh(np.triu(M := mechanism.tree.crba(mechanism.home)) + np.triu(M, 1).T)
+        assert inertia[0] >= -1e-6 * abs(inertia[-1]), "no velocity has negative kinetic energy"
+        run = accepted(lambda: rg.simulate(mechanism, duration=3e-3, step=1e-3, record=("energy",)))
+        if run is None:
+            return
+        assert isinstance(run, rg.Trajectory)
+        assert np.all(np.isfinite(run.q)) and np.all(np.isfinite(run.v)) and np.all(np.isfinite(run.energy))
+        for q, v in zip(run.q, run.v, strict=True):
+            assert mechanism.closure_residual(q) < 1e-9
+            K, u = mechanism.scaled(mechanism.K(q)), v / mechanism.column_scale
+            assert np.abs(K @ u).max(initial=0.0) <= 1e-7 * np.abs(K).max(initial=0.0) * np.abs(u).max(
+                initial=0.0
+            )
+
+    return check

@@ -219,6 +219,22 @@ def test_an_equation_that_refuses_its_start_says_so() -> None:
         list(adaptive("RK45", f, np.zeros(1), np.array([0.0, 1.0]), 1e-6, 1e-6))
 
 
+def test_a_refused_trial_is_not_continued_from() -> None:
+    """f is asked for finite states only, and the refusal that stops the run is about one."""
+    seen: list[float] = []
+
+    def f(t: float, x: Array) -> Array:
+        seen.append(float(x[0]))
+        if x[0] > 0.5:
+            raise rg.ToggleError("turns back at one half")
+        return np.ones(1)
+
+    for name in ("RK45", "DOP853"):
+        with pytest.raises(rg.ToggleError, match="turns back at one half"):
+            list(adaptive(name, f, np.zeros(1), np.array([0.0, 1.0]), 1e-6, 1e-6))
+    assert np.all(np.isfinite(seen))
+
+
 def test_creeping_is_not_progress() -> None:
     """ẋ = −1e9 (x − cos t) by an explicit method: its step is 3e-9 s, so the run would take for ever."""
     with pytest.raises(rg.SimulationError, match=r"RK45 made no headway.*too stiff"):

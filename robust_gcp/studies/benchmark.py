@@ -16,10 +16,13 @@ from ..bridge import BridgeOptions
 from ..bridge_map import BridgeMap
 from ..dynamics import EquationsOfMotion
 from ..kernel import Counters
+from ..loader import load
 from ..march import same_branch
+from ..native import backends
 from ..scenes import n_four_bar
 from ..simulate import simulate
 from ..start import begin
+from .benchmark_native import native_seconds, thread_gain
 
 SIZES = (1, 5, 10, 20, 40)
 SHARES = ("map", "M_and_C", "rest", "zone_test")
@@ -132,7 +135,9 @@ def measure(n: int, budget: float = 0.1) -> dict[str, float]:
         return there.conditioning < zone or not same_branch(here, there)
 
     def steps(count: int) -> float:
-        return seconds_per_call(lambda: simulate(mechanism, duration=count * 1e-4, step=1e-4), budget)
+        return seconds_per_call(
+            lambda: simulate(mechanism, duration=count * 1e-4, step=1e-4, backend="python"), budget
+        )
 
     few, many = 20, 120
     rhs, whole = seconds_per_call(right_hand_side, budget), seconds_per_call(solve_map, budget)
@@ -149,7 +154,9 @@ def measure(n: int, budget: float = 0.1) -> dict[str, float]:
         "numpy_bias": seconds_per_call(bias, budget),
         "naive_rhs": naive_seconds(n, budget),
     }
-    return {"loops": n} | {name: 1e6 * value for name, value in times.items()}
+    native = native_seconds(mechanism)
+    per_rhs = {"native_newton": native.pop("native_newton")} if native else {}
+    return {"loops": n} | {name: 1e6 * value for name, value in (times | native).items()} | per_rhs
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -164,7 +171,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the table."""
+    """Print the tables."""
     rows = [measure(n, 0.01 if args.quick else 0.2) for n in args.sizes]
     names = list(rows[0])
     print("microseconds, smallest of 5 rounds. map: predict, Newton, G, g and the zone test; rest: reduced")
@@ -180,7 +187,25 @@ def run(args: argparse.Namespace) -> int:
         sizes = np.log([row["loops"] for row in rows[-3:]])
         slope = float(np.polyfit(sizes, np.log([row["rhs"] for row in rows[-3:]]), 1)[0])
         print(f"cost grows as N^{slope:.2f} over the largest sizes")
+    _print_native(rows)
     if args.out:
         args.out.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
         print(f"wrote {args.out}")
     return 0
+
+
+def _print_native(rows: list[dict[str, float]]) -> None:
+    """The compiled kernel's share of the table, or why there is none."""
+    state = backends()["native"]
+    if not state.available:
+        print(f"no compiled kernel: {state.reason}")
+        return
+    print("native_step: an RK4 step in the compiled kernel; pinocchio_rhs: computeJointJacobians, rnea twice")
+    print("and crba from C++; native_newton: Newton iterations per right-hand side")
+    if len(rows) > 1:
+        sizes = np.log([row["loops"] for row in rows])
+        slope = float(np.polyfit(sizes, np.log([row["native_step"] for row in rows]), 1)[0])
+        print(f"a step in the kernel costs N^{slope:.2f}")
+    crank_rocker = native_seconds(load("crank_rocker"), h=1e-3)
+    print(f"crank-rocker: {1e6 * crank_rocker['native_step']:.3g} µs a step of 1e-3 s")
+    print(f"two threads do {thread_gain(load('crank_rocker')):.2f} times the work of one")

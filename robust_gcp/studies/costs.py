@@ -1,0 +1,180 @@
+"""What a scene does not need is not computed: which parts run, how often, and what a step costs.
+
+Scenes go from one pendulum to everything at once. Parts are counted twice over: by `Trajectory.stats`,
+and by a profiler that sees every call of the functions named in `PARTS` between the first output and
+the last one. Times are taken without it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import numpy as np
+
+from .. import commands
+from ..dynamics import Evaluation, constraint_forces
+from ..errors import ModelError
+from ..forces import AppliedForces
+from ..loader import load
+from ..mechanism import Mechanism
+from ..second_order import transversality
+from ..simulate import simulate
+from ..singularity import analyse
+from ..text_file import read_text
+from ..trajectory import Stats
+from ..tree import Tree
+from .costs_scenes import SCENES, Scene
+from .import_time import import_milliseconds
+
+PARTS: dict[str, tuple[Callable[..., Any], ...]] = {
+    "RNEA": (Tree.rnea,),
+    "CRBA": (Tree.crba,),
+    "forces": (AppliedForces.at,),
+    "SVD": (np.linalg.svd,),
+    "2nd order": (analyse, transversality),
+    "energies": (Mechanism.energy,),
+    "a": (Evaluation.a.fget,),  # type: ignore[attr-defined]
+    "multipliers": (constraint_forces,),
+}
+"""Functions whose calls are counted."""
+
+BEGIN, END = "<!-- costs: begin -->\n", "<!-- costs: end -->\n"
+"""Between these lines the document is written anew."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a scene's steps cost.
+
+    Attributes
+    ----------
+    scene : str
+    steps : int
+        Outputs after the first one.
+    calls : dict of str to int
+        Calls of each of `PARTS` during the steps.
+    stats : Stats
+        Of the whole run, its start included.
+    crossings : int
+    microseconds : float
+        Of a step, the least of some rounds.
+    """
+
+    scene: str
+    steps: int
+    calls: dict[str, int]
+    stats: Stats
+    crossings: int
+    microseconds: float
+
+
+def measure(scene: Scene, rounds: int = 3) -> Cost:
+    """Counts and time of a scene, by the Python reference."""
+    mechanism, arguments = scene.make()
+    counted, begun = Counter[str](), [0.0]
+    codes = {_code(f): part for part, functions in PARTS.items() for f in functions}
+
+    def count(frame: FrameType, event: str, arg: object) -> None:
+        if event == "call" and frame.f_code in codes:
+            counted[codes[frame.f_code]] += 1
+
+    def profile(fraction: float) -> None:
+        if fraction == 0.0:
+            sys.setprofile(count)
+
+    def clock(fraction: float) -> None:
+        if fraction == 0.0:
+            begun[0] = time.perf_counter()
+
+    before = sys.getprofile()
+    try:
+        run = simulate(mechanism, backend="python", progress=profile, **arguments)
+    finally:
+        sys.setprofile(before)
+    steps, times = len(run.t) - 1, []
+    for _ in range(rounds):
+        simulate(mechanism, backend="python", progress=clock, **arguments)
+        times.append((time.perf_counter() - begun[0]) / steps)
+    calls = {part: counted[part] for part in PARTS}
+    return Cost(scene.name, steps, calls, run.stats, len(run.crossings), 1e6 * min(times))
+
+
+def _code(function: Any) -> Any:
+    return getattr(function, "__wrapped__", function).__code__
+
+
+def markdown(costs: list[Cost], milliseconds: dict[str, float]) -> str:
+    """The tables of docs/costs.md."""
+    head = (
+        *("scene", "µs per step", "ratio", "rhs", "φ and K", "RNEA", "CRBA", "forces"),
+        *("a, energy, λ", "SVD", "2nd order", "marching", "bridges", "refined", "crossings"),
+    )
+    lines = [f"| {' | '.join(head)} |", f"|---|{'---:|' * (len(head) - 1)}"]
+    for cost in costs:
+        stats, calls = cost.stats, cost.calls
+        per_step = (stats.rhs, stats.constraint_evaluations, calls["RNEA"], calls["CRBA"])
+        outputs = ", ".join(str(round(calls[part] / cost.steps)) for part in ("a", "energies", "multipliers"))
+        rare = (
+            *(calls["SVD"], calls["2nd order"], stats.marching_steps, stats.bridges_built),
+            *(stats.refined_steps, cost.crossings),
+        )
+        cells = [cost.scene, f"{cost.microseconds:.0f}", f"{cost.microseconds / costs[0].microseconds:.1f}"]
+        cells += [_brief(value / cost.steps) for value in (*per_step, stats.force_evaluations)]
+        lines.append(f"| {' | '.join([*cells, outputs, *map(str, rare)])} |")
+    total = sum(milliseconds.values())
+    shares = ", ".join(f"{name} {value / total:.0%}" for name, value in milliseconds.items())
+    lines += ["", f"`import robust_gcp`: {total:.0f} ms on the same machine; {shares}.", ""]
+    return "\n".join(lines)
+
+
+def _brief(value: float) -> str:
+    """Two digits after the point, none where it is zero."""
+    return f"{value:.2f}".rstrip("0").rstrip(".") if value else "0"
+
+
+def refresh(document: Path, text: str) -> None:
+    """Put the tables between the markers of a document."""
+    old = read_text(document)
+    if old.count(BEGIN) != 1 or old.count(END) != 1 or old.index(BEGIN) > old.index(END):
+        raise ModelError(f"{document}: needs the lines {BEGIN.strip()!r} and {END.strip()!r}, once each")
+    new = old[: old.index(BEGIN) + len(BEGIN)] + "\n" + text + "\n" + old[old.index(END) :]
+    document.write_text(new, encoding="utf-8")
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the subcommand."""
+    text = "which parts of the method each kind of scene runs, and what its steps cost"
+    parser = subparsers.add_parser("costs", help=text, description=text)
+    parser.add_argument("--out", type=Path, metavar="DIR", help="write costs.md and costs.json there")
+    parser.add_argument("--refresh", type=Path, metavar="FILE", help="renew the tables in this document")
+    parser.add_argument("--quick", action="store_true", help="one round, for a smoke test")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the tables, and write what was asked for."""
+    rounds = 1 if args.quick else 5
+    load("crank_rocker")  # what is loaded late is loaded now
+    costs = [measure(scene, rounds) for scene in SCENES]
+    milliseconds = import_milliseconds(rounds)
+    text = markdown(costs, milliseconds)
+    print(text, end="")
+    if args.out is not None:
+        args.out.mkdir(parents=True, exist_ok=True)
+        figures = {"import_milliseconds": milliseconds, "scenes": [asdict(cost) for cost in costs]}
+        (args.out / "costs.md").write_text(text, encoding="utf-8")
+        (args.out / "costs.json").write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+        print(f"wrote {args.out / 'costs.md'} and costs.json", file=sys.stderr)
+    if args.refresh is not None:
+        refresh(args.refresh, text)
+        commands.complain(f"renewed {args.refresh}")
+    return 0

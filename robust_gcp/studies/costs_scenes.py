@@ -1,0 +1,101 @@
+"""The scenes of `costs`: from one pendulum to everything at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from .. import scenes
+from ..forces import Force, JointDamper, JointSpring
+from ..loader import load
+from ..mechanism import Mechanism
+
+RECORDS = ("a", "energy", "multipliers")
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A mechanism and the arguments of `simulate`.
+
+    Attributes
+    ----------
+    name : str
+        In words, for the table.
+    make : callable () -> (Mechanism, dict)
+    """
+
+    name: str
+    make: Callable[[], tuple[Mechanism, dict[str, Any]]]
+
+
+def _pendulum() -> Mechanism:
+    model = pin.Model()
+    scenes.add_link(model, 0, 0.0, "q1", 1.0)
+    return Mechanism.from_pinocchio(model, home=[0.5])
+
+
+def _with_forces(mechanism: Mechanism) -> Mechanism:
+    """A spring and a damper on the first joint."""
+    forces: list[Force] = [JointSpring("q1", 5.0, 0.2), JointDamper("q1", 0.1)]
+    return Mechanism.from_pinocchio(
+        mechanism.model, mechanism.closures, mechanism.independent, mechanism.home, forces=forces
+    )
+
+
+def _brake(t: float, q: Any, v: Any) -> Any:
+    """A torque against the motion of the first joint, N m."""
+    return np.concatenate([[-0.1 * v[0]], np.zeros(len(v) - 1)])
+
+
+def _far(**more: Any) -> dict[str, Any]:
+    """0.1 s of a four-bar away from singular configurations."""
+    return {"duration": 0.1, "step": 1e-3} | more
+
+
+def _rhombus(**more: Any) -> dict[str, Any]:
+    """0.4 s of the fall through its first singular configuration."""
+    return {"q0": [0.2, -0.2, 0.2], "duration": 0.4, "step": 1e-3} | more
+
+
+def _swinging() -> tuple[Mechanism, dict[str, Any]]:
+    mechanism = scenes.swinging_four_bar(4.0, 2.0, 3.0, 3.0, 0.1, np.pi - 0.3)
+    v0 = mechanism.lift(mechanism.home, [0.1, 3.0])
+    return mechanism, {"v0": v0, "duration": 0.2, "step": 1e-3}
+
+
+def _toggling() -> tuple[Mechanism, dict[str, Any]]:
+    """A crank-rocker driven through the turning point of its rocker, which is the coordinate."""
+    driven = load("crank_rocker")
+    q0 = driven.assemble([1.5, *driven.home[1:]])
+    mechanism = driven.with_independent(["q3"])
+    return mechanism, {
+        "q0": q0,
+        "v0": driven.lift(q0, [6.0]),
+        "duration": 0.4,
+        "step": 1e-3,
+        "on_toggle": "repartition",
+    }
+
+
+SCENES = (
+    Scene("one pendulum", lambda: (_pendulum(), _far())),
+    Scene("a pendulum with spring and damper", lambda: (_with_forces(_pendulum()), _far())),
+    Scene("one loop, far from singular", lambda: (load("crank_rocker"), _far())),
+    Scene("… with spring and damper", lambda: (_with_forces(load("crank_rocker")), _far())),
+    Scene("… with a torque", lambda: (load("crank_rocker"), _far(torque=_brake))),
+    Scene("… recording a", lambda: (load("crank_rocker"), _far(record=("a",)))),
+    Scene("… recording the energy", lambda: (load("crank_rocker"), _far(record=("energy",)))),
+    Scene("… recording λ", lambda: (load("crank_rocker"), _far(record=("multipliers",)))),
+    Scene("… by DOP853", lambda: (load("crank_rocker"), _far(stepper="DOP853"))),
+    Scene("three loops in a row", lambda: (scenes.n_four_bar(3), _far())),
+    Scene("two coordinates, far from singular", lambda: (load("five_bar"), _far())),
+    Scene("one closure row too many (Bricard)", lambda: (load("bricard"), _far())),
+    Scene("through a crossing", lambda: (load("rhombus"), _rhombus())),
+    Scene("two coordinates, through a crossing", _swinging),
+    Scene("the coordinate turns back: repartition", _toggling),
+    Scene("everything on", lambda: (_with_forces(load("rhombus")), _rhombus(torque=_brake, record=RECORDS))),
+)

@@ -1,0 +1,1 @@
+"""Numerical stability: cases × steppers, each cell right to its order or stopped with a named reason."""

@@ -1,0 +1,208 @@
+"""RK4's largest stable step: predicted from the linearised equations, and found by bisection on real runs."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import root
+
+from ...errors import SimulationError
+from ...forces import Force, JointDamper, JointSpring, PointSpring
+from ...linearise import linearise
+from ...loader import load
+from ...mechanism import Mechanism
+from ...scenes import four_bar
+from ...simulate import simulate
+from ...tree import Array
+from .case import Case, Setting
+from .truth import A, B, of_run, with_forces
+
+STEPS = 60
+"""Of a run of the bisection: few, so that the eigenvalues hardly change on the way."""
+
+APART = 1e-6
+"""Distance of the bisection's two runs, rad/s or m/s: small enough to stay linear."""
+
+KICK = 1e-3
+"""rad, or of the natural speed: the fast motion that a run starts with."""
+
+
+Start = tuple[Mechanism, Array, Array]
+
+
+@dataclass(frozen=True)
+class System:
+    """A mechanism whose fastest motion is known, and a start that excites it a little."""
+
+    name: str
+    build: Callable[[], Start]
+
+
+def systems(quick: bool) -> list[System]:
+    """Springs, dampers and both on a rhombus, a spring on a dependent joint, and the flyball governor."""
+    exponents = (8,) if quick else (2, 4, 6, 8)
+    ratios = () if quick else (0.2, 0.7)
+    factors = (1.0,) if quick else (1e-2, 1.0, 1e2)
+    return [
+        *(System(f"spring 1e{e}", _rhombus(10.0**e, 0.0)) for e in exponents),
+        *(System(f"damper 1e{e}", _rhombus(0.0, 10.0**e)) for e in exponents),
+        *(System(f"spring 1e6, damping ratio {r:g}", _rhombus(1e6, 2e3 * r)) for r in ratios),
+        System("change point, spring 1e6 on q3", _change_point),
+        System("flyball at its start", _flyball_start),
+        *(System(f"flyball × {f:g}, steady", _flyball(f)) for f in factors),
+    ]
+
+
+def _rhombus(k: float, c: float) -> Callable[[], Start]:
+    """At 0.5 rad, `KICK` from where the spring k B carries the load; damper c √(AB)."""
+
+    def build() -> Start:
+        bare = four_bar(1.0, 1.0, 1.0, 1.0, y=0.5)
+        load = B * np.cos(0.5) / (k * B) if k else 0.0
+        spring = JointSpring("q1", k * B, 0.5 + load + KICK)
+        forces: list[Force] = [spring, JointDamper("q1", c * np.sqrt(A * B))]
+        mechanism = with_forces(bare, forces)
+        speed = 0.0 if k else KICK * c * np.sqrt(B / A)  # runs out after KICK rad
+        return mechanism, bare.home, mechanism.lift(bare.home, [speed])
+
+    return build
+
+
+def _change_point() -> Start:
+    bare = four_bar(4.0, 2.0, 3.0, 3.0, y=2.0)
+    mechanism = with_forces(bare, [JointSpring("q3", 1e6 * 9.81, float(bare.home[2]) + KICK)])
+    return mechanism, bare.home, np.zeros(3)
+
+
+def _flyball_start() -> Start:
+    """IFToMM's A05: 30°, the shaft at 2π rad/s. It moves on, and its eigenvalues with it."""
+    mechanism = governor(1.0)
+    return mechanism, mechanism.home, np.array([2.0 * np.pi, 0.0, 0.0, 0.0])
+
+
+def _flyball(factor: float) -> Callable[[], Start]:
+    """Turning steadily at 2π rad/s: a state at rest relative to the shaft, the slider kicked off it."""
+
+    def build() -> Start:
+        mechanism = governor(factor)
+        v = np.array([2.0 * np.pi, 0.0, 0.0, 0.0])
+        applied = mechanism.applied
+        assert applied is not None
+
+        def pull(angles: Array) -> Array:
+            q = np.array([0.0, *angles])
+            return mechanism.tree.rnea(q, v, mechanism.tree.zero)[1:] - applied.tau(q, v)[1:]
+
+        q = np.array([0.0, *root(pull, mechanism.home[1:], tol=1e-12).x])
+        return mechanism, q, v + np.array([0.0, 0.0, 0.0, KICK])
+
+    return build
+
+
+def governor(factor: float) -> Mechanism:
+    """The flyball governor A05, its spring-dampers `factor` times as stiff."""
+    original = load("flyball")
+    forces = [
+        replace(f, stiffness=factor * f.stiffness, damping=factor * f.damping)
+        for f in original.forces
+        if isinstance(f, PointSpring)
+    ]
+    return with_forces(original, forces)
+
+
+# --------------------------------------------------------------------------- bisection
+
+
+@dataclass(frozen=True)
+class Bound:
+    """Largest stable step of RK4 at a start.
+
+    Attributes
+    ----------
+    name : str
+    eigenvalue : complex
+        The one that limits the step, 1/s.
+    predicted, measured : float
+        From all eigenvalues, and by bisection, s.
+    """
+
+    name: str
+    eigenvalue: complex
+    predicted: float
+    measured: float
+
+    @property
+    def ratio(self) -> float:
+        """Measured over predicted."""
+        return self.measured / self.predicted
+
+
+def measure(system: System) -> Bound:
+    """Predict and bisect the largest stable step.
+
+    Two runs start a little apart in the motion that limits the step, and the step is bisected on whether
+    that part of their distance has grown after `STEPS` steps.
+    """
+    mechanism, q0, v0 = system.build()
+    found = linearise(mechanism, q0, v0)
+    predicted, m = found.largest_stable_step, mechanism.m
+    values, vectors = np.linalg.eig(found.A)
+    i = int(np.argmin(np.abs(values - found.limiting)))
+    across = np.linalg.inv(vectors)[i]
+    rate = vectors[m:, i].real
+    apart = mechanism.lift(q0, APART * rate / np.abs(rate).max())
+    before = abs(across[m:] @ apart[mechanism.iv_independent])
+
+    def grows(step: float) -> bool:
+        try:
+            first, second = (_end(mechanism, q0, v, step) for v in (v0, v0 + apart))
+        except SimulationError:
+            return True
+        return bool(abs(across @ (second - first)) > before)
+
+    low, high = 0.5 * predicted, 2.0 * predicted
+    while high > 1.0005 * low:
+        middle = np.sqrt(low * high)
+        low, high = (low, middle) if grows(middle) else (middle, high)
+    return Bound(system.name, found.limiting, predicted, float(np.sqrt(low * high)))
+
+
+def _end(mechanism: Mechanism, q0: Array, v0: Array, step: float) -> Array:
+    """(y, ẏ) after `STEPS` steps."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        run = simulate(mechanism, q0, v0, STEPS * step, step)
+    return np.concatenate([run.y[-1], run.v[-1, mechanism.iv_independent]])
+
+
+# --------------------------------------------------------------------------- the family of a map
+
+SHARES = (0.5, 0.9, 0.98, 1.02, 1.1, 2.0, 10.0)
+"""Steps of the map's columns, in largest stable steps."""
+
+
+def around(quick: bool) -> list[Case]:
+    """RK4 with steps around the predicted bound: bounded inside, warned and growing outside."""
+    return [_around(system) for system in systems(quick)]
+
+
+def _around(system: System) -> Case:
+    mechanism, q0, v0 = system.build()
+    largest = linearise(mechanism, q0, v0).largest_stable_step
+    duration = 200.0 * largest
+    exact = of_run(
+        mechanism, duration, q0=q0, v0=v0, step=duration / 2000, stepper="DOP853", rtol=1e-9, atol=1e-9
+    )
+    return Case(
+        "RK4's bound",
+        system.name,
+        lambda: (mechanism, q0, v0),
+        duration,
+        tuple(Setting(step=s * largest, name=f"{s:g} h*") for s in SHARES),
+        3.0 * KICK,
+        exact,
+        note=f"h* = {largest:.3g} s",
+    )

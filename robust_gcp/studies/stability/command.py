@@ -1,0 +1,95 @@
+"""`robust-gcp stability`: cases × steppers, as maps and tables."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from ... import commands
+from ...errors import OptionError
+from .. import plots
+from . import maps, report
+from .bound import Bound, measure, systems
+from .case import Case, Cell
+from .families import families
+from .judge import judge
+from .steps import Stride, strides
+
+PAGE = "stability.md"
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the subcommand."""
+    text = "stiff and extreme cases against steppers: right, stopped with a reason, or wrong"
+    parser = subparsers.add_parser("stability", help=text, description=text)
+    names = ", ".join(families())
+    add = parser.add_argument
+    add("--case", action="append", metavar="FAMILY", help=f"only this family; may be repeated: {names}")
+    add("--quick", action="store_true", help="a short excerpt, below a minute")
+    add("--out", type=Path, required=True, metavar="DIR", help="folder for tables and maps")
+    text = f"refresh {PAGE} and figures/ in this folder of documentation as well"
+    add("--docs", type=Path, metavar="DIR", help=text)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write tables and maps, print the summary; exit code 1 when a cell is wrong."""
+    plots.require_matplotlib()
+    page = None if args.docs is None else args.docs / PAGE
+    if page is not None and not page.is_file():
+        raise OptionError(f"--docs {args.docs}: there is no {PAGE} to refresh")
+    cases = chosen(args.case, args.quick)
+    whole = args.case is None
+    cells: list[Cell] = []
+    with commands.progress_bar(float(len(cases)), "stability") as progress:
+        for i, case in enumerate(cases):
+            cells += judge(case)
+            if progress is not None:
+                progress((i + 1) / len(cases))
+    bounds: list[Bound] = [measure(system) for system in systems(args.quick)] if whole else []
+    found: list[Stride] = strides(args.quick) if whole else []
+    paths = report.write(args.out, cells, bounds, found)
+    paths += draw(args.out, cells)
+    if page is not None:
+        sections = report.blocks(cells, bounds, found)
+        page.write_text(report.refreshed(page.read_text(encoding="utf-8"), sections), encoding="utf-8")
+        paths += [page, *draw(args.docs / "figures", cells)]
+    _tell(cells)
+    for path in paths:
+        print(f"wrote {path}")
+    return 1 if report.count(cells)["wrong"] else 0
+
+
+def chosen(names: Sequence[str] | None, quick: bool) -> list[Case]:
+    """The cases of the named families, or of all."""
+    known = families()
+    for name in names or ():
+        if name not in known:
+            raise OptionError(f"--case {name!r} is unknown; use one of {', '.join(map(repr, known))}")
+    return [case for name in names or known for case in known[name](quick)]
+
+
+def draw(folder: Path, cells: Sequence[Cell]) -> list[Path]:
+    """One map a family; the summary where there are several."""
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for family in report.families_of(cells):
+        mine = [cell for cell in cells if cell.case.family == family]
+        paths.append(maps.draw_family(mine, folder / f"stability_{maps.slug(family)}.png"))
+    if len(paths) > 1:
+        paths.append(maps.draw_summary(cells, folder / "stability_summary.png"))
+    return paths
+
+
+def _tell(cells: Sequence[Cell]) -> None:
+    head = ["family", *(f" {verdict}" for verdict in report.VERDICTS)]
+    rows = []
+    for family in report.families_of(cells):
+        counted = report.count(cell for cell in cells if cell.case.family == family)
+        rows.append([family, *map(str, counted.values())])
+    rows.append(["all", *map(str, report.count(cells).values())])
+    print(commands.table(head, rows, longest=len(rows)))
+    for cell in cells:
+        if cell.verdict == "wrong":
+            print(f"wrong: {cell.case.family}, {cell.case.name}, {cell.setting.label}: {cell.reason}")

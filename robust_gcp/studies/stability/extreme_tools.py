@@ -1,0 +1,235 @@
+"""What the extreme cases share: a four-bar, its motion in closed form, and the error that is allowed."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ...closed_form import FourBar
+from ...errors import RobustGcpError
+from ...mechanism import Mechanism
+from ...scenes import four_bar
+from ...simulate import simulate
+from ...trajectory import Trajectory
+from ...tree import Array
+from .case import Case, Setting
+
+CHANGE_POINT = (4.0, 2.0, 3.0, 3.0)
+CRANK_ROCKER = (4.0, 1.0, 3.0, 3.5)
+RHOMBUS = (1.0, 1.0, 1.0, 1.0)
+ANTIPARALLELOGRAM = (1.0, 2.0, 1.0, 2.0)
+
+NUDGE = 1e-13
+"""Relative change of the start by which the motion's own sensitivity to rounding is measured."""
+
+SENSITIVE = 10.0
+"""Times the effect of the nudge that rounding may have."""
+
+ROUNDINGS = 1000.0
+"""Times ε and the ratio of lengths: φ is rounded at the longest link, a short one turns by as much more.
+Newton stops at 9 ε; at the edge of a zone, with a conditioning of 0.05, G errs by 180 ε, γ'' by 3600 ε."""
+
+LEAST = 1e-11
+"""rad: an error below is rounding."""
+
+Lengths = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A four-bar and how it starts.
+
+    Attributes
+    ----------
+    lengths : tuple of float
+        l0, l1, l2, l3, m.
+    y, speed : float
+        rad, rad/s.
+    assembly : int
+    masses : tuple of float
+        kg.
+    gravity : tuple of float
+        Along y and z, m/s².
+    """
+
+    lengths: Lengths
+    y: float
+    speed: float = 0.0
+    assembly: int = 1
+    masses: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    gravity: tuple[float, float] = (0.0, -9.81)
+
+    @property
+    def linkage(self) -> FourBar:
+        """The closed form."""
+        return FourBar(*self.lengths, self.assembly)
+
+    def build(self, nudge: float = 0.0) -> tuple[Mechanism, Array, Array]:
+        """The mechanism, q0 and v0, moved by a relative nudge."""
+        y = self.y + nudge * max(1.0, abs(self.y))
+        plain = four_bar(*self.lengths, y=y, assembly=self.assembly, masses=self.masses)
+        model = plain.model.copy()
+        model.gravity.linear = np.array([0.0, *self.gravity])
+        mechanism = Mechanism(model, plain.closures, plain.independent, plain.home, plain.name)
+        speed = self.speed * (1.0 + nudge)
+        v0 = self.linkage.evaluate(y)[1] * speed if speed else np.zeros(3)
+        return mechanism, mechanism.home, v0
+
+    def kept(self, q: Array) -> bool:
+        """Whether q (n, 3) lies on the mode of the start, to 1e-6 rad and the rounding of short links."""
+        linkage, allowed = self.linkage, 1e-6 + 1e3 * rounding(self.lengths)
+        for row in q:
+            try:
+                on_mode = linkage.evaluate(float(row[0]), near=row)[0]
+            except RobustGcpError:  # at a dead point both assemblies meet
+                continue
+            if np.abs(on_mode - row).max() > allowed:
+                return False
+        return True
+
+
+@dataclass
+class Truth:
+    """The motion in closed form: by a fine method, and by the stepper that is judged.
+
+    Attributes
+    ----------
+    motion : Motion
+    duration : float
+        s.
+    mode : ndarray (3,) or None
+        Tangent of the mode that a start at rest takes.
+    """
+
+    motion: Motion
+    duration: float
+    mode: Array | None = None
+    _kept: dict[Any, Trajectory] = field(default_factory=dict)
+
+    @cached_property
+    def start(self) -> tuple[Mechanism, Array, Array]:
+        """Mechanism, q0 and v0."""
+        return self.motion.build()
+
+    def exact(self, t: Array) -> Array:
+        """q at times t, (n, 3); NaN after the time up to which it is known."""
+        known = self._run((float(t[-1]), len(t)), t, "DOP853", 1e-13)
+        q = np.full((len(t), 3), np.nan)
+        if len(t) == 1:
+            q[0] = self.start[1]
+        elif known is not None:
+            q[: len(known.q)] = known.q[: len(t)]
+        return q
+
+    def floor(self, setting: Setting) -> float:
+        """Largest error of the judged stepper on the closed form, rad; NaN where it does not arrive."""
+        found = self._stepped(setting, 0.0)
+        if found is None or len(found.t) < 2:
+            return float("nan")
+        return float(np.abs(found.q - self.exact(found.t)).max())
+
+    def sensitivity(self, setting: Setting) -> float:
+        """How far the nudge moves the motion, rad."""
+        plain, moved = self._stepped(setting, 0.0), self._stepped(setting, NUDGE)
+        if plain is None or moved is None:
+            return 0.0
+        n = min(len(plain.q), len(moved.q))
+        return float(np.abs(plain.q[:n] - moved.q[:n]).max(initial=0.0))
+
+    def allowed(self, setting: Setting) -> float:
+        """The floor and a tenth (ten floors for adaptive steppers, which choose other steps), rounding."""
+        floor = self.floor(setting)
+        if not np.isfinite(floor):
+            return 0.0
+        share = 1.1 if setting.stepper == "rk4" else 10.0
+        least = LEAST + ROUNDINGS * rounding(self.motion.lengths)
+        return share * floor + SENSITIVE * self.sensitivity(setting) + least
+
+    def _stepped(self, setting: Setting, nudge: float) -> Trajectory | None:
+        return self._simulate(
+            ("step", setting, nudge),
+            nudge,
+            duration=self.duration,
+            step=setting.step,
+            stepper=setting.stepper,
+            rtol=setting.rtol,
+            atol=setting.atol,
+        )
+
+    def _run(self, key: tuple[float, int], t: Array, stepper: str, rtol: float) -> Trajectory | None:
+        if len(t) < 2:
+            return None
+        step = float(t[1] - t[0])
+        return self._simulate(
+            ("exact", *key), 0.0, duration=float(t[-1]), step=step, stepper=stepper, rtol=rtol, atol=rtol
+        )
+
+    def _simulate(self, key: Any, nudge: float, **arguments: Any) -> Trajectory | None:
+        """A run on the closed form, or what there is of one that stopped; made once."""
+        if key not in self._kept:
+            try:
+                mechanism, q0, v0 = self.motion.build(nudge) if nudge else self.start
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")
+                    self._kept[key] = simulate(
+                        mechanism, q0, v0, method="closed_form", mode=self.mode, **arguments
+                    )
+            except RobustGcpError as error:
+                if error.trajectory is None:
+                    return None
+                self._kept[key] = error.trajectory
+        return self._kept[key]
+
+
+def rounding(lengths: Lengths) -> float:
+    """ε times the ratio of the longest link to the shortest, rad."""
+    return float(np.finfo(float).eps) * max(lengths) / min(lengths)
+
+
+def four_bar_case(
+    family: str,
+    name: str,
+    motion: Motion,
+    duration: float,
+    settings: tuple[Setting, ...],
+    crossings: int | None = None,
+    mode: Array | None = None,
+    note: str = "",
+) -> Case:
+    """A row whose cells are right where they err no more than their stepper does on the closed form."""
+    truth = Truth(motion, duration, mode)
+
+    def build() -> tuple[Mechanism, Array, Array]:
+        return truth.start
+
+    return Case(
+        family,
+        name,
+        build,
+        duration,
+        settings,
+        truth.allowed,
+        truth.exact,
+        crossings=crossings,
+        mode_kept=motion.kept,
+        more={} if mode is None else {"mode": mode},
+        note=note,
+    )
+
+
+def columns(
+    duration: float, counts: tuple[int, ...], adaptive: tuple[str, ...] = ("DOP853",)
+) -> tuple[Setting, ...]:
+    """RK4 with so many steps each, and adaptive steppers with as many outputs as the first."""
+    fixed = tuple(Setting(step=duration / n, name=f"RK4, {n} steps") for n in counts)
+    return fixed + tuple(
+        Setting(stepper=s, step=duration / counts[0], rtol=1e-9, atol=1e-11, name=s) for s in adaptive
+    )
+
+
+Rows = Callable[[bool], list[Case]]

@@ -1,0 +1,114 @@
+"""The maps: one picture a family, cases down, settings across, and a summary of all."""
+
+from __future__ import annotations
+
+import math
+import re
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .. import plots
+from .case import Cell, Verdict
+from .report import MEANING, SYMBOLS, VERDICTS, count, families_of, spelled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.patches import Rectangle
+
+COLOURS: dict[Verdict, str] = {"right": "#8FD3BC", "stopped": "#F2C14E", "wrong": "#D55E00"}
+"""Lightened bluish green, orange and vermillion of Okabe and Ito: black print is readable on all, and
+the symbols tell them apart without colour."""
+
+CELL_WIDTH, CELL_HEIGHT = 0.82, 0.36
+"""in."""
+
+
+def slug(family: str) -> str:
+    """A file name from a family's name."""
+    return re.sub(r"[^a-z0-9]+", "_", family.lower()).strip("_")
+
+
+def draw_family(cells: Sequence[Cell], path: Path) -> Path:
+    """Draw the map of one family; returns the path."""
+    labels = list(dict.fromkeys(cell.setting.label for cell in cells))
+    names = list(dict.fromkeys(cell.case.name for cell in cells))
+    margin = 0.35 + 0.07 * max(map(len, names))
+    head = 0.75 if max(map(len, labels)) > 11 else 0.5
+    width = max(4.9, margin + CELL_WIDTH * len(labels))
+    height = head + CELL_HEIGHT * len(names) + 0.45
+    with plots.style():
+        figure_ = plots.new_figure(height, width)
+        ax = figure_.subplots()
+        for cell in cells:
+            x, y = labels.index(cell.setting.label), names.index(cell.case.name)
+            ax.add_patch(_box(x, y, cell.verdict))
+            ax.text(x, y - 0.17, spelled(cell)[:24], **_CENTRED)
+            ax.text(x, y + 0.24, _second(cell), **{**_CENTRED, "fontsize": 5.8})
+        ax.set_xlim(-0.5, len(labels) - 0.5)
+        ax.set_ylim(len(names) - 0.5, -0.5)
+        ax.set_yticks(range(len(names)), names)
+        ax.set_xticks(range(len(labels)), [_broken(label) for label in labels])
+        _bare(ax)
+        counted = count(cells)
+        told = ",  ".join(f"{SYMBOLS[v]} {counted[v]} {MEANING[v]}" for v in VERDICTS)
+        figure_.suptitle(cells[0].case.family, fontsize=9.5, x=0.01, ha="left")
+        figure_.supxlabel(told, fontsize=7, x=0.01, ha="left")
+        return plots.save(figure_, path)
+
+
+def draw_summary(cells: Sequence[Cell], path: Path) -> Path:
+    """Draw one bar a family, its cells by verdict; returns the path."""
+    names = families_of(cells)
+    with plots.style():
+        figure_ = plots.new_figure(0.9 + 0.24 * len(names))
+        ax = figure_.subplots()
+        for y, family in enumerate(names):
+            counted = count(cell for cell in cells if cell.case.family == family)
+            total, left = sum(counted.values()), 0.0
+            for verdict, number in counted.items():
+                share = number / total
+                ax.barh(y, share, left=left, color=COLOURS[verdict], edgecolor="white", height=0.8)
+                if number:
+                    ax.text(left + share / 2.0, y, f"{SYMBOLS[verdict]} {number}", **_CENTRED)
+                left += share
+        ax.set_yticks(range(len(names)), names)
+        ax.set_xticks([])
+        ax.set_xlim(0.0, 1.0)
+        ax.set_ylim(len(names) - 0.5, -0.5)
+        _bare(ax)
+        counted = count(cells)
+        told = ",   ".join(f"{SYMBOLS[v]} {counted[v]} {MEANING[v]}" for v in VERDICTS)
+        ax.set_title(f"{len(cells)} cells:  {told}", loc="right", fontsize=8)
+        return plots.save(figure_, path)
+
+
+_CENTRED: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 7.0, "family": "DejaVu Sans"}
+
+
+def _box(x: float, y: float, verdict: Verdict) -> Rectangle:
+    from matplotlib.patches import Rectangle
+
+    return Rectangle(
+        (x - 0.5, y - 0.5), 1.0, 1.0, facecolor=COLOURS[verdict], edgecolor="white", linewidth=1.5
+    )
+
+
+def _second(cell: Cell) -> str:
+    """Below a right cell's error its cost; below a reason the error until then, where there is one."""
+    if cell.verdict == "right":
+        return f"{cell.rhs} rhs"
+    return f"error {cell.error:.0e}" if 0.0 < cell.error < math.inf else ""
+
+
+def _broken(label: str) -> str:
+    """A heading in short lines, numbers kept with their units."""
+    return textwrap.fill(label.replace(" s", "\N{NO-BREAK SPACE}s"), 9, break_long_words=False)
+
+
+def _bare(ax: Axes) -> None:
+    ax.grid(False)
+    ax.tick_params(length=0)
+    for spine in ax.spines.values():
+        spine.set_visible(False)

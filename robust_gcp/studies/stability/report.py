@@ -1,0 +1,190 @@
+"""What the study found, as Markdown, CSV and JSON."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from .bound import Bound
+from .case import Cell, Verdict
+from .steps import Stride
+
+VERDICTS: tuple[Verdict, ...] = ("right", "stopped", "wrong")
+SYMBOLS: dict[Verdict, str] = {"right": "✓", "stopped": "■", "wrong": "✗"}
+MEANING: dict[Verdict, str] = {
+    "right": "right to its order",
+    "stopped": "stopped with a named reason, or warned",
+    "wrong": "wrong without saying so",
+}
+
+COLUMNS = (
+    "family", "case", "setting", "verdict", "error", "energy_drift", "closure_error", "crossings",
+    "mode_kept", "reason", "rhs", "seconds",
+)  # fmt: skip
+
+
+def record(cell: Cell) -> dict[str, Any]:
+    """Plain values, in the order of `COLUMNS`; what is not a finite number is None."""
+    values = (
+        cell.case.family, cell.case.name, cell.setting.label, cell.verdict, cell.error,
+        cell.energy_drift, cell.closure_error, cell.crossings, cell.mode_kept, cell.reason, cell.rhs,
+        round(cell.seconds, 4),
+    )  # fmt: skip
+    plain = [None if isinstance(v, float) and not math.isfinite(v) else v for v in values]
+    return dict(zip(COLUMNS, plain, strict=True))
+
+
+def write(
+    folder: Path, cells: Sequence[Cell], bounds: Sequence[Bound], strides: Sequence[Stride]
+) -> list[Path]:
+    """Write stability.csv, stability.json and stability.md; returns the paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = [folder / f"stability.{kind}" for kind in ("csv", "json", "md")]
+    records = [record(cell) for cell in cells]
+    with paths[0].open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, COLUMNS)
+        writer.writeheader()
+        writer.writerows(records)
+    whole = {
+        "cells": records,
+        "bounds": [
+            {"name": b.name, "real": b.eigenvalue.real, "imag": b.eigenvalue.imag,
+             "predicted": b.predicted, "measured": b.measured} for b in bounds
+        ],
+        "strides": [
+            {k: None if isinstance(v, float) and math.isnan(v) else v for k, v in vars(s).items()}
+            for s in strides
+        ],
+    }  # fmt: skip
+    paths[1].write_text(json.dumps(whole, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    sections = blocks(cells, bounds, strides)
+    text = "\n\n".join(f"## {name}\n\n{block}" for name, block in sections.items())
+    paths[2].write_text(f"# Stability\n\n{text}\n", encoding="utf-8")
+    return paths
+
+
+def blocks(cells: Sequence[Cell], bounds: Sequence[Bound], strides: Sequence[Stride]) -> dict[str, str]:
+    """The report's tables by name: summary, one for each family, bounds, steps and reasons."""
+    found = {"summary": summary(cells)}
+    for family in families_of(cells):
+        found[family] = family_table([cell for cell in cells if cell.case.family == family])
+    if bounds:
+        found["bounds"] = bound_table(bounds)
+    if strides:
+        found["steps"] = stride_table(strides)
+    found["reasons"] = reason_table(cells)
+    return found
+
+
+def families_of(cells: Iterable[Cell]) -> list[str]:
+    """Families in order of appearance."""
+    return list(dict.fromkeys(cell.case.family for cell in cells))
+
+
+def count(cells: Iterable[Cell]) -> dict[Verdict, int]:
+    """Cells of each verdict."""
+    counted = Counter(cell.verdict for cell in cells)
+    return {verdict: counted[verdict] for verdict in VERDICTS}
+
+
+def summary(cells: Sequence[Cell]) -> str:
+    """How many cells of each family have which colour."""
+    rows = [["family", "cells", *(f"{SYMBOLS[v]} {MEANING[v]}" for v in VERDICTS)]]
+    for family in families_of(cells):
+        counted = count(cell for cell in cells if cell.case.family == family)
+        rows.append([family, str(sum(counted.values())), *map(str, counted.values())])
+    counted = count(cells)
+    rows.append(["**all**", f"**{len(cells)}**", *(f"**{n}**" for n in counted.values())])
+    return markdown(rows)
+
+
+def family_table(cells: Sequence[Cell]) -> str:
+    """Cases down, settings across: symbol, error and, where it stopped, why."""
+    labels = list(dict.fromkeys(cell.setting.label for cell in cells))
+    rows = [["case", *labels]]
+    for name in dict.fromkeys(cell.case.name for cell in cells):
+        mine = {cell.setting.label: cell for cell in cells if cell.case.name == name}
+        rows.append([name, *(spelled(mine[label]) if label in mine else "" for label in labels)])
+    return markdown(rows)
+
+
+def spelled(cell: Cell) -> str:
+    """A cell in a few characters: its symbol, and the error or the kind of its reason."""
+    return f"{SYMBOLS[cell.verdict]} {figure(cell) if cell.verdict == 'right' else short_reason(cell)}"
+
+
+def figure(cell: Cell) -> str:
+    """The error, else the energy drift, else the closure error."""
+    named = (("", cell.error), ("E ", cell.energy_drift), ("φ ", cell.closure_error))
+    return next((f"{name}{value:.0e}" for name, value in named if math.isfinite(value)), "")
+
+
+def short_reason(cell: Cell) -> str:
+    """The error's type without its ending, or "warned"; for a wrong cell the figure that is wrong."""
+    if cell.verdict == "wrong":
+        return figure(cell)
+    if cell.reason.startswith(("warned", "told")):
+        return cell.reason.split(":")[0]
+    words = cell.reason.removeprefix("refused: ").split(":")[0]
+    return ("refused " if cell.reason.startswith("refused") else "") + words.removesuffix("Error")
+
+
+def reason_table(cells: Sequence[Cell]) -> str:
+    """Each kind of reason with how often it came and one example in full."""
+    stopped = [cell for cell in cells if cell.verdict != "right"]
+    kinds = Counter(short_reason(cell) for cell in stopped)
+    rows = [["reason", "cells", "example"]]
+    for kind, number in kinds.most_common():
+        cell = next(cell for cell in stopped if short_reason(cell) == kind)
+        rows.append([kind, str(number), f"{cell.case.name}, {cell.setting.label}: {cell.reason}"])
+    return markdown(rows)
+
+
+def bound_table(bounds: Sequence[Bound]) -> str:
+    """Predicted and measured largest stable steps."""
+    rows = [["start", "λ [1/s]", "h\\* predicted [s]", "h\\* bisected [s]", "bisected / predicted"]]
+    for b in bounds:
+        value = f"{b.eigenvalue.real:.4g}" if b.eigenvalue.real else ""
+        if b.eigenvalue.imag:
+            value += f" ± {abs(b.eigenvalue.imag):.4g}i"
+        rows.append([b.name, value.strip(), f"{b.predicted:.4g}", f"{b.measured:.4g}", f"{b.ratio:.4f}"])
+    return markdown(rows)
+
+
+def stride_table(strides: Sequence[Stride]) -> str:
+    """Steps of the implicit steppers in RK4's largest."""
+    rows = [
+        ["motion", "RK4's bound h\\* [s]", "stepper", "rtol", "error", "mean step / h\\*",
+         "largest step / h\\*", "right-hand sides", "of RK4 at h\\*"]
+    ]  # fmt: skip
+    for s in strides:
+        lead = [s.name, f"{s.bound:.2g}", s.stepper]
+        if math.isnan(s.mean):
+            rows.append([*lead, "", "", "below 1", "", "", f"{s.rk4_rhs:.2g}"])
+            continue
+        rows.append(
+            [*lead, f"{s.rtol:.0e}", f"{s.error:.0e}", f"{s.ratio:.3g}",
+             f"{s.largest / s.bound:.3g}", str(s.rhs), f"{s.rk4_rhs:.2g}"]
+        )  # fmt: skip
+    return markdown(rows)
+
+
+def markdown(rows: Sequence[Sequence[str]]) -> str:
+    """A Markdown table; the first row is its head."""
+    lines = [" | ".join(cell.replace("\n", " ").replace("|", "\\|") for cell in row) for row in rows]
+    return "\n".join([f"| {lines[0]} |", "|" + "---|" * len(rows[0]), *(f"| {line} |" for line in lines[1:])])
+
+
+def refreshed(text: str, sections: dict[str, str]) -> str:
+    """A page with what stands between `<!-- begin: name -->` and `<!-- end: name -->` replaced."""
+    for name, block in sections.items():
+        begin, end = f"<!-- begin: {name} -->", f"<!-- end: {name} -->"
+        if begin in text and end in text:
+            head, rest = text.split(begin, 1)
+            text = f"{head}{begin}\n{block}\n{end}{rest.split(end, 1)[1]}"
+    return text

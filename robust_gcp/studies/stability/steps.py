@@ -1,0 +1,145 @@
+"""How much larger the steps of Radau, BDF and LSODA are than RK4's bound, at equal accuracy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...bridge import BridgeOptions
+from ...bridge_map import BridgeMap
+from ...dynamics import EquationsOfMotion, Torque
+from ...kernel import Counters
+from ...linearise import ReducedJacobian, linearise
+from ...mechanism import Mechanism
+from ...start import begin
+from ...steppers import IMPLICIT
+from ...tree import Array
+from .bound import governor
+from .stiff import drive, driven
+from .truth import A, B, Servo, of_run
+
+TARGET = 1e-5
+"""rad: the largest error of y that counts as equal accuracy; RK4 stays below it at its bound."""
+
+TOLERANCES = tuple(10.0**-e for e in range(3, 10))
+MOST_STEPS = 20_000
+"""Accepted steps after which an attempt is given up: it has no larger step than RK4."""
+
+
+@dataclass(frozen=True)
+class Stiff:
+    """A stiff motion: the mechanism, its start, its drive, its truth y(t), and how long it lasts, s."""
+
+    name: str
+    mechanism: Mechanism
+    v0: Array
+    torque: Torque | None
+    truth: Callable[[Array], Array]
+    duration: float
+
+
+@dataclass(frozen=True)
+class Stride:
+    """What an implicit stepper needs for `TARGET`.
+
+    Attributes
+    ----------
+    name, stepper : str
+    bound : float
+        RK4's largest stable step at the start, s.
+    rtol, error : float
+        Loosest tolerance that meets the target, and the error of y there; NaN where none does.
+    mean, largest : float
+        Accepted steps, s.
+    rhs : int
+        Right-hand sides, those of the Jacobian among them.
+    rk4_rhs : float
+        What RK4 needs at its bound.
+    """
+
+    name: str
+    stepper: str
+    bound: float
+    rtol: float
+    error: float
+    mean: float
+    largest: float
+    rhs: int
+    rk4_rhs: float
+
+    @property
+    def ratio(self) -> float:
+        """Mean step over RK4's bound."""
+        return self.mean / self.bound
+
+
+def motions(quick: bool) -> list[Stiff]:
+    """Springs, dampers, critically damped servos, and the flyball governor."""
+    found = []
+    for e in (8,) if quick else (2, 4, 6, 8):
+        k, c = 10.0**e * B, 10.0**e * np.sqrt(A * B)
+        found += [_servo(f"spring k = 1e{e} B, undamped", Servo(k, 0.0))]
+        found += [_servo(f"damper c = 1e{e} √(AB)", Servo(0.0, c))]
+        found += [_servo(f"servo k = 1e{e} B, critical", Servo(k, 2.0 * np.sqrt(k * A)))]
+    return [*found, _flyball()]
+
+
+def _servo(name: str, servo: Servo) -> Stiff:
+    return Stiff(name, driven(servo), np.zeros(3), drive(servo), lambda t: servo.exact(t)[:, :1], 0.5)
+
+
+def _flyball() -> Stiff:
+    mechanism, duration = governor(1.0), 0.3
+    v0 = np.array([2.0 * np.pi, 0.0, 0.0, 0.0])
+    truth = of_run(mechanism, duration, v0=v0, step=1e-3, stepper="Radau", rtol=1e-11, atol=1e-12)
+    return Stiff("flyball governor", mechanism, v0, None, truth, duration)
+
+
+def stride(motion: Stiff, stepper: str) -> Stride:
+    """The loosest tolerance that meets the target, and its steps."""
+    bound = linearise(motion.mechanism, motion.mechanism.home, motion.v0, motion.torque).largest_stable_step
+    rk4 = 4.0 * motion.duration / bound
+    for rtol in TOLERANCES:
+        t, y, rhs = _integrate(motion, stepper, rtol)
+        if t[-1] < motion.duration:
+            break
+        error = float(np.abs(y - motion.truth(t)).max())
+        if error <= TARGET:
+            steps = np.diff(t)
+            return Stride(motion.name, stepper, bound, rtol, error, steps.mean(), steps.max(), rhs, rk4)
+    nothing = float("nan")
+    return Stride(motion.name, stepper, bound, nothing, nothing, nothing, nothing, 0, rk4)
+
+
+def _integrate(motion: Stiff, stepper: str, rtol: float) -> tuple[Array, Array, int]:
+    """Times and y of the accepted steps, and right-hand sides."""
+    from scipy import integrate
+
+    mechanism, m = motion.mechanism, motion.mechanism.m
+    start = begin(mechanism, mechanism.home, motion.v0, None, BridgeOptions(), Counters())
+    explicit = BridgeMap(start.path, start.point, BridgeOptions(), error_controlled=True)
+    f = EquationsOfMotion(mechanism, explicit, motion.torque)
+    x = np.concatenate([start.point.y, start.ydot, np.zeros(int(f.works))])
+    solver = getattr(integrate, stepper)(
+        lambda t, x: f(t, x.copy()),
+        0.0,
+        x,
+        motion.duration,
+        rtol=rtol,
+        atol=1e-2 * rtol,
+        jac=ReducedJacobian(f),
+    )
+    t, y = [0.0], [x[:m]]
+    while solver.status == "running" and len(t) <= MOST_STEPS:
+        solver.step()
+        t.append(solver.t)
+        y.append(solver.y[:m].copy())
+    return np.array(t), np.array(y), f.calls
+
+
+def strides(quick: bool) -> list[Stride]:
+    """All motions by Radau, BDF and LSODA."""
+    steppers = ("Radau",) if quick else IMPLICIT
+    return [stride(motion, stepper) for motion in motions(quick) for stepper in steppers]

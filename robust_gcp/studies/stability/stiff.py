@@ -1,0 +1,241 @@
+"""Stiff cases: springs and dampers up to 1e8 of gravity, across singularities, and the flyball governor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cache
+
+import numpy as np
+
+from ...dynamics import Torque
+from ...forces import Force, JointDamper, JointSpring
+from ...mechanism import Mechanism
+from ...scenes import four_bar
+from ...simulate import simulate
+from ...tree import Array
+from .bound import around, governor
+from .case import Case, Families, Setting
+from .truth import TANGENT, A, B, Servo, of_run, with_forces
+
+RTOL, ATOL = 1e-6, 1e-8
+WITHIN = 100.0
+"""Global error of an adaptive stepper, in units of rtol, that counts as right."""
+
+LARGEST_FLOOR = 1e-3
+"""rad: an RK4 that errs by more on the scalar equation cannot be called right."""
+
+CLASSICAL_LOSS = 1e-7
+"""rad: classical GCP warns from a conditioning of 1e-3 on, where g may be wrong by ε/1e-9 for a moment."""
+
+
+# --------------------------------------------------------------------------- a stiff drive
+
+
+def driven(servo: Servo) -> Mechanism:
+    """The rhombus, at home on its parallelogram mode, with the drive's spring and damper on q1."""
+    forces: list[Force] = [JointSpring("q1", servo.k, servo.r0), JointDamper("q1", servo.c)]
+    return with_forces(four_bar(1.0, 1.0, 1.0, 1.0, y=servo.y0), forces)
+
+
+def drive(servo: Servo) -> Torque:
+    """What moves the rest of the spring, (nv,)."""
+    return lambda t, q, v: np.array([servo.drive(t), 0.0, 0.0])
+
+
+def _servo_case(family: str, name: str, servo: Servo, settings: Sequence[Setting]) -> Case:
+    duration = 0.5
+    mechanism = driven(servo)
+    floors = cache(servo.floor)
+
+    def allowed(setting: Setting) -> float:
+        if setting.stepper != "rk4":
+            return WITHIN * setting.rtol
+        floor = floors(setting.step, duration)
+        return 1.5 * floor + 1e-9 if floor <= LARGEST_FLOOR else 0.0
+
+    def kept(q: Array) -> bool:
+        return bool(np.abs(q - q[:, :1] * TANGENT).max() < 1e-6)
+
+    return Case(
+        family,
+        name,
+        lambda: (mechanism, mechanism.home, np.zeros(3)),
+        duration,
+        tuple(settings),
+        allowed,
+        cache_by_length(servo.exact),
+        mode_kept=kept,
+        energy_scale=max(B, servo.k * servo.r0**2, servo.c * servo.nu * servo.r0**2),
+        torque=drive(servo),
+    )
+
+
+def cache_by_length(reference: Callable[[Array], Array]) -> Callable[[Array], Array]:
+    """Keep the last answer for each number of times: columns of one row share their output times."""
+    kept: dict[tuple[int, float], Array] = {}
+
+    def at(t: Array) -> Array:
+        key = (len(t), float(t[-1]))
+        if key not in kept:
+            kept[key] = reference(t)
+        return kept[key]
+
+    return at
+
+
+def _columns(*steppers: str, steps: Sequence[float] = (1e-3, 2e-4)) -> tuple[Setting, ...]:
+    fixed = tuple(Setting(step=step) for step in steps)
+    return fixed + tuple(Setting("bridge", s, 5e-3, RTOL, ATOL) for s in steppers)
+
+
+def springs(quick: bool) -> list[Case]:
+    """A spring on the crank whose rest moves slowly through q1 = 0, undamped."""
+    cases = []
+    for exponent in (0, 4, 8) if quick else (-2, 0, 2, 4, 6, 8):
+        # undamped, BDF and LSODA resolve every oscillation: at 1e8 that takes them minutes
+        all_of_them = ("Radau", "BDF", "LSODA", "DOP853") if exponent < 8 else ("Radau", "DOP853")
+        columns = _columns("Radau", steps=(1e-3,)) if quick else _columns(*all_of_them)
+        if exponent == 8 and not quick:
+            columns += (Setting(step=2e-5),)
+        servo = Servo(10.0**exponent * B, 0.0)
+        cases.append(_servo_case("stiff springs", f"k = 1e{exponent} B", servo, columns))
+    return cases
+
+
+def dampers(quick: bool) -> list[Case]:
+    """A damper between the crank and a slowly moving hand, from soft to stiff."""
+    cases = []
+    for exponent in (0, 4, 8) if quick else (-2, 0, 2, 4, 6, 8):
+        steppers = ("Radau", "BDF", "LSODA", *(("DOP853",) if exponent <= 4 and not quick else ()))
+        servo = Servo(0.0, 10.0**exponent * np.sqrt(A * B))
+        cases.append(_servo_case("stiff dampers", f"c = 1e{exponent} √(AB)", servo, _columns(*steppers)))
+    return cases
+
+
+def servos(quick: bool) -> list[Case]:
+    """Spring and critical damper together, as a stiff position controller."""
+    cases = []
+    for exponent in (2, 8) if quick else (0, 2, 4, 6, 8):
+        k = 10.0**exponent * B
+        servo = Servo(k, 2.0 * np.sqrt(k * A))
+        steppers = ("Radau", "BDF", "LSODA", *(("DOP853",) if exponent <= 6 and not quick else ()))
+        cases.append(_servo_case("stiff servos", f"k = 1e{exponent} B", servo, _columns(*steppers)))
+    return cases
+
+
+# --------------------------------------------------------------------------- across a singularity
+
+
+def across(quick: bool) -> list[Case]:
+    """Two swings about a spring's rest 0.1 rad behind q1 = π, from 0.4 rad before it."""
+    cases = []
+    rows = [
+        ("rhombus", (1.0, 1.0, 1.0, 1.0), 1, "q1"),
+        ("change point", (4.0, 2.0, 3.0, 3.0), 1, "q1"),
+        ("change point", (4.0, 2.0, 3.0, 3.0), 1, "q3"),
+    ]
+    for name, lengths, assembly, joint in rows[1:2] if quick else rows:
+        for exponent in (4, 8) if quick else (0, 2, 4, 6, 8):
+            bare = four_bar(*lengths, y=np.pi - 0.4, assembly=assembly)
+            target = four_bar(*lengths, y=np.pi + 0.1, assembly=assembly).home
+            k = 10.0**exponent * 9.81 * (lengths[1] / 2.0 + lengths[1] + lengths[3] / 2.0)
+            rest = float(target[list(bare.joint_names).index(joint)])
+            mechanism = with_forces(bare, [JointSpring(joint, k, rest)])
+            cases.append(_across_case(f"{name}, k on {joint} = 1e{exponent}", mechanism))
+    return cases
+
+
+def _across_case(name: str, mechanism: Mechanism) -> Case:
+    period = _period(mechanism)
+    duration = 2.0 * period
+    exact = of_run(
+        mechanism,
+        duration,
+        step=duration / 4000,
+        method="closed_form",
+        stepper="DOP853",
+        rtol=1e-13,
+        atol=1e-13,
+    )
+
+    @cache
+    def floor(setting: Setting) -> float:
+        """Error of the same stepper on the closed form, rad."""
+        run = simulate(
+            mechanism,
+            duration=duration,
+            step=setting.step,
+            method="closed_form",
+            stepper=setting.stepper,
+            rtol=setting.rtol,
+            atol=setting.atol,
+        )
+        return float(np.abs(run.q - exact(run.t)).max())
+
+    def allowed(setting: Setting) -> float:
+        lost = CLASSICAL_LOSS if setting.method == "classical" else 1e-10
+        return 3.0 * floor(setting) + (lost if setting.stepper == "rk4" else WITHIN * setting.rtol)
+
+    coarse, fine = duration / 200, duration / 800
+    settings = (
+        Setting(step=coarse, name="RK4 T/100"),
+        Setting(step=fine, name="RK4 T/400"),
+        *(Setting("bridge", s, coarse, 1e-8, 1e-10) for s in ("Radau", "LSODA", "DOP853")),
+        Setting("projection", step=fine, name="RK4 T/400 projection"),
+        Setting("classical", step=fine, name="RK4 T/400 classical"),
+    )
+    return Case(
+        "stiff across a singularity",
+        name,
+        lambda: (mechanism, mechanism.home, np.zeros(3)),
+        duration,
+        settings,
+        allowed,
+        exact,
+    )
+
+
+def _period(mechanism: Mechanism) -> float:
+    """Of the swing, s: found from a run on the closed form, scaled by the start's own acceleration."""
+    run = simulate(mechanism, duration=1e-9, step=1e-9, method="closed_form", record="a")
+    assert run.a is not None
+    # from rest at 0.5 rad from the spring's rest ÿ = ω² 0.5
+    return float(2.0 * np.pi * np.sqrt(0.5 / abs(run.a[0, 0])))
+
+
+# --------------------------------------------------------------------------- the flyball governor
+
+
+def flyball(quick: bool) -> list[Case]:
+    """IFToMM's A05, its spring-dampers as they are and a hundred times softer and stiffer."""
+    cases = []
+    for factor in (1.0,) if quick else (1e-2, 1.0, 1e2):
+        mechanism = governor(factor)
+        v0 = mechanism.lift(mechanism.home, [2.0 * np.pi, 0.0, 0.0, 0.0])
+        duration = 0.1 if quick else 0.3
+        # where an explicit method is too slow for the truth, Radau at a tolerance that rounding permits
+        stepper, rtol = ("DOP853", 1e-11) if factor <= 1.0 else ("Radau", 1e-9)
+        exact = of_run(mechanism, duration, v0=v0, step=1e-3, stepper=stepper, rtol=rtol, atol=0.1 * rtol)
+        cases.append(
+            Case(
+                "flyball governor",
+                f"λ = −{8117 * factor:.3g} 1/s",
+                lambda mechanism=mechanism, v0=v0: (mechanism, mechanism.home, v0),  # type: ignore[misc]
+                duration,
+                _columns("Radau", "BDF", "LSODA", *(("DOP853",) if factor <= 1.0 else ()),
+                         steps=(1e-4, 3e-4, 4e-4, 1e-3)),
+                lambda setting: WITHIN * RTOL,
+                exact,
+            )
+        )  # fmt: skip
+    return cases
+
+
+FAMILIES: Families = {
+    "RK4's bound": around,
+    "stiff springs": springs,
+    "stiff dampers": dampers,
+    "stiff servos": servos,
+    "stiff across a singularity": across,
+    "flyball governor": flyball,
+}

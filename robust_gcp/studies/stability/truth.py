@@ -1,0 +1,120 @@
+"""References of the stiff cases: scalar equations written out by hand, and runs on the closed form."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from ...closed_form import parallelogram_pendulum
+from ...forces import Force
+from ...mechanism import Mechanism
+from ...simulate import simulate
+from ...steppers import rk4_step
+from ...tree import Array
+
+A, B = parallelogram_pendulum(1.0, 1.0, 1.0, 1.0, 1.0)
+"""A ÿ = −B cos y: the rhombus of rods of 1 kg and 1 m on its parallelogram mode, kg m² and N m."""
+
+TANGENT = np.array([1.0, -1.0, 1.0])
+"""q = y (1, −1, 1) on that mode."""
+
+
+@dataclass(frozen=True)
+class Servo:
+    """A ÿ = −B cos y − k (y − r(t)) − c (ẏ − ṙ(t)), r = r0 cos νt: a stiff drive follows a slow path.
+
+    Attributes
+    ----------
+    k, c : float
+        N m/rad, N m s/rad.
+    r0, nu : float
+        rad, rad/s.
+    """
+
+    k: float
+    c: float
+    r0: float = 0.5
+    nu: float = 4.0
+
+    @cached_property
+    def y0(self) -> float:
+        """Start at rest, rad: where a stiff spring carries the load and the acceleration, else r0."""
+        y = self.r0
+        if self.k > 10.0 * B:
+            for _ in range(50):  # contracts by B/k
+                y = self.r0 - (B * math.cos(y) - A * self.r0 * self.nu**2) / self.k
+        return y
+
+    def rate(self, t: float, x: Sequence[float]) -> list[float]:
+        """ẋ of x = (y, ẏ)."""
+        y, speed = float(x[0]), float(x[1])
+        moment = -B * math.cos(y) + self.drive(t) - self.k * (y - self.r0) - self.c * speed
+        return [speed, moment / A]
+
+    def drive(self, t: float) -> float:
+        """What moves the spring's rest from r0 to r(t) and the damper with it, N m."""
+        return self.r0 * (self.k * (math.cos(self.nu * t) - 1.0) - self.c * self.nu * math.sin(self.nu * t))
+
+    def exact(self, t: Array) -> Array:
+        """q (n, 3) at times t from 0 on: the scalar equation at rtol = 1e-12.
+
+        By DOP853, or by LSODA where the damper leaves an explicit method too many steps.
+        """
+        from scipy.integrate import ode
+
+        stiff = self.c > 1e5 * A
+        kind = {"name": "lsoda"} if stiff else {"name": "dop853"}
+        solver = ode(self.rate).set_integrator(**kind, rtol=1e-12, atol=1e-13, nsteps=10**8)
+        solver.set_initial_value([self.y0, 0.0], float(t[0]))
+        y = [self.y0, *(float(solver.integrate(float(time))[0]) for time in t[1:])]
+        return np.array(y)[:, None] * TANGENT
+
+    def floor(self, step: float, duration: float) -> float:
+        """Largest error of RK4 with this step on the scalar equation, rad; infinite where it grows."""
+
+        def rate(t: float, x: Array) -> Array:
+            return np.array(self.rate(t, x.tolist()))
+
+        times = step * np.arange(round(duration / step) + 1)
+        x = np.array([self.y0, 0.0])
+        found = [x[0]]
+        for t in times[:-1].tolist():
+            x = rk4_step(rate, t, x, step, rate(t, x))
+            if not abs(x[0]) < 1e3:
+                return float("inf")
+            found.append(x[0])
+        return float(np.abs(np.array(found) - self.exact(times)[:, 0]).max())
+
+
+def of_run(mechanism: Mechanism, duration: float, **arguments: Any) -> Callable[[Array], Array]:
+    """q(t) of a run, between its outputs by cubic Hermite interpolation; made when first asked for."""
+    made: list[CubicHermiteSpline] = []
+
+    def q(t: Array) -> Array:
+        if not made:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                run = simulate(mechanism, duration=duration, **arguments)
+            made.append(CubicHermiteSpline(run.t, run.q, run.v))
+        return np.asarray(made[0](t))
+
+    return q
+
+
+def with_forces(mechanism: Mechanism, forces: Sequence[Force]) -> Mechanism:
+    """The same mechanism with these forces alone."""
+    return Mechanism.from_pinocchio(
+        mechanism.model,
+        list(mechanism.closures),
+        mechanism.independent,
+        home=mechanism.home,
+        name=mechanism.name,
+        forces=forces,
+    )

@@ -1,0 +1,198 @@
+"""`python -m robust_gcp work-precision`: measure, tell, draw."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ... import commands
+from ...errors import OptionError
+from ...tree import Array
+from .. import peers, plots
+from ..contender import Contender, Scene
+from . import cost, floor, ours, report
+from .measure import Judge, Point, climb, settings_of
+from .references import Reference
+from .scenes import MOTIONS, Motion
+from .store import THREADS, Store
+from .verdicts import OURS
+
+COST = "cost"
+"""The scene that is no motion: the cost of a step against size."""
+
+SCENES = (*MOTIONS, COST)
+QUICK_SCENES = ("antiparallelogram", "crank_rocker")
+QUICK_STEPS, QUICK_TOLERANCES = (1, 2, 4, 8), (1e-5, 1e-8, 1e-11)
+
+
+class Study:
+    """Scenes, contenders and points of one run.
+
+    Parameters
+    ----------
+    scenes : sequence of str
+    wanted : sequence of str
+        Parts of contenders' names or families; all when empty.
+    store : Store
+    repeats : int
+        Timed runs of each point.
+    quick : bool
+        A short ladder.
+    cap : float or None
+        Longest run, s; each scene's own when None.
+    """
+
+    def __init__(
+        self, scenes: Sequence[str], wanted: Sequence[str], store: Store, repeats: int, quick: bool,
+        cap: float | None = None,
+    ) -> None:  # fmt: skip
+        self.store, self._repeats, self._quick, self._cap = store, repeats, quick, cap
+        self.motions = {name: MOTIONS[name]() for name in scenes if name != COST}
+        self.references: dict[str, Reference] = {}
+        self.refused: dict[str, list[str]] = {}
+        sizes = cost.SIZES if COST in scenes else ()
+        self.costs = {motion.scene.name: motion for motion in map(cost.motion, sizes)}
+        everyone = [*ours.contenders(self._exact), *peers.contenders()]
+        self.contenders = [c for c in everyone if _wanted(c, wanted)]
+        if not self.contenders:
+            raise OptionError(
+                f"--method {' '.join(wanted)} fits none of {', '.join(c.name for c in everyone)}"
+            )
+
+    def _exact(self, scene: Scene) -> Array:
+        return self.reference(scene.name).q
+
+    def reference(self, name: str) -> Reference:
+        """The scene's exact motion, from the store."""
+        if name not in self.references:
+            motion = self.motions[name] if name in self.motions else self.costs[name]
+            self.references[name] = self.store.reference(motion)
+        return self.references[name]
+
+    def run(self) -> None:
+        """Measure what is missing, with a bar; floors last, at the settings that ours were run at."""
+        everything = self.motions | self.costs
+        floors = {
+            stepper: floor.Floor(stepper, lambda name: everything[name].floor) for stepper in floor.STEPPERS
+        }
+        plan: list[tuple[Motion, Contender, list[float]]] = []
+        for name, motion in everything.items():
+            compared: dict[str, list[float]] = {}
+            for contender in self.contenders:
+                why = contender.refuses(motion.scene)
+                if why:
+                    self.refused.setdefault(name, []).append(f"{contender.name}: {why}")
+                elif name in self.motions or cost.enters(contender):
+                    settings = self._settings(contender, motion)
+                    plan.append((motion, contender, settings))
+                    if contender.family == OURS and name in self.motions:
+                        compared[contender.stepper] = settings
+            plan += [(motion, floors[stepper], settings) for stepper, settings in compared.items()]
+        total, done = sum(len(settings) for _, _, settings in plan), 0
+        with commands.progress_bar(float(total), "work-precision") as progress:
+            for motion, contender, settings in plan:
+                for point in self._points(motion, contender, settings):
+                    self.store.add(point)
+                    if progress is not None:
+                        progress((done + settings.index(point.setting) + 1) / total)
+                done += len(settings)
+
+    def _points(self, motion: Motion, contender: Contender, settings: list[float]) -> Iterator[Point]:
+        name = motion.scene.name
+        judge = Judge(motion.scene, self.reference(name))
+        known = self.store.known(name, contender.name)
+        cap = motion.cap if self._cap is None else self._cap
+        if contender.family != floor.FAMILY:
+            return climb(contender, motion, judge, settings, known, self._repeats, cap)
+        reached = {
+            p.setting
+            for p in self.store.points.values()
+            if p.scene == name and p.family == OURS and p.stepper == contender.stepper and p.good
+        }
+        settings = [setting for setting in settings if setting in reached]
+        return climb(contender, motion, judge, settings, known, 1, np.inf)  # its time is of no interest
+
+    def _settings(self, contender: Contender, motion: Motion) -> list[float]:
+        if not self._quick or motion.scene.name in self.costs:
+            return settings_of(contender, motion)
+        if contender.kind == "adaptive":
+            return list(QUICK_TOLERANCES)
+        return settings_of(contender, replace(motion, steps=QUICK_STEPS))
+
+
+def _wanted(contender: Contender, wanted: Sequence[str]) -> bool:
+    names = contender.name.lower(), contender.family.lower()
+    return not wanted or any(part.lower() in name for part in wanted for name in names)
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the subcommand."""
+    text = "error against run time: our methods, the implicit equations and other tools"
+    parser = subparsers.add_parser("work-precision", help=text, description=text)
+    add = parser.add_argument
+    add(
+        "--scene",
+        nargs="+",
+        choices=SCENES,
+        metavar="NAME",
+        help=f"of {', '.join(SCENES)}; default: all",
+    )
+    add("--method", nargs="+", default=[], metavar="PART", help="contenders whose name or family contains it")
+    add("--quick", action="store_true", help="two scenes, a short ladder, one timed run: about a minute")
+    add("--out", type=Path, required=True, metavar="DIR", help="points, references, tables and figures")
+    add("--repeats", type=int, default=0, metavar="N", help="timed runs of each point; default: 3, quick: 1")
+    add(
+        "--cap",
+        type=float,
+        metavar="S",
+        help="leave out runs predicted longer than this, s; default: by scene",
+    )
+    add("--fresh", action="store_true", help="forget the points in DIR instead of going on from them")
+    add("--docs", type=Path, metavar="ROOT", help="also refresh README.md and docs/ of this checkout")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Measure, print verdicts and table, write data and figures."""
+    if args.repeats < 0:
+        raise OptionError(f"--repeats {args.repeats}: a number of timed runs, 1 or more")
+    plots.require_matplotlib()
+    if not any(name in os.environ for name in THREADS):
+        return _single_threaded(args)
+    scenes = args.scene or (QUICK_SCENES if args.quick else SCENES)
+    repeats = args.repeats or (1 if args.quick else 3)
+    settings = {"repeats": repeats, "quick": args.quick, "cap": args.cap}
+    store = Store(args.out, settings, args.fresh)
+    if store.points:
+        print(f"going on from {len(store.points)} points in {args.out}")
+    study = Study(scenes, args.method, store, repeats, args.quick, args.cap)
+    try:
+        study.run()
+    finally:
+        store.export({"references": {name: r.source for name, r in study.references.items()}})
+    for path in report.write(
+        study.motions, study.reference, study.contenders, store, peers.missing(), study.refused, args.docs
+    ):
+        print(f"wrote {path}")
+    return 0
+
+
+def _single_threaded(args: argparse.Namespace) -> int:
+    """The same command in a process whose BLAS has one thread: it reads that when it is loaded."""
+    command = [sys.executable, "-m", "robust_gcp", "work-precision", "--out", str(args.out)]
+    for name in ("scene", "method"):
+        if getattr(args, name):
+            command += [f"--{name}", *getattr(args, name)]
+    for name in ("quick", "fresh"):
+        command += [f"--{name}"] if getattr(args, name) else []
+    for name in ("repeats", "cap", "docs"):
+        if getattr(args, name):
+            command += [f"--{name}", str(getattr(args, name))]
+    return subprocess.run(command, env=os.environ | dict.fromkeys(THREADS, "1"), check=False).returncode

@@ -1,0 +1,63 @@
+"""Cost of a step against the number of loops: N four-bars in a row."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..contender import Contender
+from .measure import Point
+from .scenes import Motion, n_bars
+
+SIZES = (1, 2, 5, 10, 20, 40)
+DURATION = 0.4
+"""s, 400 steps of 1 ms: the cranks fall, no singular configuration is met."""
+
+CAP = 8.0
+FITTED = 3
+"""Largest sizes that the exponent is fitted to."""
+
+
+def motion(n: int) -> Motion:
+    """N four-bars for 400 steps."""
+    made = n_bars(n, DURATION, (1,), CAP)
+    scene = made.scene
+    renamed = type(scene)(f"cost_{n}", scene.mechanism, scene.q0, scene.v0, scene.times)
+    return Motion(renamed, made.title, False, made.floor, made.solve, (1,), CAP)
+
+
+def enters(contender: Contender) -> bool:
+    """Fixed steps; one of each kind of work: tuning does not change the cost of a step."""
+    return contender.kind == "fixed" and contender.family != "published" and "Baumgarte" not in contender.name
+
+
+def costs_of(points: Sequence[Point]) -> dict[str, list[tuple[int, float, float]]]:
+    """N, µs a step and µs an evaluation by contender, ascending in N."""
+    found: dict[str, list[tuple[int, float, float]]] = {}
+    for point in points:
+        head, _, size = point.scene.rpartition("_")
+        if head == "cost" and point.timed and point.rhs:
+            steps = DURATION / point.setting
+            entry = int(size), 1e6 * point.seconds / steps, 1e6 * point.seconds / point.rhs
+            found.setdefault(point.contender, []).append(entry)
+    return {name: sorted(curve) for name, curve in found.items()}
+
+
+def exponent(curve: Sequence[tuple[int, float, float]]) -> float | None:
+    """p of cost ~ N^p over the largest sizes."""
+    if len(curve) < FITTED:
+        return None
+    n, micro, _ = np.array(curve[-FITTED:]).T
+    return float(np.polyfit(np.log(n), np.log(micro), 1)[0])
+
+
+def verdict(costs: dict[str, list[tuple[int, float, float]]]) -> str:
+    """One line: cost at the largest size, and how it grows."""
+    parts = []
+    for name, curve in costs.items():
+        n, micro, _ = curve[-1]
+        power = exponent(curve)
+        growth = "" if power is None else f", growing as N^{power:.2f}"
+        parts.append(f"{name} {micro:.3g} µs at N = {n}{growth}")
+    return f"**Cost of a step**: {'; '.join(parts)}."

@@ -1,0 +1,190 @@
+"""The implicit equations (2) as a contender, without and with Baumgarte's stabilisation."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from ...dynamics import REDUNDANT
+from ...errors import SimulationError
+from ...mechanism import Mechanism
+from ...steppers import adaptive, rk4_step
+from ...tree import Array
+from ..contender import Kind, Outcome, Scene
+
+RATES = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
+"""What α = β is scanned over, in units of 1/(T/10): from slower than the motion to much faster."""
+
+LARGEST_SCANNED = 30
+
+SCAN_STEPS = 2
+"""Steps in each output interval during the scan."""
+
+DEFECT = 1e-10
+"""Relative residual of a direct solve beyond which the matrix counts as singular."""
+
+
+class Equations:
+    """[[M, Kᵀ], [K, 0]] [a; −λ] = [τ − C; k − 2 α K v − β² φ] for the state (q, v).
+
+    Solved directly into a matrix that is allocated once; by least norm where K has redundant rows or
+    the matrix is singular.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        With one number in q for each in v.
+    alpha, beta : float
+        1/s.
+    redundant : bool
+        Whether K is rank deficient everywhere.
+    """
+
+    def __init__(self, mechanism: Mechanism, alpha: float, beta: float, redundant: bool) -> None:
+        n, c = mechanism.nv, mechanism.nc
+        self._mechanism, self._gains, self._redundant = mechanism, (2.0 * alpha, beta**2), redundant
+        self._matrix, self._right = np.zeros((n + c, n + c)), np.zeros(n + c)
+        self._stabilised = alpha > 0.0 or beta > 0.0
+        self.calls = 0
+
+    def __call__(self, t: float, x: Array) -> Array:
+        """(v, a)."""
+        mechanism, tree, n = self._mechanism, self._mechanism.tree, self._mechanism.nv
+        q, v = x[:n], x[n:]
+        if not np.all(np.isfinite(x)):
+            raise SimulationError(f"not finite at t = {t:.6g} s")
+        self.calls += 1
+        matrix, right = self._matrix, self._right
+        tree.jacobians(q)
+        K = mechanism.implicit.jacobian()
+        residual = mechanism.implicit.residual() if self._stabilised else None
+        matrix[n:, :n], matrix[:n, n:] = K, K.T
+        right[:n] = -tree.rnea(q, v, tree.zero)
+        right[n:] = mechanism.implicit.bias()
+        if residual is not None:
+            right[n:] -= self._gains[0] * (K @ v) + self._gains[1] * residual
+        if mechanism.applied is not None:
+            right[:n] += mechanism.applied.at(q, v)[0]
+        matrix[:n, :n] = tree.crba(q)
+        return np.concatenate([v, self._solve()[:n]])
+
+    def _solve(self) -> Array:
+        if not self._redundant:
+            try:
+                solution = np.linalg.solve(self._matrix, self._right)
+            except np.linalg.LinAlgError:
+                pass
+            else:
+                if np.all(np.isfinite(solution)):
+                    return solution
+        least: Array = np.linalg.lstsq(self._matrix, self._right, rcond=REDUNDANT)[0]
+        return least
+
+
+class Implicit:
+    """Eq. (2) in all joints of the tree, with fixed gains.
+
+    Parameters
+    ----------
+    name, stepper : str
+    gains : (float, float)
+        α, β of Baumgarte, 1/s; critically damped where equal.
+    """
+
+    family = "implicit"
+
+    def __init__(self, name: str, stepper: str, gains: tuple[float, float] = (0.0, 0.0)) -> None:
+        self.name, self.stepper, self._gains = name, stepper, gains
+        self.kind: Kind = "fixed" if stepper == "rk4" else "adaptive"
+        self.tuning = (
+            f"k − 2 α K v − β² φ with α = β = {gains[0]:g}/s (critically damped, the usual default)"
+            if any(gains)
+            else "no stabilisation; direct solve, least norm where singular"
+        )
+        self._redundant: dict[str, bool] = {}
+
+    def refuses(self, scene: Scene) -> str:
+        """A tree has no closure to stabilise; joints with more numbers in q than in v are not covered."""
+        if scene.mechanism.nc == 0 and any(self._gains):
+            return "no loop: nothing to stabilise"
+        return "" if scene.mechanism.nq == scene.mechanism.nv else "q is no vector"
+
+    def gains(self, scene: Scene) -> tuple[float, float]:
+        """α and β, 1/s."""
+        return self._gains
+
+    def run(self, scene: Scene, setting: float) -> Outcome:
+        """The step in s, or rtol = atol."""
+        return self.run_with(scene, setting, self.gains(scene))
+
+    def run_with(self, scene: Scene, setting: float, gains: tuple[float, float]) -> Outcome:
+        """A run with the given gains."""
+        if scene.name not in self._redundant:
+            s = np.linalg.svd(scene.mechanism.K(scene.q0), compute_uv=False)
+            self._redundant[scene.name] = bool(np.any(s <= REDUNDANT * s.max(initial=0.0)))
+        rate = Equations(scene.mechanism, *gains, self._redundant[scene.name])
+        x, n, times = np.concatenate([scene.q0, scene.v0]), scene.mechanism.nv, scene.times
+        states, stopped = [x], ""
+        begun = time.perf_counter()
+        try:
+            with np.errstate(over="ignore", invalid="ignore"):
+                if self.kind == "adaptive":
+                    states.extend(adaptive(self.stepper, rate, x, times, setting, setting))
+                else:
+                    every = round(float(times[1]) / setting)
+                    for i in range(every * (len(times) - 1)):
+                        t = i * setting
+                        x = rk4_step(rate, t, x, setting, rate(t, x))
+                        if (i + 1) % every == 0:
+                            states.append(x)
+        except (SimulationError, np.linalg.LinAlgError) as error:
+            stopped = f"{type(error).__name__}: {error}"
+        seconds = time.perf_counter() - begun
+        kept = np.array([state for state in states if np.all(np.isfinite(state))])
+        if len(kept) < len(states):
+            stopped = stopped or "left the finite numbers"
+        return Outcome(kept[:, :n], kept[:, n:], seconds, rate.calls, stopped)
+
+
+class TunedImplicit(Implicit):
+    """Eq. (2) with the gains that err least on the very scene, found by a scan beforehand.
+
+    Parameters
+    ----------
+    exact : callable
+        The exact q of a scene, (401, nq).
+    """
+
+    def __init__(self, name: str, stepper: str, exact: Callable[[Scene], Array]) -> None:
+        super().__init__(name, stepper)
+        self._exact, self._best = exact, dict[str, tuple[float, float]]()
+        self.tuning = (
+            f"α = β scanned on each scene with RK4 over {RATES[0]:g} … {RATES[-1]:g} times 10/T, "
+            "the least path-wise error is taken"
+        )
+
+    def refuses(self, scene: Scene) -> str:
+        """As without tuning, and mechanisms whose scan would take longer than all else."""
+        if scene.mechanism.nc == 0:
+            return "no loop: nothing to stabilise"
+        if scene.mechanism.nv > LARGEST_SCANNED:
+            return f"gains are scanned on mechanisms of at most {LARGEST_SCANNED} joints"
+        return super().refuses(scene)
+
+    def gains(self, scene: Scene) -> tuple[float, float]:
+        """The best of the scan, kept for the scene."""
+        if scene.name not in self._best:
+            exact = self._exact(scene)
+            scan = Implicit(self.name, "rk4")
+            step, unit = float(scene.times[1]) / SCAN_STEPS, 10.0 / float(scene.times[-1])
+            errors = {}
+            for factor in RATES:
+                gain = factor * unit
+                outcome = scan.run_with(scene, step, (gain, gain))
+                whole = len(outcome.q) == len(exact)
+                errors[gain] = float(np.abs(outcome.q - exact).max()) if whole else np.inf
+            best = min(errors, key=lambda gain: errors[gain])
+            self._best[scene.name] = (best, best)
+        return self._best[scene.name]

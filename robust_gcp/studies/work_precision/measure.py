@@ -1,0 +1,232 @@
+"""One point of the study: errors of a run against the exact motion, and its time."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ...forces import JointTorque
+from ...tree import Array
+from ..contender import Contender, Outcome, Scene
+from .references import Reference
+from .scenes import TOLERANCES, Motion
+
+LOST = 0.3
+"""Path-wise error from which a run counts as failed: on another mode, or nowhere, rad."""
+
+LONG = 0.4
+"""s: a run this long is timed twice at the most, and needs no warm-up beforehand."""
+
+EXPECTED, COSTLIER = 1.6, 2.5
+"""How much longer a run takes at the next tolerance, 100 times tighter: 100^(1/10), at most 100^(1/5)."""
+
+LEAST, PATIENCE = 6, 3.0
+"""The first six settings of a ladder may take this many times the cap: a curve needs them."""
+
+
+@dataclass
+class Point:
+    """A contender on a scene at one setting.
+
+    Attributes
+    ----------
+    scene, contender, family, stepper, kind : str
+    setting : float
+        Step, s, or relative tolerance.
+    seconds, fastest, slowest : float
+        Median and range of the timed runs, s.
+    repeats : int
+    rhs : int
+        Evaluations of the equations of motion, or of the engine's step.
+    error : float
+        Largest difference of a joint from the exact motion over the outputs, rad; a slide's in lengths.
+        Angles are compared as they are, full turns counted.
+    closure, closure_velocity : float
+        Largest |φ| and |K v| over the outputs, m and rad, per s.
+    energy : float
+        Largest difference of the energy from the exact motion's, over its largest kinetic energy.
+    lost : float or None
+        When the error passed `LOST` or the run stopped, s; None when it went well.
+    why : str
+        Why it was not timed or stopped; empty when it went well.
+    """
+
+    scene: str
+    contender: str
+    family: str
+    stepper: str
+    kind: str
+    setting: float
+    seconds: float = np.nan
+    fastest: float = np.nan
+    slowest: float = np.nan
+    repeats: int = 0
+    rhs: int = 0
+    error: float = np.nan
+    closure: float = np.nan
+    closure_velocity: float = np.nan
+    energy: float = np.nan
+    lost: float | None = None
+    why: str = ""
+
+    @property
+    def timed(self) -> bool:
+        """Whether it was run at all."""
+        return self.repeats > 0
+
+    @property
+    def good(self) -> bool:
+        """Whether it reached the end on the right motion."""
+        return self.timed and self.lost is None
+
+    @property
+    def key(self) -> tuple[str, str, float]:
+        """What tells points apart."""
+        return self.scene, self.contender, self.setting
+
+    def record(self) -> dict[str, Any]:
+        """Plain values; what is not finite becomes None."""
+        values = asdict(self)
+        return {k: None if isinstance(v, float) and not np.isfinite(v) else v for k, v in values.items()}
+
+
+def point_of(record: dict[str, Any]) -> Point:
+    """The point of a record."""
+    floats = {name for name, kind in Point.__annotations__.items() if kind == "float"}
+    values: dict[str, Any] = {k: np.nan if v is None and k in floats else v for k, v in record.items()}
+    return Point(**values)
+
+
+@dataclass
+class Judge:
+    """Measures runs of one scene against its exact motion."""
+
+    scene: Scene
+    reference: Reference
+    scale: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        mechanism = self.scene.mechanism
+        self.scale = np.ones(mechanism.nq)
+        for joint in list(mechanism.model.joints)[1:]:
+            if joint.shortname().removeprefix("JointModel").startswith("P"):
+                self.scale[joint.idx_q] = mechanism.length
+
+    @cached_property
+    def _exact_energy(self) -> tuple[Array, float]:
+        mechanism = self.scene.mechanism
+        states = list(zip(self.reference.q, self.reference.v, strict=True))
+        kinetic = max(mechanism.tree.energies(q, v)[0] for q, v in states)
+        return np.array([mechanism.energy(q, v) for q, v in states]), kinetic
+
+    def errors(self, q: Array) -> Array:
+        """Largest error over the joints at each output, (n,)."""
+        return np.asarray((np.abs(q - self.reference.q[: len(q)]) / self.scale).max(axis=1), dtype=float)
+
+    def lost(self, outcome: Outcome) -> float | None:
+        """When the run left the exact motion or stopped, s."""
+        off = np.flatnonzero(~(self.errors(outcome.q) <= LOST))
+        if len(off):
+            return float(self.scene.times[off[0]])
+        last = min(len(outcome.q), len(self.scene.times) - 1)
+        short = outcome.stopped or len(outcome.q) < len(self.scene.times)
+        return float(self.scene.times[last]) if short else None
+
+    def judge(self, outcome: Outcome) -> dict[str, Any]:
+        """The errors and the loss, as attributes of a point."""
+        mechanism, (q, v) = self.scene.mechanism, (outcome.q, outcome.v)
+        exact, scale = self._exact_energy
+        energy = np.array([mechanism.energy(*state) for state in zip(q, v, strict=True)]) - exact[: len(q)]
+        for force in mechanism.forces:
+            if isinstance(force, JointTorque):
+                i = mechanism.joint(force.joint).idx_q
+                energy -= force.torque * (q[:, i] - self.reference.q[: len(q), i])
+        return {
+            "rhs": outcome.rhs,
+            "error": float(self.errors(q).max(initial=0.0)),
+            "closure": max((float(np.abs(mechanism.phi(x)).max(initial=0.0)) for x in q), default=0.0),
+            "closure_velocity": max(
+                float(np.abs(mechanism.K(x) @ u).max(initial=0.0)) for x, u in zip(q, v, strict=True)
+            ),
+            "energy": float(np.abs(energy).max(initial=0.0)) / scale,
+            "lost": self.lost(outcome),
+            "why": outcome.stopped,
+        }
+
+
+def settings_of(contender: Contender, motion: Motion) -> list[float]:
+    """The contender's ladder, coarse to fine."""
+    if contender.kind == "adaptive":
+        return list(TOLERANCES)
+    return [float(motion.scene.times[1]) / k for k in motion.steps]
+
+
+def climb(
+    contender: Contender, motion: Motion, judge: Judge, settings: list[float], known: dict[float, Point],
+    repeats: int, cap: float,
+) -> Iterator[Point]:  # fmt: skip
+    """The contender's points on a scene, coarse to fine; known ones are passed on.
+
+    A run that is predicted from the last one to take longer than `cap` is left out, and says so. The
+    first setting is run once more beforehand, which prepares whatever is prepared once; a long first
+    run, in which preparation weighs little, is itself the first that is timed.
+
+    Yields
+    ------
+    Point
+    """
+    warm, before, last = False, None, None
+    for i, setting in enumerate(settings):
+        if setting not in known:
+            allowed = cap * (PATIENCE if i < LEAST else 1.0)
+            predicted = _predicted(contender, before, last, setting)
+            if predicted > allowed:
+                why = f"not run: {predicted:.1f} s predicted, {allowed:.2g} s allowed"
+                point = Point(*_names(contender, motion), setting, why=why)
+            else:
+                outcome = contender.run(motion.scene, setting)
+                if not warm and outcome.seconds < LONG and not outcome.stopped:
+                    outcome = contender.run(motion.scene, setting)
+                point = _timed(contender, motion, judge, setting, outcome, repeats)
+                warm = True
+        else:
+            point = known[setting]
+        if point.timed:
+            before, last = last, point
+        yield point
+
+
+def _names(contender: Contender, motion: Motion) -> tuple[str, str, str, str, str]:
+    return motion.scene.name, contender.name, contender.family, contender.stepper, contender.kind
+
+
+def _predicted(contender: Contender, before: Point | None, last: Point | None, setting: float) -> float:
+    """Seconds of the next run: in proportion to the steps, or by the growth between the last tolerances."""
+    if last is None:
+        return 0.0
+    if contender.kind == "fixed":
+        return last.slowest * last.setting / setting
+    growth = EXPECTED if before is None else last.slowest / before.slowest
+    return last.slowest * min(max(growth, 1.0), COSTLIER)
+
+
+def _timed(
+    contender: Contender, motion: Motion, judge: Judge, setting: float, outcome: Outcome, repeats: int
+) -> Point:
+    """The point of a run that was made, which is repeated for the time."""
+    found = judge.judge(outcome)
+    times = [outcome.seconds]
+    wanted = repeats
+    if outcome.seconds > LONG:
+        wanted = min(repeats, 2)
+    if found["lost"] is not None:
+        wanted = 1
+    while len(times) < wanted:
+        times.append(contender.run(motion.scene, setting).seconds)
+    spread = statistics.median(times), min(times), max(times)
+    return Point(*_names(contender, motion), setting, *spread, len(times), **found)

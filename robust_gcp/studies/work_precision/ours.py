@@ -1,0 +1,126 @@
+"""The package's own methods as contenders: `simulate` with a method, a stepper and a backend."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from ...errors import OptionError, SimulationError
+from ...four_bar_map import draw_four_bar
+from ...gcp import NewtonStart, SingularityWarning
+from ...native import backends
+from ...simulate import Method, simulate
+from ..contender import Contender, Kind, Outcome, Scene
+from .implicit import Implicit, TunedImplicit
+
+FIXED = "rk4"
+
+
+@dataclass
+class Ours:
+    """`simulate` as a contender.
+
+    Parameters
+    ----------
+    name, family : str
+    method : str
+    stepper : str
+    tuning : str
+    newton_start : str
+        Of the classical method.
+    backend : str
+        Of `simulate`.
+    """
+
+    name: str
+    family: str
+    method: Method
+    stepper: str
+    tuning: str
+    newton_start: NewtonStart = "tangent"
+    backend: Literal["python", "native"] = "python"
+    kind: Kind = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.kind = "fixed" if self.stepper == FIXED else "adaptive"
+
+    def refuses(self, scene: Scene) -> str:
+        """No loop: all methods are one; the closed form: planar four-bars only."""
+        mechanism = scene.mechanism
+        if mechanism.nc == 0 and self.method != "bridge":
+            return "no loop: all explicit maps are the same"
+        if self.method == "closed_form":
+            try:
+                draw_four_bar(mechanism)
+            except OptionError:
+                return "the closed form is for planar four-bars"
+        return ""
+
+    def run(self, scene: Scene, setting: float) -> Outcome:
+        """The step in s, or rtol = atol."""
+        outputs = scene.times
+        every, step = 1, float(outputs[1])
+        options: dict[str, Any] = {
+            "method": self.method,
+            "newton_start": self.newton_start,
+            "backend": self.backend,
+        }
+        if self.kind == "fixed":
+            every, step = round(step / setting), setting
+            options["stepper"] = FIXED
+        else:
+            options |= {"stepper": self.stepper, "rtol": setting, "atol": setting}
+        stopped = ""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SingularityWarning)
+            try:
+                run = simulate(scene.mechanism, scene.q0, scene.v0, float(outputs[-1]), step, **options)
+            except SimulationError as error:
+                if error.trajectory is None:
+                    raise
+                run, stopped = error.trajectory, f"{type(error).__name__}: {error}"
+        q, v = run.q[::every], run.v[::every]
+        return Outcome(q, v, run.stats.wall_seconds, run.stats.rhs, stopped)
+
+
+def backend_names() -> tuple[str, ...]:
+    """The backends of `simulate` that work here."""
+    return tuple(name for name, backend in backends().items() if backend.available)
+
+
+def contenders(exact: Callable[[Scene], np.ndarray]) -> list[Contender]:
+    """Ours and the implicit equations, in the order of the legend.
+
+    Parameters
+    ----------
+    exact : callable
+        The exact q of a scene, (401, nq): what gains are tuned by.
+    """
+    nothing = "no gains, no thresholds: the defaults"
+    found: list[Contender] = []
+    for stepper, title in ((FIXED, "RK4"), ("DOP853", "DOP853"), ("Radau", "Radau"), ("LSODA", "LSODA")):
+        found.append(Ours(f"bridge, {title}", "bridge", "bridge", stepper, nothing))
+    if "native" in backend_names():
+        found.append(Ours("bridge compiled, RK4", "bridge", "bridge", FIXED, nothing, backend="native"))
+    text = "γ, G and g of the planar four-bar in closed form, M and C from Pinocchio"
+    for stepper, title in ((FIXED, "RK4"), ("DOP853", "DOP853")):
+        found.append(Ours(f"closed form, {title}", "closed form", "closed_form", stepper, text))
+    text = "rank threshold 1e-3, g = 0 at the singularity, as published"
+    for stepper, title in ((FIXED, "RK4"), ("DOP853", "DOP853")):
+        found.append(Ours(f"Eq. (7), {title}", "published", "projection", stepper, text))
+    text = "Newton on the dependent joints from the previous ones, as published"
+    name = "classical GCP, RK4"
+    found.append(Ours(name, "published", "classical", FIXED, text, "previous"))
+    text = "Newton on the dependent joints from the tangent's prediction"
+    for stepper, title in ((FIXED, "RK4"), ("DOP853", "DOP853")):
+        name = f"classical GCP, tangent, {title}"
+        found.append(Ours(name, "published", "classical", stepper, text, "tangent"))
+    found += [Implicit("KKT (2), RK4", FIXED), Implicit("KKT (2), DOP853", "DOP853")]
+    found += [Implicit("KKT (2) Baumgarte, RK4", FIXED, (10.0, 10.0))]
+    found += [TunedImplicit("KKT (2) Baumgarte tuned, RK4", FIXED, exact)]
+    found += [TunedImplicit("KKT (2) Baumgarte tuned, DOP853", "DOP853", exact)]
+    return found

@@ -1,0 +1,151 @@
+"""Exact motions, each computed twice by independent means; the difference is their own accuracy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...closed_form import pendulum
+from ...steppers import adaptive
+from ...tree import Array
+from .reduced import OneDof, Reduced
+
+TIGHT, TIGHTEST = 3e-14, 1e-15
+"""Relative and absolute tolerance of the references' integration."""
+
+QUADRATURE = 8
+"""Gauss–Legendre nodes in each output interval."""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The motion at the output times.
+
+    Attributes
+    ----------
+    q, v : ndarray (401, nq), (401, nv)
+    accuracy : float
+        Largest difference of two independent computations, rad (slides: m over the mechanism's length).
+    source : str
+        One sentence: how both were made.
+    """
+
+    q: Array
+    v: Array
+    accuracy: float
+    source: str
+
+
+def integrate(
+    reduced: Reduced, times: Array, stepper: str = "DOP853", rtol: float = TIGHT, atol: float = TIGHTEST
+) -> tuple[Array, Array, Array]:
+    """States, q and v at the times."""
+    states = [reduced.x0, *adaptive(stepper, reduced.rate, reduced.x0, times, rtol, atol)]
+    poses = [reduced.read(x) for x in states]
+    return np.array(states), np.array([q for q, _ in poses]), np.array([v for _, v in poses])
+
+
+def from_pendulum(
+    times: Array, start: tuple[float, float], A: float, B: float, turns: Array, reduced: Reduced
+) -> Reference:
+    """A pendulum A ÿ = −B cos y in Jacobi elliptic functions, against DOP853."""
+    y, ydot, _ = pendulum(times, *start, A, B)
+    q, v = np.outer(y, turns), np.outer(ydot, turns)
+    _, other, _ = integrate(reduced, times)
+    source = "pendulum in Jacobi elliptic functions; against DOP853 at rtol = 3e-14 on its equation"
+    return Reference(q, v, float(np.abs(q - other).max()), source)
+
+
+def from_energy(times: Array, system: OneDof, start: tuple[float, float], geometry: str) -> Reference:
+    """DOP853 on the hand-written equation, against the times of arrival by quadrature of the energy."""
+    states, q, v = integrate(system.start(*start), times)
+    late = arrival_times(system, states) - times
+    accuracy = float(np.abs(late[:, None] * v).max())
+    source = (
+        f"{geometry}, DOP853 at rtol = 3e-14; against t = ∫ √(m/2(E − V)) dy by Gauss–Legendre quadrature"
+    )
+    return Reference(q, v, accuracy, source)
+
+
+def from_two(
+    times: Array, first: Reduced, second: Reduced, stepper: str, rtol: float, scale: Array, source: str
+) -> Reference:
+    """DOP853 on one set of equations, against another stepper on another set.
+
+    Parameters
+    ----------
+    stepper, rtol
+        Of the second.
+    scale : ndarray (nq,)
+        What a difference in each joint is divided by.
+    """
+    _, q, v = integrate(first, times)
+    _, other, _ = integrate(second, times, stepper, rtol, rtol * 1e-2)
+    return Reference(q, v, float((np.abs(q - other) / scale).max()), source)
+
+
+def arrival_times(system: OneDof, states: Array) -> Array:
+    """When a motion of energy E passes the given positions, by quadrature alone, (N + 1,), s.
+
+    t = ∫ dy/|ẏ| with ½ m ẏ² = E − V. Where the motion turns back at y_T the integrand is singular;
+    y = y_T + d s² removes that.
+
+    Parameters
+    ----------
+    states : ndarray (N + 1, 2)
+        y and ẏ, of which only the order of passing is used, and the energy of the first.
+    """
+    y, ydot = states.T
+    w = system.weights(float(y[0]))
+    energy = 0.5 * w.inertia * ydot[0] ** 2 + w.potential
+
+    def speed(at: float) -> float:
+        here = system.weights(at)
+        return float(np.sqrt(2.0 * max(energy - here.potential, 0.0) / here.inertia))
+
+    turns = [0] if ydot[0] == 0.0 else []  # outputs just before the motion turns back
+    turns += [i for i in range(len(y) - 1) if ydot[i] * ydot[i + 1] < 0.0]
+    places = [float(y[0]) if ydot[i] == 0.0 else _turning(system, energy, states[i]) for i in turns]
+
+    nodes, weights = np.polynomial.legendre.leggauss(QUADRATURE)
+
+    def integral(f: Callable[[float], float], a: float, b: float) -> float:
+        middle, half = 0.5 * (a + b), 0.5 * (b - a)
+        return half * float(sum(wi * f(middle + half * x) for x, wi in zip(nodes, weights, strict=True)))
+
+    def direct(a: float, b: float) -> float:
+        return abs(integral(lambda x: 1.0 / speed(x), a, b))
+
+    def from_turn(place: float, a: float, b: float) -> float:
+        side = 1.0 if 0.5 * (a + b) > place else -1.0
+        ends = (np.sqrt(max(side * (x - place), 0.0)) for x in (a, b))
+        return abs(integral(lambda s: 2.0 * s / speed(place + side * s * s), *ends))
+
+    spans = np.empty(len(y) - 1)
+    for i in range(len(spans)):
+        a, b = float(y[i]), float(y[i + 1])
+        if not turns:
+            spans[i] = direct(a, b)
+            continue
+        k = int(np.argmin([abs(i - turn) for turn in turns]))
+        place = places[k]
+        turns_here = i == turns[k] and ydot[i] != 0.0
+        spans[i] = (
+            from_turn(place, place, a) + from_turn(place, place, b) if turns_here else from_turn(place, a, b)
+        )
+    return np.concatenate([[0.0], np.cumsum(spans)])
+
+
+def _turning(system: OneDof, energy: float, state: Array) -> float:
+    """Where the potential energy is all of it, by Newton's method from the parabola of the last output."""
+    y, ydot = map(float, state)
+    place = y + 0.5 * ydot**2 / -float(system.rate(0.0, state)[1])
+    for _ in range(30):
+        w = system.weights(place)
+        step = (w.potential - energy) / w.moment
+        place -= step
+        if abs(step) < 1e-15 * max(1.0, abs(place)):
+            break
+    return place

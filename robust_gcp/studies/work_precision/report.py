@@ -1,0 +1,110 @@
+"""What a study leaves: data, verdicts, the table, figures; and the block in the documents."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from .. import plots
+from ..contender import Contender
+from . import cost, figures, verdicts
+from .references import Reference
+from .scenes import Motion
+from .store import Store
+
+STORY = "antiparallelogram"
+"""The scene that pages show."""
+
+
+def write(
+    motions: Mapping[str, Motion],
+    reference: Callable[[str], Reference],
+    contenders: Sequence[Contender],
+    store: Store,
+    missing: Sequence[str],
+    refused: Mapping[str, Sequence[str]],
+    docs: Path | None,
+) -> list[Path]:
+    """Print verdicts and table, write everything; returns the paths."""
+    out, foot, points = store.folder, verdicts.footer(store.header), list(store.points.values())
+    rows, paths = [], []
+    for name, motion in motions.items():
+        curves = verdicts.curves_of(points, name)
+        if curves:
+            rows.append((motion.title, curves, reference(name)))
+            files = [out / f"work_precision_{name}{suffix}" for suffix in plots.FORMATS]
+            paths += [figures.draw_scene(*rows[-1], foot, file) for file in files]
+    lines = [verdicts.verdict(*row) for row in rows]
+    text = verdicts.table(rows)
+    costs = cost.costs_of(points)
+    if costs:
+        lines += [cost.verdict(costs)]
+        files = [out / f"work_precision_cost{suffix}" for suffix in plots.FORMATS]
+        paths += [figures.draw_cost(points, foot, file) for file in files]
+    tuning = [f"- **{c.name}**: {c.tuning}" for c in contenders]
+    sources = [f"- **{title}**: {r.source}; {r.accuracy:.0e}" for title, _, r in rows]
+    report = "\n\n".join(
+        [
+            "# Error against run time",
+            foot,
+            *lines,
+            text,
+            "## Contenders",
+            "\n".join([*tuning, *(f"- {sentence}" for sentence in missing)]),
+            "## Contenders that do not run a scene, and why",
+            "\n".join(f"- {name}: {'; '.join(reasons)}" for name, reasons in refused.items()),
+            "## References",
+            "\n".join(sources),
+        ]
+    )
+    for name, content in (
+        ("report.md", report),
+        ("table.md", f"{text}\n\n{foot}"),
+        ("verdicts.md", "\n\n".join(lines)),
+    ):
+        path = out / name
+        path.write_text(content + "\n", encoding="utf-8")
+        paths.append(path)
+    paths += store.export(
+        {
+            "verdicts": lines,
+            "references": {title: {"source": r.source, "accuracy": r.accuracy} for title, _, r in rows},
+            "contenders": {c.name: {"family": c.family, "tuning": c.tuning} for c in contenders},
+        }
+    )
+    print("\n".join([*lines, "", text, "", foot]))
+    if docs is not None:
+        paths += _refresh(docs, rows, lines, text, foot, out)
+    return paths
+
+
+def _refresh(
+    root: Path,
+    rows: Sequence[tuple[str, verdicts.Curves, Reference]],
+    lines: Sequence[str],
+    text: str,
+    foot: str,
+    out: Path,
+) -> list[Path]:
+    """The marked blocks of README.md and docs/work-precision.md, and the figures that they show."""
+    written = []
+    for title, curves, reference in rows:
+        if next(iter(curves.values()))[0].scene == STORY:
+            path = root / "docs" / "figures" / f"work_precision_{STORY}.png"
+            written.append(figures.draw_story(title, curves, reference, foot, path))
+    drawn = out / "work_precision_cost.png"
+    if drawn.exists():
+        path = root / "docs" / "figures" / drawn.name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        written.append(Path(shutil.copyfile(drawn, path)))
+    blocks = {
+        root / "README.md": f"{text}\n\n*Measured {foot}.*",
+        root / "docs" / "work-precision.md": "\n".join(
+            ["", *(f"- {line}" for line in lines), "", text, "", f"*Measured {foot}.*", ""]
+        ),
+    }
+    for page, block in blocks.items():
+        if page.exists() and verdicts.refresh(page, block):
+            written.append(page)
+    return written

@@ -1,0 +1,213 @@
+"""The motions of the study: mechanism, start, duration, exact motion and ladder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...closed_form import parallelogram_pendulum
+from ...loader import load
+from ...mechanism import Mechanism
+from ...scenes import four_bar, n_four_bar
+from ...tree import Array
+from ..contender import Scene
+from . import benchmarks, reduced, references
+from .reduced import GRAVITY, Reduced
+from .references import Reference
+
+OUTPUTS = 400
+STEPS = (1, 2, 3, 4, 6, 8, 16, 32, 64, 128)
+"""Steps in each output interval, coarse to fine."""
+
+SLOW_STEPS, SLOW_CAP = (1, 2, 3, 4, 5, 6, 8, 16, 32), 1.2
+"""Of scenes whose evaluations cost ten times those of a four-bar; the cap in s."""
+
+TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A scene with its exact motion.
+
+    Attributes
+    ----------
+    scene : Scene
+    title : str
+        For figures and tables.
+    crosses : bool
+        Whether the motion passes singular configurations.
+    floor : Reduced
+        The exact reduced equations, which floors are integrated from.
+    solve : callable () -> Reference
+    steps : tuple of int
+        Steps in each output interval.
+    cap : float
+        Longest run that is timed, s.
+    """
+
+    scene: Scene
+    title: str
+    crosses: bool
+    floor: Reduced
+    solve: Callable[[], Reference]
+    steps: tuple[int, ...] = STEPS
+    cap: float = 0.8
+
+
+def times_of(duration: float) -> Array:
+    """The output times."""
+    return np.linspace(0.0, duration, OUTPUTS + 1)
+
+
+def _scene(name: str, mechanism: Mechanism, ydot: float, duration: float) -> Scene:
+    v0 = mechanism.lift(mechanism.home, [ydot] * mechanism.m) if ydot else np.zeros(mechanism.nv)
+    return Scene(name, mechanism, mechanism.home, v0, times_of(duration))
+
+
+def _four_bar(
+    name: str,
+    title: str,
+    lengths: tuple[float, float, float, float],
+    assembly: int,
+    y: float,
+    ydot: float,
+    duration: float,
+    crosses: bool = True,
+) -> Motion:
+    """γ in closed form, DOP853, the energy's quadrature."""
+    system = reduced.four_bar(lengths, assembly)
+    scene = _scene(name, four_bar(*lengths, y=y, assembly=assembly), ydot, duration)
+
+    def solve() -> Reference:
+        return references.from_energy(scene.times, system, (y, ydot), "γ in closed form, Lagrange by hand")
+
+    return Motion(scene, title, crosses, system.start(y, ydot), solve)
+
+
+def _pendulum(
+    name: str, title: str, scene: Scene, A: float, B: float, turns: Array, **more: object
+) -> Motion:
+    start = float(scene.q0[0]), float(scene.v0[0])
+    floor = reduced.cranks(A, B, turns).start(*start)
+
+    def solve() -> Reference:
+        return references.from_pendulum(scene.times, start, A, B, turns, floor)
+
+    return Motion(scene, title, True, floor, solve, **more)  # type: ignore[arg-type]
+
+
+def rhombus() -> Motion:
+    """The paper's first example: from rest at 0.2 rad."""
+    A, B = parallelogram_pendulum(1.0, 1.0, 1.0, 1.0, 1.0)
+    scene = _scene("rhombus", load("rhombus"), 0.0, 5.0)
+    return _pendulum("rhombus", "rhombus", scene, A, B, np.array([1.0, -1.0, 1.0]))
+
+
+def parallelogram() -> Motion:
+    """The paper's second example: from rest at 0.2 rad."""
+    A, B = parallelogram_pendulum(2.0, 2.0, 1.0, 1.0, 1.0)
+    scene = _scene("parallelogram", load("parallelogram"), 0.0, 5.0)
+    return _pendulum("parallelogram", "parallelogram", scene, A, B, np.array([1.0, -1.0, 1.0]))
+
+
+def antiparallelogram() -> Motion:
+    """Lengths 2, 1, 2, 1 on the crossed mode, turning: six crossings, γ curved."""
+    lengths = (2.0, 1.0, 2.0, 1.0)
+    return _four_bar("antiparallelogram", "antiparallelogram", lengths, -1, 0.1, -2.0, 5.0)
+
+
+def change_point() -> Motion:
+    """Lengths 4, 2, 3, 3: two curved modes cross at π."""
+    return _four_bar("change_point", "change point 4, 2, 3, 3", (4.0, 2.0, 3.0, 3.0), 1, 2.5, 0.0, 5.0)
+
+
+def kite() -> Motion:
+    """The kite's links driven from its short one, which turns fully: crossings at 0 and π."""
+    return _four_bar("kite", "kite 2, 1, 1, 2", (2.0, 1.0, 1.0, 2.0), 1, 1.0, -3.0, 3.0)
+
+
+def crank_rocker() -> Motion:
+    """No singular configuration in the way: the control on which every tool is at home."""
+    lengths = (4.0, 1.0, 3.5, 3.0)
+    return _four_bar("crank_rocker", "crank-rocker (regular)", lengths, 1, 1.0, 4.0, 5.0, False)
+
+
+def n_bars(n: int, duration: float, steps: tuple[int, ...] = STEPS, cap: float = 0.8) -> Motion:
+    """IFToMM A02: cranks upright, the first pin at 1 m/s, `duration` s."""
+    name = f"n_four_bar_{n}"
+    scene = _scene(name, n_four_bar(n), -1.0, duration)
+    turns = np.array([1.0, -1.0] * n + [1.0])
+    A, B = (4 * n + 1) / 3.0, (3 * n + 1) / 2.0 * GRAVITY
+    title = f"{n} four-bar{'s in a row' if n > 1 else ''} (A02)"
+    return _pendulum(name, title, scene, A, B, turns, steps=steps, cap=cap)
+
+
+def andrews() -> Motion:
+    """IFToMM A03: 0.03 s, fast and regular."""
+    mechanism = load("andrews")
+    order = np.array([mechanism.joint_names.index(name) for name in benchmarks.ANDREWS_JOINTS])
+    scene = _scene("andrews", mechanism, 0.0, 0.03)
+    first, second = benchmarks.andrews_implicit(order), benchmarks.andrews_reduced(order)
+    source = (
+        "test set's seven angles and index-1 equations by hand, DOP853 at rtol = 3e-14; against "
+        "DOP853 at 3e-14 on the equation of the crank alone"
+    )
+
+    def solve() -> Reference:
+        return references.from_two(scene.times, first, second, "DOP853", 3e-14, np.ones(7), source)
+
+    return Motion(scene, "Andrews (A03)", False, second, solve, cap=1.2)
+
+
+def bricard() -> Motion:
+    """IFToMM A04, slender rods: from rest, one closure row redundant throughout."""
+    system = benchmarks.bricard()
+    scene = _scene("bricard", load("bricard"), 0.0, 10.0)
+
+    def solve() -> Reference:
+        geometry = "threefold-symmetric γ in closed form, kinematics by hand"
+        return references.from_energy(scene.times, system, (0.0, 0.0), geometry)
+
+    return Motion(scene, "Bricard (A04)", False, system.start(0.0, 0.0), solve, SLOW_STEPS, SLOW_CAP)
+
+
+def flyball() -> Motion:
+    """IFToMM A05: a stiff tree (−8117/s), no loop; the shaft starts at 2π rad/s."""
+    mechanism = load("flyball")
+    names = ("shaft", "alpha1", "alpha2", "s")
+    order = np.array([mechanism.joint_names.index(name) for name in names])
+    v0 = np.zeros(4)
+    v0[order[0]] = benchmarks.OMEGA
+    scene = Scene("flyball", mechanism, mechanism.home, v0, times_of(0.5))
+    scale = np.ones(4)
+    scale[order[3]] = mechanism.length
+    first, second = benchmarks.flyball(order, conserving=True), benchmarks.flyball(order, conserving=False)
+    source = (
+        "symmetric Lagrangian by hand with conserved angular momentum, DOP853 at rtol = 3e-14; against "
+        "Radau at 1e-11 on the equations with φ̈"
+    )
+
+    def solve() -> Reference:
+        return references.from_two(scene.times, first, second, "Radau", 1e-11, scale, source)
+
+    steps = (2, 3, 4, 5, 6, 8, 12, 16, 32, 64)
+    return Motion(scene, "flyball governor (A05, stiff, no loop)", False, second, solve, steps)
+
+
+MOTIONS: dict[str, Callable[[], Motion]] = {
+    "rhombus": rhombus,
+    "parallelogram": parallelogram,
+    "antiparallelogram": antiparallelogram,
+    "change_point": change_point,
+    "kite": kite,
+    "crank_rocker": crank_rocker,
+    "n_four_bar_1": lambda: n_bars(1, 5.0),
+    "n_four_bar_5": lambda: n_bars(5, 5.0),
+    "n_four_bar_40": lambda: n_bars(40, 5.0, SLOW_STEPS, SLOW_CAP),
+    "andrews": andrews,
+    "bricard": bricard,
+    "flyball": flyball,
+}
+"""Scenes by name, made when called."""

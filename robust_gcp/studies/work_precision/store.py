@@ -1,0 +1,168 @@
+"""Points on disk: appended as they come, so that an interrupted run goes on where it was."""
+
+from __future__ import annotations
+
+import csv
+import importlib.metadata
+import json
+import os
+import platform
+import subprocess
+from dataclasses import fields
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ... import __version__
+from ...errors import OptionError
+from ...mechanism import Mechanism
+from .measure import Point, point_of
+from .references import Reference
+from .scenes import Motion
+
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+PACKAGES = ("numpy", "scipy", "pin", "mujoco", "exudyn")
+
+
+def machine() -> dict[str, str]:
+    """CPU, cores, OS, versions, threads and commit, in words."""
+    versions = []
+    for package in PACKAGES:
+        try:
+            versions.append(f"{package} {importlib.metadata.version(package)}")
+        except importlib.metadata.PackageNotFoundError:
+            versions.append(f"no {package}")
+    set_to = {os.environ.get(name, "not set") for name in THREADS}
+    return {
+        "cpu": _cpu(),
+        "cores": str(os.cpu_count()),
+        "os": f"{platform.system()} {platform.machine()}",
+        "python": platform.python_version(),
+        "packages": ", ".join(versions),
+        "threads": set_to.pop() if len(set_to) == 1 else "as set: " + ", ".join(sorted(set_to)),
+        "robust_gcp": __version__,
+        "commit": _commit(),
+    }
+
+
+def _cpu() -> str:
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        for line in info.read_text(encoding="utf-8", errors="replace").splitlines():
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    return platform.processor() or "unknown CPU"
+
+
+def _commit() -> str:
+    here = Path(__file__).parent
+    command = ["git", "-C", str(here), "describe", "--always", "--dirty", "--exclude=*"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=10, check=False)
+    except (OSError, subprocess.TimeoutExpired):
+        return "unknown"
+    return done.stdout.strip() or "unknown"
+
+
+class Store:
+    """The points of a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Made when missing.
+    settings : dict
+        What must agree for points to be comparable, with the machine.
+    fresh : bool
+        Forget what is there.
+
+    Raises
+    ------
+    OptionError
+        When the folder holds points of other settings, another version or another machine.
+    """
+
+    def __init__(self, folder: Path, settings: dict[str, Any], fresh: bool = False) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self.folder, self._path = folder, folder / "points.jsonl"
+        self.header: dict[str, Any] = {
+            "settings": settings,
+            "machine": machine(),
+            "begun": date.today().isoformat(),
+        }
+        self.points: dict[tuple[str, str, float], Point] = {}
+        if fresh or not self._path.exists():
+            self._path.write_text(json.dumps(self.header) + "\n", encoding="utf-8")
+            return
+        first, *lines = self._path.read_text(encoding="utf-8").splitlines() or ["{}"]
+        old = json.loads(first)
+        for part in ("settings", "machine"):
+            for name, value in self.header[part].items():
+                there = old.get(part, {}).get(name)
+                if there != json.loads(json.dumps(value)):
+                    raise OptionError(
+                        f"{self._path} holds points with {name} = {there!r}, now it is {value!r}: points of "
+                        "different runs do not compare; give another --out, or start anew with --fresh"
+                    )
+        self.header["begun"] = old["begun"]
+        complete = []
+        for line in lines:
+            try:
+                point = point_of(json.loads(line))
+            except (json.JSONDecodeError, TypeError):  # cut off while being written
+                break
+            complete.append(line)
+            self.points[point.key] = point
+        self._path.write_text("\n".join([first, *complete]) + "\n", encoding="utf-8")
+
+    def known(self, scene: str, contender: str) -> dict[float, Point]:
+        """Finished points by setting."""
+        return {p.setting: p for p in self.points.values() if (p.scene, p.contender) == (scene, contender)}
+
+    def add(self, point: Point) -> None:
+        """Keep a point, on disk at once."""
+        if point.key in self.points:
+            return
+        self.points[point.key] = point
+        with self._path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(point.record()) + "\n")
+
+    def export(self, more: dict[str, Any]) -> list[Path]:
+        """points.csv and points.json; returns the paths."""
+        records = [point.record() for point in self.points.values()]
+        table, data = self.folder / "points.csv", self.folder / "points.json"
+        with table.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, [f.name for f in fields(Point)])
+            writer.writeheader()
+            writer.writerows(records)
+        data.write_text(
+            json.dumps(self.header | more | {"points": records}, indent=1) + "\n", encoding="utf-8"
+        )
+        return [table, data]
+
+    def reference(self, motion: Motion) -> Reference:
+        """The exact motion, computed once a folder."""
+        path = self.folder / "references" / f"{motion.scene.name}.npz"
+        about = _fingerprint(motion)
+        if path.exists():
+            with np.load(path) as kept:
+                if str(kept["about"]) == about:
+                    return Reference(kept["q"], kept["v"], float(kept["accuracy"]), str(kept["source"]))
+        found = motion.solve()
+        path.parent.mkdir(exist_ok=True)
+        np.savez(path, about=about, **vars(found))
+        return found
+
+
+def _fingerprint(motion: Motion) -> str:
+    """What the exact motion depends on."""
+    scene, mechanism = motion.scene, motion.scene.mechanism
+    return json.dumps(
+        [__version__, _commit(), scene.q0.tolist(), scene.v0.tolist(), scene.times[-1], _masses(mechanism)]
+    )
+
+
+def _masses(mechanism: Mechanism) -> list[float]:
+    return [float(inertia.mass) for inertia in mechanism.model.inertias]

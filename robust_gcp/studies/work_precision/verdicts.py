@@ -1,0 +1,208 @@
+"""What the points say: time to an error, order, distance from the floor; verdicts and tables."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...errors import OptionError
+from . import floor
+from .measure import Point
+from .references import Reference
+
+TARGETS = (1e-6, 1e-10)
+OURS = "bridge"
+OWN = (OURS, "closed form", "published", "implicit", floor.FAMILY)
+"""Families that come with this package; all others are peers."""
+
+MARGIN = 50.0
+"""A floor this many times the reference's accuracy, or more, can be compared with."""
+
+MARKERS = "<!-- work-precision -->", "<!-- /work-precision -->"
+
+
+class Reach(NamedTuple):
+    """What it takes to come below an error."""
+
+    contender: str
+    seconds: float
+    rhs: float
+
+
+Curves = dict[str, list[Point]]
+"""Points of one scene by contender, coarse to fine."""
+
+
+def curves_of(points: Iterable[Point], scene: str) -> Curves:
+    """The scene's points by contender, in the order of the ladder."""
+    found: Curves = {}
+    for point in points:
+        if point.scene == scene:
+            found.setdefault(point.contender, []).append(point)
+    return {name: sorted(curve, key=lambda p: -p.setting) for name, curve in found.items()}
+
+
+def reach(curve: Sequence[Point], target: float) -> Reach | None:
+    """Seconds and evaluations at which a curve first comes below `target`, between points in logarithms.
+
+    The coarsest point's own where that is good enough already; None when no point is.
+    """
+    before: Point | None = None
+    for point in (p for p in curve if p.timed):
+        if point.good and point.error <= target:
+            if before is None or not before.good or not before.error > target:
+                return Reach(point.contender, point.seconds, float(point.rhs))
+            error = max(point.error, 1e-16)
+            share = float(np.log(before.error / target) / np.log(before.error / error))
+            seconds = before.seconds * (point.seconds / before.seconds) ** share
+            return Reach(point.contender, seconds, before.rhs * (point.rhs / before.rhs) ** share)
+        before = point
+    return None
+
+
+def fastest(curves: Curves, target: float, families: Sequence[str], inside: bool) -> Reach | None:
+    """The contender that is first below `target`, among these families or all others."""
+    found = [
+        reached
+        for curve in curves.values()
+        if (curve[0].family in families) == inside and curve[0].family != floor.FAMILY
+        if (reached := reach(curve, target)) is not None
+    ]
+    return min(found, key=lambda r: r.seconds, default=None)
+
+
+def best_error(curves: Curves, families: Sequence[str], inside: bool) -> tuple[float, str] | None:
+    """The smallest error of any good point of these families, or of all others."""
+    found = [
+        (p.error, p.contender)
+        for curve in curves.values()
+        if (curve[0].family in families) == inside and curve[0].family != floor.FAMILY
+        for p in curve
+        if p.good
+    ]
+    return min(found, default=None)
+
+
+def order(curve: Sequence[Point], accuracy: float) -> float | None:
+    """Observed order of a fixed-step curve: slope of log error over log step, by least squares.
+
+    Over good points with errors below 0.1 and above the reference's accuracy and rounding.
+    """
+    fit = [p for p in curve if p.good and max(MARGIN * accuracy, 1e-11) < p.error < 0.1]
+    if len(fit) < 3 or fit[0].kind != "fixed":
+        return None
+    return float(np.polyfit(np.log([p.setting for p in fit]), np.log([p.error for p in fit]), 1)[0])
+
+
+def over_floor(curves: Curves, contender: str, accuracy: float) -> float | None:
+    """Largest error of a contender over that of its stepper's floor at the same setting."""
+    curve = curves.get(contender, [])
+    if not curve:
+        return None
+    floors = {p.setting: p for p in curves.get(floor.name_of(curve[0].stepper), []) if p.good}
+    ratios = [
+        p.error / floors[p.setting].error if p.good else np.inf
+        for p in curve
+        if p.timed and p.setting in floors and floors[p.setting].error > MARGIN * accuracy
+    ]
+    return max(ratios, default=None)
+
+
+def verdict(title: str, curves: Curves, reference: Reference) -> str:
+    """One line, from the data alone."""
+    parts = []
+    for target in TARGETS:
+        ours = fastest(curves, target, (OURS,), True)
+        peer = fastest(curves, target, OWN, False)
+        overall = fastest(curves, target, (), False)
+        if overall is None:
+            parts.append(f"no contender reaches {target:.0e}")
+            continue
+        text = f"to {target:.0e} the fastest is {overall.contender} ({overall.seconds:.3g} s)"
+        if ours is None:
+            text += ", the bridge does not reach it"
+        elif overall.contender != ours.contender:
+            text += (
+                f", the bridge takes {ours.seconds / overall.seconds:.3g} times as long ({ours.contender})"
+            )
+        if ours is not None:
+            if peer is None:
+                text += ", no peer reaches it"
+            elif peer.contender != overall.contender:
+                text += (
+                    f", the best peer takes {peer.seconds / ours.seconds:.3g} times as long as the bridge "
+                )
+                text += f"({peer.contender})"
+        parts.append(text)
+    ratio = over_floor(curves, "bridge, RK4", reference.accuracy)
+    if ratio is not None:
+        stands = "on the floor" if ratio <= 1.05 else "above the floor"
+        parts.append(f"the bridge with RK4 is {stands} ({ratio:.3f} times)")
+    return f"**{title}**: {'; '.join(parts)}."
+
+
+def peers_present(curves: Iterable[Curves]) -> bool:
+    """Whether any other tool was measured."""
+    return any(curve[0].family not in OWN for scene in curves for curve in scene.values())
+
+
+def table(rows: Sequence[tuple[str, Curves, Reference]]) -> str:
+    """The README's table: per scene seconds and evaluations to each target, ours and the best peer's."""
+    heads = ["scene"]
+    for target in TARGETS:
+        heads += [f"bridge to {target:.0e}", f"best peer to {target:.0e}"]
+    lines = [[*heads, "error / floor", "reference good to"]]
+    for title, curves, reference in rows:
+        line = [title]
+        for target in TARGETS:
+            line.append(
+                _cell(fastest(curves, target, (OURS,), True), best_error(curves, (OURS,), True), False)
+            )
+            line.append(_cell(fastest(curves, target, OWN, False), best_error(curves, OWN, False), True))
+        ratio = over_floor(curves, "bridge, RK4", reference.accuracy)
+        line += ["–" if ratio is None else f"{ratio:.3f}", f"{reference.accuracy:.0e}"]
+        lines.append(line)
+    text = [f"| {' | '.join(line)} |" for line in lines]
+    text.insert(1, "|" + "---|" * len(lines[0]))
+    return "\n".join(text)
+
+
+def _cell(reached: Reach | None, best: tuple[float, str] | None, named: bool) -> str:
+    if reached is None:
+        if best is None:
+            return "–"
+        return f"not reached ({best[0]:.0e}{', ' + best[1] if named else ''})"
+    name = f", {reached.contender}" if named else f", {reached.contender.removeprefix('bridge').strip(', ')}"
+    return f"{reached.seconds:.2g} s, {reached.rhs:.2g} ev.{name}"
+
+
+def footer(header: dict[str, Any]) -> str:
+    """Date and machine in one line."""
+    m = header["machine"]
+    return (
+        f"{header['begun']}; {m['cpu']}, {m['cores']} cores, {m['os']}, Python {m['python']}, "
+        f"{m['packages']}, BLAS threads {m['threads']}; robust_gcp {m['robust_gcp']}, commit {m['commit']}"
+    )
+
+
+def refresh(page: Path, block: str) -> bool:
+    """Put `block` between the markers of a page; whether the page has them.
+
+    Raises
+    ------
+    OptionError
+        When just one of the markers is there.
+    """
+    text = page.read_text(encoding="utf-8")
+    there = [marker in text for marker in MARKERS]
+    if not any(there):
+        return False
+    if not all(there):
+        raise OptionError(f"{page}: a block begins with {MARKERS[0]} and ends with {MARKERS[1]}")
+    pattern = re.compile(f"{re.escape(MARKERS[0])}.*?{re.escape(MARKERS[1])}", re.DOTALL)
+    page.write_text(pattern.sub(lambda _: f"{MARKERS[0]}\n{block}\n{MARKERS[1]}", text), encoding="utf-8")
+    return True

@@ -1,0 +1,46 @@
+"""Beside the singular configuration: the library keeps to the closed form, or says why not."""
+
+import pytest
+
+from robust_gcp.studies.stability import extreme_starts
+from robust_gcp.studies.stability.extreme_starts import draw_linkages, grashof
+from robust_gcp.studies.stability.judge import judge_all
+
+
+@pytest.mark.parametrize(
+    ("family", "right", "stopped"),
+    [
+        ("starts", 18, 1),
+        pytest.param("near misses", 4, 2, marks=pytest.mark.slow),
+        pytest.param("random linkages", 18, 12, marks=pytest.mark.slow),
+        pytest.param("coordinates that turn back", 7, 1, marks=pytest.mark.slow),
+    ],
+)
+def test_no_cell_is_wrong_without_saying_so(family, right, stopped):
+    cells = judge_all(extreme_starts.FAMILIES[family](True))
+    assert [(c.case.name, c.reason) for c in cells if c.verdict == "wrong"] == []
+    assert sum(c.verdict == "right" for c in cells) >= right
+    assert sum(c.verdict == "stopped" for c in cells) <= stopped
+
+
+def test_drawing_covers_every_class():
+    names = [case.name.split(": ")[1] for case in draw_linkages(80, 7)]
+    classes = {"change point", "double crank", "crank-rocker", "double rocker", "rocker-crank"}
+    assert classes | {"triple rocker"} == set(names)
+    assert names.count("change point") >= 30
+
+
+@pytest.mark.parametrize(
+    ("lengths", "name"),
+    [
+        ((1.0, 2.0, 2.5, 3.0), "double crank"),
+        ((3.0, 1.0, 2.5, 2.0), "crank-rocker"),
+        ((3.0, 2.5, 1.0, 2.0), "double rocker"),
+        ((3.0, 2.5, 2.0, 1.0), "rocker-crank"),
+        ((3.0, 2.0, 2.0, 1.5), "triple rocker"),
+        ((4.0, 2.0, 3.0, 3.0), "change point"),
+    ],
+)
+def test_grashof_classes(lengths, name):
+    # shortest + longest against the sum of the others; then by the place of the shortest
+    assert grashof(lengths) == name

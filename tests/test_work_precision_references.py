@@ -1,0 +1,123 @@
+"""Exact motions of the work-precision study: two computations of each agree, and the models with both."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import robust_gcp as rg
+from robust_gcp.studies.work_precision import benchmarks, reduced, references, scenes
+from robust_gcp.studies.work_precision.reduced import OneDof
+
+Array = NDArray[np.float64]
+Derivative = Callable[..., Array]
+
+FOUR_BARS = {
+    "antiparallelogram": ((2.0, 1.0, 2.0, 1.0), -1, 0.1),
+    "change_point": ((4.0, 2.0, 3.0, 3.0), 1, 2.5),
+    "kite": ((2.0, 1.0, 1.0, 2.0), 1, 1.0),
+    "crank_rocker": ((4.0, 1.0, 3.5, 3.0), 1, 1.0),
+}
+QUICK = [name for name in scenes.MOTIONS if name not in ("bricard", "n_four_bar_40", "flyball", "andrews")]
+SLOW = [pytest.param(n, marks=pytest.mark.slow) for n in ("bricard", "n_four_bar_40", "flyball", "andrews")]
+
+
+def systems() -> dict[str, tuple[OneDof, rg.Mechanism, float]]:
+    """One-degree-of-freedom systems by hand, the mechanism of the scene, and a place to look at."""
+    found = {
+        name: (reduced.four_bar(lengths, assembly), scenes.MOTIONS[name]().scene.mechanism, y)
+        for name, (lengths, assembly, y) in FOUR_BARS.items()
+    }
+    return found | {"bricard": (benchmarks.bricard(), rg.load("bricard"), 0.8)}
+
+
+@pytest.mark.parametrize("name", [*QUICK, *SLOW])
+def test_two_computations_of_a_motion_agree(name: str) -> None:
+    """2e-10 is 1/50 of what the study compares at its finest, and the start is the scene's."""
+    motion = scenes.MOTIONS[name]()
+    reference = motion.solve()
+    assert reference.accuracy < 2e-10
+    assert reference.q.shape == (401, motion.scene.mechanism.nq)
+    np.testing.assert_allclose(reference.q[0], motion.scene.q0, atol=1e-14)
+    np.testing.assert_allclose(reference.v[0], motion.scene.v0, atol=1e-13)
+    assert max(np.abs(motion.scene.mechanism.phi(q)).max(initial=0.0) for q in reference.q[::40]) < 1e-11
+
+
+@pytest.mark.parametrize("name", [*FOUR_BARS, "bricard"])
+def test_the_hand_written_energy_is_pinocchios(name: str) -> None:
+    """½ m ẏ² is the kinetic energy; V differs from the potential by a constant."""
+    system, mechanism, y = systems()[name]
+    offsets = []
+    for angle in (y, y + 0.1, y + 0.25):
+        q, G, _ = system.shape(angle)
+        kinetic, potential = mechanism.tree.energies(q, 1.7 * G)
+        w = system.weights(angle)
+        assert 0.5 * w.inertia * 1.7**2 == pytest.approx(kinetic, rel=1e-12)
+        offsets.append(w.potential - potential)
+    np.testing.assert_allclose(offsets, offsets[0], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", [*FOUR_BARS, "bricard"])
+def test_slopes_are_derivatives(name: str, derivative: Derivative) -> None:
+    system, _, y = systems()[name]
+    w = system.weights(y)
+    assert w.half_slope == pytest.approx(0.5 * derivative(lambda h: system.weights(y + h).inertia), abs=1e-9)
+    assert w.moment == pytest.approx(float(derivative(lambda h: system.weights(y + h).potential)), abs=1e-9)
+
+
+def test_bricards_closed_form_closes_the_loop(derivative: Derivative) -> None:
+    system, mechanism = benchmarks.bricard(), rg.load("bricard")
+    for x in np.linspace(0.0, np.pi, 7):
+        q, G, _ = system.shape(x)
+        assert np.abs(mechanism.phi(q)).max() < 1e-14
+        np.testing.assert_allclose(mechanism.K(q) @ G, 0.0, atol=1e-14)
+    np.testing.assert_allclose(
+        system.shape(0.8)[2], derivative(lambda h: system.shape(0.8 + h)[1]), atol=1e-9
+    )
+
+
+def test_andrews_by_hand_reaches_the_published_end() -> None:
+    """The Test Set's end values are good to 7.3 digits; the accelerations at the start are exact."""
+    order = np.arange(7)
+    system = benchmarks.andrews_implicit(order)
+    exact = [14222.4439199541138706, -10666.8329399655854, 0.0, 0.0, 0.0, 0.0, 0.0]
+    np.testing.assert_allclose(system.rate(0.0, system.x0)[7:], exact, atol=1e-11 * 14222.0)
+    times = np.array([0.0, 0.03])
+    end = references.integrate(system, times, rtol=1e-11, atol=1e-13)[1][-1]
+    published = [
+        15.81077119629904, -15.75637105984298, 0.04082224013073101, -0.5347301163226948,
+        0.5244099658805303, 0.5347301163226948, 1.048080741042263,
+    ]  # fmt: skip
+    np.testing.assert_allclose(end, published, rtol=1e-7)
+
+
+def test_flyball_by_hand_has_the_published_eigenvalues() -> None:
+    """−8117 and −20.05/s (A05) of the symmetric motion."""
+    system = benchmarks.flyball(np.arange(4), conserving=False)
+
+    def column(i: int) -> Array:
+        h = 1e-6 * np.eye(6)[i]
+        return np.asarray((system.rate(0.0, system.x0 + h) - system.rate(0.0, system.x0 - h)) / 2e-6)
+
+    values = np.linalg.eigvals(np.array([column(i) for i in range(6)]).T)
+    for published in (-8117.0, -20.05):
+        assert np.abs(values - published).min() < 6e-4 * abs(published)
+
+
+@pytest.mark.parametrize("name", ["change_point", "crank_rocker"])
+def test_quadrature_notices_a_wrong_motion(name: str) -> None:
+    """Arrival times of positions that are off by 1e-6 rad are off by 1e-6/ẏ: from rest and turning."""
+    lengths, assembly, y = FOUR_BARS[name]
+    system = reduced.four_bar(lengths, assembly)
+    times = np.linspace(0.0, 1.0, 81)
+    start: Any = system.start(y, 0.0 if name == "change_point" else 4.0)
+    states = references.integrate(start, times)[0]
+    assert np.abs(references.arrival_times(system, states) - times).max() < 1e-11
+    wrong = states.copy()
+    wrong[40, 0] += 1e-6
+    late = references.arrival_times(system, wrong) - times
+    assert late[40] == pytest.approx(1e-6 / states[40, 1], rel=1e-3)
