@@ -190,12 +190,14 @@ class Run:
         while i + 1 < len(times):
             try:
                 f = self._equations
-                states = adaptive(stepper, f, self._x, times[i:], rtol, atol, jacobian=ReducedJacobian(f))
+                jacobian = ReducedJacobian(f)
+                states = adaptive(stepper, self._followed, self._x, times[i:], rtol, atol, jacobian=jacobian)
                 for x in states:
                     i += 1
                     if not np.all(np.isfinite(x)):
                         raise NonFiniteError(f"{stepper} left the finite numbers at t = {times[i]:.6g} s")
                     self._x = x
+                    self._start_near(x)
                     self._accept(i, self._equations.evaluate(float(times[i]), x))
             except ToggleError:
                 i = self._record.count - 1
@@ -205,6 +207,17 @@ class Run:
                 self._x = self._record.last_state
                 self._repartition(i, options)
                 changed_at = i
+
+    def _followed(self, t: float, x: Array) -> Array:
+        """ẋ for a solver, whose trial steps may be refused after they went far ahead."""
+        self._start_near(x)
+        return self._equations(t, x)
+
+    def _start_near(self, x: Array) -> None:
+        """Follow the mode from the last output, if that is nearer to x than the last evaluation."""
+        anchor, y = self._explicit.anchor, x[: self._mechanism.m]
+        if self._last is not None and _apart(y, self._last.point.y) < _apart(y, anchor.y):
+            self._explicit.anchor = self._last.point
 
     def _careful(self, t: float) -> Evaluation:
         """The evaluation at the present state on the true curve of an uncertified zone."""
@@ -284,3 +297,7 @@ class Run:
             wall_seconds=time.perf_counter() - begun,
         )
         return self._record.trajectory(stats)
+
+
+def _apart(a: Array, b: Array) -> float:
+    return float(np.abs(a - b).max(initial=0.0))

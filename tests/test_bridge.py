@@ -138,6 +138,17 @@ def test_adaptive_solvers_pass_the_same_bridge(stepper):
     assert len(ours.crossings) == 2
 
 
+@pytest.mark.parametrize("rtol", (1e-3, 1e-4))
+def test_a_coarse_solver_whose_steps_are_refused_comes_back_to_the_mode(rtol):
+    """Trial steps of 7 rad are refused; the next trial starts a whole turn behind the last evaluation."""
+    change_point = rg.load("change_point")
+    run, exact = (
+        rg.simulate(change_point, duration=5.0, step=0.0125, stepper="DOP853", method=method, rtol=r, atol=a)
+        for method, r, a in (("bridge", rtol, 1e-2 * rtol), ("closed_form", 1e-12, 1e-12))
+    )
+    assert np.abs(run.q - exact.q).max() < 20 * rtol
+
+
 @pytest.mark.parametrize("n", [1, 2, 5])
 def test_rows_of_four_bars_all_singular_at_once(n):
     row = scenes.n_four_bar(n)
@@ -271,15 +282,15 @@ def test_repartition_in_mid_motion_keeps_order_four():
 
 def test_coordinates_change_as_often_as_they_turn_back():
     # no link of a triple rocker turns fully: each of its joints turns back within the run
-    mechanism = scenes.four_bar(1.0, 1.2, 1.4, 0.7, y=0.5)
+    mechanism = scenes.four_bar(1.0, 1.2, 1.4, 0.7, y=1.5)
     v0 = mechanism.lift(mechanism.home, [3.0])
     errors = []
     for step in (2e-3, 1e-3):
         run = rg.simulate(mechanism, v0=v0, duration=1.5, step=step, on_toggle="repartition")
         assert len(run.stats.repartitions) >= 2
         errors.append(np.abs(run.energy_error()).max())
-    assert errors[1] < 1e-5
-    assert errors[1] < errors[0] / 8.0
+    assert errors[1] < 2e-5
+    assert errors[1] < errors[0] / 12.0
 
 
 def test_start_at_a_toggle_names_better_joints():

@@ -332,6 +332,14 @@ def test_a_failure_before_a_good_point_is_not_interpolated() -> None:
     assert verdicts.reach(ladder("a", "x", [5.0, 1e-7]), 1e-6) == ("a", 2.0, 200.0)
 
 
+def test_an_error_that_rises_again_was_luck() -> None:
+    """Rounding may lift a curve a little; a finer setting that is lost or far off unmakes it."""
+    assert verdicts.reach(ladder("a", "x", [1e-4, 1e-7, 9e-6]), 1e-6) is not None
+    assert verdicts.reach(ladder("a", "x", [1e-4, 1e-7, 2e-5]), 1e-6) is None
+    assert verdicts.reach(ladder("a", "x", [1e-4, 1e-7, 5.0]), 1e-6) is None
+    assert verdicts.reach(ladder("a", "x", [1e-4, 1e-7, 5.0, 1e-7]), 1e-6) == ("a", 8.0, 800.0)
+
+
 def test_the_observed_order_is_the_slope() -> None:
     assert verdicts.order(ladder("a", "x", [9.0, 0.01, 0.01 / 8, 0.01 / 64]), 1e-13) == pytest.approx(3.0)
     assert verdicts.order(ladder("a", "x", [0.01, 0.001]), 1e-13) is None
@@ -383,6 +391,8 @@ def test_the_exponent_of_the_cost_is_that_of_the_largest_sizes() -> None:
     assert curve[0][1] == pytest.approx(0.4e-6 * 51 / 400 * 1e6)
     exact = np.polyfit(np.log([10.0, 20.0, 40.0]), np.log([150.0, 450.0, 1650.0]), 1)[0]
     assert cost.exponent(curve) == pytest.approx(exact)
+    points[-1].lost = 0.1
+    assert [n for n, _, _ in cost.costs_of(points)["a"]] == list(cost.SIZES[:-1])
 
 
 def test_the_cost_is_measured_away_from_singular_configurations() -> None:

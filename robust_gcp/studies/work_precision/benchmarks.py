@@ -17,17 +17,10 @@ from .reduced import GRAVITY, OneDof, Planar, Reduced, Weights
 ANDREWS_JOINTS = ("beta", "theta", "gamma", "phi", "delta", "omega", "epsilon")
 """In the order of the Test Set for IVP Solvers: β, Θ, γ, Φ, δ, Ω, ε."""
 
-ANDREWS_START = np.array(
-    [
-        -0.0617138900142764496,
-        0.0,
-        0.455279819163070380,
-        0.222668390165885885,
-        0.487364979543842550,
-        -0.222668390165885885,
-        1.23054744454982119,
-    ]
-)
+ANDREWS_START = np.array([
+    -0.0617138900142764496, 0.0, 0.455279819163070380, 0.222668390165885885,
+    0.487364979543842550, -0.222668390165885885, 1.23054744454982119,
+])  # fmt: skip
 DRIVE, STIFFNESS, RELAXED = 0.033, 4530.0, 0.07785
 """N m on β, N/m, m."""
 

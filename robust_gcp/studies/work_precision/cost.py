@@ -9,6 +9,7 @@ import numpy as np
 from ..contender import Contender
 from .measure import Point
 from .scenes import Motion, n_bars
+from .verdicts import OURS, OWN
 
 SIZES = (1, 2, 5, 10, 20, 40)
 DURATION = 0.4
@@ -37,7 +38,7 @@ def costs_of(points: Sequence[Point]) -> dict[str, list[tuple[int, float, float]
     found: dict[str, list[tuple[int, float, float]]] = {}
     for point in points:
         head, _, size = point.scene.rpartition("_")
-        if head == "cost" and point.timed and point.rhs:
+        if head == "cost" and point.good and point.rhs:  # what stopped early has not done the steps
             steps = DURATION / point.setting
             entry = int(size), 1e6 * point.seconds / steps, 1e6 * point.seconds / point.rhs
             found.setdefault(point.contender, []).append(entry)
@@ -52,12 +53,16 @@ def exponent(curve: Sequence[tuple[int, float, float]]) -> float | None:
     return float(np.polyfit(np.log(n), np.log(micro), 1)[0])
 
 
-def verdict(costs: dict[str, list[tuple[int, float, float]]]) -> str:
-    """One line: cost at the largest size, and how it grows."""
+def verdict(costs: dict[str, list[tuple[int, float, float]]], families: dict[str, str]) -> str:
+    """One line: cost at the largest size and its growth, ours, the implicit equations, the cheapest peer."""
+    largest = max(curve[-1][0] for curve in costs.values())
+    there = {name: curve for name, curve in costs.items() if curve[-1][0] == largest}
+    shown = [name for name in there if families[name] in (OURS, "implicit")]
+    peers = [name for name in there if families[name] not in OWN]
+    shown += sorted(peers, key=lambda name: there[name][-1][1])[:1]
     parts = []
-    for name, curve in costs.items():
-        n, micro, _ = curve[-1]
-        power = exponent(curve)
+    for name in shown:
+        power = exponent(there[name])
         growth = "" if power is None else f", growing as N^{power:.2f}"
-        parts.append(f"{name} {micro:.3g} µs at N = {n}{growth}")
-    return f"**Cost of a step**: {'; '.join(parts)}."
+        parts.append(f"{name} {there[name][-1][1]:.3g} µs{growth}")
+    return f"**Cost of a step at N = {largest}**: {'; '.join(parts)}."

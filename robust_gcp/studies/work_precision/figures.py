@@ -27,8 +27,11 @@ LOWEST, HIGHEST = 1e-17, 10.0
 """Edges of the error axes; failures stand at the upper one."""
 
 Value = Callable[[Point], float]
-PAGE_DPI = 220
+PAGE_DPI = 200
 """Of the figure on a page, which is to stay small."""
+
+LEAST_ORDER = 0.5
+"""Below it, errors do not fall with the step."""
 
 COLUMNS = 3
 """Of the legend."""
@@ -178,6 +181,10 @@ def _defect_panel(
 # --------------------------------------------------------------------------- words
 
 
+def _order_text(power: float) -> str:
+    return f"order {power:.1f}" if power >= LEAST_ORDER else "no order"
+
+
 def _handle(label: str, style: Look) -> Any:
     from matplotlib.lines import Line2D
 
@@ -190,9 +197,9 @@ def _handles(curves: Curves, styles: dict[str, Look], reference: Reference) -> l
     for name, style in styles.items():
         power = order(curves[name], reference.accuracy)
         lost = sum(p.timed and not p.good for p in curves[name])
-        text = name + ("" if power is None else f", order {power:.1f}")
+        text = name + ("" if power is None else f", {_order_text(power)}")
         if lost:
-            text += f", {lost} of {sum(p.timed for p in curves[name])} lost"
+            text += f", {lost}/{sum(p.timed for p in curves[name])} lost"
         handles.append(_handle(text, style))
     return [*handles, _handle("floor: same stepper, exact equation", FLOOR)]
 
@@ -215,7 +222,7 @@ def _laid_out(rows: int, height: float, handles: Sequence[Any], foot: str) -> tu
     below = figure.add_subplot(grid[rows, :])
     below.axis("off")
     key = below.legend(
-        handles=handles, loc="center", ncols=COLUMNS, handlelength=2.6, columnspacing=0.8,
+        handles=handles, loc="center", ncols=COLUMNS, handlelength=2.4, columnspacing=0.8,
         labelspacing=0.3, borderaxespad=0.0,
     )  # fmt: skip
     key.set_in_layout(False)
@@ -249,7 +256,7 @@ def _write_labels(
             good, power = [p for p in curve if p.good], order(curve, reference.accuracy)
             if power is not None and len(good) > 2:
                 middle = good[len(good) // 2]
-                text = f"order {power:.1f}"
+                text = _order_text(power)
                 labels.put(_x(middle, quantity), middle.error, text, style["color"], strong, 6.0)
             for i, p in enumerate(good):
                 if strong or i in (0, len(good) - 1):

@@ -39,7 +39,7 @@ def write(
     text = verdicts.table(rows)
     costs = cost.costs_of(points)
     if costs:
-        lines += [cost.verdict(costs)]
+        lines += [cost.verdict(costs, {p.contender: p.family for p in points})]
         files = [out / f"work_precision_cost{suffix}" for suffix in plots.FORMATS]
         paths += [figures.draw_cost(points, foot, file) for file in files]
     tuning = [f"- **{c.name}**: {c.tuning}" for c in contenders]

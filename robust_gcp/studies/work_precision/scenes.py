@@ -53,7 +53,7 @@ class Motion:
     floor: Reduced
     solve: Callable[[], Reference]
     steps: tuple[int, ...] = STEPS
-    cap: float = 0.8
+    cap: float = 0.5
 
 
 def times_of(duration: float) -> Array:
@@ -134,7 +134,7 @@ def crank_rocker() -> Motion:
     return _four_bar("crank_rocker", "crank-rocker (regular)", lengths, 1, 1.0, 4.0, 5.0, False)
 
 
-def n_bars(n: int, duration: float, steps: tuple[int, ...] = STEPS, cap: float = 0.8) -> Motion:
+def n_bars(n: int, duration: float, steps: tuple[int, ...] = STEPS, cap: float = 0.5) -> Motion:
     """IFToMM A02: cranks upright, the first pin at 1 m/s, `duration` s."""
     name = f"n_four_bar_{n}"
     scene = _scene(name, n_four_bar(n), -1.0, duration)
@@ -158,7 +158,7 @@ def andrews() -> Motion:
     def solve() -> Reference:
         return references.from_two(scene.times, first, second, "DOP853", 3e-14, np.ones(7), source)
 
-    return Motion(scene, "Andrews (A03)", False, second, solve, cap=1.2)
+    return Motion(scene, "Andrews (A03)", False, second, solve, cap=0.8)
 
 
 def bricard() -> Motion:

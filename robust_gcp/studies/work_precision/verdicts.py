@@ -19,6 +19,9 @@ OURS = "bridge"
 OWN = (OURS, "closed form", "published", "implicit", floor.FAMILY)
 """Families that come with this package; all others are peers."""
 
+STAYS = 10.0
+"""An error that rises beyond this many times the target again had not reached it."""
+
 MARGIN = 50.0
 """A floor this many times the reference's accuracy, or more, can be compared with."""
 
@@ -47,13 +50,15 @@ def curves_of(points: Iterable[Point], scene: str) -> Curves:
 
 
 def reach(curve: Sequence[Point], target: float) -> Reach | None:
-    """Seconds and evaluations at which a curve first comes below `target`, between points in logarithms.
+    """Seconds and evaluations at which a curve comes below `target` and stays, between points in logarithms.
 
-    The coarsest point's own where that is good enough already; None when no point is.
+    The coarsest point's own where that is good enough already; None when no point is, or a finer one is
+    lost or errs more than `STAYS` times the target: that was luck.
     """
     before: Point | None = None
-    for point in (p for p in curve if p.timed):
-        if point.good and point.error <= target:
+    timed = [p for p in curve if p.timed]
+    for i, point in enumerate(timed):
+        if all(p.good and p.error <= (STAYS if p is not point else 1.0) * target for p in timed[i:]):
             if before is None or not before.good or not before.error > target:
                 return Reach(point.contender, point.seconds, float(point.rhs))
             error = max(point.error, 1e-16)
