@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 import reprlib
 from collections.abc import Iterable, Mapping, Sequence
@@ -39,6 +40,12 @@ _BRIEF.maxlevel = 4
 def shown(value: Any) -> str:
     """`repr`, cut where it is long: input in a message may be of any size."""
     return _BRIEF.repr(value)
+
+
+def hint(name: Any, known: Iterable[str]) -> str:
+    """`; did you mean …?` where known names are near, else nothing."""
+    near = difflib.get_close_matches(str(name), list(known), n=3)
+    return f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
 
 
 def check_number(name: str, value: Any) -> None:

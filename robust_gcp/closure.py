@@ -11,7 +11,6 @@ A cut joint is a pair of frames. Each closure contributes rows of two kinds:
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
@@ -20,6 +19,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from .checks import hint
 from .errors import ModelError
 
 Index = NDArray[np.int64]
@@ -140,9 +140,8 @@ def frame_of(model: pin.Model, name: str, owner: str) -> pin.Frame:
     """
     found = [frame for frame in model.frames if frame.name == name]
     if not found:
-        near = difflib.get_close_matches(str(name), {f.name for f in model.frames}, n=3)
-        hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
-        raise ModelError(f"{owner}: the model has no frame {name!r}{hint}")
+        near = hint(name, {f.name for f in model.frames})
+        raise ModelError(f"{owner}: the model has no frame {name!r}{near}")
     first = found[0]
     for other in found[1:]:
         if other.parentJoint != first.parentJoint or other.placement != first.placement:

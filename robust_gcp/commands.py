@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import singularity
+from .coarse import CoarseStepWarning
 from .errors import OptionError, SimulationError, SingularStartError
 from .gcp import SingularityWarning
 from .joint_entries import entries
@@ -28,7 +29,7 @@ from .singularity import LocalAnalysis
 from .trajectory import Trajectory
 from .yaml_text import parsed_yaml
 
-OURS = (SingularityWarning, StabilityWarning)
+OURS = (SingularityWarning, StabilityWarning, CoarseStepWarning)
 
 LONGEST_TABLE = 12
 """Rows of a printed table; the rest is counted, and is in the CSV."""

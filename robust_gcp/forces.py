@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
-from .checks import check_number, shown
+from .checks import check_number, hint, shown
 from .closure import frame_of
 from .errors import ModelError, OptionError, SimulationError
 from .tree import Array, Tree
@@ -257,11 +256,8 @@ def _require_number(label: str, field: str, value: object, positive: bool = Fals
 def _joint(model: pin.Model, name: str, owner: str, single: bool = False) -> pin.JointModel:
     names = [str(n) for n in model.names][1:]
     if name not in names:
-        near = difflib.get_close_matches(str(name), names, n=3)
         raise ModelError(
-            f"{owner}: the model has no joint {name!r}; "
-            + (f"did you mean {' or '.join(map(repr, near))}? " if near else "")
-            + f"its joints are {', '.join(names)}"
+            f"{owner}: the model has no joint {name!r}, only {', '.join(names)}{hint(name, names)}"
         )
     joint = model.joints[model.getJointId(name)]
     if single and (joint.nq, joint.nv) != (1, 1):

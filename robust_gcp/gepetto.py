@@ -6,7 +6,6 @@ and list, beside it in robot.yaml, what it stands for: `joint_name: [...]` and `
 
 from __future__ import annotations
 
-import difflib
 import itertools
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from .checks import shown
+from .checks import hint, shown
 from .errors import ModelError
 
 UNIVERSAL = {f"UJOINT_{a}{b}": (a, b) for a, b in itertools.permutations("XYZ", 2)}
@@ -86,9 +85,8 @@ def with_joint_changes(model: pin.Model, changes: dict[str, str], path: Path) ->
     joint_names = list(model.names)
     for name in changes:
         if name not in joint_names[1:]:
-            near = difflib.get_close_matches(name, joint_names[1:], n=3)
-            hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
-            raise ModelError(f"{path}: joint_name names {shown(name)}, which the URDF does not have{hint}")
+            near = hint(name, joint_names[1:])
+            raise ModelError(f"{path}: joint_name names {shown(name)}, which the URDF does not have{near}")
     changed = pin.Model()
     changed.name = model.name
     changed.gravity = model.gravity

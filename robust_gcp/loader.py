@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from .checks import shown
+from .checks import hint, shown
 from .closure import Closure, FrameClosure, PointClosure, RevoluteClosure
 from .errors import ModelError, RobustGcpError
 from .gepetto import joint_changes, with_joint_changes
@@ -71,11 +71,10 @@ def load(name_or_folder: str | Path, independent: Sequence[str] | Literal["auto"
     if not is_file(folder / "robot.yaml") and str(name_or_folder) in model_names():
         folder = models_folder() / str(name_or_folder)
     if not str(name_or_folder) or not is_file(folder / "robot.yaml"):
-        near = difflib.get_close_matches(str(name_or_folder), model_names(), n=2)
-        hint = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
+        names = model_names()
         raise ModelError(
-            f"{shown(str(name_or_folder))} is neither a shipped model nor a folder with robot.yaml; {hint}"
-            f"shipped models: {', '.join(model_names())}"
+            f"{shown(str(name_or_folder))} is neither a folder with robot.yaml nor one of the shipped models "
+            f"{', '.join(names)}{hint(name_or_folder, names)}"
         )
     path = inside(folder, "robot.yaml")
     settings = _settings(path)

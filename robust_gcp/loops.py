@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Sequence
 from functools import cached_property
 
@@ -11,7 +10,7 @@ import pinocchio as pin
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from .checks import check_model, checked_vector, listed, require_finite
+from .checks import check_model, checked_vector, hint, listed, require_finite
 from .closure import (
     Closure,
     FrameClosure,
@@ -228,12 +227,8 @@ class ClosedLoops:
     def joint(self, name: str) -> pin.JointModel:
         """The joint of that name, or a ModelError that names near ones."""
         if name not in self.joint_names:
-            near = difflib.get_close_matches(str(name), self.joint_names, n=3)
-            raise ModelError(
-                f"the model has no joint {name!r}; "
-                + (f"did you mean {' or '.join(map(repr, near))}? " if near else "")
-                + f"its joints are {', '.join(self.joint_names)}"
-            )
+            names = self.joint_names
+            raise ModelError(f"the model has no joint {name!r}, only {', '.join(names)}{hint(name, names)}")
         return self.model.joints[self.model.getJointId(name)]
 
     def coordinate_choices(self, q: ArrayLike) -> list[tuple[float, tuple[str, ...]]]:

@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
+from .checks import hint
 from .closure import Closure, FrameClosure, PointClosure
 from .errors import ModelError
 from .forces import Force, JointDamper, JointSpring
-from .mjcf_parts import Element, Reduced, hint, vector
+from .mjcf_parts import Element, Reduced, vector
 from .mjcf_xml import reduced
 from .pin_constraints import close_between
 from .tree import Array

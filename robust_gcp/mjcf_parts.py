@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -101,12 +100,6 @@ class Defaults:
             if not inner:
                 raise ModelError(f"{self._name}: a nested <default> has no class; name it")
             self._read(item, name, inner)
-
-
-def hint(name: str, known: Sequence[str]) -> str:
-    """`; did you mean …?` where a known name is near."""
-    near = difflib.get_close_matches(name, known, n=2)
-    return f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
 
 
 def flag(element: Element, key: str, default: bool) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from .checks import LARGEST, shown
+from .checks import LARGEST, hint, shown
 from .closure import Closure, RevoluteClosure
 from .errors import ModelError
 from .forces import Force, JointDamper, JointSpring, JointTorque, PointSpring
@@ -153,9 +152,8 @@ def _made(kind: type[Any], item: dict[str, Any], where: str) -> Force:
 def _require_known(block: dict[Any, Any], known: tuple[str, ...], path: Path, where: str) -> None:
     for key in block:
         if key not in known:
-            near = difflib.get_close_matches(str(key), known, n=1)
-            hint = f"; did you mean {near[0]!r}?" if near else f"; known: {', '.join(known)}"
-            raise ModelError(f"{path}: unknown key {shown(key)} in {where}{hint}")
+            near = hint(key, known) or f"; known: {', '.join(known)}"
+            raise ModelError(f"{path}: unknown key {shown(key)} in {where}{near}")
 
 
 def _vector(value: Any, where: str) -> tuple[float, float, float]:

@@ -39,6 +39,7 @@ class ReducedInertia:
         self._scale = 1.0 / mechanism.column_scale
         diagonals = [mechanism.tree.crba(q).diagonal() for q in mechanism.generic_configurations()]
         self.own = float((np.max(diagonals, axis=0) * mechanism.column_scale**2).sum()) if diagonals else 0.0
+        self._suspect = LOST * self.own * float(np.max(self._scale, initial=0.0)) ** 2
 
     def solve(self, q: Array, G: Array, force: Array) -> Array:
         """ÿ (m,) for Gᵀ (τ − C − M g) = force (m,).
@@ -51,10 +52,11 @@ class ReducedInertia:
         """
         if G.shape[1] == 1:
             direction = G[:, 0]
-            inertia = 2.0 * self._tree.kinetic(q, direction)
-            if inertia <= LOST * self._alone(direction):
+            single = 2.0 * self._tree.kinetic(q, direction)
+            # a bound that costs one product decides nearly always; NaN goes on to the stepper's own check
+            if single <= self._suspect * direction.dot(direction) and single <= LOST * self._alone(direction):
                 raise self._singular()
-            return force / inertia
+            return force / single
         inertia = self._matrix(q, G)
         diagonal = inertia.diagonal()
         if any(a <= LOST * self._alone(column) for a, column in zip(diagonal, G.T, strict=True)):
@@ -91,5 +93,5 @@ class ReducedInertia:
         names = ", ".join(self._mechanism.independent)
         return SimulationError(
             f"the reduced inertia Gᵀ M G of {self._mechanism.name!r} is singular: a motion of {names} moves "
-            "no mass, or too little to be told from rounding; give the links that it moves mass and inertia"
+            "no mass, or too little to be told from rounding; give its links inertia"
         )

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from collections import Counter
 from collections.abc import Sequence
 from math import hypot, isfinite
 from xml.etree.ElementTree import Element
 
+from .checks import hint
 from .errors import ModelError
 
 MOVING = ("revolute", "continuous", "prismatic", "planar")
@@ -106,9 +106,9 @@ def _check_link(link: Element, owner: str) -> None:
 def _check_joint(joint: Element, owner: str) -> None:
     kind = joint.get("type")
     if kind not in TYPES:
-        near = difflib.get_close_matches(str(kind), TYPES, n=1)
-        hint = f"did you mean {near[0]!r}? " if near else ""
-        raise ModelError(f"{owner} is of unknown type {kind!r}; {hint}use one of {', '.join(TYPES)}")
+        raise ModelError(
+            f"{owner} is of unknown type {kind!r}, not one of {', '.join(TYPES)}{hint(kind, TYPES)}"
+        )
     _require_single(joint, owner)
     if joint.find("mimic") is not None:
         raise ModelError(
@@ -184,10 +184,9 @@ def _check_tree(root: Element, links: Sequence[str], name: str) -> None:
             element = joint.find(end)
             link = None if element is None else element.get("link")
             if link not in known:
-                near = difflib.get_close_matches(str(link), links, n=1)
-                hint = f"; did you mean {near[0]!r}?" if near else ""
                 raise ModelError(
-                    f"{name}: joint {label!r} names the {end} link {link!r}, which is not there{hint}"
+                    f"{name}: joint {label!r} names the {end} link {link!r}, which is not there"
+                    + hint(link, links)
                 )
             ends[end] = str(link)
         child = ends["child"]

@@ -264,7 +264,7 @@ def test_what_cannot_be_linearised_is_left_to_the_run() -> None:
     def stop(t: float, q: Array, v: Array) -> Array:
         return np.array([1e305 if v[0] > 0.0 else 0.0, 0.0, 0.0])
 
-    with pytest.raises(rg.NonFiniteError, match="linearisation at y = .* is not finite"):
+    with pytest.raises(rg.NonFiniteError, match=r"linearisation at y = .* is not finite"):
         rg.linearise(mech, mech.home, torque=stop)
     held = rg.simulate(mech, duration=0.1, torque=stop)
     np.testing.assert_array_equal(held.q, rg.simulate(mech, duration=0.1, torque=np.zeros(3)).q)

@@ -99,6 +99,18 @@ def test_maps_are_drawn_with_each_cell_in_its_colour(tmp_path: Path) -> None:
     assert luminance(maps.COLOURS["wrong"]) < 0.5 * luminance(maps.COLOURS["right"])
 
 
+def test_a_thousand_cases_are_counted_and_drawn_as_tiles(tmp_path: Path) -> None:
+    verdicts: tuple[Verdict, ...] = ("right", "right", "stopped")
+    reasons = {"right": "", "stopped": "ToggleError: turns back"}
+    many = [cell(f"{i}", 1e-3, (v := verdicts[i % 3]), reasons[v], 10.0 ** -(i % 7)) for i in range(1000)]
+    assert report.family_table(many).splitlines()[2:] == [
+        "| ✓ right | 667 | 1e-03 | 1e+00 |",
+        "| ■ Toggle | 333 | 1e-03 | 1e+00 |",
+    ]
+    path = maps.draw_family(many, tmp_path / "many.png")
+    assert path.stat().st_size < 300_000
+
+
 @pytest.fixture
 def two_cases(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
     """The command with one small family instead of all; its bound on the error is given."""
@@ -151,7 +163,7 @@ def test_unknown_families_and_missing_pages_are_named(
 def test_the_documentation_has_a_place_and_a_map_for_each_family() -> None:
     docs = Path(__file__).parents[1] / "docs"
     page = (docs / "stability.md").read_text(encoding="utf-8")
-    for name in ("summary", "bounds", "steps", "reasons", *families()):
+    for name in ("summary", "bounds", "strides", "reasons", *families()):
         assert f"<!-- begin: {name} -->" in page, name
         assert f"<!-- end: {name} -->" in page, name
     for family in families():

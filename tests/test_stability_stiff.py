@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 
 import numpy as np
@@ -11,7 +12,7 @@ import robust_gcp as rg
 from robust_gcp.closed_form import pendulum
 from robust_gcp.studies.stability import stiff
 from robust_gcp.studies.stability.bound import SHARES, around
-from robust_gcp.studies.stability.case import Case
+from robust_gcp.studies.stability.case import Case, Cell
 from robust_gcp.studies.stability.judge import judge
 from robust_gcp.studies.stability.steps import TARGET, motions, stride
 from robust_gcp.studies.stability.truth import A, B, Servo, of_run
@@ -59,13 +60,18 @@ def test_references_between_outputs_are_as_good_as_the_run() -> None:
     np.testing.assert_allclose(exact(t)[:, 0], pendulum(t, 0.2, 0.0, A, B)[0], atol=1e-10)
 
 
+@functools.cache
+def quick_cells(make: Callable[[bool], list[Case]]) -> list[Cell]:
+    return [cell for case in make(True) for cell in judge(case)]
+
+
 def names_of(make: Callable[[bool], list[Case]]) -> str:
     return make.__name__
 
 
 @pytest.mark.parametrize("make", (stiff.springs, stiff.dampers, stiff.servos, stiff.across), ids=names_of)
 def test_no_stiff_cell_is_wrong_without_saying_so(make: Callable[[bool], list[Case]]) -> None:
-    cells = [cell for case in make(True) for cell in judge(case)]
+    cells = quick_cells(make)
     assert [f"{c.case.name}, {c.setting.label}: {c.reason}" for c in cells if c.verdict == "wrong"] == []
     # an implicit stepper passes each row, and every row but the softest stops a step of 1 ms by a warning
     assert {c.verdict for c in cells if c.setting.stepper == "Radau"} == {"right"}
@@ -76,7 +82,7 @@ def test_no_stiff_cell_is_wrong_without_saying_so(make: Callable[[bool], list[Ca
 
 def test_stiff_swings_cross_the_singularity_each_time() -> None:
     """A spring of 1e8 of gravity through q1 = π: four crossings in two swings, none without certificate."""
-    cells = [c for case in stiff.across(True) for c in judge(case) if c.setting.method == "bridge"]
+    cells = [c for c in quick_cells(stiff.across) if c.setting.method == "bridge"]
     assert {c.crossings for c in cells} == {4}
 
 

@@ -260,6 +260,23 @@ def test_stiff_methods_take_it_at_once() -> None:
         assert end[0] == pytest.approx(np.cos(1.0), abs=1e-6)
 
 
+@pytest.mark.parametrize("name", ("Radau", "BDF", "LSODA"))
+def test_a_given_jacobian_is_used_and_the_last_one_kept_where_it_refuses(name: str) -> None:
+    """ẋ = −1e4 (x − cos t) makes even LSODA implicit; the Jacobian refuses all but its first call."""
+    calls = []
+
+    def jacobian(t: float, x: Array) -> Array:
+        calls.append(t)
+        if len(calls) > 1:
+            raise rg.BranchError("no neighbour")
+        return np.array([[-1e4]])
+
+    f = lambda t, x: -1e4 * (x - np.cos(t))  # noqa: E731
+    (end,) = adaptive(name, f, np.ones(1), np.array([0.0, 2.0]), 1e-6, 1e-8, jacobian=jacobian)
+    assert calls
+    assert end[0] == pytest.approx(np.cos(2.0) + 1e-4 * np.sin(2.0), abs=1e-5)
+
+
 def test_names_are_checked() -> None:
     for name in ("rk4", *SCIPY_STEPPERS):
         assert check_stepper(name) == name

@@ -24,8 +24,8 @@ from .extreme_tools import (
     four_bar_case,
 )
 
-BRIDGED = 1e-9
-"""m: lengths of some metres that miss a change point by no more are taken to meet it."""
+BRIDGED = 0.9e-9
+"""Gap in lengths, clearly below the library's tolerance of 1e-9, with which a linkage is taken to cross."""
 
 APART = 1e4
 """Largest distance of the motions of two linkages over the difference of their lengths, rad/m."""
@@ -78,7 +78,7 @@ def _near_miss(name: str, motion: Motion, link: int, gap: float, quick: bool) ->
     l[link] += gap
     missed = replace(motion, lengths=(l[0], l[1], l[2], l[3]))
     row, settings = f"{name} {gap:+.0e} m", columns(0.6, (300,), ())
-    if abs(gap) > BRIDGED:
+    if abs(gap) > BRIDGED * max(motion.lengths):
         plain = four_bar_case("near misses", row, missed, 0.6, settings)
         if quick:
             return [plain]
@@ -95,6 +95,7 @@ def _near_miss(name: str, motion: Motion, link: int, gap: float, quick: bool) ->
         )
         return [plain, other]
     truth = Truth(motion, 0.6)  # of the linkage with the change point
+    turns = np.round((missed.build()[1] - motion.build()[1]) / (2.0 * np.pi))
     return [
         Case(
             "near misses",
@@ -103,7 +104,7 @@ def _near_miss(name: str, motion: Motion, link: int, gap: float, quick: bool) ->
             0.6,
             settings,
             lambda setting: truth.allowed(setting) + APART * abs(gap),
-            truth.exact,
+            lambda t: truth.exact(t) + 2.0 * np.pi * turns,
             crossings=1,
             note="taken for a crossing",
         )

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from .. import plots
 from .case import Cell, Verdict
-from .report import MEANING, SYMBOLS, VERDICTS, count, families_of, spelled
+from .report import MEANING, MOST_ROWS, SYMBOLS, VERDICTS, count, families_of, spelled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,6 +25,13 @@ CELL_WIDTH, CELL_HEIGHT = 0.82, 0.36
 """in."""
 
 
+MAP_DPI = 160
+"""Enough for text on a screen, and some tens of kilobytes."""
+
+TILES = 40
+"""Cells in a line of a mosaic, which a family of more than `MOST_ROWS` cases is drawn as."""
+
+
 def slug(family: str) -> str:
     """A file name from a family's name."""
     return re.sub(r"[^a-z0-9]+", "_", family.lower()).strip("_")
@@ -32,6 +39,8 @@ def slug(family: str) -> str:
 
 def draw_family(cells: Sequence[Cell], path: Path) -> Path:
     """Draw the map of one family; returns the path."""
+    if len({cell.case.name for cell in cells}) > MOST_ROWS:
+        return _draw_mosaic(cells, path)
     labels = list(dict.fromkeys(cell.setting.label for cell in cells))
     names = list(dict.fromkeys(cell.case.name for cell in cells))
     margin = 0.35 + 0.07 * max(map(len, names))
@@ -51,11 +60,9 @@ def draw_family(cells: Sequence[Cell], path: Path) -> Path:
         ax.set_yticks(range(len(names)), names)
         ax.set_xticks(range(len(labels)), [_broken(label) for label in labels])
         _bare(ax)
-        counted = count(cells)
-        told = ",  ".join(f"{SYMBOLS[v]} {counted[v]} {MEANING[v]}" for v in VERDICTS)
         figure_.suptitle(cells[0].case.family, fontsize=9.5, x=0.01, ha="left")
-        figure_.supxlabel(told, fontsize=7, x=0.01, ha="left")
-        return plots.save(figure_, path)
+        figure_.supxlabel(_told(cells), fontsize=7, x=0.01, ha="left")
+        return plots.save(figure_, path, MAP_DPI)
 
 
 def draw_summary(cells: Sequence[Cell], path: Path) -> Path:
@@ -78,20 +85,46 @@ def draw_summary(cells: Sequence[Cell], path: Path) -> Path:
         ax.set_xlim(0.0, 1.0)
         ax.set_ylim(len(names) - 0.5, -0.5)
         _bare(ax)
-        counted = count(cells)
-        told = ",   ".join(f"{SYMBOLS[v]} {counted[v]} {MEANING[v]}" for v in VERDICTS)
-        ax.set_title(f"{len(cells)} cells:  {told}", loc="right", fontsize=8)
-        return plots.save(figure_, path)
+        ax.set_title(f"{len(cells)} cells:  {_told(cells)}", loc="right", fontsize=8)
+        return plots.save(figure_, path, MAP_DPI)
+
+
+def _draw_mosaic(cells: Sequence[Cell], path: Path) -> Path:
+    """One tile a cell, line by line, with its symbol and the power of ten of its error."""
+    lines = -(-len(cells) // TILES)
+    with plots.style():
+        figure_ = plots.new_figure(0.8 + 0.21 * lines, 8.4)
+        ax = figure_.subplots()
+        for i, cell in enumerate(cells):
+            y, x = divmod(i, TILES)
+            ax.add_patch(_box(x, y, cell.verdict, 0.5))
+            known = cell.verdict == "right" and cell.error > 0.0
+            text = f"{math.floor(math.log10(cell.error))}" if known else SYMBOLS[cell.verdict]
+            ax.text(x, y, text, **{**_CENTRED, "fontsize": 5.0})
+        ax.set_xlim(-0.5, TILES - 0.5)
+        ax.set_ylim(lines - 0.5, -0.5)
+        ax.set_xticks([])
+        ax.set_yticks([])
+        _bare(ax)
+        title = f"{cells[0].case.family}: a tile a case; in a right one the power of ten of its error"
+        figure_.suptitle(title, fontsize=9.5, x=0.01, ha="left")
+        figure_.supxlabel(_told(cells), fontsize=7, x=0.01, ha="left")
+        return plots.save(figure_, path, MAP_DPI)
+
+
+def _told(cells: Sequence[Cell]) -> str:
+    counted = count(cells)
+    return ",   ".join(f"{SYMBOLS[v]} {counted[v]} {MEANING[v]}" for v in VERDICTS)
 
 
 _CENTRED: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 7.0, "family": "DejaVu Sans"}
 
 
-def _box(x: float, y: float, verdict: Verdict) -> Rectangle:
+def _box(x: float, y: float, verdict: Verdict, line: float = 1.5) -> Rectangle:
     from matplotlib.patches import Rectangle
 
     return Rectangle(
-        (x - 0.5, y - 0.5), 1.0, 1.0, facecolor=COLOURS[verdict], edgecolor="white", linewidth=1.5
+        (x - 0.5, y - 0.5), 1.0, 1.0, facecolor=COLOURS[verdict], edgecolor="white", linewidth=line
     )
 
 

@@ -22,6 +22,9 @@ MEANING: dict[Verdict, str] = {
     "wrong": "wrong without saying so",
 }
 
+MOST_ROWS = 40
+"""Cases of a family that are shown one by one; more are counted, and are in the CSV."""
+
 COLUMNS = (
     "family", "case", "setting", "verdict", "error", "energy_drift", "closure_error", "crossings",
     "mode_kept", "reason", "rhs", "seconds",
@@ -76,7 +79,7 @@ def blocks(cells: Sequence[Cell], bounds: Sequence[Bound], strides: Sequence[Str
     if bounds:
         found["bounds"] = bound_table(bounds)
     if strides:
-        found["steps"] = stride_table(strides)
+        found["strides"] = stride_table(strides)
     found["reasons"] = reason_table(cells)
     return found
 
@@ -104,12 +107,26 @@ def summary(cells: Sequence[Cell]) -> str:
 
 
 def family_table(cells: Sequence[Cell]) -> str:
-    """Cases down, settings across: symbol, error and, where it stopped, why."""
+    """Cases down, settings across: symbol, error and, where it stopped, why; many cases are counted."""
+    if len({cell.case.name for cell in cells}) > MOST_ROWS:
+        return _counted_table(cells)
     labels = list(dict.fromkeys(cell.setting.label for cell in cells))
     rows = [["case", *labels]]
     for name in dict.fromkeys(cell.case.name for cell in cells):
         mine = {cell.setting.label: cell for cell in cells if cell.case.name == name}
         rows.append([name, *(spelled(mine[label]) if label in mine else "" for label in labels)])
+    return markdown(rows)
+
+
+def _counted_table(cells: Sequence[Cell]) -> str:
+    """What came out, how often, and the median and the largest error of it."""
+    kinds = Counter("right" if c.verdict == "right" else short_reason(c) for c in cells)
+    rows = [["outcome", "cells", "median error", "largest error"]]
+    for kind, number in kinds.most_common():
+        mine = [c for c in cells if kind == ("right" if c.verdict == "right" else short_reason(c))]
+        errors = sorted(c.error for c in mine if math.isfinite(c.error))
+        shown = [f"{errors[len(errors) // 2]:.0e}", f"{errors[-1]:.0e}"] if errors else ["", ""]
+        rows.append([f"{SYMBOLS[mine[0].verdict]} {kind}", str(number), *shown])
     return markdown(rows)
 
 
