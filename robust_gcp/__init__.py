@@ -3,7 +3,6 @@
 from .bridge import BridgeOptions
 from .closure import FrameClosure, PointClosure, RevoluteClosure
 from .coarse import CoarseStepWarning
-from .config_space import ConfigurationSpace, ModeCurve, trace_modes
 from .dynamics import implicit_dynamics
 from .errors import (
     BranchError,
@@ -22,21 +21,22 @@ from .errors import (
     ToggleError,
 )
 from .explicit import Crossing
+from .folders.loader import load, model_names
 from .forces import JointDamper, JointSpring, JointTorque, PointSpring
 from .gcp import SingularityWarning
 from .inverse import inverse_dynamics
 from .linearise import Linearisation, StabilityWarning, linearise
-from .live import live
-from .loader import load, model_names
-from .many_runs import grid, sweep, sweep_as_completed
 from .mechanism import Mechanism
+from .modes.space import ConfigurationSpace, ModeCurve, trace_modes
 from .native import Backend, NativeBuildWarning, backends
-from .pictures_modes import plot_modes
-from .replay import ReplayPage, replay
+from .pictures.modes import plot_modes
 from .simulate import simulate
 from .singularity import LocalAnalysis, analyse
-from .sweep_record import Failure, RunRecord
+from .sweeps.record import Failure, RunRecord
+from .sweeps.runs import grid, sweep, sweep_as_completed
 from .trajectory import Stats, Trajectory
+from .viewing.live import live
+from .viewing.replay import ReplayPage, replay
 
 __version__ = "0.1.0"
 

@@ -11,8 +11,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from . import __version__, commands, modes_command
+from . import __version__, commands
 from .errors import RobustGcpError
+from .pictures import command as modes_command
 from .simulate import METHODS, RECORDS
 from .steppers import SCIPY_STEPPERS
 from .studies import a02, benchmark, costs, crossings, paper

@@ -17,17 +17,17 @@ from numpy.typing import ArrayLike
 from . import singularity
 from .coarse import CoarseStepWarning
 from .errors import OptionError, SimulationError, SingularStartError
+from .folders.loader import load, model_names, models_folder
+from .folders.yaml_text import parsed_yaml
 from .gcp import SingularityWarning
 from .joint_entries import entries
 from .linearise import StabilityWarning
-from .loader import load, model_names, models_folder
 from .mechanism import Mechanism
-from .pictures import require_file
-from .replay import replay, require_page
+from .pictures.style import require_file
 from .simulate import simulate as run_simulation
 from .singularity import LocalAnalysis
 from .trajectory import Trajectory
-from .yaml_text import parsed_yaml
+from .viewing.replay import replay, require_page
 
 OURS = (SingularityWarning, StabilityWarning, CoarseStepWarning)
 

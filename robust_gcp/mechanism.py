@@ -15,13 +15,13 @@ from .checks import check_model, checked_vector, listed, require_finite
 from .closure import Closure
 from .errors import ModelError, PartitionError, StateError
 from .forces import AppliedForces, Force
+from .formats.mjcf import model_from_mjcf
+from .formats.pin_constraints import with_named_frames
+from .formats.urdf import model_from_urdf
 from .loops import CLOSED, STRUCTURAL, ClosedLoops
-from .mjcf import model_from_mjcf
 from .partition import independent_rows, numerical_rank, spelled
-from .pin_constraints import with_named_frames
 from .singularity import analyse
 from .tree import Array
-from .urdf import model_from_urdf
 
 log = logging.getLogger(__name__)
 

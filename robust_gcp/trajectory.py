@@ -149,7 +149,7 @@ class Trajectory:
         MissingExtraError
             When Matplotlib is not installed.
         """
-        from .pictures_motion import plot_motion
+        from .pictures.motion import plot_motion
 
         return plot_motion(self, what, path)
 

@@ -12,9 +12,9 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.closed_form import FourBar
-from robust_gcp.config_curve import PASSING
-from robust_gcp.config_torus import Torus
 from robust_gcp.four_bar_map import draw_four_bar
+from robust_gcp.modes.curve import PASSING
+from robust_gcp.modes.torus import Torus
 from robust_gcp.scenes import add_link, four_bar
 
 FOUR_BARS = ("rhombus", "parallelogram", "change_point", "kite", "crank_rocker")

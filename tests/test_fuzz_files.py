@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 import robust_gcp as rg
-from robust_gcp.loader import models_folder
-from robust_gcp.yaml_text import parsed_yaml
+from robust_gcp.folders.loader import models_folder
+from robust_gcp.folders.yaml_text import parsed_yaml
 
 SECRET = "6ac1f0 the secret"
 

@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import robust_gcp as rg
-from robust_gcp.loader import models_folder
+from robust_gcp.folders.loader import models_folder
 
 FUZZ = settings.get_profile("fuzz")
 Accepted = Callable[[Callable[[], object]], object]

@@ -11,8 +11,8 @@ import pytest
 import yaml
 
 import robust_gcp as rg
-from robust_gcp.gepetto import with_joint_changes
-from robust_gcp.urdf import model_from_urdf
+from robust_gcp.folders.gepetto import with_joint_changes
+from robust_gcp.formats.urdf import model_from_urdf
 
 
 def link(name: str, length: float) -> str:

@@ -11,7 +11,7 @@ import yaml
 
 import robust_gcp as rg
 from robust_gcp import scenes
-from robust_gcp.loader import models_folder
+from robust_gcp.folders.loader import models_folder
 
 LENGTHS = {  # issue 2: l0, l1, l2, l3 in m
     "rhombus": (1.0, 1.0, 1.0, 1.0),

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.linalg import subspace_angles
 
 import robust_gcp as rg
+from robust_gcp.formats.mjcf import MjcfModel, model_from_mjcf
 from robust_gcp.loops import ClosedLoops
-from robust_gcp.mjcf import MjcfModel, model_from_mjcf
 
 Array = NDArray[np.float64]
 States = Callable[[rg.Mechanism, int], list[tuple[Array, Array]]]

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 import robust_gcp as rg
-from robust_gcp.loader import models_folder
+from robust_gcp.folders.loader import models_folder
 
 
 def folder_with(tmp_path: Path, **own: object) -> Path:

@@ -14,9 +14,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import robust_gcp as rg
-from robust_gcp import pictures
 from robust_gcp.__main__ import main
-from robust_gcp.pictures_mechanism import face_on, pose
+from robust_gcp.pictures import style as pictures
+from robust_gcp.pictures.mechanism import face_on, pose
 from robust_gcp.scenes import n_four_bar
 
 

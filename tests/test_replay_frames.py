@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import robust_gcp as rg
-from robust_gcp.replay_frames import (
+from robust_gcp.viewing.frames import (
     FPS,
     LONGEST,
     MOST_FRAMES,

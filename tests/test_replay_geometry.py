@@ -7,8 +7,8 @@ import pinocchio as pin
 import pytest
 
 import robust_gcp as rg
-from robust_gcp.replay_geometry import Skeleton, face_on, layers, placements, plane_normal, skeleton
 from robust_gcp.scenes import n_four_bar
+from robust_gcp.viewing.geometry import Skeleton, face_on, layers, placements, plane_normal, skeleton
 
 Array = np.ndarray
 

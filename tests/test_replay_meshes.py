@@ -10,8 +10,8 @@ import pinocchio as pin
 import pytest
 
 import robust_gcp as rg
-from robust_gcp.replay_geometry import placements, skeleton
-from robust_gcp.replay_meshes import mesh_data
+from robust_gcp.viewing.geometry import placements, skeleton
+from robust_gcp.viewing.meshes import mesh_data
 
 CORNERS = np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.0, 0.2, 0.0], [0.0, 0.0, 0.1]])
 TETRAHEDRON = ((0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2))

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 import robust_gcp as rg
-from robust_gcp.urdf import model_from_urdf
+from robust_gcp.formats.urdf import model_from_urdf
 
 LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
 

@@ -15,8 +15,8 @@ from .. import commands
 from ..bridge import BridgeOptions
 from ..bridge_map import BridgeMap
 from ..dynamics import EquationsOfMotion
+from ..folders.loader import load
 from ..kernel import Counters
-from ..loader import load
 from ..march import same_branch
 from ..native import backends
 from ..scenes import n_four_bar

@@ -23,13 +23,13 @@ import numpy as np
 from .. import commands
 from ..dynamics import Evaluation, constraint_forces
 from ..errors import ModelError
+from ..folders.loader import load
 from ..forces import AppliedForces
-from ..loader import load
+from ..formats.text_file import read_text
 from ..mechanism import Mechanism
 from ..second_order import transversality
 from ..simulate import simulate
 from ..singularity import analyse
-from ..text_file import read_text
 from ..trajectory import Stats
 from ..tree import Tree
 from .costs_scenes import SCENES, Scene

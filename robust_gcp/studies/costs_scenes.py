@@ -10,8 +10,8 @@ import numpy as np
 import pinocchio as pin
 
 from .. import scenes
+from ..folders.loader import load
 from ..forces import Force, JointDamper, JointSpring
-from ..loader import load
 from ..mechanism import Mechanism
 
 RECORDS = ("a", "energy", "multipliers")

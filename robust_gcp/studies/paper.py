@@ -21,11 +21,11 @@ import numpy as np
 from ..closed_form import parallelogram_pendulum, pendulum
 from ..commands import progress_bar, table
 from ..errors import SimulationError
+from ..folders.loader import load
 from ..four_bar_map import draw_four_bar
 from ..gcp import SingularityWarning
-from ..loader import load
 from ..mechanism import Mechanism
-from ..pictures_mechanism import body_legend, draw_pose, face_on, pose
+from ..pictures.mechanism import body_legend, draw_pose, face_on, pose
 from ..simulate import Method, simulate
 from ..trajectory import Trajectory
 from ..tree import Array

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..pictures import (
+from ..pictures.style import (
     BLACK,
     BLUE,
     CYCLE,

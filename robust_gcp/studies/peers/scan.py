@@ -16,7 +16,7 @@ import numpy as np
 from tqdm import tqdm
 
 from ... import commands
-from ...loader import load
+from ...folders.loader import load
 from ...mechanism import Mechanism
 from ...scenes import four_bar
 from ...simulate import simulate

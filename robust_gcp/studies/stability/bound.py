@@ -10,9 +10,9 @@ import numpy as np
 from scipy.optimize import root
 
 from ...errors import SimulationError
+from ...folders.loader import load
 from ...forces import Force, JointDamper, JointSpring, PointSpring
 from ...linearise import linearise
-from ...loader import load
 from ...mechanism import Mechanism
 from ...scenes import four_bar
 from ...simulate import simulate

@@ -81,14 +81,14 @@ class Motion:
         return mechanism, mechanism.home, v0
 
     def kept(self, q: Array) -> bool:
-        """Whether q (n, 3) lies on the mode of the start, to 1e-6 rad and the rounding of short links."""
-        linkage, allowed = self.linkage, 1e-6 + 1e3 * rounding(self.lengths)
+        """Whether q (n, 3) lies on the mode of the start, to 1e-6 rad and what rounding of y makes of it."""
+        linkage, roundings = self.linkage, 1e3 * rounding(self.lengths)
         for row in q:
             try:
-                on_mode = linkage.evaluate(float(row[0]), near=row)[0]
+                on_mode, G, _ = linkage.evaluate(float(row[0]), near=row)
             except RobustGcpError:  # at a dead point both assemblies meet
                 continue
-            if np.abs(on_mode - row).max() > allowed:
+            if np.abs(on_mode - row).max() > 1e-6 + roundings * np.abs(G).max():
                 return False
         return True
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...closed_form import parallelogram_pendulum
-from ...loader import load
+from ...folders.loader import load
 from ...mechanism import Mechanism
 from ...scenes import four_bar, n_four_bar
 from ...tree import Array

@@ -1,0 +1,1 @@
+"""Model folders: robot.urdf and robot.yaml to a mechanism."""

@@ -1,0 +1,1 @@
+"""The configuration space: operation modes, traced through their singular points."""

@@ -1,0 +1,1 @@
+"""Drawing: motions, mechanisms and configuration spaces."""

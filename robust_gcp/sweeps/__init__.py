@@ -1,0 +1,1 @@
+"""Many runs: grids of parameters on any executor, kept in a file."""

@@ -1,0 +1,126 @@
+"""What is kept of one run of a sweep, and how it is written as JSON."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import OptionError
+from ..trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a run has no result.
+
+    Attributes
+    ----------
+    kind : str
+        The error's type, such as "ToggleError".
+    message : str
+    ours : bool
+        True for a `RobustGcpError`: the mechanism or the numbers refuse, and would again. False for
+        any other error: a mistake in the code that was called, or a worker that died.
+    trace : str
+        The traceback of an error that is not ours.
+    """
+
+    kind: str
+    message: str
+    ours: bool
+    trace: str = ""
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """One run of a sweep.
+
+    Attributes
+    ----------
+    index : int
+        Its place in `runs`.
+    parameters : dict
+        What was given for it, with what all runs share.
+    summary : dict or None
+        See `summary`; of the partial trajectory where the run had to stop, None where it never began.
+    kept : object
+        What `keep` made of the trajectory.
+    failure : Failure or None
+    resumed : bool
+        Whether it was read from the sweep's file instead of computed.
+    """
+
+    index: int
+    parameters: Mapping[str, Any]
+    summary: dict[str, Any] | None = None
+    kept: Any = None
+    failure: Failure | None = None
+    resumed: bool = field(default=False, compare=False)
+
+    @property
+    def ok(self) -> bool:
+        """Whether the run reached its end."""
+        return self.failure is None
+
+
+def summary(trajectory: Trajectory) -> dict[str, Any]:
+    """The figures of a run that fit on a line.
+
+    Returns
+    -------
+    dict
+        "rows", "t" (s), "q", "v" (at the end), "max_closure_error" (m or rad), "max_energy_error" (J),
+        "crossings" (how many), "stats" (as `Stats`).
+    """
+    rows = len(trajectory.t)
+    return {
+        "rows": rows,
+        "t": float(trajectory.t[-1]) if rows else None,
+        "q": trajectory.q[-1].tolist() if rows else None,
+        "v": trajectory.v[-1].tolist() if rows else None,
+        "max_closure_error": float(trajectory.closure_error().max(initial=0.0)),
+        "max_energy_error": float(np.abs(trajectory.energy_error()).max(initial=0.0)) if rows else 0.0,
+        "crossings": len(trajectory.crossings),
+        "stats": asdict(trajectory.stats),
+    }
+
+
+def plain(value: Any, what: str) -> Any:
+    """The value as JSON holds it: arrays as lists, dataclasses and named functions by name.
+
+    Raises
+    ------
+    OptionError
+        For what has no such form, naming it as `what`.
+    """
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if isinstance(value, np.generic | np.ndarray):
+        return plain(value.tolist(), what)
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, Mapping):
+        return {str(k): plain(v, f"{what}[{k!r}]") for k, v in value.items()}
+    if isinstance(value, Sequence) and not isinstance(value, bytes):
+        return [plain(v, f"{what}[{i}]") for i, v in enumerate(value)]
+    if is_dataclass(value) and not isinstance(value, type):
+        parts = {f.name: plain(getattr(value, f.name), f"{what}.{f.name}") for f in fields(value)}
+        return {type(value).__name__: parts}
+    module, name = getattr(value, "__module__", None), getattr(value, "__qualname__", "")
+    if callable(value) and getattr(sys.modules.get(str(module)), name, None) is value:
+        return f"{module}.{name}"
+    raise OptionError(
+        f"{what} = {value!r} cannot be written to the sweep's file; give numbers, lists, names, or a "
+        "function defined at the top of a module; or leave file out"
+    )
+
+
+def key(parameters: Mapping[str, Any], what: str) -> str:
+    """The same text for the same parameters."""
+    return json.dumps(plain(parameters, what), sort_keys=True, ensure_ascii=False)

@@ -1,0 +1,298 @@
+"""`sweep`: many runs over mechanisms, initial states and methods, on all cores or a cluster."""
+
+from __future__ import annotations
+
+import inspect
+import itertools
+from collections import Counter
+from collections.abc import Callable, Generator, Iterable, Mapping
+from concurrent.futures import Executor
+from contextlib import ExitStack
+from hashlib import sha256
+from pathlib import Path
+from pickle import dumps
+from typing import Any
+
+from ..checks import check_number
+from ..errors import OptionError
+from ..mechanism import Mechanism
+from .file import SweepFile
+from .pool import Task, here, on_executor, on_processes
+from .record import RunRecord, key
+from .worker import OPTIONS, Build, Keep
+
+Progress = bool | Callable[[int, int], None]
+
+
+def grid(**axes: Iterable[Any]) -> list[dict[str, Any]]:
+    """Every combination of the given values, the last axis fastest.
+
+    Parameters
+    ----------
+    **axes : iterable
+        The values of each parameter.
+
+    Examples
+    --------
+    >>> import robust_gcp as rg
+    >>> rg.grid(method=["bridge", "classical"], step=[1e-3])
+    [{'method': 'bridge', 'step': 0.001}, {'method': 'classical', 'step': 0.001}]
+    """
+    values: list[list[Any]] = []
+    for name, axis in axes.items():
+        if isinstance(axis, str | Mapping) or not isinstance(axis, Iterable):
+            raise OptionError(f"grid: {name} = {axis!r} must be a list of values; write [{axis!r}]")
+        values.append(list(axis))
+    return [dict(zip(axes, combination, strict=True)) for combination in itertools.product(*values)]
+
+
+def sweep(
+    build: Build,
+    runs: Iterable[Mapping[str, Any]],
+    *,
+    executor: Executor | None = None,
+    workers: int | None = None,
+    file: str | Path | None = None,
+    keep: Keep = "summary",
+    progress: Progress = False,
+    on_record: Callable[[RunRecord], None] | None = None,
+    **shared: Any,
+) -> list[RunRecord]:
+    """Simulate many times; the same results as one run after the other.
+
+    Parameters
+    ----------
+    build : str, Path, Mechanism or callable (**parameters) -> Mechanism
+        A model's name or folder for `load`, a mechanism, or a function that makes one.
+    runs : iterable of dict
+        The parameters of each run, see `grid`. Those of `simulate` go there untouched; all others
+        go to `build`, which must then be a function.
+    executor : concurrent.futures.Executor, optional
+        Where to compute: threads, processes, or a cluster (Dask's `client.get_executor()`); it stays
+        open. When left out, worker processes are spawned for this sweep.
+    workers : int, optional
+        How many worker processes; as many as there are processors when left out, 0 for none: the
+        runs are then computed in this process.
+    file : str or Path, optional
+        JSON lines, written as runs end. A sweep that was interrupted resumes from it: runs that are in
+        it are not computed again, unless they failed by an error that is not a `RobustGcpError`.
+    keep : {"summary", "trajectory"} or callable (trajectory) -> object
+        What to keep of each run besides its summary; JSON values where there is a file.
+    progress : bool or callable (done, total)
+        True for a bar on stderr.
+    on_record : callable (record), optional
+        Called with each record as it comes.
+    **shared
+        Parameters that all runs share.
+
+    Returns
+    -------
+    list of RunRecord
+        In the order of `runs`, failures beside successes.
+
+    Raises
+    ------
+    OptionError
+        For bad arguments, before anything is computed, and for a file of another sweep.
+    SweepError
+        When workers cannot start, or a given executor breaks.
+
+    Examples
+    --------
+    >>> import robust_gcp as rg
+    >>> runs = rg.grid(method=["bridge", "closed_form"])
+    >>> for record in rg.sweep("rhombus", runs, workers=0, duration=0.5, step=5e-3):
+    ...     print(record.parameters["method"], record.ok, f"{record.summary['q'][0]:.4f}")
+    bridge True -1.2128
+    closed_form True -1.2128
+    """
+    records = sweep_as_completed(
+        build, runs, executor=executor, workers=workers, file=file, keep=keep, progress=progress, **shared
+    )
+    found = []
+    try:
+        for record in records:
+            if on_record is not None:
+                on_record(record)
+            found.append(record)
+    finally:
+        records.close()
+    return sorted(found, key=lambda record: record.index)
+
+
+def sweep_as_completed(
+    build: Build,
+    runs: Iterable[Mapping[str, Any]],
+    *,
+    executor: Executor | None = None,
+    workers: int | None = None,
+    file: str | Path | None = None,
+    keep: Keep = "summary",
+    progress: Progress = False,
+    **shared: Any,
+) -> Generator[RunRecord, None, None]:
+    """`sweep`, one record at a time: those of the file first, then each as its run ends.
+
+    Closing the iterator, or an interruption (Ctrl-C), cancels what is left and ends the workers.
+    See `sweep` for parameters and errors.
+    """
+    merged = _merged(runs, shared)
+    _check(build, merged, executor, workers, file, keep, progress)
+    return _records(build, merged, executor, workers, file, keep, progress)
+
+
+def _merged(runs: Iterable[Mapping[str, Any]], shared: Mapping[str, Any]) -> list[dict[str, Any]]:
+    if isinstance(runs, Mapping | str) or not isinstance(runs, Iterable):
+        raise OptionError(f"runs = {runs!r} must be a list of dicts, one a run; see robust_gcp.grid")
+    merged = []
+    run: Any
+    for i, run in enumerate(runs):
+        if not isinstance(run, Mapping) or not all(isinstance(name, str) for name in run):
+            raise OptionError(f"runs[{i}] = {run!r} must be a dict of parameters by name")
+        merged.append({**shared, **run})
+    return merged
+
+
+def _check(
+    build: Build,
+    runs: list[dict[str, Any]],
+    executor: Executor | None,
+    workers: int | None,
+    file: str | Path | None,
+    keep: Keep,
+    progress: Progress,
+) -> None:
+    """Refuse bad arguments before anything is computed."""
+    if not isinstance(build, str | Path | Mechanism) and not callable(build):
+        raise OptionError(
+            f"build = {build!r} must be a model's name or folder, a Mechanism, or a function that makes one"
+        )
+    if executor is not None and not isinstance(executor, Executor):
+        raise OptionError(f"executor = {executor!r} must be a concurrent.futures.Executor")
+    if workers is not None:
+        check_number("workers", workers)
+        if workers < 0 or not float(workers).is_integer():
+            raise OptionError(f"workers = {workers} must be a number of processes, 0 or more")
+        if executor is not None:
+            raise OptionError("workers goes with processes of the sweep's own, not with executor")
+    if keep not in ("summary", "trajectory") and not callable(keep):
+        raise OptionError(f'keep = {keep!r} must be "summary", "trajectory", or a function of the trajectory')
+    if file is not None and keep == "trajectory":
+        raise OptionError(
+            'keep = "trajectory" does not go to a file; keep a function that returns the numbers you need'
+        )
+    if not isinstance(progress, bool) and not callable(progress):
+        raise OptionError(f"progress = {progress!r} must be True, False or a function (done, total)")
+    for i, run in enumerate(runs):
+        _check_run(build, i, run)
+
+
+def _check_run(build: Build, i: int, run: Mapping[str, Any]) -> None:
+    """Refuse parameters that neither `simulate` nor `build` takes."""
+    for name in ("progress", "mechanism"):
+        if name in run:
+            raise OptionError(
+                f"runs[{i}]: {name} is not a parameter of a run; see sweep's build and progress"
+            )
+    extra = {name: value for name, value in run.items() if name not in OPTIONS}
+    if isinstance(build, str | Path | Mechanism):
+        if extra:
+            raise OptionError(
+                f"runs[{i}]: simulate has no parameter {next(iter(extra))!r}, and build is no function that "
+                "could take it"
+            )
+        return
+    try:
+        inspect.signature(build).bind(**extra)
+    except TypeError as error:
+        raise OptionError(
+            f"runs[{i}]: build cannot be called with {', '.join(extra) or 'no parameters'}: {error}"
+        ) from error
+    except ValueError:
+        return  # a callable without a signature: it will say so itself
+
+
+def _records(
+    build: Build,
+    runs: list[dict[str, Any]],
+    executor: Executor | None,
+    workers: int | None,
+    file: str | Path | None,
+    keep: Keep,
+    progress: Progress,
+) -> Generator[RunRecord, None, None]:
+    names = _names(runs) if file is not None else []
+    with ExitStack() as stack:
+        told = stack.enter_context(_Told(progress, len(runs)))
+        kept = None
+        if file is not None:
+            identity = {"build": _identity(build), "keep": keep}
+            kept = stack.enter_context(SweepFile(Path(file), identity))
+        tasks: list[Task] = []
+        for i, run in enumerate(runs):
+            line = None if kept is None else kept.done.get(names[i])
+            if kept is None or line is None or (line["failure"] and not line["failure"]["ours"]):
+                tasks.append((i, run))
+                continue
+            told.one_more()
+            yield kept.record(line, i, run)
+        if not tasks:
+            return
+        if executor is not None:
+            outcomes = on_executor(executor, build, keep, tasks)
+        elif workers == 0:
+            outcomes = here(build, keep, tasks)
+        else:
+            outcomes = on_processes(None if workers is None else int(workers), build, keep, tasks)
+        stack.callback(outcomes.close)
+        for index, outcome in outcomes:
+            record = RunRecord(index, runs[index], outcome.summary, outcome.kept, outcome.failure)
+            if kept is not None:
+                record = kept.append(record, names[index][1])
+            told.one_more()
+            yield record
+
+
+def _names(runs: list[dict[str, Any]]) -> list[tuple[str, int]]:
+    """Each run's key in the file, and how many runs before it have the same parameters."""
+    seen: Counter[str] = Counter()
+    names = []
+    for i, run in enumerate(runs):
+        text = key(run, f"runs[{i}]")
+        names.append((text, seen[text]))
+        seen[text] += 1
+    return names
+
+
+def _identity(build: Build) -> Any:
+    """What is written to the file for `build`: a mechanism by its name and a digest of all it is made of."""
+    if isinstance(build, Mechanism):
+        return f"{build.name} {sha256(dumps(build)).hexdigest()[:16]}"
+    return build
+
+
+class _Told:
+    """Progress, as it was asked for."""
+
+    def __init__(self, progress: Progress, total: int) -> None:
+        self.progress, self.total, self.done = progress, total, 0
+        self.bar: Any = None
+
+    def __enter__(self) -> _Told:
+        if self.progress is True:
+            from tqdm import tqdm
+
+            self.bar = tqdm(total=self.total, unit="run")
+        return self
+
+    def one_more(self) -> None:
+        """A run has ended."""
+        self.done += 1
+        if self.bar is not None:
+            self.bar.update()
+        elif callable(self.progress):
+            self.progress(self.done, self.total)
+
+    def __exit__(self, *error: object) -> None:
+        if self.bar is not None:
+            self.bar.close()

@@ -1,0 +1,1 @@
+"""Seeing a motion: one offline page, or a live viewer."""
