@@ -10,8 +10,7 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.__main__ import main
-from robust_gcp.errors import ModelError
-from robust_gcp.studies.costs import BEGIN, END, PARTS, Cost, measure, refresh
+from robust_gcp.studies.costs import PARTS, Cost, measure
 from robust_gcp.studies.costs_scenes import SCENES
 from robust_gcp.studies.import_time import LATER, SHARES, import_milliseconds, loaded_at_import
 
@@ -124,16 +123,18 @@ def test_the_command_renews_the_document(
 ) -> None:
     monkeypatch.setattr("robust_gcp.studies.costs.SCENES", SCENES[:2])
     document = tmp_path / "costs.md"
-    document.write_text(f"before\n{BEGIN}old\n{END}after\n", encoding="utf-8")
+    begin, end = (f"<!-- {side}: costs -->\n" for side in ("begin", "end"))
+    document.write_text(f"before\n{begin}old\n{end}after\n", encoding="utf-8")
     words = ["costs", "--quick", "--out", str(tmp_path / "out"), "--refresh", str(document)]
     assert main(words) == 0
     table = (tmp_path / "out" / "costs.md").read_text(encoding="utf-8")
-    assert document.read_text(encoding="utf-8") == f"before\n{BEGIN}\n{table}\n{END}after\n"
+    assert document.read_text(encoding="utf-8") == f"before\n{begin}\n{table}\n{end}after\n"
     assert table in capsys.readouterr().out
     figures = json.loads((tmp_path / "out" / "costs.json").read_text(encoding="utf-8"))
     assert [scene["scene"] for scene in figures["scenes"]] == [scene.name for scene in SCENES[:2]]
-    with pytest.raises(ModelError, match="once each"):
-        refresh(tmp_path / "out" / "costs.json", table)
+    document.write_text("no marks", encoding="utf-8")
+    assert main(words) == 2
+    assert "no marks of a block named costs" in capsys.readouterr().err
 
 
 def test_the_document_has_every_scene() -> None:

@@ -75,13 +75,6 @@ def test_tables_have_one_line_a_case_and_one_column_a_setting() -> None:
     assert "| 200 | 500 | 120 |" in report.stride_table(STRIDES)
 
 
-def test_a_page_is_refreshed_between_its_marks_alone() -> None:
-    page = "# T\n\n<!-- begin: summary -->\nold\n<!-- end: summary -->\n\ntext\n"
-    once = report.refreshed(page, {"summary": "| new |", "elsewhere": "x"})
-    assert once == page.replace("old", "| new |")
-    assert report.refreshed(once, {"summary": "| new |"}) == once
-
-
 def test_maps_are_drawn_with_each_cell_in_its_colour(tmp_path: Path) -> None:
     path = maps.draw_family(CELLS, tmp_path / "a" / "map.png")
     assert path.read_bytes()[:4] == b"\x89PNG"

@@ -365,19 +365,6 @@ def test_verdicts_say_plainly_when_a_peer_is_faster() -> None:
     assert "above the floor (1.200 times)" in verdicts.verdict("scene", found, reference)
 
 
-def test_the_block_between_markers_is_refreshed(tmp_path: Path) -> None:
-    page = tmp_path / "page.md"
-    opening, closing = verdicts.MARKERS
-    page.write_text(f"before\n{opening}\nold\n{closing}\nafter\n", encoding="utf-8")
-    assert verdicts.refresh(page, r"new \1")
-    assert page.read_text(encoding="utf-8") == f"before\n{opening}\nnew \\1\n{closing}\nafter\n"
-    page.write_text("no block", encoding="utf-8")
-    assert not verdicts.refresh(page, "new")
-    page.write_text(opening, encoding="utf-8")
-    with pytest.raises(rg.OptionError, match="ends with"):
-        verdicts.refresh(page, "new")
-
-
 def test_the_exponent_of_the_cost_is_that_of_the_largest_sizes() -> None:
     points = []
     for n in cost.SIZES:

@@ -12,7 +12,7 @@ import json
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import FrameType
@@ -22,16 +22,16 @@ import numpy as np
 
 from .. import commands
 from ..dynamics import Evaluation, constraint_forces
-from ..errors import ModelError
+from ..errors import OptionError
 from ..folders.loader import load
 from ..forces import AppliedForces
-from ..formats.text_file import read_text
 from ..mechanism import Mechanism
 from ..second_order import transversality
 from ..simulate import simulate
 from ..singularity import analyse
 from ..trajectory import Stats
 from ..tree import Tree
+from . import pages
 from .costs_scenes import SCENES, Scene
 from .import_time import import_milliseconds
 
@@ -47,7 +47,6 @@ PARTS: dict[str, tuple[Callable[..., Any], ...]] = {
 }
 """Functions whose calls are counted."""
 
-BEGIN, END = "<!-- costs: begin -->\n", "<!-- costs: end -->\n"
 """Between these lines the document is written anew."""
 
 
@@ -118,7 +117,7 @@ def markdown(costs: list[Cost], milliseconds: dict[str, float]) -> str:
         *("scene", "µs per step", "ratio", "rhs", "φ and K", "RNEA", "CRBA", "forces"),
         *("a, energy, λ", "SVD", "2nd order", "marching", "bridges", "refined", "crossings"),
     )
-    lines = [f"| {' | '.join(head)} |", f"|---|{'---:|' * (len(head) - 1)}"]
+    rows: list[Sequence[str]] = [head]
     for cost in costs:
         stats, calls = cost.stats, cost.calls
         per_step = (stats.rhs, stats.constraint_evaluations, calls["RNEA"], calls["CRBA"])
@@ -129,25 +128,16 @@ def markdown(costs: list[Cost], milliseconds: dict[str, float]) -> str:
         )
         cells = [cost.scene, f"{cost.microseconds:.0f}", f"{cost.microseconds / costs[0].microseconds:.1f}"]
         cells += [_brief(value / cost.steps) for value in (*per_step, stats.force_evaluations)]
-        lines.append(f"| {' | '.join([*cells, outputs, *map(str, rare)])} |")
+        rows.append([*cells, outputs, *map(str, rare)])
     total = sum(milliseconds.values())
     shares = ", ".join(f"{name} {value / total:.0%}" for name, value in milliseconds.items())
-    lines += ["", f"`import robust_gcp`: {total:.0f} ms on the same machine; {shares}.", ""]
-    return "\n".join(lines)
+    lines = f"`import robust_gcp`: {total:.0f} ms on the same machine; {shares}.\n"
+    return f"{pages.table(rows, range(1, len(head)))}\n\n{lines}"
 
 
 def _brief(value: float) -> str:
     """Two digits after the point, none where it is zero."""
     return f"{value:.2f}".rstrip("0").rstrip(".") if value else "0"
-
-
-def refresh(document: Path, text: str) -> None:
-    """Put the tables between the markers of a document."""
-    old = read_text(document)
-    if old.count(BEGIN) != 1 or old.count(END) != 1 or old.index(BEGIN) > old.index(END):
-        raise ModelError(f"{document}: needs the lines {BEGIN.strip()!r} and {END.strip()!r}, once each")
-    new = old[: old.index(BEGIN) + len(BEGIN)] + "\n" + text + "\n" + old[old.index(END) :]
-    document.write_text(new, encoding="utf-8")
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -175,6 +165,7 @@ def run(args: argparse.Namespace) -> int:
         (args.out / "costs.json").write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
         print(f"wrote {args.out / 'costs.md'} and costs.json", file=sys.stderr)
     if args.refresh is not None:
-        refresh(args.refresh, text)
+        if not pages.renew(args.refresh, {"costs": text}):
+            raise OptionError(f"--refresh {args.refresh}: there are no marks of a block named costs")
         commands.complain(f"renewed {args.refresh}")
     return 0

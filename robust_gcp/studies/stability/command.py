@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ... import commands
 from ...errors import OptionError
-from .. import plots
+from .. import pages, plots
 from . import maps, report
 from .bound import Bound, measure, systems
 from .case import Case, Cell
@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
     paths += draw(args.out, cells)
     if page is not None:
         sections = report.blocks(cells, bounds, found)
-        page.write_text(report.refreshed(page.read_text(encoding="utf-8"), sections), encoding="utf-8")
+        pages.renew(page, sections)
         paths += [page, *draw(args.docs / "figures", cells)]
     _tell(cells)
     for path in paths:

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from ..pages import table
 from .bound import Bound
 from .case import Cell, Verdict
 from .steps import Stride
@@ -103,7 +104,7 @@ def summary(cells: Sequence[Cell]) -> str:
         rows.append([family, str(sum(counted.values())), *map(str, counted.values())])
     counted = count(cells)
     rows.append(["**all**", f"**{len(cells)}**", *(f"**{n}**" for n in counted.values())])
-    return markdown(rows)
+    return table(rows)
 
 
 def family_table(cells: Sequence[Cell]) -> str:
@@ -115,7 +116,7 @@ def family_table(cells: Sequence[Cell]) -> str:
     for name in dict.fromkeys(cell.case.name for cell in cells):
         mine = {cell.setting.label: cell for cell in cells if cell.case.name == name}
         rows.append([name, *(spelled(mine[label]) if label in mine else "" for label in labels)])
-    return markdown(rows)
+    return table(rows)
 
 
 def _counted_table(cells: Sequence[Cell]) -> str:
@@ -127,7 +128,7 @@ def _counted_table(cells: Sequence[Cell]) -> str:
         errors = sorted(c.error for c in mine if math.isfinite(c.error))
         shown = [f"{errors[len(errors) // 2]:.0e}", f"{errors[-1]:.0e}"] if errors else ["", ""]
         rows.append([f"{SYMBOLS[mine[0].verdict]} {kind}", str(number), *shown])
-    return markdown(rows)
+    return table(rows)
 
 
 def spelled(cell: Cell) -> str:
@@ -159,7 +160,7 @@ def reason_table(cells: Sequence[Cell]) -> str:
     for kind, number in kinds.most_common():
         cell = next(cell for cell in stopped if short_reason(cell) == kind)
         rows.append([kind, str(number), f"{cell.case.name}, {cell.setting.label}: {cell.reason}"])
-    return markdown(rows)
+    return table(rows)
 
 
 def bound_table(bounds: Sequence[Bound]) -> str:
@@ -170,7 +171,7 @@ def bound_table(bounds: Sequence[Bound]) -> str:
         if b.eigenvalue.imag:
             value += f" ± {abs(b.eigenvalue.imag):.4g}i"
         rows.append([b.name, value.strip(), f"{b.predicted:.4g}", f"{b.measured:.4g}", f"{b.ratio:.4f}"])
-    return markdown(rows)
+    return table(rows)
 
 
 def stride_table(strides: Sequence[Stride]) -> str:
@@ -188,20 +189,4 @@ def stride_table(strides: Sequence[Stride]) -> str:
             [*lead, f"{s.rtol:.0e}", f"{s.error:.0e}", f"{s.ratio:.3g}",
              f"{s.largest / s.bound:.3g}", str(s.rhs), f"{s.rk4_rhs:.2g}"]
         )  # fmt: skip
-    return markdown(rows)
-
-
-def markdown(rows: Sequence[Sequence[str]]) -> str:
-    """A Markdown table; the first row is its head."""
-    lines = [" | ".join(cell.replace("\n", " ").replace("|", "\\|") for cell in row) for row in rows]
-    return "\n".join([f"| {lines[0]} |", "|" + "---|" * len(rows[0]), *(f"| {line} |" for line in lines[1:])])
-
-
-def refreshed(text: str, sections: dict[str, str]) -> str:
-    """A page with what stands between `<!-- begin: name -->` and `<!-- end: name -->` replaced."""
-    for name, block in sections.items():
-        begin, end = f"<!-- begin: {name} -->", f"<!-- end: {name} -->"
-        if begin in text and end in text:
-            head, rest = text.split(begin, 1)
-            text = f"{head}{begin}\n{block}\n{end}{rest.split(end, 1)[1]}"
-    return text
+    return table(rows)

@@ -6,12 +6,15 @@ import shutil
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from .. import plots
+from .. import pages, plots
 from ..contender import Contender
 from . import cost, figures, verdicts
 from .references import Reference
 from .scenes import Motion
 from .store import Store
+
+MARK = "work-precision"
+"""The block of the pages that this study renews."""
 
 STORY = "antiparallelogram"
 """The scene that pages show."""
@@ -105,6 +108,6 @@ def _refresh(
         ),
     }
     for page, block in blocks.items():
-        if page.exists() and verdicts.refresh(page, block):
+        if page.exists() and pages.renew(page, {MARK: block}):
             written.append(page)
     return written

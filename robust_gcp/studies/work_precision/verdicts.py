@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...errors import OptionError
+from .. import pages
 from . import floor
 from .measure import Point
 from .references import Reference
@@ -24,8 +22,6 @@ STAYS = 10.0
 
 MARGIN = 50.0
 """A floor this many times the reference's accuracy, or more, can be compared with."""
-
-MARKERS = "<!-- work-precision -->", "<!-- /work-precision -->"
 
 
 class Reach(NamedTuple):
@@ -171,9 +167,7 @@ def table(rows: Sequence[tuple[str, Curves, Reference]]) -> str:
         ratio = over_floor(curves, "bridge, RK4", reference.accuracy)
         line += ["–" if ratio is None else f"{ratio:.3f}", f"{reference.accuracy:.0e}"]
         lines.append(line)
-    text = [f"| {' | '.join(line)} |" for line in lines]
-    text.insert(1, "|" + "---|" * len(lines[0]))
-    return "\n".join(text)
+    return pages.table(lines)
 
 
 def _cell(reached: Reach | None, best: tuple[float, str] | None, named: bool) -> str:
@@ -192,22 +186,3 @@ def footer(header: dict[str, Any]) -> str:
         f"{header['begun']}; {m['cpu']}, {m['cores']} cores, {m['os']}, Python {m['python']}, "
         f"{m['packages']}, BLAS threads {m['threads']}; robust_gcp {m['robust_gcp']}, commit {m['commit']}"
     )
-
-
-def refresh(page: Path, block: str) -> bool:
-    """Put `block` between the markers of a page; whether the page has them.
-
-    Raises
-    ------
-    OptionError
-        When just one of the markers is there.
-    """
-    text = page.read_text(encoding="utf-8")
-    there = [marker in text for marker in MARKERS]
-    if not any(there):
-        return False
-    if not all(there):
-        raise OptionError(f"{page}: a block begins with {MARKERS[0]} and ends with {MARKERS[1]}")
-    pattern = re.compile(f"{re.escape(MARKERS[0])}.*?{re.escape(MARKERS[1])}", re.DOTALL)
-    page.write_text(pattern.sub(lambda _: f"{MARKERS[0]}\n{block}\n{MARKERS[1]}", text), encoding="utf-8")
-    return True
