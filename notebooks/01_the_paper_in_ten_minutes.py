@@ -93,8 +93,8 @@ for run, label in ((classical, "classical GCP"), (robust, "robust GCP")):
 for crossing in robust.crossings:
     axes[0].axvline(crossing.time, color="0.8", zorder=0)
 axes[0].set_ylabel("q2 [rad]")
-axes[0].legend()
-axes[1].set(ylabel="|q1 − exact| [rad]", xlabel="t [s]")
+_ = axes[0].legend()
+_ = axes[1].set(ylabel="|q1 − exact| [rad]", xlabel="t [s]")
 # %%
 assert np.abs(robust.q[:, 0] - exact).max() < 1e-9
 assert np.ptp(classical.q[-500:, 1]) < 1e-9  # q2 is frozen: links 1 and 2 turn as one

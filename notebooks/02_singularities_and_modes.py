@@ -15,7 +15,7 @@
 #
 # What a mechanism can do at a configuration, and how the ways it can move hang together.
 #
-# **Look at** the picture of the configuration space: three closed curves that meet in two points.
+# **Look at** the picture of the configuration space: three closed curves that meet in three points.
 
 # %%
 import warnings
