@@ -1,0 +1,148 @@
+"""Builds the compiled kernel with the C++ compiler at hand; needs nothing but the standard library.
+
+`python -m robust_gcp.native.build` does so in a checkout; at installation CMakeLists.txt runs this
+file. Pinocchio, Eigen and Boost are used as headers only, as the wheels libpinocchio, cmeel-eigen and
+cmeel-boost carry them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+SOURCES = ("rigid_bodies.cpp", "kernel.cpp")
+SWITCH = "ROBUST_GCP_NATIVE"
+COMPILERS = ("c++", "g++", "clang++")
+DEFINES = ("-DBOOST_FUSION_INVOKE_MAX_ARITY=12", "-DBOOST_ALLOW_DEPRECATED_HEADERS")
+FLAGS = ("-std=c++17", "-O3", "-DNDEBUG", "-fno-math-errno", "-fPIC", "-fvisibility=hidden")
+"""No -march, so that the library runs on any processor of its kind; no -ffast-math: digits count."""
+SANITIZED = ("-std=c++17", "-O1", "-fPIC", "-fsanitize=address")
+UNDEFINED = ("-g", "-fsanitize=undefined", "-fno-omit-frame-pointer")
+"""Only of the kernel's own code: in Pinocchio's templates it would cost minutes and gigabytes."""
+
+
+class BuildError(Exception):
+    """The kernel cannot be built; `status` and the message go into the report."""
+
+    def __init__(self, message: str, status: str = "failed") -> None:
+        super().__init__(message)
+        self.status = status
+
+
+def compiler() -> list[str]:
+    """The command of CXX, or the first compiler on the PATH."""
+    named = shlex.split(os.environ.get("CXX", ""))
+    for command in [named] if named else [[name] for name in COMPILERS]:
+        if shutil.which(command[0]):
+            return command
+    looked = f"CXX={' '.join(named)} is not there" if named else f"none of {', '.join(COMPILERS)} on the PATH"
+    raise BuildError(looked, "no compiler")
+
+
+def headers() -> list[Path]:
+    """Folders to include: Pinocchio and Boost, and Eigen."""
+    roots = [Path(entry or ".") / "cmeel.prefix" / "include" for entry in sys.path]
+    roots += [Path(sys.prefix) / "include", Path("/usr/local/include"), Path("/usr/include")]
+    found = []
+    for wanted, wheel, folders in (
+        ("pinocchio/multibody.hpp", "libpinocchio", roots),
+        ("boost/variant.hpp", "cmeel-boost", roots),
+        ("Eigen/Core", "cmeel-eigen", [root / "eigen3" for root in roots]),
+    ):
+        folder = next((folder for folder in folders if (folder / wanted).is_file()), None)
+        if folder is None:
+            raise BuildError(f"the header {wanted} was not found; pip install {wheel}")
+        if folder not in found:
+            found.append(folder)
+    return found
+
+
+def build(into: Path, log: list[str], sanitize: bool = False) -> Path:
+    """Compile and link; the commands and what they say are appended to `log`.
+
+    Raises
+    ------
+    BuildError
+    """
+    command = [*compiler(), *(SANITIZED if sanitize else FLAGS), *DEFINES]
+    more = {"kernel.cpp": UNDEFINED} if sanitize else {}
+    for folder in headers():
+        command += ["-isystem", str(folder)]
+    mac = sys.platform == "darwin"
+    library = into / ("kernel.dylib" if mac else "kernel.so")
+    with tempfile.TemporaryDirectory() as scratch:
+        objects = [str(Path(scratch) / f"{name}.o") for name in SOURCES]
+        jobs = [
+            [*command, *more.get(name, ()), "-c", str(HERE / name), "-o", made]
+            for name, made in zip(SOURCES, objects, strict=True)
+        ]
+        with ThreadPoolExecutor(len(jobs)) as pool:
+            list(pool.map(lambda job: _call(job, log), jobs))
+        linked = Path(scratch) / library.name
+        strip = [] if mac or sanitize else ["-s"]
+        _call([*command, *more.get("kernel.cpp", ()), "-shared", *strip, *objects, "-o", str(linked)], log)
+        into.mkdir(parents=True, exist_ok=True)
+        # a new file, not new contents: a process that has the old library loaded keeps it
+        staged = into / f".{library.name}.{os.getpid()}"
+        shutil.copyfile(linked, staged)
+        staged.replace(library)
+    return library
+
+
+def _call(command: list[str], log: list[str]) -> None:
+    done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
+    log += [f"$ {shlex.join(command)}", done.stdout + done.stderr]
+    if done.returncode:
+        errors = [line for line in done.stderr.splitlines() if "error" in line] or done.stderr.splitlines()
+        raise BuildError(f"{command[0]} failed: {errors[0][:300] if errors else done.returncode}")
+
+
+def attempt(into: Path, sanitize: bool = False) -> dict[str, str]:
+    """Build and write build_report.json (and build.log after a failure) beside the library."""
+    log: list[str] = []
+    into.mkdir(parents=True, exist_ok=True)
+    begun = time.monotonic()
+    try:
+        if os.environ.get(SWITCH) == "0":
+            raise BuildError(f"{SWITCH}=0", "skipped")
+        library = build(into, log, sanitize)
+        report = {"status": "built", "detail": f"{library.name} in {time.monotonic() - begun:.0f} s"}
+    except BuildError as error:
+        report = {"status": error.status, "detail": str(error)}
+        if error.status == "failed":
+            report["log"] = "build.log"
+            (into / "build.log").write_text("\n".join(log), encoding="utf-8")
+    (into / "build_report.json").write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+    return report
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command."""
+    parser = argparse.ArgumentParser(description="build the compiled kernel of robust_gcp")
+    parser.add_argument(
+        "--into", type=Path, default=HERE, help="folder for the library (default: the package)"
+    )
+    parser.add_argument("--sanitize", action="store_true", help="with address and undefined-behaviour checks")
+    options = parser.parse_args(arguments)
+    report = attempt(options.into.resolve(), options.sanitize)
+    built = report["status"] == "built"
+    print(f"robust_gcp: compiled kernel: {report['status']} ({report['detail']})")
+    if not built:
+        print("robust_gcp: simulations will run on the slower Python backend")
+    if "log" in report:
+        print((options.into / report["log"]).read_text(encoding="utf-8"))
+    return 0 if built else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

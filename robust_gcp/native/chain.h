@@ -1,0 +1,152 @@
+// The joints of the spanning tree in world axes: placements, velocities, accelerations.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "abi.h"
+#include "cells.h"
+#include "spatial.h"
+
+namespace rg {
+
+// One velocity of a joint: a column of the joint's axes, turning about it or sliding along it.
+struct Freedom {
+    int v = 0, column = 2;
+    bool turning = true;
+};
+
+struct Body {
+    int parent = 0, kind = HINGE, q = 0, first = 0, count = 1;  // first, count: its freedoms
+    bool aligned = false;                                       // placed without a rotation
+    Axes placed;
+    Vec at;
+    double mass = 0.0;
+    Vec centre;
+    double inertia[6] = {};  // at the centre: xx xy yy xz yz zz
+};
+
+inline Vec times_inertia(const double* I, const Vec& w) {
+    return {I[0] * w.x + I[1] * w.y + I[3] * w.z, I[1] * w.x + I[2] * w.y + I[4] * w.z,
+            I[3] * w.x + I[4] * w.y + I[5] * w.z};
+}
+
+struct Chain {
+    std::vector<Body> bodies;        // 0 is the ground
+    std::vector<Freedom> freedoms;   // by index in v
+    std::vector<int> loop, free;     // joints that carry cut points, and the others, parents first
+    Vec gravity;
+    // state
+    Cells<Axes> axes;
+    Cells<Vec> p, r;           // origins, and those seen from the parent's origin
+    Cells<Vec> omega, u, alpha, a;  // u: velocity of the origin
+
+    explicit Chain(const Description& d) : gravity{d.gravity[0], d.gravity[1], d.gravity[2]} {
+        bodies.resize(static_cast<std::size_t>(d.joints) + 1);
+        int q = 0;
+        for (int j = 1; j <= d.joints; ++j) {
+            Body& b = bodies[j];
+            b.parent = d.parent[j - 1];
+            b.kind = d.kind[j - 1];
+            const double* m = d.placement + 12 * (j - 1);
+            b.placed = {{m[0], m[3], m[6]}, {m[1], m[4], m[7]}, {m[2], m[5], m[8]}};
+            b.at = {m[9], m[10], m[11]};
+            b.aligned = m[0] == 1.0 && m[4] == 1.0 && m[8] == 1.0;
+            const double* i = d.inertia + 10 * (j - 1);
+            b.mass = i[0];
+            b.centre = {i[1], i[2], i[3]};
+            for (int k = 0; k < 6; ++k) b.inertia[k] = i[4 + k];
+            b.q = q;
+            b.first = static_cast<int>(freedoms.size());
+            q += add_freedoms(b.kind);
+            b.count = static_cast<int>(freedoms.size()) - b.first;
+        }
+        const std::size_t n = bodies.size();
+        axes.resize(n);
+        for (auto* vectors : {&p, &r, &omega, &u, &alpha, &a}) vectors->resize(n);
+        std::vector<bool> used(n, false);
+        for (int i = 0; i < 2 * d.closures; ++i)
+            for (int j = d.closure_joint[i]; j > 0; j = bodies[j].parent) used[j] = true;
+        for (int j = 1; j < static_cast<int>(n); ++j) (used[j] ? loop : free).push_back(j);
+    }
+
+    void place(const std::vector<int>& joints, const double* q) {
+        for (int j : joints) place(j, q + bodies[j].q);
+    }
+
+    // Velocities, and accelerations where all joints' accelerations are zero, for velocities v.
+    void move(const std::vector<int>& joints, const double* v) {
+        for (int j : joints) {
+            const Body& b = bodies[j];
+            const Vec &w = omega[b.parent], &arm = r[j];
+            u[j] = u[b.parent] + cross(w, arm);
+            a[j] = a[b.parent] + cross(alpha[b.parent], arm) + centripetal(w, arm);
+            omega[j] = w;
+            alpha[j] = alpha[b.parent];
+            if (b.kind == HINGE || b.kind == UNBOUNDED_HINGE) {
+                const Vec turn = v[b.first] * axes[j].z;
+                omega[j] += turn;
+                alpha[j] += cross(w, turn);
+                continue;
+            }
+            Vec turn, slide;
+            for (int i = b.first; i < b.first + b.count; ++i)
+                (freedoms[i].turning ? turn : slide) += v[i] * axes[j][freedoms[i].column];
+            omega[j] += turn;
+            alpha[j] += cross(w, turn);
+            u[j] += slide;
+            a[j] += cross(w + omega[j], slide);
+        }
+    }
+
+  private:
+    int add_freedoms(int kind) {
+        auto add = [this](int column, bool turning) {
+            freedoms.push_back({static_cast<int>(freedoms.size()), column, turning});
+        };
+        switch (kind) {
+            case HINGE:
+            case UNBOUNDED_HINGE:
+            case SLIDE: add(2, kind != SLIDE); break;
+            case PLANAR: add(0, false), add(1, false), add(2, true); break;
+            default:
+                if (kind != SPHERICAL)
+                    for (int i = 0; i < 3; ++i) add(i, false);
+                if (kind != TRANSLATION)
+                    for (int i = 0; i < 3; ++i) add(i, true);
+        }
+        constexpr int numbers[] = {1, 1, 2, 4, 3, 7, 4};
+        return numbers[kind];
+    }
+
+    void place(int j, const double* q) {
+        const Body& b = bodies[j];
+        const Axes& parent = axes[b.parent];
+        Axes& here = axes[j];
+        r[j] = parent.turn(b.at);
+        const Axes base = b.aligned ? parent : parent.turn(b.placed);
+        switch (b.kind) {
+            case HINGE: here = base.about_z(std::cos(q[0]), std::sin(q[0])); break;
+            case UNBOUNDED_HINGE: here = base.about_z(q[0], q[1]); break;
+            case SLIDE:
+                here = base;
+                r[j] += q[0] * base.z;
+                break;
+            case SPHERICAL: here = base.turn(axes_of_quaternion(q)); break;
+            case TRANSLATION:
+                here = base;
+                r[j] += base.turn(Vec{q[0], q[1], q[2]});
+                break;
+            case FREE_FLYER:
+                here = base.turn(axes_of_quaternion(q + 3));
+                r[j] += base.turn(Vec{q[0], q[1], q[2]});
+                break;
+            default:  // PLANAR
+                here = base.about_z(q[2], q[3]);
+                r[j] += base.turn(Vec{q[0], q[1], 0.0});
+        }
+        p[j] = p[b.parent] + r[j];
+    }
+};
+
+}  // namespace rg

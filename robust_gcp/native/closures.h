@@ -1,0 +1,201 @@
+// φ, the entries of K that are not always zero, and k, all scaled.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "abi.h"
+#include "cells.h"
+#include "chain.h"
+
+namespace rg {
+
+// A velocity that moves the two cut points against each other.
+struct Lever {
+    int joint, v, column;
+    bool turning;
+    int side;  // 0: moves the first point, 1: the second
+};
+
+struct Term {  // of a rotation row: w (u · n), u fixed in body 1 and n in body 2
+    double w;
+    Vec u, n;
+};
+
+struct Row {
+    int axis;  // world axis of a position row, −1 for a rotation row
+    double weight;
+    std::vector<Term> terms;
+};
+
+struct Entry {
+    int row, v;
+    double scale;
+};
+
+class Closures {
+  public:
+    std::vector<Entry> entries;
+    Cells<double> phi, k, values;  // values: one an entry
+
+    Closures(const Description& d, Chain& chain) : chain_(chain) {
+        for (int c = 0; c < d.closures; ++c) {
+            Loop loop;
+            for (int side = 0; side < 2; ++side) {
+                loop.joint[side] = d.closure_joint[2 * c + side];
+                const double* p = d.closure_point + 6 * c + 3 * side;
+                loop.point[side] = {p[0], p[1], p[2]};
+            }
+            find_levers(loop);
+            loop.first_row = static_cast<int>(rows_.size());
+            for (int row = 0; row < d.rows; ++row)
+                if (d.row_closure[row] == c) add_row(d, loop, row);
+            loop.rows = static_cast<int>(rows_.size()) - loop.first_row;
+            for (const Lever& lever : loop.levers)
+                for (int i = 0; i < loop.rows; ++i) {
+                    const int row = loop.first_row + i;
+                    const double sign = lever.side == 0 ? 1.0 : -1.0;
+                    entries.push_back(
+                        {target_[row], lever.v, sign * rows_[row].weight * d.scale[lever.v]});
+                }
+            loops_.push_back(loop);
+        }
+        phi.resize(rows_.size());
+        k.resize(rows_.size());
+        values.resize(entries.size() + 1);  // the last one stays zero
+    }
+
+    // φ at the chain's placements; returns max |φ|, NaN where φ is not finite.
+    double residual() {
+        double size = 0.0;
+        for (Loop& loop : loops_) {
+            for (int side = 0; side < 2; ++side) {
+                const int j = loop.joint[side];
+                loop.arm[side] = chain_.axes[j].turn(loop.point[side]);
+                loop.at[side] = chain_.p[j] + loop.arm[side];
+            }
+            const Vec apart = loop.at[0] - loop.at[1];
+            for (int row = loop.first_row; row < loop.first_row + loop.rows; ++row) {
+                double value = 0.0;
+                if (rows_[row].axis >= 0) {
+                    value = apart[rows_[row].axis];
+                } else {
+                    for (const Term& t : rows_[row].terms)
+                        value += t.w * dot(first(loop).turn(t.u), second(loop).turn(t.n));
+                }
+                value *= rows_[row].weight;
+                phi[target_[row]] = value;
+                const double magnitude = std::fabs(value);
+                if (!(magnitude <= size)) size = magnitude;  // keeps a NaN
+                if (std::isnan(size)) return size;
+            }
+        }
+        return size;
+    }
+
+    // K after `residual` at the same placements.
+    void jacobian() {
+        std::size_t at = 0;
+        for (const Loop& loop : loops_) {
+            bool rotations = false;
+            for (int i = 0; i < loop.rows; ++i) {
+                const Row& row = rows_[loop.first_row + i];
+                if (row.axis >= 0) continue;
+                rotations = true;
+                Vec normal;
+                for (const Term& t : row.terms)
+                    normal += t.w * cross(first(loop).turn(t.u), second(loop).turn(t.n));
+                normals_[loop.first_row + i] = normal;
+            }
+            for (const Lever& lever : loop.levers) {
+                const Vec& axis = chain_.axes[lever.joint][lever.column];
+                const Vec way = lever.turning ? cross(axis, loop.at[lever.side] - chain_.p[lever.joint]) : axis;
+                for (int i = 0; i < loop.rows; ++i, ++at) {
+                    const int e = rows_[loop.first_row + i].axis;
+                    if (e >= 0)
+                        values[at] = entries[at].scale * way[e];
+                    else
+                        values[at] = lever.turning && rotations
+                                         ? entries[at].scale * dot(axis, normals_[loop.first_row + i])
+                                         : 0.0;
+                }
+            }
+        }
+    }
+
+    // k = −K̇ v after the chain's `move` with v.
+    void bias() {
+        for (const Loop& loop : loops_) {
+            const int j1 = loop.joint[0], j2 = loop.joint[1];
+            const Vec apart = pull(j2, loop.arm[1]) - pull(j1, loop.arm[0]);
+            for (int row = loop.first_row; row < loop.first_row + loop.rows; ++row) {
+                double value = 0.0;
+                if (rows_[row].axis >= 0) {
+                    value = apart[rows_[row].axis];
+                } else {
+                    const Vec &w1 = chain_.omega[j1], &w2 = chain_.omega[j2];
+                    for (const Term& t : rows_[row].terms) {
+                        const Vec u = first(loop).turn(t.u), n = second(loop).turn(t.n);
+                        const Vec rate = cross(cross(w1, u), n) + cross(u, cross(w2, n));
+                        value -= t.w * (dot(chain_.alpha[j1] - chain_.alpha[j2], cross(u, n)) +
+                                        dot(w1 - w2, rate));
+                    }
+                }
+                k[target_[row]] = rows_[row].weight * value;
+            }
+        }
+    }
+
+  private:
+    struct Loop {
+        int joint[2];
+        Vec point[2], arm[2], at[2];
+        std::vector<Lever> levers;
+        int first_row = 0, rows = 0;
+    };
+
+    const Axes& first(const Loop& loop) const { return chain_.axes[loop.joint[0]]; }
+    const Axes& second(const Loop& loop) const { return chain_.axes[loop.joint[1]]; }
+
+    Vec pull(int j, const Vec& arm) const {
+        return chain_.a[j] + cross(chain_.alpha[j], arm) + centripetal(chain_.omega[j], arm);
+    }
+
+    void add_row(const Description& d, const Loop&, int row) {
+        Row made{d.row_axis[row], d.row_weight[row], {}};
+        for (int t = d.row_terms[row]; t < d.row_terms[row + 1]; ++t) {
+            const double* x = d.terms + 7 * t;
+            made.terms.push_back({x[0], {x[1], x[2], x[3]}, {x[4], x[5], x[6]}});
+        }
+        rows_.push_back(made);
+        target_.push_back(row);
+        normals_.push_back({});
+    }
+
+    // Joints that carry one of the two points but not both: the others move the loop as a whole.
+    void find_levers(Loop& loop) const {
+        for (int side = 0; side < 2; ++side)
+            for (int j = loop.joint[side]; j > 0; j = chain_.bodies[j].parent) {
+                if (carries(j, loop.joint[1 - side])) continue;
+                const Body& b = chain_.bodies[j];
+                for (int i = b.first; i < b.first + b.count; ++i)
+                    loop.levers.push_back(
+                        {j, i, chain_.freedoms[i].column, chain_.freedoms[i].turning, side});
+            }
+    }
+
+    bool carries(int joint, int body) const {
+        for (int j = body; j > 0; j = chain_.bodies[j].parent)
+            if (j == joint) return true;
+        return false;
+    }
+
+    Chain& chain_;
+    std::vector<Loop> loops_;
+    std::vector<Row> rows_;
+    std::vector<int> target_;  // the caller's number of each row
+    Cells<Vec> normals_;
+};
+
+}  // namespace rg

@@ -1,0 +1,199 @@
+"""A mechanism as the plain arrays that the compiled kernel reads."""
+
+from __future__ import annotations
+
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from ..closure import closure_frames, frame_of
+from ..forces import JointDamper, JointSpring, JointTorque, PointSpring
+from ..kernel import RegularPath
+from ..mechanism import Mechanism
+from ..reduced_inertia import ReducedInertia
+from ..tree import Array
+from .structures import Arrays, Description, Kind
+
+_WHOLE = {
+    "JointModelSpherical": Kind.SPHERICAL,
+    "JointModelTranslation": Kind.TRANSLATION,
+    "JointModelFreeFlyer": Kind.FREE_FLYER,
+    "JointModelPlanar": Kind.PLANAR,
+}
+
+
+class NotNativeError(Exception):
+    """The kernel cannot take this mechanism; the message says why."""
+
+
+_cache: WeakKeyDictionary[Mechanism, dict[tuple[int, ...], Arrays]] = WeakKeyDictionary()
+
+
+def describe(mechanism: Mechanism, path: RegularPath, constant: ArrayLike | None, works: bool) -> Arrays:
+    """The kernel's `Description`; kept for each mechanism and choice of rows where nothing else acts.
+
+    Parameters
+    ----------
+    constant : array_like (nv,) or None
+        A constant torque that acts besides the mechanism's forces.
+    works : bool
+        Whether the state ends with the work done.
+
+    Raises
+    ------
+    NotNativeError
+        For a joint that the kernel does not know.
+    """
+    if constant is not None or works:
+        return _described(mechanism, path, constant, works)
+    known = _cache.setdefault(mechanism, {})
+    rows = tuple(path.rows.tolist())
+    if rows not in known:
+        known[rows] = _described(mechanism, path, None, False)
+    return known[rows]
+
+
+def _described(mechanism: Mechanism, path: RegularPath, constant: ArrayLike | None, works: bool) -> Arrays:
+    if mechanism.m == 0:
+        raise NotNativeError("the mechanism has no degree of freedom")
+    description = Description(
+        joints=mechanism.model.njoints - 1, nq=mechanism.nq, nv=mechanism.nv, m=mechanism.m, works=works
+    )
+    arrays = Arrays(description)
+    turns = _tree(mechanism.model, arrays)
+    scale = np.ones(mechanism.nv)
+    scale[path.dependent] = mechanism.column_scale[path.dependent]
+    arrays.integers(independent=mechanism.iv_independent, independent_q=mechanism.iq_independent)
+    turn = np.where(path.tree.rotates, 1.0, 1.0 / mechanism.length)
+    arrays.reals(size=1.0 / mechanism.column_scale, turn=turn, scale=scale)
+    arrays.reals(own=[ReducedInertia(mechanism).own])
+    _closures(mechanism, path, turns, arrays)
+    _blocks(path, arrays)
+    _forces(mechanism, constant, turns, arrays)
+    return arrays
+
+
+def _tree(model: pin.Model, arrays: Arrays) -> list[Array]:
+    """Joints and bodies; returns the rotation by which each joint's frame is turned to its axis."""
+    if np.any(model.gravity.angular):
+        raise NotNativeError("gravity has an angular part")
+    kinds, placements, inertias = [], [], []
+    turns: list[Array] = [np.eye(3)]
+    for j in range(1, model.njoints):
+        kind, turn = _kind(model, j)
+        before = turns[model.parents[j]]
+        place, body = model.jointPlacements[j], model.inertias[j]
+        kinds.append(kind)
+        turns.append(turn)
+        rotation = before.T @ place.rotation @ turn
+        placements.append(np.concatenate([rotation.ravel(), before.T @ place.translation]))
+        about = turn.T @ body.inertia @ turn
+        inertias.append(
+            np.concatenate([[body.mass], turn.T @ body.lever, about[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]])
+        )
+    arrays.integers(parent=list(model.parents)[1:], kind=kinds)
+    arrays.reals(
+        placement=placements, inertia=inertias, armature=model.armature, gravity=model.gravity.linear
+    )
+    return turns
+
+
+def _kind(model: pin.Model, j: int) -> tuple[Kind, Array]:
+    """What joint j is, and a rotation that takes z to its axis."""
+    joint = model.joints[j]
+    name = str(joint.shortname())
+    if name in _WHOLE:
+        return _WHOLE[name], np.eye(3)
+    if joint.nv == 1 and joint.nq in (1, 2) and "Mimic" not in name and "Composite" not in name:
+        data = joint.createData()
+        joint.calc(data, pin.neutral(model))
+        linear, angular = np.split(np.asarray(data.S, dtype=float).ravel(), 2)
+        if not np.any(linear):
+            return Kind.HINGE if joint.nq == 1 else Kind.UNBOUNDED_HINGE, _with_z_along(angular)
+        if not np.any(angular) and joint.nq == 1:
+            return Kind.SLIDE, _with_z_along(linear)
+    raise NotNativeError(f"joint {model.names[j]!r} is of type {name}")
+
+
+def _with_z_along(axis: Array) -> Array:
+    """A rotation matrix whose last column is the axis; exact for a coordinate axis."""
+    last = int(np.argmax(np.abs(axis)))
+    first = np.cross(np.eye(3)[(last + 2) % 3], axis)
+    first /= np.linalg.norm(first)
+    return np.column_stack([first, np.cross(axis, first), axis])
+
+
+def _closures(mechanism: Mechanism, path: RegularPath, turns: list[Array], arrays: Arrays) -> None:
+    """Cut points and the rows that the path has chosen."""
+    closures = mechanism.closures
+    frames = closure_frames(mechanism.model, closures)
+    joints, points, base = [], [], 0
+    of_row: dict[int, tuple[int, int, list[list[float]]]] = {}  # closure, world axis or −1, terms
+    for c, closure in enumerate(closures):
+        ends = frames[c], frames[len(closures) + c]
+        local = [turns[joint].T @ place.rotation for joint, place in ends]
+        joints += [joint for joint, _ in ends]
+        points += [turns[joint].T @ place.translation for joint, place in ends]
+        of_row |= {base + axis: (c, axis, []) for axis in range(3)}
+        base += 3
+        terms = closure.rotation_terms()
+        for row, weight, u, n in terms:
+            _, _, kept = of_row.setdefault(base + row, (c, -1, []))
+            kept.append([weight, *(local[0] @ u), *(local[1] @ n)])
+        base += len({term[0] for term in terms})
+    chosen = [of_row[int(full)] for full in mechanism.implicit.rows[path.rows]]
+    arrays.structure.closures, arrays.structure.rows = len(closures), len(chosen)
+    arrays.integers(
+        closure_joint=joints,
+        row_closure=[c for c, _, _ in chosen],
+        row_axis=[axis for _, axis, _ in chosen],
+        row_terms=np.cumsum([0, *(len(terms) for _, _, terms in chosen)]),
+    )
+    arrays.reals(
+        closure_point=points,
+        row_weight=1.0 / mechanism.row_scale[path.rows],
+        terms=[term for _, _, terms in chosen for term in terms],
+    )
+
+
+def _blocks(path: RegularPath, arrays: Arrays) -> None:
+    """The order of substitution."""
+    blocks = path.blocks
+    none: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
+    arrays.structure.blocks = len(blocks)
+    arrays.integers(
+        block_start=np.cumsum([0, *(len(block.rows) for block in blocks)]),
+        block_rows=np.concatenate([none, *(block.rows for block in blocks)]),
+        block_columns=np.concatenate([none, *(path.dependent[block.columns] for block in blocks)]),
+    )
+    arrays.reals(reference=path.factor.reference)
+
+
+def _forces(mechanism: Mechanism, constant: ArrayLike | None, turns: list[Array], arrays: Arrays) -> None:
+    """Springs, dampers, drives and point springs."""
+    model = mechanism.model
+    damping, drive = np.zeros(mechanism.nv), np.zeros(mechanism.nv)
+    if constant is not None:
+        drive += mechanism.velocity(constant, "torque")
+    spring_at, spring, line_joint, line = [], [], [], []
+    for force in mechanism.forces:
+        if isinstance(force, PointSpring):
+            ends = [frame_of(model, name, "PointSpring") for name in (force.frame1, force.frame2)]
+            line_joint += [int(end.parentJoint) for end in ends]
+            points = [turns[end.parentJoint].T @ end.placement.translation for end in ends]
+            line.append([*points[0], *points[1], force.stiffness, force.rest_length, force.damping])
+            continue
+        joint = mechanism.joint(force.joint)
+        if isinstance(force, JointSpring):
+            spring_at += [joint.idx_q, joint.idx_v]
+            spring.append([force.stiffness, force.rest])
+        elif isinstance(force, JointDamper):
+            damping[joint.idx_v : joint.idx_v + joint.nv] += force.damping
+        elif isinstance(force, JointTorque):
+            drive[joint.idx_v] += force.torque
+    arrays.structure.springs, arrays.structure.lines = len(spring), len(line)
+    arrays.structure.forces = bool(mechanism.forces) or constant is not None
+    arrays.integers(spring_at=spring_at, line_joint=line_joint)
+    arrays.reals(spring=spring, damping=damping, drive=drive, line=line)

@@ -1,0 +1,45 @@
+// The functions that Python calls. Nothing here is global: each handle is a workspace of its own.
+#include <algorithm>
+#include <chrono>
+#include <cstring>
+#include <exception>
+
+#include "abi.h"
+#include "stepper.h"
+
+#define RG_EXPORT extern "C" __attribute__((visibility("default")))
+
+RG_EXPORT std::int32_t rg_version() { return rg::VERSION; }
+
+// Size of a structure of abi.h, to compare with the caller's.
+RG_EXPORT std::int32_t rg_size(std::int32_t structure) {
+    constexpr std::size_t sizes[] = {sizeof(rg::Description), sizeof(rg::Table), sizeof(rg::Request)};
+    return static_cast<std::int32_t>(sizes[structure]);
+}
+
+// A workspace for a mechanism, or null with the reason in `why`.
+RG_EXPORT void* rg_create(const rg::Description* description, char* why, std::int32_t length) {
+    try {
+        return new rg::Stepper(*description);
+    } catch (const std::exception& error) {
+        std::strncpy(why, error.what(), static_cast<std::size_t>(length) - 1);
+        return nullptr;
+    }
+}
+
+RG_EXPORT void rg_destroy(void* stepper) { delete static_cast<rg::Stepper*>(stepper); }
+
+RG_EXPORT void rg_run(void* stepper, rg::Request* request) { static_cast<rg::Stepper*>(stepper)->run(*request); }
+
+// Seconds per call of what a right-hand side asks of Pinocchio: computeJointJacobians, rnea twice, crba.
+RG_EXPORT double rg_time_pinocchio(void* stepper, const double* q, const double* v, std::int32_t repeats) {
+    rg::RigidBodies& rigid = static_cast<rg::Stepper*>(stepper)->path.rigid;
+    double best = 1e300;
+    for (int round = 0; round < 5; ++round) {
+        const auto begun = std::chrono::steady_clock::now();
+        for (std::int32_t i = 0; i < repeats; ++i) rigid.right_hand_side(q, v);
+        const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begun;
+        best = std::min(best, spent.count() / repeats);
+    }
+    return best;
+}

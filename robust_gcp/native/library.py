@@ -1,0 +1,147 @@
+"""The compiled kernel: where it is, and why it is not there."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import json
+import os
+import sys
+import warnings
+from ctypes import POINTER, c_char_p, c_double, c_int32, c_void_p
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from .structures import VERSION, Description, Request
+
+NAME = "kernel.dylib" if sys.platform == "darwin" else "kernel.so"
+
+REPORT = "build_report.json"
+"""What the build left behind: {"status": "built" | "failed" | "no compiler" | "skipped", "detail": ...}."""
+
+SWITCH = "ROBUST_GCP_NATIVE"
+"""Environment variable: 0 skips the build at installation and the kernel at run time; at run time it
+may also name a library to use instead of the installed one."""
+
+
+@dataclass(frozen=True)
+class Backend:
+    """Whether a backend of `simulate` can be used.
+
+    Attributes
+    ----------
+    available : bool
+    reason : str
+        What it is, or why it is not there and what would help.
+    """
+
+    available: bool
+    reason: str
+
+
+class NativeBuildWarning(RuntimeWarning):
+    """The compiled kernel should be there, but its build failed or it does not load."""
+
+
+class Library:
+    """The functions of the compiled kernel.
+
+    Raises
+    ------
+    OSError
+        When the file cannot be loaded or speaks another version of the interface.
+    """
+
+    def __init__(self, path: Path) -> None:
+        library = ctypes.CDLL(str(path))
+        if library.rg_version() != VERSION:
+            raise OSError(f"{path} has interface {library.rg_version()}, this package needs {VERSION}")
+        self.create = library.rg_create
+        self.create.argtypes, self.create.restype = [POINTER(Description), c_char_p, c_int32], c_void_p
+        self.destroy = library.rg_destroy
+        self.destroy.argtypes, self.destroy.restype = [c_void_p], None
+        self.run = library.rg_run
+        self.run.argtypes, self.run.restype = [c_void_p, POINTER(Request)], None
+        self.time_pinocchio = library.rg_time_pinocchio
+        self.time_pinocchio.argtypes = [c_void_p, c_void_p, c_void_p, c_int32]
+        self.time_pinocchio.restype = c_double
+
+
+def backends() -> dict[str, Backend]:
+    """The backends of `simulate`: what is there, and why not."""
+    library, reason = _look()
+    return {
+        "python": Backend(True, "the reference, always there"),
+        "native": Backend(library is not None, reason),
+    }
+
+
+def library() -> Library | None:
+    """The compiled kernel, or None; warns once where it should be there and is not."""
+    found, reason = _look()
+    if found is None and _broken():
+        _warn(reason)
+    return found
+
+
+def _look() -> tuple[Library | None, str]:
+    wanted = os.environ.get(SWITCH, "")
+    if wanted == "0":
+        return None, f"switched off by {SWITCH}=0"
+    return _load(_installed(NAME) if wanted in ("", "1") else Path(wanted))
+
+
+def _installed(name: str) -> Path:
+    """A file beside this one; an editable installation keeps built files in another folder."""
+    import robust_gcp.native as package
+
+    found = (Path(folder) / name for folder in package.__path__)
+    return next(filter(Path.exists, found), Path(__file__).parent / name)
+
+
+@functools.cache
+def _load(path: Path) -> tuple[Library | None, str]:
+    if not path.exists():
+        return None, _why_not_built() if path.name == NAME else f"there is no {path}"
+    try:
+        return Library(path), f"compiled kernel {path}"
+    except (OSError, AttributeError) as error:
+        return None, f"{path} does not load ({error}); build it again"
+
+
+def _report() -> dict[str, Any]:
+    try:
+        report = json.loads(_installed(REPORT).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return report if isinstance(report, dict) else {}
+
+
+def _broken() -> bool:
+    wanted = os.environ.get(SWITCH, "")
+    if wanted not in ("", "1"):
+        return wanted != "0"
+    return _installed(NAME).exists() or _report().get("status") == "failed"
+
+
+def _why_not_built() -> str:
+    report = _report()
+    status, detail = report.get("status"), report.get("detail", "")
+    if status == "failed":
+        return f"its build failed at installation ({detail}); the log is {_installed('build.log')}"
+    if status == "no compiler":
+        return f"no C++ compiler was found at installation ({detail}); install one, then this package again"
+    if status == "skipped":
+        return f"its build was skipped at installation ({detail})"
+    return "not built in this checkout; build it with: python -m robust_gcp.native.build"
+
+
+@functools.cache
+def _warn(reason: str) -> None:
+    warnings.warn(
+        f"the compiled kernel is not available: {reason}. Simulations run on the slower Python backend; "
+        'robust_gcp.backends() tells more, simulate(backend="python") asks for it without this warning',
+        NativeBuildWarning,
+        stacklevel=5,
+    )

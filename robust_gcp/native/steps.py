@@ -1,0 +1,128 @@
+"""The regular steps of a run, taken by the compiled kernel; everything rare stays with the run."""
+
+from __future__ import annotations
+
+from numpy.typing import ArrayLike
+
+from ..bridge_map import BridgeMap
+from ..dynamics import Evaluation, Torque, does_work, torque_function
+from ..errors import OptionError
+from ..explicit import ExplicitMap
+from ..gcp import DIGITS_LOST, ClassicalMap
+from ..kernel import RegularPath
+from ..mechanism import Mechanism
+from ..record import Record
+from ..tree import Array
+from .description import NotNativeError
+from .library import Library, backends, library
+from .workspace import Batch, Workspace
+
+BACKENDS = ("auto", "python", "native")
+
+BATCH = 20_000
+"""Steps of a batch times velocities: some 20 ms, so that an interrupt or a progress bar need not wait."""
+
+
+def chosen_library(backend: str, stepper: str, method: str, newton_start: str) -> Library | None:
+    """The kernel for these choices, or None where Python is to do the work.
+
+    Raises
+    ------
+    OptionError
+        For backend="native" where the kernel is not there or does not know the method.
+    """
+    if backend == "python":
+        return None
+    why = None
+    if stepper != "rk4":
+        why = f'it takes steps of stepper="rk4", not of {stepper!r}'
+    elif method not in ("bridge", "classical"):
+        why = f'it knows the methods "bridge" and "classical", not {method!r}'
+    elif method == "classical" and newton_start != "tangent":
+        why = f'with method="classical" it knows newton_start="tangent", not {newton_start!r}'
+    found = library() if why is None and backend == "auto" else None
+    if backend == "auto":
+        return found
+    if why is None:
+        state = backends()["native"]
+        found, why = (library(), "") if state.available else (None, state.reason)
+    if found is None:
+        raise OptionError(f'backend="native": {why}; use backend="auto" or "python"')
+    return found
+
+
+class NativeSteps:
+    """Takes a run's steps in the kernel as long as nothing rare happens.
+
+    Parameters
+    ----------
+    library : Library
+    torque : callable, array_like or None
+    required : bool
+        Whether a mechanism that the kernel cannot take is an error.
+    """
+
+    def __init__(self, library: Library, torque: Torque | ArrayLike | None, required: bool) -> None:
+        self._library, self._torque, self._required = library, torque, required
+        self._path: RegularPath | None = None
+        self._workspace: Workspace | None = None
+
+    def prepare(self, mechanism: Mechanism, path: RegularPath) -> Workspace | None:
+        """The workspace for this path; None where the kernel cannot take the mechanism.
+
+        Raises
+        ------
+        OptionError
+            In that case, if the kernel is required.
+        """
+        if self._path is not path:
+            torque = torque_function(mechanism, self._torque) if callable(self._torque) else self._torque
+            works = does_work(mechanism, self._torque)
+            self._path = path
+            try:
+                self._workspace = Workspace(self._library, mechanism, path, torque, works)
+            except NotNativeError as error:
+                self._workspace = None
+                if self._required:
+                    raise OptionError(
+                        f'backend="native": {error}, which the compiled kernel does not know; '
+                        'use backend="auto" or "python"'
+                    ) from error
+        return self._workspace
+
+    def take(
+        self,
+        mechanism: Mechanism,
+        explicit: ExplicitMap,
+        now: Evaluation,
+        x: Array,
+        times: Array,
+        record: Record,
+        i: int,
+    ) -> Batch | None:
+        """Steps from the present time i, recorded; None where the map is not on its regular path."""
+        if isinstance(explicit, BridgeMap):
+            bridge, zone, same_branch = explicit.current, explicit.options.zone, True
+            if bridge is not None and not bridge.line.one_polynomial:
+                return None
+        elif isinstance(explicit, ClassicalMap):
+            bridge, zone, same_branch = None, DIGITS_LOST, False
+        else:
+            return None
+        workspace = self.prepare(mechanism, explicit.path)
+        if workspace is None:
+            return None
+        n = min(len(times) - 1 - i, max(1, BATCH // mechanism.nv))
+        outputs = record.room(i, n)
+        batch = workspace.run(times[i : i + n + 1], x, now, outputs, zone, same_branch, bridge)
+        record.keep(i, batch.steps, outputs, batch.x)
+        if batch.failure is not None:
+            raise batch.failure
+        if batch.steps:
+            explicit.resume(batch.now.point, batch.on_bridge)
+        counters = explicit.counters
+        counters.native_steps += batch.steps
+        for name, count in batch.counts.items():
+            if name != "rhs":
+                setattr(counters, name, getattr(counters, name) + count)
+        return batch

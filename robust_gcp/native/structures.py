@@ -1,0 +1,119 @@
+"""What crosses the boundary to the compiled kernel; the mirror of abi.h."""
+
+from __future__ import annotations
+
+import ctypes
+from ctypes import c_double, c_int32, c_int64, c_void_p
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+
+VERSION = 2
+"""Of the interface; a library with another one is not used."""
+
+TorqueCallback: Any = ctypes.CFUNCTYPE(c_int32, c_double)
+
+
+class Kind(IntEnum):
+    """Joints that the kernel knows; hinges turn about z, slides move along z."""
+
+    HINGE = 0
+    SLIDE = 1
+    UNBOUNDED_HINGE = 2
+    SPHERICAL = 3
+    TRANSLATION = 4
+    FREE_FLYER = 5
+    PLANAR = 6
+
+
+class Reason(IntEnum):
+    """Why the kernel handed control back."""
+
+    DONE = 0
+    ZONE = 1
+    BRANCH = 2
+    NEWTON = 3
+    NON_FINITE = 4
+    INERTIA = 5
+    FORCE = 6
+    TORQUE = 7
+    PASSED = 8
+
+
+def _all(kind: Any, names: str) -> list[tuple[str, Any]]:
+    return [(name, kind) for name in names.split()]
+
+
+def _fields(integers: str, pointers: str) -> list[tuple[str, Any]]:
+    return _all(c_int32, integers) + _all(c_void_p, pointers)
+
+
+class Description(ctypes.Structure):
+    """A mechanism as plain arrays; see abi.h."""
+
+    _fields_ = [
+        *_fields(
+            "joints nq nv m",
+            "parent kind placement inertia armature gravity independent independent_q size turn own scale",
+        ),
+        *_fields(
+            "closures rows",
+            "closure_joint closure_point row_closure row_axis row_weight row_terms terms",
+        ),
+        *_fields("blocks", "block_start block_rows block_columns reference"),
+        *_fields("springs lines forces works", "spring_at spring damping drive line_joint line"),
+    ]
+
+
+class Table(ctypes.Structure):
+    """A finished bridge for one coordinate."""
+
+    _fields_ = [
+        *_fields("orders width", "coefficients reference before after"),
+        *_all(c_double, "origin left right center unit middle half pace"),
+    ]
+
+
+class Request(ctypes.Structure):
+    """A batch of steps: what to do, where to write, and what came of it."""
+
+    _fields_ = [
+        ("steps", c_int64),
+        ("every", c_int64),
+        ("times", c_void_p),
+        ("zone", c_double),
+        ("same_branch", c_int32),
+        ("torque", TorqueCallback),
+        *_fields("", "torque_q torque_v torque_tau"),
+        ("table", ctypes.POINTER(Table)),
+        *_fields("", "x anchor ydd tau before safe q_out v_out a_out tau_out energy_out work_out"),
+        *_all(
+            c_int64,
+            "completed safe_step rhs newton constraint_evaluations force_evaluations zone_evaluations",
+        ),
+        ("power", c_double),
+        *_fields("on_bridge reason", ""),
+    ]
+
+
+class Arrays:
+    """Fills a structure's pointers and keeps the arrays alive."""
+
+    def __init__(self, structure: ctypes.Structure) -> None:
+        self.structure = structure
+        self._kept: dict[str, Any] = {}
+
+    def reals(self, **arrays: Any) -> None:
+        """Pointers to copies as doubles."""
+        for name, array in arrays.items():
+            self._point(name, np.ascontiguousarray(array, dtype=np.float64))
+
+    def integers(self, **arrays: Any) -> None:
+        """Pointers to copies as 32-bit integers."""
+        for name, array in arrays.items():
+            self._point(name, np.ascontiguousarray(array, dtype=np.int32))
+
+    def _point(self, name: str, array: Any) -> None:
+        self._kept[name] = array
+        setattr(self.structure, name, array.ctypes.data)

@@ -1,0 +1,267 @@
+"""One run's workspace in the compiled kernel: batches of RK4 steps on the regular path."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..bridge import Bridge
+from ..dynamics import CheckedTorque, Evaluation
+from ..kernel import Point, RegularPath
+from ..mechanism import Mechanism
+from ..record import Outputs
+from ..tree import Array
+from .description import NotNativeError, describe
+from .library import Library
+from .structures import Arrays, Reason, Request, Table, TorqueCallback
+
+
+@dataclass(frozen=True)
+class Batch:
+    """What came of a batch of steps.
+
+    Attributes
+    ----------
+    steps : int
+        Steps completed; every number below belongs to the last one.
+    reason : Reason
+        Why the kernel stopped.
+    x, now : ndarray, Evaluation
+    on_bridge : bool
+        Whether the bridge that was handed over is still in use.
+    before : Point or None
+        The point one step earlier, after one step at least.
+    safe : (int, ndarray, Point) or None
+        Step, state and point of the last well-conditioned one among the completed steps.
+    counts : dict of str to int
+        What the completed steps took, by the names of `Counters`, and `rhs`.
+    failure : BaseException or None
+        What the torque callback raised after these steps.
+    """
+
+    steps: int
+    reason: Reason
+    x: Array
+    now: Evaluation
+    on_bridge: bool
+    before: Point | None
+    safe: tuple[int, Array, Point] | None
+    counts: dict[str, int]
+    failure: BaseException | None
+
+
+class Workspace:
+    """A mechanism in the kernel, with buffers of its own; for one thread at a time.
+
+    Parameters
+    ----------
+    library : Library
+    mechanism : Mechanism
+    path : RegularPath
+        Its rows and blocks are taken over.
+    torque : callable, array_like (nv,) or None
+        A callable is called with shared buffers, in the thread that runs the batch.
+    works : bool
+        Whether the state ends with the work done.
+
+    Raises
+    ------
+    NotNativeError
+        When the kernel cannot take the mechanism.
+    """
+
+    def __init__(
+        self,
+        library: Library,
+        mechanism: Mechanism,
+        path: RegularPath,
+        torque: CheckedTorque | ArrayLike | None = None,
+        works: bool = False,
+    ) -> None:
+        self._library, self.path = library, path
+        supplied = torque if callable(torque) else None
+        self._acts = mechanism.applied is not None or torque is not None
+        arrays = describe(mechanism, path, None if callable(torque) else torque, works)
+        why = ctypes.create_string_buffer(200)
+        self._handle: int | None = library.create(ctypes.byref(arrays.structure), why, len(why))
+        if not self._handle:
+            raise NotNativeError(why.value.decode(errors="replace"))
+        self._nq, self._nv, self._m = mechanism.nq, mechanism.nv, mechanism.m
+        n = 2 * self._m + int(works)
+        blocks = len(path.blocks)
+        bend = self._nv if self._m == 1 else 0
+        widths = [self._m, self._m, self._nq, self._nv * self._m, self._nv, bend, blocks, blocks, 1]
+        self._slices = [slice(a, b) for a, b in pairwise(np.cumsum([0, *widths]).tolist())]
+        self._size = sum(widths)
+        self._x, self._ydd, self._tau = np.zeros(n), np.zeros(self._m), np.zeros(self._nv)
+        self._anchor = np.zeros(self._size)
+        self._before, self._safe = np.zeros(self._size + n), np.zeros(self._size + n)
+        self._tables: tuple[Bridge, Arrays] | None = None
+        self._failure: BaseException | None = None
+        self._request = Request()
+        self._keep = Arrays(self._request)
+        self._share(supplied)
+        for name in ("x", "anchor", "ydd", "tau", "before", "safe"):
+            setattr(self._request, name, getattr(self, f"_{name}").ctypes.data)
+
+    def __del__(self) -> None:
+        """Free the kernel's memory."""
+        handle = getattr(self, "_handle", None)
+        if handle:
+            self._library.destroy(handle)
+
+    def _share(self, supplied: CheckedTorque | None) -> None:
+        """The buffers that a torque callback reads and writes."""
+        q, v, tau = np.zeros(self._nq), np.zeros(self._nv), np.zeros(self._nv)
+        self._shared = q, v, tau
+        self._request.torque_q, self._request.torque_v = q.ctypes.data, v.ctypes.data
+        self._request.torque_tau = tau.ctypes.data
+        self._callback = TorqueCallback()
+        if supplied is not None:
+            self._callback = TorqueCallback(self._guarded(supplied))
+        self._request.torque = self._callback
+
+    def _guarded(self, supplied: CheckedTorque) -> Callable[[float], int]:
+        q, v, tau = self._shared
+
+        def call(t: float) -> int:
+            try:
+                tau[:] = supplied(t, q, v)
+            except BaseException as error:  # an exception cannot pass through C++
+                self._failure = error
+                return 1
+            return 0
+
+        return call
+
+    def run(
+        self,
+        times: Array,
+        x: Array,
+        now: Evaluation,
+        outputs: Outputs,
+        zone: float,
+        same_branch: bool = True,
+        bridge: Bridge | None = None,
+        every: int = 1,
+    ) -> Batch:
+        """Steps from times[0] to times[-1], or until something rare happens.
+
+        Parameters
+        ----------
+        times : ndarray (n + 1,)
+            s.
+        x, now : ndarray, Evaluation
+            The state at times[0] and its evaluation.
+        outputs : Outputs
+            n // every rows.
+        zone : float
+            Conditioning below which the kernel stops.
+        same_branch : bool
+            Whether it also stops where Newton may have left the branch.
+        bridge : Bridge, optional
+            The one that `now` lies on, m = 1.
+        """
+        r = self._request
+        times = np.ascontiguousarray(times, dtype=float)
+        r.steps, r.every, r.times = len(times) - 1, every, times.ctypes.data
+        r.zone, r.same_branch, r.power = zone, same_branch, now.power
+        self._x[:], self._ydd[:] = x, now.ydd
+        self._tau[:] = 0.0 if now.tau is None else now.tau
+        self._pack(now.point, self._anchor)
+        r.table = None if bridge is None else ctypes.pointer(self._table(bridge).structure)
+        for name in ("q", "v", "a", "tau", "energy", "work"):
+            array = getattr(outputs, name)
+            setattr(r, f"{name}_out", None if array is None else array.ctypes.data)
+        self._failure = None
+        self._library.run(self._handle, ctypes.byref(r))
+        return self._batch()
+
+    def time_pinocchio(self, q: Array, v: Array, repeats: int) -> float:
+        """Seconds per right-hand side of Pinocchio's own algorithms, best of five rounds."""
+        q, v = np.ascontiguousarray(q), np.ascontiguousarray(v)
+        return float(self._library.time_pinocchio(self._handle, q.ctypes.data, v.ctypes.data, repeats))
+
+    def _batch(self) -> Batch:
+        r = self._request
+        point = self._point(self._anchor)
+        tau = self._tau.copy() if self._acts else None
+        v = point.G.dot(point.ydot)
+        now = Evaluation(point, v, self._ydd.copy(), tau, float(r.power))
+        safe = None
+        if r.safe_step >= 0:
+            safe = int(r.safe_step), self._safe[self._size :].copy(), self._point(self._safe)
+        counts = {
+            "rhs": int(r.rhs),
+            "newton_iterations": int(r.newton),
+            "constraint_evaluations": int(r.constraint_evaluations),
+            "force_evaluations": int(r.force_evaluations),
+            "zone_evaluations": int(r.zone_evaluations),
+        }
+        return Batch(
+            int(r.completed),
+            Reason(r.reason),
+            self._x.copy(),
+            now,
+            bool(r.on_bridge),
+            self._point(self._before) if r.completed > 0 else None,
+            safe,
+            counts,
+            self._failure,
+        )
+
+    def _pack(self, point: Point, into: Array) -> None:
+        """A point in the kernel's layout; see point.h."""
+        y, ydot, q, G, g, bend, det, rcond, worst = self._slices
+        into[y], into[ydot], into[q] = point.y, point.ydot, point.q
+        into[G], into[g] = point.G.ravel(), point.g
+        if point.curvature is not None:
+            into[bend] = point.curvature
+        elif self._m == 1:
+            into[bend] = 0.0  # no loop: γ is linear
+        if len(self.path.blocks):
+            into[det], into[rcond] = point.det, point.rcond
+        into[worst] = point.conditioning
+
+    def _point(self, packed: Array) -> Point:
+        flat = packed[: self._size].copy()
+        y, ydot, q, G, g, bend, det, rcond, _ = self._slices
+        one = np.ones(0)
+        looped = bool(self.path.blocks)
+        return Point(
+            flat[y],
+            flat[ydot],
+            flat[q],
+            flat[G].reshape(self._nv, self._m),
+            flat[g],
+            flat[bend] if self._m == 1 and looped else None,
+            flat[det] if looped else one,
+            flat[rcond] if looped else one,
+            float(flat[-1]),
+        )
+
+    def _table(self, bridge: Bridge) -> Arrays:
+        """The bridge's polynomial and its innermost nodes, made once for each bridge."""
+        if self._tables is not None and self._tables[0] is bridge:
+            return self._tables[1]
+        line = bridge.line
+        polynomial = line.polynomial()
+        orders, width = polynomial.coefficients.shape
+        arrays = Arrays(Table(orders=orders, width=width))
+        table = arrays.structure
+        table.origin, table.left, table.right = float(line.origin[0]), bridge.left, bridge.right
+        for name in ("center", "unit", "middle", "half", "pace"):
+            setattr(table, name, getattr(polynomial, name))
+        half = len(line.nodes) // 2
+        inner = np.zeros((2, self._size))
+        for row, (_, node) in zip(inner, line.nodes[half - 1 : half + 1], strict=True):
+            self._pack(node, row)
+        arrays.reals(coefficients=polynomial.coefficients, reference=polynomial.reference)
+        arrays.reals(before=inner[0], after=inner[1])
+        self._tables = bridge, arrays
+        return arrays

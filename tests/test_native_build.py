@@ -1,0 +1,88 @@
+"""The build of the compiled kernel: what it reports when it works, fails, or cannot be tried."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+from pathlib import Path
+
+import pytest
+
+import robust_gcp as rg
+from robust_gcp.native import build, structures
+
+
+def _report(folder: Path) -> dict[str, str]:
+    report: dict[str, str] = json.loads((folder / "build_report.json").read_text())
+    return report
+
+
+def test_no_compiler(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Neither CXX nor the PATH names one: said, and not called a failure."""
+    monkeypatch.setenv("ROBUST_GCP_NATIVE", "1")
+    monkeypatch.setenv("CXX", "/nowhere/c++")
+    assert build.main(["--into", str(tmp_path)]) == 1
+    assert _report(tmp_path) == {"status": "no compiler", "detail": "CXX=/nowhere/c++ is not there"}
+    monkeypatch.delenv("CXX")
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert build.attempt(tmp_path)["status"] == "no compiler"
+
+
+def test_a_failed_build_is_reported_with_its_log(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A compiler that fails: the report has its first error, the log all of it, and it is printed."""
+    broken = tmp_path / "c++"
+    broken.write_text("#!/bin/sh\necho 'spatial.h:1: error: this compiler is broken' >&2\nexit 1\n")
+    broken.chmod(0o755)
+    monkeypatch.setenv("ROBUST_GCP_NATIVE", "1")
+    monkeypatch.setenv("CXX", str(broken))
+    monkeypatch.setattr(build, "headers", lambda: [])
+    assert build.main(["--into", str(tmp_path)]) == 1
+    report = _report(tmp_path)
+    assert report["status"] == "failed"
+    assert "this compiler is broken" in report["detail"]
+    assert "rigid_bodies.cpp" in (tmp_path / report["log"]).read_text()
+    said = capsys.readouterr().out
+    assert "failed" in said
+    assert "Python backend" in said
+
+
+def test_missing_headers_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The wheel that carries what is missing."""
+    monkeypatch.setattr("sys.path", [])
+    monkeypatch.setattr("sys.prefix", "/nowhere")
+    monkeypatch.setattr(Path, "is_file", lambda self: False)
+    with pytest.raises(build.BuildError, match="pip install libpinocchio"):
+        build.headers()
+
+
+def test_skipped(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """ROBUST_GCP_NATIVE=0 leaves the build out."""
+    monkeypatch.setenv("ROBUST_GCP_NATIVE", "0")
+    assert build.attempt(tmp_path) == {"status": "skipped", "detail": "ROBUST_GCP_NATIVE=0"}
+
+
+def test_the_interface_has_one_version() -> None:
+    """abi.h and structures.py agree on the version, the reasons and the kinds of joints."""
+    header = (Path(build.__file__).parent / "abi.h").read_text() if _in_checkout() else ""
+    if not header:
+        pytest.skip("the sources are not installed")
+    assert f"VERSION = {structures.VERSION};" in header
+    for reason in structures.Reason:
+        assert f"{reason.name} = {reason.value}," in header
+    kinds = ", ".join(kind.name for kind in structures.Kind)
+    assert f"{{ {kinds} }}" in header
+
+
+def _in_checkout() -> bool:
+    return (Path(build.__file__).parent / "abi.h").exists()
+
+
+@pytest.mark.skipif(not rg.backends()["native"].available, reason="no compiled kernel")
+def test_the_library_has_the_same_structures() -> None:
+    """Sizes of the structures on both sides."""
+    path = rg.backends()["native"].reason.removeprefix("compiled kernel ")
+    found = ctypes.CDLL(path)
+    for i, structure in enumerate((structures.Description, structures.Table, structures.Request)):
+        assert found.rg_size(i) == ctypes.sizeof(structure)
