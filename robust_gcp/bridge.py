@@ -224,7 +224,7 @@ class Builder:
     def _nodes(
         self, anchor: Point, d: Array, center: float, width: float, singular: list[int]
     ) -> tuple[Line, tuple[float, float]]:
-        """Solve the near nodes by marching, the far ones from the extrapolated line."""
+        """Solve the near nodes by marching, the first beyond the surface from the line that they make."""
         path, origin = self.path, anchor.y
         side = -1.0 if center > 0.0 else 1.0  # where the anchor stands, seen from the surface
         nodes: list[tuple[float, Point]] = []
@@ -235,17 +235,18 @@ class Builder:
             nodes.append((s, here))
         expected = np.sign(here.det)
         expected[singular] *= -1.0
-        for factor in self.options.nodes:
-            s = center - side * factor * width
-            guess = Line(path, origin, d, nodes).configuration(s)
-            far = path.settle(guess, origin + s * d, anchor.ydot)
-            if far is None:
-                raise NoBridgeError("there is no configuration beyond the singular surface on this mode")
-            if np.any(np.sign(far.det) != expected):
-                raise NoBridgeError("beyond the singular surface Newton found another mode")
-            reach = path.size(far.G @ d) * factor * width
-            if far.correction > 0.3 * reach:
-                raise NoBridgeError("beyond the singular surface the mode does not go on smoothly")
+        first, *others = (center - side * factor * width for factor in self.options.nodes)
+        guess = Line(path, origin, d, nodes).configuration(first)
+        far = path.settle(guess, origin + first * d, anchor.ydot)
+        if far is None:
+            raise NoBridgeError("there is no configuration beyond the singular surface on this mode")
+        if np.any(np.sign(far.det) != expected):
+            raise NoBridgeError("beyond the singular surface Newton found another mode")
+        if far.correction > 0.3 * path.size(far.G @ d) * self.options.nodes[0] * width:
+            raise NoBridgeError("beyond the singular surface the mode does not go on smoothly")
+        nodes.append((first, far))
+        for s in others:
+            far = self._march(far, origin + s * d, anchor.ydot)
             nodes.append((s, far))
         line = Line(path, origin, d, nodes)
         return line, (center - width, center + width)
@@ -260,7 +261,7 @@ class Builder:
         path, options = self.path, self.options
         mechanism = path.mechanism
         samples = np.linspace(*inner, 15)[1:-1]
-        residual = max(mechanism.closure_residual(line.configuration(float(s))) for s in samples)
+        residual = max(map(mechanism.closure_residual, line.configurations(samples)))
         if residual > max(options.closure_tolerance, options.geometric_tolerance):
             raise NoBridgeError("the interpolated mode does not close the loops", residual)
         point = line.at(zeros[0], np.zeros(path.m))

@@ -14,7 +14,7 @@ from .explicit import Passage
 from .kernel import Counters, Point, RegularPath
 from .line import Line
 from .march import march, same_branch
-from .obstacle import Obstacle, UncertifiedZoneError, classify, refusal, steepest
+from .obstacle import Obstacle, UncertifiedZoneError, classify, reconsidered, refusal, steepest
 from .tree import Array
 from .unrolled import regular_path
 
@@ -274,8 +274,10 @@ class BridgeMap:
             point = march(self.path, here, y, ydot)
         except BranchError as error:
             raise refusal(self.path, obstacle, here) from error
-        if obstacle.kind != "near miss" and point.conditioning < DEEP * self.options.zone:
-            raise refusal(self.path, obstacle, point)
+        if point.conditioning < DEEP * self.options.zone:
+            obstacle = self._obstacle = reconsidered(self.path, obstacle, point, self.options.zone)
+            if obstacle.kind != "near miss":
+                raise refusal(self.path, obstacle, point)
         return point
 
     def refusal(self) -> SimulationError:

@@ -6,7 +6,9 @@ nothing of singularities beyond reporting how well K_d is conditioned.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,6 +86,11 @@ class Counters:
     native_steps: int = 0
 
 
+_structures: WeakKeyDictionary[
+    Mechanism, dict[tuple[int, ...], tuple[Sequence[Block], NDArray[np.bool_], Array]]
+] = WeakKeyDictionary()
+
+
 class RegularPath:
     """Newton's method on φ(γ(y)) = 0 from a prediction, then (4): G and g with K_d factorised once.
 
@@ -123,11 +130,23 @@ class RegularPath:
         self._tree_G = np.zeros((mechanism.nv, self.m))  # G of a tree: y may be in another order than v
         self._tree_G[self.independent] = self._eye
         self._none = np.ones(0)
-        self.factor = self._structure()
+        self.factor = self._factor()
 
-    def _structure(self) -> BlockFactor:
+    def _factor(self) -> BlockFactor:
+        """The factorisation of K_d; its structure is found once for each mechanism and choice of rows."""
         if self.nd == 0:
             return BlockFactor([], np.zeros((0, 0), dtype=bool), self.dependent, self.tree.nv)
+        known = _structures.setdefault(self.mechanism, {})
+        key = tuple(self.rows.tolist())
+        if key not in known:
+            known[key] = self._structure()
+        blocks, pattern, reference = known[key]
+        factor = BlockFactor(blocks, pattern, self.dependent, self.tree.nv)
+        factor.reference = reference
+        return factor
+
+    def _structure(self) -> tuple[Sequence[Block], NDArray[np.bool_], Array]:
+        """Blocks and pattern of K_d, and the conditioning of large blocks at generic configurations."""
         pattern = np.zeros((self.nd, self.nd), dtype=bool)
         for q in self.mechanism.generic_configurations():
             self._evaluate(q)
@@ -142,8 +161,7 @@ class RegularPath:
             factor.factor(self._K)
             seen.append(factor.rcond)
         large = np.array([len(block.rows) > 2 for block in blocks])
-        factor.reference = np.where(large, np.maximum(np.max(seen, axis=0), 1e-6), 1.0)
-        return factor
+        return blocks, pattern, np.where(large, np.maximum(np.max(seen, axis=0), 1e-6), 1.0)
 
     @property
     def blocks(self) -> tuple[Block, ...]:

@@ -11,6 +11,7 @@ import numpy as np
 import scipy
 
 from .kernel import Point, RegularPath
+from .newton_form import NewtonForm
 from .tree import Array
 
 
@@ -93,28 +94,24 @@ class Line:
         return self.path.m == 1 and self.path.tree.vector_space
 
     @cached_property
-    def _q(self) -> scipy.interpolate.KroghInterpolator:
+    def _q(self) -> NewtonForm:
         tree = self.path.tree
-        values: list[Array] = []
+        data: list[list[Array]] = []
         for _, node in self.nodes:
             rate = tree.difference_rate(self._reference, node.q) @ (node.G @ self.direction)
-            values += [tree.difference(self._reference, node.q), rate * self._unit]
+            data.append([tree.difference(self._reference, node.q), rate * self._unit])
             if self._smooth and node.curvature is not None:
-                values.append(node.curvature * (float(self.direction[0]) * self._unit) ** 2)
-        return scipy.interpolate.KroghInterpolator(
-            np.repeat(self._x, 3 if self._smooth else 2), np.array(values)
-        )
+                data[-1].append(node.curvature * (float(self.direction[0]) * self._unit) ** 2)
+        return NewtonForm(self._x, np.array(data))
 
     @cached_property
-    def _G(self) -> scipy.interpolate.KroghInterpolator | scipy.interpolate.BarycentricInterpolator:
-        columns = [node.G.ravel() for _, node in self.nodes]
-        if self.path.m > 1 and not self.path.tree.vector_space:
-            # ∂G_j/∂d is not symmetric in body-fixed velocities, so it is not γ''[d, e_j]: values only
-            return scipy.interpolate.BarycentricInterpolator(self._x, np.array(columns))
-        values: list[Array] = []
-        for (_, node), column in zip(self.nodes, columns, strict=True):
-            values += [column, self._G_rate(node).ravel() * self._unit]
-        return scipy.interpolate.KroghInterpolator(np.repeat(self._x, 2), np.array(values))
+    def _G(self) -> NewtonForm:
+        columns = [[node.G.ravel()] for _, node in self.nodes]
+        if self.path.m == 1 or self.path.tree.vector_space:
+            for (_, node), column in zip(self.nodes, columns, strict=True):
+                column.append(self._G_rate(node).ravel() * self._unit)
+        # else values only: ∂G_j/∂d is not symmetric in body-fixed velocities, so it is not γ''[d, e_j]
+        return NewtonForm(self._x, np.array(columns))
 
     def _G_rate(self, node: Point) -> Array:
         """dG/ds = γ''[d, e_j] for each j, (nv, m), by polarisation."""
@@ -129,8 +126,13 @@ class Line:
 
     def configuration(self, s: float) -> Array:
         """q on the line, (nq,); its independent entries are exact."""
-        q = self.path.tree.integrate(self._reference, np.asarray(self._q(self.x(s))))
-        q[self.path.iq] = self.origin + s * self.direction
+        return self.configurations(np.array([s]))[0]
+
+    def configurations(self, s: Array) -> Array:
+        """q at each s, (len(s), nq)."""
+        steps = self._q((s - self._center) / self._unit)
+        q = np.array([self.path.tree.integrate(self._reference, step) for step in steps])
+        q[:, self.path.iq] = self.origin + s[:, None] * self.direction
         return q
 
     def at(self, s: float, ydot: Array) -> Point:
@@ -139,12 +141,10 @@ class Line:
         if self._smooth:
             return self._smooth_point(s, x, ydot)
         shape = (path.tree.nv, path.m)
-        if path.m > 1 and not path.tree.vector_space:
-            G = np.asarray(self._G(x)).reshape(shape)
-            rate = None
-        else:
-            values = self._G.derivatives(x, 2)
-            G, rate = values[0].reshape(shape), values[1].reshape(shape) / self._unit
+        values = self._G.with_derivatives(np.array([x]))
+        G = values[0][0].reshape(shape)
+        known = path.m == 1 or path.tree.vector_space
+        rate = values[1][0].reshape(shape) / self._unit if known else None
         G[path.independent] = np.eye(path.m)
         g, curvature = self._second(x, ydot, rate)
         return self._point(s, self.configuration(s), ydot, G, g, curvature)
@@ -181,12 +181,10 @@ class Line:
 
     def _sampled(self, x: Array) -> Array:
         """q, dq/dx, d²q/dx² and det side by side at each x."""
-        q = self._q.derivatives(x, 3)
-        det = [np.asarray(f(x)) for f in self._det]
-        return np.column_stack([q[0], q[1], q[2], *det])
+        return np.column_stack([*self._q.with_derivatives(x), self._det(x)])
 
     def _point(self, s: float, q: Array, ydot: Array, G: Array, g: Array, curvature: Array | None) -> Point:
-        det = np.array([float(f(self.x(s))) for f in self._det])
+        det = np.asarray(self._det(self.x(s)))
         y = self.origin + s * self.direction
         return Point(y, ydot.copy(), q, G, g, curvature, det, np.ones_like(det))
 
@@ -213,15 +211,15 @@ class Line:
         return np.asarray(scipy.interpolate.BarycentricInterpolator(self._x, np.array(values))(x))
 
     @cached_property
-    def _det(self) -> list[scipy.interpolate.BarycentricInterpolator]:
-        dets = np.array([node.det for _, node in self.nodes])
-        return [scipy.interpolate.BarycentricInterpolator(self._x, column) for column in dets.T]
+    def _det(self) -> scipy.interpolate.BarycentricInterpolator:
+        return scipy.interpolate.BarycentricInterpolator(self._x, np.array([p.det for _, p in self.nodes]))
 
     def zero(self, block: int, low: float, high: float) -> float | None:
         """Where det of a block changes sign between low and high; None where it does not."""
-        f = self._det[block]
-        ends = float(f(self.x(low))), float(f(self.x(high)))
+        ends = [float(self._det(self.x(s))[block]) for s in (low, high)]
         if not ends[0] * ends[1] < 0.0:
             return None
-        root = scipy.optimize.brentq(lambda x: float(f(x)), self.x(low), self.x(high), xtol=1e-13)
+        root = scipy.optimize.brentq(
+            lambda x: float(self._det(x)[block]), self.x(low), self.x(high), xtol=1e-13
+        )
         return self._center + self._unit * float(root)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -101,6 +101,17 @@ def classify(path: RegularPath, point: Point, failure: NoBridgeError) -> Obstacl
         return Obstacle("toggle", point.y, reach, failure.residual, reason)
     kind: ObstacleKind = "near miss" if np.isfinite(failure.residual) else "unknown"
     return Obstacle(kind, point.y, reach, failure.residual, reason)
+
+
+def reconsidered(path: RegularPath, obstacle: Obstacle, deep: Point, zone: float) -> Obstacle:
+    """The obstacle as a point deep in its zone shows it, to which the motion came.
+
+    With several coordinates the straight line that `classify` looks along may pass by a toggle that
+    the motion runs into. Where modes pass each other K is as poor as K_d; at a toggle it is regular.
+    """
+    if obstacle.kind == "near miss" and _regularity(path, deep) >= zone:
+        return replace(obstacle, kind="toggle")
+    return obstacle
 
 
 def _regularity(path: RegularPath, point: Point) -> float:

@@ -120,18 +120,17 @@ class Record:
     def _cross(self, passage: Passage, i: int, a: Point, b: Point) -> None:
         """Log a crossing at the time where the Hermite interpolant of y meets the surface."""
         t0, t1 = float(self._times[i - 1]), float(self._times[i])
-        towards = b.y - a.y
-        spline = scipy.interpolate.CubicHermiteSpline(
-            [t0, t1], np.array([a.y, b.y]), np.array([a.ydot, b.ydot])
-        )
+        h, towards = t1 - t0, b.y - a.y
+        # how far y is ahead of the surface along the step, at both ends: values and rates
+        f0, f1 = float((a.y - passage.y) @ towards), float((b.y - passage.y) @ towards)
+        r0, r1 = h * float(a.ydot @ towards), h * float(b.ydot @ towards)
 
-        def ahead(t: float) -> float:
-            return float((spline(t) - passage.y) @ towards)
+        def ahead(u: float) -> float:
+            """Cubic Hermite interpolant at t0 + u h."""
+            return f0 + u * (r0 + u * (3.0 * (f1 - f0) - 2.0 * r0 - r1 + u * (2.0 * (f0 - f1) + r0 + r1)))
 
-        ends = ahead(t0), ahead(t1)
-        when = (
-            t1 if ends[1] == 0.0 or ends[0] * ends[1] > 0.0 else float(scipy.optimize.brentq(ahead, t0, t1))
-        )
+        met = f1 != 0.0 and f0 * f1 <= 0.0
+        when = t0 + h * float(scipy.optimize.brentq(ahead, 0.0, 1.0)) if met else t1
         self._crossings.append(
             Crossing(when, passage.y, passage.q, passage.kind, passage.certificate, passage.transversality)
         )
