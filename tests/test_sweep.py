@@ -10,7 +10,9 @@ import pickle
 import signal
 import subprocess
 import sys
+import threading
 import time
+import warnings
 from collections.abc import Callable
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
@@ -22,6 +24,7 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp import scenes
+from robust_gcp.sweeps.natively import runs_natively
 
 SHORT: dict[str, Any] = {"duration": 0.1, "step": 1e-2}
 RUNS = rg.grid(method=["bridge", "projection"], q0=[[0.2, -0.2, 0.2], [0.3, -0.3, 0.3]])
@@ -123,6 +126,128 @@ def test_threads_do_not_share_the_workspace_of_a_mechanism() -> None:
         sys.setswitchinterval(before)
     for record, run in zip(found, runs, strict=True):
         np.testing.assert_array_equal(record.kept["q"], rg.simulate(build, run["q0"], **given).q[-1])
+
+
+# --------------------------------------------------------------------------- threads or processes
+
+compiled = pytest.mark.skipif(
+    not rg.backends()["native"].available, reason=f"no compiled kernel: {rg.backends()['native'].reason}"
+)
+NATIVE = rg.grid(method=["bridge", "classical"], q0=[[0.2, -0.2, 0.2], [0.3, -0.3, 0.3], [0.4, -0.4, 0.4]])
+
+
+def process(_: rg.Trajectory) -> int:
+    return os.getpid()
+
+
+@compiled
+@pytest.mark.parametrize("build", ["rhombus", rg.load("rhombus"), lambda: rg.load("rhombus")])
+def test_native_runs_share_this_process_and_give_the_serial_results(build: Any) -> None:
+    found = rg.sweep(build, NATIVE, keep=process, **SHORT)
+    assert {record.kept for record in found} == {os.getpid()}
+    assert [replace(same(record), kept=None) for record in found] == serial(build, NATIVE)
+    assert all(r.summary and r.summary["stats"]["native_steps"] == 10 for r in found)
+
+
+@compiled
+def test_native_runs_go_on_at_the_same_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "cpu_count", lambda: 3)
+    together = threading.Barrier(3, timeout=30.0)  # a run that waits alone fails
+    found = rg.sweep("rhombus", NATIVE, keep=lambda _: together.wait() >= 0, **SHORT)
+    assert [record.kept for record in found] == [True] * 6
+
+
+def test_without_the_kernel_runs_go_to_processes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROBUST_GCP_NATIVE", "0")
+    monkeypatch.setattr(os, "cpu_count", lambda: 1)  # processes are slow to start
+    found = rg.sweep("rhombus", NATIVE[:1], keep=process, **SHORT)
+    assert found[0].ok and found[0].kept != os.getpid()
+    monkeypatch.delenv("ROBUST_GCP_NATIVE")
+    (asked,) = rg.sweep("rhombus", NATIVE[:1], workers=1, keep=process, **SHORT)
+    assert asked.ok and asked.kept != os.getpid()
+    assert replace(same(asked), kept=None) == serial(runs=NATIVE[:1])[0]
+
+
+@compiled
+@pytest.mark.parametrize(
+    ("parameters", "native"),
+    [
+        ({}, True),
+        ({"backend": "native", "step": 1e-3, "q0": np.zeros(3)}, True),
+        ({"method": "classical"}, True),
+        ({"torque": [1.0, 0.0, 0.0]}, True),
+        ({"torque": lambda t, q, v: 0.0 * v}, False),
+        ({"method": "classical", "newton_start": "previous"}, False),
+        ({"method": "projection"}, False),
+        ({"stepper": "DOP853"}, False),
+        ({"backend": "python"}, False),
+        ({"backend": "native", "stepper": "RK45"}, False),
+        ({"method": np.zeros(2)}, False),
+    ],
+)
+def test_runs_that_python_computes_are_known(parameters: dict[str, Any], native: bool) -> None:
+    assert runs_natively(parameters) is native
+
+
+@compiled
+def test_one_run_in_python_sends_all_to_processes() -> None:
+    found = rg.sweep("rhombus", [{}, {"backend": "python"}], keep=process, **SHORT)
+    assert all(record.ok and record.kept != os.getpid() for record in found)
+
+
+@compiled
+def test_a_function_may_give_all_threads_the_same_mechanism(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = rg.load("bricard")
+    runs = [{"q0": one.assemble(one.home + d)} for d in (0.0, 0.1, -0.1, 0.05, -0.05, 0.2)]
+    monkeypatch.setattr(os, "cpu_count", lambda: 4)
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        found = rg.sweep(lambda: one, runs, keep=end, duration=0.1, step=2e-3)
+    finally:
+        sys.setswitchinterval(before)
+    for record, run in zip(found, runs, strict=True):
+        again = rg.simulate(rg.load("bricard"), run["q0"], duration=0.1, step=2e-3)
+        np.testing.assert_array_equal(record.kept["q"], again.q[-1])
+
+
+@compiled
+def test_warnings_of_threads_pass_the_filters_of_the_caller() -> None:
+    runs = rg.grid(method=["classical"], q0=[[0.2, -0.2, 0.2], [0.3, -0.3, 0.3]])
+    given: dict[str, Any] = {"duration": 1.0, "step": 1e-3}  # through the crossing, where digits are lost
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        found = rg.sweep("rhombus", runs, **given)
+        said = [str(w.message) for w in caught if issubclass(w.category, rg.SingularityWarning)]
+        caught.clear()
+        assert [same(r) for r in found] == serial(runs=runs, **given)
+        assert sorted(said) == sorted(str(w.message) for w in caught) and len(said) >= 2
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", rg.SingularityWarning)
+        refused = rg.sweep("rhombus", runs, **given)
+    assert [r.failure.kind for r in refused if r.failure] == ["SingularityWarning"] * 2
+
+
+@compiled
+def test_threads_end_with_the_iterator() -> None:
+    finished = []
+    runs = [{"duration": 0.1}, *[{"duration": 3000.0}] * 3]  # each of the others would take half a minute
+    records = rg.sweep_as_completed("crank_rocker", runs, step=1e-3, keep=lambda t: finished.append(len(t.t)))
+    assert next(records).index == 0
+    records.close()
+    assert finished == [101]
+    assert not [t for t in threading.enumerate() if t.name.startswith("robust_gcp sweep")]
+
+
+@compiled
+def test_a_model_that_does_not_load_fails_each_run() -> None:
+    runs = NATIVE[:2]
+    found = rg.sweep("nowhere", runs, **SHORT)
+    assert [same(record) for record in found] == serial("nowhere", runs)
+    assert all(record.failure and record.failure.ours for record in found)
+
+
+# --------------------------------------------------------------------------- clusters
 
 
 @pytest.mark.filterwarnings("ignore")  # Dask's own

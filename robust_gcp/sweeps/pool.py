@@ -1,10 +1,11 @@
-"""Where the runs of a sweep are computed: here, on a given executor, or on worker processes of its own."""
+"""Where runs are computed: here, on a given executor, or on threads or processes of the sweep's own."""
 
 from __future__ import annotations
 
 import multiprocessing
 import os
 import pickle
+import threading
 from collections import deque
 from collections.abc import Generator, Mapping, Sequence
 from concurrent.futures import (
@@ -13,12 +14,15 @@ from concurrent.futures import (
     Executor,
     Future,
     ProcessPoolExecutor,
+    ThreadPoolExecutor,
     as_completed,
     wait,
 )
+from pathlib import Path
 from typing import Any
 
 from ..errors import OptionError, SweepError
+from ..folders.loader import load
 from .record import Failure
 from .worker import Build, Keep, Outcome, begin, ready, work, work_pickled
 
@@ -26,7 +30,7 @@ Task = tuple[int, Mapping[str, Any]]
 """A run's place in the sweep, and its parameters."""
 
 AHEAD = 2
-"""Runs handed over to each worker process, so that it never waits for this one."""
+"""Runs handed over to each worker, so that it never waits for this thread."""
 
 
 def here(build: Build, keep: Keep, tasks: Sequence[Task]) -> Generator[tuple[int, Outcome], None, None]:
@@ -64,6 +68,40 @@ def on_executor(
     finally:
         for future in futures:
             future.cancel()
+
+
+def on_threads(
+    build: Build, keep: Keep, tasks: Sequence[Task]
+) -> Generator[tuple[int, Outcome], None, None]:
+    """Runs on threads of this process, as they end; none is left when the iterator is closed.
+
+    For runs in the compiled kernel, which takes its steps without the interpreter's lock. Warnings
+    pass the filters of this process: no run changes them.
+    """
+    count = min(os.cpu_count() or 1, len(tasks))
+    build, waiting, running = _loaded(build), deque(tasks), dict[Future[Outcome], int]()
+    given_up = threading.Event()
+    pool = ThreadPoolExecutor(count, "robust_gcp sweep")
+    try:
+        while waiting or running:
+            while waiting and len(running) < AHEAD * count:
+                index, parameters = waiting.popleft()
+                running[pool.submit(work, build, keep, parameters, given_up.is_set)] = index
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                yield running.pop(future), future.result()
+    finally:
+        given_up.set()
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _loaded(build: Build) -> Build:
+    """The model that each run would load, as one mechanism that each copies: a third of the time."""
+    if not isinstance(build, str | Path):
+        return build
+    try:
+        return load(build)
+    except Exception:
+        return build  # each run fails by the same error, and its record tells it
 
 
 def on_processes(

@@ -17,7 +17,8 @@ from ..checks import check_number
 from ..errors import OptionError
 from ..mechanism import Mechanism
 from .file import SweepFile
-from .pool import Task, here, on_executor, on_processes
+from .natively import runs_natively
+from .pool import Task, here, on_executor, on_processes, on_threads
 from .record import RunRecord, key
 from .worker import OPTIONS, Build, Keep
 
@@ -69,10 +70,12 @@ def sweep(
         go to `build`, which must then be a function.
     executor : concurrent.futures.Executor, optional
         Where to compute: threads, processes, or a cluster (Dask's `client.get_executor()`); it stays
-        open. When left out, worker processes are spawned for this sweep.
+        open. When left out, as many workers as there are processors, for this sweep: threads of this
+        process where the compiled kernel takes the steps of every run without calling back to
+        Python (see `backends`), else spawned processes.
     workers : int, optional
-        How many worker processes; as many as there are processors when left out, 0 for none: the
-        runs are then computed in this process.
+        Spawn this many worker processes, whatever the kernel could do; 0 for none: the runs are then
+        computed one after the other in this process.
     file : str or Path, optional
         JSON lines, written as runs end. A sweep that was interrupted resumes from it: runs that are in
         it are not computed again, unless they failed by an error that is not a `RobustGcpError`.
@@ -242,6 +245,8 @@ def _records(
             outcomes = on_executor(executor, build, keep, tasks)
         elif workers == 0:
             outcomes = here(build, keep, tasks)
+        elif workers is None and all(runs_natively(run) for _, run in tasks):
+            outcomes = on_threads(build, keep, tasks)
         else:
             outcomes = on_processes(None if workers is None else int(workers), build, keep, tasks)
         stack.callback(outcomes.close)

@@ -78,7 +78,9 @@ def _mechanism(build: Build, parameters: dict[str, Any]) -> Mechanism:
     made: object = build(**parameters)
     if not isinstance(made, Mechanism):
         raise OptionError(f"build must return a Mechanism, not {type(made).__name__}")
-    return made
+    if threading.current_thread() is threading.main_thread():
+        return made
+    return copy.copy(made)  # the function may give the same one to another thread
 
 
 def _kept(keep: Keep, trajectory: Trajectory) -> Any:

@@ -85,7 +85,7 @@ def draw_summary(cells: Sequence[Cell], path: Path) -> Path:
         ax.set_xlim(0.0, 1.0)
         ax.set_ylim(len(names) - 0.5, -0.5)
         _bare(ax)
-        ax.set_title(f"{len(cells)} cells:  {_told(cells)}", loc="right", fontsize=8)
+        figure_.suptitle(f"{len(cells)} cells:  {_told(cells)}", fontsize=8, x=0.01, ha="left")
         return plots.save(figure_, path, MAP_DPI)
 
 

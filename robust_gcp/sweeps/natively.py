@@ -1,0 +1,30 @@
+"""Whether the runs of a sweep go to the compiled kernel, which lets threads compute at the same time."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+from typing import Any
+
+from ..errors import OptionError
+from ..native.library import backends
+from ..native.steps import chosen_library
+from ..simulate import simulate
+
+CHOICES = ("backend", "stepper", "method", "newton_start")
+"""Parameters of `simulate` that decide who takes the steps, in the order of `chosen_library`."""
+
+_DEFAULTS = {name: inspect.signature(simulate).parameters[name].default for name in CHOICES}
+
+
+def runs_natively(parameters: Mapping[str, Any]) -> bool:
+    """Whether the kernel is there and is asked to take this run's steps, without calls back to Python."""
+    choices = [parameters.get(name, _DEFAULTS[name]) for name in CHOICES]
+    if not all(isinstance(choice, str) for choice in choices) or callable(parameters.get("torque")):
+        return False
+    if not backends()["native"].available:  # asked first: to look for a broken kernel would warn
+        return False
+    try:
+        return chosen_library(*choices) is not None
+    except OptionError:  # the run will say so itself
+        return False
