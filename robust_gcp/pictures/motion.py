@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ..trajectory import Trajectory
+    from ..explicit import Crossing
+    from ..mechanism import Mechanism
 
 PANELS = ("q", "v", "a", "energy", "closure")
 """What can be drawn, from above."""
@@ -41,8 +42,28 @@ PANEL_HEIGHT = 1.35
 """in."""
 
 
+class Motion(Protocol):
+    """What is drawn of a `Trajectory`."""
+
+    mechanism: Mechanism
+    t: Array
+    q: Array
+    v: Array
+    a: Array | None
+    energy: Array | None
+    crossings: list[Crossing]
+
+    def closure_error(self) -> Array:
+        """max |φ| at each time."""
+        ...
+
+    def energy_error(self) -> Array:
+        """Energy less its start and the work done, J."""
+        ...
+
+
 def plot_motion(
-    trajectory: Trajectory, what: Sequence[str] | str | None = None, path: str | Path | None = None
+    trajectory: Motion, what: Sequence[str] | str | None = None, path: str | Path | None = None
 ) -> Figure:
     """Draw a trajectory; see `Trajectory.plot`."""
     chosen = _chosen(trajectory, what)
@@ -79,7 +100,7 @@ def plot_motion(
     return figure
 
 
-def _chosen(trajectory: Trajectory, what: Sequence[str] | str | None) -> list[str]:
+def _chosen(trajectory: Motion, what: Sequence[str] | str | None) -> list[str]:
     """The panels asked for, or those for which there is something to see."""
     have = {
         "q": True,
@@ -100,7 +121,7 @@ def _chosen(trajectory: Trajectory, what: Sequence[str] | str | None) -> list[st
     return [name for name in PANELS if name in asked]
 
 
-def _by_unit(trajectory: Trajectory, quantity: str) -> dict[str, list[int]]:
+def _by_unit(trajectory: Motion, quantity: str) -> dict[str, list[int]]:
     """The joints' entries of one quantity, by number, those with the same unit together."""
     groups: dict[str, list[int]] = {}
     for i, entry in enumerate(entries(trajectory.mechanism)):
@@ -109,7 +130,7 @@ def _by_unit(trajectory: Trajectory, quantity: str) -> dict[str, list[int]]:
     return groups
 
 
-def _draw_joints(ax: Axes, trajectory: Trajectory, quantity: str, unit: str, lines: list[int]) -> None:
+def _draw_joints(ax: Axes, trajectory: Motion, quantity: str, unit: str, lines: list[int]) -> None:
     values: Array = getattr(trajectory, quantity)
     joints = entries(trajectory.mechanism)
     for i in lines:
@@ -131,7 +152,7 @@ def _looks(i: int, count: int) -> dict[str, Any]:
     }
 
 
-def _draw_error(ax: Axes, trajectory: Trajectory, quantity: str) -> None:
+def _draw_error(ax: Axes, trajectory: Motion, quantity: str) -> None:
     if quantity == "energy":
         ax.plot(trajectory.t, trajectory.energy_error(), color=CYCLE[0])
         ax.set_ylabel("energy error [J]")
