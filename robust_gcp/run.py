@@ -132,12 +132,14 @@ class Run:
                 met_at, i, careful = i, self._back_to(safe), True
                 changing = zone.obstacle.kind == "toggle" and on_toggle == "repartition"
                 continue
-            except (BranchError, ToggleError):
+            except (BranchError, ToggleError) as stop:
                 # the true curve is lost in these coordinates; others may hold it
-                if not careful or on_toggle != "repartition" or safe.i <= changed_at:
+                known = changing or not isinstance(stop, ToggleError)  # else told only now what it is
+                if not careful or on_toggle != "repartition" or (known and safe.i <= changed_at):
                     raise
-                i, careful, changing = self._back_to(safe), False, False
-                changed_at, safe = i, self._repartition(i, options)
+                i, careful, changing = self._back_to(safe), not known, not known
+                if known:
+                    changed_at, safe = i, self._repartition(i, options)
                 continue
             self._x = x
             i += 1

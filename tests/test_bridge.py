@@ -314,6 +314,18 @@ def test_toggle_beside_the_line_of_steepest_descent_is_told_from_a_near_miss():
     assert np.abs(run.q - other.q).max() < 2e-9
 
 
+@pytest.mark.parametrize("cranks", [(-4.3, 5.4), (-3.6, -2.9), (-0.2, 5.8)])
+def test_five_bar_turns_over_through_its_toggles_with_order_four(cranks):
+    five_bar = rg.load("five_bar")
+    v0 = five_bar.lift(five_bar.home, cranks)
+    drift = []
+    for h in (1e-3, 5e-4):
+        run = rg.simulate(five_bar, v0=v0, duration=1.0, step=h, on_toggle="repartition")
+        assert len(run.stats.repartitions) >= 2
+        drift.append(np.abs(run.energy_error()).max())
+    assert drift[0] / drift[1] > 12.0
+
+
 def test_start_at_a_toggle_names_better_joints():
     # links 2 and 3 stretched: l0 = l1 = 2 subtend 2 sin(π/6) · 2 = l2 + l3 at q1 = π/3
     kite = rg.load("kite")

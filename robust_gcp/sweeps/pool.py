@@ -70,9 +70,7 @@ def on_executor(
             future.cancel()
 
 
-def on_threads(
-    build: Build, keep: Keep, tasks: Sequence[Task]
-) -> Generator[tuple[int, Outcome], None, None]:
+def on_threads(build: Build, keep: Keep, tasks: Sequence[Task]) -> Generator[tuple[int, Outcome], None, None]:
     """Runs on threads of this process, as they end; none is left when the iterator is closed.
 
     For runs in the compiled kernel, which takes its steps without the interpreter's lock. Warnings

@@ -69,13 +69,10 @@ def sweep(
         The parameters of each run, see `grid`. Those of `simulate` go there untouched; all others
         go to `build`, which must then be a function.
     executor : concurrent.futures.Executor, optional
-        Where to compute: threads, processes, or a cluster (Dask's `client.get_executor()`); it stays
-        open. When left out, as many workers as there are processors, for this sweep: threads of this
-        process where the compiled kernel takes the steps of every run without calling back to
-        Python (see `backends`), else spawned processes.
+        Where to compute, such as Dask's `client.get_executor()`; it stays open. When left out: threads
+        where every run goes to the compiled kernel (see docs/sweep.md), else processes.
     workers : int, optional
-        Spawn this many worker processes, whatever the kernel could do; 0 for none: the runs are then
-        computed one after the other in this process.
+        Spawn this many worker processes in any case; 0: one run after the other in this process.
     file : str or Path, optional
         JSON lines, written as runs end. A sweep that was interrupted resumes from it: runs that are in
         it are not computed again, unless they failed by an error that is not a `RobustGcpError`.
