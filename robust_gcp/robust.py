@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .errors import BranchError
+from .errors import BranchError, NonFiniteError
 from .explicit import Passage
 from .kernel import Counters, Point, RegularPath
 from .partition import numerical_rank
@@ -96,6 +96,11 @@ class ProjectionMap:
         """Minimum-norm Newton on the dependent joints, singular directions left where predicted."""
         path, mechanism = self.path, self.path.mechanism
         for _ in range(8):
+            if not np.all(np.isfinite(q)):
+                raise NonFiniteError(
+                    "Eq. (7) left the finite numbers: beside a singular configuration its patch may have "
+                    'thrown the motion off; use a smaller step, or method="bridge"'
+                )
             phi = mechanism.phi(q) / mechanism.row_scale
             if np.abs(phi).max(initial=0.0) <= 1e-15:
                 break

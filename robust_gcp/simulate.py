@@ -146,10 +146,11 @@ def simulate(
         native.prepare(mechanism, start.path)
     run = Run(mechanism, start, explicit, torque, times, record, counters, progress, native)
     try:
-        if fixed:
-            run.fixed_steps(on_toggle, options)
-        else:
-            run.adaptive_steps(stepper, rtol, atol, on_toggle, options)
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite ends in an error of ours
+            if fixed:
+                run.fixed_steps(on_toggle, options)
+            else:
+                run.adaptive_steps(stepper, rtol, atol, on_toggle, options)
     except SimulationError as error:
         error.trajectory = run.trajectory(begun)
         raise

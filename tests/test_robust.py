@@ -152,3 +152,11 @@ def test_projection_and_bridge_agree_where_both_are_exact(
     # g of the bridge beside the crossing: ε/zone³ ẏ², zone 0.05, over half a second
     np.testing.assert_allclose(one.q, other.q, atol=1e-9)
     assert one.stats.bridges_built == 0
+
+
+def test_a_motion_that_the_patch_throws_off_stops_with_what_was_simulated() -> None:
+    """Beside its toggle the two-coordinate linkage's G grows without bound."""
+    with pytest.raises(rg.SimulationError) as stop:
+        rg.simulate(rg.load("five_bar"), method="projection", duration=3.0)
+    assert stop.value.trajectory is not None
+    assert np.all(np.isfinite(stop.value.trajectory.q))
