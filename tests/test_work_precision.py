@@ -386,3 +386,16 @@ def test_the_cost_is_measured_away_from_singular_configurations() -> None:
     motion = cost.motion(2)
     run = rg.simulate(motion.scene.mechanism, v0=motion.scene.v0, duration=cost.DURATION, step=2e-3)
     assert run.stats.zone_evaluations == 0
+
+
+def test_a_run_that_went_beyond_all_numbers_is_judged_as_lost(
+    antiparallelogram: tuple[scenes.Motion, Reference],
+) -> None:
+    motion, reference = antiparallelogram
+    outcome = outcome_of(reference)
+    outcome.q, outcome.v = outcome.q.copy(), outcome.v.copy()
+    outcome.q[200:], outcome.v[200:] = 1e200, -1e200
+    found = Judge(motion.scene, reference).judge(outcome)
+    assert found["lost"] == motion.scene.times[200]
+    assert found["error"] > 1e199
+    assert found["energy"] == np.inf

@@ -10,7 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from ...errors import StateError
 from ...forces import JointTorque
+from ...mechanism import Mechanism
 from ...tree import Array
 from ..contender import Contender, Outcome, Scene
 from .references import Reference
@@ -140,8 +142,12 @@ class Judge:
     def judge(self, outcome: Outcome) -> dict[str, Any]:
         """The errors and the loss, as attributes of a point."""
         mechanism, (q, v) = self.scene.mechanism, (outcome.q, outcome.v)
+        with np.errstate(over="ignore", invalid="ignore"):  # of lost runs
+            return self._judged(mechanism, q, v, outcome)
+
+    def _judged(self, mechanism: Mechanism, q: Array, v: Array, outcome: Outcome) -> dict[str, Any]:
         exact, scale = self._exact_energy
-        energy = np.array([mechanism.energy(*state) for state in zip(q, v, strict=True)]) - exact[: len(q)]
+        energy = np.array([_energy(mechanism, *state) for state in zip(q, v, strict=True)]) - exact[: len(q)]
         for force in mechanism.forces:
             if isinstance(force, JointTorque):
                 i = mechanism.joint(force.joint).idx_q
@@ -151,12 +157,21 @@ class Judge:
             "error": float(self.errors(q).max(initial=0.0)),
             "closure": max((float(np.abs(mechanism.phi(x)).max(initial=0.0)) for x in q), default=0.0),
             "closure_velocity": max(
-                float(np.abs(mechanism.K(x) @ u).max(initial=0.0)) for x, u in zip(q, v, strict=True)
+                (float(np.abs(mechanism.K(x) @ u).max(initial=0.0)) for x, u in zip(q, v, strict=True)),
+                default=0.0,
             ),
             "energy": float(np.abs(energy).max(initial=0.0)) / scale,
             "lost": self.lost(outcome),
             "why": outcome.stopped,
         }
+
+
+def _energy(mechanism: Mechanism, q: Array, v: Array) -> float:
+    """Energy, infinite where a lost run has gone so far that its square overflows."""
+    try:
+        return mechanism.energy(q, v)
+    except StateError:
+        return np.inf
 
 
 def settings_of(contender: Contender, motion: Motion) -> list[float]:
