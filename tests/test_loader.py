@@ -13,7 +13,7 @@ import robust_gcp as rg
 from robust_gcp import scenes
 from robust_gcp.folders.loader import models_folder
 
-LENGTHS = {  # issue 2: l0, l1, l2, l3 in m
+LENGTHS = {  # l0, l1, l2, l3 in m
     "rhombus": (1.0, 1.0, 1.0, 1.0),
     "parallelogram": (1.0, 2.0, 1.0, 2.0),
     "crank_rocker": (4.0, 1.0, 3.5, 3.0),
