@@ -243,6 +243,10 @@ class BridgeMap:
             s = bridge.parameter(point.y)
             if bridge.reaches(s) and self._agrees(bridge.line.at(s, point.ydot), point):
                 return bridge
+            turned = self._turned(bridge, point)
+            if turned is not None:
+                self._keep(turned)
+                return turned
         if self._obstacle is not None and self._obstacle.covers(point):
             return None
         try:
@@ -252,6 +256,21 @@ class BridgeMap:
             return None
         self._keep(bridge)
         return bridge
+
+    def _turned(self, bridge: Bridge, point: Point) -> Bridge | None:
+        """A kept bridge that the mechanism meets again after whole turns of its hinges; None if not so."""
+        line, rotates = bridge.line, self.path.tree.rotates
+        if not line.one_polynomial or not rotates[self.path.independent[0]]:
+            return None
+        away = float(point.y[0]) - float(line.origin[0]) - 0.5 * (bridge.left + bridge.right)
+        around = round(away / (2.0 * np.pi))
+        seen = line.at(bridge.parameter(point.y - 2.0 * np.pi * around), point.ydot)
+        if around == 0 or not bridge.reaches(bridge.parameter(seen.y)):
+            return None
+        turns = np.where(rotates, np.round((point.q - seen.q) / (2.0 * np.pi)), 0.0)
+        turned = replace(bridge, line=line.turned(turns))
+        met = turned.line.at(turned.parameter(point.y), point.ydot)
+        return turned if self._agrees(met, point) else None
 
     def _keep(self, bridge: Bridge) -> None:
         self._bridges = [*self._bridges[-MAX_BRIDGES + 1 :], bridge]

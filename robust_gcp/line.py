@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import acos
 
@@ -71,6 +72,17 @@ class Line:
         inner = self._x[[len(self._x) // 2 - 1, len(self._x) // 2]]
         self._middle, self._half = float(inner.mean()), float(np.ptp(inner)) / 2.0 or 1.0
         self._orders = np.arange(3 * len(self.nodes))
+
+    def turned(self, turns: Array) -> Line:
+        """The same line with whole turns added to hinges, q + 2π turns (nq,); for `one_polynomial` only."""
+        added = 2.0 * np.pi * turns
+        other = copy(self)
+        other.origin = self.origin + added[self.path.iq]
+        other._reference = self._reference + added
+        other.nodes = [
+            (s, replace(node, y=node.y + added[self.path.iq], q=node.q + added)) for s, node in self.nodes
+        ]
+        return other
 
     def x(self, s: float) -> float:
         """s in units that put the nodes on [−1, 1]."""

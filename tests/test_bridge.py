@@ -162,6 +162,21 @@ def test_rows_of_four_bars_all_singular_at_once(n):
     assert len(run.crossings) == 2
 
 
+@pytest.mark.parametrize("backend", ("python", "auto"))
+def test_a_bridge_met_again_after_whole_turns_is_not_built_again(backend):
+    """All cranks turn over; flat at 0 and at π, whatever the count of turns."""
+    row = scenes.n_four_bar(2)
+    v0 = row.lift(row.home, [-1.0])
+    run = rg.simulate(row, v0=v0, duration=6.0, step=2e-3, backend=backend)
+    exact = pendulum(run.t, np.pi / 2, -1.0, 3.0, 3.5 * 9.81)[0]
+    places = np.array([crossing.y[0] for crossing in run.crossings])
+    assert np.ptp(places) > 2.0 * np.pi
+    assert np.abs(np.sin(places)).max() < 1e-9  # the determinant is interpolated through six values
+    assert run.stats.bridges_built == 2
+    assert np.abs(run.q[:, 0] - exact).max() < 1e-8
+    assert run.closure_error().max() < 1e-13
+
+
 def test_kite_passes_its_fold_and_keeps_its_mode():
     # q3 parametrises the kite mode without a toggle; the fold of links 2 and 3 is at q1 = 0
     kite = rg.load("kite").with_independent(["q3"])
