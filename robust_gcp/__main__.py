@@ -13,14 +13,13 @@ from typing import Any
 
 from . import __version__, commands
 from .errors import RobustGcpError
-from .pictures import command as modes_command
 from .simulate import METHODS, RECORDS
 from .steppers import SCIPY_STEPPERS
-from .studies import a02, benchmark, costs, crossings, paper
+from .studies import a02, benchmark, costs, crossings, modes, paper
 from .studies.stability import command as stability
 from .studies.work_precision import command as work_precision
 
-ROOMS = (modes_command, paper, crossings, a02, benchmark, costs, work_precision, stability)
+ROOMS = (modes, paper, crossings, a02, benchmark, costs, work_precision, stability)
 """Modules that bring subcommands of their own by `add_parser(subparsers)`."""
 
 MODEL = "a shipped model's name, or a folder with robot.urdf and robot.yaml"

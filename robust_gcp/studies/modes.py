@@ -9,8 +9,8 @@ from typing import Any
 from ..commands import listed, table
 from ..folders.loader import load
 from ..modes.space import SEEDS, trace_modes
-from .modes import plot_modes
-from .style import DPI, require_file, save, style
+from ..pictures.modes import plot_modes
+from ..pictures.style import DPI, require_file, save, style
 
 
 def add_parser(subparsers: Any) -> None:
