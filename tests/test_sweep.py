@@ -46,6 +46,12 @@ def end(trajectory: rg.Trajectory) -> dict[str, Any]:
     return {"q": trajectory.q[-1], "rows": len(trajectory.t)}
 
 
+@pytest.fixture(autouse=True)
+def importable_by_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Spawned workers take over sys.path and find the functions of this file from the checkout's root."""
+    monkeypatch.setattr(sys, "path", [*sys.path, str(Path(__file__).parents[1])])
+
+
 # --------------------------------------------------------------------------- runs
 
 
@@ -496,7 +502,8 @@ def test_what_has_no_form_in_a_file_is_named(tmp_path: Path) -> None:
 
 
 SCRIPT = """
-import sys, robust_gcp as rg
+import signal, sys, robust_gcp as rg
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background starts with it ignored
 if __name__ == "__main__":
     runs = rg.grid(step=[5e-3, 4e-3, 3e-3, 1e-5, 1.1e-5, 1.2e-5, 1.3e-5])
     print("begun", flush=True)
