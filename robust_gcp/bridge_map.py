@@ -264,9 +264,10 @@ class BridgeMap:
             return None
         away = float(point.y[0]) - float(line.origin[0]) - 0.5 * (bridge.left + bridge.right)
         around = round(away / (2.0 * np.pi))
-        seen = line.at(bridge.parameter(point.y - 2.0 * np.pi * around), point.ydot)
-        if around == 0 or not bridge.reaches(bridge.parameter(seen.y)):
+        s = bridge.parameter(point.y - 2.0 * np.pi * around)
+        if around == 0 or not bridge.reaches(s):
             return None
+        seen = line.at(s, point.ydot)
         turns = np.where(rotates, np.round((point.q - seen.q) / (2.0 * np.pi)), 0.0)
         turned = replace(bridge, line=line.turned(turns))
         met = turned.line.at(turned.parameter(point.y), point.ydot)

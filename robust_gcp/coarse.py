@@ -21,8 +21,7 @@ def warn_if_coarse(run: Trajectory) -> None:
     """Warn once when a step of a run with closed loops took a joint further than `FARTHEST`."""
     if run.mechanism.nc == 0 or len(run.t) < 2:
         return
-    unit = np.where(run.mechanism.tree.rotates, 1.0, run.mechanism.length)
-    pace = np.abs(run.v[:-1] / unit).max(axis=1)
+    pace = np.abs(run.v[:-1] / run.mechanism.units).max(axis=1)
     steps = np.diff(run.t)
     i = int(np.argmax(pace * steps))
     if not pace[i] * steps[i] > FARTHEST:

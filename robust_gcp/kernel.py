@@ -125,7 +125,7 @@ class RegularPath:
             scale,
         )
         self._length_scale = 1.0 / mechanism.column_scale
-        self._turn_scale = np.where(self.tree.rotates, 1.0, 1.0 / mechanism.length)
+        self._turn_scale = 1.0 / mechanism.units
         self._eye = np.eye(self.m)
         self._tree_G = np.zeros((mechanism.nv, self.m))  # G of a tree: y may be in another order than v
         self._tree_G[self.independent] = self._eye

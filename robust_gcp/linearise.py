@@ -51,14 +51,13 @@ class Linearisation:
     @property
     def limiting(self) -> complex:
         """The eigenvalue that limits the step of RK4, 1/s; 0 where none does."""
-        steps = [stable_step(complex(value)) for value in self.eigenvalues]
-        i = int(np.argmin([*steps, math.inf]))
-        return complex(self.eigenvalues[i]) if i < len(steps) and math.isfinite(steps[i]) else 0j
+        value = complex(min(self.eigenvalues, key=stable_step, default=0j))
+        return value if math.isfinite(stable_step(value)) else 0j
 
     @property
     def largest_stable_step(self) -> float:
         """The largest h with |R(hλ)| ≤ 1 for all λ that do not grow, s; infinite where none limits it."""
-        return min((stable_step(complex(value)) for value in self.eigenvalues), default=math.inf)
+        return stable_step(self.limiting)
 
 
 class ReducedJacobian:
@@ -76,7 +75,7 @@ class ReducedJacobian:
 
     def __init__(self, equations: EquationsOfMotion, central: bool = False) -> None:
         self._equations, self._central = equations, central
-        self._unit = _units(equations.mechanism)
+        self._unit = equations.mechanism.units[equations.mechanism.iv_independent]
 
     def __call__(self, t: float, x: Array) -> Array:
         """(n, n) for a state of n numbers."""
@@ -202,11 +201,3 @@ def rk4_reach(angle: float) -> float:
         return abs(1.0 + z * (1.0 + z / 2.0 * (1.0 + z / 3.0 * (1.0 + z / 4.0)))) - 1.0
 
     return float(scipy.optimize.brentq(growth, 1.0, 4.0, xtol=1e-12))
-
-
-def _units(mechanism: Mechanism) -> Array:
-    """A radian for an angle, the characteristic length for a slide, (m,)."""
-    names = list(mechanism.model.names)
-    joints = [mechanism.model.joints[names.index(name)] for name in mechanism.independent]
-    sliding = [joint.shortname().startswith("JointModelP") for joint in joints]
-    return np.where(sliding, mechanism.length, 1.0)

@@ -96,9 +96,20 @@ class ClosedLoops:
         configurations, inverted, so that links of very different lengths weigh the same.
         """
         largest = np.zeros(self.nv)
-        for K in self._generic_jacobians():
+        for K in self.generic_jacobians():
             largest = np.maximum(largest, np.linalg.norm(K / self.row_scale[:, None], axis=0))
         return 1.0 / np.where(largest > 0.0, largest, 1.0)
+
+    @cached_property
+    def units(self) -> Array:
+        """What counts as one of each joint's coordinates, (nv,): a radian, or the characteristic length."""
+        return np.where(self.tree.rotates, 1.0, self.length)
+
+    @cached_property
+    def joint_inertia(self) -> float:
+        """What the joints' motions have as inertia one by one, at most 1 fast without dimension."""
+        diagonals = [self.tree.crba(q).diagonal() for q in self.generic_configurations()]
+        return float((np.max(diagonals, axis=0) * self.column_scale**2).sum()) if diagonals else 0.0
 
     def scaled(self, K: Array) -> Array:
         """K made dimensionless by `row_scale` and `column_scale`."""
@@ -231,6 +242,11 @@ class ClosedLoops:
             raise ModelError(f"the model has no joint {name!r}, only {', '.join(names)}{hint(name, names)}")
         return self.model.joints[self.model.getJointId(name)]
 
+    def velocity_slice(self, name: str) -> slice:
+        """Where the joint's entries are in v."""
+        joint = self.joint(name)
+        return slice(joint.idx_v, joint.idx_v + joint.nv)
+
     def coordinate_choices(self, q: ArrayLike) -> list[tuple[float, tuple[str, ...]]]:
         """Sets of joints that parametrise the motion at a regular q, best conditioned first.
 
@@ -252,7 +268,8 @@ class ClosedLoops:
         neutral = pin.neutral(self.model)
         return [self.tree.integrate(neutral, rng.uniform(-2.0, 2.0, self.nv)) for _ in range(count)]
 
-    def _generic_jacobians(self) -> list[Array]:
+    def generic_jacobians(self) -> list[Array]:
+        """K at the generic configurations."""
         return [self.K(q) for q in self.generic_configurations()]
 
     def _implicit_without_zero_rows(self) -> ImplicitConstraint:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -13,17 +12,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from .checks import check_model, checked_vector, listed, require_finite
 from .closure import Closure
-from .errors import ModelError, PartitionError, StateError
+from .errors import ModelError, StateError
 from .forces import AppliedForces, Force
 from .formats.mjcf import model_from_mjcf
 from .formats.pin_constraints import with_named_frames
 from .formats.urdf import model_from_urdf
-from .loops import CLOSED, STRUCTURAL, ClosedLoops
-from .partition import independent_rows, numerical_rank, spelled
-from .singularity import analyse
+from .independent import best_at_home, require_determined
+from .loops import ClosedLoops
+from .partition import independent_rows
 from .tree import Array
-
-log = logging.getLogger(__name__)
 
 
 class Mechanism(ClosedLoops):
@@ -64,12 +61,15 @@ class Mechanism(ClosedLoops):
         self.applied = AppliedForces(self.tree, self.forces) if self.forces else None
         self.name = name or str(model.name)
         self.home = pin.neutral(self.model) if home is None else self.configuration(home, "home")
-        self.independent = self._chosen() if independent == "auto" else _joints(independent, "independent")
+        if independent == "auto":
+            self.home, self.independent = best_at_home(self, self.home, self.name)
+        else:
+            self.independent = _joints(independent, "independent")
         self.iq_independent, self.iv_independent = self._indices(self.independent)
         self.m = len(self.independent)
         self.iv_dependent = np.setdiff1d(np.arange(self.nv), self.iv_independent)
         self.dependent = tuple(n for n in self.joint_names if n not in self.independent)
-        self._require_dependent_columns_regular()
+        require_determined(self, self.independent, self.dependent, self.iv_dependent)
 
     @classmethod
     def from_pinocchio(
@@ -206,11 +206,6 @@ class Mechanism(ClosedLoops):
             energy += self.applied.energy(q)
         return float(require_finite(np.asarray(energy), "the energy"))
 
-    def velocity_slice(self, name: str) -> slice:
-        """Where the joint's entries are in v."""
-        joint = self.joint(name)
-        return slice(joint.idx_v, joint.idx_v + joint.nv)
-
     def assemble(self, q_guess: ArrayLike, hold: Sequence[str] | None = None) -> Array:
         """Close the loops from a rough guess.
 
@@ -272,62 +267,9 @@ class Mechanism(ClosedLoops):
             raise ModelError(f"a joint is named twice in {', '.join(map(repr, names))}")
         return np.array(iq, dtype=np.int64), np.array(iv, dtype=np.int64)
 
-    def _chosen(self) -> tuple[str, ...]:
-        """The best conditioned independent joints at home, which is assembled if need be."""
-        if self.closure_residual(self.home) > CLOSED:
-            self.home = self.close_loops(self.home, np.arange(self.nv))
-        picture = analyse(self, self.home)
-        choices = self.coordinate_choices(self.home)
-        freedom = picture.differential_dof
-        if picture.kind in ("regular", "redundant") and not choices:
-            single = [n for n in self.joint_names if self.joint(n).nq == 1 == self.joint(n).nv]
-            raise PartitionError(
-                f"independent = 'auto': the mechanism has {freedom} degrees of freedom, and its joints with "
-                f"one number each ({', '.join(single) or 'none'}) do not parametrise them; give the tree "
-                "more such joints, for instance a chain of revolute and prismatic ones for a free body"
-            )
-        if picture.kind not in ("regular", "redundant"):
-            raise PartitionError(
-                f"independent = 'auto' needs a regular home configuration, and home is {picture.kind} "
-                f"({picture.message}); give another home, or name the joints"
-            )
-        quality, names = choices[0]
-        log.info("%s: independent joints %s (conditioning %.2g)", self.name, ", ".join(names), quality)
-        return names
-
     def select_rows(self, K: Array) -> NDArray[np.int64]:
         """As many rows of K as there are dependent velocities, the best conditioned at this K."""
         return independent_rows(self.scaled(K)[:, self.iv_dependent], len(self.iv_dependent))
-
-    def _require_dependent_columns_regular(self) -> None:
-        nd = len(self.iv_dependent)
-        ranks = []
-        for K in self._generic_jacobians():
-            s = np.linalg.svd(self.scaled(K)[:, self.iv_dependent], compute_uv=False)
-            ranks.append(numerical_rank(s, STRUCTURAL))
-        rank = max(ranks, default=0)
-        if rank == nd:
-            return
-        K = self.scaled(self._generic_jacobians()[0])[:, self.iv_dependent]
-        _, _, Vt = np.linalg.svd(K)
-        moving = np.max(np.abs(Vt[rank:]), axis=0)
-        culprits = [
-            n
-            for n in self.dependent
-            if np.any(moving[np.isin(self.iv_dependent, self._indices([n], single=False)[1])] > 1e-6)
-        ]
-        suggestions = self._generic_choices()
-        hint = "; sets that would serve: " + spelled(suggestions) if suggestions else ""
-        raise PartitionError(
-            f"independent = {', '.join(map(repr, self.independent)) or 'none'}: K_d is structurally "
-            f"singular (rank {rank} for {nd} dependent velocities): the closures do not determine "
-            f"{', '.join(map(repr, culprits))} in any configuration{hint}",
-            suggestions,
-        )
-
-    def _generic_choices(self) -> list[tuple[str, ...]]:
-        """Sets of joints whose complement the closures determine at a generic configuration."""
-        return [names for _, names in self.coordinate_choices(self.generic_configurations()[0])]
 
 
 def _joints(names: Any, what: str) -> tuple[str, ...]:

@@ -27,19 +27,13 @@ class ReducedInertia:
     Parameters
     ----------
     mechanism : Mechanism
-
-    Attributes
-    ----------
-    own : float
-        What the joints' motions have as inertia one by one, at most 1 fast without dimension.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
         self._mechanism, self._tree = mechanism, mechanism.tree
         self._scale = 1.0 / mechanism.column_scale
-        diagonals = [mechanism.tree.crba(q).diagonal() for q in mechanism.generic_configurations()]
-        self.own = float((np.max(diagonals, axis=0) * mechanism.column_scale**2).sum()) if diagonals else 0.0
-        self._suspect = LOST * self.own * float(np.max(self._scale, initial=0.0)) ** 2
+        self._own = mechanism.joint_inertia
+        self._suspect = LOST * self._own * float(np.max(self._scale, initial=0.0)) ** 2
 
     def solve(self, q: Array, G: Array, force: Array) -> Array:
         """ÿ (m,) for Gᵀ (τ − C − M g) = force (m,).
@@ -87,7 +81,7 @@ class ReducedInertia:
     def _alone(self, direction: Array) -> float:
         """What the joints' motions would have as inertia one by one, kg m² or kg."""
         pace = float(np.abs(direction * self._scale).max())
-        return self.own * pace * pace
+        return self._own * pace * pace
 
     def _singular(self) -> SimulationError:
         names = ", ".join(self._mechanism.independent)

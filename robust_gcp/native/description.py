@@ -12,7 +12,6 @@ from ..closure import closure_frames, frame_of
 from ..forces import JointDamper, JointSpring, JointTorque, PointSpring
 from ..kernel import RegularPath
 from ..mechanism import Mechanism
-from ..reduced_inertia import ReducedInertia
 from ..tree import Array
 from .structures import Arrays, Description, Kind
 
@@ -66,9 +65,8 @@ def _described(mechanism: Mechanism, path: RegularPath, constant: ArrayLike | No
     scale = np.ones(mechanism.nv)
     scale[path.dependent] = mechanism.column_scale[path.dependent]
     arrays.integers(independent=mechanism.iv_independent, independent_q=mechanism.iq_independent)
-    turn = np.where(path.tree.rotates, 1.0, 1.0 / mechanism.length)
-    arrays.reals(size=1.0 / mechanism.column_scale, turn=turn, scale=scale)
-    arrays.reals(own=[ReducedInertia(mechanism).own])
+    arrays.reals(size=1.0 / mechanism.column_scale, turn=1.0 / mechanism.units, scale=scale)
+    arrays.reals(own=[mechanism.joint_inertia])
     _closures(mechanism, path, turns, arrays)
     _blocks(path, arrays)
     _forces(mechanism, constant, turns, arrays)

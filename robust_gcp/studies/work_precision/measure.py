@@ -113,11 +113,7 @@ class Judge:
     scale: Array = field(init=False)
 
     def __post_init__(self) -> None:
-        mechanism = self.scene.mechanism
-        self.scale = np.ones(mechanism.nq)
-        for joint in list(mechanism.model.joints)[1:]:
-            if joint.shortname().removeprefix("JointModel").startswith("P"):
-                self.scale[joint.idx_q] = mechanism.length
+        self.scale = self.scene.mechanism.units  # all scenes have hinges and slides alone: q has v's order
 
     @cached_property
     def _exact_energy(self) -> tuple[Array, float]:
