@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 import robust_gcp as rg
-from robust_gcp import scenes
+from robust_gcp.examples import linkages
 
 STEPS = (1e-2, 5e-3, 2e-3, 1e-3, 5e-4)
 DEFAULT = rg.BridgeOptions()
@@ -70,8 +70,8 @@ def floors(quick: bool) -> Iterator[list[str]]:
     yield ["mechanism", "h [s]", "bridge", "floor", "Eq. (7)", "classical", "classical, previous"]
     cases = {
         "change point 4, 2, 3, 3": (rg.load("change_point"), 0.0, 5.0),
-        "antiparallelogram 1, 2, 1, 2": (scenes.four_bar(1, 2, 1, 2, 1.0, -1), 0.0, 10.0),
-        "antiparallelogram 2, 1, 2, 1": (scenes.four_bar(2, 1, 2, 1, 0.1, -1), -2.0, 10.0),
+        "antiparallelogram 1, 2, 1, 2": (linkages.four_bar(1, 2, 1, 2, 1.0, -1), 0.0, 10.0),
+        "antiparallelogram 2, 1, 2, 1": (linkages.four_bar(2, 1, 2, 1, 0.1, -1), -2.0, 10.0),
     }
     methods: list[dict[str, Any]] = [
         {"method": "bridge"},
@@ -127,7 +127,7 @@ def gaps(quick: bool) -> Iterator[list[str]]:
     yield ["gap [m]", "bridge", "fixed steps on the closed form", "crossings", "refined steps"]
     tried = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-10, 1e-12)
     for gap in tried[: 1 if quick else None]:
-        study = Study(scenes.four_bar(4.0 - gap, 2.0, 3.0, 3.0, y=2.5), 0.2 if quick else 1.0)
+        study = Study(linkages.four_bar(4.0 - gap, 2.0, 3.0, 3.0, y=2.5), 0.2 if quick else 1.0)
         floor, ours = study.error(2e-3, method="closed_form"), study.error(2e-3)
         kinds = ", ".join(c.kind for c in study.last.crossings) or "none"
         yield [f"{gap:g}", ours, floor, kinds, str(study.last.stats.refined_steps)]
@@ -136,7 +136,7 @@ def gaps(quick: bool) -> Iterator[list[str]]:
 def gains(quick: bool) -> Iterator[list[str]]:
     """The implicit system with Baumgarte's stabilisation, over its gains: K a = k − 2 α K v − β² φ."""
     yield ["α, β [1/s]", "h = 0.01 s", "h = 0.001 s"]
-    study = Study(scenes.four_bar(2, 1, 2, 1, 0.1, -1), 0.1 if quick else 10.0, -2.0)
+    study = Study(linkages.four_bar(2, 1, 2, 1, 0.1, -1), 0.1 if quick else 10.0, -2.0)
     pairs = [(x, x) for x in (0, 10, 20, 50, 100, 200)] + [(100, 20), (20, 100)]
     for alpha, beta in pairs[: 1 if quick else None]:
         found = []

@@ -27,7 +27,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import robust_gcp as rg
-from robust_gcp.closed_form import parallelogram_pendulum, pendulum
+from robust_gcp.maps.closed_form import parallelogram_pendulum, pendulum
 
 rhombus = rg.load("rhombus")
 q = np.array([0.2, -0.2, 0.2])

@@ -71,7 +71,7 @@ for mode in here.modes:
 # curve and says what it saw; a gap of 1e-11 m is taken for a crossing, with a warning.
 
 # %%
-from robust_gcp.scenes import four_bar
+from robust_gcp.examples.linkages import four_bar
 
 for gap in (1e-4, 1e-11):
     near = four_bar(4.0, 2.0, 3.0, 3.0 + gap, y=2.5)

@@ -23,7 +23,7 @@ import warnings
 import numpy as np
 
 import robust_gcp as rg
-from robust_gcp.scenes import four_bar
+from robust_gcp.examples.linkages import four_bar
 
 # %% [markdown]
 # ## How stiff is it?

@@ -25,7 +25,7 @@
 import numpy as np
 
 import robust_gcp as rg
-from robust_gcp.robots import baxter_bar, solo12_pinned
+from robust_gcp.examples.robots import baxter_bar, solo12_pinned
 
 solo = solo12_pinned(stiffness=10.0)
 print(solo)

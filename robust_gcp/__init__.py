@@ -1,9 +1,13 @@
 """Closed-loop mechanisms in minimal coordinates, straight through singular configurations."""
 
-from .bridge import BridgeOptions
-from .closure import FrameClosure, PointClosure, RevoluteClosure
-from .coarse import CoarseStepWarning
-from .dynamics import implicit_dynamics
+from .analysis.local import LocalAnalysis, analyse
+from .analysis.space import ConfigurationSpace, ModeCurve, trace_modes
+from .drawing.figures.modes import plot_modes
+from .drawing.replay.live import live
+from .drawing.replay.replay import ReplayPage, replay
+from .dynamics.equations import implicit_dynamics
+from .dynamics.inverse import inverse_dynamics
+from .dynamics.linearise import Linearisation, StabilityWarning, linearise
 from .errors import (
     BranchError,
     ClosureError,
@@ -20,23 +24,19 @@ from .errors import (
     SweepError,
     ToggleError,
 )
-from .explicit import Crossing
-from .folders.loader import load, model_names
-from .forces import JointDamper, JointSpring, JointTorque, PointSpring
-from .gcp import SingularityWarning
-from .inverse import inverse_dynamics
-from .linearise import Linearisation, StabilityWarning, linearise
-from .mechanism import Mechanism
-from .modes.space import ConfigurationSpace, ModeCurve, trace_modes
+from .maps.bridge.bridge import BridgeOptions
+from .maps.classical import SingularityWarning
+from .maps.explicit import Crossing
+from .mechanism.closures import FrameClosure, PointClosure, RevoluteClosure
+from .mechanism.folders.loader import load, model_names
+from .mechanism.forces import JointDamper, JointSpring, JointTorque, PointSpring
+from .mechanism.mechanism import Mechanism
 from .native import Backend, NativeBuildWarning, backends
-from .pictures.modes import plot_modes
-from .simulate import simulate
-from .singularity import LocalAnalysis, analyse
+from .simulation.coarse import CoarseStepWarning
+from .simulation.simulate import simulate
+from .simulation.trajectory import Stats, Trajectory
 from .sweeps.record import Failure, RunRecord
 from .sweeps.runs import grid, sweep, sweep_as_completed
-from .trajectory import Stats, Trajectory
-from .viewing.live import live
-from .viewing.replay import ReplayPage, replay
 
 __version__ = "0.1.0"
 

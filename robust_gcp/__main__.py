@@ -13,8 +13,8 @@ from typing import Any
 
 from . import __version__, commands
 from .errors import RobustGcpError
-from .simulate import METHODS, RECORDS
-from .steppers import SCIPY_STEPPERS
+from .simulation.simulate import METHODS, RECORDS
+from .simulation.steppers import SCIPY_STEPPERS
 from .studies import a02, benchmark, costs, crossings, modes, paper
 from .studies.stability import command as stability
 from .studies.work_precision import command as work_precision

@@ -14,20 +14,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import singularity
-from .coarse import CoarseStepWarning
+from .analysis import local
+from .analysis.local import LocalAnalysis
+from .drawing.figures.style import require_file
+from .drawing.replay.replay import replay, require_page
+from .dynamics.linearise import StabilityWarning
 from .errors import OptionError, SimulationError, SingularStartError
-from .folders.loader import load, model_names, models_folder
-from .folders.yaml_text import parsed_yaml
-from .gcp import SingularityWarning
-from .joint_entries import entries
-from .linearise import StabilityWarning
-from .mechanism import Mechanism
-from .pictures.style import require_file
-from .simulate import simulate as run_simulation
-from .singularity import LocalAnalysis
-from .trajectory import Trajectory
-from .viewing.replay import replay, require_page
+from .maps.classical import SingularityWarning
+from .mechanism.folders.loader import load, model_names, models_folder
+from .mechanism.folders.yaml_text import parsed_yaml
+from .mechanism.joint_entries import entries
+from .mechanism.mechanism import Mechanism
+from .simulation.coarse import CoarseStepWarning
+from .simulation.simulate import simulate as run_simulation
+from .simulation.trajectory import Trajectory
 
 OURS = (SingularityWarning, StabilityWarning, CoarseStepWarning)
 
@@ -190,7 +190,7 @@ def summary(trajectory: Trajectory) -> str:
 
 
 def _mode(mechanism: Mechanism, q: ArrayLike, index: int) -> Any:
-    modes = singularity.analyse(mechanism, q).modes
+    modes = local.analyse(mechanism, q).modes
     if not 0 <= index < len(modes):
         raise OptionError(f"--mode {index}: analyse lists {len(modes)} modes at q0, from 0 on")
     return modes[index]
@@ -202,7 +202,7 @@ def _mode(mechanism: Mechanism, q: ArrayLike, index: int) -> Any:
 def analyse(args: argparse.Namespace) -> int:
     """Print the local picture."""
     mechanism = load(args.model)
-    here = singularity.analyse(mechanism, mechanism.home if args.q is None else args.q)
+    here = local.analyse(mechanism, mechanism.home if args.q is None else args.q)
     print(_as_json(mechanism, here) if args.json else _as_text(mechanism, here))
     return 0
 

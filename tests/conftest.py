@@ -17,7 +17,7 @@ from hypothesis import HealthCheck, settings
 from numpy.typing import NDArray
 
 import robust_gcp as rg
-from robust_gcp.scenes import add_link, rod
+from robust_gcp.examples.linkages import add_link, rod
 
 Array = NDArray[np.float64]
 

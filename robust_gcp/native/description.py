@@ -8,11 +8,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from ..closure import closure_frames, frame_of
-from ..forces import JointDamper, JointSpring, JointTorque, PointSpring
-from ..kernel import RegularPath
-from ..mechanism import Mechanism
-from ..tree import Array
+from ..maps.regular_path import RegularPath
+from ..mechanism.closures import closure_frames, frame_of
+from ..mechanism.forces import JointDamper, JointSpring, JointTorque, PointSpring
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
 from .structures import Arrays, Description, Kind
 
 _WHOLE = {

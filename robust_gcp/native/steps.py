@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
-from ..bridge_map import BridgeMap
-from ..dynamics import Evaluation, Torque, does_work, torque_function
+from ..dynamics.equations import Evaluation, Torque, does_work, torque_function
 from ..errors import OptionError
-from ..explicit import ExplicitMap
-from ..gcp import DIGITS_LOST, ClassicalMap
-from ..kernel import RegularPath
-from ..mechanism import Mechanism
-from ..record import Record
-from ..tree import Array
+from ..maps.bridge.bridge_map import BridgeMap
+from ..maps.classical import DIGITS_LOST, ClassicalMap
+from ..maps.explicit import ExplicitMap
+from ..maps.regular_path import RegularPath
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+from ..simulation.record import Record
 from .description import NotNativeError
 from .library import Library, backends, library
 from .workspace import Batch, Workspace

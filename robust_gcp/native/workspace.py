@@ -10,12 +10,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..bridge import Bridge
-from ..dynamics import CheckedTorque, Evaluation
-from ..kernel import Point, RegularPath
-from ..mechanism import Mechanism
-from ..record import Outputs
-from ..tree import Array
+from ..dynamics.equations import CheckedTorque, Evaluation
+from ..maps.bridge.bridge import Bridge
+from ..maps.regular_path import Point, RegularPath
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+from ..simulation.record import Outputs
 from .description import NotNativeError, describe
 from .library import Library
 from .structures import Arrays, Reason, Request, Table, TorqueCallback

@@ -17,10 +17,10 @@ from pathlib import Path
 import numpy as np
 
 from .. import commands
-from ..closed_form import pendulum
 from ..errors import RobustGcpError
-from ..scenes import n_four_bar
-from ..simulate import simulate
+from ..examples.linkages import n_four_bar
+from ..maps.closed_form import pendulum
+from ..simulation.simulate import simulate
 
 SIZES = (1, 2, 5, 10, 40)
 GRAVITY = 9.81

@@ -12,16 +12,16 @@ from pathlib import Path
 import numpy as np
 
 from .. import commands
-from ..bridge import BridgeOptions
-from ..bridge_map import BridgeMap
-from ..dynamics import EquationsOfMotion
-from ..folders.loader import load
-from ..kernel import Counters
-from ..march import same_branch
+from ..dynamics.equations import EquationsOfMotion
+from ..examples.linkages import n_four_bar
+from ..maps.bridge.bridge import BridgeOptions
+from ..maps.bridge.bridge_map import BridgeMap
+from ..maps.march import same_branch
+from ..maps.regular_path import Counters
+from ..maps.start import begin
+from ..mechanism.folders.loader import load
 from ..native import backends
-from ..scenes import n_four_bar
-from ..simulate import simulate
-from ..start import begin
+from ..simulation.simulate import simulate
 from .benchmark_native import native_seconds, thread_gain
 
 SIZES = (1, 5, 10, 20, 40)

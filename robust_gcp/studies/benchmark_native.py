@@ -7,16 +7,16 @@ import time
 
 import numpy as np
 
-from ..bridge import BridgeOptions
-from ..bridge_map import BridgeMap
-from ..dynamics import EquationsOfMotion, Evaluation
-from ..kernel import Counters
-from ..mechanism import Mechanism
+from ..dynamics.equations import EquationsOfMotion, Evaluation
+from ..maps.bridge.bridge import BridgeOptions
+from ..maps.bridge.bridge_map import BridgeMap
+from ..maps.regular_path import Counters
+from ..maps.start import begin
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
 from ..native.library import Library, library
 from ..native.workspace import Workspace
-from ..record import Outputs
-from ..start import begin
-from ..tree import Array
+from ..simulation.record import Outputs
 
 ROUNDS = 50
 """Of each measurement; the smallest counts, that is the one least disturbed by other processes."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
-from ..mechanism import Mechanism
-from ..tree import Array
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
 
 Kind = Literal["fixed", "adaptive"]
 

@@ -21,16 +21,16 @@ from typing import Any
 import numpy as np
 
 from .. import commands
-from ..dynamics import Evaluation, constraint_forces
+from ..analysis.local import analyse
+from ..analysis.second_order import transversality
+from ..dynamics.equations import Evaluation, constraint_forces
 from ..errors import OptionError
-from ..folders.loader import load
-from ..forces import AppliedForces
-from ..mechanism import Mechanism
-from ..second_order import transversality
-from ..simulate import simulate
-from ..singularity import analyse
-from ..trajectory import Stats
-from ..tree import Tree
+from ..mechanism.folders.loader import load
+from ..mechanism.forces import AppliedForces
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Tree
+from ..simulation.simulate import simulate
+from ..simulation.trajectory import Stats
 from . import pages
 from .costs_scenes import SCENES, Scene
 from .import_time import import_milliseconds

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from .. import scenes
-from ..folders.loader import load
-from ..forces import Force, JointDamper, JointSpring
-from ..mechanism import Mechanism
+from ..examples import linkages
+from ..mechanism.folders.loader import load
+from ..mechanism.forces import Force, JointDamper, JointSpring
+from ..mechanism.mechanism import Mechanism
 
 RECORDS = ("a", "energy", "multipliers")
 
@@ -34,7 +34,7 @@ class Scene:
 
 def _pendulum() -> Mechanism:
     model = pin.Model()
-    scenes.add_link(model, 0, 0.0, "q1", 1.0)
+    linkages.add_link(model, 0, 0.0, "q1", 1.0)
     return Mechanism.from_pinocchio(model, home=[0.5])
 
 
@@ -62,7 +62,7 @@ def _rhombus(**more: Any) -> dict[str, Any]:
 
 
 def _swinging() -> tuple[Mechanism, dict[str, Any]]:
-    mechanism = scenes.swinging_four_bar(4.0, 2.0, 3.0, 3.0, 0.1, np.pi - 0.3)
+    mechanism = linkages.swinging_four_bar(4.0, 2.0, 3.0, 3.0, 0.1, np.pi - 0.3)
     v0 = mechanism.lift(mechanism.home, [0.1, 3.0])
     return mechanism, {"v0": v0, "duration": 0.2, "step": 1e-3}
 
@@ -91,7 +91,7 @@ SCENES = (
     Scene("… recording the energy", lambda: (load("crank_rocker"), _far(record=("energy",)))),
     Scene("… recording λ", lambda: (load("crank_rocker"), _far(record=("multipliers",)))),
     Scene("… by DOP853", lambda: (load("crank_rocker"), _far(stepper="DOP853"))),
-    Scene("three loops in a row", lambda: (scenes.n_four_bar(3), _far())),
+    Scene("three loops in a row", lambda: (linkages.n_four_bar(3), _far())),
     Scene("two coordinates, far from singular", lambda: (load("five_bar"), _far())),
     Scene("one closure row too many (Bricard)", lambda: (load("bricard"), _far())),
     Scene("through a crossing", lambda: (load("rhombus"), _rhombus())),

@@ -13,11 +13,11 @@ import numpy as np
 from scipy.optimize import brentq
 
 from .. import commands
-from ..closed_form import FourBar
 from ..errors import OptionError, RobustGcpError
-from ..mechanism import Mechanism
-from ..scenes import four_bar
-from ..simulate import simulate
+from ..examples.linkages import four_bar
+from ..maps.closed_form import FourBar
+from ..mechanism.mechanism import Mechanism
+from ..simulation.simulate import simulate
 
 ROUNDING = 1e-11
 """rad: below this a floor measures the rounding of the reference, not the stepper's error."""

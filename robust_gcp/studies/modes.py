@@ -6,11 +6,11 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from ..analysis.space import SEEDS, trace_modes
 from ..commands import listed, table
-from ..folders.loader import load
-from ..modes.space import SEEDS, trace_modes
-from ..pictures.modes import plot_modes
-from ..pictures.style import DPI, require_file, save, style
+from ..drawing.figures.modes import plot_modes
+from ..drawing.figures.style import DPI, require_file, save, style
+from ..mechanism.folders.loader import load
 
 
 def add_parser(subparsers: Any) -> None:

@@ -18,17 +18,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..closed_form import parallelogram_pendulum, pendulum
 from ..commands import progress_bar, table
+from ..drawing.figures.mechanism import body_legend, draw_pose, face_on, pose
 from ..errors import SimulationError
-from ..folders.loader import load
-from ..four_bar_map import draw_four_bar
-from ..gcp import SingularityWarning
-from ..mechanism import Mechanism
-from ..pictures.mechanism import body_legend, draw_pose, face_on, pose
-from ..simulate import Method, simulate
-from ..trajectory import Trajectory
-from ..tree import Array
+from ..maps.classical import SingularityWarning
+from ..maps.closed_form import parallelogram_pendulum, pendulum
+from ..maps.four_bar import draw_four_bar
+from ..mechanism.folders.loader import load
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+from ..simulation.simulate import Method, simulate
+from ..simulation.trajectory import Trajectory
 from . import plots
 
 if TYPE_CHECKING:

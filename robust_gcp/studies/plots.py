@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..pictures.style import (
+from ..drawing.figures.style import (
     BLACK,
     BLUE,
     CYCLE,
@@ -26,7 +26,7 @@ from ..pictures.style import (
     save,
     style,
 )
-from ..simulate import Method
+from ..simulation.simulate import Method
 
 __all__ = [
     "BLACK",

@@ -9,7 +9,7 @@ from typing import Any
 from ..errors import OptionError
 from ..native.library import backends
 from ..native.steps import chosen_library
-from ..simulate import simulate
+from ..simulation.simulate import simulate
 
 CHOICES = ("backend", "stepper", "method", "newton_start")
 """Parameters of `simulate` that decide who takes the steps, in the order of `chosen_library`."""

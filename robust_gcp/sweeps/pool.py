@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import OptionError, SweepError
-from ..folders.loader import load
+from ..mechanism.folders.loader import load
 from .record import Failure
 from .worker import Build, Keep, Outcome, begin, ready, work, work_pickled
 

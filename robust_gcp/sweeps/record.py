@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import OptionError
-from ..trajectory import Trajectory
+from ..simulation.trajectory import Trajectory
 
 
 @dataclass(frozen=True)

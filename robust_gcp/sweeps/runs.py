@@ -15,7 +15,7 @@ from typing import Any
 
 from ..checks import check_number
 from ..errors import OptionError
-from ..mechanism import Mechanism
+from ..mechanism.mechanism import Mechanism
 from .file import SweepFile
 from .natively import runs_natively
 from .pool import Task, here, on_executor, on_processes, on_threads

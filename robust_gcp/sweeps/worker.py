@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ..errors import OptionError, RobustGcpError
-from ..folders.loader import load
-from ..mechanism import Mechanism
-from ..simulate import simulate
-from ..trajectory import Trajectory
+from ..mechanism.folders.loader import load
+from ..mechanism.mechanism import Mechanism
+from ..simulation.simulate import simulate
+from ..simulation.trajectory import Trajectory
 from .record import Failure, summary
 
 Build = str | Path | Mechanism | Callable[..., Mechanism]

@@ -1,6 +1,6 @@
 """Other tools as contenders of the work-precision study; docs/peers.md says what each one's model is.
 
-Each module states its model and its tuning, and `tests/test_peers.py` holds each to its known order on
+Each module states its model and its tuning; `tests/studies/test_peers.py` holds each to its known order on
 regular mechanisms first. Pinocchio is always there; the others come with the extra `bench`.
 """
 

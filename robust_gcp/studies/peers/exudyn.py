@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from ...forces import JointTorque, PointSpring
-from ...tree import Array
+from ...mechanism.forces import JointTorque, PointSpring
+from ...mechanism.tree import Array
 from ..contender import Contender, Kind, Outcome, Scene
 from .exudyn_api import exu
 from .exudyn_planar import PlanarBodies, is_planar

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from ...forces import PointSpring
-from ...tree import Array
+from ...mechanism.forces import PointSpring
+from ...mechanism.tree import Array
 from ..contender import Scene
 from .exudyn_api import exu, items
 from .parts import Joint, Place, closure_places, constant_torques, frame_place, joints

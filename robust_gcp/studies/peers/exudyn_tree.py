@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from ...closure import RevoluteClosure
-from ...forces import PointSpring
-from ...tree import Array
+from ...mechanism.closures import RevoluteClosure
+from ...mechanism.forces import PointSpring
+from ...mechanism.tree import Array
 from ..contender import Scene
 from .exudyn_api import exu, items
 from .parts import Place, closure_places, constant_torques, frame_place, joints

@@ -8,10 +8,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 
-from ...closure import RevoluteClosure
-from ...forces import JointDamper, JointSpring, PointSpring
-from ...mechanism import Mechanism
-from ...tree import Array
+from ...mechanism.closures import RevoluteClosure
+from ...mechanism.forces import JointDamper, JointSpring, PointSpring
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree import Array
 from .parts import Joint, Place, closure_places, frame_place, joints
 
 THIN = 1e-12

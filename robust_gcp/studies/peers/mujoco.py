@@ -13,7 +13,7 @@ from typing import Any
 
 import mujoco
 
-from ...mechanism import Mechanism
+from ...mechanism.mechanism import Mechanism
 from ..contender import Contender, Kind, Outcome, Scene
 from . import tuning
 from .mjcf_text import mjcf

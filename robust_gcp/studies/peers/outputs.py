@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...tree import Array
+from ...mechanism.tree import Array
 from ..contender import Outcome, Scene
 
 BOUND = 1e8

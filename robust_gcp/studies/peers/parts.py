@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from ...closure import closure_frames, frame_of
-from ...forces import JointTorque
-from ...mechanism import Mechanism
-from ...tree import Array
+from ...mechanism.closures import closure_frames, frame_of
+from ...mechanism.forces import JointTorque
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree import Array
 
 Place = tuple[int, pin.SE3]
 """A joint's index (0: the ground) and a placement on its body."""

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from ...closure import Closure, RevoluteClosure
 from ...errors import SimulationError
-from ...mechanism import Mechanism
-from ...tree import Array
+from ...mechanism.closures import Closure, RevoluteClosure
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree import Array
 from ..contender import Contender, Kind, Outcome, Scene
 from . import tuning
 from .outputs import Outputs, division

@@ -16,11 +16,11 @@ import numpy as np
 from tqdm import tqdm
 
 from ... import commands
-from ...folders.loader import load
-from ...mechanism import Mechanism
-from ...scenes import four_bar
-from ...simulate import simulate
-from ...tree import Array
+from ...examples.linkages import four_bar
+from ...mechanism.folders.loader import load
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree import Array
+from ...simulation.simulate import simulate
 from ..contender import Contender, Scene
 
 REGULAR = ("crank_rocker", "andrews", "bricard")

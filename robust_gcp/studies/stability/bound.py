@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import root
 
+from ...dynamics.linearise import linearise
 from ...errors import SimulationError
-from ...folders.loader import load
-from ...forces import Force, JointDamper, JointSpring, PointSpring
-from ...linearise import linearise
-from ...mechanism import Mechanism
-from ...scenes import four_bar
-from ...simulate import simulate
-from ...tree import Array
+from ...examples.linkages import four_bar
+from ...mechanism.folders.loader import load
+from ...mechanism.forces import Force, JointDamper, JointSpring, PointSpring
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree import Array
+from ...simulation.simulate import simulate
 from .case import Case, Setting
 from .truth import A, B, of_run, with_forces
 

@@ -10,10 +10,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from ...dynamics import Torque
-from ...mechanism import Mechanism
-from ...simulate import Method
-from ...tree import Array
+from ...dynamics.equations import Torque
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree import Array
+from ...simulation.simulate import Method
 
 Verdict = Literal["right", "stopped", "wrong"]
 

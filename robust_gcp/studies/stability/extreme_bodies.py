@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from ...mechanism import Mechanism
-from ...scenes import four_bar, swinging_four_bar
-from ...tree import Array
+from ...examples.linkages import four_bar, swinging_four_bar
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree import Array
 from .case import Case, Families
 from .extreme_tools import (
     ANTIPARALLELOGRAM,

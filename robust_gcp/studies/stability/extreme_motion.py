@@ -8,9 +8,9 @@ from functools import cache
 import numpy as np
 from scipy.optimize import brentq
 
-from ...closed_form import parallelogram_pendulum, pendulum
-from ...steppers import rk4_step
-from ...tree import Array
+from ...maps.closed_form import parallelogram_pendulum, pendulum
+from ...mechanism.tree import Array
+from ...simulation.steppers import rk4_step
 from .case import Case, Families, Setting
 from .extreme_bodies import LINKAGES
 from .extreme_tools import ANTIPARALLELOGRAM, CHANGE_POINT, RHOMBUS, Lengths, Motion, columns, four_bar_case

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...closed_form import FourBar
 from ...errors import OptionError
-from ...mechanism import Mechanism
-from ...scenes import four_bar
-from ...tree import Array
+from ...examples.linkages import four_bar
+from ...maps.closed_form import FourBar
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree import Array
 from .case import Case, Families
 from .extreme_tools import (
     ANTIPARALLELOGRAM,

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from ...closed_form import FourBar
 from ...errors import RobustGcpError
-from ...mechanism import Mechanism
-from ...scenes import four_bar
-from ...simulate import simulate
-from ...trajectory import Trajectory
-from ...tree import Array
+from ...examples.linkages import four_bar
+from ...maps.closed_form import FourBar
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree import Array
+from ...simulation.simulate import simulate
+from ...simulation.trajectory import Trajectory
 from .case import Case, Setting
 
 CHANGE_POINT = (4.0, 2.0, 3.0, 3.0)

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from ...coarse import CoarseStepWarning
+from ...dynamics.linearise import StabilityWarning
 from ...errors import RobustGcpError, StateError
-from ...gcp import SingularityWarning
-from ...linearise import StabilityWarning
-from ...mechanism import Mechanism
-from ...simulate import simulate
-from ...trajectory import Trajectory
-from ...tree import Array
+from ...maps.classical import SingularityWarning
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree import Array
+from ...simulation.coarse import CoarseStepWarning
+from ...simulation.simulate import simulate
+from ...simulation.trajectory import Trajectory
 from .case import Allowed, Case, Cell, Setting
 
 MOST_CHECKED = 2000

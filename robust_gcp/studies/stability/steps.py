@@ -7,15 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...bridge import BridgeOptions
-from ...bridge_map import BridgeMap
-from ...dynamics import EquationsOfMotion, Torque
-from ...kernel import Counters
-from ...linearise import ReducedJacobian, linearise
-from ...mechanism import Mechanism
-from ...start import begin
-from ...steppers import IMPLICIT
-from ...tree import Array
+from ...dynamics.equations import EquationsOfMotion, Torque
+from ...dynamics.linearise import ReducedJacobian, linearise
+from ...maps.bridge.bridge import BridgeOptions
+from ...maps.bridge.bridge_map import BridgeMap
+from ...maps.regular_path import Counters
+from ...maps.start import begin
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree import Array
+from ...simulation.steppers import IMPLICIT
 from .bound import governor
 from .stiff import drive, driven
 from .truth import A, B, Servo, of_run

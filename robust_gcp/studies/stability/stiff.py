@@ -7,12 +7,12 @@ from functools import cache
 
 import numpy as np
 
-from ...dynamics import Torque
-from ...forces import Force, JointDamper, JointSpring
-from ...mechanism import Mechanism
-from ...scenes import four_bar
-from ...simulate import simulate
-from ...tree import Array
+from ...dynamics.equations import Torque
+from ...examples.linkages import four_bar
+from ...mechanism.forces import Force, JointDamper, JointSpring
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree import Array
+from ...simulation.simulate import simulate
 from .bound import around, governor
 from .case import Case, Families, Setting
 from .truth import TANGENT, A, B, Servo, of_run, with_forces

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from ...closed_form import parallelogram_pendulum
-from ...forces import Force
-from ...mechanism import Mechanism
-from ...simulate import simulate
-from ...steppers import rk4_step
-from ...tree import Array
+from ...maps.closed_form import parallelogram_pendulum
+from ...mechanism.forces import Force
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree import Array
+from ...simulation.simulate import simulate
+from ...simulation.steppers import rk4_step
 
 A, B = parallelogram_pendulum(1.0, 1.0, 1.0, 1.0, 1.0)
 """A ÿ = −B cos y: the rhombus of rods of 1 kg and 1 m on its parallelogram mode, kg m² and N m."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from ... import commands
 from ...errors import OptionError
-from ...tree import Array
+from ...mechanism.tree import Array
 from .. import peers, plots
 from ..contender import Contender, Scene
 from . import cost, floor, ours, report

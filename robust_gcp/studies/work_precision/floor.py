@@ -8,8 +8,8 @@ from collections.abc import Callable
 import numpy as np
 
 from ...errors import SimulationError
-from ...steppers import adaptive, rk4_step
-from ...tree import Array
+from ...mechanism.tree import Array
+from ...simulation.steppers import adaptive, rk4_step
 from ..contender import Kind, Outcome, Scene
 from .reduced import Reduced
 

@@ -7,11 +7,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ...dynamics import REDUNDANT
+from ...dynamics.equations import REDUNDANT
 from ...errors import SimulationError
-from ...mechanism import Mechanism
-from ...steppers import adaptive, rk4_step
-from ...tree import Array
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree import Array
+from ...simulation.steppers import adaptive, rk4_step
 from ..contender import Kind, Outcome, Scene
 
 RATES = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)

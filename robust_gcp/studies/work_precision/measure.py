@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from ...errors import StateError
-from ...forces import JointTorque
-from ...mechanism import Mechanism
-from ...tree import Array
+from ...mechanism.forces import JointTorque
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree import Array
 from ..contender import Contender, Outcome, Scene
 from .references import Reference
 from .scenes import TOLERANCES, Motion

@@ -10,10 +10,10 @@ from typing import Any, Literal
 import numpy as np
 
 from ...errors import OptionError, SimulationError
-from ...four_bar_map import draw_four_bar
-from ...gcp import NewtonStart, SingularityWarning
+from ...maps.classical import NewtonStart, SingularityWarning
+from ...maps.four_bar import draw_four_bar
 from ...native import backends
-from ...simulate import Method, simulate
+from ...simulation.simulate import Method, simulate
 from ..contender import Contender, Kind, Outcome, Scene
 from .implicit import Implicit, TunedImplicit
 

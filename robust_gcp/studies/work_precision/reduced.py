@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...closed_form import FourBar
-from ...tree import Array
+from ...maps.closed_form import FourBar
+from ...mechanism.tree import Array
 
 GRAVITY = 9.81
 """m/s²"""

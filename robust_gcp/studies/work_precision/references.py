@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...closed_form import pendulum
-from ...steppers import adaptive
-from ...tree import Array
+from ...maps.closed_form import pendulum
+from ...mechanism.tree import Array
+from ...simulation.steppers import adaptive
 from .reduced import OneDof, Reduced
 
 TIGHT, TIGHTEST = 3e-14, 1e-15

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...closed_form import parallelogram_pendulum
-from ...folders.loader import load
-from ...mechanism import Mechanism
-from ...scenes import four_bar, n_four_bar
-from ...tree import Array
+from ...examples.linkages import four_bar, n_four_bar
+from ...maps.closed_form import parallelogram_pendulum
+from ...mechanism.folders.loader import load
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree import Array
 from ..contender import Scene
 from . import benchmarks, reduced, references
 from .reduced import GRAVITY, Reduced

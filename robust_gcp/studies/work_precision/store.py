@@ -17,7 +17,7 @@ import numpy as np
 
 from ... import __version__
 from ...errors import OptionError
-from ...mechanism import Mechanism
+from ...mechanism.mechanism import Mechanism
 from .measure import Point, point_of
 from .references import Reference
 from .scenes import Motion

@@ -1,0 +1,278 @@
+"""Continuation: one operation mode followed through regular and singular configurations alike.
+
+For one degree of freedom φ(q) = 0 is a set of curves. Between singular points each is followed by
+arclength continuation in the kernel of K, whichever joint leads; a singular point ahead is located
+to rounding, and the curve is continued beyond it along the tangent of its own mode. All vectors
+written u here are dimensionless, v = column_scale · u.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..errors import BranchError
+from ..mechanism.loops import CLOSED, ClosedLoops
+from ..mechanism.tree import Array
+from .local import LocalAnalysis
+from .second_order import full_svd, second_order_forms
+from .torus import Torus
+
+STEP = 0.04
+"""Longest step, dimensionless: some 300 points for a joint's full turn."""
+
+SMALLEST_STEP = 1e-7
+TURNING = (0.03, 0.15)
+"""Angle between the tangents of two neighbours, rad: below, steps grow; above, they are halved."""
+
+LOOKOUT = 0.25
+"""σ_r/σ_1 of K, r = nv − 1, below which a singular point is looked for."""
+
+REACH = 4.0 * STEP
+"""Distance at which a singular point that was found is approached."""
+
+PASSING = 1.5 * STEP
+"""Distance from which a singular point is passed in one step, where K still has most of its digits."""
+
+LOCATED = 1e-11
+"""Residual of φ = 0, Kᵀ u = 0 at which a singular point is located."""
+
+MAX_LENGTH = 400.0
+"""Dimensionless length after which a curve that does not close is left open."""
+
+
+@dataclass
+class Curve:
+    """A mode while it is traced.
+
+    Attributes
+    ----------
+    q, tangents : list of ndarray
+        Configurations (nq,) and dimensionless unit tangents (nv,).
+    passes : list of (int, int, int)
+        Row, number of the singular point, number of the tangent among its modes.
+    closed : bool
+    stop : str
+        Why an open curve ends where it ends.
+    """
+
+    q: list[Array] = field(default_factory=list)
+    tangents: list[Array] = field(default_factory=list)
+    passes: list[tuple[int, int, int]] = field(default_factory=list)
+    closed: bool = False
+    stop: str = ""
+
+
+class Continuation:
+    """Follows curves of one mechanism.
+
+    Parameters
+    ----------
+    mechanism : ClosedLoops
+        With one degree of freedom.
+    points : sequence of LocalAnalysis
+        The singular points found so far; grows as `known` is called.
+    known : callable (q) -> (int, LocalAnalysis)
+        The number and local analysis of a singular configuration.
+    """
+
+    def __init__(
+        self,
+        mechanism: ClosedLoops,
+        points: Sequence[LocalAnalysis],
+        known: Callable[[Array], tuple[int, LocalAnalysis]],
+    ) -> None:
+        self.mechanism, self.torus = mechanism, Torus(mechanism)
+        self.points, self.known = points, known
+        self.scale, self.rank = mechanism.column_scale, mechanism.nv - 1
+        self.all = np.arange(mechanism.nv)
+
+    def conditioning(self, q: Array) -> float:
+        """σ_r/σ_1 of the scaled K with r = nv − 1: 0 at a singular point."""
+        s = full_svd(self.mechanism.scaled(self.mechanism.K(q)))[1]
+        return float(s[self.rank - 1] / s[0])
+
+    def tangent(self, q: Array, like: Array) -> Array:
+        """Unit vector of ker K that points as `like` does, dimensionless; for regular q."""
+        t = full_svd(self.mechanism.scaled(self.mechanism.K(q)))[2][self.rank]
+        return t if t @ like >= 0.0 else -t
+
+    def directions(self, picture: LocalAnalysis) -> list[Array]:
+        """The modes of a local analysis as dimensionless unit tangents."""
+        found = [mode / self.scale for mode in picture.modes]
+        return [u / np.linalg.norm(u) for u in found]
+
+    def moved(self, q: Array, u: Array) -> Array:
+        """Integrate from q along u and close the loops again."""
+        return self.mechanism.polish(self.mechanism.tree.integrate(q, self.scale * u), self.all)
+
+    def step(self, q: Array, t: Array, h: float) -> tuple[Array, Array, float]:
+        """Advance by h or less along the curve: q, tangent and the step that held the curve.
+
+        Raises
+        ------
+        BranchError
+            When even the smallest step leaves it.
+        """
+        K = self.mechanism.scaled(self.mechanism.K(q))
+        frame = full_svd(K)
+        rows = frame[0][:, : self.rank].T
+        side = np.linalg.det(np.vstack([rows @ K, t]))
+        bend = self._bend(q, t, frame)
+        while h > SMALLEST_STEP:
+            predicted = self.mechanism.tree.integrate(q, self.scale * (h * t + 0.5 * h * h * bend))
+            ahead = self.mechanism.polish(predicted, self.all)
+            K = self.mechanism.scaled(self.mechanism.K(ahead))
+            t_ahead = self.tangent(ahead, t)
+            side_ahead = np.linalg.det(np.vstack([rows @ K, t_ahead]))
+            correction = self.torus.distance(predicted, ahead)
+            if (
+                self.mechanism.closure_residual(ahead) <= CLOSED
+                and correction < 0.1 * h
+                and t @ t_ahead > np.cos(TURNING[1])
+                and side * side_ahead > 0.0  # else a singular point was jumped over
+            ):
+                return ahead, t_ahead, h
+            h *= 0.5
+        raise BranchError("the mode cannot be followed on: no closed configuration ahead continues it")
+
+    def _bend(self, q: Array, t: Array, frame: tuple[Array, Array, Array]) -> Array:
+        """Curvature of the curve, u'' = K⁺ k at unit speed, dimensionless."""
+        U, s, Vt = frame
+        k = self.mechanism.k(q, self.scale * t) / self.mechanism.row_scale
+        kept = s[: self.rank] > 1e-3 * s[0]
+        parts = (U[:, : self.rank].T @ k)[kept] / s[: self.rank][kept]
+        return Vt[: self.rank][kept].T @ parts
+
+    def singular_near(self, q: Array) -> Array | None:
+        """The singular configuration next to q, to rounding; None where there is none within reach.
+
+        Gauss–Newton on φ = 0, Kᵀ u = 0, |u| = 1 for q and the left null vector u. Its Jacobian has
+        full column rank where the second-order form Q_u is regular on ker K.
+        """
+        m, r = self.mechanism, self.rank
+        U, _, _ = full_svd(m.scaled(m.K(q)))
+        rows = U[:, :r].T  # what the closures hold here; redundant rows stay out
+        u = np.eye(r)[-1]
+        here = q
+        basis = np.diag(self.scale)
+        for _ in range(25):
+            K = rows @ m.scaled(m.K(here))
+            F = np.concatenate([rows @ (m.phi(here) / m.row_scale), K.T @ u, [0.5 * (u @ u - 1.0)]])
+            if np.abs(F).max() < LOCATED:
+                return here
+            (H,) = second_order_forms(m, here, (u @ rows)[:, None], basis)
+            J = np.block([[K, np.zeros((r, r))], [H, K.T], [np.zeros((1, m.nv)), u[None, :]]])
+            move = np.linalg.lstsq(J, -F, rcond=1e-10)[0]
+            here, u = m.tree.integrate(here, self.scale * move[: m.nv]), u + move[m.nv :]
+            if self.torus.distance(q, here) > 1.5 * REACH:
+                return None
+        return None
+
+    def trace(self, curve: Curve) -> Curve:
+        """Follow the curve from its last row until it closes, leaves or cannot be followed.
+
+        A curve starts with one row: a regular configuration, or a singular one with its pass noted.
+        """
+        h, length, begun = STEP, 0.0, len(curve.q)
+        while length < MAX_LENGTH:
+            q, t = curve.q[-1], curve.tangents[-1]
+            singular = bool(curve.passes) and curve.passes[-1][0] == len(curve.q) - 1
+            try:
+                if singular:
+                    ahead, t_ahead = self._leave(q, t)
+                    taken = PASSING
+                else:
+                    limit = self._approach(q, t)
+                    if limit is not None and limit[0] <= 0.0:
+                        if self._pass(curve, limit[1]):
+                            return curve
+                        continue
+                    ahead, t_ahead, taken = self.step(q, t, h if limit is None else min(h, limit[0]))
+            except BranchError as error:
+                curve.stop = str(error)
+                return curve
+            if len(curve.q) > begun + 2 and self._meets(q, t, taken, curve):
+                return curve
+            curve.q.append(ahead)
+            curve.tangents.append(t_ahead)
+            length += taken
+            turned = float(np.arccos(np.clip(t @ t_ahead, -1.0, 1.0)))
+            h = min(STEP, 2.0 * taken) if turned < TURNING[0] else taken
+        curve.stop = f"left open after a length of {MAX_LENGTH:g}"
+        return curve
+
+    def _approach(self, q: Array, t: Array) -> tuple[float, Array] | None:
+        """How far to go before a singular point ahead is passed, and that point."""
+        if self.conditioning(q) > LOOKOUT:
+            return None
+        star = self._known_near(q)
+        if star is None:
+            star = self.singular_near(q)
+        if star is None:
+            return None
+        way = self.mechanism.tree.difference(q, star) / self.scale
+        distance = float(np.linalg.norm(way))
+        if distance > REACH or t @ way <= 0.5 * distance:
+            return None  # behind, or on another curve
+        if distance > 1.2 * PASSING:
+            return distance - PASSING, star
+        directions = self.directions(self.known(star)[1])
+        aligned = max((abs(float(way @ u)) for u in directions), default=distance)
+        return (0.0, star) if aligned > 0.9 * distance else None
+
+    def _known_near(self, q: Array) -> Array | None:
+        """A singular point found before, when q is near it."""
+        for point in self.points:
+            way = self.torus.difference(q, point.q)
+            if np.linalg.norm(way / self.scale) < REACH:
+                return self.mechanism.tree.integrate(q, way)
+        return None
+
+    def _pass(self, curve: Curve, star: Array) -> bool:
+        """Put the singular point on the curve; True where the curve ends or closes there."""
+        tree, q = self.mechanism.tree, curve.q[-1]
+        number, picture = self.known(star)
+        way = tree.difference(q, star) / self.scale
+        directions = self.directions(picture)
+        if not directions:
+            curve.stop = f"{picture.kind}: {picture.message}"
+            return True
+        aligned = [float(way @ u) for u in directions]
+        chosen = int(np.argmax(np.abs(aligned)))
+        t = directions[chosen] * np.sign(aligned[chosen])
+        curve.q.append(star)
+        curve.tangents.append(t)
+        curve.passes.append((len(curve.q) - 1, number, chosen))
+        row, first, tangent = curve.passes[0]
+        if row == 0 and len(curve.passes) > 1 and (first, tangent) == (number, chosen):
+            curve.closed = bool(t @ curve.tangents[0] > 0.0)
+        return curve.closed
+
+    def _leave(self, star: Array, t: Array) -> tuple[Array, Array]:
+        """The next row beyond a singular point along t."""
+        for distance in (PASSING, 0.5 * PASSING, 0.25 * PASSING):
+            ahead = self.moved(star, distance * t)
+            if self.mechanism.closure_residual(ahead) > CLOSED:
+                continue
+            t_ahead = self.tangent(ahead, t)
+            way = self.mechanism.tree.difference(star, ahead) / self.scale
+            if t_ahead @ t > 0.95 and np.linalg.norm(way - distance * t) < 0.2 * distance:
+                return ahead, t_ahead
+        raise BranchError("beyond the singular point the mode is not found again")
+
+    def _meets(self, q: Array, t: Array, h: float, curve: Curve) -> bool:
+        """Close the curve when its first row lies within the next step."""
+        start = curve.q[0]
+        way = self.torus.difference(q, start) / self.scale
+        along = float(t @ way)
+        if not 0.0 < along <= h * 1.01 or np.linalg.norm(way) > 1.1 * along + 1e-9:
+            return False
+        if t @ curve.tangents[0] < 0.9:
+            return False
+        curve.q.append(self.mechanism.tree.integrate(q, self.scale * way))
+        curve.tangents.append(curve.tangents[0])
+        curve.closed = True
+        return True

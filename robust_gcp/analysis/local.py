@@ -1,0 +1,237 @@
+"""Local analysis: what a mechanism can do at a configuration, to second order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..checks import check_between, check_mechanism
+from ..mechanism.loops import CLOSED, NEARLY_CLOSED, ClosedLoops
+from ..mechanism.partition import numerical_rank
+from ..mechanism.tree import Array
+from .second_order import bending, curvature, full_svd, orthonormal, second_order_forms
+
+Kind = Literal["regular", "redundant", "singular", "not certified"]
+
+RANK_TOLERANCE = 1e-8
+"""σ/σ_max below which a singular value of the scaled K counts as zero in `analyse`.
+
+Near a singularity σ grows like the distance, and a configuration typed or computed to 1e-9 rad
+should be recognised."""
+
+FORM_TOLERANCE = 1e-6
+"""Eigenvalue ratio below which a direction of a second-order form counts as flat."""
+
+NEARBY = 1e-2
+"""How far, in dimensionless velocity units, the generic rank is looked up along a direction."""
+
+MAX_COMBINATIONS = 256
+"""Modes enumerated when several loops are singular at once; 2 for each loop."""
+
+
+@dataclass(frozen=True)
+class LocalAnalysis:
+    """The local picture at a closed configuration.
+
+    Attributes
+    ----------
+    q : ndarray (nq,)
+    kind : {"regular", "redundant", "singular", "not certified"}
+    rank, generic_rank : int
+        Rank of K here, and at nearby points of the same mode.
+    singular_values : ndarray
+        Of the scaled (dimensionless) K, descending.
+    kernel : ndarray (nv, δ_diff)
+        Orthonormal basis of ker K: the tangent space, span of the tangent cone.
+    left_kernel : ndarray (nc, nc − rank)
+        Orthonormal basis of the left null space of K.
+    forms : tuple of ndarray (δ_diff, δ_diff)
+        Second-order forms Q_u = Nᵀ (uᵀ φ'') N of the singular left null vectors u, N the kernel.
+    modes : tuple of ndarray
+        The tangent cone: one array a mode that passes through q. A direction (nv,) for mobility 1,
+        largest entry ±1 and first non-zero entry positive; else an orthonormal basis (nv, m).
+    message : str
+        The picture in words.
+    """
+
+    q: Array
+    kind: Kind
+    rank: int
+    generic_rank: int
+    singular_values: Array
+    kernel: Array
+    left_kernel: Array
+    forms: tuple[Array, ...]
+    modes: tuple[Array, ...]
+    message: str
+
+    @property
+    def differential_dof(self) -> int:
+        """δ_diff = nv − rank K: dimension of the tangent space, the instantaneous freedom."""
+        return self.kernel.shape[1]
+
+    @property
+    def local_dof(self) -> int | None:
+        """δ_loc: the largest dimension of a mode through q; None where it is not certified."""
+        if self.kind == "not certified":
+            return None
+        return max((1 if t.ndim == 1 else t.shape[1] for t in self.modes), default=0)
+
+
+def analyse(mechanism: ClosedLoops, q: ArrayLike, rank_tolerance: float = RANK_TOLERANCE) -> LocalAnalysis:
+    """Rank, kernel, operation modes and classification at a closed configuration.
+
+    With N a basis of ker K and u a left null vector, a motion with tangent N w needs
+    Q_u(w, w) = wᵀ Nᵀ (uᵀ φ'') N w = 0. One rank-2 indefinite form factors into two hyperplanes, the
+    tangent spaces of the two modes that meet; a definite one leaves an isolated point; others are
+    not decided at second order. Several singular loops are treated loop by loop.
+
+    Parameters
+    ----------
+    mechanism : Mechanism or ClosedLoops
+    q : array_like (nq,)
+        Must close the loops.
+    rank_tolerance : float
+        Relative size below which a singular value of K counts as zero.
+
+    Raises
+    ------
+    ClosureError
+        When the loops are open at q.
+
+    References
+    ----------
+    Müller, "Local kinematic analysis of closed-loop linkages", J. Mechanisms Robotics 8 (2016).
+    """
+    check_mechanism(mechanism, ClosedLoops, "analyse")
+    check_between("rank_tolerance", rank_tolerance, 0.0, 1.0)
+    q = mechanism.configuration(q)
+    mechanism.require_closed(q, NEARLY_CLOSED, "analyse: q")
+    K = mechanism.scaled(mechanism.K(q))
+    U, s, Vt = full_svd(K)
+    rank = numerical_rank(s, rank_tolerance)
+    scaled_kernel = Vt[rank:].T
+    kernel = orthonormal(mechanism.column_scale[:, None] * scaled_kernel)
+    left = U[:, rank:]
+
+    def answer(
+        kind: Kind,
+        generic: int,
+        modes: tuple[Array, ...],
+        message: str,
+        forms: tuple[Array, ...] = (),
+    ) -> LocalAnalysis:
+        unscaled_left = orthonormal(left / mechanism.row_scale[:, None])
+        return LocalAnalysis(q, kind, rank, generic, s, kernel, unscaled_left, forms, modes, message)
+
+    if rank == len(K) or kernel.shape[1] == 0:
+        tangent = (_direction(kernel),) if kernel.shape[1] else ()
+        return answer("regular", rank, tangent, f"K has full rank {rank}: one smooth mode")
+    forms = second_order_forms(mechanism, q, left, kernel)
+    bent, flat = bending(forms, FORM_TOLERANCE * curvature(mechanism, q))
+    if bent.shape[1] == 0:
+        generic = _rank_along(mechanism, q, kernel, rank_tolerance)
+        if generic == rank:
+            words = f"K keeps rank {rank} of {len(K)} rows nearby: redundant closures, one smooth mode"
+            return answer("redundant", rank, (_direction(kernel),), words)
+        words = (
+            f"rank {rank} against {generic} nearby, and the second-order forms vanish: "
+            "a tangential or higher-order singularity"
+        )
+        return answer("not certified", generic, (), words, tuple(forms))
+    own = _decoupled(mechanism, left @ bent)
+    forms = second_order_forms(mechanism, q, own, kernel)
+    generic = rank + len(forms)
+    kind, modes, words = _factored(forms, kernel)
+    if modes and flat.shape[1]:
+        # what second order leaves flat must be redundant along every mode
+        nearby = [_rank_along(mechanism, q, t.reshape(len(kernel), -1), rank_tolerance) for t in modes]
+        if any(found > generic for found in nearby):
+            words = f"rank {max(nearby)} nearby, of which second order explains {generic} only"
+            return answer("not certified", max(nearby), (), words, tuple(forms))
+    if modes:
+        m = kernel.shape[1] - len(forms)
+        words = f"rank {rank} against {generic} nearby: {len(modes)} modes of dimension {m} meet here"
+    return answer(kind, generic if modes else rank + len(forms), modes, words, tuple(forms))
+
+
+def _factored(forms: list[Array], kernel: Array) -> tuple[Kind, tuple[Array, ...], str]:
+    """Factor each form into two hyperplanes and combine them into modes."""
+    planes: list[list[Array]] = []
+    for form in forms:
+        values, vectors = np.linalg.eigh(form)
+        size = np.abs(values).max()
+        active = np.flatnonzero(np.abs(values) > FORM_TOLERANCE * size)
+        signs = np.sign(values[active])
+        if len(active) == kernel.shape[1] and abs(int(signs.sum())) == len(active):
+            return "singular", (), "the second-order form is definite: an isolated point"
+        if len(active) != 2 or signs.sum() != 0:
+            return (
+                "not certified",
+                (),
+                f"a second-order form has signature {int((signs > 0).sum())}, {int((signs < 0).sum())} "
+                f"on {kernel.shape[1]} directions: tangential or higher order, not two crossing modes",
+            )
+        (low, high), v = values[active], vectors[:, active]
+        a, b = np.sqrt(-low) * v[:, 0], np.sqrt(high) * v[:, 1]
+        planes.append([a + b, a - b])
+    if 2 ** len(planes) > MAX_COMBINATIONS:
+        words = f"{len(planes)} loops are singular at once: too many combinations of modes to list"
+        return "not certified", (), words
+    modes: list[Array] = []
+    for combination in product(*planes):
+        normals = np.array(combination)
+        _, sigma, Vt = np.linalg.svd(normals)
+        if numerical_rank(sigma, FORM_TOLERANCE) < len(normals):
+            words = "the loops' second-order conditions are not independent: not decided at second order"
+            return "not certified", (), words
+        if kernel.shape[1] > len(normals):
+            mode = _direction(kernel @ Vt[len(normals) :].T)
+            # a loop at rest satisfies both of its planes: the same tangent turns up twice
+            if not any(np.allclose(mode, known, atol=1e-9) for known in modes):
+                modes.append(mode)
+    return "singular", tuple(modes), "no direction passes second order: an isolated point"
+
+
+def _decoupled(mechanism: ClosedLoops, left: Array) -> Array:
+    """A basis of the left null space whose vectors belong to one closure each, where there is one."""
+    labels = np.array(mechanism.implicit.labels)
+    own: list[Array] = []
+    for label in dict.fromkeys(labels.tolist()):
+        outside = left[labels != label]
+        if len(outside) == 0:
+            return left
+        _, s, Vt = np.linalg.svd(outside)
+        s = np.concatenate([s, np.zeros(Vt.shape[0] - len(s))])
+        own += [left @ v for v in Vt[s < 1e-6]]
+    basis = np.array(own).T
+    if len(own) == left.shape[1] and np.linalg.svd(basis, compute_uv=False)[-1] > 1e-6:
+        return basis
+    return left
+
+
+def _rank_along(mechanism: ClosedLoops, q: Array, kernel: Array, tolerance: float) -> int:
+    """Largest rank of K a little way along the kernel, back on the constraint."""
+    best = 0
+    for direction in kernel.T:
+        size = np.abs(direction / mechanism.column_scale).max()
+        near = mechanism.tree.integrate(q, direction * (NEARBY / size))
+        near = mechanism.polish(near, np.arange(mechanism.nv))
+        if mechanism.closure_residual(near) <= CLOSED:
+            s = full_svd(mechanism.scaled(mechanism.K(near)))[1]
+            best = max(best, numerical_rank(s, max(tolerance, 1e-6)))
+    return best
+
+
+def _direction(basis: Array) -> Array:
+    """A mode's tangent as reported: a normalised direction for one column, else an orthonormal basis."""
+    if basis.shape[1] != 1:
+        return orthonormal(basis)
+    t = basis[:, 0] / np.abs(basis[:, 0]).max()
+    t[np.abs(t) < 1e-12] = 0.0
+    first = t[np.flatnonzero(t)[0]]
+    return np.asarray(t * np.sign(first) + 0.0, dtype=float)

@@ -1,0 +1,141 @@
+"""What a replay page is told: poses, sticks, crossings, and where to look from."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ...maps.explicit import Crossing
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree import Array
+from ...simulation.trajectory import Trajectory
+from .frames import frame_times, resample
+from .geometry import (
+    PARALLEL,
+    Skeleton,
+    face_on,
+    layers,
+    placements,
+    plane_normal,
+    skeleton,
+)
+from .meshes import mesh_data
+
+NAMED = 3
+"""Independent coordinates that a crossing's label spells out; more are counted."""
+
+
+def run_data(
+    trajectory: Trajectory,
+    label: str,
+    speed: float,
+    trails: Sequence[str] | None,
+    visual: Any = None,
+) -> tuple[dict[str, Any], Array]:
+    """One motion as the page wants it, and its points' positions (n, points, 3), m.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    label : str
+    speed : float
+        Simulated seconds for one second of play.
+    trails : sequence of str or None
+        Frames to follow; None: the first closure's.
+    visual : pin.GeometryModel, optional
+        Shapes of the bodies.
+    """
+    mechanism = trajectory.mechanism
+    ends = (float(trajectory.t[0]), float(trajectory.t[-1])) if len(trajectory.t) else (0.0, 0.0)
+    q = resample(trajectory, frame_times(*ends, speed))
+    R, p = placements(mechanism, q)
+    made = skeleton(mechanism, R, p, trails)
+    positions = made.positions(R, p)
+    normal = plane_normal(mechanism)
+    sticks = normal is not None and visual is None
+    flat = sticks and _one_plane(positions[:, made.ends()] @ np.asarray(normal), positions)
+    meshes = [] if visual is None else mesh_data(mechanism, made, visual)
+    every = made.positions(R, p)
+    data = {
+        "label": label,
+        "start": ends[0],
+        "end": ends[1],
+        "frames": len(q),
+        "points": packed(every),
+        "count": every.shape[1],
+        "seen": positions.shape[1],
+        "meshes": meshes,
+        "links": made.links,
+        "slides": made.slides,
+        "rails": made.rails,
+        "faces": made.faces,
+        "pins": made.pins,
+        "trails": [{"name": name, "point": i} for name, i in made.trails.items()],
+        "layers": layers(made, positions) if flat else None,
+        "radius": link_radius(made, positions),
+        "crossings": _crossings(mechanism, made, trajectory.crossings),
+    }
+    return data, positions
+
+
+def scene_data(mechanism: Mechanism, positions: Sequence[Array], view: Array | None) -> dict[str, Any]:
+    """Where to look from, for all motions together; `view` (3,) points from the scene to the camera."""
+    gravity = mechanism.model.gravity.linear
+    some = np.concatenate([p.reshape(1, -1, 3) for p in positions], axis=1)
+    found = face_on(plane_normal(mechanism), gravity, some)
+    if view is not None:
+        up = -gravity if np.linalg.norm(gravity) > 0.0 else np.eye(3)[2]
+        if np.linalg.norm(np.cross(up, view)) < 1e-3 * np.linalg.norm(up) * np.linalg.norm(view):
+            up = np.array(found["up"])
+        found = {"view": (view / np.linalg.norm(view)).tolist(), "up": (up / np.linalg.norm(up)).tolist()}
+    return found
+
+
+def packed(values: Array) -> str:
+    """Little-endian 32-bit floats in base 64: a millionth of the size of the scene is not seen."""
+    return base64.b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode("ascii")
+
+
+def _one_plane(depth: Array, positions: Array) -> bool:
+    return float(np.ptp(depth)) <= PARALLEL * float(np.ptp(positions, axis=(0, 1)).max())
+
+
+def link_radius(made: Skeleton, positions: Array) -> float:
+    """Of a link, m: a share of the links' length, within shares of the scene's size."""
+    start = positions[0]
+    size = float(np.linalg.norm(np.ptp(positions, axis=(0, 1))))
+    lengths = [float(np.linalg.norm(start[a] - start[b])) for a, b, _ in made.links]
+    typical = float(np.median(lengths)) if lengths else 0.0
+    return float(np.clip(0.05 * typical, 0.005 * size, 0.02 * size)) or 0.01 * _some_length(positions)
+
+
+def _some_length(positions: Array) -> float:
+    """Some length for a scene that has none, m."""
+    return float(np.abs(positions).max(initial=0.0)) or 1.0
+
+
+def _crossings(mechanism: Mechanism, made: Skeleton, crossings: Sequence[Crossing]) -> list[dict[str, Any]]:
+    if not crossings:
+        return []
+    R, p = placements(mechanism, np.array([c.q for c in crossings]))
+    places = made.positions(R, p)[:, made.mark]
+    return [
+        {"time": c.time, "y": spelled(mechanism, c.y), "kind": c.kind, "place": at.tolist()}
+        for c, at in zip(crossings, places, strict=True)
+    ]
+
+
+def spelled(mechanism: Mechanism, y: Array) -> str:
+    """Independent coordinates with names and units, as `q1 = −3.1416 rad`."""
+    names = mechanism.independent
+    if len(y) != len(names) or len(y) > NAMED:
+        return f"y of {len(y)} coordinates"
+    tree = mechanism.tree
+    turning = np.linalg.norm(tree.J[mechanism.iv_independent, 3:], axis=1) > 0.5
+    return ", ".join(
+        f"{name} = {value + 0.0:.4f} {'rad' if turns else 'm'}".replace("-", "−")
+        for name, value, turns in zip(names, np.round(y, 4), turning, strict=True)
+    )

@@ -1,0 +1,58 @@
+"""A live view of a mechanism in a browser on this machine: `with live(mechanism) as viewer: ...`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ...errors import MissingExtraError, OptionError
+from ...mechanism.mechanism import Mechanism
+from ...simulation.trajectory import Trajectory
+from .replay import REMEDY, meshcat_folder
+
+if TYPE_CHECKING:
+    from .live_viewer import LiveViewer
+
+
+def live(shown: Mechanism | Trajectory, port: int = 0, open_browser: bool = False) -> LiveViewer:
+    """Serve a live view of a mechanism to browsers on this machine, at 127.0.0.1 only.
+
+    ```
+    with rg.live(mechanism, open_browser=True) as viewer:
+        viewer.wait_for_browser()
+        viewer.play(trajectory)
+    ```
+
+    Parameters
+    ----------
+    shown : Mechanism or Trajectory
+        Shown at home, or at the motion's start with all of the motion in the picture.
+    port : int
+        0 takes a free one.
+    open_browser : bool
+        Whether to open the page in the user's browser.
+
+    Returns
+    -------
+    LiveViewer
+        With `show(q)`, `play(trajectory, speed)`, `wait_for_browser(timeout)`, `close()`, `url`.
+
+    Raises
+    ------
+    MissingExtraError
+        When meshcat is not installed.
+    OptionError
+        When the port is taken.
+    """
+    if not isinstance(shown, Mechanism | Trajectory):
+        raise OptionError(f"live takes a mechanism or a trajectory, not a {type(shown).__name__}")
+    meshcat_folder()
+    try:
+        from .live_viewer import LiveViewer
+    except ImportError as error:
+        raise MissingExtraError(f"live needs meshcat with tornado ({error}): {REMEDY}") from error
+    viewer = LiveViewer(shown, port)
+    if open_browser:
+        import webbrowser
+
+        webbrowser.open(viewer.url, new=2)
+    return viewer

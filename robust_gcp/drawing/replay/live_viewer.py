@@ -1,0 +1,120 @@
+"""The live viewer: a mechanism in a browser on this machine, posed from here."""
+
+from __future__ import annotations
+
+import asyncio
+import atexit
+import threading
+import time
+from collections.abc import Coroutine
+from types import TracebackType
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...errors import OptionError, RobustGcpError
+from ...mechanism.mechanism import Mechanism
+from ...simulation.trajectory import Trajectory
+from .frames import FPS, frame_times, resample
+from .live_scene import LiveScene
+from .live_server import LoopbackServer
+from .replay import meshcat_folder
+
+PATIENCE = 5.0
+"""Seconds that an answer of the server is waited for."""
+
+T = TypeVar("T")
+
+
+class LiveViewer:
+    """meshcat's page, served to this machine alone from a thread of this process.
+
+    Made by `live`; a context manager. Nothing outlives `close`, the end of the `with` block or the end
+    of the program: there is no process to leave behind, and no call waits longer than it says.
+
+    Attributes
+    ----------
+    url : str
+        Address of the page, on 127.0.0.1.
+    """
+
+    def __init__(self, shown: Mechanism | Trajectory, port: int = 0) -> None:
+        folder = meshcat_folder() / "viewer" / "dist"
+        self._scene = LiveScene(shown)
+        self._mechanism = self._scene.mechanism
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever, name="live viewer", daemon=True)
+        self._thread.start()
+        try:
+            self._server = self._ask(LoopbackServer.start(folder, port))
+        except OSError as error:
+            self._end_thread()
+            raise OptionError(f"port = {port} cannot be used ({error}); 0 takes a free one") from error
+        atexit.register(self.close)
+        self.url: str = self._server.url
+        self._ask(self._server.build(self._scene.commands()))
+        self.show(self._mechanism.home if isinstance(shown, Mechanism) else shown.q[0])
+
+    def show(self, q: ArrayLike) -> None:
+        """Show the configuration q (nq,)."""
+        self._ask(self._server.pose(self._scene.poses(self._mechanism.configuration(q))))
+
+    def play(self, trajectory: Trajectory, speed: float = 1.0) -> None:
+        """Play a motion at `speed` simulated seconds a second; returns when it is over.
+
+        Pictures that this machine is too slow for are left out, so that it takes the time it should.
+        """
+        if trajectory.q.shape[1] != self._mechanism.nq:
+            raise OptionError(f"play: the trajectory is not one of {self._mechanism.name!r}")
+        if not (np.isfinite(speed) and speed > 0.0):
+            raise OptionError(f"speed = {speed!r} must be positive and finite")
+        start, end = float(trajectory.t[0]), float(trajectory.t[-1])
+        q = resample(trajectory, frame_times(start, end, speed))
+        begin, i = time.monotonic(), 0
+        while i < len(q) - 1:
+            self.show(q[i])
+            time.sleep(max(0.0, begin + (i + 1) / FPS - time.monotonic()))
+            i = max(i + 1, int((time.monotonic() - begin) * FPS))
+        self.show(q[-1])
+
+    def watchers(self) -> int:
+        """Number of browsers that look on."""
+        return len(self._server.watchers)
+
+    def wait_for_browser(self, timeout: float = 30.0) -> bool:
+        """Wait until a browser looks on, at most `timeout` s; returns whether one does."""
+        end = time.monotonic() + timeout
+        while not self.watchers() and time.monotonic() < end:
+            time.sleep(0.02)
+        return self.watchers() > 0
+
+    def close(self) -> None:
+        """Free the port and end the thread; may be called again."""
+        atexit.unregister(self.close)
+        if self._thread.is_alive():
+            try:
+                self._ask(self._server.stop())
+            finally:
+                self._end_thread()
+
+    def __enter__(self) -> LiveViewer:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _ask(self, question: Coroutine[Any, Any, T]) -> T:
+        """Run in the server's thread and wait, within reason."""
+        if not self._thread.is_alive():
+            question.close()
+            raise RobustGcpError("the live viewer is closed; open another one with live(...)")
+        return asyncio.run_coroutine_threadsafe(question, self._loop).result(PATIENCE)
+
+    def _end_thread(self) -> None:
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join(PATIENCE)
+        if not self._loop.is_running():
+            self._loop.close()

@@ -1,0 +1,86 @@
+"""The shapes of a `pin.GeometryModel`, as a page wants them."""
+
+from __future__ import annotations
+
+import base64
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from ...errors import OptionError
+from ...mechanism.mechanism import Mechanism
+from .geometry import Skeleton
+
+
+def mesh_data(mechanism: Mechanism, made: Skeleton, visual: Any) -> list[dict[str, Any]]:
+    """Each shape: what it is, its colour, its placement on its body, and that body's three points.
+
+    Adds to the skeleton, for each body that carries a shape, its origin and a point along x and along y:
+    a body's pose moves through the page as points do.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    made : Skeleton
+    visual : pin.GeometryModel
+        Of the mechanism's model, for instance
+        `pin.buildGeomFromUrdf(mechanism.model, urdf, pin.VISUAL, package_dirs=...)`.
+
+    Raises
+    ------
+    OptionError
+        For something else, a shape on a joint that the mechanism does not have, or of an unknown kind.
+    """
+    if not isinstance(visual, pin.GeometryModel):
+        raise OptionError(f"visual is a pin.GeometryModel, not a {type(visual).__name__}")
+    found = []
+    for item in visual.geometryObjects:
+        joint = int(item.parentJoint)
+        count = mechanism.model.njoints
+        if joint >= count:
+            raise OptionError(
+                f"visual: {item.name!r} is on joint {joint}, and the mechanism has {count}; "
+                "build the geometry from mechanism.model"
+            )
+        if joint not in made.frames:
+            first = len(made.points)
+            size = mechanism.length or 1.0
+            made.points += [
+                (joint, size * np.array(at, dtype=float)) for at in ((0, 0, 0), (1, 0, 0), (0, 1, 0))
+            ]
+            made.frames[joint] = first
+        found.append(
+            {
+                "shape": _shape(item),
+                "colour": [round(float(c), 4) for c in item.meshColor],
+                "placement": item.placement.homogeneous.T.ravel().tolist(),
+                "frame": made.frames[joint],
+            }
+        )
+    return found
+
+
+def _shape(item: Any) -> dict[str, Any]:
+    """Sizes of a primitive, m, or corners and triangles; Pinocchio has scaled a mesh's corners already."""
+    shape = item.geometry
+    kind = type(shape).__name__
+    if kind == "Box":
+        return {"kind": "box", "size": (2.0 * np.asarray(shape.halfSide)).tolist()}
+    if kind == "Sphere":
+        return {"kind": "sphere", "radius": float(shape.radius)}
+    if kind in ("Cylinder", "Capsule", "Cone"):
+        return {"kind": kind.lower(), "radius": float(shape.radius), "length": 2.0 * float(shape.halfLength)}
+    if kind.startswith("BVHModel"):
+        triangles = [shape.tri_indices(i) for i in range(shape.num_tris)]
+        index = np.array([[t[0], t[1], t[2]] for t in triangles], dtype="<u4")
+        corners = np.ascontiguousarray(shape.vertices(), dtype="<f4")
+        return {"kind": "mesh", "corners": _text(corners), "index": _text(index)}
+    raise OptionError(
+        f"visual: {item.name!r} is a {kind}, which a replay cannot draw; take it out of the geometry, or "
+        "give a mesh, a box, a sphere, a cylinder, a capsule or a cone"
+    )
+
+
+def _text(values: Any) -> str:
+    return base64.b64encode(values.tobytes()).decode("ascii")

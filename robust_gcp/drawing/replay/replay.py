@@ -1,0 +1,257 @@
+"""A motion as one page that plays offline: `replay(trajectory, "file.html")`."""
+
+from __future__ import annotations
+
+import html
+import importlib.util
+import json
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any, Literal, overload
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...errors import MissingExtraError, OptionError
+from ...simulation.trajectory import Trajectory
+from .data import run_data, scene_data
+from .frames import playing_speed
+
+LAYOUTS = ("overlay", "side by side")
+
+MOST_RUNS = 4
+"""Motions on one page: as many as there are colours that all readers can tell apart."""
+
+REMEDY = 'pip install "robust_gcp[viz]"'
+
+PARTS = Path(__file__).parent / "page"
+
+SCENE = ("trail", "mesh", "drawing", "scene")
+"""Scripts of the scene, each using those before it."""
+
+
+class ReplayPage:
+    """A page in memory, shown inline by notebooks.
+
+    Attributes
+    ----------
+    html : str
+        The whole page; needs no network.
+    height : int
+        Of the frame in a notebook, px.
+    """
+
+    def __init__(self, html: str, height: int) -> None:
+        self.html, self.height = html, height
+
+    def save(self, path: str | Path) -> Path:
+        """Write the page; returns the path."""
+        path = Path(path)
+        path.write_text(self.html, encoding="utf-8")
+        return path
+
+    def _repr_html_(self) -> str:
+        return (
+            f'<iframe title="Replay" srcdoc="{html.escape(self.html)}" allow="fullscreen" '
+            f'style="width: 100%; height: {self.height}px; border: 1px solid #ccc"></iframe>'
+        )
+
+
+@overload
+def replay(
+    trajectories: Trajectory | Sequence[Trajectory],
+    path: None = None,
+    *,
+    layout: Literal["overlay", "side by side"] = ...,
+    labels: Sequence[str] | None = ...,
+    trails: Sequence[str] | None = ...,
+    speed: float | None = ...,
+    view: ArrayLike | None = ...,
+    visual: Any = ...,
+    title: str | None = ...,
+    height: int = ...,
+) -> ReplayPage: ...
+
+
+@overload
+def replay(
+    trajectories: Trajectory | Sequence[Trajectory],
+    path: str | Path,
+    *,
+    layout: Literal["overlay", "side by side"] = ...,
+    labels: Sequence[str] | None = ...,
+    trails: Sequence[str] | None = ...,
+    speed: float | None = ...,
+    view: ArrayLike | None = ...,
+    visual: Any = ...,
+    title: str | None = ...,
+    height: int = ...,
+) -> Path: ...
+
+
+def replay(
+    trajectories: Trajectory | Sequence[Trajectory],
+    path: str | Path | None = None,
+    *,
+    layout: Literal["overlay", "side by side"] = "overlay",
+    labels: Sequence[str] | None = None,
+    trails: Sequence[str] | None = None,
+    speed: float | None = None,
+    view: ArrayLike | None = None,
+    visual: Any = None,
+    title: str | None = None,
+    height: int = 620,
+) -> Path | ReplayPage:
+    """One self-contained page that plays a motion offline; no server, no network.
+
+    The motion is drawn 30 times a second of play whatever its steps, between the outputs by cubic
+    interpolation. A fragment in the page's address opens it at a time: `file.html#t=1.5&paused`.
+
+    Parameters
+    ----------
+    trajectories : Trajectory or sequence of Trajectory
+        Up to four, on a common time line.
+    path : str or Path, optional
+        The file to write; without it the page is returned, and a notebook shows it inline.
+    layout : {"overlay", "side by side"}
+        Of several motions.
+    labels : sequence of str, optional
+        A name for each motion.
+    trails : sequence of str, optional
+        Frames whose paths are drawn, the first one carrying the marks of the crossings; the first
+        closure's frame when left out, none for ().
+    speed : float, optional
+        Simulated seconds for one second of play. Left out: 1, unless that plays for less than 2 s or
+        more than 300 s; the page says which it is.
+    view : array_like (3,), optional
+        Direction from the scene to the camera; face-on for planar motions when left out.
+    visual : pin.GeometryModel, optional
+        Shapes of the bodies, built from the mechanism's model; sticks when left out.
+    title : str, optional
+        The mechanism's name when left out.
+    height : int
+        In a notebook, px.
+
+    Returns
+    -------
+    Path or ReplayPage
+
+    Raises
+    ------
+    MissingExtraError
+        When meshcat, whose viewer draws the scene, is not installed.
+    OptionError, ModelError, StateError
+        For arguments that cannot be drawn.
+    """
+    if path is not None:
+        require_page(Path(path))
+    viewer = viewer_script()
+    runs = _runs(trajectories)
+    names = _labels(labels, len(runs))
+    if layout not in LAYOUTS:
+        raise OptionError(f"layout = {layout!r} is unknown; use one of {', '.join(map(repr, LAYOUTS))}")
+    direction = _direction(view)
+    times = [t for run in runs if len(run.t) for t in (float(run.t[0]), float(run.t[-1]))]
+    start, end = min(times, default=0.0), max(times, default=0.0)
+    if speed is None:
+        speed = playing_speed(end - start)
+    elif not (np.isfinite(speed) and speed > 0.0):
+        raise OptionError(f"speed = {speed!r} must be positive and finite")
+    made = [run_data(run, name, speed, trails, visual) for run, name in zip(runs, names, strict=True)]
+    data = {
+        "title": title or runs[0].mechanism.name or "mechanism",
+        "layout": layout if len(runs) > 1 else "overlay",
+        "start": start,
+        "end": end,
+        "speed": speed,
+        "runs": [run for run, _ in made],
+        **scene_data(runs[0].mechanism, [positions for _, positions in made], direction),
+    }
+    page = ReplayPage(_page(data, viewer), height)
+    return page if path is None else page.save(path)
+
+
+def require_page(path: Path) -> None:
+    """Refuse a file that no replay can be written to, before anything is computed.
+
+    Raises
+    ------
+    OptionError
+        For another ending than .html.
+    MissingExtraError
+        When meshcat is not installed.
+    """
+    if path.suffix not in (".html", ".htm"):
+        raise OptionError(f"{path}: a replay is a web page; end its name in .html")
+    meshcat_folder()
+
+
+def meshcat_folder() -> Path:
+    """Where meshcat is installed; it is not imported.
+
+    Raises
+    ------
+    MissingExtraError
+    """
+    found = importlib.util.find_spec("meshcat")
+    if found is None or found.origin is None:
+        raise MissingExtraError(f"replay and live draw with meshcat, which is not installed: {REMEDY}")
+    return Path(found.origin).parent
+
+
+def viewer_script() -> str:
+    """meshcat's viewer with three.js inside, as one script with its licences in front."""
+    return _viewer_script(meshcat_folder() / "viewer")
+
+
+@cache
+def _viewer_script(folder: Path) -> str:
+    try:
+        licences = [(folder / "dist" / "main.min.js.LICENSE.txt"), folder / "LICENSE"]
+        notes = "\n".join(file.read_text(encoding="utf-8") for file in licences if file.is_file())
+        script = (folder / "dist" / "main.min.js").read_text(encoding="utf-8")
+    except OSError as error:
+        raise MissingExtraError(
+            f'meshcat\'s viewer cannot be read ({error}): pip install --force-reinstall "meshcat>=0.3.2"'
+        ) from error
+    return "/*\n" + notes.replace("*/", "* /") + "\n*/\n" + script.replace("</script", "<\\/script")
+
+
+def _page(data: dict[str, Any], viewer: str) -> str:
+    """Fill the template; every part is put in once, so that no part can ask for another."""
+    parts = {
+        "TITLE": html.escape(str(data["title"])),
+        "STYLE": (PARTS / "page.css").read_text(encoding="utf-8"),
+        "DATA": json.dumps(data, ensure_ascii=False, allow_nan=False).replace("<", "\\u003c"),
+        "VIEWER": viewer,
+        "SCENE": "\n".join((PARTS / f"{name}.js").read_text(encoding="utf-8") for name in SCENE),
+        "PLAYER": (PARTS / "player.js").read_text(encoding="utf-8"),
+    }
+    pieces = (PARTS / "page.html").read_text(encoding="utf-8").split("@@")
+    return "".join(parts[piece] if i % 2 else piece for i, piece in enumerate(pieces))
+
+
+def _runs(trajectories: Any) -> list[Trajectory]:
+    runs = list(trajectories) if isinstance(trajectories, list | tuple) else [trajectories]
+    if not all(isinstance(run, Trajectory) for run in runs) or not 1 <= len(runs) <= MOST_RUNS:
+        kinds = ", ".join(type(run).__name__ for run in runs[:6])
+        raise OptionError(f"replay takes a trajectory, or a list of 1 to {MOST_RUNS}; got [{kinds}]")
+    return runs
+
+
+def _labels(labels: Any, count: int) -> list[str]:
+    if labels is None:
+        return [""] if count == 1 else [f"motion {i + 1}" for i in range(count)]
+    if isinstance(labels, str) or len(labels) != count or not all(isinstance(n, str) for n in labels):
+        raise OptionError(f"labels = {labels!r}: give {count} names, one for each trajectory")
+    return list(labels)
+
+
+def _direction(view: ArrayLike | None) -> Any:
+    if view is None:
+        return None
+    direction = np.asarray(view, dtype=float)
+    if direction.shape != (3,) or not np.isfinite(direction).all() or not direction.any():
+        raise OptionError(f"view = {view!r} is not a direction in space, (x, y, z)")
+    return direction

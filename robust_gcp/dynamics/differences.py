@@ -1,0 +1,46 @@
+"""Derivatives by differences, for functions that may be costly and may refuse an argument."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ..mechanism.tree import Array
+
+EPS = float(np.finfo(float).eps)
+FORWARD, CENTRAL = EPS**0.5, EPS ** (1.0 / 3.0)
+"""Steps, relative to the scale of the argument, at which truncation and rounding err alike."""
+
+
+def differences(
+    f: Callable[[Array], Array], x: Array, scale: Array, central: bool = False, base: Array | None = None
+) -> Array:
+    """∂f/∂x at x by forward or central differences.
+
+    Parameters
+    ----------
+    f : callable (n,) -> (k,)
+    x : ndarray (n,)
+    scale : ndarray (n,)
+        Change of each argument over which f bends noticeably; positive.
+    central : bool
+        Two evaluations for each argument instead of one: errors of ε^⅔ instead of ε^½.
+    base : ndarray (k,), optional
+        f(x), where the caller has it.
+
+    Returns
+    -------
+    ndarray (k, n)
+    """
+    if not central and base is None:
+        base = f(x.copy())
+    columns = []
+    for i, size in enumerate(scale):
+        ahead, behind = x.copy(), x.copy()
+        ahead[i] += size * (CENTRAL if central else FORWARD)
+        if central:
+            behind[i] -= size * CENTRAL
+        low = f(behind) if base is None or central else base
+        columns.append((f(ahead) - low) / (ahead[i] - behind[i]))
+    return np.array(columns).T

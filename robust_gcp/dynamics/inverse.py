@@ -1,0 +1,55 @@
+"""Inverse dynamics in minimal coordinates."""
+
+from __future__ import annotations
+
+from numpy.typing import ArrayLike
+
+from ..checks import check_mechanism, checked_vector, require_finite
+from ..maps.bridge.bridge import BridgeOptions
+from ..maps.regular_path import Counters
+from ..maps.start import begin
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+
+
+def inverse_dynamics(
+    mechanism: Mechanism,
+    q: ArrayLike,
+    v: ArrayLike,
+    ydd: ArrayLike,
+    mode: ArrayLike | None = None,
+) -> Array:
+    """Generalized forces on the independent joints that make the motion (q, v) accelerate by ÿ.
+
+    τ_y = Gᵀ (M (G ÿ + g) + C − τ_applied), the rows of (3) solved for the drives; τ_applied are the
+    mechanism's springs, dampers and constant torques. At a singular configuration the bridge supplies
+    G and g, so the result is continuous along a mode.
+
+    Parameters
+    ----------
+    q, v : array_like (nq,), (nv,)
+        Closed, and K v = 0 (see `Mechanism.lift`).
+    ydd : array_like (m,)
+        rad/s² or m/s².
+    mode : array_like, optional
+        As in `simulate`, where q is singular.
+
+    Returns
+    -------
+    ndarray (m,)
+        N m or N, in the order of `mechanism.independent`.
+
+    Raises
+    ------
+    StateError, SimulationError
+        As `simulate` does for a start.
+    """
+    check_mechanism(mechanism, Mechanism, "inverse_dynamics")
+    wanted = checked_vector(ydd, mechanism.m, "ydd", "m")
+    start = begin(mechanism, q, v, mode, BridgeOptions(), Counters())
+    point = start.point
+    speed = point.G @ start.ydot
+    force = mechanism.tree.rnea(point.q, speed, point.G @ wanted + point.g).copy()
+    if mechanism.applied is not None:
+        force -= mechanism.applied.tau(point.q, speed)
+    return require_finite(point.G.T @ force, "the force")

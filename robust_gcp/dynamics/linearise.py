@@ -1,0 +1,203 @@
+"""The equations of motion (3) linearised at a state, and the largest step of RK4 there.
+
+RK4 multiplies a motion e^{λt} in each step h by R(hλ), R(z) = 1 + z + z²/2 + z³/6 + z⁴/24. A motion that
+does not grow stays bounded as long as |R(hλ)| ≤ 1: to |hλ| = 2.785 on the negative real axis, to
+2√2 = 2.828 on the imaginary one. Source: Hairer, Wanner, Solving Ordinary Differential Equations II, IV.2.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy
+from numpy.typing import ArrayLike, NDArray
+
+from ..checks import check_mechanism, check_number
+from ..errors import NonFiniteError, OptionError, RobustGcpError
+from ..maps.bridge.bridge import BridgeOptions
+from ..maps.bridge.bridge_map import BridgeMap
+from ..maps.regular_path import Counters
+from ..maps.start import Start, begin
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+from .differences import differences
+from .equations import EquationsOfMotion, Torque
+
+
+class StabilityWarning(RuntimeWarning):
+    """A run starts with a step outside the stability region of RK4."""
+
+
+@dataclass(frozen=True)
+class Linearisation:
+    """δẋ = A δx about a state x = (y, ẏ).
+
+    Attributes
+    ----------
+    A : ndarray (2m, 2m)
+        [[0, I], [∂ÿ/∂y, ∂ÿ/∂ẏ]], 1/s and 1/s².
+    eigenvalues : ndarray of complex (2m,)
+        1/s, fastest first.
+    """
+
+    A: Array
+    eigenvalues: NDArray[np.complexfloating[Any]]
+
+    @property
+    def limiting(self) -> complex:
+        """The eigenvalue that limits the step of RK4, 1/s; 0 where none does."""
+        value = complex(min(self.eigenvalues, key=stable_step, default=0j))
+        return value if math.isfinite(stable_step(value)) else 0j
+
+    @property
+    def largest_stable_step(self) -> float:
+        """The largest h with |R(hλ)| ≤ 1 for all λ that do not grow, s; infinite where none limits it."""
+        return stable_step(self.limiting)
+
+
+class ReducedJacobian:
+    """∂ẋ/∂x of the equations of motion at (t, x), for the implicit steppers.
+
+    By forward differences of the right-hand side, whatever the explicit map, the closures and the torques
+    are. Of the state (y, ẏ, W) only y and ẏ are moved, and ∂ẏ/∂x is known.
+
+    Parameters
+    ----------
+    equations : EquationsOfMotion
+    central : bool
+        Central differences, twice the work for errors of ε^⅔ instead of ε^½.
+    """
+
+    def __init__(self, equations: EquationsOfMotion, central: bool = False) -> None:
+        self._equations, self._central = equations, central
+        self._unit = equations.mechanism.units[equations.mechanism.iv_independent]
+
+    def __call__(self, t: float, x: Array) -> Array:
+        """(n, n) for a state of n numbers."""
+        m = self._equations.m
+        rest = x[2 * m :]
+
+        def rate(state: Array) -> Array:
+            return self._equations(t, np.concatenate([state, rest]))[m:]
+
+        base = rate(x[: 2 * m])
+        speed = np.abs(x[m : 2 * m])
+        # a force that ẏ does not change rounds to ε ÿ: ẏ is moved far enough to rise above that
+        pace = np.maximum(np.maximum(self._unit, speed), np.sqrt(self._unit * np.abs(base[:m])))
+        found = differences(rate, x[: 2 * m], np.concatenate([self._unit, pace]), self._central, base)
+        jacobian = np.zeros((len(x), len(x)))
+        jacobian[:m, m : 2 * m] = np.eye(m)
+        jacobian[m:, : 2 * m] = found
+        return jacobian
+
+
+def linearise(
+    mechanism: Mechanism,
+    q: ArrayLike,
+    v: ArrayLike | None = None,
+    torque: Torque | ArrayLike | None = None,
+    t: float = 0.0,
+    mode: ArrayLike | None = None,
+) -> Linearisation:
+    """Linearise ÿ = (Gᵀ M G)⁻¹ Gᵀ (τ − C − M g) at a state.
+
+    By central differences of the right-hand side, so at a singular configuration on the bridge of a mode.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    q, v : array_like (nq,), (nv,)
+        Closed, and K v = 0; at rest when v is left out.
+    torque : callable (t, q, v) -> (nv,) or array_like (nv,), optional
+    t : float
+        Time for the torque, s.
+    mode : array_like, optional
+        As in `simulate`, where q is singular.
+
+    Returns
+    -------
+    Linearisation
+
+    Raises
+    ------
+    StateError, SimulationError
+        As `simulate` does for a start, NonFiniteError where A is not finite.
+    """
+    check_mechanism(mechanism, Mechanism, "linearise")
+    check_number("t", t)
+    if not math.isfinite(t):
+        raise OptionError(f"t = {t} must be finite")
+    start = begin(mechanism, q, v, mode, BridgeOptions(), Counters())
+    return linearise_start(mechanism, start, torque, t, central=True)
+
+
+def linearise_start(
+    mechanism: Mechanism, start: Start, torque: Torque | ArrayLike | None, t: float, central: bool
+) -> Linearisation:
+    """Linearise at a checked start; see `linearise`."""
+    explicit = BridgeMap(start.path, start.point, BridgeOptions(), error_controlled=True)
+    if start.bridge is not None:
+        explicit.adopt(start.bridge)
+    equations = EquationsOfMotion(mechanism, explicit, torque)
+    x = np.concatenate([start.point.y, start.ydot, np.zeros(int(equations.works))])
+    m = mechanism.m
+    with np.errstate(all="ignore"):  # what is not finite is told below
+        A = ReducedJacobian(equations, central)(t, x)[: 2 * m, : 2 * m]
+    if not np.all(np.isfinite(A)):
+        raise NonFiniteError(f"the linearisation at y = {start.point.y} is not finite", start.point.y)
+    eigenvalues = np.linalg.eigvals(A).astype(complex)
+    return Linearisation(A, eigenvalues[np.argsort(-np.abs(eigenvalues))])
+
+
+def warn_if_unstable(
+    mechanism: Mechanism, start: Start, torque: Torque | ArrayLike | None, step: float
+) -> None:
+    """Warn when a run of RK4 starts with a step outside its stability region.
+
+    Nothing is said at or beside a singular configuration, where the check would have to build a bridge of
+    its own, or where the linearisation fails: the run itself will tell why.
+    """
+    if start.bridge is not None or start.point.conditioning < BridgeOptions().zone:
+        return
+    try:
+        found = linearise_start(mechanism, start, torque, 0.0, central=False)
+    except (RobustGcpError, OverflowError):
+        return
+    largest = found.largest_stable_step
+    if step <= largest:
+        return
+    value = found.limiting
+    shown = f"{value.real:.4g}" + (f" ± {abs(value.imag):.4g}i" if value.imag else "")
+    warnings.warn(
+        f"step = {step:g} s lies outside the stability region of rk4: the fastest motion at the start has "
+        f"the eigenvalue {shown} 1/s, which allows steps up to {largest:.4g} s; take a smaller step, or an "
+        'implicit stepper such as stepper="Radau"',
+        StabilityWarning,
+        stacklevel=3,
+    )
+
+
+def stable_step(eigenvalue: complex) -> float:
+    """The largest step, s, with which RK4 does not let e^{λt} grow; infinite for real λ ≥ 0.
+
+    A motion that grows of itself is not stiff. If it oscillates as well, its oscillation limits the step.
+    """
+    if eigenvalue.real >= 0.0:
+        eigenvalue = complex(0.0, eigenvalue.imag)
+    size = abs(eigenvalue)
+    return rk4_reach(cmath.phase(eigenvalue)) / size if size > 0.0 else math.inf
+
+
+def rk4_reach(angle: float) -> float:
+    """The largest |z| along the ray z = |z| e^{i angle} in the left half-plane with |R(z)| ≤ 1."""
+
+    def growth(size: float) -> float:
+        z = cmath.rect(size, angle)
+        return abs(1.0 + z * (1.0 + z / 2.0 * (1.0 + z / 3.0 * (1.0 + z / 4.0)))) - 1.0
+
+    return float(scipy.optimize.brentq(growth, 1.0, 4.0, xtol=1e-12))

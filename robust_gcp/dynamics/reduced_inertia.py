@@ -1,0 +1,91 @@
+"""The reduced inertia Gᵀ M G: solved, or refused where rounding has eaten it."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy
+
+from ..errors import SimulationError
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+
+LOST = 1e-13
+"""Gᵀ M G of one coordinate, relative to the inertia that the joints' motions have one by one, at which
+rounding has eaten it: where heavy links rest, G says so to 1e-16 only, and their weight times that is
+then a thousandth of what moves the light ones."""
+
+CANCELLED = 1e-6
+"""The same ratio below which products of G and M have lost as many digits; the bodies' sum has not."""
+
+DEFINITE = 1e-11
+"""Smallest squared pivot of Gᵀ M G with a unit diagonal: below, ÿ has fewer than five digits left."""
+
+
+class ReducedInertia:
+    """ÿ = (Gᵀ M G)⁻¹ f with Gᵀ M G taken from the velocities of the bodies where products cancel.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self._mechanism, self._tree = mechanism, mechanism.tree
+        self._scale = 1.0 / mechanism.column_scale
+        self._own = mechanism.joint_inertia
+        self._suspect = LOST * self._own * float(np.max(self._scale, initial=0.0)) ** 2
+
+    def solve(self, q: Array, G: Array, force: Array) -> Array:
+        """ÿ (m,) for Gᵀ (τ − C − M g) = force (m,).
+
+        Raises
+        ------
+        SimulationError
+            Where a motion of the independent joints moves no mass, or so little of it that Gᵀ M G is
+            rounding.
+        """
+        if G.shape[1] == 1:
+            direction = G[:, 0]
+            single = 2.0 * self._tree.kinetic(q, direction)
+            # a bound that costs one product decides nearly always; NaN goes on to the stepper's own check
+            if single <= self._suspect * direction.dot(direction) and single <= LOST * self._alone(direction):
+                raise self._singular()
+            return force / single
+        inertia = self._matrix(q, G)
+        diagonal = inertia.diagonal()
+        if any(a <= LOST * self._alone(column) for a, column in zip(diagonal, G.T, strict=True)):
+            raise self._singular()
+        size = 1.0 / np.sqrt(diagonal)
+        factor, info = scipy.linalg.lapack.dpotrf(inertia * size[:, None] * size, lower=1)
+        if info > 0 or factor.diagonal().min(initial=1.0) ** 2 <= DEFINITE:
+            raise self._singular()
+        ydd: Array = size * scipy.linalg.lapack.dpotrs(factor, size * force, lower=1)[0]
+        return ydd
+
+    def _matrix(self, q: Array, G: Array) -> Array:
+        """Gᵀ M G, (m, m); by polarisation of the kinetic energy where the products cancel."""
+        inertia: Array = G.T @ (self._tree.crba(q) @ G)
+        diagonal = inertia.diagonal()
+        if all(a > CANCELLED * self._alone(column) for a, column in zip(diagonal, G.T, strict=True)):
+            return inertia
+        twice = [2.0 * self._tree.kinetic(q, column) for column in G.T]
+        for i, a in enumerate(twice):
+            inertia[i, i] = a
+            for j in range(i):
+                # scaled to the same size, so that neither drowns in the other
+                pace = np.sqrt(a / twice[j]) if a > 0.0 and twice[j] > 0.0 else 1.0
+                both = 2.0 * self._tree.kinetic(q, G[:, i] + pace * G[:, j])
+                inertia[i, j] = inertia[j, i] = 0.5 * (both - a - pace * pace * twice[j]) / pace
+        return inertia
+
+    def _alone(self, direction: Array) -> float:
+        """What the joints' motions would have as inertia one by one, kg m² or kg."""
+        pace = float(np.abs(direction * self._scale).max())
+        return self._own * pace * pace
+
+    def _singular(self) -> SimulationError:
+        names = ", ".join(self._mechanism.independent)
+        return SimulationError(
+            f"the reduced inertia Gᵀ M G of {self._mechanism.name!r} is singular: a motion of {names} moves "
+            "no mass, or too little to be told from rounding; give its links inertia"
+        )

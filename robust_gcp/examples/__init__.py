@@ -1,0 +1,1 @@
+"""Mechanisms by formula, and robots of example-robot-data."""

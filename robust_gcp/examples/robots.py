@@ -1,0 +1,153 @@
+"""Two robots with closed loops, built on example-robot-data (the optional extra `robots`)."""
+
+from __future__ import annotations
+
+from importlib import metadata
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from ..errors import MissingExtraError, OptionError
+from ..mechanism.closures import FrameClosure, PointClosure
+from ..mechanism.forces import Force, JointSpring
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+
+LEGS = ("FL", "FR", "HL", "HR")
+
+BAR_LENGTH = 0.5
+"""Distance of Baxter's hands along the bar, m."""
+
+BAR_MASS, BAR_RADIUS = 1.0, 0.01
+"""A round wooden bar, kg and m."""
+
+FINGER_STIFFNESS = 50.0
+"""Springs that hold Baxter's sliding fingers in place, N/m: its grippers do not slide by themselves."""
+
+
+def robot_file(name: str) -> Path:
+    """Where example-robot-data keeps a file, found by the end of its path, without importing anything.
+
+    Raises
+    ------
+    MissingExtraError
+        When the package, or this file of it, is not installed.
+    """
+    try:
+        files = metadata.files("example-robot-data") or []
+    except metadata.PackageNotFoundError as error:
+        raise MissingExtraError(_MISSING.format(name)) from error
+    for file in files:
+        if f"/{file.as_posix()}".endswith(f"/{name}"):
+            path = Path(str(file.locate()))
+            if path.is_file():
+                return path
+    raise MissingExtraError(_MISSING.format(name))
+
+
+_MISSING = '{} comes with example-robot-data, which is not installed: pip install "robust-gcp[robots]"'
+
+
+def solo12_pinned(stiffness: float = 10.0) -> Mechanism:
+    """The quadruped solo12 with its four feet pinned to the ground: mobility 6 + 12 − 4 · 3 = 6.
+
+    The floating base is a free-flyer among the dependent joints; a foot turns freely about its
+    pin. Home is the standing pose of the robot's own description, its feet where they are pinned.
+
+    Parameters
+    ----------
+    stiffness : float
+        Of a spring on each leg joint, relaxed at home, N m/rad; 0 for slack legs, which fall.
+    """
+    urdf = robot_file("solo_description/robots/solo12.urdf")
+    model = pin.buildModelFromUrdf(str(urdf), pin.JointModelFreeFlyer())
+    home = pin.neutral(model)
+    home[2] = 0.235
+    pose = {"HAA": 0.1, "HFE": 0.8, "KFE": -1.6}
+    for leg in LEGS:
+        left, hind = 1.0 if leg[1] == "L" else -1.0, -1.0 if leg[0] == "H" else 1.0
+        for joint, value in pose.items():
+            home[_iq(model, f"{leg}_{joint}")] = value * (left if joint == "HAA" else hind)
+    feet = _frame_places(model, home, [f"{leg}_FOOT" for leg in LEGS])
+    closures = []
+    for leg, foot in zip(LEGS, feet, strict=True):
+        pinned = pin.SE3(np.eye(3), foot.translation)
+        model.addFrame(pin.Frame(f"{leg}_GROUND", 0, pinned, pin.FrameType.OP_FRAME))
+        closures.append(PointClosure(f"{leg}_FOOT", f"{leg}_GROUND"))
+    joints = [f"{leg}_{joint}" for leg in LEGS for joint in pose]
+    independent = ["FL_HAA", "FL_KFE", "FR_HFE", "HL_HAA", "HL_KFE", "HR_HFE"]
+    return Mechanism.from_pinocchio(
+        model,
+        closures,
+        independent,
+        home=home,
+        name="solo12_pinned",
+        forces=_springs(model, home, dict.fromkeys(joints, stiffness)),
+    )
+
+
+def baxter_bar(stiffness: float = 200.0) -> Mechanism:
+    """The two-armed robot Baxter, a bar held firmly in both hands: mobility 19 − 6 = 13.
+
+    The bar is part of the left hand, and its far end `bar_end` is welded to the frame
+    `right_gripper`. The 19 joints are seven in each arm, the head and four sliding fingers.
+
+    Parameters
+    ----------
+    stiffness : float
+        Of a spring on each shoulder and elbow joint, relaxed at home, N m/rad; wrists and head get
+        a tenth. With 0 the arms are slack and fall.
+    """
+    model = pin.buildModelFromUrdf(str(robot_file("baxter_description/urdf/baxter.urdf")))
+    hand = model.frames[model.getFrameId("left_gripper")]
+    middle = pin.SE3(np.eye(3), np.array([0.5 * BAR_LENGTH, 0.0, 0.0]))
+    end = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, np.pi), np.array([BAR_LENGTH, 0.0, 0.0]))
+    across = BAR_MASS * (BAR_LENGTH**2 / 12.0 + BAR_RADIUS**2 / 4.0)
+    bar = pin.Inertia(BAR_MASS, np.zeros(3), np.diag([0.5 * BAR_MASS * BAR_RADIUS**2, across, across]))
+    model.appendBodyToJoint(hand.parentJoint, bar, hand.placement * middle)
+    model.addFrame(
+        pin.Frame("bar_end", hand.parentJoint, hand.placement * end, pin.FrameType.OP_FRAME), False
+    )
+    guess = pin.neutral(model)
+    pose = {"s0": -0.8, "s1": -0.3, "e0": 0.0, "e1": 0.9, "w0": 0.0, "w1": 0.9, "w2": -0.5 * np.pi}
+    for joint, value in pose.items():
+        guess[_iq(model, f"left_{joint}")] = value
+        guess[_iq(model, f"right_{joint}")] = value if joint[1] == "1" else -value
+    arms = [f"{side}_{joint}" for side in ("left", "right") for joint in pose]
+    fingers = [f"{hand}_gripper_{finger}_finger_joint" for hand in "lr" for finger in "lr"]
+    springs = {name: stiffness * (0.1 if "_w" in name else 1.0) for name in arms}
+    springs |= {"head_pan": 0.1 * stiffness} | dict.fromkeys(fingers, FINGER_STIFFNESS)
+    dependent = ("left_w2", "right_s0", "right_s1", "right_e0", "right_w1", "right_w2")
+    independent = [name for name in list(model.names)[1:] if name not in dependent]
+    closures = [FrameClosure("bar_end", "right_gripper")]
+    open_loop = Mechanism.from_pinocchio(model, closures, independent)
+    home = open_loop.assemble(guess)
+    return Mechanism.from_pinocchio(
+        model,
+        closures,
+        independent,
+        home=home,
+        name="baxter_bar",
+        forces=_springs(model, home, springs),
+    )
+
+
+def _iq(model: pin.Model, joint: str) -> int:
+    return int(model.joints[model.getJointId(joint)].idx_q)
+
+
+def _frame_places(model: pin.Model, q: Array, names: list[str]) -> list[pin.SE3]:
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    return [data.oMf[model.getFrameId(name)].copy() for name in names]
+
+
+def _springs(model: pin.Model, home: Array, stiffness: dict[str, float]) -> list[Force]:
+    if any(value < 0.0 for value in stiffness.values()):
+        raise OptionError("stiffness must not be negative; 0 leaves the springs out")
+    return [
+        JointSpring(name, value, float(home[_iq(model, name)]))
+        for name, value in stiffness.items()
+        if value > 0.0
+    ]

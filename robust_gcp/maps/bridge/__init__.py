@@ -1,0 +1,1 @@
+"""The bridge: full order through singular configurations, with a certificate."""

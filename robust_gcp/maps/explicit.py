@@ -1,0 +1,76 @@
+"""What every explicit map q = γ(y) offers to the equations of motion and to `simulate`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+from ..mechanism.tree import Array
+from .regular_path import Counters, Point, RegularPath
+
+CrossingKind = Literal["transversal", "near miss", "projected"]
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """A singular configuration that the motion passed.
+
+    Attributes
+    ----------
+    time : float
+        s.
+    y : ndarray (m,)
+        Independent coordinates at the singular surface.
+    q : ndarray (nq,)
+        Configuration there.
+    kind : {"transversal", "near miss", "projected"}
+        A certified crossing of modes; a gap below the geometric tolerance, bridged; a passage by the
+        projection of Eq. (7), which has no certificate of its mode.
+    certificate : float
+        max |φ| / length over the bridge (for "projected": at the nearest evaluation).
+    transversality : float
+        How clearly the modes part at second order; see `singularity.transversality`. NaN if unknown.
+    """
+
+    time: float
+    y: Array
+    q: Array
+    kind: CrossingKind
+    certificate: float
+    transversality: float = float("nan")
+
+
+@dataclass(frozen=True)
+class Passage:
+    """A singular surface between two evaluated points, before its time is known."""
+
+    y: Array
+    q: Array
+    kind: CrossingKind
+    certificate: float
+    transversality: float
+
+
+class ExplicitMap(Protocol):
+    """q = γ(y), G and g on one operation mode.
+
+    A map follows its mode from the point evaluated last (`anchor`); any verified point of the mode
+    will do, so evaluations may come in any order that moves in small steps, as the stages of RK4
+    and the rejected steps of adaptive solvers do.
+    """
+
+    anchor: Point
+    path: RegularPath
+
+    def at(self, y: Array, ydot: Array) -> Point:
+        """The point at y, or an error that says why there is none."""
+        ...
+
+    def passed(self, before: Point, after: Point) -> list[Passage]:
+        """Singular surfaces between two accepted points."""
+        ...
+
+    @property
+    def counters(self) -> Counters:
+        """What was computed so far."""
+        ...

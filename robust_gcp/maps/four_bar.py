@@ -1,0 +1,167 @@
+"""The closed form of the planar four-bar as an explicit map of a mechanism."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import OptionError, ToggleError
+from ..mechanism.closures import PointClosure, frame_of
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+from .closed_form import FourBar
+from .explicit import Passage
+from .regular_path import Counters, Point, RegularPath
+
+PARALLEL = 1e-12
+"""Sine of the angle between joint axes that still counts as parallel."""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A mechanism read as the paper's four-bar: θ = sign · q + offset turns joint values into its angles.
+
+    Attributes
+    ----------
+    lengths : tuple of float
+        l0, l1, l2, l3, m.
+    sign : ndarray (3,)
+        ±1: sense of each joint about the common axis.
+    offset : ndarray (3,)
+        rad.
+    """
+
+    lengths: tuple[float, float, float, float]
+    sign: Array
+    offset: Array
+
+
+def draw_four_bar(mechanism: Mechanism) -> Drawing:
+    """Lengths, senses and offsets of a planar four-bar with a point closure between two chains 2 + 1.
+
+    Raises
+    ------
+    OptionError
+        When the mechanism is anything else.
+    """
+    model = mechanism.model
+    wrong = OptionError(
+        f"method='closed_form' is for the planar four-bar: three parallel revolute joints, two of them in "
+        f"a row, one point closure, the first joint independent; {mechanism.name!r} is not"
+    )
+    if (
+        mechanism.nv != 3
+        or mechanism.nq != 3
+        or len(mechanism.closures) != 1
+        or not isinstance(mechanism.closures[0], PointClosure)
+        or list(model.parents) != [0, 0, 1, 0]
+        or mechanism.iv_independent.tolist() != [0]
+    ):
+        raise wrong
+    tree, zero = mechanism.tree, np.zeros(3)
+    tree.jacobians(zero)
+    axes = tree.J[:, 3:].copy()
+    if np.abs(np.linalg.norm(axes, axis=1) - 1.0).max() > PARALLEL:
+        raise wrong
+    normal = axes[0]
+    if np.abs(np.cross(axes, normal)).max() > PARALLEL:
+        raise wrong
+    closure = mechanism.closures[0]
+    tips = {}
+    for name in (closure.frame1, closure.frame2):
+        frame = frame_of(model, name, "closed form")
+        joint = frame.parentJoint
+        tips[joint] = tree.p[joint] + tree.R[joint] @ frame.placement.translation
+    if set(tips) != {2, 3}:
+        raise wrong
+    ground = tree.p[3] - tree.p[1]
+    ground -= normal * (normal @ ground)
+    links = [tree.p[2] - tree.p[1], tips[2] - tree.p[2], tips[3] - tree.p[3]]
+    l0 = float(np.linalg.norm(ground))
+    if l0 == 0.0:
+        raise wrong
+    x = ground / l0
+    z = np.cross(normal, x)
+    flat = [(float(link @ x), float(link @ z)) for link in links]
+    lengths = (l0, *(float(np.hypot(*p)) for p in flat))
+    angles = [float(np.arctan2(p[1], p[0])) for p in flat]
+    sign = np.sign(axes @ normal)
+    offset = np.array([angles[0], angles[1] - angles[0], angles[2]])
+    return Drawing((lengths[0], lengths[1], lengths[2], lengths[3]), sign, offset)
+
+
+class FourBarMap:
+    """q = γ(y), G and g in closed form, smooth through every change point; no Newton, no K_d.
+
+    Parameters
+    ----------
+    path : RegularPath
+        For the counters.
+    start : Point
+        Chooses the assembly; its G does where both assemblies meet.
+    """
+
+    def __init__(self, path: RegularPath, start: Point) -> None:
+        self.path, self.anchor = path, start
+        self._drawing = draw_four_bar(path.mechanism)
+        candidates = []
+        for assembly in (1, -1):
+            linkage = FourBar(*self._drawing.lengths, assembly)
+            candidates.append((self._distance(linkage, start), linkage))
+        self.linkage = min(candidates, key=lambda item: item[0])[1]
+        self._interval = self._interval_of(start.y)
+        theta = self._drawing.sign * start.q + self._drawing.offset
+        apart = theta - self.linkage.evaluate(float(theta[0]))[0]
+        self._turns = 2.0 * np.pi * np.round(apart / (2.0 * np.pi))
+
+    @property
+    def counters(self) -> Counters:
+        """What was computed so far."""
+        return self.path.counters
+
+    def at(self, y: Array, ydot: Array) -> Point:
+        """The point at y; ToggleError beyond the linkage's reach."""
+        try:
+            point = self._point(self.linkage, y, ydot)
+        except OptionError as error:
+            raise ToggleError(f"closed form: {error}", y) from error
+        if self._interval_of(y) != self._interval:
+            raise ToggleError(
+                f"closed form: from y = {self.anchor.y} the stepper jumped to {y}, beyond a dead point; "
+                "use a smaller step, or another coordinate",
+                y,
+            )
+        self.anchor = point
+        return point
+
+    def passed(self, before: Point, after: Point) -> list[Passage]:
+        """Nothing: the closed form has no singularity to pass."""
+        return []
+
+    def _interval_of(self, y: Array) -> tuple[int, int]:
+        """Which of the intervals in reach y lies in; whole turns count as different ones at dead points."""
+        low, high = self.linkage.reach
+        turns = float(self._drawing.sign[0] * y[0] + self._drawing.offset[0]) / (2.0 * np.pi)
+        return int(np.floor(turns)) if low > 0.0 else 0, int(np.floor(turns + 0.5)) if high < np.pi else 0
+
+    def _point(self, linkage: FourBar, y: Array, ydot: Array, near: Array | None = None) -> Point:
+        """The point at y; q2 and q3 continuous from the start, or else nearest to those of `near`."""
+        sign, offset = self._drawing.sign, self._drawing.offset
+        about = None if near is None else sign * near + offset
+        theta, rate, second = linkage.evaluate(float(sign[0] * y[0] + offset[0]), about)
+        if near is None:
+            theta = theta + self._turns
+        G = (sign * sign[0] * rate)[:, None]
+        curvature = sign * second
+        one = np.ones(1)
+        q = sign * (theta - offset)
+        q[0] = y[0]
+        return Point(y.copy(), ydot.copy(), q, G, curvature * float(ydot[0]) ** 2, curvature, one, one)
+
+    def _distance(self, linkage: FourBar, start: Point) -> float:
+        try:
+            point = self._point(linkage, start.y, start.ydot, start.q)
+        except OptionError:
+            return np.inf
+        return float(np.abs(point.q - start.q).max() + 1e-3 * np.abs(point.G - start.G).max())

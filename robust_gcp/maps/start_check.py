@@ -1,0 +1,122 @@
+"""What must hold of a start: v0 satisfies the constraint, and `mode` names a tangent of the motion."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..checks import shown
+from ..errors import NonFiniteError, OptionError, PartitionError, StateError
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.partition import numerical_rank, spelled
+from ..mechanism.tree import Array
+from .regular_path import RegularPath
+
+COMPATIBLE = 1e-6
+"""Largest |K v| relative to |K| |v| of an initial velocity that satisfies the constraint."""
+
+FASTEST = 1e50
+"""rad/s or m/s: accelerations grow with the square, and products of those must stay finite."""
+
+SAME_MODE = 1e-4
+"""Sine of the largest angle, dimensionless velocities, between tangents of the same mode."""
+
+
+def require_finite_energy(mechanism: Mechanism, v: Array) -> None:
+    """Products of speeds must be finite numbers: g grows with |v0|², an error estimate with its square."""
+    size = max(np.abs(v).max(initial=0.0), np.abs(v / mechanism.column_scale).max(initial=0.0))
+    if size > FASTEST:
+        raise NonFiniteError(
+            f"v0 is so large (up to {np.abs(v).max():.3g}) that its products are not finite numbers; "
+            "give it in rad/s and m/s"
+        )
+
+
+def require_compatible(mechanism: Mechanism, q: Array, v: Array) -> None:
+    """K v0 = 0, relative to the sizes of K and v0."""
+    if mechanism.nc == 0 or not np.any(v):
+        return
+    K = mechanism.scaled(mechanism.K(q))
+    u = v / mechanism.column_scale
+    worst = int(np.argmax(np.abs(K @ u)))
+    size = float(np.abs(K @ u)[worst])
+    if size > COMPATIBLE * float(np.abs(K).max() * np.abs(u).max()):
+        raise StateError(
+            f"v0 breaks the loop {mechanism.implicit.labels[worst]}: K v0 = {size:.3g} (scaled); give "
+            "v0 = G ẏ, for instance from mech.lift(q0, ydot)"
+        )
+
+
+def require_velocity_in_mode(mechanism: Mechanism, v: Array, G: Array) -> None:
+    """v0 = G ẏ0 must hold on the chosen mode too, where K alone allows more."""
+    scale = mechanism.column_scale
+    off = np.abs((v - G @ v[mechanism.iv_independent]) / scale).max(initial=0.0)
+    if off > 10.0 * COMPATIBLE * max(np.abs(v / scale).max(initial=0.0), 1e-300) and off > 0.0:
+        raise StateError(
+            "v0 does not lie in the tangent space of the mode that the start is on "
+            f"(v0 − G ẏ0 is {off:.3g}, scaled); give v0 along that mode, or another mode"
+        )
+
+
+def require_mobility(mechanism: Mechanism, q: Array, path: RegularPath) -> None:
+    """With rows left over, they must depend on the selected ones; else y has too many joints."""
+    if mechanism.nc == path.nd:
+        return
+    s = np.linalg.svd(mechanism.scaled(mechanism.K(q)), compute_uv=False)
+    rank = numerical_rank(s, 1e-8)
+    if rank > path.nd:
+        choices = [names for _, names in mechanism.coordinate_choices(q)]
+        raise PartitionError(
+            f"{mechanism.m} independent joints are named, and the mobility at q0 is "
+            f"{mechanism.nv - rank}: the loops leave no freedom to some of them; sets that serve: "
+            + spelled(choices),
+            choices,
+        )
+
+
+def checked_mode(mechanism: Mechanism, mode: ArrayLike) -> Array:
+    """`mode` as a finite float array (nv, m), or an OptionError."""
+    shape = f"(nv,) = ({mechanism.nv},)" if mechanism.m == 1 else f"(nv, m) = ({mechanism.nv}, {mechanism.m})"
+    try:
+        wanted = np.asarray(mode)
+        if wanted.dtype.kind not in "iuf":
+            raise TypeError(f"numbers of kind {wanted.dtype}")
+        wanted = wanted.astype(float)
+    except (TypeError, ValueError) as error:
+        raise OptionError(
+            f"mode = {shown(mode)} is not an array of numbers {shape}; give one of "
+            "analyse(mechanism, q0).modes"
+        ) from error
+    if wanted.size != mechanism.nv * mechanism.m:
+        raise OptionError(f"mode must have shape {shape}, not {wanted.shape}")
+    if not np.all(np.isfinite(wanted)):
+        raise OptionError(
+            f"mode = {wanted.tolist()} must be finite; give one of analyse(mechanism, q0).modes"
+        )
+    return wanted.reshape(mechanism.nv, mechanism.m)
+
+
+def require_mode(mechanism: Mechanism, mode: ArrayLike | None, G: Array) -> None:
+    """A mode named at a regular start must be the one that the start is on."""
+    if mode is None:
+        return
+    wanted = checked_mode(mechanism, mode)
+    if mechanism.m and apart(mechanism, wanted, G) >= SAME_MODE:
+        tangent = np.round(G, 4).squeeze().tolist()
+        raise OptionError(
+            f"mode = {wanted.squeeze().tolist()} is not tangent to the motion at q0, a regular "
+            f"configuration on one mode only, whose tangent is {tangent}: leave mode out, or "
+            "start where the modes meet"
+        )
+
+
+def apart(mechanism: Mechanism, vectors: Array, basis: Array) -> float:
+    """Sine of the largest angle between vectors and the span of basis, dimensionless velocities."""
+    scale = mechanism.column_scale[:, None]
+    Q, _ = np.linalg.qr(basis / scale)
+    u = vectors / scale
+    size = np.linalg.norm(u, axis=0)
+    if np.any(size == 0.0):
+        return 1.0  # no direction at all
+    u = u / size
+    return float(np.linalg.norm(u - Q @ (Q.T @ u), axis=0).max())

@@ -1,0 +1,81 @@
+"""XML from files that nobody vouches for: no entities, no bottomless nesting, faults as `ModelError`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+from ...errors import ModelError
+from .text_file import path_of, read_text
+
+DEEPEST = 200
+"""Elements within elements; readers that call themselves run out of stack at some hundred."""
+
+
+def parsed_xml(given: str | Path, what: str) -> tuple[ElementTree.Element, str]:
+    """The root element of a file or of XML text itself, and what to call it in errors.
+
+    Parameters
+    ----------
+    given : str or Path
+        Text starts with "<".
+    what : str
+        The format, to name text by.
+
+    Raises
+    ------
+    ModelError
+        Where it cannot be read, is not well-formed, nests too deeply, or declares a document type:
+        entities may name other files, or grow without bounds.
+    """
+    if isinstance(given, str) and given.lstrip("\ufeff \t\r\n").startswith("<"):
+        text, name = given, f"{what} text"
+    else:
+        path = path_of(given, what)
+        text, name = read_text(path), str(path)
+    builder = _Builder(name)
+    try:
+        parser = ElementTree.XMLParser(target=builder)
+        parser.feed(text.lstrip("\ufeff \t\r\n"))
+        root: ElementTree.Element = parser.close()
+    except (ElementTree.ParseError, ValueError) as error:
+        if isinstance(error, ModelError):
+            raise
+        raise ModelError(f"{name}: not well-formed XML ({error})") from error
+    return root, name
+
+
+def require_shallow(root: ElementTree.Element, name: str) -> None:
+    """A ModelError for a tree that was put together and is too deep to be written out."""
+    level, depth = [root], 0
+    while level:
+        level, depth = [child for element in level for child in element], depth + 1
+        if depth > DEEPEST:
+            raise ModelError(_TOO_DEEP.format(name))
+
+
+_TOO_DEEP = f"{{}}: its elements are nested more than {DEEPEST} deep; flatten it"
+
+
+class _Builder(ElementTree.TreeBuilder):
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        self._name, self._depth = name, 0
+
+    def start(self, tag: Any, attrs: Any, /) -> ElementTree.Element:
+        self._depth += 1
+        if self._depth > DEEPEST:
+            raise ModelError(_TOO_DEEP.format(self._name))
+        return super().start(tag, attrs)
+
+    def end(self, tag: str, /) -> ElementTree.Element:
+        self._depth -= 1
+        return super().end(tag)
+
+    def doctype(self, name: str, pubid: str | None, system: str | None) -> None:
+        """Refuse a document type declaration, which comes before any entity."""
+        raise ModelError(
+            f"{self._name}: declares a document type (<!DOCTYPE {name} …>), which may name other files; "
+            "remove it and write its entities out"
+        )

@@ -1,0 +1,308 @@
+"""Closed loops: a spanning tree with its implicit constraint, before any choice of coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+import scipy
+from numpy.typing import ArrayLike, NDArray
+
+from ..checks import check_model, checked_vector, hint, listed, require_finite
+from ..errors import ClosureError, ModelError, StateError
+from .closures import (
+    Closure,
+    FrameClosure,
+    PointClosure,
+    RevoluteClosure,
+    closure_frames,
+)
+from .constraint import ImplicitConstraint
+from .partition import numerical_rank, ranked_choices
+from .tree import Array, Tree, require_depth_first
+
+CLOSED = 1e-12
+"""Largest |φ| / length of a configuration that counts as closed: some thousand roundings."""
+
+NEARLY_CLOSED = 1e-6
+"""Largest |φ| / length of a start that is polished instead of refused: rounded input, not an open loop."""
+
+ROUNDED = 1e-3
+"""Distance from 1 of the norm of a quaternion that is normalised instead of refused: rounded input."""
+
+STRUCTURAL = 1e-9
+"""Relative size below which an entry or singular value at random configurations is a structural zero."""
+
+
+class ClosedLoops:
+    """A `pin.Model` and the closures that close its loops.
+
+    Attributes
+    ----------
+    model : pin.Model
+        A private copy of the spanning tree.
+    closures : tuple of closures
+    nq, nv, nc : int
+        Sizes of q, of v, and of φ (rows that are zero in every configuration left out).
+    length : float
+        Characteristic length, m: the largest distance from a joint to its children and cut points.
+    """
+
+    def __init__(self, model: pin.Model, closures: Sequence[Closure]) -> None:
+        check_model(model)
+        closures = listed(closures, "closures", "closures, such as PointClosure(frame1, frame2)")
+        require_depth_first(model)
+        self.model: pin.Model = model.copy()
+        self.closures = tuple(_as_closure(c) for c in closures)
+        self.tree = Tree(self.model, closure_frames(self.model, self.closures))
+        self.nq, self.nv = self.tree.nq, self.tree.nv
+        self.joint_names = tuple(str(n) for n in self.model.names)[1:]
+        self.length = _characteristic_length(self.model, self.closures)
+        self.implicit = self._implicit_without_zero_rows()
+        self.nc = len(self.implicit.rows)
+
+    # ----------------------------------------------------------------- the implicit constraint
+
+    def phi(self, q: ArrayLike) -> Array:
+        """Loop-closure residual φ(q), (nc,), m and rad."""
+        self.tree.jacobians(self.configuration(q))
+        return require_finite(self.implicit.residual(), "φ(q)")
+
+    def K(self, q: ArrayLike) -> Array:
+        """K = ∂φ/∂q, (nc, nv): K v = 0."""
+        self.phi(q)
+        return require_finite(self.implicit.jacobian(), "K(q)")
+
+    def k(self, q: ArrayLike, v: ArrayLike) -> Array:
+        """k = −K̇ v, (nc,): K a = k."""
+        q, v = self.configuration(q), self.velocity(v)
+        self.tree.jacobians(q)
+        self.implicit.residual()
+        self.tree.rnea(q, v, self.tree.zero)
+        return require_finite(self.implicit.bias(), "k(q, v)")
+
+    @cached_property
+    def row_scale(self) -> Array:
+        """Size that makes each row of φ dimensionless, (nc,): the length for metres, 1 for radians."""
+        return np.where(self.implicit.is_length, self.length, 1.0)
+
+    @cached_property
+    def column_scale(self) -> Array:
+        """Size that makes each column of K dimensionless, (nv,).
+
+        v = column_scale · u with u dimensionless: a column's largest norm over generic
+        configurations, inverted, so that links of very different lengths weigh the same.
+        """
+        largest = np.zeros(self.nv)
+        for K in self.generic_jacobians():
+            largest = np.maximum(largest, np.linalg.norm(K / self.row_scale[:, None], axis=0))
+        return 1.0 / np.where(largest > 0.0, largest, 1.0)
+
+    @cached_property
+    def units(self) -> Array:
+        """What counts as one of each joint's coordinates, (nv,): a radian, or the characteristic length."""
+        return np.where(self.tree.rotates, 1.0, self.length)
+
+    @cached_property
+    def joint_inertia(self) -> float:
+        """What the joints' motions have as inertia one by one, at most 1 fast without dimension."""
+        diagonals = [self.tree.crba(q).diagonal() for q in self.generic_configurations()]
+        return float((np.max(diagonals, axis=0) * self.column_scale**2).sum()) if diagonals else 0.0
+
+    def scaled(self, K: Array) -> Array:
+        """K made dimensionless by `row_scale` and `column_scale`."""
+        return K / self.row_scale[:, None] * self.column_scale
+
+    def closure_residual(self, q: Array) -> float:
+        """max |φ| in units of the characteristic length (m) and of 1 (rad)."""
+        if self.nc == 0:
+            return 0.0
+        return float(np.max(np.abs(self.phi(q)) / self.row_scale))
+
+    def configuration(self, q: ArrayLike, what: str = "q") -> Array:
+        """q as a float array (nq,), or a StateError that says what is wrong with it."""
+        checked = checked_vector(q, self.nq, what, "nq")
+        if self.tree.vector_space or pin.isNormalized(self.model, checked, CLOSED):
+            return checked
+        if pin.isNormalized(self.model, checked, ROUNDED):
+            normalised: Array = pin.normalize(self.model, checked)
+            return normalised
+        turning = [n for n in self.joint_names if self.joint(n).nq != self.joint(n).nv]
+        raise StateError(
+            f"{what}: an orientation in it is none: the quaternion (x, y, z, w), or (cos, sin), of each of "
+            f"{', '.join(map(repr, turning))} must have norm 1; use pin.normalize(model, q)"
+        )
+
+    def velocity(self, v: ArrayLike, what: str = "v") -> Array:
+        """v as a float array (nv,), or a StateError that says what is wrong with it."""
+        return checked_vector(v, self.nv, what, "nv")
+
+    def close_loops(self, q: Array, free: NDArray[np.int64]) -> Array:
+        """Close the loops from a rough guess by moving the velocities `free` only.
+
+        Least squares on φ by damped Gauss–Newton steps with a trust region, then Newton.
+
+        Raises
+        ------
+        ClosureError
+            With the residual that is left and the loop that it is in.
+        """
+        if self.nc == 0:
+            return q
+
+        def lift(step: Array) -> Array:
+            dv = np.zeros(self.nv)
+            dv[free] = step
+            return dv
+
+        def residual(step: Array) -> Array:
+            return self.phi(self.tree.integrate(q, lift(step))) / self.row_scale
+
+        def jacobian(step: Array) -> Array:
+            dv = lift(step)
+            K = self.K(self.tree.integrate(q, dv)) / self.row_scale[:, None]
+            return (K @ self.tree.integrate_rate(q, dv))[:, free]
+
+        fit = scipy.optimize.least_squares(
+            residual, np.zeros(len(free)), jac=jacobian, xtol=1e-15, ftol=1e-15, gtol=1e-15
+        )
+        q = self.polish(self.tree.integrate(q, lift(fit.x)), free)
+        self.require_closed(q, CLOSED, "assemble")
+        self.require_proper(q)
+        return q
+
+    def polish(self, q: Array, free: NDArray[np.int64]) -> Array:
+        """Minimum-norm Newton steps on the velocities `free` until φ stops shrinking.
+
+        Singular directions of K are left alone, so that a start at a singularity is polished too.
+        """
+        best, size = q, self.closure_residual(q)
+        for _ in range(10):
+            K = self.scaled(self.K(best))[:, free]
+            step = np.linalg.pinv(K, rcond=1e-6) @ (self.phi(best) / self.row_scale)
+            dv = np.zeros(self.nv)
+            dv[free] = -step * self.column_scale[free]
+            trial = self.tree.integrate(best, dv)
+            trial_size = self.closure_residual(trial)
+            if not trial_size < 0.5 * size:
+                break
+            best, size = trial, trial_size
+        return best
+
+    def require_closed(self, q: Array, tolerance: float, what: str) -> None:
+        """Raise ClosureError when max |φ| / length exceeds `tolerance`."""
+        if self.nc == 0:
+            return
+        phi = self.phi(q)
+        worst = int(np.argmax(np.abs(phi) / self.row_scale))
+        residual = float(np.abs(phi[worst]))
+        if residual / self.row_scale[worst] <= tolerance:
+            return
+        unit = "m" if self.implicit.is_length[worst] else "rad"
+        loop = self.implicit.labels[worst]
+        raise ClosureError(
+            f"{what}: the loop {loop} is open by {residual:.3g} {unit}; "
+            + (
+                "no configuration near the guess closes it with the held joints: try another "
+                "guess, hold fewer joints, or check the link lengths"
+                if what == "assemble"
+                else "close it first with mech.assemble(q)"
+            ),
+            residual,
+            loop,
+        )
+
+    def require_proper(self, q: Array) -> None:
+        """Refuse the false zeros of the rotation rows: frames or axes turned by π to each other."""
+        self.tree.jacobians(q)
+        for i, closure in enumerate(self.closures):
+            if isinstance(closure, PointClosure):
+                continue
+            R1, R2 = self.tree.frame_R[i], self.tree.frame_R[len(self.closures) + i]
+            if isinstance(closure, FrameClosure):
+                proper = float(np.trace(R2.T @ R1)) > 1.0
+            else:
+                axis = np.asarray(closure.axis, dtype=float)
+                proper = float((R1 @ axis) @ (R2 @ axis)) > 0.0
+            if not proper:
+                loop = f"{closure.frame1} – {closure.frame2}"
+                raise ClosureError(
+                    f"the loop {loop} is closed with its frames turned by half a turn to each other; "
+                    "start from a guess nearer to the aligned assembly",
+                    float(np.pi),
+                    loop,
+                )
+
+    def joint(self, name: str) -> pin.JointModel:
+        """The joint of that name, or a ModelError that names near ones."""
+        if name not in self.joint_names:
+            names = self.joint_names
+            raise ModelError(f"the model has no joint {name!r}, only {', '.join(names)}{hint(name, names)}")
+        return self.model.joints[self.model.getJointId(name)]
+
+    def velocity_slice(self, name: str) -> slice:
+        """Where the joint's entries are in v."""
+        joint = self.joint(name)
+        return slice(joint.idx_v, joint.idx_v + joint.nv)
+
+    def coordinate_choices(self, q: ArrayLike) -> list[tuple[float, tuple[str, ...]]]:
+        """Sets of joints that parametrise the motion at a regular q, best conditioned first.
+
+        Returns
+        -------
+        list of (float, tuple of str)
+            σ_min of the chosen rows of an orthonormal kernel basis, in (0, 1], and the names.
+        """
+        K = self.scaled(self.K(q))
+        _, s, Vt = np.linalg.svd(K)
+        kernel = Vt[numerical_rank(s, STRUCTURAL) :].T
+        names = [n for n in self.joint_names if self.joint(n).nq == 1 == self.joint(n).nv]
+        indices = np.array([self.joint(n).idx_v for n in names], dtype=np.int64)
+        return ranked_choices(kernel, indices, names)
+
+    def generic_configurations(self, count: int = 5) -> list[Array]:
+        """Reproducible configurations, loops open, at which nothing vanishes by accident."""
+        rng = np.random.default_rng(20)
+        neutral = pin.neutral(self.model)
+        return [self.tree.integrate(neutral, rng.uniform(-2.0, 2.0, self.nv)) for _ in range(count)]
+
+    def generic_jacobians(self) -> list[Array]:
+        """K at the generic configurations."""
+        return [self.K(q) for q in self.generic_configurations()]
+
+    def _implicit_without_zero_rows(self) -> ImplicitConstraint:
+        full = ImplicitConstraint(self.tree, self.closures)
+        scale = np.where(full.is_length, self.length, 1.0)
+        used = np.zeros(len(full.rows), dtype=bool)
+        constant = np.zeros(len(full.rows))
+        for q in self.generic_configurations():
+            self.tree.jacobians(q)
+            constant = full.residual() / scale
+            used |= np.max(np.abs(full.jacobian()), axis=1, initial=0.0) > STRUCTURAL * scale
+        open_rows = np.flatnonzero(~used & (np.abs(constant) > STRUCTURAL))
+        if len(open_rows):
+            row = int(open_rows[0])
+            raise ModelError(
+                f"closure {full.labels[row]}: its frames stay "
+                f"{abs(constant[row] * scale[row]):.3g} {'m' if full.is_length[row] else 'rad'} "
+                "apart in every configuration, along a direction that no joint moves; "
+                "shift or turn one of the two frames"
+            )
+        return ImplicitConstraint(self.tree, self.closures, np.flatnonzero(used))
+
+
+def _as_closure(closure: Closure) -> Closure:
+    if not isinstance(closure, PointClosure | FrameClosure | RevoluteClosure):
+        raise ModelError(f"closures: {closure!r} is not a PointClosure, FrameClosure or RevoluteClosure")
+    return closure
+
+
+def _characteristic_length(model: pin.Model, closures: Sequence[Closure]) -> float:
+    lengths = [float(np.linalg.norm(placement.translation)) for placement in model.jointPlacements]
+    ends = {name for c in closures for name in (c.frame1, c.frame2)}
+    lengths += [
+        float(np.linalg.norm(frame.placement.translation)) for frame in model.frames if frame.name in ends
+    ]
+    return max(lengths, default=0.0) or 1.0

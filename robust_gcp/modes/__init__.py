@@ -1,1 +1,0 @@
-"""The configuration space: operation modes, traced through their singular points."""

@@ -1,0 +1,203 @@
+"""`simulate`: from a start to a certified trajectory."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..checks import check_between, check_choice, check_mechanism, check_positive, listed, shown
+from ..dynamics.equations import Torque
+from ..dynamics.linearise import warn_if_unstable
+from ..errors import NonFiniteError, OptionError, SimulationError
+from ..maps.bridge.bridge import BridgeOptions
+from ..maps.bridge.bridge_map import BridgeMap
+from ..maps.classical import ClassicalMap, NewtonStart
+from ..maps.explicit import ExplicitMap
+from ..maps.four_bar import FourBarMap
+from ..maps.projection import PROJECTION_THRESHOLD, ProjectionMap
+from ..maps.regular_path import Counters
+from ..maps.start import Start, begin
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+from ..native.steps import BACKENDS, NativeSteps, chosen_library
+from .coarse import warn_if_coarse
+from .run import Run
+from .steppers import check_stepper
+from .trajectory import Trajectory
+
+Method = Literal["bridge", "projection", "classical", "closed_form"]
+METHODS: tuple[Method, ...] = ("bridge", "projection", "classical", "closed_form")
+RECORDS = ("a", "energy", "multipliers")
+
+MAX_OUTPUTS = 100_000_000
+"""Most outputs of a run: q and v of a four-bar alone then take 5 GB."""
+
+
+def simulate(
+    mechanism: Mechanism,
+    q0: ArrayLike | None = None,
+    v0: ArrayLike | None = None,
+    duration: float = 1.0,
+    step: float = 1e-3,
+    method: Method = "bridge",
+    stepper: str = "rk4",
+    *,
+    torque: Torque | ArrayLike | None = None,
+    record: Sequence[str] = (),
+    mode: ArrayLike | None = None,
+    rtol: float = 1e-8,
+    atol: float = 1e-10,
+    on_toggle: Literal["error", "repartition"] = "error",
+    newton_start: NewtonStart = "tangent",
+    threshold: float = PROJECTION_THRESHOLD,
+    options: BridgeOptions | None = None,
+    progress: Callable[[float], None] | None = None,
+    backend: Literal["auto", "python", "native"] = "auto",
+) -> Trajectory:
+    """Simulate a mechanism in minimal coordinates.
+
+    Integrates ÿ = (Gᵀ M G)⁻¹ Gᵀ (τ − C − M g) with q = γ(y), v = G ẏ.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    q0 : array_like (nq,), optional
+        A closed configuration (see `Mechanism.assemble`); the mechanism's home when left out.
+    v0 : array_like (nv,), optional
+        K v0 = 0 (see `Mechanism.lift`); at rest when left out.
+    duration, step : float
+        s. The step of RK4; for the other steppers the spacing of the output. If the duration is no
+        multiple of it, the last step is shorter.
+    method : {"bridge", "projection", "classical", "closed_form"}
+        The explicit map: certified bridges through singular configurations (default), the paper's
+        Eq. (7), classical GCP (Eq. 4), or the planar four-bar in closed form.
+    stepper : {"rk4", "RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA"}
+        Classical Runge–Kutta with fixed step, or one of scipy's adaptive solvers.
+    torque : callable (t, q, v) -> (nv,) or array_like (nv,), optional
+        Applied joint torques and forces, N m and N.
+    record : sequence of {"a", "energy", "multipliers"}
+        What to compute besides q and v.
+    mode : array_like (nv,) or (nv, m), optional
+        Tangent of the mode to take when q0 is singular: one of `analyse(mechanism, q0).modes`.
+    rtol, atol : float
+        Tolerances of the adaptive steppers.
+    on_toggle : {"error", "repartition"}
+        What to do where y turns back: stop with an error that names better joints, or change the
+        independent joints, report it in `stats.repartitions`, and go on.
+    newton_start : {"tangent", "previous"}
+        Start of Newton's method for method="classical".
+    threshold : float
+        Rank tolerance of method="projection".
+    options : BridgeOptions, optional
+        Choices of method="bridge".
+    progress : callable (fraction), optional
+        Called after each output with the fraction of the duration that is done; the compiled kernel
+        makes some outputs at once, and the calls follow.
+    backend : {"auto", "python", "native"}
+        "native" takes the regular steps of "rk4" in the compiled kernel (see `backends`) for the
+        methods "bridge" and "classical"; "auto" does so where it can; the results are the same to rounding.
+
+    Returns
+    -------
+    Trajectory
+
+    Raises
+    ------
+    OptionError, StateError
+        For bad arguments.
+    SimulationError
+        When the run must stop; `error.trajectory` holds what was simulated until then.
+    """
+    check_mechanism(mechanism, Mechanism, "simulate")
+    times = _times(duration, step)
+    check_choice("method", method, METHODS)
+    check_choice("on_toggle", on_toggle, ("error", "repartition"))
+    if on_toggle == "repartition" and method != "bridge":
+        raise OptionError(f'on_toggle="repartition" goes with method="bridge", not with {method!r}')
+    check_choice("newton_start", newton_start, ("tangent", "previous"))
+    if isinstance(record, str):
+        record = (record,)
+    record = listed(record, "record", f"any of {', '.join(RECORDS)}", OptionError)
+    for item in record:
+        check_choice("record", item, RECORDS)
+    if progress is not None and not callable(progress):
+        raise OptionError(f"progress = {shown(progress)} must be callable, progress(fraction)")
+    check_positive("rtol", rtol)
+    check_positive("atol", atol)
+    check_between("threshold", threshold, 0.0, 1.0)
+    options = BridgeOptions() if options is None else options
+    if not isinstance(options, BridgeOptions):
+        raise OptionError(f"options = {options!r} must be a BridgeOptions, such as BridgeOptions(zone=0.05)")
+    fixed = check_stepper(stepper) == "rk4"
+    check_choice("backend", backend, BACKENDS)
+    kernel = chosen_library(backend, stepper, method, newton_start)
+    counters = Counters()
+    begun = time.perf_counter()
+    start = begin(mechanism, mechanism.home if q0 is None else q0, v0, mode, options, counters)
+    explicit = _map(method, start, options, newton_start, threshold, not fixed)
+    if fixed:
+        warn_if_unstable(mechanism, start, torque, float(times[1]))
+    native = None if kernel is None else NativeSteps(kernel, torque, backend == "native")
+    if native is not None:
+        native.prepare(mechanism, start.path)
+    run = Run(mechanism, start, explicit, torque, times, record, counters, progress, native)
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite ends in an error of ours
+            if fixed:
+                run.fixed_steps(on_toggle, options)
+            else:
+                run.adaptive_steps(stepper, rtol, atol, on_toggle, options)
+    except SimulationError as error:
+        error.trajectory = run.trajectory(begun)
+        raise
+    except OverflowError as overflow:
+        stop = NonFiniteError(
+            "the state left the finite numbers; use a smaller step, and check v0 and torque"
+        )
+        stop.trajectory = run.trajectory(begun)
+        raise stop from overflow
+    finished = run.trajectory(begun)
+    if fixed and method == "bridge":
+        warn_if_coarse(finished)
+    return finished
+
+
+def _map(
+    method: Method,
+    start: Start,
+    options: BridgeOptions,
+    newton_start: NewtonStart,
+    threshold: float,
+    error_controlled: bool,
+) -> ExplicitMap:
+    if method == "classical":
+        return ClassicalMap(start.path, start.point, newton_start)
+    if method == "projection":
+        return ProjectionMap(start.path, start.point, threshold)
+    if method == "closed_form":
+        return FourBarMap(start.path, start.point)
+    bridged = BridgeMap(start.path, start.point, options, error_controlled)
+    if start.bridge is not None:
+        bridged.adopt(start.bridge)
+    return bridged
+
+
+def _times(duration: float, step: float) -> Array:
+    """Output times; the last interval is shorter when the step does not divide the duration."""
+    check_positive("duration", duration)
+    check_positive("step", step)
+    if step > duration * (1.0 + 1e-12):
+        raise OptionError(f"step = {step} s is longer than the duration = {duration} s")
+    if duration / step > MAX_OUTPUTS:
+        raise OptionError(
+            f"step = {step} s and duration = {duration} s make {duration / step:.3g} outputs, more than "
+            f"{MAX_OUTPUTS:.0e}; use a larger step, or several runs one after the other"
+        )
+    count = max(1, int(np.ceil(duration / step - 1e-9)))
+    times = step * np.arange(count + 1)
+    times[-1] = duration
+    return times

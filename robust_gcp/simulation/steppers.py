@@ -1,0 +1,165 @@
+"""Steppers: f(t, x) in, states out. They know nothing of mechanisms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from ..checks import shown
+from ..dynamics.differences import differences
+from ..errors import OptionError, SimulationError
+from ..mechanism.tree import Array
+
+RightHandSide = Callable[[float, Array], Array]
+Jacobian = Callable[[float, Array], Array]
+
+SCIPY_STEPPERS = ("RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA")
+IMPLICIT = ("Radau", "BDF", "LSODA")
+"""Those that use ∂f/∂x."""
+
+HEADWAY = 1e-3
+"""Fraction of the span that a solver must advance by within its allowed effort."""
+
+PATIENCE = 200
+"""Refused trials without headway after which the refusal is final: halving reaches rounding in 50."""
+
+
+class NoProgressError(SimulationError):
+    """An adaptive solver could not go on; the last refusal of the right-hand side, if any, is its cause."""
+
+
+def rk4_step(f: RightHandSide, t: float, x: Array, h: float, k1: Array) -> Array:
+    """One step of the classical Runge–Kutta method of order 4 (Kutta, 1901).
+
+    Parameters
+    ----------
+    f : callable (t, x) -> ẋ
+    t, h : float
+        Time and step, s.
+    x, k1 : ndarray (n,)
+        State, and f(t, x), which the caller has evaluated already.
+
+    Returns
+    -------
+    ndarray (n,)
+        The state at t + h.
+    """
+    half = 0.5 * h
+    k2 = f(t + half, x + half * k1)
+    k3 = f(t + half, x + half * k2)
+    k4 = f(t + h, x + h * k3)
+    return x + (h / 6.0) * (k1 + 2.0 * (k2 + k3) + k4)
+
+
+def adaptive(
+    method: str,
+    f: RightHandSide,
+    x: Array,
+    times: Array,
+    rtol: float,
+    atol: float,
+    effort: int = 50_000,
+    jacobian: Jacobian | None = None,
+) -> Iterator[Array]:
+    """States at the given times by one of scipy's solvers with dense output.
+
+    Where f raises a `SimulationError` at a trial state, the trial is rejected and the step shrinks;
+    if no step is small enough, that error is raised.
+
+    Parameters
+    ----------
+    method : {"RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA"}
+    f : callable (t, x) -> ẋ
+    x : ndarray (n,)
+        State at times[0].
+    times : ndarray (N + 1,)
+        Ascending, s.
+    effort : int
+        Evaluations of f within which the time must advance by 1/1000 of the whole span.
+    jacobian : callable (t, x) -> (n, n), optional
+        ∂f/∂x for Radau, BDF and LSODA; by forward differences of f when left out.
+
+    Yields
+    ------
+    ndarray (n,)
+        The state at times[1], times[2], …
+    """
+    from scipy import integrate
+
+    refused: list[SimulationError] = []  # since the last headway
+    started = False
+
+    def guarded(t: float, state: Array) -> Array:
+        nonlocal started
+        if not np.all(np.isfinite(state)):  # of a trial that a refusal has spoilt
+            return np.full_like(state, np.nan)
+        try:
+            value = f(t, state.copy())  # LSODA overwrites its state in place
+        except SimulationError as error:
+            if not started or method == "LSODA":
+                raise
+            refused.append(error)
+            return np.full_like(state, np.nan)
+        started = True
+        return value
+
+    more = {"jac": _KeptJacobian(f, jacobian)} if method in IMPLICIT else {}
+    solver: Any = getattr(integrate, method)(
+        guarded, float(times[0]), x, float(times[-1]), rtol=rtol, atol=atol, **more
+    )
+    i, mark = 1, (float(times[0]), 0)
+    while i < len(times):
+        message = solver.step() if solver.status == "running" else None
+        if solver.t - mark[0] >= HEADWAY * (times[-1] - times[0]) or solver.status == "finished":
+            mark = (solver.t, solver.nfev)
+            refused.clear()
+        elif solver.status == "failed" or len(refused) > PATIENCE or solver.nfev - mark[1] > effort:
+            if refused:
+                raise refused[-1]
+            raise NoProgressError(
+                f"{method} made no headway at t = {solver.t:.6g} s in {solver.nfev - mark[1]} evaluations"
+                f"{f' ({message})' if message else ''}: the problem is too stiff for this method or tolerance"
+            )
+        dense = None
+        while i < len(times) and (times[i] <= solver.t or solver.status == "finished"):
+            if times[i] == solver.t:
+                yield solver.y.copy()
+            else:
+                dense = dense or solver.dense_output()
+                yield np.asarray(dense(times[i]))
+            i += 1
+
+
+class _KeptJacobian:
+    """∂f/∂x; the last one where f refuses the state or its neighbour.
+
+    A solver's own differences would put NaN into its linear algebra there.
+    """
+
+    def __init__(self, f: RightHandSide, jacobian: Jacobian | None) -> None:
+        def by_differences(t: float, x: Array) -> Array:
+            return differences(lambda state: f(t, state), x, np.maximum(1.0, np.abs(x)))
+
+        self._jacobian = by_differences if jacobian is None else jacobian
+        self._last: Array | None = None
+
+    def __call__(self, t: float, x: Array) -> Array:
+        try:
+            found = self._jacobian(t, x.copy())
+        except SimulationError:
+            if self._last is None:
+                raise
+            return self._last
+        self._last = found
+        return found
+
+
+def check_stepper(name: Any) -> str:
+    """The stepper's name, or an OptionError that lists those there are."""
+    if not isinstance(name, str) or (name != "rk4" and name not in SCIPY_STEPPERS):
+        raise OptionError(
+            f"stepper {shown(name)} is unknown; use 'rk4' or one of scipy's {', '.join(SCIPY_STEPPERS)}"
+        )
+    return name

@@ -1,0 +1,103 @@
+"""Shapes of the bodies: told as they are, and where Pinocchio puts them."""
+
+from __future__ import annotations
+
+import base64
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import robust_gcp as rg
+from robust_gcp.drawing.replay.geometry import placements, skeleton
+from robust_gcp.drawing.replay.meshes import mesh_data
+
+CORNERS = np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.0, 0.2, 0.0], [0.0, 0.0, 0.1]])
+TETRAHEDRON = ((0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2))
+
+
+def tetrahedron() -> coal.CollisionGeometry:
+    shape = coal.BVHModelOBBRSS()
+    shape.beginModel(4, 4)
+    shape.addVertices(CORNERS)
+    for a, b, c in TETRAHEDRON:
+        shape.addTriangle(*CORNERS[[a, b, c]])
+    shape.endModel()
+    return shape
+
+
+def visual_of(mechanism: rg.Mechanism, *shapes: coal.CollisionGeometry) -> pin.GeometryModel:
+    visual = pin.GeometryModel()
+    rng = np.random.default_rng(1)
+    for i, shape in enumerate(shapes):
+        joint = i % mechanism.model.njoints
+        at = pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3))
+        visual.addGeometryObject(pin.GeometryObject(f"shape{i}", joint, at, shape))
+    return visual
+
+
+def test_sizes_are_full_sizes() -> None:
+    mechanism = rg.load("rhombus")
+    R, p = placements(mechanism, mechanism.home[None])
+    made = skeleton(mechanism, R, p, None)
+    shapes = (
+        coal.Box(1.0, 2.0, 3.0),
+        coal.Sphere(0.5),
+        coal.Cylinder(0.1, 0.8),
+        coal.Capsule(0.1, 0.6),
+        coal.Cone(0.2, 0.4),
+    )
+    told = [item["shape"] for item in mesh_data(mechanism, made, visual_of(mechanism, *shapes))]
+    assert told == [
+        {"kind": "box", "size": [1.0, 2.0, 3.0]},
+        {"kind": "sphere", "radius": 0.5},
+        {"kind": "cylinder", "radius": 0.1, "length": 0.8},
+        {"kind": "capsule", "radius": 0.1, "length": 0.6},
+        {"kind": "cone", "radius": 0.2, "length": 0.4},
+    ]
+
+
+def test_a_mesh_keeps_its_triangles() -> None:
+    mechanism = rg.load("rhombus")
+    R, p = placements(mechanism, mechanism.home[None])
+    made = skeleton(mechanism, R, p, None)
+    (item,) = mesh_data(mechanism, made, visual_of(mechanism, tetrahedron()))
+    corners = np.frombuffer(base64.b64decode(item["shape"]["corners"]), dtype="<f4").reshape(-1, 3)
+    index = np.frombuffer(base64.b64decode(item["shape"]["index"]), dtype="<u4").reshape(-1, 3)
+    # six times the volume, as the sum over the triangles, is a b c of the right-angled corner
+    volume = np.einsum("ij,ij->i", corners[index[:, 0]], np.cross(corners[index[:, 1]], corners[index[:, 2]]))
+    assert len(index) == 4
+    assert abs(volume.sum()) == pytest.approx(0.3 * 0.2 * 0.1, rel=1e-6)
+
+
+def test_three_points_carry_the_pose_of_each_body() -> None:
+    mechanism = rg.load("bricard")
+    run = rg.simulate(mechanism, duration=0.1, step=1e-2)
+    R, p = placements(mechanism, run.q)
+    made = skeleton(mechanism, R, p, None)
+    sticks = len(made.points)
+    visual = visual_of(mechanism, *(coal.Sphere(0.1) for _ in range(2 * mechanism.model.njoints)))
+    told = mesh_data(mechanism, made, visual)
+    assert len(made.points) == sticks + 3 * mechanism.model.njoints  # once for each body
+    positions = made.positions(R, p)
+    for item, shape in zip(told, visual.geometryObjects, strict=True):
+        o, x, y = (positions[:, item["frame"] + k] for k in range(3))
+        np.testing.assert_allclose(o, p[:, shape.parentJoint], atol=1e-15)
+        for column, tip in ((0, x), (1, y)):
+            np.testing.assert_allclose(
+                tip - o, mechanism.length * R[:, shape.parentJoint, :, column], atol=1e-15
+            )
+        np.testing.assert_array_equal(np.reshape(item["placement"], (4, 4)).T, shape.placement.homogeneous)
+
+
+def test_what_cannot_be_drawn_is_refused() -> None:
+    mechanism = rg.load("rhombus")
+    run = rg.Trajectory(mechanism, np.zeros(1), mechanism.home[None], np.zeros((1, 3)))
+    with pytest.raises(rg.OptionError, match=r"pin\.GeometryModel, not a str"):
+        rg.replay(run, visual="robot.urdf")
+    with pytest.raises(rg.OptionError, match="'shape0' is a Halfspace"):
+        rg.replay(run, visual=visual_of(mechanism, coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)))
+    foreign = visual_of(rg.load("strandbeest"), *(coal.Sphere(0.1) for _ in range(8)))
+    with pytest.raises(rg.OptionError, match="joint 4, and the mechanism has 4"):
+        rg.replay(run, visual=foreign)

@@ -1,0 +1,121 @@
+"""solo12 with pinned feet and Baxter holding a bar; skipped where their data is not installed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import metadata
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.typing import NDArray
+
+import robust_gcp as rg
+from robust_gcp.examples import robots
+
+Array = NDArray[np.float64]
+States = Callable[[rg.Mechanism, int], list[tuple[Array, Array]]]
+
+try:
+    robots.robot_file("solo_description/robots/solo12.urdf")
+    INSTALLED = True
+except rg.MissingExtraError:
+    INSTALLED = False
+needs_data = pytest.mark.skipif(not INSTALLED, reason="example-robot-data (extra `robots`) is not installed")
+
+MAKERS = {"solo12": robots.solo12_pinned, "baxter": robots.baxter_bar}
+MOBILITY = {"solo12": (6, 18, 12), "baxter": (13, 19, 6)}
+
+
+@pytest.fixture(scope="module")
+def scenes() -> dict[str, rg.Mechanism]:
+    return {name: make() for name, make in MAKERS.items()}
+
+
+@needs_data
+@pytest.mark.parametrize("name", MAKERS)
+def test_mobility_is_velocities_less_constraints(scenes: dict[str, rg.Mechanism], name: str) -> None:
+    mechanism = scenes[name]
+    assert (mechanism.m, mechanism.nv, mechanism.nc) == MOBILITY[name]
+    assert mechanism.closure_residual(mechanism.home) < 1e-12
+    assert rg.analyse(mechanism, mechanism.home).kind == "regular"
+
+
+@needs_data
+@pytest.mark.parametrize("name", MAKERS)
+def test_coordinates_are_well_conditioned(scenes: dict[str, rg.Mechanism], name: str) -> None:
+    mechanism = scenes[name]
+    K = mechanism.scaled(mechanism.K(mechanism.home))
+    kernel = np.linalg.svd(K)[2][mechanism.nc :].T
+    quality = np.linalg.svd(kernel[mechanism.iv_independent], compute_uv=False)[-1]
+    best = mechanism.coordinate_choices(mechanism.home)[0][0]
+    assert quality > 0.9 * best
+    assert quality > 0.3  # each set of coordinates shows a third of any motion at least
+
+
+@needs_data
+@pytest.mark.parametrize("name", MAKERS)
+def test_a_short_motion_keeps_loops_and_energy(scenes: dict[str, rg.Mechanism], name: str) -> None:
+    """RK4: half the step, at least a tenth of the energy error (16 to 32 times less when it is smooth)."""
+    mechanism = scenes[name]
+    speeds = np.random.default_rng(0).uniform(-0.5, 0.5, mechanism.m)
+    speeds[["finger" in joint for joint in mechanism.independent]] = 0.0
+    v0 = mechanism.lift(mechanism.home, speeds)
+    errors = []
+    for step in (2e-3, 1e-3):
+        trajectory = rg.simulate(mechanism, mechanism.home, v0, duration=0.1, step=step, record=("energy",))
+        assert trajectory.closure_error().max() < 1e-12
+        errors.append(float(np.abs(trajectory.energy_error()).max()))
+    assert errors[1] < errors[0] / 10.0
+    assert errors[1] < 1e-7
+
+
+@needs_data
+@pytest.mark.parametrize("name", MAKERS)
+def test_accelerations_agree_with_pinocchios_constrained_dynamics(
+    scenes: dict[str, rg.Mechanism], closed_states: States, name: str
+) -> None:
+    mechanism = MAKERS[name](0.0)
+    if name == "baxter":  # without the springs of the fingers
+        mechanism = rg.Mechanism(mechanism.model, mechanism.closures, mechanism.independent, mechanism.home)
+    model = mechanism.model
+    kind = pin.ContactType.CONTACT_3D if name == "solo12" else pin.ContactType.CONTACT_6D
+    models, datas = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
+    for closure in mechanism.closures:
+        frames = [model.frames[model.getFrameId(n)] for n in (closure.frame1, closure.frame2)]
+        ends = [x for f in frames for x in (f.parentJoint, f.placement)]
+        models.append(pin.RigidConstraintModel(kind, model, *ends, pin.ReferenceFrame.LOCAL))
+        datas.append(models[len(models) - 1].createData())
+    data = model.createData()
+    pin.initConstraintDynamics(model, data, models, datas)
+    settings = pin.ProximalSettings(1e-14, 1e-10, 50)
+    for q, v in closed_states(mechanism, 3):
+        theirs = pin.constraintDynamics(model, data, q, v, np.zeros(model.nv), models, datas, settings)
+        ours, _ = rg.implicit_dynamics(mechanism, q, v)
+        np.testing.assert_allclose(ours, theirs, atol=1e-9 * max(1.0, np.abs(theirs).max()))
+
+
+@needs_data
+def test_the_bar_is_as_long_as_the_hands_are_apart(scenes: dict[str, rg.Mechanism]) -> None:
+    mechanism = scenes["baxter"]
+    data = mechanism.model.createData()
+    pin.framesForwardKinematics(mechanism.model, data, mechanism.home)
+    hands = [data.oMf[mechanism.model.getFrameId(n)].translation for n in ("left_gripper", "right_gripper")]
+    assert np.linalg.norm(hands[1] - hands[0]) == pytest.approx(robots.BAR_LENGTH, abs=1e-12)
+
+
+@needs_data
+def test_negative_springs_are_refused() -> None:
+    with pytest.raises(rg.OptionError, match="stiffness"):
+        robots.solo12_pinned(-1.0)
+
+
+def test_missing_data_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    def absent(name: str) -> None:
+        raise metadata.PackageNotFoundError(name)
+
+    for files in (absent, lambda name: None, lambda name: []):
+        monkeypatch.setattr(metadata, "files", files)
+        for make in MAKERS.values():
+            with pytest.raises(rg.MissingExtraError, match=r'pip install "robust-gcp\[robots\]"'):
+                make()

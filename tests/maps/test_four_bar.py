@@ -1,0 +1,54 @@
+"""The closed form as an explicit map: continuous over long steps, no jump over a dead point."""
+
+import numpy as np
+import pytest
+
+import robust_gcp as rg
+from robust_gcp.examples.linkages import four_bar
+from robust_gcp.maps.bridge.bridge import BridgeOptions
+from robust_gcp.maps.closed_form import FourBar
+from robust_gcp.maps.four_bar import FourBarMap
+from robust_gcp.maps.regular_path import Counters
+from robust_gcp.maps.start import begin
+
+
+def map_of(lengths, y: float, assembly: int = 1, turns=(0, 0, 0)) -> FourBarMap:
+    mechanism = four_bar(*lengths, y=y, assembly=assembly)
+    q0 = mechanism.home + 2.0 * np.pi * np.array(turns)
+    start = begin(mechanism, q0, None, None, BridgeOptions(), Counters())
+    return FourBarMap(start.path, start.point)
+
+
+@pytest.mark.parametrize("turns", [(0, 0, 0), (3, 1, -2)])
+@pytest.mark.parametrize(
+    ("lengths", "assembly"), [((4, 2, 3, 3), 1), ((1, 2, 1, 2), -1), ((4, 1, 3, 3.5), 1), ((2, 1, 2, 1), -1)]
+)
+def test_one_long_step_leads_where_many_short_ones_do(lengths, assembly, turns):
+    short, long = (map_of(lengths, 1.0, assembly, turns) for _ in range(2))
+    start = short.anchor.y[0]
+    for y in np.linspace(start, start + 40.0, 400):
+        q = short.at(np.array([y]), np.zeros(1)).q
+    assert long.at(np.array([start + 40.0]), np.zeros(1)).q == pytest.approx(q, abs=1e-9)
+
+
+def test_jump_over_a_dead_point_is_refused():
+    lengths = (1.0, 1.0, 0.5, 0.5)  # |y| ≤ 60°
+    explicit = map_of(lengths, 0.5)
+    with pytest.raises(rg.ToggleError, match="beyond a dead point"):
+        explicit.at(np.array([0.5 + 2.0 * np.pi]), np.zeros(1))
+
+
+@pytest.mark.parametrize("r", [1e-2, 1e-4, 1e-6])
+def test_closed_form_keeps_its_digits_beside_long_links(r):
+    # l0 = l1 = 1, l2 = l3 = r: the tip's distance 2 sin(y/2) is at most 2 r
+    linkage = FourBar(1.0, 1.0, r, r)
+    high = 2.0 * np.arcsin(r)
+    assert linkage.reach[1] == pytest.approx(high, rel=1e-12)
+    y = 0.6 * high
+    mechanism = four_bar(1.0, 1.0, r, r, y=y)
+    q, G, _ = linkage.evaluate(y)
+    assert np.abs(mechanism.K(q) @ G).max() < 1e-14 / r
+    # tangent against the angle at the apex: cos β = sin(y/2)/r
+    beta = np.arccos(np.sin(0.5 * y) / r)
+    rate = 0.5 * np.cos(0.5 * y) / r / np.sin(beta)
+    assert np.abs(np.abs(G[2] - 0.5) - rate) < 1e-9 * rate
