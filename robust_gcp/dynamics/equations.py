@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from ..checks import check_mechanism, require_finite, shown
 from ..errors import NonFiniteError, OptionError
 from ..maps.explicit import ExplicitMap
-from ..maps.regular_path import Point
+from ..maps.point import Point
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .reduced_inertia import ReducedInertia

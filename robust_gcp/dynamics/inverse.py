@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike
 
 from ..checks import check_mechanism, checked_vector, require_finite
 from ..maps.bridge.bridge import BridgeOptions
-from ..maps.regular_path import Counters
+from ..maps.point import Counters
 from ..maps.start import begin
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array

@@ -21,7 +21,7 @@ from ..checks import check_mechanism, check_number
 from ..errors import NonFiniteError, OptionError, RobustGcpError
 from ..maps.bridge.bridge import BridgeOptions
 from ..maps.bridge.bridge_map import BridgeMap
-from ..maps.regular_path import Counters
+from ..maps.point import Counters
 from ..maps.start import Start, begin
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array

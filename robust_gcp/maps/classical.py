@@ -10,7 +10,8 @@ import numpy as np
 from ..errors import BranchError
 from ..mechanism.tree import Array
 from .explicit import Passage
-from .regular_path import Counters, Point, RegularPath
+from .point import Counters, Point
+from .regular_path import RegularPath
 
 NewtonStart = Literal["previous", "tangent"]
 

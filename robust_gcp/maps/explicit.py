@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 from ..mechanism.tree import Array
-from .regular_path import Counters, Point, RegularPath
+from .point import Counters, Point
+from .regular_path import RegularPath
 
 CrossingKind = Literal["transversal", "near miss", "projected"]
 

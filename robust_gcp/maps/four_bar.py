@@ -12,7 +12,8 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .closed_form import FourBar
 from .explicit import Passage
-from .regular_path import Counters, Point, RegularPath
+from .point import Counters, Point
+from .regular_path import RegularPath
 
 PARALLEL = 1e-12
 """Sine of the angle between joint axes that still counts as parallel."""

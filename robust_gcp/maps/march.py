@@ -6,7 +6,8 @@ import numpy as np
 
 from ..errors import BranchError
 from ..mechanism.tree import Array
-from .regular_path import Point, RegularPath
+from .point import Point
+from .regular_path import RegularPath
 
 DETERMINANT_RATIO = 2.5
 """Largest change of a poorly conditioned block's determinant in one step; keeps a step from jumping

@@ -8,7 +8,8 @@ from ..errors import BranchError, NonFiniteError
 from ..mechanism.partition import numerical_rank
 from ..mechanism.tree import Array
 from .explicit import Passage
-from .regular_path import Counters, Point, RegularPath
+from .point import Counters, Point
+from .regular_path import RegularPath
 
 PROJECTION_THRESHOLD = 1e-3
 """Relative size below which a singular value counts as zero in Eq. (7).

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +18,7 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.partition import Block, triangular_blocks
 from ..mechanism.tree import Array
 from .blocks import BlockFactor
+from .point import Counters, Point
 
 CONVERGED = 2e-15
 """max |φ| / length at which Newton stops: the rounding of a short chain of joints."""
@@ -30,65 +30,25 @@ MAX_NEWTON = 12
 """Newton iterations before a start counts as lost; from a good prediction two or three suffice."""
 
 
-@dataclass(slots=True)
-class Point:
-    """A configuration on the constraint, and the explicit map's derivatives there.
+@dataclass(frozen=True, slots=True)
+class Closed:
+    """A configuration that closes the selected rows, as the tree's workspace holds it.
 
     Attributes
     ----------
-    y, ydot : ndarray (m,)
     q : ndarray (nq,)
-    G : ndarray (nv, m)
-        ∂γ/∂y: v = G ẏ.
-    g : ndarray (nv,)
-        Ġ ẏ: a = G ÿ + g.
-    curvature : ndarray (nv,) or None
-        γ'' for m = 1 (g at ẏ = 1); None for other m.
-    det, rcond : ndarray (nblocks,)
-        Sign and conditioning of K_d's blocks; see `BlockFactor`.
-    conditioning : float
-        Smallest rcond of all blocks; 1 where nothing is dependent.
+    K : ndarray (nd, nv)
+        Dimensionless.
     correction : float
-        Length of Newton's first step, dimensionless: how wrong the prediction was.
-    distance : float
-        Length of the predicted step, dimensionless.
-    turn : float
-        Largest rotation in the predicted step, rad, or slide in characteristic lengths.
+        Length of Newton's first step, dimensionless.
+    placed : int
+        `Tree.placed` when it was evaluated: another number there means that the workspace has moved on.
     """
 
-    y: Array
-    ydot: Array
     q: Array
-    G: Array
-    g: Array
-    curvature: Array | None
-    det: Array
-    rcond: Array
-    conditioning: float = 1.0
-    correction: float = 0.0
-    distance: float = 0.0
-    turn: float = 0.0
-
-
-@dataclass(slots=True)
-class Counters:
-    """What was computed, for `Trajectory.stats`."""
-
-    constraint_evaluations: int = 0
-    newton_iterations: int = 0
-    force_evaluations: int = 0
-    second_order: int = 0
-    marching_steps: int = 0
-    zone_evaluations: int = 0
-    bridges_built: int = 0
-    svds: int = 0
-    refined_steps: int = 0
-    native_steps: int = 0
-
-
-_structures: WeakKeyDictionary[
-    Mechanism, dict[tuple[int, ...], tuple[Sequence[Block], NDArray[np.bool_], Array]]
-] = WeakKeyDictionary()
+    K: Array
+    correction: float
+    placed: int
 
 
 class RegularPath:
@@ -136,11 +96,8 @@ class RegularPath:
         """The factorisation of K_d; its structure is found once for each mechanism and choice of rows."""
         if self.nd == 0:
             return BlockFactor([], np.zeros((0, 0), dtype=bool), self.dependent, self.tree.nv)
-        known = _structures.setdefault(self.mechanism, {})
-        key = tuple(self.rows.tolist())
-        if key not in known:
-            known[key] = self._structure()
-        blocks, pattern, reference = known[key]
+        key = ("structure of K_d", *self.rows.tolist())
+        blocks, pattern, reference = self.mechanism.memo.once(key, self._structure)
         factor = BlockFactor(blocks, pattern, self.dependent, self.tree.nv)
         factor.reference = reference
         return factor
@@ -149,16 +106,14 @@ class RegularPath:
         """Blocks and pattern of K_d, and the conditioning of large blocks at generic configurations."""
         pattern = np.zeros((self.nd, self.nd), dtype=bool)
         for q in self.mechanism.generic_configurations():
-            self._evaluate(q)
-            pattern |= np.abs(self._K[:, self.dependent]) > STRUCTURAL
+            pattern |= np.abs(self._constraint(q)[1][:, self.dependent]) > STRUCTURAL
         blocks = triangular_blocks(pattern)
         if blocks is None:
             blocks = [Block(np.arange(self.nd), np.arange(self.nd))]
         factor = BlockFactor(blocks, pattern, self.dependent, self.tree.nv)
         seen = []
         for q in self.mechanism.generic_configurations():
-            self._evaluate(q)
-            factor.factor(self._K)
+            factor.factor(self._constraint(q)[1])
             seen.append(factor.rcond)
         large = np.array([len(block.rows) > 2 for block in blocks])
         return blocks, pattern, np.where(large, np.maximum(np.max(seen, axis=0), 1e-6), 1.0)
@@ -193,7 +148,12 @@ class RegularPath:
         """Largest rotation in a step dv, rad, or slide in characteristic lengths."""
         return float(np.abs(dv * self._turn_scale).max(initial=0.0))
 
-    def close(self, q: Array, contracting: bool = True) -> tuple[Array, float] | None:
+    def closed_at(self, q: Array) -> Closed:
+        """A configuration that is closed already, placed and with K there, for `derivatives`."""
+        K = self._constraint(q)[1] if self.nd else np.zeros((0, self.tree.nv))
+        return Closed(q, K, 0.0, self.tree.placed)
+
+    def close(self, q: Array, contracting: bool = True) -> Closed | None:
         """Newton on the dependent joints from q (overwritten).
 
         Parameters
@@ -203,21 +163,21 @@ class RegularPath:
 
         Returns
         -------
-        (q, correction) or None
+        Closed or None
             None when the iteration does not contract to φ = 0.
         """
-        correction = 0.0
         if self.nd == 0:
-            return q, correction
+            return self.closed_at(q)
+        correction = 0.0
         last_size = last_step = np.inf
         for iteration in range(MAX_NEWTON):
-            phi = self._evaluate(q)
+            phi, K = self._constraint(q)
             size = float(np.abs(phi).max())
             if size <= CONVERGED or (size <= STAGNANT and size >= 0.25 * last_size):
-                return q, correction
+                return Closed(q, K, correction, self.tree.placed)
             if not np.isfinite(size):
                 return None
-            self.factor.factor(self._K)
+            self.factor.factor(K)
             u = self.factor.solve(phi)
             step = float(np.abs(u).max())
             if iteration == 0:
@@ -229,12 +189,13 @@ class RegularPath:
             self.counters.newton_iterations += 1
         return None
 
-    def derivatives(self, q: Array, y: Array, ydot: Array) -> Point:
-        """G = [I; −K_d⁻¹ K_i] and g = [0; K_d⁻¹ k] at a closed q where `close` has just ended."""
+    def derivatives(self, closed: Closed, y: Array, ydot: Array) -> Point:
+        """G = [I; −K_d⁻¹ K_i] and g = [0; K_d⁻¹ k] at a closed configuration, with K_d factorised once."""
+        q = closed.q
         if self.nd == 0:
             return Point(y, ydot, q, self._tree_G, self.tree.zero, None, self._none, self._none)
+        K = closed.K if closed.placed == self.tree.placed else self._constraint(q)[1]
         tree, factor, dependent = self.tree, self.factor, self.dependent
-        K = self._K
         factor.factor(K)
         G = np.zeros((tree.nv, self.m))
         G[self.independent] = self._eye
@@ -248,20 +209,18 @@ class RegularPath:
         elif self.m:
             G[dependent] = self._column_scale[:, None] * -factor.solve(K[:, self.independent])
             g[dependent] = self._bias(q, G @ ydot)
-        return Point(y, ydot, q, G, g, curvature, factor.det, factor.rcond, factor.worst)
+        return Point(y, ydot, q, G, g, curvature, factor.det, factor.rcond, factor.worst, closed.correction)
 
     def second_derivative(self, point: Point, direction: Array) -> Array:
         """γ''[d, d] at a point for a direction d (m,): g at ẏ = d."""
-        self._evaluate(point.q)
-        self.factor.factor(self._K)
+        self.factor.factor(self._constraint(point.q)[1])
         g = np.zeros(self.tree.nv)
         g[self.dependent] = self._bias(point.q, point.G @ direction)
         return g
 
     def conditioning(self, q: Array) -> tuple[Array, Array]:
         """Determinants and conditioning of K_d's blocks at any q."""
-        self._evaluate(q)
-        self.factor.factor(self._K)
+        self.factor.factor(self._constraint(q)[1])
         return self.factor.det, self.factor.rcond
 
     def worst_conditioning(self, q: Array) -> float:
@@ -273,7 +232,7 @@ class RegularPath:
         if self.nd == 0:  # a tree: q is y
             place: Array = np.empty(self.tree.nq)
             place[self.iq] = y
-            return self.derivatives(place, y, ydot)
+            return self.derivatives(self.closed_at(place), y, ydot)
         q, dv = self.predict(anchor, y)
         point = self.settle(q, y, ydot)
         if point is not None and point.correction > 0.0:
@@ -284,18 +243,13 @@ class RegularPath:
         """The point at y that Newton finds from the guess q (overwritten), or None when it is lost."""
         q[self.iq] = y
         closed = self.close(q, contracting)
-        if closed is None:
-            return None
-        point = self.derivatives(closed[0], y, ydot)
-        point.correction = closed[1]
-        return point
+        return None if closed is None else self.derivatives(closed, y, ydot)
 
-    def _evaluate(self, q: Array) -> Array:
+    def _constraint(self, q: Array) -> tuple[Array, Array]:
+        """φ and K of the selected rows, dimensionless; K is a new array."""
         self.counters.constraint_evaluations += 1
         self.tree.jacobians(q)
-        phi = self.implicit.residual()
-        self._K = self.implicit.jacobian()
-        return phi
+        return self.implicit.residual(), self.implicit.jacobian()
 
     def _bias(self, q: Array, v: Array) -> Array:
         self.tree.rnea(q, v, self.tree.zero)

@@ -20,7 +20,8 @@ from ..mechanism.partition import spelled
 from ..mechanism.tree import Array
 from .bridge.bridge import Bridge, BridgeOptions, Builder, NoBridgeError
 from .march import same_branch
-from .regular_path import Counters, Point, RegularPath
+from .point import Counters, Point
+from .regular_path import RegularPath
 from .start_check import (
     SAME_MODE,
     apart,
@@ -93,7 +94,7 @@ def begin(
     y = q[mechanism.iq_independent]
     path = regular_path(mechanism, mechanism.select_rows(mechanism.K(q)), counters)
     if path.nd == 0 or path.worst_conditioning(q) > SINGULAR:
-        point = path.derivatives(q, y, ydot)
+        point = path.derivatives(path.closed_at(q), y, ydot)
         require_mobility(mechanism, q, path)
         require_mode(mechanism, mode, point.G)
         require_velocity_in_mode(mechanism, v, point.G)

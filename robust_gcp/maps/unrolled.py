@@ -11,7 +11,6 @@ from collections.abc import Callable
 from itertools import pairwise
 from math import cos, inf, isfinite, sin, sqrt
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,8 @@ from ..mechanism.closures import PointClosure
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .cut_points import joint_axis
-from .regular_path import Counters, Point, RegularPath
+from .point import Counters, Point
+from .regular_path import RegularPath
 from .unrolled_source import Generator
 
 MAX_JOINTS = 100
@@ -40,15 +40,15 @@ Predictor = Callable[
 class UnrolledPath(RegularPath):
     """A `RegularPath` whose `step` and `settle` run as generated code; the rest is inherited.
 
-    Parameters
-    ----------
-    path : RegularPath
-        One that `can_unroll` accepts; it shares its workspace with this object.
+    Its parameters are those of `RegularPath`, for a mechanism and rows that `can_unroll` accepts.
     """
 
-    def __init__(self, path: RegularPath) -> None:
-        vars(self).update(vars(path))  # the same path, factorised and scaled already
-        self._predictor, self._solver = _compiled(path)
+    def __init__(
+        self, mechanism: Mechanism, rows: NDArray[np.int64], counters: Counters | None = None
+    ) -> None:
+        super().__init__(mechanism, rows, counters)
+        key = ("unrolled path", *rows.tolist())
+        self._predictor, self._solver = mechanism.memo.once(key, lambda: _compiled(self))
         nv, m, blocks = self.tree.nv, self.m, len(self.blocks)
         bounds = np.cumsum([0, nv, nv * m, nv, nv if m == 1 else 0, blocks, blocks]).tolist()
         self._q, self._G, self._g, self._bend, self._det, self._rcond = (
@@ -96,8 +96,9 @@ def regular_path(
     mechanism: Mechanism, rows: NDArray[np.int64], counters: Counters | None = None
 ) -> RegularPath:
     """The fastest regular path for this mechanism: unrolled where it is small and simple enough."""
-    path = RegularPath(mechanism, rows, counters)
-    return UnrolledPath(path) if can_unroll(path) else path
+    key = ("can be unrolled", *rows.tolist())
+    simple = mechanism.memo.once(key, lambda: can_unroll(RegularPath(mechanism, rows)))
+    return (UnrolledPath if simple else RegularPath)(mechanism, rows, counters)
 
 
 def can_unroll(path: RegularPath) -> bool:
@@ -112,15 +113,8 @@ def can_unroll(path: RegularPath) -> bool:
     )
 
 
-_cache: WeakKeyDictionary[Mechanism, dict[tuple[int, ...], tuple[Predictor, Solver]]] = WeakKeyDictionary()
-
-
 def _compiled(path: RegularPath) -> tuple[Predictor, Solver]:
-    """The generated functions, compiled once for each mechanism and choice of rows."""
-    known = _cache.setdefault(path.mechanism, {})
-    key = tuple(path.rows.tolist())
-    if key not in known:
-        namespace: dict[str, Any] = {"sin": sin, "cos": cos, "sqrt": sqrt, "isfinite": isfinite, "inf": inf}
-        exec(compile(Generator(path).source(), f"<{path.mechanism.name} unrolled>", "exec"), namespace)
-        known[key] = namespace["predict"], namespace["solve"]
-    return known[key]
+    """The generated functions."""
+    namespace: dict[str, Any] = {"sin": sin, "cos": cos, "sqrt": sqrt, "isfinite": isfinite, "inf": inf}
+    exec(compile(Generator(path).source(), f"<{path.mechanism.name} unrolled>", "exec"), namespace)
+    return namespace["predict"], namespace["solve"]

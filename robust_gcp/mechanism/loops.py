@@ -20,6 +20,7 @@ from .closures import (
     closure_frames,
 )
 from .constraint import ImplicitConstraint
+from .memo import Memo
 from .partition import numerical_rank, ranked_choices
 from .tree import Array, Tree, require_depth_first
 
@@ -48,12 +49,15 @@ class ClosedLoops:
         Sizes of q, of v, and of φ (rows that are zero in every configuration left out).
     length : float
         Characteristic length, m: the largest distance from a joint to its children and cut points.
+    memo : Memo
+        What was worked out once for these loops, by whoever needs it.
     """
 
     def __init__(self, model: pin.Model, closures: Sequence[Closure]) -> None:
         check_model(model)
         closures = listed(closures, "closures", "closures, such as PointClosure(frame1, frame2)")
         require_depth_first(model)
+        self.memo = Memo()
         self.model: pin.Model = model.copy()
         self.closures = tuple(_as_closure(c) for c in closures)
         self.tree = Tree(self.model, closure_frames(self.model, self.closures))

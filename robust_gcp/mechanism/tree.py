@@ -42,6 +42,9 @@ class Tree:
     v, a : ndarray (njoints, 6)
         Spatial velocity and acceleration (minus gravity) of each joint in its own frame (linear,
         angular); valid after `rnea`.
+    placed : int
+        How many configurations `jacobians` has placed so far: tells whether the one that a caller placed
+        is still there.
     """
 
     def __init__(self, model: pin.Model, points: Sequence[tuple[int, pin.SE3]] = ()) -> None:
@@ -54,6 +57,7 @@ class Tree:
         self.nq, self.nv = int(model.nq), int(model.nv)
         self.vector_space = self.nq == self.nv
         self.zero = np.zeros(self.nv)
+        self.placed = 0
         # with a single velocity Pinocchio hands out a flat vector; its reshaped transpose is still a view
         self.J: Array = self.data.J.reshape((6, self.nv), order="F").T
         self.p = _stacked([m.translation for m in self.data.oMi])
@@ -72,6 +76,7 @@ class Tree:
 
     def jacobians(self, q: Array) -> None:
         """Placements and joint Jacobians at q (nq,)."""
+        self.placed += 1
         pin.computeJointJacobians(self.model, self.data, q)
         pin.updateFramePlacements(self.model, self.data)
 

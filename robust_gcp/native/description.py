@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from weakref import WeakKeyDictionary
-
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
@@ -27,9 +25,6 @@ class NotNativeError(Exception):
     """The kernel cannot take this mechanism; the message says why."""
 
 
-_cache: WeakKeyDictionary[Mechanism, dict[tuple[int, ...], Arrays]] = WeakKeyDictionary()
-
-
 def describe(mechanism: Mechanism, path: RegularPath, constant: ArrayLike | None, works: bool) -> Arrays:
     """The kernel's `Description`; kept for each mechanism and choice of rows where nothing else acts.
 
@@ -47,11 +42,8 @@ def describe(mechanism: Mechanism, path: RegularPath, constant: ArrayLike | None
     """
     if constant is not None or works:
         return _described(mechanism, path, constant, works)
-    known = _cache.setdefault(mechanism, {})
-    rows = tuple(path.rows.tolist())
-    if rows not in known:
-        known[rows] = _described(mechanism, path, None, False)
-    return known[rows]
+    key = ("description for the kernel", *path.rows.tolist())
+    return mechanism.memo.once(key, lambda: _described(mechanism, path, None, False))
 
 
 def _described(mechanism: Mechanism, path: RegularPath, constant: ArrayLike | None, works: bool) -> Arrays:

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 
 from ..dynamics.equations import CheckedTorque, Evaluation
 from ..maps.bridge.bridge import Bridge
-from ..maps.regular_path import Point, RegularPath
+from ..maps.point import Point
+from ..maps.regular_path import RegularPath
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..simulation.record import Outputs

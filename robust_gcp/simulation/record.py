@@ -12,7 +12,7 @@ import scipy
 from ..dynamics.equations import Evaluation, constraint_forces
 from ..maps.classical import SingularityWarning
 from ..maps.explicit import Crossing, Passage
-from ..maps.regular_path import Point
+from ..maps.point import Point
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .trajectory import Stats, Trajectory

@@ -18,7 +18,7 @@ from ..maps.bridge.bridge_map import BridgeMap
 from ..maps.bridge.obstacle import UncertifiedZoneError
 from ..maps.explicit import ExplicitMap
 from ..maps.march import POOR
-from ..maps.regular_path import Counters, Point
+from ..maps.point import Counters, Point
 from ..maps.start import Start, begin
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array

@@ -18,8 +18,8 @@ from ..maps.bridge.bridge_map import BridgeMap
 from ..maps.classical import ClassicalMap, NewtonStart
 from ..maps.explicit import ExplicitMap
 from ..maps.four_bar import FourBarMap
+from ..maps.point import Counters
 from ..maps.projection import PROJECTION_THRESHOLD, ProjectionMap
-from ..maps.regular_path import Counters
 from ..maps.start import Start, begin
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array

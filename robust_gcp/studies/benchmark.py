@@ -17,7 +17,7 @@ from ..examples.linkages import n_four_bar
 from ..maps.bridge.bridge import BridgeOptions
 from ..maps.bridge.bridge_map import BridgeMap
 from ..maps.march import same_branch
-from ..maps.regular_path import Counters
+from ..maps.point import Counters
 from ..maps.start import begin
 from ..mechanism.folders.loader import load
 from ..native import backends

@@ -10,7 +10,7 @@ import numpy as np
 from ..dynamics.equations import EquationsOfMotion, Evaluation
 from ..maps.bridge.bridge import BridgeOptions
 from ..maps.bridge.bridge_map import BridgeMap
-from ..maps.regular_path import Counters
+from ..maps.point import Counters
 from ..maps.start import begin
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array

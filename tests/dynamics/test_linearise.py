@@ -18,7 +18,7 @@ from robust_gcp.dynamics.linearise import ReducedJacobian, rk4_reach, stable_ste
 from robust_gcp.examples.linkages import four_bar
 from robust_gcp.maps.bridge.bridge_map import BridgeMap
 from robust_gcp.maps.closed_form import parallelogram_pendulum
-from robust_gcp.maps.regular_path import Counters
+from robust_gcp.maps.point import Counters
 from robust_gcp.maps.start import begin
 from robust_gcp.studies.stability.bound import System, measure, systems
 from robust_gcp.studies.stability.truth import with_forces

@@ -9,7 +9,7 @@ from robust_gcp.maps.bridge.bridge import BridgeOptions
 from robust_gcp.maps.bridge.bridge_map import BridgeMap
 from robust_gcp.maps.closed_form import FourBar
 from robust_gcp.maps.march import FARTHEST, same_branch
-from robust_gcp.maps.regular_path import Counters
+from robust_gcp.maps.point import Counters
 from robust_gcp.maps.start import begin
 
 LENGTHS = (4.0, 2.0, 3.0, 3.0)

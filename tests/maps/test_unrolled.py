@@ -11,7 +11,8 @@ import robust_gcp as rg
 from robust_gcp.examples.linkages import four_bar, n_four_bar
 from robust_gcp.maps import start
 from robust_gcp.maps.closed_form import FourBar
-from robust_gcp.maps.regular_path import Point, RegularPath
+from robust_gcp.maps.point import Point
+from robust_gcp.maps.regular_path import RegularPath
 from robust_gcp.maps.unrolled import MAX_JOINTS, UnrolledPath, can_unroll, regular_path
 
 Array = NDArray[np.float64]

@@ -18,7 +18,8 @@ from robust_gcp.dynamics.equations import EquationsOfMotion
 from robust_gcp.examples.linkages import n_four_bar, swinging_four_bar
 from robust_gcp.maps.bridge.bridge import BridgeOptions
 from robust_gcp.maps.bridge.bridge_map import BridgeMap
-from robust_gcp.maps.regular_path import Counters, RegularPath
+from robust_gcp.maps.point import Counters
+from robust_gcp.maps.regular_path import RegularPath
 from robust_gcp.maps.start import begin
 from robust_gcp.native.library import library
 from robust_gcp.native.workspace import Workspace

@@ -17,7 +17,8 @@ from ...errors import BranchError, OptionError, SimulationError
 from ...mechanism.tree import Array
 from ..explicit import CrossingKind
 from ..march import march
-from ..regular_path import Point, RegularPath
+from ..point import Point
+from ..regular_path import RegularPath
 from .line import Line
 
 

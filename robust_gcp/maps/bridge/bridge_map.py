@@ -12,7 +12,8 @@ from ...errors import BranchError, SimulationError
 from ...mechanism.tree import Array
 from ..explicit import Passage
 from ..march import march, same_branch
-from ..regular_path import Counters, Point, RegularPath
+from ..point import Counters, Point
+from ..regular_path import RegularPath
 from ..unrolled import regular_path
 from .bridge import Bridge, BridgeOptions, Builder, NoBridgeError
 from .line import Line

@@ -12,7 +12,8 @@ import numpy as np
 import scipy
 
 from ...mechanism.tree import Array
-from ..regular_path import Point, RegularPath
+from ..point import Point
+from ..regular_path import RegularPath
 from .newton_form import NewtonForm
 
 

@@ -11,7 +11,8 @@ from ...errors import BranchError, NotCertifiedError, SimulationError, ToggleErr
 from ...mechanism.partition import numerical_rank, spelled
 from ...mechanism.tree import Array
 from ..march import march
-from ..regular_path import Point, RegularPath
+from ..point import Point
+from ..regular_path import RegularPath
 from .bridge import NoBridgeError
 
 ObstacleKind = Literal["toggle", "near miss", "tangential", "unknown"]
