@@ -1,4 +1,8 @@
-"""Error types. Each says what was wrong, names the culprit and the remedy, and carries the figures."""
+"""Error types. Each says what was wrong, names the culprit and the remedy, and carries the figures.
+
+They travel between processes (pickle, copy) with their message, notes and attributes, the partial
+trajectory among them; what Python itself drops on the way, `__cause__` and the traceback, is dropped.
+"""
 
 from __future__ import annotations
 
@@ -20,6 +24,18 @@ class RobustGcpError(Exception):
     def __init__(self, message: str) -> None:
         super().__init__(message)
         self.trajectory: Any = None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Rebuilt from `args` and attributes: subclasses take arguments that `args` does not hold."""
+        return _rebuilt, (type(self), self.args), self.__dict__.copy()
+
+
+def _rebuilt(kind: type[RobustGcpError], args: tuple[Any, ...]) -> RobustGcpError:
+    """An error with these `args` whose attributes are still to be set."""
+    error = kind.__new__(kind, *args)
+    RobustGcpError.__init__(error, "".join(map(str, args[:1])))
+    error.args = args
+    return error
 
 
 class OptionError(RobustGcpError, ValueError):
