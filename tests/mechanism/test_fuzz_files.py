@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import socket
 import subprocess
 import sys
 import textwrap
+import time
 from pathlib import Path
 
 import pytest
@@ -15,6 +17,7 @@ import pytest
 import robust_gcp as rg
 from robust_gcp.mechanism.folders.loader import models_folder
 from robust_gcp.mechanism.folders.yaml_text import parsed_yaml
+from robust_gcp.mechanism.formats.text_file import read_text
 
 SECRET = "6ac1f0 the secret"
 
@@ -58,14 +61,33 @@ YAML = {
     "aliases of aliases": (LAUGHS, ("makes more than", "write less")),
     "merges of merges": (MERGES, ("makes more than",)),
     "an alias of itself": ("closed_loop: &a [*a]", ("contains itself", "line 1")),
-    "a bottomless list": ("closed_loop: " + "[" * 20_000, ("cannot be read as YAML",)),
+    "a bottomless list": ("closed_loop: " + "[" * 900_000, ("nested more than 50",)),
     "a deep list": ("closed_loop: " + "[" * 60 + "]" * 60, ("nested more than 50",)),
     "a key twice": ("name_mot: [q1]\nname_mot: [q2]", ("'name_mot' is there twice", "line 2")),
     "a key of home twice": ("robust_gcp: {home: {q1: 0, q1: 1}}", ("'q1' is there twice",)),
     "an object of Python's": ("closed_loop: !!python/object/apply:os.getcwd []", ("could not determine",)),
     "a name of Python's": ("closed_loop: !!python/name:os.system", ("could not determine",)),
     "a number without end": ("robust_gcp: {home: {q1: " + "9" * 5000 + "}}", ("cannot be read as YAML",)),
-    "no date": ("name_mot: 2001-99-99", ("cannot be read as YAML",)),
+    "no date": ("name_mot: 2001-99-99", ("name_mot must be a list", "'2001-99-99'")),
+    "an integer of nothing": ("a: !!int ''", ("line 1", "'' is no value of kind 'int'")),
+    "an integer of a sign": ("a: !!int '-'", ("'-' is no value of kind 'int'",)),
+    "a number of nothing": ("a: !!float ''", ("'' is no value of kind 'float'",)),
+    "a truth of another kind": ("a:\n  !!bool x", ("line 2", "'x' is no value of kind 'bool'")),
+    "a null of another kind": ("a: !!null x", ("'x' is no value of kind 'null'",)),
+    "a time": ("a: !!timestamp hello", ("timestamp", "remove it")),
+    "bytes": ("a: !!binary x", ("binary", "remove it")),
+    "an ordered mapping": ("a: !!omap [b: 1]", ("omap", "remove it")),
+    "a list called integer": ("a: !!int [1]", ("tag:yaml.org,2002:int", "remove it")),
+    "a key of nothing": ("!!int '': 1", ("'' is no value of kind 'int'",)),
+    "a tag without end": ("a: !<" + "x" * 900_000 + "> 1", ("could not determine",)),
+    "a merge of text": ("a: {<<: x}", ("<< takes a mapping",)),
+    "a merge of numbers": ("a: {<<: [1]}", ("<< takes a mapping",)),
+    "a list as a key": ("a: {[1]: 2}", ("cannot be a key",)),
+    "half a character": ('a: "\\ud800"', ("half a character",)),
+    "no character": ('a: "\\UFFFFFFFF"', ("cannot be read as YAML",)),
+    "a deep block": ("\n".join(" " * i + "a:" for i in range(900)), ("line 51", "nested more than 50")),
+    "deep questions": ("? " * 400_000, ("nested more than 50",)),
+    "deep mappings": ("{a: " * 200_000, ("nested more than 50",)),
     "two documents": ("name_mot: [q1]\n---\nname_mot: [q1]", ("cannot be read as YAML",)),
     "a key that is no text": ("1: 2", ("the key 1 is not text",)),
     "a long name": ("closed_loop: " + "x" * 100_000, ("closed_loop", "list of pairs")),
@@ -88,6 +110,74 @@ def test_aliases_that_stay_small_are_read(tmp_path: Path) -> None:
     assert parsed_yaml(path) == {"a": {"x": 1}, "b": [{"x": 1}, {"x": 1}], "c": {"x": 1, "y": 2}}
     path.write_text(f"a: [{'0, ' * 5000}]\n", encoding="utf-8")
     assert len(parsed_yaml(path)["a"]) == 5000
+
+
+CORE = {
+    "null": (None, "null", "Null", "NULL", "~", ""),
+    "true": (True, "true", "True", "TRUE", "!!bool true"),
+    "false": (False, "false", "False"),
+    "integer": (12, "12", "+12", "0012", "0xC", "0o14", "!!int '12'"),
+    "number": (-0.015, "-0.015", "-1.5e-2", "-15E-3", "-.015", "-1.5e-02", "!!float '-1.5e-2'"),
+    "whole number": (12.0, "12.", "1.2e1", "12e0", "!!float 12"),
+    "infinite": (float("inf"), ".inf", "+.Inf", "1e999"),
+    **{
+        t: (t, t)
+        for t in ("yes", "off", "y", "1:30", "1_000", "2001-01-01", "0b1", "0x", "1e", "=", ".", "+")
+    },
+    "quoted": ("12", "'12'", '"12"', "!!str 12"),
+}
+
+
+@pytest.mark.parametrize("name", CORE)
+def test_plain_values_are_those_of_the_core_schema(tmp_path: Path, name: str) -> None:
+    """YAML 1.2, 10.3.2; what programs for YAML 1.1 take for dates, minutes or truths is text."""
+    wanted, *texts = CORE[name]
+    for text in texts:
+        (tmp_path / "robot.yaml").write_text(f"a: {text}\n", encoding="utf-8")
+        found = parsed_yaml(tmp_path / "robot.yaml")["a"]
+        assert (type(found), found) == (type(wanted), wanted), text
+
+
+def test_merges_yield_to_what_is_written(tmp_path: Path) -> None:
+    path = tmp_path / "robot.yaml"
+    path.write_text("a: &a {x: 1, y: 1}\nb: &b {y: 2, z: 2}\nc: {z: 3, <<: [*a, *b]}\n", encoding="utf-8")
+    assert parsed_yaml(path)["c"] == {"x": 1, "y": 1, "z": 3}
+
+
+LONG = {
+    "sexagesimal": lambda n: "a: " + ":".join(["1"] * (n // 2)),
+    "sexagesimal number": lambda n: "a: " + ":".join(["1"] * (n // 2)) + ".5",
+    "digits": lambda n: "a: " + "9" * n,
+    "hexadecimal": lambda n: "a: 0x" + "f" * n,
+    "underscores": lambda n: "a: 1" + "_" * n,
+    "decimals": lambda n: "a: 0." + "3" * n,
+    "exponent": lambda n: "a: 1e" + "9" * n,
+    "fraction of a second": lambda n: "a: 2001-01-01T00:00:00." + "9" * n,
+    "anchor": lambda n: "a: &" + "x" * n + " 1",
+    "lines of text": lambda n: "a: x" + "\n  x" * (n // 4),
+    "folded": lambda n: "a: >\n" + "  x\n" * (n // 4),
+    "escapes": lambda n: 'a: "' + "\\n" * (n // 2) + '"',
+    "comments": lambda n: "#\n" * (n // 2) + "a: 1",
+    "directives": lambda n: "%X y\n" * (n // 5) + "---\na: 1",
+    "brackets": lambda n: "a: " + "[" * n,
+    "braces": lambda n: "a: " + "{b: " * (n // 4),
+    "list": lambda n: "a: [" + "x, " * (n // 3) + "]",
+    "keys": lambda n: "\n".join(f"k{i}: 1" for i in range(n // 9)),
+    "merges": lambda n: "a: {<<: [" + ", ".join(f"{{k{i}: 1}}" for i in range(n // 16)) + "]}",
+}
+
+
+@pytest.mark.parametrize("name", LONG)
+def test_reading_takes_time_in_proportion(tmp_path: Path, name: str) -> None:
+    """Eight times the text takes eight times as long, not 64: 900 kB stay far below a minute of CPU."""
+    path, spent = tmp_path / "robot.yaml", []
+    for n in (900_000 // 8, 900_000):
+        path.write_text(LONG[name](n), encoding="utf-8")
+        begun = time.process_time()
+        with contextlib.suppress(rg.ModelError):
+            parsed_yaml(path)
+        spent.append(time.process_time() - begun)
+    assert spent[1] < 24.0 * max(spent[0], 0.05), spent
 
 
 # --------------------------------------------------------------------------- XML
@@ -212,6 +302,27 @@ def test_large_files_are_not_read(folder: Path) -> None:
     with (folder / "robot.urdf").open("ab") as file:
         file.truncate(10**12)  # a hole: takes no room on the disk
     refused(folder, "robot.urdf", "1,000,000,000,000 bytes", "shorten")
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-32", "latin-1"])
+@pytest.mark.parametrize("file", ["robot.yaml", "robot.urdf"])
+def test_other_encodings_are_told(folder: Path, file: str, encoding: str) -> None:
+    (folder / file).write_text("name: rhombus à charnières", encoding=encoding)
+    refused(folder, file, "save it as UTF-8")
+
+
+def test_a_mark_of_byte_order_is_skipped(folder: Path) -> None:
+    for file in ("robot.yaml", "robot.urdf"):
+        text = (folder / file).read_text(encoding="utf-8")
+        (folder / file).write_text(text, encoding="utf-8-sig")
+    assert rg.load(folder).nv == 3
+
+
+@pytest.mark.skipif(not Path("/proc/kallsyms").is_file(), reason="no files without a size here")
+def test_files_without_a_size_are_not_read_without_end(tmp_path: Path) -> None:
+    """What a kernel makes up says that it has 0 bytes."""
+    with pytest.raises(rg.ModelError, match="more than 1,000;"):
+        read_text(Path("/proc/kallsyms"), 1000)
 
 
 def test_faults_in_a_thread_of_small_stack() -> None:

@@ -39,14 +39,19 @@ def read_text(path: Path, largest: int = LARGEST) -> str:
     try:
         if path.exists() and not path.is_file():
             raise ModelError(f"{path}: cannot be read: it is a folder or a device; give a file")
-        size = path.stat().st_size
-        if size > largest:
+        with path.open("rb") as file:
+            size = os.fstat(file.fileno()).st_size
+            data = b"" if size > largest else file.read(largest + 1)  # a file of /proc has no size
+        if max(size, len(data)) > largest:
             raise ModelError(
-                f"{path}: cannot be read: it has {size:,} bytes, more than {largest:,}; shorten it"
+                f"{path}: cannot be read: it has {max(size, len(data)):,} bytes, more than {largest:,}; "
+                "shorten it"
             )
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeError) as error:
+        return data.decode("utf-8")
+    except OSError as error:
         raise ModelError(f"{path}: cannot be read ({error})") from error
+    except UnicodeError as error:
+        raise ModelError(f"{path}: cannot be read ({error}); save it as UTF-8") from error
 
 
 def is_file(path: Path) -> bool:
