@@ -84,6 +84,9 @@ class ImplicitConstraint:
         self._entry_at = (self._entry_wrench % max(n, 1)) * tree.nv + self._entry_column
         # k: velocities and accelerations of the frames from those of their joints, in frame axes
         self._joint = np.array(joints, dtype=np.int64)
+        self._carried = np.zeros((len(joints), tree.nv))
+        for point, joint in enumerate(joints):
+            self._carried[point, _support(tree.model, joint)] = 1.0
         self._to_frame = np.array([_point_motion(frame) for frame in frames]).reshape(-1, 3, 6)
         self._turn = np.array([frame.placement.rotation.T for frame in frames]).reshape(-1, 3, 3)
         self._rotation = _RotationRows(self.rows, layout, loops) if np.any(~self.is_length) else None
@@ -111,6 +114,23 @@ class ImplicitConstraint:
         nv = self._tree.nv
         flat = np.bincount(self._entry_at, entries, minlength=n * nv)
         return np.asarray(flat, dtype=float).reshape(n, nv)
+
+    def jacobian_rate(self, v: Array) -> Array:
+        """K̇ along v (nv,), shape (nc, nv), after `jacobian` and the tree's `jacobian_rates` at the same q and v."""
+        n, tree = len(self.rows), self._tree
+        twist = self._carried @ (tree.J * v[:, None])  # of the frames' bodies, at the world's origin
+        omega = twist[:, 3:]
+        speed = twist[:, :3] + _cross(omega, tree.frame_p)
+        wrench = np.zeros((2 * n, 6))
+        wrench[:, 3:] = speed.take(self._moment_source) * self._moment_sign
+        if self._rotation is not None:
+            rate = self._rotation.normal_rates(omega)
+            wrench[self._rotation.at, 3:] = wrench[n + self._rotation.at, 3:] = rate
+        at, column = self._entry_wrench, self._entry_column
+        entries = np.einsum("ij,ij->i", wrench[at], tree.J[column])
+        entries += np.einsum("ij,ij->i", self._wrench[at], tree.dJ[column])
+        flat = np.bincount(self._entry_at, entries * self._entry_weight, minlength=n * tree.nv)
+        return np.asarray(flat, dtype=float).reshape(n, tree.nv)
 
     def bias(self) -> Array:
         """k = −K̇ v (nc,) after `residual` at q and the tree's `rnea` at (q, v, 0).
@@ -184,6 +204,14 @@ class _RotationRows:
         normals = np.zeros((len(self.at), 3))
         np.add.at(normals, self._owner, crossed)
         return normals
+
+    def normal_rates(self, omega: Array) -> Array:
+        """d/dt of `normals`, ω of all frames in world axes."""
+        w1, w2, u, n = omega[self._first], omega[self._second], self._u, self._n
+        rates = np.zeros((len(self.at), 3))
+        turned = _cross(_cross(w1, u), n) + _cross(u, _cross(w2, n))
+        np.add.at(rates, self._owner, turned * self._weight[:, None])
+        return rates
 
     def bias(self, omega: Array, alpha: Array) -> Array:
         """−d/dt (φ̇) at zero joint acceleration; ω and α of all frames in world axes."""

@@ -20,6 +20,7 @@ from .closures import (
     closure_frames,
 )
 from .constraint import ImplicitConstraint
+from .loop_graph import characteristic_length
 from .memo import Memo
 from .partition import numerical_rank, ranked_choices
 from .tree import Array, Tree, require_depth_first
@@ -48,7 +49,7 @@ class ClosedLoops:
     nq, nv, nc : int
         Sizes of q, of v, and of φ (rows that are zero in every configuration left out).
     length : float
-        Characteristic length, m: the largest distance from a joint to its children and cut points.
+        Characteristic length, m: the largest distance from a joint to its children and cut points in a loop.
     memo : Memo
         What was worked out once for these loops, by whoever needs it.
     """
@@ -63,7 +64,7 @@ class ClosedLoops:
         self.tree = Tree(self.model, closure_frames(self.model, self.closures))
         self.nq, self.nv = self.tree.nq, self.tree.nv
         self.joint_names = tuple(str(n) for n in self.model.names)[1:]
-        self.length = _characteristic_length(self.model, self.closures)
+        self.length = characteristic_length(self.model, self.closures)
         self.implicit = self._implicit_without_zero_rows()
         self.nc = len(self.implicit.rows)
 
@@ -86,6 +87,14 @@ class ClosedLoops:
         self.implicit.residual()
         self.tree.rnea(q, v, self.tree.zero)
         return require_finite(self.implicit.bias(), "k(q, v)")
+
+    def K_rate(self, q: ArrayLike, v: ArrayLike) -> Array:
+        """K̇ along v, (nc, nv): K̇ v = −k."""
+        q, v = self.configuration(q), self.velocity(v)
+        self.tree.jacobian_rates(q, v)
+        self.implicit.residual()
+        self.implicit.jacobian()
+        return require_finite(self.implicit.jacobian_rate(v), "the rate of K")
 
     @cached_property
     def row_scale(self) -> Array:
@@ -301,12 +310,3 @@ def _as_closure(closure: Closure) -> Closure:
     if not isinstance(closure, PointClosure | FrameClosure | RevoluteClosure):
         raise ModelError(f"closures: {closure!r} is not a PointClosure, FrameClosure or RevoluteClosure")
     return closure
-
-
-def _characteristic_length(model: pin.Model, closures: Sequence[Closure]) -> float:
-    lengths = [float(np.linalg.norm(placement.translation)) for placement in model.jointPlacements]
-    ends = {name for c in closures for name in (c.frame1, c.frame2)}
-    lengths += [
-        float(np.linalg.norm(frame.placement.translation)) for frame in model.frames if frame.name in ends
-    ]
-    return max(lengths, default=0.0) or 1.0

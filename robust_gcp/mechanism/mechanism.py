@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -13,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..checks import check_model, checked_vector, listed, require_finite
 from ..errors import ModelError, StateError
 from .closures import Closure
+from .clusters import LoopCluster, loop_clusters
 from .forces import AppliedForces, Force
 from .formats.mjcf import model_from_mjcf
 from .formats.pin_constraints import with_named_frames
@@ -44,7 +46,7 @@ class Mechanism(ClosedLoops):
     applied : AppliedForces or None
         What the forces amount to; None where there are none.
     length : float
-        Characteristic length, m: the largest distance from a joint to its children and cut points.
+        Characteristic length, m: the largest distance from a joint to its children and cut points in a loop.
     """
 
     def __init__(
@@ -149,6 +151,11 @@ class Mechanism(ClosedLoops):
         parts = model_from_mjcf(mjcf)
         q = parts.configuration(home) if home is None or isinstance(home, str) else home
         return cls.from_pinocchio(parts.model, parts.closures, independent, q, name, parts.forces)
+
+    @cached_property
+    def clusters(self) -> tuple[LoopCluster, ...]:
+        """The loop clusters, each with its joints, closures, m and independent joints; other joints are free."""
+        return loop_clusters(self, self.independent, self.iv_independent)
 
     def lift(self, q: ArrayLike, ydot: ArrayLike) -> Array:
         """v = G(q) ẏ, (nv,): the velocity of the whole tree for velocities ẏ (m,) of the independent joints.

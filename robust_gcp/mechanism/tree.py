@@ -39,6 +39,8 @@ class Tree:
         World placement of each joint, m; valid after `jacobians`.
     J : ndarray (nv, 6)
         Transposed joint Jacobian in the world frame (linear, angular); valid after `jacobians`.
+    dJ : ndarray (nv, 6)
+        Its rate; valid after `jacobian_rates`.
     v, a : ndarray (njoints, 6)
         Spatial velocity and acceleration (minus gravity) of each joint in its own frame (linear,
         angular); valid after `rnea`.
@@ -60,6 +62,7 @@ class Tree:
         self.placed = 0
         # with a single velocity Pinocchio hands out a flat vector; its reshaped transpose is still a view
         self.J: Array = self.data.J.reshape((6, self.nv), order="F").T
+        self.dJ: Array = self.data.dJ.reshape((6, self.nv), order="F").T
         self.p = _stacked([m.translation for m in self.data.oMi])
         self.R = _stacked([m.rotation for m in self.data.oMi])
         frames = list(self.data.oMf)
@@ -78,6 +81,11 @@ class Tree:
         """Placements and joint Jacobians at q (nq,)."""
         self.placed += 1
         pin.computeJointJacobians(self.model, self.data, q)
+        pin.updateFramePlacements(self.model, self.data)
+
+    def jacobian_rates(self, q: Array, v: Array) -> None:
+        """Rates of the joint Jacobians at q (nq,) along v (nv,), besides what `jacobians` computes."""
+        pin.computeJointJacobiansTimeVariation(self.model, self.data, q, v)
         pin.updateFramePlacements(self.model, self.data)
 
     def rnea(self, q: Array, v: Array, a: Array) -> Array:
