@@ -116,7 +116,7 @@ class ImplicitConstraint:
         return np.asarray(flat, dtype=float).reshape(n, nv)
 
     def jacobian_rate(self, v: Array) -> Array:
-        """K̇ along v (nv,), shape (nc, nv), after `jacobian` and the tree's `jacobian_rates` at the same q and v."""
+        """K̇ along v (nv,), (nc, nv), after `jacobian` and the tree's `jacobian_rates` at the same q and v."""
         n, tree = len(self.rows), self._tree
         twist = self._carried @ (tree.J * v[:, None])  # of the frames' bodies, at the world's origin
         omega = twist[:, 3:]

@@ -154,7 +154,7 @@ class Mechanism(ClosedLoops):
 
     @cached_property
     def clusters(self) -> tuple[LoopCluster, ...]:
-        """The loop clusters, each with its joints, closures, m and independent joints; other joints are free."""
+        """The loop clusters, each with its own joints, closures and mobility; joints in none are free."""
         return loop_clusters(self, self.independent, self.iv_independent)
 
     def lift(self, q: ArrayLike, ydot: ArrayLike) -> Array:
