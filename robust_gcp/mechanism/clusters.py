@@ -65,7 +65,7 @@ def loop_clusters(
 ) -> tuple[LoopCluster, ...]:
     """The clusters of a mechanism, in the order of their first joint."""
     model = loops.model
-    clusters = []
+    clusters: list[LoopCluster] = []
     for group in loop_groups(model, loops.closures):
         members = [model.joints[j] for j in group.joints]
         iq = np.concatenate([np.arange(j.idx_q, j.idx_q + j.nq) for j in members])
