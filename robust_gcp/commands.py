@@ -23,7 +23,7 @@ from .errors import OptionError, SimulationError, SingularStartError
 from .maps.classical import SingularityWarning
 from .mechanism.folders.loader import load, model_names, models_folder
 from .mechanism.folders.yaml_text import parsed_yaml
-from .mechanism.joint_entries import entries
+from .mechanism.joints import Component, components_of, in_v
 from .mechanism.mechanism import Mechanism
 from .simulation.coarse import CoarseStepWarning
 from .simulation.simulate import simulate as run_simulation
@@ -163,8 +163,13 @@ def summary(trajectory: Trajectory) -> str:
     """Tell end state, certificates, cost and crossings in lines to print."""
     stats, q, v = trajectory.stats, trajectory.q[-1], trajectory.v[-1]
     state = [
-        [name, fixed(q[i]) if i >= 0 else "", fixed(v[j]) if j >= 0 else "", unit]
-        for name, i, j, unit in entries(trajectory.mechanism)
+        [
+            c.name,
+            fixed(q[c.iq]) if c.iq >= 0 else "",
+            fixed(v[c.iv]) if c.iv >= 0 else "",
+            _units(c),
+        ]
+        for c in components_of(trajectory.mechanism.joints)
     ]
     figures = {
         "max closure error": f"{trajectory.closure_error().max(initial=0.0):.1e}",
@@ -187,6 +192,14 @@ def summary(trajectory: Trajectory) -> str:
         lines.append(table(["t [s]", " y", "kind", "certificate"], rows))
     lines += [f"from t = {t:.6g} s: y = {', '.join(names)}" for t, names in stats.repartitions]
     return "\n".join(lines)
+
+
+def _units(component: Component) -> str:
+    """Of what is shown of it: "rad, rad/s" where it has both."""
+    if not component.unit:
+        return ""
+    shown = [component.unit] * (component.iq >= 0) + [f"{component.unit}/s"] * (component.iv >= 0)
+    return ", ".join(shown)
 
 
 def _mode(mechanism: Mechanism, q: ArrayLike, index: int) -> Any:
@@ -226,7 +239,7 @@ def _as_json(mechanism: Mechanism, here: LocalAnalysis) -> str:
 
 
 def _as_text(mechanism: Mechanism, here: LocalAnalysis) -> str:
-    names = [name for name, _, j, _ in entries(mechanism) if j >= 0]
+    names = [component.name for component in in_v(mechanism.joints)]
     figures = {
         "kind": here.kind,
         "": here.message,

@@ -20,12 +20,7 @@ class Torus:
 
     def __init__(self, mechanism: ClosedLoops) -> None:
         self.tree, self.scale = mechanism.tree, mechanism.column_scale
-        hinges = [
-            joint.idx_v
-            for joint in list(mechanism.model.joints)[1:]
-            if joint.nq == joint.nv == 1 and joint.shortname().startswith("JointModelR")
-        ]
-        self.hinges = np.array(hinges, dtype=np.int64)
+        self.hinges = np.flatnonzero(mechanism.tree.periodic)
 
     def difference(self, q0: Array, q1: Array) -> Array:
         """The short way from q0 to q1, (nv,): hinges in (−π, π]."""

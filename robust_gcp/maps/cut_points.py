@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from math import atan2
 
 import numpy as np
-import pinocchio as pin
 
+from ..mechanism.joints import JointKind
 from ..mechanism.tree import Array
 from .regular_path import RegularPath
 from .scalar_code import Lines, Scalar, Vector, negative, text
@@ -68,9 +68,9 @@ class CutPoints:
         self.out, self.model = out, path.tree.model
         mechanism, model = path.mechanism, self.model
         self.unit = 1.0 / mechanism.length
-        axes = [joint_axis(model, j) for j in range(1, model.njoints)]
-        self.hinge = [True, *(bool(axis is not None and axis[0]) for axis in axes)]
-        self.turns = [np.eye(3), *(_with_x_along(axis[1]) for axis in axes if axis is not None)]
+        joints = path.tree.joints
+        self.hinge = [True, *(joint.kind is JointKind.HINGE for joint in joints)]
+        self.turns = [np.eye(3), *(_with_x_along(joint.axis) for joint in joints if joint.axis is not None)]
         self.scale = np.ones(path.tree.nv)
         self.scale[path.dependent] = mechanism.column_scale[path.dependent]
         loops = len(mechanism.closures)
@@ -182,19 +182,6 @@ class CutPoints:
         out, omega = self.out, body.omega
         spin = out.times(negative(out.dot(omega, omega)), r)
         return out.add(body.a, out.cross(body.alpha, r), out.times(out.dot(omega, r), omega), spin)
-
-
-def joint_axis(model: pin.Model, joint: int) -> tuple[bool, Array] | None:
-    """Whether the joint is a hinge, and its axis in its own frame; None where it is no hinge or slide."""
-    kind = model.joints[joint]
-    if (kind.nq, kind.nv) != (1, 1):
-        return None
-    data = kind.createData()
-    kind.calc(data, pin.neutral(model))
-    linear, angular = np.split(np.asarray(data.S).ravel(), 2)
-    if np.any(linear) and np.any(angular):
-        return None  # a screw
-    return (True, angular) if np.any(angular) else (False, linear)
 
 
 def _with_x_along(axis: Array) -> Array:

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..mechanism.closures import PointClosure
+from ..mechanism.joints import JointKind
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from .cut_points import joint_axis
 from .point import Counters, Point
 from .regular_path import RegularPath
 from .unrolled_source import Generator
@@ -103,13 +103,12 @@ def regular_path(
 
 def can_unroll(path: RegularPath) -> bool:
     """Few joints, all hinges or slides, cut points only, small blocks of K_d."""
-    model = path.tree.model
     return (
         0 < path.nd <= path.tree.nv <= MAX_JOINTS
         and path.m > 0
         and all(isinstance(closure, PointClosure) for closure in path.mechanism.closures)
         and all(len(block.rows) <= MAX_BLOCK for block in path.blocks)
-        and all(joint_axis(model, j) is not None for j in range(1, model.njoints))
+        and all(joint.kind in (JointKind.HINGE, JointKind.SLIDE) for joint in path.tree.joints)
     )
 
 

@@ -9,6 +9,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from .closures import Closure, Index, Term
+from .joints import support
 from .tree import Array, Tree
 
 
@@ -67,10 +68,10 @@ class ImplicitConstraint:
         for side, sign in ((0, 1.0), (1, -1.0)):
             for row in range(n):
                 at, point = side * n + row, side * loops + int(closure[row])
-                support = _support(tree.model, joints[point])
-                wrenches += [at] * len(support)
-                columns_at += support
-                weights += (sign * self._weight[row] * columns[support]).tolist()
+                carrying = support(tree.model, joints[point])
+                wrenches += [at] * len(carrying)
+                columns_at += carrying
+                weights += (sign * self._weight[row] * columns[carrying]).tolist()
                 if axis[row] >= 0:
                     r, s, t = (int(axis[row] + i) % 3 for i in range(3))
                     self._wrench[at, r] = 1.0
@@ -225,16 +226,6 @@ class _RotationRows:
     def _sum(self, terms: Array) -> Array:
         summed = np.bincount(self._owner, terms * self._weight, minlength=len(self.at))
         return np.asarray(summed, dtype=float)
-
-
-def _support(model: pin.Model, joint: int) -> list[int]:
-    """Velocity indices of all joints between the root and this joint."""
-    return [
-        v
-        for ancestor in model.supports[joint]
-        for v in range(model.idx_vs[ancestor], model.idx_vs[ancestor] + model.nvs[ancestor])
-        if ancestor
-    ]
 
 
 def _skew(r: Array) -> Array:

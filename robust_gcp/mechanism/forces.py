@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from ..checks import check_number, hint, shown
+from ..checks import check_number, shown
 from ..errors import ModelError, OptionError, SimulationError
 from .closures import frame_of
+from .joints import Joint, joint_named, support
 from .tree import Array, Tree
 
 
@@ -110,14 +111,14 @@ class AppliedForces:
 
     def __init__(self, tree: Tree, forces: Sequence[Force]) -> None:
         self._tree = tree
-        model, nv = tree.model, tree.nv
+        nv = tree.nv
         forces = [_as_force(f) for f in forces]
         springs = [f for f in forces if isinstance(f, JointSpring)]
         dampers = [f for f in forces if isinstance(f, JointDamper)]
         drives = [f for f in forces if isinstance(f, JointTorque)]
         lines = [f for f in forces if isinstance(f, PointSpring)]
 
-        joints = [_joint(model, f.joint, "JointSpring", single=True) for f in springs]
+        joints = [_joint(tree, f.joint, "JointSpring", single=True) for f in springs]
         self._spring_q = np.array([j.idx_q for j in joints], dtype=np.int64)
         self._stiffness = np.array([f.stiffness for f in springs])
         self._rest = np.array([f.rest for f in springs])
@@ -127,11 +128,11 @@ class AppliedForces:
 
         self._damping = np.zeros(nv)
         for damper in dampers:
-            joint = _joint(model, damper.joint, "JointDamper")
-            self._damping[joint.idx_v : joint.idx_v + joint.nv] += damper.damping
+            joint = _joint(tree, damper.joint, "JointDamper")
+            self._damping[joint.v] += damper.damping
         self._drive = np.zeros(nv)
         for drive in drives:
-            self._drive[_joint(model, drive.joint, "JointTorque", single=True).idx_v] += drive.torque
+            self._drive[_joint(tree, drive.joint, "JointTorque", single=True).idx_v] += drive.torque
         self._lines = _Lines(tree, lines) if lines else None
         self._joint_work = bool(np.any(self._damping) or np.any(self._drive))
         self.works = self._joint_work or (self._lines is not None and self._lines.damped)
@@ -193,7 +194,7 @@ class _Lines:
         self._sign = np.zeros((len(springs), tree.nv))
         for end, sign in ((0, -1.0), (1, 1.0)):
             for i, joint in enumerate(self._joint[end]):
-                self._sign[i, _support(tree.model, int(joint))] += sign
+                self._sign[i, support(tree.model, int(joint))] += sign
 
     def _ends(self, q: Array) -> tuple[Array, Array]:
         """Point 1 of each spring and the vector to its point 2, world axes."""
@@ -253,16 +254,11 @@ def _require_number(label: str, field: str, value: object, positive: bool = Fals
         raise ModelError(f"{label}: {field} is {value}; give zero or a positive number")
 
 
-def _joint(model: pin.Model, name: str, owner: str, single: bool = False) -> pin.JointModel:
-    names = [str(n) for n in model.names][1:]
-    if name not in names:
+def _joint(tree: Tree, name: str, owner: str, single: bool = False) -> Joint:
+    joint = joint_named(tree.joints, name, owner)
+    if single and not joint.single:
         raise ModelError(
-            f"{owner}: the model has no joint {name!r}, only {', '.join(names)}{hint(name, names)}"
-        )
-    joint = model.joints[model.getJointId(name)]
-    if single and (joint.nq, joint.nv) != (1, 1):
-        raise ModelError(
-            f"{owner}: joint {name!r} ({joint.shortname()}) has {joint.nq} numbers in q and {joint.nv} "
+            f"{owner}: joint {name!r} ({joint.type}) has {joint.nq} numbers in q and {joint.nv} "
             "velocities; it needs a joint with one of each, or use a PointSpring"
         )
     return joint
@@ -270,13 +266,3 @@ def _joint(model: pin.Model, name: str, owner: str, single: bool = False) -> pin
 
 def _frame(model: pin.Model, name: str, spring: PointSpring) -> pin.Frame:
     return frame_of(model, name, f"PointSpring {spring.frame1} – {spring.frame2}")
-
-
-def _support(model: pin.Model, joint: int) -> list[int]:
-    """Velocity indices of all joints between the root and this joint."""
-    return [
-        v
-        for ancestor in model.supports[joint]
-        for v in range(model.idx_vs[ancestor], model.idx_vs[ancestor] + model.nvs[ancestor])
-        if ancestor
-    ]

@@ -31,7 +31,7 @@ def best_at_home(loops: ClosedLoops, home: Array, name: str) -> tuple[Array, tup
     choices = loops.coordinate_choices(home)
     freedom = picture.differential_dof
     if picture.kind in ("regular", "redundant") and not choices:
-        single = [n for n in loops.joint_names if loops.joint(n).nq == 1 == loops.joint(n).nv]
+        single = [joint.name for joint in loops.joints if joint.single]
         raise PartitionError(
             f"independent = 'auto': the mechanism has {freedom} degrees of freedom, and its joints with "
             f"one number each ({', '.join(single) or 'none'}) do not parametrise them; give the tree "

@@ -10,7 +10,7 @@ import pinocchio as pin
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from ..checks import check_model, checked_vector, hint, listed, require_finite
+from ..checks import check_model, checked_vector, listed, require_finite
 from ..errors import ClosureError, ModelError, StateError
 from .closures import (
     Closure,
@@ -20,6 +20,7 @@ from .closures import (
     closure_frames,
 )
 from .constraint import ImplicitConstraint
+from .joints import Joint, joint_named
 from .loop_graph import characteristic_length
 from .memo import Memo
 from .partition import numerical_rank, ranked_choices
@@ -63,7 +64,7 @@ class ClosedLoops:
         self.closures = tuple(_as_closure(c) for c in closures)
         self.tree = Tree(self.model, closure_frames(self.model, self.closures))
         self.nq, self.nv = self.tree.nq, self.tree.nv
-        self.joint_names = tuple(str(n) for n in self.model.names)[1:]
+        self.joint_names = tuple(joint.name for joint in self.joints)
         self.length = characteristic_length(self.model, self.closures)
         self.implicit = self._implicit_without_zero_rows()
         self.nc = len(self.implicit.rows)
@@ -142,10 +143,10 @@ class ClosedLoops:
         if pin.isNormalized(self.model, checked, ROUNDED):
             normalised: Array = pin.normalize(self.model, checked)
             return normalised
-        turning = [n for n in self.joint_names if self.joint(n).nq != self.joint(n).nv]
+        turning = ", ".join(repr(joint.name) for joint in self.joints if not joint.flat)
         raise StateError(
             f"{what}: an orientation in it is none: the quaternion (x, y, z, w), or (cos, sin), of each of "
-            f"{', '.join(map(repr, turning))} must have norm 1; use pin.normalize(model, q)"
+            f"{turning} must have norm 1; use pin.normalize(model, q)"
         )
 
     def velocity(self, v: ArrayLike, what: str = "v") -> Array:
@@ -248,17 +249,18 @@ class ClosedLoops:
                     loop,
                 )
 
-    def joint(self, name: str) -> pin.JointModel:
+    @property
+    def joints(self) -> tuple[Joint, ...]:
+        """All joints but the ground, in the order of q and v."""
+        return self.tree.joints
+
+    def joint(self, name: str) -> Joint:
         """The joint of that name, or a ModelError that names near ones."""
-        if name not in self.joint_names:
-            names = self.joint_names
-            raise ModelError(f"the model has no joint {name!r}, only {', '.join(names)}{hint(name, names)}")
-        return self.model.joints[self.model.getJointId(name)]
+        return joint_named(self.joints, name)
 
     def velocity_slice(self, name: str) -> slice:
         """Where the joint's entries are in v."""
-        joint = self.joint(name)
-        return slice(joint.idx_v, joint.idx_v + joint.nv)
+        return self.joint(name).v
 
     def coordinate_choices(self, q: ArrayLike) -> list[tuple[float, tuple[str, ...]]]:
         """Sets of joints that parametrise the motion at a regular q, best conditioned first.
@@ -271,9 +273,9 @@ class ClosedLoops:
         K = self.scaled(self.K(q))
         _, s, Vt = np.linalg.svd(K)
         kernel = Vt[numerical_rank(s, STRUCTURAL) :].T
-        names = [n for n in self.joint_names if self.joint(n).nq == 1 == self.joint(n).nv]
-        indices = np.array([self.joint(n).idx_v for n in names], dtype=np.int64)
-        return ranked_choices(kernel, indices, names)
+        single = [joint for joint in self.joints if joint.single]
+        indices = np.array([joint.idx_v for joint in single], dtype=np.int64)
+        return ranked_choices(kernel, indices, [joint.name for joint in single])
 
     def generic_configurations(self, count: int = 5) -> list[Array]:
         """Reproducible configurations, loops open, at which nothing vanishes by accident."""

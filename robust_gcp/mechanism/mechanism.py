@@ -262,9 +262,9 @@ class Mechanism(ClosedLoops):
         iv: list[int] = []
         for name in names:
             joint = self.joint(name)
-            if single and (joint.nq, joint.nv) != (1, 1):
+            if single and not joint.single:
                 raise ModelError(
-                    f"joint {name!r} ({joint.shortname()}) has {joint.nq} numbers in q; an independent "
+                    f"joint {name!r} ({joint.type}) has {joint.nq} numbers in q; an independent "
                     "joint needs exactly one: choose another, or give a revolute joint instead of a "
                     "continuous one (URDF files loaded here are converted)"
                 )

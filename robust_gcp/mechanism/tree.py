@@ -13,8 +13,8 @@ from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
 from ..errors import ModelError
-
-Array = NDArray[np.floating[Any]]
+from .joints import Array as Array
+from .joints import Joint, in_v, joints_of
 
 
 class Tree:
@@ -72,10 +72,19 @@ class Tree:
         self.a = _stacked([_motion(m) for m in self.data.a_gf])
 
     @cached_property
+    def joints(self) -> tuple[Joint, ...]:
+        """All joints but the ground, in the order of q and v."""
+        return joints_of(self.model)
+
+    @cached_property
     def rotates(self) -> NDArray[np.bool_]:
         """Which velocities turn their bodies, (nv,); the others slide them."""
-        self.jacobians(pin.neutral(self.model))
-        return np.any(self.J[:, 3:] != 0.0, axis=1)
+        return np.array([c.unit == "rad" for c in in_v(self.joints)], dtype=bool)
+
+    @cached_property
+    def periodic(self) -> NDArray[np.bool_]:
+        """Which velocities are rates of angles in q, (nv,): whole turns of them change nothing."""
+        return np.array([c.periodic for c in in_v(self.joints)], dtype=bool)
 
     def jacobians(self, q: Array) -> None:
         """Placements and joint Jacobians at q (nq,)."""

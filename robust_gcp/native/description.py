@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from ..maps.regular_path import RegularPath
@@ -11,14 +10,7 @@ from ..mechanism.closures import closure_frames, frame_of
 from ..mechanism.forces import JointDamper, JointSpring, JointTorque, PointSpring
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from .structures import Arrays, Description, Kind
-
-_WHOLE = {
-    "JointModelSpherical": Kind.SPHERICAL,
-    "JointModelTranslation": Kind.TRANSLATION,
-    "JointModelFreeFlyer": Kind.FREE_FLYER,
-    "JointModelPlanar": Kind.PLANAR,
-}
+from .structures import Arrays, Description
 
 
 class NotNativeError(Exception):
@@ -53,7 +45,7 @@ def _described(mechanism: Mechanism, path: RegularPath, constant: ArrayLike | No
         joints=mechanism.model.njoints - 1, nq=mechanism.nq, nv=mechanism.nv, m=mechanism.m, works=works
     )
     arrays = Arrays(description)
-    turns = _tree(mechanism.model, arrays)
+    turns = _tree(mechanism, arrays)
     scale = np.ones(mechanism.nv)
     scale[path.dependent] = mechanism.column_scale[path.dependent]
     arrays.integers(independent=mechanism.iv_independent, independent_q=mechanism.iq_independent)
@@ -65,17 +57,20 @@ def _described(mechanism: Mechanism, path: RegularPath, constant: ArrayLike | No
     return arrays
 
 
-def _tree(model: pin.Model, arrays: Arrays) -> list[Array]:
+def _tree(mechanism: Mechanism, arrays: Arrays) -> list[Array]:
     """Joints and bodies; returns the rotation by which each joint's frame is turned to its axis."""
+    model = mechanism.model
     if np.any(model.gravity.angular):
         raise NotNativeError("gravity has an angular part")
     kinds, placements, inertias = [], [], []
     turns: list[Array] = [np.eye(3)]
-    for j in range(1, model.njoints):
-        kind, turn = _kind(model, j)
+    for joint in mechanism.joints:
+        if not joint.in_kernel:
+            raise NotNativeError(f"joint {joint.name!r} is of type {joint.type}")
+        j, turn = joint.index, np.eye(3) if joint.axis is None else _with_z_along(joint.axis)
         before = turns[model.parents[j]]
         place, body = model.jointPlacements[j], model.inertias[j]
-        kinds.append(kind)
+        kinds.append(joint.kind)
         turns.append(turn)
         rotation = before.T @ place.rotation @ turn
         placements.append(np.concatenate([rotation.ravel(), before.T @ place.translation]))
@@ -88,23 +83,6 @@ def _tree(model: pin.Model, arrays: Arrays) -> list[Array]:
         placement=placements, inertia=inertias, armature=model.armature, gravity=model.gravity.linear
     )
     return turns
-
-
-def _kind(model: pin.Model, j: int) -> tuple[Kind, Array]:
-    """What joint j is, and a rotation that takes z to its axis."""
-    joint = model.joints[j]
-    name = str(joint.shortname())
-    if name in _WHOLE:
-        return _WHOLE[name], np.eye(3)
-    if joint.nv == 1 and joint.nq in (1, 2) and "Mimic" not in name and "Composite" not in name:
-        data = joint.createData()
-        joint.calc(data, pin.neutral(model))
-        linear, angular = np.split(np.asarray(data.S, dtype=float).ravel(), 2)
-        if not np.any(linear):
-            return Kind.HINGE if joint.nq == 1 else Kind.UNBOUNDED_HINGE, _with_z_along(angular)
-        if not np.any(angular) and joint.nq == 1:
-            return Kind.SLIDE, _with_z_along(linear)
-    raise NotNativeError(f"joint {model.names[j]!r} is of type {name}")
 
 
 def _with_z_along(axis: Array) -> Array:
@@ -180,7 +158,7 @@ def _forces(mechanism: Mechanism, constant: ArrayLike | None, turns: list[Array]
             spring_at += [joint.idx_q, joint.idx_v]
             spring.append([force.stiffness, force.rest])
         elif isinstance(force, JointDamper):
-            damping[joint.idx_v : joint.idx_v + joint.nv] += force.damping
+            damping[joint.v] += force.damping
         elif isinstance(force, JointTorque):
             drive[joint.idx_v] += force.torque
     arrays.structure.springs, arrays.structure.lines = len(spring), len(line)

@@ -15,18 +15,6 @@ VERSION = 2
 TorqueCallback: Any = ctypes.CFUNCTYPE(c_int32, c_double)
 
 
-class Kind(IntEnum):
-    """Joints that the kernel knows; hinges turn about z, slides move along z."""
-
-    HINGE = 0
-    SLIDE = 1
-    UNBOUNDED_HINGE = 2
-    SPHERICAL = 3
-    TRANSLATION = 4
-    FREE_FLYER = 5
-    PLANAR = 6
-
-
 class Reason(IntEnum):
     """Why the kernel handed control back."""
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..maps.explicit import Crossing
+from ..mechanism.joints import in_q, in_v
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 
@@ -154,15 +155,16 @@ class Trajectory:
         return plot_motion(self, what, path)
 
     def to_csv(self, path: str | Path) -> Path:
-        """Write t, q, v and whatever else was recorded, one row a time; returns the path."""
+        """Write t, q, v and whatever else was recorded, one row a time; returns the path.
+
+        Columns are called `q.joint` and `v.joint`, or `q.joint.component` where a joint has several
+        numbers, such as `q.ball.qw` and `v.ball.rx`.
+        """
         m = self.mechanism
-        joints = list(m.joint_names)
-        same = m.nq == m.nv == len(joints)
-        q_names = joints if same else [str(i) for i in range(m.nq)]
-        v_names = joints if same else [str(i) for i in range(m.nv)]
+        v_names = [component.name for component in in_v(m.joints)]
         columns: list[tuple[list[str], Array]] = [
             (["t"], self.t[:, None]),
-            ([f"q.{n}" for n in q_names], self.q),
+            ([f"q.{c.name}" for c in in_q(m.joints)], self.q),
             ([f"v.{n}" for n in v_names], self.v),
         ]
         if self.a is not None:

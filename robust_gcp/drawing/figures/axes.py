@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...analysis.space import ConfigurationSpace, ModeCurve
-from ...analysis.torus import Torus
-from ...mechanism.joint_entries import Entry
+from ...mechanism.joints import Component
 from ...mechanism.tree import Array
 
 CUT = np.pi / 4.0
@@ -31,10 +30,10 @@ class TorusAxis:
         Chosen before; where it does no harm, this one is cut where they are.
     """
 
-    def __init__(self, space: ConfigurationSpace, entry: Entry, others: Sequence[TorusAxis]) -> None:
+    def __init__(self, space: ConfigurationSpace, entry: Component, others: Sequence[TorusAxis]) -> None:
         self.name, self.iq, self.iv = entry.name, entry.iq, entry.iv
-        self.turns = entry.iv in Torus(space.mechanism).hinges
-        self.label = f"{entry.name} [{'rad' if self.turns else 'm'}]"
+        self.turns = entry.periodic
+        self.label = f"{entry.name} [{entry.unit}]"
         if self.turns:
             self._cut(space, others)
         else:

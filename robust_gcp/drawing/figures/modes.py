@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...analysis.space import ConfigurationSpace, ModeCurve, trace_modes
 from ...errors import OptionError
-from ...mechanism.joint_entries import Entry, entries
+from ...mechanism.joints import Component
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from .axes import TorusAxis, segments
@@ -120,9 +120,9 @@ def _title(space: ConfigurationSpace) -> str:
     return f"{space.mechanism.name}: {counted}{more}"
 
 
-def _coordinates(mechanism: Mechanism, names: Sequence[str] | None) -> list[Entry]:
+def _coordinates(mechanism: Mechanism, names: Sequence[str] | None) -> list[Component]:
     """The joints to draw over."""
-    single = {e.name: e for e in entries(mechanism) if mechanism.joint_names.count(e.name)}
+    single = {joint.name: joint.components[0] for joint in mechanism.joints if joint.single}
     if names is None:
         first = mechanism.independent[0]
         names = [first, *(name for name in single if name != first)][:3]

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...checks import check_choice
 from ...errors import OptionError
-from ...mechanism.joint_entries import entries
+from ...mechanism.joints import components_of
 from ...mechanism.tree import Array
 from .style import CYCLE, GREY, new_figure, require_file, save, style
 
@@ -93,7 +93,7 @@ def plot_motion(
             ax.margins(x=0.0)
         axes[-1].set_xlabel("t [s]")
         axes[0].set_title(trajectory.mechanism.name, loc="left")
-        _legend(figure, axes)
+        _legend(figure, axes, len(trajectory.mechanism.joints))
         figure.align_ylabels()
         if path is not None:
             save(figure, Path(path))
@@ -124,19 +124,19 @@ def _chosen(trajectory: Motion, what: Sequence[str] | str | None) -> list[str]:
 def _by_unit(trajectory: Motion, quantity: str) -> dict[str, list[int]]:
     """The joints' entries of one quantity, by number, those with the same unit together."""
     groups: dict[str, list[int]] = {}
-    for i, entry in enumerate(entries(trajectory.mechanism)):
+    for i, entry in enumerate(components_of(trajectory.mechanism.joints)):
         if (entry.iq if quantity == "q" else entry.iv) >= 0:
-            groups.setdefault(entry.units.partition(",")[0], []).append(i)
+            groups.setdefault(entry.unit, []).append(i)
     return groups
 
 
 def _draw_joints(ax: Axes, trajectory: Motion, quantity: str, unit: str, lines: list[int]) -> None:
     values: Array = getattr(trajectory, quantity)
-    joints = entries(trajectory.mechanism)
+    joints = components_of(trajectory.mechanism.joints)
     for i in lines:
         column = values[:, joints[i].iq if quantity == "q" else joints[i].iv]
         ax.plot(trajectory.t, column, label=joints[i].name, **_looks(i, len(joints)))
-    ax.set_ylabel(f"{quantity} [{unit}{PER_SECOND[quantity]}]" if unit else f"{quantity} [SI units]")
+    ax.set_ylabel(f"{quantity} [{unit}{PER_SECOND[quantity]}]" if unit else quantity)
 
 
 def _looks(i: int, count: int) -> dict[str, Any]:
@@ -165,7 +165,7 @@ def _draw_error(ax: Axes, trajectory: Motion, quantity: str) -> None:
     ax.set_ylabel(f"max |φ| [{' or '.join(units) or 'm'}]")
 
 
-def _legend(figure: Figure, axes: Sequence[Axes]) -> None:
+def _legend(figure: Figure, axes: Sequence[Axes], joints: int) -> None:
     """Name the lines once, to the right: all of few, some of many."""
     named: dict[str, Any] = {}
     for ax in axes:
@@ -176,7 +176,7 @@ def _legend(figure: Figure, axes: Sequence[Axes]) -> None:
     if len(labels) > 2 * NAMED:
         kept = np.unique(np.linspace(0, len(labels) - 1, FEW).round().astype(int))
         shown = {labels[i]: named[labels[i]] for i in kept}
-        title: str | None = f"{len(labels)} joints, such as"
+        title: str | None = f"{joints} joints, such as"
     else:
         shown, title = dict(named), None
     if crossing is not None:

@@ -133,9 +133,8 @@ def spelled(mechanism: Mechanism, y: Array) -> str:
     names = mechanism.independent
     if len(y) != len(names) or len(y) > NAMED:
         return f"y of {len(y)} coordinates"
-    tree = mechanism.tree
-    turning = np.linalg.norm(tree.J[mechanism.iv_independent, 3:], axis=1) > 0.5
+    units = [mechanism.joint(name).components[0].unit for name in names]
     return ", ".join(
-        f"{name} = {value + 0.0:.4f} {'rad' if turns else 'm'}".replace("-", "−")
-        for name, value, turns in zip(names, np.round(y, 4), turning, strict=True)
+        f"{name} = {value + 0.0:.4f} {unit}".replace("-", "−")
+        for name, value, unit in zip(names, np.round(y, 4), units, strict=True)
     )

@@ -260,8 +260,8 @@ class BridgeMap:
 
     def _turned(self, bridge: Bridge, point: Point) -> Bridge | None:
         """A kept bridge that the mechanism meets again after whole turns of its hinges; None if not so."""
-        line, rotates = bridge.line, self.path.tree.rotates
-        if not line.one_polynomial or not rotates[self.path.independent[0]]:
+        line, periodic = bridge.line, self.path.tree.periodic
+        if not line.one_polynomial or not periodic[self.path.independent[0]]:
             return None
         away = float(point.y[0]) - float(line.origin[0]) - 0.5 * (bridge.left + bridge.right)
         around = round(away / (2.0 * np.pi))
@@ -269,7 +269,7 @@ class BridgeMap:
         if around == 0 or not bridge.reaches(s):
             return None
         seen = line.at(s, point.ydot)
-        turns = np.where(rotates, np.round((point.q - seen.q) / (2.0 * np.pi)), 0.0)
+        turns = np.where(periodic, np.round((point.q - seen.q) / (2.0 * np.pi)), 0.0)
         turned = replace(bridge, line=line.turned(turns))
         met = turned.line.at(turned.parameter(point.y), point.ydot)
         return turned if self._agrees(met, point) else None

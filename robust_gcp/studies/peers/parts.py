@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from ...mechanism.closures import closure_frames, frame_of
 from ...mechanism.forces import JointTorque
+from ...mechanism.joints import JointKind
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 
@@ -45,22 +46,18 @@ class Joint:
 
 def has_simple_joints(mechanism: Mechanism) -> bool:
     """Whether all joints are hinges and sliders with one number in q."""
-    model = mechanism.model
-    return all((j.nq, j.nv) == (1, 1) for j in list(model.joints)[1:])
+    return all(joint.kind in (JointKind.HINGE, JointKind.SLIDE) for joint in mechanism.joints)
 
 
 def joints(mechanism: Mechanism) -> list[Joint]:
     """All joints in the order of q; the first one's index is 1."""
     model = mechanism.model
-    data = model.createData()
-    pin.computeJointJacobians(model, data, np.zeros(model.nq))
     found = []
-    for i in range(1, model.njoints):
-        motion = pin.getJointJacobian(model, data, i, pin.ReferenceFrame.LOCAL)[:, model.idx_vs[i]]
-        hinge = bool(np.any(motion[3:]))
-        axis = motion[3:] if hinge else motion[:3]
+    for joint in mechanism.joints:
+        i, hinge = joint.index, joint.kind is JointKind.HINGE
+        assert joint.axis is not None  # see `has_simple_joints`
         placement, inertia = model.jointPlacements[i], model.inertias[i]
-        found.append(Joint(model.names[i], int(model.parents[i]), placement, hinge, axis, inertia))
+        found.append(Joint(joint.name, int(model.parents[i]), placement, hinge, joint.axis, inertia))
     return found
 
 
