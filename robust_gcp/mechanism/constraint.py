@@ -87,7 +87,7 @@ class ImplicitConstraint:
         self._joint = np.array(joints, dtype=np.int64)
         self._carried = np.zeros((len(joints), tree.nv))
         for point, joint in enumerate(joints):
-            self._carried[point, _support(tree.model, joint)] = 1.0
+            self._carried[point, support(tree.model, joint)] = 1.0
         self._to_frame = np.array([_point_motion(frame) for frame in frames]).reshape(-1, 3, 6)
         self._turn = np.array([frame.placement.rotation.T for frame in frames]).reshape(-1, 3, 3)
         self._rotation = _RotationRows(self.rows, layout, loops) if np.any(~self.is_length) else None
