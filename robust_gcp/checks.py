@@ -99,14 +99,30 @@ def listed(value: Any, what: str, items: str, error_type: type[RobustGcpError] =
         raise error_type(f"{what} must be a list of {items}, not {shown(value)}") from error
 
 
+def real_array(value: Any) -> Array:
+    """A new float array of the real numbers given.
+
+    NumPy would drop imaginary parts and masks, and read numbers out of text, times and truths.
+
+    Raises
+    ------
+    TypeError
+        For anything but integers and floats, and for what NumPy makes no array of.
+    """
+    try:
+        given = np.asarray(value)
+    except Exception as error:  # conversions of others raise what they like
+        raise TypeError(f"no array: {error}") from error
+    if given.dtype.kind not in "iuf" or np.ma.isMaskedArray(value):
+        raise TypeError(f"numbers of kind {given.dtype}")
+    return given.astype(float)
+
+
 def checked_vector(value: ArrayLike, size: int, what: str, letter: str) -> Array:
     """A finite float array (size,), or a StateError that names `what` and its size's letter."""
     try:
-        given = np.asarray(value)
-        if given.dtype.kind not in "iuf" or np.ma.isMaskedArray(value):
-            raise TypeError(f"numbers of kind {given.dtype}")
-        array = given.astype(float)
-    except (TypeError, ValueError) as error:
+        array = real_array(value)
+    except TypeError as error:
         raise StateError(f"{what}: {shown(value)} is not a list of {size} numbers") from error
     if array.shape != (size,):
         raise StateError(f"{what} has shape {array.shape}, expected ({letter},) = ({size},)")

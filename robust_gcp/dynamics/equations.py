@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import check_mechanism, require_finite, shown
+from ..checks import check_mechanism, real_array, require_finite, shown
 from ..errors import NonFiniteError, OptionError
 from ..maps.explicit import ExplicitMap
 from ..maps.point import Point
@@ -134,10 +134,11 @@ def torque_function(mechanism: Mechanism, torque: Torque | ArrayLike | None) -> 
     def checked(t: float, q: Array, v: Array) -> Array:
         given = supplied(t, q.copy(), v.copy())
         try:
-            tau = np.asarray(given, dtype=float)
-        except (TypeError, ValueError) as error:
+            tau = real_array(given)  # a copy: the function may use its array again
+        except TypeError as error:
             raise OptionError(
-                f"torque(t, q, v) returned {shown(given)}, expected (nv,) = ({mechanism.nv},) numbers"
+                f"torque(t, q, v) returned {shown(given)}, expected (nv,) = ({mechanism.nv},) real numbers, "
+                "none of them masked"
             ) from error
         if tau.shape != (mechanism.nv,):
             raise OptionError(

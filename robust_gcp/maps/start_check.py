@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import shown
+from ..checks import real_array, shown
 from ..errors import NonFiniteError, OptionError, PartitionError, StateError
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.partition import numerical_rank, spelled
@@ -78,11 +78,8 @@ def checked_mode(mechanism: Mechanism, mode: ArrayLike) -> Array:
     """`mode` as a finite float array (nv, m), or an OptionError."""
     shape = f"(nv,) = ({mechanism.nv},)" if mechanism.m == 1 else f"(nv, m) = ({mechanism.nv}, {mechanism.m})"
     try:
-        wanted = np.asarray(mode)
-        if wanted.dtype.kind not in "iuf":
-            raise TypeError(f"numbers of kind {wanted.dtype}")
-        wanted = wanted.astype(float)
-    except (TypeError, ValueError) as error:
+        wanted = real_array(mode)
+    except TypeError as error:
         raise OptionError(
             f"mode = {shown(mode)} is not an array of numbers {shape}; give one of "
             "analyse(mechanism, q0).modes"

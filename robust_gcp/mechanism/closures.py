@@ -19,7 +19,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from ..checks import hint
+from ..checks import hint, real_array
 from ..errors import ModelError
 
 Index = NDArray[np.int64]
@@ -92,8 +92,8 @@ class RevoluteClosure:
     def rotation_terms(self) -> list[Term]:
         """The axis in frame 1 is normal to two directions of frame 2."""
         try:
-            axis = np.asarray(self.axis, dtype=float)
-        except (TypeError, ValueError):
+            axis = real_array(self.axis)
+        except TypeError:
             axis = np.zeros(0)
         norm = float(np.linalg.norm(axis))
         if axis.shape != (3,) or not np.isfinite(norm) or norm == 0.0:

@@ -13,6 +13,7 @@ from typing import Any, Literal, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ...checks import real_array
 from ...errors import MissingExtraError, OptionError
 from ...simulation.trajectory import Trajectory
 from .data import run_data, scene_data
@@ -251,7 +252,10 @@ def _labels(labels: Any, count: int) -> list[str]:
 def _direction(view: ArrayLike | None) -> Any:
     if view is None:
         return None
-    direction = np.asarray(view, dtype=float)
+    try:
+        direction = real_array(view)
+    except TypeError:
+        direction = np.zeros(0)
     if direction.shape != (3,) or not np.isfinite(direction).all() or not direction.any():
         raise OptionError(f"view = {view!r} is not a direction in space, (x, y, z)")
     return direction
