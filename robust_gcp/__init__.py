@@ -1,10 +1,10 @@
 """Closed-loop mechanisms in minimal coordinates, straight through singular configurations."""
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from .analysis.local import LocalAnalysis, analyse
 from .analysis.space import ConfigurationSpace, ModeCurve, trace_modes
-from .drawing.figures.modes import plot_modes
-from .drawing.replay.live import live
-from .drawing.replay.replay import ReplayPage, replay
 from .dynamics.equations import implicit_dynamics
 from .dynamics.inverse import inverse_dynamics
 from .dynamics.linearise import Linearisation, StabilityWarning, linearise
@@ -35,10 +35,28 @@ from .native import Backend, NativeBuildWarning, backends
 from .simulation.coarse import CoarseStepWarning
 from .simulation.simulate import simulate
 from .simulation.trajectory import Stats, Trajectory
-from .sweeps.record import Failure, RunRecord
-from .sweeps.runs import grid, sweep, sweep_as_completed
+
+if TYPE_CHECKING:
+    from .drawing.figures.modes import plot_modes
+    from .drawing.replay.live import live
+    from .drawing.replay.replay import ReplayPage, replay
+    from .sweeps.record import Failure, RunRecord
+    from .sweeps.runs import grid, sweep, sweep_as_completed
 
 __version__ = "0.1.0"
+
+_LATER = {
+    "Failure": ".sweeps.record",
+    "ReplayPage": ".drawing.replay.replay",
+    "RunRecord": ".sweeps.record",
+    "grid": ".sweeps.runs",
+    "live": ".drawing.replay.live",
+    "plot_modes": ".drawing.figures.modes",
+    "replay": ".drawing.replay.replay",
+    "sweep": ".sweeps.runs",
+    "sweep_as_completed": ".sweeps.runs",
+}
+"""Names whose modules, pictures and sweeps, are imported when they are first asked for."""
 
 __all__ = [
     "Backend",
@@ -95,3 +113,14 @@ __all__ = [
     "sweep_as_completed",
     "trace_modes",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LATER:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = value = getattr(import_module(_LATER[name], __name__), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -8,7 +8,6 @@ Source: the library of computational benchmark problems of the IFToMM committee 
 from __future__ import annotations
 
 import argparse
-import json
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -16,10 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import commands
-from ..errors import RobustGcpError
+from ..arguments import DEFAULT, Arguments, file, number, positive, whole
+from ..errors import OptionError, SimulationError
 from ..examples.linkages import n_four_bar
 from ..maps.closed_form import pendulum
+from ..printing import progress_bar, table, write_json
 from ..simulation.simulate import simulate
 
 SIZES = (1, 2, 5, 10, 40)
@@ -27,6 +27,8 @@ GRAVITY = 9.81
 LOW, HIGH = 1e-1, 1e-3
 """The benchmark's two precisions: largest error over 400 outputs, m and m/s."""
 OUTPUTS = 400
+LADDER = (0.1, 0.05, 0.025, 0.02, 0.0125, 0.01, 0.005, 0.0025, 0.002, 0.001)
+"""Steps that are tried for the two precisions, s."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,7 @@ def measure(n: int, step: float, duration: float = 20.0) -> Result:
     begun = time.perf_counter()
     try:
         run = simulate(mechanism, v0=v0, duration=duration, step=step)
-    except RobustGcpError:
+    except SimulationError:
         return Result(n, step, np.inf, np.inf, np.inf, 0, time.perf_counter() - begun, np.nan)
     seconds = time.perf_counter() - begun
     every = max(1, (len(run.t) - 1) // OUTPUTS)
@@ -86,8 +88,8 @@ def measure(n: int, step: float, duration: float = 20.0) -> Result:
 
 
 def largest_step(n: int, threshold: float, duration: float = 20.0) -> Result:
-    """The largest step of the ladder 0.1, 0.05, 0.02, … s whose position and velocity errors pass."""
-    for step in (0.1, 0.05, 0.025, 0.02, 0.0125, 0.01, 0.005, 0.0025, 0.002, 0.001):
+    """The largest step of the ladder whose position and velocity errors pass, else its last."""
+    for step in (step for step in LADDER if step <= duration):
         result = measure(n, step, duration)
         if max(result.position, result.velocity) <= threshold:
             return result
@@ -111,19 +113,21 @@ def study(
     return fine, low, high
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the subcommand."""
-    parser = subparsers.add_parser("a02", help="N four-bars in a row (IFToMM A02) against the closed form")
-    parser.add_argument("--sizes", type=int, nargs="+", default=list(SIZES), metavar="N")
-    parser.add_argument("--step", type=float, default=1e-3, help="s (default: %(default)s)")
-    parser.add_argument("--duration", type=float, default=20.0, help="s (default: %(default)s)")
-    parser.add_argument("--out", type=Path, help="write every run to this JSON file")
-    parser.set_defaults(run=run)
+def arguments(add_to: Arguments) -> None:
+    """Name the arguments."""
+    text = f"numbers of loops; {DEFAULT}"
+    add_to.add("--sizes", whole(1, 1000), type=int, nargs="+", default=list(SIZES), metavar="N", help=text)
+    add_to.add("--step", positive, type=number, default=1e-3, metavar="S", help=f"s; {DEFAULT}")
+    add_to.add("--duration", positive, type=number, default=20.0, metavar="S", help=f"s; {DEFAULT}")
+    text = "write every run to this JSON file"
+    add_to.add("--out", file((".json",), "a record of runs"), type=Path, metavar="FILE", help=text)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the table and the exponent of the cost."""
-    with commands.progress_bar(float(len(args.sizes)), "A02") as progress:
+    """Print the table and the exponent of the cost; exit code 1 when a run stopped."""
+    if args.duration < max(args.step, LADDER[-1]):
+        raise OptionError(f"--duration {args.duration:g} s is shorter than the steps that are tried")
+    with progress_bar(float(len(args.sizes)), "A02") as progress:
         fine, low, high = study(args.sizes, args.step, args.duration, progress)
     header = [" N", " step [s]", " error [m]", " error [m/s]", " closure [m]", " crossings", " µs/step"]
     rows = [
@@ -138,13 +142,11 @@ def run(args: argparse.Namespace) -> int:
         ]
         for r in (*fine, *low, *high)
     ]
-    print(commands.table(header, rows, longest=len(rows)))
+    print(table(header, rows, None))
     if len(fine) > 2:
         logs = np.log([[r.n, r.microseconds_per_step] for r in fine])
         slope = float(np.polyfit(logs[-3:, 0], logs[-3:, 1], 1)[0])
         print(f"cost per step grows as N^{slope:.2f} over the largest sizes")
     if args.out:
-        records = [asdict(r) for r in (*fine, *low, *high)]
-        args.out.write_text(json.dumps(records, indent=1) + "\n", encoding="utf-8")
-        print(f"wrote {args.out}")
-    return 0
+        write_json(args.out, [asdict(r) for r in (*fine, *low, *high)])
+    return 0 if all(np.isfinite(r.position) for r in (*fine, *low, *high)) else 1

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import json
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from .. import commands
+from ..arguments import DEFAULT, Arguments, file, whole
 from ..dynamics.equations import EquationsOfMotion
 from ..examples.linkages import n_four_bar
 from ..maps.bridge.bridge import BridgeOptions
@@ -21,6 +20,7 @@ from ..maps.point import Counters
 from ..maps.start import begin
 from ..mechanism.folders.loader import load
 from ..native import backends
+from ..printing import progress_bar, table, write_json
 from ..simulation.simulate import simulate
 from .benchmark_native import native_seconds, thread_gain
 
@@ -159,38 +159,37 @@ def measure(n: int, budget: float = 0.1) -> dict[str, float]:
     return {"loops": n} | {name: 1e6 * value for name, value in (times | native).items()} | per_rhs
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the subcommand."""
-    parser = subparsers.add_parser(
-        "benchmark", help="time a right-hand side and its parts against the number of loops"
-    )
-    parser.add_argument("--sizes", type=int, nargs="+", default=list(SIZES), metavar="N")
-    parser.add_argument("--out", type=Path, help="write the figures to this JSON file")
-    parser.add_argument("--quick", action="store_true", help="short rounds, for a smoke test")
-    parser.set_defaults(run=run)
+def arguments(add_to: Arguments) -> None:
+    """Name the arguments."""
+    text = f"numbers of loops; {DEFAULT}"
+    add_to.add("--sizes", whole(1, 1000), type=int, nargs="+", default=list(SIZES), metavar="N", help=text)
+    text = "write the figures to this JSON file"
+    add_to.add("--out", file((".json",), "a record of figures"), type=Path, metavar="FILE", help=text)
+    add_to.add("--quick", action="store_true", help="short rounds, for a smoke test")
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the tables."""
-    rows = [measure(n, 0.01 if args.quick else 0.2) for n in args.sizes]
+    rows = []
+    with progress_bar(float(len(args.sizes)), "benchmark") as progress:
+        for i, n in enumerate(args.sizes, start=1):
+            rows.append(measure(n, 0.01 if args.quick else 0.2))
+            if progress is not None:
+                progress(i / len(args.sizes))
     names = list(rows[0])
     print("microseconds, smallest of 5 rounds. map: predict, Newton, G, g and the zone test; rest: reduced")
     print("equation and objects; numpy_*: parts of the reference path that the map replaces where it can")
-    print(
-        commands.table(
-            [f" {name}" for name in names], [[f"{row[name]:.4g}" for name in names] for row in rows]
-        )
-    )
+    cells = [[f"{row[name]:.4g}" for name in names] for row in rows]
+    print(table([f" {name}" for name in names], cells, None))
     shares = [[f"{row['loops']:.0f}", *(f"{row[part] / row['rhs']:.1%}" for part in SHARES)] for row in rows]
-    print(commands.table([" loops", *(f" {part}" for part in SHARES)], shares))
+    print(table([" loops", *(f" {part}" for part in SHARES)], shares, None))
     if len(rows) > 1:
         sizes = np.log([row["loops"] for row in rows[-3:]])
         slope = float(np.polyfit(sizes, np.log([row["rhs"] for row in rows[-3:]]), 1)[0])
         print(f"cost grows as N^{slope:.2f} over the largest sizes")
     _print_native(rows)
     if args.out:
-        args.out.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
-        print(f"wrote {args.out}")
+        write_json(args.out, rows)
     return 0
 
 

@@ -8,7 +8,6 @@ the last one. Times are taken without it.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 from collections import Counter
@@ -20,15 +19,16 @@ from typing import Any
 
 import numpy as np
 
-from .. import commands
 from ..analysis.local import analyse
 from ..analysis.second_order import transversality
+from ..arguments import Arguments, existing_file, folder
 from ..dynamics.equations import Evaluation, constraint_forces
 from ..errors import OptionError
 from ..mechanism.folders.loader import load
 from ..mechanism.forces import AppliedForces
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Tree
+from ..printing import progress_bar, write, write_json
 from ..simulation.simulate import simulate
 from ..simulation.trajectory import Stats
 from . import pages
@@ -46,8 +46,6 @@ PARTS: dict[str, tuple[Callable[..., Any], ...]] = {
     "multipliers": (constraint_forces,),
 }
 """Functions whose calls are counted."""
-
-"""Between these lines the document is written anew."""
 
 
 @dataclass(frozen=True)
@@ -140,32 +138,35 @@ def _brief(value: float) -> str:
     return f"{value:.2f}".rstrip("0").rstrip(".") if value else "0"
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the subcommand."""
-    text = "which parts of the method each kind of scene runs, and what its steps cost"
-    parser = subparsers.add_parser("costs", help=text, description=text)
-    parser.add_argument("--out", type=Path, metavar="DIR", help="write costs.md and costs.json there")
-    parser.add_argument("--refresh", type=Path, metavar="FILE", help="renew the tables in this document")
-    parser.add_argument("--quick", action="store_true", help="one round, for a smoke test")
-    parser.set_defaults(run=run)
+def arguments(add_to: Arguments) -> None:
+    """Name the arguments."""
+    text = "write costs.md and costs.json there"
+    add_to.add("--out", folder, type=Path, metavar="DIR", help=text)
+    text = "renew the tables in this document"
+    add_to.add("--refresh", existing_file, type=Path, metavar="FILE", help=text)
+    add_to.add("--quick", action="store_true", help="one round, for a smoke test")
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the tables, and write what was asked for."""
+    if args.refresh is not None and not pages.marked(args.refresh, ["costs"]):
+        raise OptionError(f"--refresh {args.refresh}: there are no marks of a block named costs")
     rounds = 1 if args.quick else 5
     load("crank_rocker")  # what is loaded late is loaded now
-    costs = [measure(scene, rounds) for scene in SCENES]
+    costs = []
+    with progress_bar(float(len(SCENES)), "costs") as progress:
+        for i, scene in enumerate(SCENES, start=1):
+            costs.append(measure(scene, rounds))
+            if progress is not None:
+                progress(i / len(SCENES))
     milliseconds = import_milliseconds(rounds)
     text = markdown(costs, milliseconds)
     print(text, end="")
     if args.out is not None:
-        args.out.mkdir(parents=True, exist_ok=True)
+        write(args.out / "costs.md", text)
         figures = {"import_milliseconds": milliseconds, "scenes": [asdict(cost) for cost in costs]}
-        (args.out / "costs.md").write_text(text, encoding="utf-8")
-        (args.out / "costs.json").write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
-        print(f"wrote {args.out / 'costs.md'} and costs.json", file=sys.stderr)
+        write_json(args.out / "costs.json", figures)
     if args.refresh is not None:
-        if not pages.renew(args.refresh, {"costs": text}):
-            raise OptionError(f"--refresh {args.refresh}: there are no marks of a block named costs")
-        commands.complain(f"renewed {args.refresh}")
+        pages.renew(args.refresh, {"costs": text})
+        print(f"renewed {args.refresh}")
     return 0

@@ -12,11 +12,12 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import brentq
 
-from .. import commands
+from ..arguments import DEFAULT, Arguments, file, whole
 from ..errors import OptionError, RobustGcpError
 from ..examples.linkages import four_bar
 from ..maps.closed_form import FourBar
 from ..mechanism.mechanism import Mechanism
+from ..printing import progress_bar, table, write_json
 from ..simulation.simulate import simulate
 
 ROUNDING = 1e-11
@@ -182,20 +183,17 @@ def _run(case: Case) -> Case:
     return Case(**{**asdict(case), **result})
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the subcommand."""
-    parser = subparsers.add_parser(
-        "crossings", help="simulate random singularity crossings against the closed form"
-    )
-    parser.add_argument("--count", type=int, default=1000, help="how many (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=20, help="of the drawing (default: %(default)s)")
-    parser.add_argument("--out", type=Path, help="write every case to this JSON file")
-    parser.set_defaults(run=run)
+def arguments(add_to: Arguments) -> None:
+    """Name the arguments."""
+    add_to.add("--count", whole(1), type=int, default=1000, metavar="N", help=f"how many; {DEFAULT}")
+    add_to.add("--seed", whole(0), type=int, default=20, metavar="N", help=f"of the drawing; {DEFAULT}")
+    text = "write every case to this JSON file"
+    add_to.add("--out", file((".json",), "a record of cases"), type=Path, metavar="FILE", help=text)
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the summary; exit code 1 when a case is not good."""
-    with commands.progress_bar(float(args.count), "crossings") as progress:
+    with progress_bar(float(args.count), "crossings") as progress:
         cases, seconds = random_crossings(args.count, args.seed, progress)
     bad = [case for case in cases if not case.good]
     ratios = np.array([case.ratio for case in cases if not case.failure])
@@ -208,10 +206,9 @@ def run(args: argparse.Namespace) -> int:
         ["largest error / floor", f"{ratios.max(initial=0.0):.4f}"],
         ["wall time", f"{seconds:.1f} s"],
     ]
-    print(commands.table(["", " "], rows))
+    print(table(["", " "], rows))
     for case in bad:
         print(json.dumps(case.record()))
     if args.out:
-        args.out.write_text(json.dumps([c.record() for c in cases], indent=1) + "\n", encoding="utf-8")
-        print(f"wrote {args.out}")
+        write_json(args.out, [case.record() for case in cases])
     return 1 if bad else 0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from ..errors import OptionError
@@ -21,10 +21,22 @@ def renew(page: Path, blocks: Mapping[str, str]) -> bool:
     OptionError
         When the marks of a name are not there once each, in this order.
     """
+    found = marked(page, blocks)
     text = page.read_text(encoding="utf-8")
-    found = False
-    for name, block in blocks.items():
-        begin, end = f"<!-- begin: {name} -->\n", f"<!-- end: {name} -->"
+    for name in found:
+        begin, end = _marks(name)
+        head, rest = text.split(begin)
+        text = f"{head}{begin}\n{blocks[name].strip()}\n\n{end}{rest.split(end)[1]}"
+    page.write_text(text, encoding="utf-8")
+    return bool(found)
+
+
+def marked(page: Path, names: Iterable[str]) -> list[str]:
+    """Those of the names whose marks the page has; raises as `renew`."""
+    text = page.read_text(encoding="utf-8")
+    found = []
+    for name in names:
+        begin, end = _marks(name)
         counts = text.count(begin), text.count(end)
         if counts == (0, 0):
             continue
@@ -32,11 +44,12 @@ def renew(page: Path, blocks: Mapping[str, str]) -> bool:
             raise OptionError(
                 f"{page}: needs the lines {begin.strip()!r} and {end!r}, once each, in this order"
             )
-        head, rest = text.split(begin)
-        text = f"{head}{begin}\n{block.strip()}\n\n{end}{rest.split(end)[1]}"
-        found = True
-    page.write_text(text, encoding="utf-8")
+        found.append(name)
     return found
+
+
+def _marks(name: str) -> tuple[str, str]:
+    return f"<!-- begin: {name} -->\n", f"<!-- end: {name} -->"
 
 
 def table(rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> str:

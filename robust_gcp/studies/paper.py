@@ -9,7 +9,6 @@ projection of Eq. (7) and the bridge stay on the mode.
 from __future__ import annotations
 
 import argparse
-import json
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..commands import progress_bar, table
+from ..arguments import DEFAULT, Arguments, folder
 from ..drawing.figures.mechanism import body_legend, draw_pose, face_on, pose
 from ..errors import SimulationError
 from ..maps.classical import SingularityWarning
@@ -27,6 +26,7 @@ from ..maps.four_bar import draw_four_bar
 from ..mechanism.folders.loader import load
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from ..printing import progress_bar, table, write_json
 from ..simulation.simulate import Method, simulate
 from ..simulation.trajectory import Trajectory
 from . import plots
@@ -257,20 +257,17 @@ def _strobe(ax: Axes, run: Trajectory, view: Array, t: float) -> None:
 # --------------------------------------------------------------------------- command
 
 
-def add_parser(subparsers: Any) -> None:
-    """Register `paper`."""
-    text = "draw Figures 4 to 7 of the paper, with the exact motion in the same panels"
-    parser = subparsers.add_parser("paper", help=text, description=text)
-    parser.add_argument("--out", type=Path, default=Path("figures"), help="folder; default: %(default)s")
-    parser.add_argument("--pdf", action="store_true", help="also as PDF")
-    parser.add_argument("--quick", action="store_true", help="1.8 s instead of 5 s, twice the step")
-    parser.set_defaults(run=_paper)
+def arguments(add_to: Arguments) -> None:
+    """Name the arguments."""
+    add_to.add("--out", folder, type=Path, default=Path("figures"), metavar="DIR", help=f"folder; {DEFAULT}")
+    add_to.add("--pdf", action="store_true", help="also as PDF")
+    add_to.add("--quick", action="store_true", help="1.8 s instead of 5 s, twice the step")
 
 
-def _paper(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> int:
+    """Draw the figures, write the summary, print the errors."""
     plots.require_matplotlib()
     duration, step = QUICK if args.quick else FULL
-    args.out.mkdir(parents=True, exist_ok=True)
     figures, rows = {}, []
     for name, (joints, strobe) in FIGURES.items():
         with progress_bar(duration, name) as progress:
@@ -287,8 +284,7 @@ def _paper(args: argparse.Namespace) -> int:
         errors = figures[name]["max_error_rad"]
         when = "" if case.lock_time is None else f" at {case.lock_time:.3f} s"
         rows.append([name, *(f"{errors[m]:.1e}" for m in METHODS), case.fate + when])
-    path = args.out / "summary.json"
-    path.write_text(json.dumps(figures, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
-    print(f"wrote {path}\n\nmax |q − exact| [rad] over {duration:g} s, RK4, step {step:g} s")
+    write_json(args.out / "summary.json", figures)
+    print(f"\nmax |q − exact| [rad] over {duration:g} s, RK4, step {step:g} s")
     print(table(["", *(f" {m}" for m in METHODS), "classical GCP"], rows))
     return 0

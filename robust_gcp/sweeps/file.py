@@ -6,7 +6,6 @@ again. Nothing else is ever rewritten.
 
 from __future__ import annotations
 
-import fcntl
 import json
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -15,6 +14,7 @@ from types import TracebackType
 from typing import Any
 
 from ..errors import OptionError
+from .lock import lock
 from .record import Failure, RunRecord, key, plain
 
 FORMAT = "robust_gcp sweep 1"
@@ -47,7 +47,8 @@ class SweepFile:
         path.parent.mkdir(parents=True, exist_ok=True)
         self._file = path.open("a+b")
         try:
-            self._lock()
+            if not lock(self._file):
+                raise OptionError(f"{path}: another sweep is writing to this file; give another")
             self._read(header)
         except BaseException:
             self._file.close()
@@ -79,12 +80,6 @@ class SweepFile:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._file.close()
-
-    def _lock(self) -> None:
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise OptionError(f"{self.path}: another sweep is writing to this file; give another") from error
 
     def _read(self, header: dict[str, Any]) -> None:
         self._file.seek(0)

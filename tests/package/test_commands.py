@@ -15,8 +15,9 @@ import numpy as np
 import pytest
 
 import robust_gcp as rg
-from robust_gcp import commands
-from robust_gcp.__main__ import main, number, shield
+from robust_gcp import printing
+from robust_gcp.__main__ import main, shield
+from robust_gcp.arguments import number
 
 Capture = pytest.CaptureFixture[str]
 SHORT = ["--duration", "0.1", "--step", "5e-3"]
@@ -195,7 +196,7 @@ def test_an_output_that_cannot_be_written_is_one_line(tmp_path: Path, capsys: Ca
 
 
 def test_warnings_of_the_package_are_one_line_others_stay(capsys: Capture) -> None:
-    with pytest.warns(UserWarning, match="not ours"), commands.clean_warnings():
+    with pytest.warns(UserWarning, match="not ours"), printing.clean_warnings([rg.SingularityWarning]):
         warnings.warn("close to the edge", rg.SingularityWarning, stacklevel=1)
         warnings.warn("not ours", UserWarning, stacklevel=1)
     assert capsys.readouterr().err == "robust_gcp: warning: close to the edge\n"
@@ -204,10 +205,10 @@ def test_warnings_of_the_package_are_one_line_others_stay(capsys: Capture) -> No
 def test_no_bar_without_a_terminal_and_a_bar_with_one(
     monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
-    with commands.progress_bar(5.0, "rhombus") as progress:
+    with printing.progress_bar(5.0, "rhombus") as progress:
         assert progress is None
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    with commands.progress_bar(5.0, "rhombus") as progress:
+    with printing.progress_bar(5.0, "rhombus") as progress:
         assert progress is not None
         seen: Callable[[float], None] = progress
         for i in range(101):
@@ -216,14 +217,14 @@ def test_no_bar_without_a_terminal_and_a_bar_with_one(
 
 
 def test_long_tables_end_with_a_count() -> None:
-    text = commands.table(["name", " x"], [[f"q{i}", str(i)] for i in range(50)])
+    text = printing.table(["name", " x"], [[f"q{i}", str(i)] for i in range(50)])
     assert text.splitlines()[-1] == "  … and 38 more"
-    assert len(text.splitlines()) == commands.LONGEST_TABLE + 2
+    assert len(text.splitlines()) == printing.LONGEST_TABLE + 2
 
 
 def test_what_rounds_to_zero_has_no_sign() -> None:
-    assert commands.fixed(-1e-12, 4) == "0.0000"
-    assert commands.listed([-1e-12, -0.2], 4) == "(0, -0.2)"
+    assert printing.fixed(-1e-12, 4) == "0.0000"
+    assert printing.listed([-1e-12, -0.2], 4) == "(0, -0.2)"
 
 
 # --------------------------------------------------------------------------- analyse, models

@@ -87,7 +87,7 @@ def plot_modes(
     with style():
         space = mechanism if isinstance(mechanism, ConfigurationSpace) else trace_modes(mechanism)
         axes: list[TorusAxis] = []
-        for entry in _coordinates(space.mechanism, coordinates):
+        for entry in chosen_coordinates(space.mechanism, coordinates):
             axes.append(TorusAxis(space, entry, axes))
         figure = new_figure(5.4)
         drawn = space.modes[:MOST_DRAWN]
@@ -120,8 +120,8 @@ def _title(space: ConfigurationSpace) -> str:
     return f"{space.mechanism.name}: {counted}{more}"
 
 
-def _coordinates(mechanism: Mechanism, names: Sequence[str] | None) -> list[Component]:
-    """The joints to draw over."""
+def chosen_coordinates(mechanism: Mechanism, names: Sequence[str] | None) -> list[Component]:
+    """The two or three joints to draw over, or an OptionError that lists those that will do."""
     single = {joint.name: joint.components[0] for joint in mechanism.joints if joint.single}
     if names is None:
         first = mechanism.independent[0]

@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from tqdm import tqdm
 
-from ... import commands
 from ...examples.linkages import four_bar
 from ...mechanism.folders.loader import load
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
+from ...printing import table
 from ...simulation.simulate import simulate
 from ..contender import Contender, Scene
 
@@ -185,7 +185,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         [s.name, f"{s.regular:.2f}", f"{s.singular:.2f}", f"{s.stopped} of {s.runs}"]
         for s in (score(c, regular, singular) for c in tqdm(candidates, disable=None))
     ]
-    print(commands.table(["candidate", " regular", " singular", " stopped"], rows, longest=len(rows)))
+    print(table(["candidate", " regular", " singular", " stopped"], rows, None))
     return 0
 
 

@@ -6,8 +6,9 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from ... import commands
+from ...arguments import Arguments, folder, word
 from ...errors import OptionError
+from ...printing import progress_bar, table
 from .. import pages, plots
 from . import maps, report
 from .bound import Bound, measure, systems
@@ -19,18 +20,15 @@ from .steps import Stride, strides
 PAGE = "stability.md"
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the subcommand."""
-    text = "stiff and extreme cases against steppers: right, stopped with a reason, or wrong"
-    parser = subparsers.add_parser("stability", help=text, description=text)
-    names = ", ".join(families())
-    add = parser.add_argument
-    add("--case", action="append", metavar="FAMILY", help=f"only this family; may be repeated: {names}")
-    add("--quick", action="store_true", help="a short excerpt, below a minute")
-    add("--out", type=Path, required=True, metavar="DIR", help="folder for tables and maps")
+def arguments(add_to: Arguments) -> None:
+    """Name the arguments."""
+    text = f"only this family; may be repeated: {', '.join(families())}"
+    add_to.add("--case", word(families()), action="append", metavar="FAMILY", help=text)
+    add_to.add("--quick", action="store_true", help="a short excerpt, below a minute")
+    text = "folder for tables and maps"
+    add_to.add("--out", folder, type=Path, required=True, metavar="DIR", help=text)
     text = f"refresh {PAGE} and figures/ in this folder of documentation as well"
-    add("--docs", type=Path, metavar="DIR", help=text)
-    parser.set_defaults(run=run)
+    add_to.add("--docs", folder, type=Path, metavar="DIR", help=text)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -42,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
     cases = chosen(args.case, args.quick)
     whole = args.case is None
     cells: list[Cell] = []
-    with commands.progress_bar(float(len(cases)), "stability") as progress:
+    with progress_bar(float(len(cases)), "stability") as progress:
         for i, case in enumerate(cases):
             cells += judge(case)
             if progress is not None:
@@ -89,7 +87,7 @@ def _tell(cells: Sequence[Cell]) -> None:
         counted = report.count(cell for cell in cells if cell.case.family == family)
         rows.append([family, *map(str, counted.values())])
     rows.append(["all", *map(str, report.count(cells).values())])
-    print(commands.table(head, rows, longest=len(rows)))
+    print(table(head, rows, None))
     for cell in cells:
         if cell.verdict == "wrong":
             print(f"wrong: {cell.case.family}, {cell.case.name}, {cell.setting.label}: {cell.reason}")

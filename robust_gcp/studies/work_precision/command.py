@@ -12,9 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ... import commands
+from ...arguments import Arguments, folder, number, positive, whole
 from ...errors import OptionError
 from ...mechanism.tree import Array
+from ...printing import progress_bar
 from .. import peers, plots
 from ..contender import Contender, Scene
 from . import cost, floor, ours, report
@@ -96,7 +97,7 @@ class Study:
                         compared[contender.stepper] = settings
             plan += [(motion, floors[stepper], settings) for stepper, settings in compared.items()]
         total, done = sum(len(settings) for _, _, settings in plan), 0
-        with commands.progress_bar(float(total), "work-precision") as progress:
+        with progress_bar(float(total), "work-precision") as progress:
             for motion, contender, settings in plan:
                 for point in self._points(motion, contender, settings):
                     self.store.add(point)
@@ -132,37 +133,28 @@ def _wanted(contender: Contender, wanted: Sequence[str]) -> bool:
     return not wanted or any(part.lower() in name for part in wanted for name in names)
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Register the subcommand."""
-    text = "error against run time: our methods, the implicit equations and other tools"
-    parser = subparsers.add_parser("work-precision", help=text, description=text)
-    add = parser.add_argument
-    add(
-        "--scene",
-        nargs="+",
-        choices=SCENES,
-        metavar="NAME",
-        help=f"of {', '.join(SCENES)}; default: all",
+def arguments(add_to: Arguments) -> None:
+    """Name the arguments."""
+    text = f"of {', '.join(SCENES)}; default: all"
+    add_to.add("--scene", nargs="+", choices=SCENES, metavar="NAME", help=text)
+    text = "contenders whose name or family contains it"
+    add_to.add("--method", nargs="+", default=[], metavar="PART", help=text)
+    add_to.add(
+        "--quick", action="store_true", help="two scenes, a short ladder, one timed run: about a minute"
     )
-    add("--method", nargs="+", default=[], metavar="PART", help="contenders whose name or family contains it")
-    add("--quick", action="store_true", help="two scenes, a short ladder, one timed run: about a minute")
-    add("--out", type=Path, required=True, metavar="DIR", help="points, references, tables and figures")
-    add("--repeats", type=int, default=0, metavar="N", help="timed runs of each point; default: 3, quick: 1")
-    add(
-        "--cap",
-        type=float,
-        metavar="S",
-        help="leave out runs predicted longer than this, s; default: by scene",
-    )
-    add("--fresh", action="store_true", help="forget the points in DIR instead of going on from them")
-    add("--docs", type=Path, metavar="ROOT", help="also refresh README.md and docs/ of this checkout")
-    parser.set_defaults(run=run)
+    text = "points, references, tables and figures"
+    add_to.add("--out", folder, type=Path, required=True, metavar="DIR", help=text)
+    text = "timed runs of each point; default: 3, quick: 1"
+    add_to.add("--repeats", whole(1), type=int, metavar="N", help=text)
+    text = "leave out runs predicted longer than this, s; default: by scene"
+    add_to.add("--cap", positive, type=number, metavar="S", help=text)
+    add_to.add("--fresh", action="store_true", help="forget the points in DIR instead of going on from them")
+    text = "also refresh README.md and docs/ of this checkout"
+    add_to.add("--docs", folder, type=Path, metavar="ROOT", help=text)
 
 
 def run(args: argparse.Namespace) -> int:
     """Measure, print verdicts and table, write data and figures."""
-    if args.repeats < 0:
-        raise OptionError(f"--repeats {args.repeats}: a number of timed runs, 1 or more")
     plots.require_matplotlib()
     if not any(name in os.environ for name in THREADS):
         return _single_threaded(args)

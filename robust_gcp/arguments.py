@@ -1,0 +1,154 @@
+"""Arguments of the commands: words to values, and values refused before any work begins."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import re
+from collections.abc import Callable, Collection, Sequence
+from pathlib import Path
+from typing import Any
+
+from .checks import check_number, check_positive
+from .errors import OptionError
+
+Check = Callable[[str, Any], None]
+"""Refuses a value by an OptionError that begins with the argument's name."""
+
+DEFAULT = "default: %(default)s"
+MODEL = "a shipped model's name, or a folder with robot.urdf and robot.yaml"
+NUMBERS = "numbers, or multiples of pi such as -pi or 2*pi/3"
+PI = re.compile(r"(?P<sign>[+-]?)(?:(?P<times>\d+\.?\d*)\*?)?pi(?:/(?P<over>\d+\.?\d*))?")
+FILE_SUFFIX = re.compile(r"\.[A-Za-z]\w*")
+"""Ending that marks a name as a file's; that of `results.2` is none."""
+
+
+class Arguments:
+    """The arguments of one command, each with the check that its values must pass.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+        Filled by `add`.
+    """
+
+    def __init__(self, parser: argparse.ArgumentParser) -> None:
+        self._add: Callable[..., argparse.Action] = parser.add_argument
+        self._parser = parser
+        self._checks: list[tuple[str, str, Check]] = []
+
+    def heading(self, title: str) -> None:
+        """Those added from here on stand below this title in the help."""
+        self._add = self._parser.add_argument_group(title).add_argument
+
+    def add(self, name: str, check: Check | None = None, **settings: Any) -> None:
+        """As `ArgumentParser.add_argument`; the check sees each value that is not None."""
+        action = self._add(name, **settings)
+        if check is not None:
+            self._checks.append((name, action.dest, check))
+
+    def check(self, args: argparse.Namespace) -> None:
+        """Refuse the first value that does not pass.
+
+        Raises
+        ------
+        OptionError
+            Naming the argument, the value and what is accepted.
+        """
+        for name, destination, check in self._checks:
+            value = getattr(args, destination)
+            for one in value if isinstance(value, list) else [] if value is None else [value]:
+                check(name, one)
+
+
+def number(text: str) -> float:
+    """Read a float, or a multiple of π such as `pi`, `-pi`, `2*pi/3`."""
+    match = PI.fullmatch(text.strip())
+    if match is None:
+        return float(text)
+    over = float(match["over"] or 1.0)
+    if over == 0.0:
+        raise ValueError(f"{text} divides by zero")
+    value = math.pi * float(match["times"] or 1.0) / over
+    return -value if match["sign"] == "-" else value
+
+
+def names(text: str) -> list[str]:
+    """Words between commas."""
+    return text.split(",")
+
+
+def positive(name: str, value: float) -> None:
+    """A positive, finite number."""
+    check_positive(name, value)
+
+
+def finite(name: str, value: float) -> None:
+    """A finite number."""
+    check_number(name, value)
+    if not math.isfinite(value):
+        raise OptionError(f"{name} = {value} must be finite")
+
+
+def whole(least: int, most: int = 10**9) -> Check:
+    """A whole number from `least` to `most`."""
+
+    def check(name: str, value: int) -> None:
+        if not least <= value <= most:
+            raise OptionError(f"{name} = {value} must be a whole number from {least} to {most:g}")
+
+    return check
+
+
+def word(allowed: Collection[str]) -> Check:
+    """One of the words that are allowed."""
+
+    def check(name: str, value: str) -> None:
+        if value not in allowed:
+            raise OptionError(f"{name} = {value!r} is unknown; use one of {', '.join(allowed)}")
+
+    return check
+
+
+def file(suffixes: Sequence[str] = (), what: str = "") -> Check:
+    """A file that can be written; `what` with an article tells the kind that has these endings."""
+
+    def check(name: str, path: Path) -> None:
+        if suffixes and path.suffix not in suffixes:
+            raise OptionError(f"{name} {path}: {what} is a {' or a '.join(suffixes)} file")
+        if path.is_dir() or not path.name:
+            raise OptionError(f"{name} {path}: this is a folder; give the name of a file")
+        _require_writable(name, path if path.exists() else path.parent)
+
+    return check
+
+
+def folder(name: str, path: Path) -> None:
+    """A folder, there or to be made, that files can be written to."""
+    if not path.is_dir() and FILE_SUFFIX.fullmatch(path.suffix):
+        raise OptionError(f"{name} {path}: {path.suffix} ends the name of a file; give that of a folder")
+    if path.exists() and not path.is_dir():
+        raise OptionError(f"{name} {path}: this is a file; give the name of a folder")
+    _require_writable(name, path)
+
+
+def existing_file(name: str, path: Path) -> None:
+    """A file that is there and can be written."""
+    if not path.is_file():
+        raise OptionError(f"{name} {path}: there is no such file")
+    _require_writable(name, path)
+
+
+def _require_writable(name: str, path: Path) -> None:
+    """What is there can be written to; of what is not, the nearest folder above."""
+    try:
+        there = path.absolute()
+        while not there.exists():
+            there = there.parent
+    except OSError as error:  # such as a name that is too long
+        raise OptionError(f"{name} {path}: {error.strerror}") from error
+    if there != path.absolute() and not there.is_dir():
+        raise OptionError(f"{name} {path}: {there} is a file, not a folder")
+    if not os.access(there, os.W_OK):
+        raise OptionError(f"{name} {path}: no permission to write to {there}")

@@ -1,0 +1,55 @@
+"""The command `modes`: the configuration space of a mechanism, as a table and a picture."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from ..analysis.space import SEEDS, trace_modes
+from ..arguments import DEFAULT, MODEL, Arguments, file, whole
+from ..mechanism.folders.loader import load
+from ..printing import listed, table, telling
+
+LARGEST_DPI = 1200
+"""A finer picture takes more memory than most machines have."""
+
+
+def arguments(add_to: Arguments) -> None:
+    """Name the arguments."""
+    add_to.add("model", metavar="MODEL", help=MODEL)
+    text = "draw them: a .png or .pdf file"
+    add_to.add("--out", file((".png", ".pdf"), "a figure"), type=Path, metavar="FILE", help=text)
+    text = f"rough configurations to start from; {DEFAULT}"
+    add_to.add("--seeds", whole(0), type=int, default=SEEDS, metavar="N", help=text)
+    text = "two or three joints to draw over"
+    add_to.add("--coordinates", nargs="+", metavar="JOINT", help=text)
+    text = "of a .png file; default: 300"
+    add_to.add("--dpi", whole(1, LARGEST_DPI), type=int, metavar="N", help=text)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the table, and draw."""
+    mechanism = load(args.model)
+    if args.out is not None or args.coordinates is not None:
+        from ..drawing.figures import modes as figures
+        from ..drawing.figures.style import DPI, require_matplotlib, save, style
+
+        require_matplotlib()
+        figures.chosen_coordinates(mechanism, args.coordinates)
+    with telling(f"tracing the modes of {mechanism.name}"):
+        space = trace_modes(mechanism, args.seeds)
+    rows = []
+    for mode in space.modes:
+        turns = "closed, turns " + listed(mode.turns) if mode.closed else f"open: {mode.stop}"
+        points = sorted({v.point + 1 for v in mode.visits})
+        rows.append([mode.name, turns, ", ".join(map(str, points)) or "none"])
+    print(f"{space.mechanism!r}\n\n{table(['mode', '', 'singular points'], rows, None)}")
+    for i, point in enumerate(space.singular_points):
+        print(f"singular point {i + 1}: q = {listed(point.q, 6)}")
+        for name, tangent in zip(space.meeting(i), point.modes, strict=True):
+            print(f"  mode {name} along {listed(tangent, 4)}")
+    if args.out is not None:
+        with telling(f"drawing {args.out}"), style():
+            save(figures.plot_modes(space, coordinates=args.coordinates), args.out, args.dpi or DPI)
+        print(f"drew {args.out}")
+    return 0

@@ -1,0 +1,88 @@
+"""What a subcommand is: a name, a line of help, and the module that is imported when it is called.
+
+The module offers two functions:
+
+- `arguments(add_to: Arguments) -> None` names its arguments, each with the check its values must pass;
+- `run(args: argparse.Namespace) -> int` does the work and returns the exit code: 0 done, 1 done with a
+  result that is not good, 2 refused or stopped (errors of the package need not be caught).
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+from dataclasses import dataclass
+from typing import Any
+
+from ..arguments import Arguments
+
+
+@dataclass(frozen=True)
+class Command:
+    """A subcommand.
+
+    Attributes
+    ----------
+    name, help : str
+    module : str
+        Relative to the package.
+    """
+
+    name: str
+    help: str
+    module: str
+
+
+COMMANDS = (
+    Command("simulate", "simulate a mechanism and summarise the motion", ".commands.simulate"),
+    Command("analyse", "rank, kernel and operation modes at a configuration", ".commands.analyse"),
+    Command("models", "list the shipped models", ".commands.models"),
+    Command(
+        "modes",
+        "trace the operation modes of a mechanism with one degree of freedom, and draw them",
+        ".commands.modes",
+    ),
+    Command(
+        "paper",
+        "draw Figures 4 to 7 of the paper, with the exact motion in the same panels",
+        ".studies.paper",
+    ),
+    Command("crossings", "random singularity crossings against the closed form", ".studies.crossings"),
+    Command("a02", "N four-bars in a row (IFToMM A02) against the closed form", ".studies.a02"),
+    Command(
+        "benchmark", "time a right-hand side and its parts against the number of loops", ".studies.benchmark"
+    ),
+    Command(
+        "costs",
+        "which parts of the method each kind of scene runs, and what its steps cost",
+        ".studies.costs",
+    ),
+    Command(
+        "work-precision",
+        "error against run time: our methods, the implicit equations and other tools",
+        ".studies.work_precision.command",
+    ),
+    Command(
+        "stability",
+        "stiff and extreme cases against steppers: right, stopped with a reason, or wrong",
+        ".studies.stability.command",
+    ),
+)
+
+
+class LateParser(argparse.ArgumentParser):
+    """A subcommand's parser, empty until words reach it: then its module is imported and fills it."""
+
+    def __init__(self, *, command: Command, **settings: Any) -> None:
+        super().__init__(**settings)
+        self._command: Command | None = command
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """As argparse, after the arguments have been added."""
+        if self._command is not None:
+            module = importlib.import_module(self._command.module, __package__.rpartition(".")[0])
+            self._command = None
+            arguments = Arguments(self)
+            module.arguments(arguments)
+            self.set_defaults(check=arguments.check, run=module.run)
+        return super().parse_known_args(args, namespace)
