@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import cmath
 import math
-import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,6 +24,7 @@ from ..maps.point import Counters
 from ..maps.start import Start, begin
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from ..warning import warn
 from .differences import differences
 from .equations import EquationsOfMotion, Torque
 
@@ -173,12 +173,11 @@ def warn_if_unstable(
         return
     value = found.limiting
     shown = f"{value.real:.4g}" + (f" ± {abs(value.imag):.4g}i" if value.imag else "")
-    warnings.warn(
+    warn(
         f"step = {step:g} s lies outside the stability region of rk4: the fastest motion at the start has "
         f"the eigenvalue {shown} 1/s, which allows steps up to {largest:.4g} s; take a smaller step, or an "
         'implicit stepper such as stepper="Radau"',
         StabilityWarning,
-        stacklevel=3,
     )
 
 

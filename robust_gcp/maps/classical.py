@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Literal
 
 import numpy as np
 
 from ..errors import BranchError
 from ..mechanism.tree import Array
+from ..warning import warn
 from .explicit import Passage
 from .point import Counters, Point
 from .regular_path import RegularPath
@@ -71,12 +71,11 @@ class ClassicalMap:
             )
         if point.conditioning < DIGITS_LOST and not self._warned:
             self._warned = True
-            warnings.warn(
+            warn(
                 f"classical GCP came within a conditioning of {point.conditioning:.1g} of a singular "
                 f"configuration at y = {y}: digits are lost and the mode may change; "
                 'method="bridge" keeps both',
                 SingularityWarning,
-                stacklevel=2,
             )
         self.anchor = point
         return point

@@ -7,12 +7,12 @@ import functools
 import json
 import os
 import sys
-import warnings
 from ctypes import POINTER, c_char_p, c_double, c_int32, c_void_p
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..warning import warn
 from .structures import VERSION, Description, Request
 
 NAME = "kernel.dylib" if sys.platform == "darwin" else "kernel.so"
@@ -139,9 +139,8 @@ def _why_not_built() -> str:
 
 @functools.cache
 def _warn(reason: str) -> None:
-    warnings.warn(
+    warn(
         f"the compiled kernel is not available: {reason}. Simulations run on the slower Python backend; "
         'robust_gcp.backends() tells more, simulate(backend="python") asks for it without this warning',
         NativeBuildWarning,
-        stacklevel=5,
     )

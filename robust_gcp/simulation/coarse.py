@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 
+from ..warning import warn
 from .trajectory import Trajectory
 
 FARTHEST = 1.0
@@ -26,10 +25,9 @@ def warn_if_coarse(run: Trajectory) -> None:
     i = int(np.argmax(pace * steps))
     if not pace[i] * steps[i] > FARTHEST:
         return
-    warnings.warn(
+    warn(
         f"the step at t = {run.t[i]:.6g} s takes a joint {pace[i] * steps[i]:.2g} rad (or lengths) far: the "
         "stepper's error is large there, and crossings in such a step may be missing from the list; use a "
         f"step of {0.1 * FARTHEST / pace[i]:.1g} s",
         CoarseStepWarning,
-        stacklevel=3,
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -15,6 +14,7 @@ from ..maps.explicit import Crossing, Passage
 from ..maps.point import Point
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from ..warning import warn
 from .trajectory import Stats, Trajectory
 
 
@@ -136,11 +136,10 @@ class Record:
         )
         if passage.kind == "near miss" and not self._warned:
             self._warned = True
-            warnings.warn(
+            warn(
                 f"at t = {when:.6g} s two modes pass with a gap of {passage.certificate:.1g} lengths, "
                 "below geometric_tolerance: bridged as a crossing",
                 SingularityWarning,
-                stacklevel=6,
             )
 
     def trajectory(self, stats: Stats) -> Trajectory:
