@@ -8,10 +8,6 @@ namespace rg {
 
 constexpr std::int32_t VERSION = 2;
 
-// Joints whose motion subspace is constant in their own frame. Hinges and slides are about or along z:
-// the caller turns the frames.
-enum Kind : std::int32_t { HINGE, SLIDE, UNBOUNDED_HINGE, SPHERICAL, TRANSLATION, FREE_FLYER, PLANAR };
-
 enum Reason : std::int32_t {
     DONE = 0,
     ZONE = 1,       // K_d is conditioned below the zone's threshold
@@ -30,7 +26,7 @@ using Torque = std::int32_t (*)(double t);
 struct Description {
     std::int32_t joints, nq, nv, m;
     const std::int32_t* parent;         // (joints,), 0 is the ground, joints count from 1
-    const std::int32_t* kind;           // (joints,)
+    const std::int32_t* kind;           // (joints,): see joints.h
     const double* placement;            // (joints, 12): rotation row by row, translation
     const double* inertia;              // (joints, 10): mass, centre, inertia at the centre xx xy yy xz yz zz
     const double* armature;             // (nv,)

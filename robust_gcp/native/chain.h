@@ -6,15 +6,10 @@
 
 #include "abi.h"
 #include "cells.h"
+#include "joints.h"
 #include "spatial.h"
 
 namespace rg {
-
-// One velocity of a joint: a column of the joint's axes, turning about it or sliding along it.
-struct Freedom {
-    int v = 0, column = 2;
-    bool turning = true;
-};
 
 struct Body {
     int parent = 0, kind = HINGE, q = 0, first = 0, count = 1;  // first, count: its freedoms
@@ -58,8 +53,10 @@ struct Chain {
             for (int k = 0; k < 6; ++k) b.inertia[k] = i[4 + k];
             b.q = q;
             b.first = static_cast<int>(freedoms.size());
-            q += add_freedoms(b.kind);
-            b.count = static_cast<int>(freedoms.size()) - b.first;
+            const Numbers& numbers = NUMBERS[b.kind];
+            q += numbers.q;
+            b.count = numbers.v;
+            freedoms.insert(freedoms.end(), numbers.freedoms, numbers.freedoms + numbers.v);
         }
         const std::size_t n = bodies.size();
         axes.resize(n);
@@ -83,7 +80,7 @@ struct Chain {
             a[j] = a[b.parent] + cross(alpha[b.parent], arm) + centripetal(w, arm);
             omega[j] = w;
             alpha[j] = alpha[b.parent];
-            if (b.kind == HINGE || b.kind == UNBOUNDED_HINGE) {
+            if (is_hinge(b.kind)) {
                 const Vec turn = v[b.first] * axes[j].z;
                 omega[j] += turn;
                 alpha[j] += cross(w, turn);
@@ -100,51 +97,11 @@ struct Chain {
     }
 
   private:
-    int add_freedoms(int kind) {
-        auto add = [this](int column, bool turning) {
-            freedoms.push_back({static_cast<int>(freedoms.size()), column, turning});
-        };
-        switch (kind) {
-            case HINGE:
-            case UNBOUNDED_HINGE:
-            case SLIDE: add(2, kind != SLIDE); break;
-            case PLANAR: add(0, false), add(1, false), add(2, true); break;
-            default:
-                if (kind != SPHERICAL)
-                    for (int i = 0; i < 3; ++i) add(i, false);
-                if (kind != TRANSLATION)
-                    for (int i = 0; i < 3; ++i) add(i, true);
-        }
-        constexpr int numbers[] = {1, 1, 2, 4, 3, 7, 4};
-        return numbers[kind];
-    }
-
     void place(int j, const double* q) {
         const Body& b = bodies[j];
         const Axes& parent = axes[b.parent];
-        Axes& here = axes[j];
         r[j] = parent.turn(b.at);
-        const Axes base = b.aligned ? parent : parent.turn(b.placed);
-        switch (b.kind) {
-            case HINGE: here = base.about_z(std::cos(q[0]), std::sin(q[0])); break;
-            case UNBOUNDED_HINGE: here = base.about_z(q[0], q[1]); break;
-            case SLIDE:
-                here = base;
-                r[j] += q[0] * base.z;
-                break;
-            case SPHERICAL: here = base.turn(axes_of_quaternion(q)); break;
-            case TRANSLATION:
-                here = base;
-                r[j] += base.turn(Vec{q[0], q[1], q[2]});
-                break;
-            case FREE_FLYER:
-                here = base.turn(axes_of_quaternion(q + 3));
-                r[j] += base.turn(Vec{q[0], q[1], q[2]});
-                break;
-            default:  // PLANAR
-                here = base.about_z(q[2], q[3]);
-                r[j] += base.turn(Vec{q[0], q[1], 0.0});
-        }
+        axes[j] = moved(b.kind, q, b.aligned ? parent : parent.turn(b.placed), r[j]);
         p[j] = p[b.parent] + r[j];
     }
 };

@@ -1,4 +1,4 @@
-// Pinocchio with just the joints that the kernel knows: a fifth of the binary and of the build time.
+// Pinocchio's algorithms on the kernel's joints.
 #include "rigid_bodies.h"
 
 #include <pinocchio/fwd.hpp>
@@ -10,33 +10,10 @@
 #include <pinocchio/algorithm/rnea.hpp>
 #include <pinocchio/multibody.hpp>
 
+#include "joints.h"  // after Pinocchio, whose types it names
+
 namespace rg {
 
-template <typename S, int O>
-struct Joints {
-    using Scalar = S;
-    static constexpr int Options = O;
-    using Hinge = pinocchio::JointModelRevoluteTpl<S, O, 2>;
-    using Slide = pinocchio::JointModelPrismaticTpl<S, O, 2>;
-    using UnboundedHinge = pinocchio::JointModelRevoluteUnboundedTpl<S, O, 2>;
-    using Spherical = pinocchio::JointModelSphericalTpl<S, O>;
-    using Translation = pinocchio::JointModelTranslationTpl<S, O>;
-    using FreeFlyer = pinocchio::JointModelFreeFlyerTpl<S, O>;
-    using Planar = pinocchio::JointModelPlanarTpl<S, O>;
-    // Pinocchio's model asks each joint whether it is a mimic, so that kind must be there.
-    using Mimic = pinocchio::JointModelMimicTpl<S, O, rg::Joints>;
-
-    using JointModelVariant = boost::variant<Hinge, Slide, UnboundedHinge, Spherical, Translation, FreeFlyer,
-                                             Planar, boost::recursive_wrapper<Mimic>>;
-    using JointDataVariant = boost::variant<
-        pinocchio::JointDataRevoluteTpl<S, O, 2>, pinocchio::JointDataPrismaticTpl<S, O, 2>,
-        pinocchio::JointDataRevoluteUnboundedTpl<S, O, 2>, pinocchio::JointDataSphericalTpl<S, O>,
-        pinocchio::JointDataTranslationTpl<S, O>, pinocchio::JointDataFreeFlyerTpl<S, O>,
-        pinocchio::JointDataPlanarTpl<S, O>,
-        boost::recursive_wrapper<pinocchio::JointDataMimicTpl<S, O, rg::Joints>>>;
-};
-
-using Kinds = Joints<double, 0>;
 using Model = pinocchio::ModelTpl<double, 0, Joints>;
 using Data = pinocchio::DataTpl<double, 0, Joints>;
 using Vector = Eigen::Map<const Eigen::VectorXd>;
@@ -49,18 +26,7 @@ static Model build(const Description& d) {
         const pinocchio::SE3 placement(R, Eigen::Vector3d(m[9], m[10], m[11]));
         const auto parent = static_cast<std::size_t>(d.parent[j - 1]);
         const std::string name = std::to_string(j);
-        std::size_t index = 0;
-        switch (d.kind[j - 1]) {
-            case HINGE: index = model.addJoint(parent, Kinds::Hinge(), placement, name); break;
-            case SLIDE: index = model.addJoint(parent, Kinds::Slide(), placement, name); break;
-            case UNBOUNDED_HINGE:
-                index = model.addJoint(parent, Kinds::UnboundedHinge(), placement, name);
-                break;
-            case SPHERICAL: index = model.addJoint(parent, Kinds::Spherical(), placement, name); break;
-            case TRANSLATION: index = model.addJoint(parent, Kinds::Translation(), placement, name); break;
-            case FREE_FLYER: index = model.addJoint(parent, Kinds::FreeFlyer(), placement, name); break;
-            default: index = model.addJoint(parent, Kinds::Planar(), placement, name);
-        }
+        const auto index = model.addJoint(parent, pinocchio_joint(d.kind[j - 1]), placement, name);
         const double* i = d.inertia + 10 * (j - 1);
         Eigen::Matrix3d about;
         about << i[4], i[5], i[7], i[5], i[6], i[8], i[7], i[8], i[9];
