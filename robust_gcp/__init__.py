@@ -32,9 +32,12 @@ from .mechanism.folders.loader import load, model_names
 from .mechanism.forces import JointDamper, JointSpring, JointTorque, PointSpring
 from .mechanism.mechanism import Mechanism
 from .native import Backend, NativeBuildWarning, backends
+from .simulation.access import FrameMotion, Sample
 from .simulation.coarse import CoarseStepWarning
+from .simulation.reactions import Reaction
 from .simulation.simulate import simulate
-from .simulation.trajectory import Stats, Trajectory
+from .simulation.stats import Stats
+from .simulation.trajectory import Trajectory, load_trajectory
 
 if TYPE_CHECKING:
     from .drawing.figures.modes import plot_modes
@@ -68,6 +71,7 @@ __all__ = [
     "Crossing",
     "Failure",
     "FrameClosure",
+    "FrameMotion",
     "JointDamper",
     "JointSpring",
     "JointTorque",
@@ -84,10 +88,12 @@ __all__ = [
     "PartitionError",
     "PointClosure",
     "PointSpring",
+    "Reaction",
     "ReplayPage",
     "RevoluteClosure",
     "RobustGcpError",
     "RunRecord",
+    "Sample",
     "SimulationError",
     "SingularStartError",
     "SingularityWarning",
@@ -105,6 +111,7 @@ __all__ = [
     "linearise",
     "live",
     "load",
+    "load_trajectory",
     "model_names",
     "plot_modes",
     "replay",

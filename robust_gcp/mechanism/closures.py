@@ -133,6 +133,13 @@ def closure_frames(model: pin.Model, closures: Sequence[Closure]) -> list[tuple[
     return [(int(frame.parentJoint), frame.placement) for frame in (*firsts, *seconds)]
 
 
+def row_places(closures: Sequence[Closure], rows: Index) -> list[tuple[int, int]]:
+    """Closure and row within it of each of these rows of the full constraint; 0, 1, 2 are positions."""
+    counts = [3 + len({term[0] for term in closure.rotation_terms()}) for closure in closures]
+    places = [(i, row) for i, count in enumerate(counts) for row in range(count)]
+    return [places[row] for row in rows]
+
+
 def frame_of(model: pin.Model, name: str, owner: str) -> pin.Frame:
     """The frame of that name, or a ModelError by `owner` that names near ones.
 

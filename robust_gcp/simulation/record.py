@@ -15,7 +15,8 @@ from ..maps.point import Point
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..warning import warn
-from .trajectory import Stats, Trajectory
+from .stats import Stats
+from .trajectory import Trajectory
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,9 @@ from ..mechanism.tree import Array
 from ..native.steps import NativeSteps
 from ..native.structures import Reason
 from .record import Record
+from .stats import Stats
 from .steppers import NoProgressError, adaptive, rk4_step
-from .trajectory import Stats, Trajectory
+from .trajectory import Trajectory
 
 REFINED_RTOL, REFINED_ATOL = 1e-10, 1e-12
 """Tolerances of the error-controlled steps through a zone without a bridge."""

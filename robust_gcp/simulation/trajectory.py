@@ -2,73 +2,43 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from ..checks import shown
+from ..errors import OptionError
 from ..maps.explicit import Crossing
-from ..mechanism.joints import in_q, in_v
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from .access import FrameMotion, Named, Sample, frame_motion, state_columns
+from .dense import Interpolant, sampled_accelerations
+from .files import data_frame, read_archive, write_archive, write_csv
+from .reactions import Reaction, closure_number, reaction, row_names
+from .stats import Stats
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from pandas import DataFrame
 
 
-@dataclass
-class Stats:
-    """What a run cost.
+ARRAYS = ("t", "q", "v", "a", "energy", "multipliers", "work")
+"""What a trajectory holds, one row a time; the first three always."""
 
-    Attributes
-    ----------
-    rhs : int
-        Right-hand sides evaluated.
-    constraint_evaluations : int
-        Evaluations of φ and K, with K_d factorised where it is solved; 0 without closed loops.
-    newton_iterations : int
-    force_evaluations : int
-        Evaluations of springs, dampers, drives and torques; 0 without any.
-    second_order : int
-        Second-order analyses of a singular configuration: at a start, and one for each bridge.
-    zone_evaluations : int
-        Right-hand sides taken from a bridge, a projection, or an uncertified zone.
-    marching_steps : int
-        Small steps taken to follow a branch to a node or past a poor prediction.
-    bridges_built : int
-    refined_steps : int
-        Steps taken with error control because their zone had no certified bridge.
-    svds : int
-        Singular value decompositions; 0 in a scene that never comes near a singularity.
-    repartitions : list of (float, tuple of str)
-        Time and new independent joints of each change of coordinates.
-    native_steps : int
-        Steps taken by the compiled kernel; the other ones were taken in Python.
-    wall_seconds : float
-    """
-
-    rhs: int = 0
-    constraint_evaluations: int = 0
-    newton_iterations: int = 0
-    force_evaluations: int = 0
-    second_order: int = 0
-    zone_evaluations: int = 0
-    marching_steps: int = 0
-    bridges_built: int = 0
-    refined_steps: int = 0
-    svds: int = 0
-    native_steps: int = 0
-    repartitions: list[tuple[float, tuple[str, ...]]] = field(default_factory=list)
-    wall_seconds: float = 0.0
+SHOWN = 7
+"""Names or times in the summary of a motion."""
 
 
-@dataclass
-class Trajectory:
+@dataclass(repr=False)
+class Trajectory(Named):
     """A simulated motion.
+
+    `traj["q1"]` gives a joint's numbers in q, `traj["v.q1"]` those in v; see `Named`.
 
     Attributes
     ----------
@@ -81,7 +51,7 @@ class Trajectory:
     energy : ndarray (N + 1,) or None
         Kinetic energy plus that of gravity and springs, J, when recorded.
     multipliers : ndarray (N + 1, nc) or None
-        Constraint forces λ, N and N m, when recorded.
+        Constraint forces λ, N and N m, when recorded; `reactions.row_names` says what each is.
     work : ndarray (N + 1,) or None
         Work done by torques, drives and dampers since the start, J; None without any.
     crossings : list of Crossing
@@ -154,28 +124,180 @@ class Trajectory:
 
         return plot_motion(self, what, path)
 
-    def to_csv(self, path: str | Path) -> Path:
-        """Write t, q, v and whatever else was recorded, one row a time; returns the path.
+    # ----------------------------------------------------------------- by name and by time
 
-        Columns are called `q.joint` and `v.joint`, or `q.joint.component` where a joint has several
-        numbers, such as `q.ball.qw` and `v.ball.rx`.
+    def columns(self) -> dict[str, Array]:
+        """Every number recorded, (N + 1,) each, by name: t, q.…, v.…, a.…, energy, work, lambda.….
+
+        The numbers of a joint are called `q.joint` and `v.joint`, or `q.joint.component` where it has
+        several, such as `q.ball.qw` and `v.ball.rx`; constraint forces by `reactions.row_names`.
         """
-        m = self.mechanism
-        v_names = [component.name for component in in_v(m.joints)]
-        columns: list[tuple[list[str], Array]] = [
-            (["t"], self.t[:, None]),
-            ([f"q.{c.name}" for c in in_q(m.joints)], self.q),
-            ([f"v.{n}" for n in v_names], self.v),
-        ]
-        if self.a is not None:
-            columns.append(([f"a.{n}" for n in v_names], self.a))
+        columns = {"t": self.t} | state_columns(self.mechanism, self.q, self.v, self.a)
         if self.energy is not None:
-            columns.append((["energy"], self.energy[:, None]))
+            columns["energy"] = self.energy
+        if self.work is not None:
+            columns["work"] = self.work
         if self.multipliers is not None:
-            columns.append(([f"lambda.{i}" for i in range(m.nc)], self.multipliers))
-        path = Path(path)
-        with path.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow([name for names, _ in columns for name in names])
-            writer.writerows(np.hstack([values for _, values in columns]).tolist())
-        return path
+            names = row_names(self.mechanism)
+            columns |= {f"lambda.{name}": self.multipliers[:, i] for i, name in enumerate(names)}
+        return columns
+
+    def accelerations(self) -> Array:
+        """The recorded accelerations, (N + 1, nv), or else estimates from q and v.
+
+        Estimates are second derivatives of polynomials through three times, with an error O(step⁴); where
+        a torque jumped they are wrong by a share of the jump (record "a" then), and for a run of a single
+        time NaN.
+        """
+        return self._accelerations
+
+    def at(self, t: ArrayLike) -> Sample:
+        """The motion at any time, or times, between the first and the last.
+
+        Interpolated with an error O(step⁶) in q and O(step⁵) in v, less than RK4's own; at the output times
+        what was recorded, to rounding. The loops are closed to that error, not to rounding. Where
+        accelerations were not recorded, see `accelerations`.
+
+        Parameters
+        ----------
+        t : float or array_like (k,)
+            s.
+
+        Returns
+        -------
+        Sample
+            t, q, v, a; `sample["q1"]`, `sample.frame("tip")`.
+
+        Raises
+        ------
+        OptionError
+            For times outside the motion.
+        """
+        times = _times(t, self.t)
+        q, v, a = Interpolant(self.mechanism.tree, self.t, self.q, self.v, self._accelerations)(
+            np.atleast_1d(times)
+        )
+        if times.ndim == 0:
+            q, v, a = q[0], v[0], a[0]
+        return Sample(self.mechanism, times, q, v, a)
+
+    def frame(self, name: str) -> FrameMotion:
+        """Position, orientation, velocity and acceleration of a frame at all times, in world axes.
+
+        Parameters
+        ----------
+        name : str
+            A frame of the model: a link, a joint, a cut point.
+
+        Raises
+        ------
+        ModelError
+            For a frame that the model does not have.
+        """
+        return frame_motion(self.mechanism, name, self.q, self.v, self._accelerations)
+
+    def reaction(self, closure: str | int) -> Reaction:
+        """Force and moment that a loop's cut joint transmits, at all times, in world axes.
+
+        Parameters
+        ----------
+        closure : str or int
+            A frame of it, "frame1-frame2", or its number in `mechanism.closures`.
+
+        Raises
+        ------
+        OptionError
+            Where `record` did not hold "multipliers", or for a closure that is none.
+        """
+        number = closure_number(self.mechanism, closure)
+        if self.multipliers is None:
+            raise OptionError('constraint forces were not recorded; simulate with record=("multipliers",)')
+        return reaction(self.mechanism, number, self.q, self.multipliers)
+
+    @cached_property
+    def _accelerations(self) -> Array:
+        if self.a is not None:
+            return self.a
+        return sampled_accelerations(self.mechanism.tree, self.t, self.q, self.v)
+
+    # ----------------------------------------------------------------- elsewhere
+
+    def to_csv(self, path: str | Path) -> Path:
+        """Write `columns`, one row a time, every digit kept; returns the path."""
+        return write_csv(self.columns(), path)
+
+    def to_dataframe(self) -> DataFrame:
+        """`columns` as a pandas.DataFrame with t as its index; needs pandas."""
+        return data_frame(self.columns())
+
+    def save(self, path: str | Path) -> Path:
+        """Write everything to a .npz file, which `load_trajectory` reads back; returns the path.
+
+        Stored: t, q, v and whatever else was recorded, crossings, stats, and the mechanism (tree, closures,
+        forces, coordinates). Not stored: the torque function, options of the run, and shapes for replay.
+        """
+        arrays = {name: getattr(self, name) for name in ARRAYS}
+        return write_archive(path, self.mechanism, arrays, self.crossings, asdict(self.stats))
+
+    def __repr__(self) -> str:
+        """A summary in a few lines."""
+        m, n = self.mechanism, len(self.t)
+        span = f"{n} times from {self.t[0]:g} to {self.t[-1]:g} s" if n else "no times"
+        recorded = [name for name in ARRAYS if getattr(self, name) is not None]
+        lines = [
+            f"Trajectory of {m.name!r}: {span}",
+            f"  {len(m.joint_names)} joints: {_brief(m.joint_names)}; independent: {_brief(m.independent)}",
+            f"  recorded: {', '.join(recorded)}",
+        ]
+        if self.crossings:
+            when = [f"{c.time:.4g} s" for c in self.crossings]
+            lines.append(f"  {len(when)} crossings: {_brief(when)}")
+        if self.stats.repartitions:
+            when = [f"{t:.4g} s" for t, _ in self.stats.repartitions]
+            lines.append(f"  coordinates changed at {_brief(when)}")
+        return "\n".join(lines)
+
+
+def load_trajectory(path: str | Path, mechanism: Mechanism | None = None) -> Trajectory:
+    """Read what `Trajectory.save` wrote.
+
+    Parameters
+    ----------
+    path : str or Path
+        Open files from people you trust: the model in it is read by Pinocchio, which trusts it too.
+    mechanism : Mechanism, optional
+        Taken instead of the stored one, after a check that inertias, loops and forces agree at the start;
+        for files whose model this version of Pinocchio cannot read.
+
+    Raises
+    ------
+    OptionError
+        For another kind of file, a damaged one, or a mechanism that is not the one that moved.
+    """
+    mechanism, arrays, crossings, stats = read_archive(path, mechanism)
+    changes = [(float(t), tuple(names)) for t, names in stats.pop("repartitions")]
+    kept = {name: arrays.get(name) for name in ARRAYS}
+    t, q, v = (arrays[name] for name in ("t", "q", "v"))
+    rest = {name: kept[name] for name in ARRAYS[3:]}
+    return Trajectory(
+        mechanism, t, q, v, **rest, crossings=crossings, stats=Stats(**stats, repartitions=changes)
+    )
+
+
+def _times(t: ArrayLike, known: Array) -> Array:
+    """Times (k,) or () as floats that lie within the motion, else an OptionError."""
+    try:
+        times = np.asarray(t, dtype=float)
+    except (TypeError, ValueError):
+        times = np.full(1, np.nan)
+    if times.ndim > 1 or not len(known) or not np.all((known[0] <= times) & (times <= known[-1])):
+        span = f"from {known[0]:g} to {known[-1]:g} s" if len(known) else "over no time"
+        raise OptionError(f"t = {shown(t)}: give a time, or a list of times, within the motion, {span}")
+    return times
+
+
+def _brief(words: Sequence[str]) -> str:
+    """All of a few words, the first of many."""
+    if len(words) <= SHOWN:
+        return ", ".join(words) or "none"
+    return ", ".join(words[: SHOWN - 1]) + f", … {words[-1]}"

@@ -30,7 +30,7 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Tree
 from ..printing import progress_bar, write, write_json
 from ..simulation.simulate import simulate
-from ..simulation.trajectory import Stats
+from ..simulation.stats import Stats
 from . import pages
 from .costs_scenes import SCENES, Scene
 from .import_time import import_milliseconds

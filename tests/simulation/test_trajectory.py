@@ -234,8 +234,8 @@ def test_csv_holds_every_digit(fall: rg.Trajectory, tmp_path: Path) -> None:
         "t",
         *(f"{letter}.{joint}" for letter in "qva" for joint in ("q1", "q2", "q3")),
         "energy",
-        "lambda.0",
-        "lambda.1",
+        "lambda.coupler_tip-rocker_tip.y",
+        "lambda.coupler_tip-rocker_tip.z",
     ]
     values = np.array(rows, dtype=float)
     np.testing.assert_array_equal(values[:, 0], fall.t)

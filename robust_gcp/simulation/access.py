@@ -1,0 +1,178 @@
+"""What a motion is made of, by name: joints, columns, frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from ..checks import hint, shown
+from ..errors import OptionError
+from ..mechanism.closures import frame_of
+from ..mechanism.joints import in_q, in_v
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+
+
+@dataclass(frozen=True, eq=False)
+class FrameMotion:
+    """How a frame moves; all vectors in world axes, N times or one (then without the first dimension).
+
+    Attributes
+    ----------
+    name : str
+    position : ndarray (N, 3)
+        Of the frame's origin, m.
+    rotation : ndarray (N, 3, 3)
+        Its columns are the frame's axes.
+    velocity, acceleration : ndarray (N, 3)
+        First and second derivative of `position`, m/s and m/s².
+    angular_velocity, angular_acceleration : ndarray (N, 3)
+        rad/s and rad/s².
+    """
+
+    name: str
+    position: Array
+    rotation: Array
+    velocity: Array
+    acceleration: Array
+    angular_velocity: Array
+    angular_acceleration: Array
+
+    @property
+    def placement(self) -> Array:
+        """Homogeneous matrices (N, 4, 4): from coordinates in the frame to world coordinates."""
+        matrices = np.zeros((*self.position.shape[:-1], 4, 4))
+        matrices[..., :3, :3], matrices[..., :3, 3] = self.rotation, self.position
+        matrices[..., 3, 3] = 1.0
+        return matrices
+
+
+def frame_motion(mechanism: Mechanism, name: str, q: Array, v: Array, a: Array) -> FrameMotion:
+    """The motion of a frame of the model, of a link, a joint or a cut point.
+
+    Parameters
+    ----------
+    q, v, a : ndarray (N, nq), (N, nv), (N, nv)
+
+    Raises
+    ------
+    ModelError
+        For a frame that the model does not have.
+    """
+    model = mechanism.model
+    joint, place = _place(mechanism, name)
+    data, axes = model.createData(), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    n = len(q)
+    position, rotation = np.empty((n, 3)), np.empty((n, 3, 3))
+    rates = np.empty((4, n, 3))
+    for i in range(n):
+        pin.forwardKinematics(model, data, q[i], v[i], a[i])
+        placement = data.oMi[joint] * place
+        velocity = pin.getFrameVelocity(model, data, joint, place, axes)
+        acceleration = pin.getFrameClassicalAcceleration(model, data, joint, place, axes)
+        position[i], rotation[i] = placement.translation, placement.rotation
+        rates[:, i] = velocity.linear, acceleration.linear, velocity.angular, acceleration.angular
+    return FrameMotion(name, position, rotation, *rates)
+
+
+def _place(mechanism: Mechanism, name: str) -> tuple[int, pin.SE3]:
+    """The joint that carries a frame, and where; a joint is a frame of its own also where none is listed."""
+    model = mechanism.model
+    if name in mechanism.joint_names and not model.existFrame(name):
+        return int(model.getJointId(name)), pin.SE3.Identity()
+    frame = frame_of(model, name, "frame")
+    return int(frame.parentJoint), frame.placement
+
+
+def state_columns(mechanism: Mechanism, q: Array, v: Array, a: Array | None) -> dict[str, Array]:
+    """Each number of each joint, such as "q.q1", as a view (...,) into q, v and a (..., n)."""
+    joints = mechanism.joints
+    columns = {f"q.{c.name}": q[..., c.iq] for c in in_q(joints)}
+    columns |= {f"v.{c.name}": v[..., c.iv] for c in in_v(joints)}
+    if a is not None:
+        columns |= {f"a.{c.name}": a[..., c.iv] for c in in_v(joints)}
+    return columns
+
+
+class Named:
+    """Access by name to a motion or to a sample of one, whose last dimensions are nq and nv."""
+
+    mechanism: Mechanism
+    q: Array
+    v: Array
+
+    def columns(self) -> dict[str, Array]:
+        """Every number recorded, by its name in a table."""
+        raise NotImplementedError
+
+    def __getitem__(self, name: str) -> Array:
+        """A joint's numbers in q ("q1"), in v ("v.q1") or a ("a.q1"), one of them ("ball.qw"), or a column.
+
+        Returns
+        -------
+        ndarray (N,), or (N, k) for a joint with k numbers
+            A view; without the first dimension in a sample at one time.
+
+        Raises
+        ------
+        OptionError
+            For a name that is neither a joint nor a column.
+        """
+        names = self.mechanism.joint_names
+        letter, _, joint = str(name).partition(".") if name not in names else ("q", ".", name)
+        values: Array | None = getattr(self, letter) if letter in ("q", "v", "a") and joint in names else None
+        if values is None:
+            return self._column(name)
+        model = self.mechanism.joint(joint)
+        first, count = (model.idx_q, model.nq) if letter == "q" else (model.idx_v, model.nv)
+        return values[..., first] if count == 1 else values[..., first : first + count]
+
+    def _column(self, name: str) -> Array:
+        columns = self.columns()
+        for known in (name, f"q.{name}"):
+            if known in columns:
+                return columns[known]
+        names = self.mechanism.joint_names
+        unrecorded = "; accelerations were not recorded" if str(name).startswith("a.") else ""
+        raise OptionError(
+            f"{shown(name)} is not in this motion{hint(name, [*names, *columns])}{unrecorded}; its joints "
+            f"are {', '.join(names)}, its columns {', '.join(columns)}"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Sample(Named):
+    """A motion at one time, or at several: what `Trajectory.at` gives.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+    t : ndarray (k,), or () for one time
+        s.
+    q, v, a : ndarray (k, nq), (k, nv), (k, nv); without the first dimension for one time
+    """
+
+    mechanism: Mechanism
+    t: Array
+    q: Array
+    v: Array
+    a: Array
+
+    @property
+    def y(self) -> Array:
+        """Independent coordinates, (k, m) or (m,)."""
+        return self.q[..., self.mechanism.iq_independent]
+
+    def columns(self) -> dict[str, Array]:
+        """Time and each number of each joint, by name."""
+        return {"t": self.t} | state_columns(self.mechanism, self.q, self.v, self.a)
+
+    def frame(self, name: str) -> FrameMotion:
+        """The motion of a frame of the model; see `Trajectory.frame`."""
+        rows = (np.atleast_2d(part) for part in (self.q, self.v, self.a))
+        found = frame_motion(self.mechanism, name, *rows)
+        if self.t.ndim:
+            return found
+        return FrameMotion(name, *(part[0] for key, part in vars(found).items() if key != "name"))

@@ -1,0 +1,192 @@
+"""Trajectories as files: tables for other programs, and .npz archives that are read back to the last digit.
+
+An archive is plain arrays and one JSON text; nothing in it is pickled, nothing is executed. The spanning tree
+is stored as Pinocchio's own archive text, whose reader trusts what it reads: open files of people you trust.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, get_args
+
+import numpy as np
+import pinocchio as pin
+
+from ..checks import shown
+from ..errors import MissingExtraError, OptionError
+from ..maps.explicit import Crossing
+from ..mechanism.closures import Closure
+from ..mechanism.forces import Force
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+FORMAT = "robust_gcp trajectory 1"
+
+SAME = 1e-9
+"""Relative difference at the start that two ways to build one mechanism may make."""
+
+MEANING = {
+    "check_M": "inertias are",
+    "check_K": "loops are",
+    "check_force": "gravity, springs or dampers are",
+}
+
+PARTS: dict[str, type[Any]] = {kind.__name__: kind for kind in (*get_args(Closure), *get_args(Force))}
+"""What an archive may hold besides numbers."""
+
+
+def write_csv(columns: Mapping[str, Array], path: str | Path) -> Path:
+    """Write the columns, one row a time, every digit kept; returns the path."""
+    path = Path(path)
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows(np.stack(list(columns.values()), axis=1).tolist())
+    return path
+
+
+def data_frame(columns: Mapping[str, Array]) -> DataFrame:
+    """The columns as a pandas.DataFrame, with the times as its index.
+
+    Raises
+    ------
+    MissingExtraError
+        When pandas is not installed.
+    """
+    try:
+        import pandas
+    except ImportError as error:
+        raise MissingExtraError("to_dataframe needs pandas: pip install pandas") from error
+    values = dict(columns)
+    index = pandas.Index(values.pop("t"), name="t")
+    return pandas.DataFrame({name: np.array(column) for name, column in values.items()}, index=index)
+
+
+def write_archive(
+    path: str | Path, mechanism: Mechanism, arrays: Mapping[str, Array | None], crossings: Sequence[Crossing],
+    stats: Mapping[str, Any],
+) -> Path:  # fmt: skip
+    """Write a trajectory; see `Trajectory.save`."""
+    path = Path(path)
+    if path.suffix != ".npz":
+        raise OptionError(f"{path}: give a name that ends in .npz")
+    model = np.frombuffer(mechanism.model.saveToString().encode(), dtype=np.uint8)
+    meta = {
+        "format": FORMAT,
+        "pinocchio": pin.__version__,
+        "digest": hashlib.sha256(model.tobytes()).hexdigest(),
+        "name": mechanism.name,
+        "independent": mechanism.independent,
+        "closures": [_as_plain(c) for c in mechanism.closures],
+        "forces": [_as_plain(f) for f in mechanism.forces],
+        "crossings": [c.kind for c in crossings],
+        "stats": stats,
+    }
+    kept: dict[str, Any] = {name: values for name, values in arrays.items() if values is not None}
+    kept |= {
+        f"crossing_{field.name}": np.array([getattr(c, field.name) for c in crossings])
+        for field in fields(Crossing)
+        if field.name != "kind"
+    }
+    text = np.frombuffer(json.dumps(meta, ensure_ascii=False).encode(), dtype=np.uint8)
+    kept |= _fingerprint(mechanism, kept["q"], kept["v"])
+    np.savez(path, meta=text, model=model, home=mechanism.home, **kept)
+    return path
+
+
+def read_archive(
+    path: str | Path, mechanism: Mechanism | None
+) -> tuple[Mechanism, dict[str, Array], list[Crossing], dict[str, Any]]:
+    """What `write_archive` was given; the mechanism is rebuilt unless one is given.
+
+    Raises
+    ------
+    OptionError
+        For another kind of file, a damaged one, or a mechanism that is not the stored one.
+    """
+    path = Path(path)
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+        meta = json.loads(arrays.pop("meta").tobytes().decode())
+        known = isinstance(meta, dict) and meta.get("format") == FORMAT
+    except (ValueError, KeyError, AttributeError, EOFError, zipfile.BadZipFile) as error:
+        raise OptionError(f"{path} is not a trajectory that save wrote, or is damaged") from error
+    if not known:
+        raise OptionError(f"{path}: not in the format {FORMAT!r}; write it with this version's save")
+    try:
+        model, home = arrays.pop("model"), arrays.pop("home")
+        if mechanism is None:
+            mechanism = _rebuilt(path, meta, model.tobytes(), home)
+        places = [arrays.pop(f"crossing_{f.name}") for f in fields(Crossing) if f.name != "kind"]
+        crossings = [
+            Crossing(float(when), y, q, kind, float(certificate), float(transversality))
+            for kind, when, y, q, certificate, transversality in zip(meta["crossings"], *places, strict=True)
+        ]
+        _require_same(path, mechanism, arrays)
+        return mechanism, arrays, crossings, meta["stats"]
+    except (KeyError, TypeError) as error:
+        raise OptionError(f"{path} is damaged: {error}") from error
+
+
+def _as_plain(part: Any) -> dict[str, Any]:
+    return {"kind": type(part).__name__, **asdict(part)}
+
+
+def _from_plain(part: dict[str, Any]) -> Any:
+    given = {name: tuple(value) if isinstance(value, list) else value for name, value in part.items()}
+    return PARTS[str(given.pop("kind"))](**given)
+
+
+def _rebuilt(path: Path, meta: dict[str, Any], model: bytes, home: Array) -> Mechanism:
+    remedy = "give the mechanism: load_trajectory(path, mechanism)"
+    if hashlib.sha256(model).hexdigest() != meta["digest"]:
+        raise OptionError(f"{path} is damaged: the stored model is not what was written; {remedy}")
+    tree = pin.Model()
+    try:
+        tree.loadFromString(model.decode())
+    except (RuntimeError, ValueError) as error:
+        raise OptionError(
+            f"{path}: Pinocchio {pin.__version__} cannot read the model that Pinocchio {meta['pinocchio']} "
+            f"wrote; {remedy}"
+        ) from error
+    closures, forces = ([_from_plain(p) for p in meta[what]] for what in ("closures", "forces"))
+    return Mechanism(tree, closures, meta["independent"], home, meta["name"], forces)
+
+
+def _fingerprint(mechanism: Mechanism, q: Array, v: Array) -> dict[str, Array]:
+    """M, K and the force without acceleration at the first time, which another mechanism does not share."""
+    if not len(q):
+        return {}
+    tree = mechanism.tree
+    force = tree.rnea(q[0], v[0], tree.zero).copy()
+    if mechanism.applied is not None:
+        force -= mechanism.applied.tau(q[0], v[0])
+    return {"check_M": np.triu(tree.crba(q[0])), "check_K": mechanism.K(q[0]), "check_force": force}
+
+
+def _require_same(path: Path, mechanism: Mechanism, arrays: dict[str, Array]) -> None:
+    q, v = arrays["q"], arrays["v"]
+    sizes = (q.shape[1], v.shape[1])
+    if sizes != (mechanism.nq, mechanism.nv):
+        raise OptionError(
+            f"{path} holds a motion with (nq, nv) = {sizes}; {shown(mechanism)} has "
+            f"({mechanism.nq}, {mechanism.nv})"
+        )
+    for name, value in _fingerprint(mechanism, q, v).items():
+        stored = arrays.pop(name)
+        scale = float(np.abs(stored).max(initial=0.0))
+        if value.shape != stored.shape or np.abs(value - stored).max(initial=0.0) > SAME * scale:
+            raise OptionError(
+                f"{path}: {MEANING[name]} at the start not those of {shown(mechanism)}, so the motion is "
+                "another mechanism's"
+            )

@@ -1,0 +1,102 @@
+"""Constraint forces by name: what each row of λ is, and the force and moment in each cut joint.
+
+λ belongs to the rows of φ, which acts on the joints as Kᵀ λ. With φ = p₁ − p₂ in world axes, the three
+position rows of a closure are the force, in world axes, that the body of its first frame receives at the cut
+point from the body of its second frame; the second body receives the opposite. A rotation row
+Σ w (u · n) gives the first body the moment λ Σ w (u × n), the second the opposite.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import OptionError
+from ..mechanism.closures import Closure, row_places
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+
+AXES = ("x", "y", "z")
+
+
+def row_names(mechanism: Mechanism) -> list[str]:
+    """A name for each row of φ and each constraint force, (nc,): "frame1-frame2.y", "….rx", "….r1".
+
+    x, y, z: position rows, along the world's axes; rx, ry, rz: rotation rows of a `FrameClosure`, about the
+    axes of its second frame where the loop is closed; r1, r2: the two of a `RevoluteClosure`. The second of
+    two closures between the same frames is called "frame1-frame2#2".
+    """
+    labels: list[str] = []
+    for closure in mechanism.closures:
+        label = f"{closure.frame1}-{closure.frame2}"
+        again = sum(other.partition("#")[0] == label for other in labels)
+        labels.append(f"{label}#{again + 1}" if again else label)
+    return [
+        f"{labels[closure]}.{_row_name(mechanism.closures[closure], row)}"
+        for closure, row in row_places(mechanism.closures, mechanism.implicit.rows)
+    ]
+
+
+def _row_name(closure: Closure, row: int) -> str:
+    if row < 3:
+        return AXES[row]
+    about = len({term[0] for term in closure.rotation_terms()}) == 3
+    return f"r{AXES[row - 3]}" if about else f"r{row - 2}"
+
+
+@dataclass(frozen=True, eq=False)
+class Reaction:
+    """What a closed loop's cut joint transmits, N times.
+
+    Attributes
+    ----------
+    closure : closure
+    force : ndarray (N, 3)
+        On the body of frame1, at the cut point, from the body of frame2; world axes, N. Zero along axes
+        whose row of φ is zero in every configuration, as across the plane of a planar mechanism: what
+        acts there, rigid bodies do not determine.
+    moment : ndarray (N, 3)
+        Likewise, N m.
+    """
+
+    closure: Closure
+    force: Array
+    moment: Array
+
+
+def reaction(mechanism: Mechanism, number: int, q: Array, multipliers: Array) -> Reaction:
+    """Force and moment in the cut joint of closure `number` at the configurations q (N, nq)."""
+    closure, tree = mechanism.closures[number], mechanism.tree
+    rows = row_places(mechanism.closures, mechanism.implicit.rows)
+    force, moment = np.zeros((len(q), 3)), np.zeros((len(q), 3))
+    own = {row: i for i, (owner, row) in enumerate(rows) if owner == number}
+    for row, i in own.items():
+        if row < 3:
+            force[:, row] = multipliers[:, i]
+    terms = [term for term in closure.rotation_terms() if 3 + term[0] in own]
+    for at in range(len(q) if terms else 0):
+        tree.jacobians(q[at])
+        first, second = tree.frame_R[number], tree.frame_R[len(mechanism.closures) + number]
+        for row, weight, u, n in terms:
+            moment[at] += multipliers[at, own[3 + row]] * weight * np.cross(first @ u, second @ n)
+    return Reaction(closure, force, moment)
+
+
+def closure_number(mechanism: Mechanism, name: str | int) -> int:
+    """Which closure is meant: its number, or a frame of it, or both as "frame1-frame2".
+
+    Raises
+    ------
+    OptionError
+        For none or several.
+    """
+    closures = mechanism.closures
+    if isinstance(name, int) and not isinstance(name, bool) and 0 <= name < len(closures):
+        return name
+    names = [{c.frame1, c.frame2, f"{c.frame1}-{c.frame2}", f"{c.frame1} – {c.frame2}"} for c in closures]
+    found = [i for i, known in enumerate(names) if name in known]
+    if len(found) == 1:
+        return found[0]
+    listed = ", ".join(f"{i}: {c.frame1}-{c.frame2}" for i, c in enumerate(closures)) or "none"
+    raise OptionError(f"closure {name!r} is {'not one' if found else 'none'} of this mechanism's: {listed}")
