@@ -13,6 +13,7 @@ from .errors import (
     ClosureError,
     MissingExtraError,
     ModelError,
+    ModelWarning,
     NonFiniteError,
     NotCertifiedError,
     OptionError,
@@ -28,6 +29,7 @@ from .maps.bridge.bridge import BridgeOptions
 from .maps.classical import SingularityWarning
 from .maps.explicit import Crossing
 from .mechanism.closures import FrameClosure, PointClosure, RevoluteClosure
+from .mechanism.couplings import CouplingClosure
 from .mechanism.folders.loader import load, model_names
 from .mechanism.forces import JointDamper, JointSpring, JointTorque, PointSpring
 from .mechanism.mechanism import Mechanism
@@ -68,6 +70,7 @@ __all__ = [
     "ClosureError",
     "CoarseStepWarning",
     "ConfigurationSpace",
+    "CouplingClosure",
     "Crossing",
     "Failure",
     "FrameClosure",
@@ -81,6 +84,7 @@ __all__ = [
     "MissingExtraError",
     "ModeCurve",
     "ModelError",
+    "ModelWarning",
     "NativeBuildWarning",
     "NonFiniteError",
     "NotCertifiedError",

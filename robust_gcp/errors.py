@@ -46,6 +46,10 @@ class ModelError(RobustGcpError, ValueError):
     """A mechanism's description (URDF, YAML, closures, joint names) is wrong."""
 
 
+class ModelWarning(UserWarning):
+    """Parts of a robot's file are not simulated; the message lists them, `Mechanism.left_out` keeps them."""
+
+
 class PartitionError(ModelError):
     """The chosen independent joints cannot serve as minimal coordinates anywhere.
 

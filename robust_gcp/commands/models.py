@@ -26,7 +26,7 @@ def run(args: argparse.Namespace) -> int:
     for name in model_names():
         mechanism = load(name)
         own = parsed_yaml(models_folder() / name / "robot.yaml").get("robust_gcp") or {}
-        closures = [f"{c.frame1} – {c.frame2} ({c.kind})" for c in mechanism.closures]
+        closures = [f"{c.frame1} – {c.frame2} ({c.kind})" for c in mechanism.loops]
         columns = (
             (mechanism.joint_names, "joint", 10),
             (mechanism.independent, "joint", 8),

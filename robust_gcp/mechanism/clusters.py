@@ -9,7 +9,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from .closures import Closure, frame_of
+from .closures import frame_of
+from .couplings import AnyClosure, CouplingClosure
 from .loop_graph import LoopGroup, loop_groups
 from .loops import ClosedLoops
 
@@ -40,7 +41,7 @@ class LoopCluster:
 
     index: int
     joints: tuple[str, ...]
-    closures: tuple[Closure, ...]
+    closures: tuple[AnyClosure, ...]
     independent: tuple[str, ...]
     iq: NDArray[np.int64]
     iv: NDArray[np.int64]
@@ -82,18 +83,19 @@ def loop_clusters(
     return tuple(clusters)
 
 
-def rooted_model(model: pin.Model, closures: Sequence[Closure], group: LoopGroup) -> pin.Model:
+def rooted_model(model: pin.Model, closures: Sequence[AnyClosure], group: LoopGroup) -> pin.Model:
     """The group's joints as a model of their own on a fixed ground, with the closures' frames."""
     part = pin.Model()
     part.name = model.name
     part.gravity = model.gravity
-    index = {group.root: 0}
+    index = dict.fromkeys(group.roots, 0)
     for joint in group.joints:
         parent = index[model.parents[joint]]
         placed = part.addJoint(parent, model.joints[joint], model.jointPlacements[joint], model.names[joint])
         part.appendBodyToJoint(placed, model.inertias[joint], pin.SE3.Identity())
         index[joint] = int(placed)
-    for name in dict.fromkeys(name for c in closures for name in (c.frame1, c.frame2)):
+    cut = [c for c in closures if not isinstance(c, CouplingClosure)]
+    for name in dict.fromkeys(name for c in cut for name in (c.frame1, c.frame2)):
         frame = frame_of(model, name, "closure")
         kind = pin.FrameType.OP_FRAME
         part.addFrame(pin.Frame(name, index[frame.parentJoint], frame.placement, kind))

@@ -9,6 +9,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from .closures import Closure, Index, Term
+from .couplings import AnyClosure, CouplingClosure, Couplings
 from .joints import support
 from .tree import Array, Tree
 
@@ -18,13 +19,13 @@ class ImplicitConstraint:
 
     Each row of K is a pair of wrenches, one on either body, applied to the joint Jacobian J: a
     position row along e is the unit force e at the cut point, (e, p × e); a rotation row is the
-    moment (0, Σ w u × n).
+    moment (0, Σ w u × n). The rows of couplings come last and hold two entries each.
 
     Parameters
     ----------
     tree : Tree
         Follows the frames of `closure_frames`; kinematics are read from its views.
-    closures : sequence of closures
+    closures : sequence of closures and couplings
     rows : ndarray of int, optional
         Which rows of the full constraint to compute; all when left out.
     row_scale : ndarray (nrows,), optional
@@ -36,25 +37,26 @@ class ImplicitConstraint:
     def __init__(
         self,
         tree: Tree,
-        closures: Sequence[Closure],
+        closures: Sequence[AnyClosure],
         rows: Index | None = None,
         row_scale: Array | None = None,
         column_scale: Array | None = None,
     ) -> None:
         self._tree = tree
-        layout = _Layout(closures)
+        couplings = [c for c in closures if isinstance(c, CouplingClosure)]
+        layout = _Layout(tree.model, [c for c in closures if not isinstance(c, CouplingClosure)], couplings)
         self.rows = np.arange(len(layout.labels)) if rows is None else rows
         self.labels = [layout.labels[row] for row in self.rows]
         axis = np.array(layout.axis, dtype=np.int64)[self.rows]
         closure = np.array(layout.closure, dtype=np.int64)[self.rows]
-        self.is_length: NDArray[np.bool_] = axis >= 0
-        n, loops = len(self.rows), len(closures)
+        self.is_length: NDArray[np.bool_] = np.array(layout.is_length, dtype=bool)[self.rows]
+        n, loops = len(self.rows), len(closures) - len(couplings)
         self._weight = 1.0 / (np.ones(n) if row_scale is None else row_scale)
         columns = np.ones(tree.nv) if column_scale is None else column_scale
 
         # φ: entries of the stacked differences p₁ − p₂
         self._loops = loops
-        self._position = np.flatnonzero(self.is_length)
+        self._position = np.flatnonzero(axis >= 0)
         self._take = 3 * closure[self._position] + axis[self._position]
         # K: forces at the points, and the columns that each body's motion depends on
         self._wrench = np.zeros((2 * n, 6))
@@ -66,7 +68,7 @@ class ImplicitConstraint:
         frames = [tree.model.frames[i] for i in range(tree.model.nframes - 2 * loops, tree.model.nframes)]
         joints = [int(frame.parentJoint) for frame in frames]
         for side, sign in ((0, 1.0), (1, -1.0)):
-            for row in range(n):
+            for row in np.flatnonzero(closure >= 0).tolist():
                 at, point = side * n + row, side * loops + int(closure[row])
                 carrying = support(tree.model, joints[point])
                 wrenches += [at] * len(carrying)
@@ -90,31 +92,46 @@ class ImplicitConstraint:
             self._carried[point, support(tree.model, joint)] = 1.0
         self._to_frame = np.array([_point_motion(frame) for frame in frames]).reshape(-1, 3, 6)
         self._turn = np.array([frame.placement.rotation.T for frame in frames]).reshape(-1, 3, 3)
-        self._rotation = _RotationRows(self.rows, layout, loops) if np.any(~self.is_length) else None
+        self._rotation = _RotationRows(self.rows, layout, loops) if np.any(axis == _ROTATION) else None
+        self._coupled = np.flatnonzero(closure < 0)
+        self._coupling: Couplings | None = None
+        if len(self._coupled):
+            which = self.rows[self._coupled] - (len(layout.labels) - len(couplings))
+            self._coupling = Couplings(tree.model, [couplings[int(i)] for i in which])
+            self._coupled_at = self._coupled[:, None] * tree.nv + self._coupling.iv
+            self._coupled_weight = self._weight[self._coupled, None] * columns[self._coupling.iv]
+        self._plain = self._rotation is None and self._coupling is None
 
     def residual(self) -> Array:
         """φ at the tree's present placements, (nc,), m and rad (or scaled); a new array."""
         p, loops = self._tree.frame_p, self._loops
         apart = (p[:loops] - p[loops:]).ravel()
-        if self._rotation is None:
+        if self._plain:
             return np.asarray(apart[self._take] * self._weight)
         phi = np.empty(len(self.rows))
         phi[self._position] = apart[self._take]
-        self._rotation.place(self._tree.frame_R)
-        phi[self._rotation.at] = self._rotation.residual()
+        if self._rotation is not None:
+            self._rotation.place(self._tree.frame_R)
+            phi[self._rotation.at] = self._rotation.residual()
+        if self._coupling is not None:
+            phi[self._coupled] = self._coupling.residual(self._tree.q)
         return phi * self._weight
 
     def jacobian(self) -> Array:
         """K = ∂φ/∂q (nc, nv) after `residual` at the same placements; a new array."""
         n = len(self.rows)
-        np.multiply(self._tree.frame_p.take(self._moment_source), self._moment_sign, out=self._moment)
+        if self._loops:
+            np.multiply(self._tree.frame_p.take(self._moment_source), self._moment_sign, out=self._moment)
         if self._rotation is not None:
             self._moment[self._rotation.at] = self._moment[n + self._rotation.at] = self._rotation.normals()
         entries = np.einsum("ij,ij->i", self._wrench[self._entry_wrench], self._tree.J[self._entry_column])
         entries *= self._entry_weight
         nv = self._tree.nv
-        flat = np.bincount(self._entry_at, entries, minlength=n * nv)
-        return np.asarray(flat, dtype=float).reshape(n, nv)
+        flat = np.bincount(self._entry_at, entries, minlength=n * nv).astype(float)
+        if self._coupling is not None:
+            flat[self._coupled_at[:, 0]] = self._coupled_weight[:, 0]
+            flat[self._coupled_at[:, 1]] = -self._coupling.slope(self._tree.q) * self._coupled_weight[:, 1]
+        return flat.reshape(n, nv)
 
     def jacobian_rate(self, v: Array) -> Array:
         """K̇ along v (nv,), (nc, nv), after `jacobian` and the tree's `jacobian_rates` at the same q and v."""
@@ -130,8 +147,11 @@ class ImplicitConstraint:
         at, column = self._entry_wrench, self._entry_column
         entries = np.einsum("ij,ij->i", wrench[at], tree.J[column])
         entries += np.einsum("ij,ij->i", self._wrench[at], tree.dJ[column])
-        flat = np.bincount(self._entry_at, entries * self._entry_weight, minlength=n * tree.nv)
-        return np.asarray(flat, dtype=float).reshape(n, tree.nv)
+        flat = np.bincount(self._entry_at, entries * self._entry_weight, minlength=n * tree.nv).astype(float)
+        if self._coupling is not None:
+            rate = -self._coupling.slope_rate(tree.q, v)
+            flat[self._coupled_at[:, 1]] = rate * self._coupled_weight[:, 1]
+        return flat.reshape(n, tree.nv)
 
     def bias(self) -> Array:
         """k = −K̇ v (nc,) after `residual` at q and the tree's `rnea` at (q, v, 0).
@@ -146,24 +166,31 @@ class ImplicitConstraint:
         local += _apply((omega @ _CROSS).reshape(-1, 3, 3), _apply(self._to_frame, v))
         world = _apply(tree.frame_R, local)
         apart = (world[loops:] - world[:loops]).ravel()
-        if self._rotation is None:
+        if self._plain:
             return np.asarray(apart[self._take] * self._weight)
         k = np.empty(len(self.rows))
         k[self._position] = apart[self._take]
-        turning = _apply(tree.frame_R, omega)
-        speeding = _apply(tree.frame_R, _apply(self._turn, a[:, 3:]))
-        k[self._rotation.at] = self._rotation.bias(turning, speeding)
+        if self._rotation is not None:
+            turning = _apply(tree.frame_R, omega)
+            speeding = _apply(tree.frame_R, _apply(self._turn, a[:, 3:]))
+            k[self._rotation.at] = self._rotation.bias(turning, speeding)
+        if self._coupling is not None:
+            k[self._coupled] = self._coupling.bias(tree.q, tree.qdot)
         return k * self._weight
 
 
 class _Layout:
     """Where the rows of the full constraint come from."""
 
-    def __init__(self, closures: Sequence[Closure]) -> None:
+    def __init__(
+        self, model: pin.Model, closures: Sequence[Closure], couplings: Sequence[CouplingClosure]
+    ) -> None:
         self.labels: list[str] = []
         self.closure: list[int] = []
+        """−1 for the row of a coupling."""
         self.axis: list[int] = []
-        """World axis of a position row; −1 for a rotation row."""
+        """World axis of a position row; _ROTATION or _COUPLED for another."""
+        self.is_length: list[bool] = []
         self.terms: list[tuple[int, int, Term]] = []
         """Full row, closure and term of each rotation term."""
         for i, closure in enumerate(closures):
@@ -172,8 +199,15 @@ class _Layout:
             count = 3 + len({term[0] for term in terms})
             self.labels += [f"{closure.frame1} – {closure.frame2}"] * count
             self.closure += [i] * count
-            self.axis += [0, 1, 2] + [-1] * (count - 3)
+            self.axis += [0, 1, 2] + [_ROTATION] * (count - 3)
+            self.is_length += [True] * 3 + [False] * (count - 3)
             self.terms += [(base + term[0], i, term) for term in terms]
+        for coupling in couplings:
+            self.labels.append(f"{coupling.joint1} – {coupling.joint2}")
+            self.closure.append(-1)
+            self.axis.append(_COUPLED)
+            first = model.joints[model.getJointId(coupling.joint1)]
+            self.is_length.append("JointModelP" in first.shortname())
 
 
 class _RotationRows:
@@ -248,6 +282,7 @@ def _apply(matrices: Array, vectors: Array) -> Array:
     return np.asarray(np.einsum("pij,pj->pi", matrices, vectors))
 
 
+_ROTATION, _COUPLED = -1, -2
 _FEW = 16
 _CROSS = np.array([_skew(e).ravel() for e in np.eye(3)])
 """ω @ _CROSS is the matrix of ω ×, row by row."""

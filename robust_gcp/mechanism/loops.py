@@ -13,13 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 from ..checks import check_model, checked_vector, listed, require_finite
 from ..errors import ClosureError, ModelError, StateError
 from .closures import (
-    Closure,
     FrameClosure,
     PointClosure,
     RevoluteClosure,
     closure_frames,
 )
 from .constraint import ImplicitConstraint
+from .couplings import AnyClosure, CouplingClosure, Couplings
 from .joints import Joint, joint_named
 from .loop_graph import characteristic_length
 from .memo import Memo
@@ -47,6 +47,8 @@ class ClosedLoops:
     model : pin.Model
         A private copy of the spanning tree.
     closures : tuple of closures
+    loops : tuple of closures
+        Those between two frames; the others couple two joints.
     nq, nv, nc : int
         Sizes of q, of v, and of φ (rows that are zero in every configuration left out).
     length : float
@@ -55,14 +57,16 @@ class ClosedLoops:
         What was worked out once for these loops, by whoever needs it.
     """
 
-    def __init__(self, model: pin.Model, closures: Sequence[Closure]) -> None:
+    def __init__(self, model: pin.Model, closures: Sequence[AnyClosure]) -> None:
         check_model(model)
         closures = listed(closures, "closures", "closures, such as PointClosure(frame1, frame2)")
         require_depth_first(model)
         self.memo = Memo()
         self.model: pin.Model = model.copy()
         self.closures = tuple(_as_closure(c) for c in closures)
-        self.tree = Tree(self.model, closure_frames(self.model, self.closures))
+        self.loops = tuple(c for c in self.closures if not isinstance(c, CouplingClosure))
+        Couplings(self.model, [c for c in self.closures if isinstance(c, CouplingClosure)])  # joints exist
+        self.tree = Tree(self.model, closure_frames(self.model, self.loops))
         self.nq, self.nv = self.tree.nq, self.tree.nv
         self.joint_names = tuple(joint.name for joint in self.joints)
         self.length = characteristic_length(self.model, self.closures)
@@ -231,10 +235,10 @@ class ClosedLoops:
     def require_proper(self, q: Array) -> None:
         """Refuse the false zeros of the rotation rows: frames or axes turned by π to each other."""
         self.tree.jacobians(q)
-        for i, closure in enumerate(self.closures):
+        for i, closure in enumerate(self.loops):
             if isinstance(closure, PointClosure):
                 continue
-            R1, R2 = self.tree.frame_R[i], self.tree.frame_R[len(self.closures) + i]
+            R1, R2 = self.tree.frame_R[i], self.tree.frame_R[len(self.loops) + i]
             if isinstance(closure, FrameClosure):
                 proper = float(np.trace(R2.T @ R1)) > 1.0
             else:
@@ -308,7 +312,9 @@ class ClosedLoops:
         return ImplicitConstraint(self.tree, self.closures, np.flatnonzero(used))
 
 
-def _as_closure(closure: Closure) -> Closure:
-    if not isinstance(closure, PointClosure | FrameClosure | RevoluteClosure):
-        raise ModelError(f"closures: {closure!r} is not a PointClosure, FrameClosure or RevoluteClosure")
+def _as_closure(closure: AnyClosure) -> AnyClosure:
+    if not isinstance(closure, PointClosure | FrameClosure | RevoluteClosure | CouplingClosure):
+        raise ModelError(
+            f"closures: {closure!r} is not a PointClosure, FrameClosure, RevoluteClosure or CouplingClosure"
+        )
     return closure

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..checks import check_model, checked_vector, listed, require_finite
 from ..errors import ModelError, StateError
-from .closures import Closure
 from .clusters import LoopCluster, loop_clusters
+from .couplings import AnyClosure
 from .forces import AppliedForces, Force
 from .formats.mjcf import model_from_mjcf
 from .formats.pin_constraints import with_named_frames
@@ -52,7 +52,7 @@ class Mechanism(ClosedLoops):
     def __init__(
         self,
         model: pin.Model,
-        closures: Sequence[Closure],
+        closures: Sequence[AnyClosure],
         independent: Sequence[str] | Literal["auto"],
         home: ArrayLike | None = None,
         name: str = "",
@@ -89,9 +89,9 @@ class Mechanism(ClosedLoops):
         ----------
         model : pin.Model
             The spanning tree.
-        closures : sequence of PointClosure, FrameClosure or RevoluteClosure
-            Pairs of frame names that close the loops; also Pinocchio's constraint models, see
-            `pin_constraints.with_named_frames`.
+        closures : sequence of PointClosure, FrameClosure, RevoluteClosure or CouplingClosure
+            Pairs of frame names that close the loops, pairs of joints that move together; also
+            Pinocchio's constraint models, see `pin_constraints.with_named_frames`.
         independent : sequence of str or "auto", optional
             Joints that serve as minimal coordinates, one number in q each; may be left out only
             where there is no loop (then: all joints). "auto" takes the best conditioned set at home

@@ -47,6 +47,8 @@ class Tree:
     placed : int
         How many configurations `jacobians` has placed so far: tells whether the one that a caller placed
         is still there.
+    q, qdot : ndarray (nq,), (nv,)
+        What `jacobians` and `rnea` were last called with.
     """
 
     def __init__(self, model: pin.Model, points: Sequence[tuple[int, pin.SE3]] = ()) -> None:
@@ -60,6 +62,8 @@ class Tree:
         self.vector_space = self.nq == self.nv
         self.zero = np.zeros(self.nv)
         self.placed = 0
+        self.q: Array = pin.neutral(self.model)
+        self.qdot: Array = self.zero
         # with a single velocity Pinocchio hands out a flat vector; its reshaped transpose is still a view
         self.J: Array = self.data.J.reshape((6, self.nv), order="F").T
         self.dJ: Array = self.data.dJ.reshape((6, self.nv), order="F").T
@@ -89,16 +93,19 @@ class Tree:
     def jacobians(self, q: Array) -> None:
         """Placements and joint Jacobians at q (nq,)."""
         self.placed += 1
+        self.q = q
         pin.computeJointJacobians(self.model, self.data, q)
         pin.updateFramePlacements(self.model, self.data)
 
     def jacobian_rates(self, q: Array, v: Array) -> None:
         """Rates of the joint Jacobians at q (nq,) along v (nv,), besides what `jacobians` computes."""
+        self.q, self.qdot = q, v
         pin.computeJointJacobiansTimeVariation(self.model, self.data, q, v)
         pin.updateFramePlacements(self.model, self.data)
 
     def rnea(self, q: Array, v: Array, a: Array) -> Array:
         """M(q) a + C(q, v), (nv,), N or N m; leaves the joints' v and a in their views."""
+        self.q, self.qdot = q, v
         tau: Array = pin.rnea(self.model, self.data, q, v, a)
         return tau
 

@@ -41,6 +41,8 @@ def describe(mechanism: Mechanism, path: RegularPath, constant: ArrayLike | None
 def _described(mechanism: Mechanism, path: RegularPath, constant: ArrayLike | None, works: bool) -> Arrays:
     if mechanism.m == 0:
         raise NotNativeError("the mechanism has no degree of freedom")
+    if len(mechanism.loops) < len(mechanism.closures):
+        raise NotNativeError("the mechanism has couplings")
     description = Description(
         joints=mechanism.model.njoints - 1, nq=mechanism.nq, nv=mechanism.nv, m=mechanism.m, works=works
     )
@@ -95,7 +97,7 @@ def _with_z_along(axis: Array) -> Array:
 
 def _closures(mechanism: Mechanism, path: RegularPath, turns: list[Array], arrays: Arrays) -> None:
     """Cut points and the rows that the path has chosen."""
-    closures = mechanism.closures
+    closures = mechanism.loops
     frames = closure_frames(mechanism.model, closures)
     joints, points, base = [], [], 0
     of_row: dict[int, tuple[int, int, list[list[float]]]] = {}  # closure, world axis or −1, terms

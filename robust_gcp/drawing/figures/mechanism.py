@@ -121,7 +121,7 @@ def pose(mechanism: ClosedLoops, q: ArrayLike, view: Array) -> Pose:
             guides.append(np.array([seat, here]))
         else:
             (pins if parent else pivots).append(here)
-    for closure in mechanism.closures:
+    for closure in mechanism.loops:
         for name in (closure.frame1, closure.frame2):
             frame = frame_of(model, name, "picture")
             point = placed(frame.parentJoint, frame.placement.translation)

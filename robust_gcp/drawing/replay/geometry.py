@@ -107,10 +107,10 @@ def skeleton(mechanism: Mechanism, R: Array, p: Array, trails: Sequence[str] | N
     """
     model, size = mechanism.model, mechanism.length
     made = Skeleton()
-    cuts = closure_frames(model, mechanism.closures)
+    cuts = closure_frames(model, mechanism.loops)
     firsts = [made.add(joint, at.translation, size) for joint, at in cuts][: len(cuts) // 2]
     if trails is None:
-        trails = [mechanism.closures[0].frame1] if mechanism.closures else []
+        trails = [mechanism.loops[0].frame1] if mechanism.loops else []
     for name in trails:
         frame = frame_of(model, name, "trails")
         made.trails[name] = made.add(frame.parentJoint, frame.placement.translation, size)

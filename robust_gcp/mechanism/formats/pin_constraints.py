@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Callable, Iterable
+from typing import Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
 
 from ...errors import ModelError
 from ..closures import Closure, FrameClosure, PointClosure, RevoluteClosure
+from ..couplings import AnyClosure, CouplingClosure
 
+OWN = PointClosure | FrameClosure | RevoluteClosure | CouplingClosure
 ANCHORS = (pin.PointAnchorConstraintModel, pin.FrameAnchorConstraintModel)
 
 UNUSED = 1e-12
 """Largest entry, in SI units, of a desired offset, velocity or acceleration that counts as zero."""
 
 
-def with_named_frames(model: pin.Model, closures: Iterable[Any]) -> tuple[pin.Model, list[Closure]]:
+def with_named_frames(model: pin.Model, closures: Iterable[Any]) -> tuple[pin.Model, list[AnyClosure]]:
     """Closures between frames for a list that may hold Pinocchio's constraint models too.
 
     A constraint model says where it acts by two joints and a placement on each; here each such place
@@ -46,28 +48,33 @@ def with_named_frames(model: pin.Model, closures: Iterable[Any]) -> tuple[pin.Mo
         asked of the constraint.
     """
     listed = list(closures)
-    if all(isinstance(c, PointClosure | FrameClosure | RevoluteClosure) for c in listed):
+    if all(isinstance(c, OWN) for c in listed):
         return model, listed
     extended = model.copy()
-    named: list[Closure] = []
+    named: list[AnyClosure] = []
     for i, item in enumerate(listed):
-        if isinstance(item, PointClosure | FrameClosure | RevoluteClosure):
+        if isinstance(item, OWN):
             named.append(item)
         else:
             named.append(_closure(extended, item, i))
     return extended, named
 
 
+Kind = TypeVar("Kind", bound=Closure)
+
+
 def close_between(
     model: pin.Model,
-    kind: type[PointClosure] | type[FrameClosure],
+    kind: Callable[[str, str], Kind],
     name: str,
     ends: tuple[tuple[int, pin.SE3], tuple[int, pin.SE3]],
-) -> PointClosure | FrameClosure:
+) -> Kind:
     """Add the frames `<name>_1` and `<name>_2` to the model; the closure between them.
 
     Parameters
     ----------
+    kind : callable
+        Makes the closure of the two frames' names.
     ends : pair of (joint index, placement)
     """
     taken = {frame.name for frame in model.frames}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
+from xml.parsers import expat
 
 from ...errors import ModelError
 from .text_file import path_of, read_text
@@ -15,6 +16,9 @@ DEEPEST = 200
 
 def parsed_xml(given: str | Path, what: str) -> tuple[ElementTree.Element, str]:
     """The root element of a file or of XML text itself, and what to call it in errors.
+
+    Tags keep the prefix that the file writes, declared or not (`drake:ball_constraint`), since robots'
+    files seldom declare theirs; a prefix of the root element itself is dropped everywhere.
 
     Parameters
     ----------
@@ -35,14 +39,23 @@ def parsed_xml(given: str | Path, what: str) -> tuple[ElementTree.Element, str]:
         path = path_of(given, what)
         text, name = read_text(path), str(path)
     builder = _Builder(name)
+    parser = expat.ParserCreate()
+    parser.buffer_text = True
+    parser.StartElementHandler = builder.start
+    parser.EndElementHandler = builder.end
+    parser.CharacterDataHandler = builder.data
+    parser.StartDoctypeDeclHandler = builder.doctype
     try:
-        parser = ElementTree.XMLParser(target=builder)
-        parser.feed(text.lstrip("\ufeff \t\r\n"))
-        root: ElementTree.Element = parser.close()
-    except (ElementTree.ParseError, ValueError) as error:
+        parser.Parse(text.lstrip("\ufeff \t\r\n"), True)
+        root = builder.close()
+    except (expat.ExpatError, ValueError) as error:
         if isinstance(error, ModelError):
             raise
         raise ModelError(f"{name}: not well-formed XML ({error})") from error
+    prefix, colon, _ = root.tag.rpartition(":")
+    if colon:
+        for element in root.iter():
+            element.tag = element.tag.removeprefix(f"{prefix}:")
     return root, name
 
 
@@ -67,13 +80,13 @@ class _Builder(ElementTree.TreeBuilder):
         self._depth += 1
         if self._depth > DEEPEST:
             raise ModelError(_TOO_DEEP.format(self._name))
-        return super().start(tag, attrs)
+        return super().start(tag, {key: value for key, value in attrs.items() if key[:5] != "xmlns"})
 
     def end(self, tag: str, /) -> ElementTree.Element:
         self._depth -= 1
         return super().end(tag)
 
-    def doctype(self, name: str, pubid: str | None, system: str | None) -> None:
+    def doctype(self, name: str, system: str | None, pubid: str | None, inner: bool) -> None:
         """Refuse a document type declaration, which comes before any entity."""
         raise ModelError(
             f"{self._name}: declares a document type (<!DOCTYPE {name} …>), which may name other files; "

@@ -63,7 +63,7 @@ def joints(mechanism: Mechanism) -> list[Joint]:
 
 def closure_places(mechanism: Mechanism) -> list[tuple[Place, Place]]:
     """Both places that each closure holds together."""
-    places = closure_frames(mechanism.model, mechanism.closures)
+    places = closure_frames(mechanism.model, mechanism.loops)
     half = len(places) // 2
     return list(zip(places[:half], places[half:], strict=True))
 

@@ -101,7 +101,7 @@ def acceleration(mechanism: Mechanism, omega: float, settings: pin.ProximalSetti
     """q̈(q, v) of the mechanism, a view that the next call overwrites; all memory is allocated here."""
     model, data = mechanism.model, mechanism.model.createData()
     models, datas = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
-    for closure, places in zip(mechanism.closures, closure_places(mechanism), strict=True):
+    for closure, places in zip(mechanism.loops, closure_places(mechanism), strict=True):
         for constraint in constraints(mechanism, closure, places):
             constraint.setBaumgarteCorrectorParameters(
                 pin.BaumgarteCorrectorParameters(omega**2, 2.0 * omega)

@@ -1,0 +1,171 @@
+"""Couplings: joints that a gear, a belt or a mimic tag moves together, φ = q₁ − P(q₂).
+
+One row each, in units of the first joint: K has 1 in its column and −P′(q₂) in the other's, and
+k = −K̇ v = P″(q₂) v₂².
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import pinocchio as pin
+from numpy.polynomial import polynomial
+from numpy.typing import NDArray
+
+from ..checks import check_number, hint, shown
+from ..errors import ModelError, OptionError
+from .closures import Closure
+
+Array = NDArray[np.floating[Any]]
+
+LARGEST_DEGREE = 32
+"""Of a polynomial; MJCF has four."""
+
+
+@dataclass(frozen=True)
+class CouplingClosure:
+    """One joint follows another: q₁ = offset + ratio q₂ + higher₀ q₂² + higher₁ q₂³ + …, one row.
+
+    Parameters
+    ----------
+    joint1, joint2 : str
+        Joints with one number in q each; two joints, or the coupling would couple nothing.
+    ratio : float
+        rad/rad, m/rad, rad/m or m/m.
+    offset : float
+        q₁ at q₂ = 0, rad or m.
+    higher : tuple of float
+        Coefficients of q₂², q₂³, …; empty for a gear.
+    """
+
+    joint1: str
+    joint2: str
+    ratio: float
+    offset: float = 0.0
+    higher: tuple[float, ...] = ()
+    kind: ClassVar[str] = "coupling"
+
+    def __post_init__(self) -> None:
+        label = f"CouplingClosure {self.joint1} – {self.joint2}"
+        if self.joint1 == self.joint2:
+            raise ModelError(f"{label}: a joint cannot follow itself; name two joints")
+        try:
+            numbers = (self.offset, self.ratio, *self.higher)
+            for value in numbers:
+                check_number("coefficient", value)
+        except (TypeError, OptionError) as error:
+            raise ModelError(f"{label}: ratio, offset and higher must be numbers ({error})") from error
+        if not np.all(np.isfinite(np.array(numbers, dtype=float))) or len(numbers) > LARGEST_DEGREE:
+            raise ModelError(
+                f"{label}: ratio, offset and higher are {shown(numbers)}; give at most {LARGEST_DEGREE} "
+                "finite numbers"
+            )
+
+    @property
+    def coefficients(self) -> tuple[float, ...]:
+        """Of P, by rising power."""
+        return (float(self.offset), float(self.ratio), *map(float, self.higher))
+
+    @classmethod
+    def from_polynomial(
+        cls,
+        joint1: str,
+        joint2: str,
+        coefficients: Sequence[float],
+        origin1: float = 0.0,
+        origin2: float = 0.0,
+    ) -> CouplingClosure:
+        """q₁ − origin₁ = Σ coefficientsᵢ (q₂ − origin₂)ⁱ, as a polynomial in q₂ itself."""
+        expanded = np.array([origin1])
+        power = np.array([1.0])
+        for c in coefficients:
+            expanded = polynomial.polyadd(expanded, float(c) * power)
+            power = polynomial.polymul(power, (-origin2, 1.0))
+        expanded = np.append(expanded, np.zeros(max(0, 2 - len(expanded))))
+        while len(expanded) > 2 and expanded[-1] == 0.0:
+            expanded = expanded[:-1]
+        offset, ratio, *higher = map(float, expanded)
+        return cls(joint1, joint2, ratio, offset, tuple(higher))
+
+
+AnyClosure = Closure | CouplingClosure
+"""What ties the joints of a spanning tree: loops between two frames, and couplings of two joints."""
+
+
+class Couplings:
+    """The rows of all couplings at once: values, slopes and curvatures of their polynomials.
+
+    Parameters
+    ----------
+    model : pin.Model
+    couplings : sequence of CouplingClosure
+
+    Attributes
+    ----------
+    iq, iv : ndarray (n, 2) of int
+        Indices of both joints in q and in v.
+    coefficients : ndarray (n, width)
+        Of each P by rising power, padded with zeros.
+
+    Raises
+    ------
+    ModelError
+        For a joint that the model does not have, or that has several numbers.
+    """
+
+    def __init__(self, model: pin.Model, couplings: Sequence[CouplingClosure]) -> None:
+        n, width = len(couplings), max((len(c.coefficients) for c in couplings), default=0)
+        self.iq = np.zeros((n, 2), dtype=np.int64)
+        self.iv = np.zeros((n, 2), dtype=np.int64)
+        self.coefficients = np.zeros((n, width))
+        for i, coupling in enumerate(couplings):
+            for side, name in enumerate((coupling.joint1, coupling.joint2)):
+                joint = _single(model, name, coupling)
+                self.iq[i, side], self.iv[i, side] = joint.idx_q, joint.idx_v
+            self.coefficients[i, : len(coupling.coefficients)] = coupling.coefficients
+        powers = np.arange(width, dtype=float)
+        self._slopes = (self.coefficients * powers)[:, 1:]
+        self._curvatures = (self.coefficients * powers * (powers - 1.0))[:, 2:]
+
+    def residual(self, q: Array) -> Array:
+        """q₁ − P(q₂), (n,), rad or m."""
+        return np.asarray(q[self.iq[:, 0]] - _values(self.coefficients, q[self.iq[:, 1]]))
+
+    def slope(self, q: Array) -> Array:
+        """P′(q₂), (n,)."""
+        return _values(self._slopes, q[self.iq[:, 1]])
+
+    def slope_rate(self, q: Array, v: Array) -> Array:
+        """P″(q₂) v₂, (n,)."""
+        return np.asarray(_values(self._curvatures, q[self.iq[:, 1]]) * v[self.iv[:, 1]])
+
+    def bias(self, q: Array, v: Array) -> Array:
+        """−K̇ v = P″(q₂) v₂², (n,)."""
+        return np.asarray(self.slope_rate(q, v) * v[self.iv[:, 1]])
+
+
+def _values(coefficients: Array, x: Array) -> Array:
+    """Each row's polynomial at its x, by Horner's rule."""
+    value = np.zeros(len(x))
+    for column in coefficients.T[::-1]:
+        value = value * x + column
+    return value
+
+
+def _single(model: pin.Model, name: str, coupling: CouplingClosure) -> pin.JointModel:
+    label = f"CouplingClosure {coupling.joint1} – {coupling.joint2}"
+    names = [str(n) for n in model.names][1:]
+    if name not in names:
+        raise ModelError(
+            f"{label}: the model has no joint {name!r}, only {', '.join(names)}{hint(name, names)}"
+        )
+    joint = model.joints[model.getJointId(name)]
+    if (joint.nq, joint.nv) != (1, 1):
+        raise ModelError(
+            f"{label}: joint {name!r} ({joint.shortname()}) has {joint.nq} numbers in q; a coupling needs "
+            "joints with one each"
+        )
+    return joint
