@@ -134,10 +134,13 @@ def closure_frames(model: pin.Model, closures: Sequence[Closure]) -> list[tuple[
 
 
 def row_places(closures: Sequence[Closure], rows: Index) -> list[tuple[int, int]]:
-    """Closure and row within it of each of these rows of the full constraint; 0, 1, 2 are positions."""
+    """Closure and row within it of each of these rows of the full constraint; 0, 1, 2 are positions.
+
+    Rows beyond those of these closures are passed over.
+    """
     counts = [3 + len({term[0] for term in closure.rotation_terms()}) for closure in closures]
     places = [(i, row) for i, count in enumerate(counts) for row in range(count)]
-    return [places[row] for row in rows]
+    return [places[row] for row in rows if row < len(places)]
 
 
 def frame_of(model: pin.Model, name: str, owner: str) -> pin.Frame:

@@ -47,8 +47,9 @@ class ClosedLoops:
     model : pin.Model
         A private copy of the spanning tree.
     closures : tuple of closures
+        Those between two frames, then those that couple two joints, as their rows come in φ.
     loops : tuple of closures
-        Those between two frames; the others couple two joints.
+        Those between two frames.
     nq, nv, nc : int
         Sizes of q, of v, and of φ (rows that are zero in every configuration left out).
     length : float
@@ -63,9 +64,11 @@ class ClosedLoops:
         require_depth_first(model)
         self.memo = Memo()
         self.model: pin.Model = model.copy()
-        self.closures = tuple(_as_closure(c) for c in closures)
-        self.loops = tuple(c for c in self.closures if not isinstance(c, CouplingClosure))
-        Couplings(self.model, [c for c in self.closures if isinstance(c, CouplingClosure)])  # joints exist
+        closures = [_as_closure(c) for c in closures]
+        couplings = [c for c in closures if isinstance(c, CouplingClosure)]
+        Couplings(self.model, couplings)  # refuses joints that are not there
+        self.loops = tuple(c for c in closures if not isinstance(c, CouplingClosure))
+        self.closures: tuple[AnyClosure, ...] = (*self.loops, *couplings)
         self.tree = Tree(self.model, closure_frames(self.model, self.loops))
         self.nq, self.nv = self.tree.nq, self.tree.nv
         self.joint_names = tuple(joint.name for joint in self.joints)

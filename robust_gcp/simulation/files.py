@@ -21,7 +21,7 @@ import pinocchio as pin
 from ..checks import shown
 from ..errors import MissingExtraError, OptionError
 from ..maps.explicit import Crossing
-from ..mechanism.closures import Closure
+from ..mechanism.couplings import AnyClosure
 from ..mechanism.forces import Force
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
@@ -40,7 +40,7 @@ MEANING = {
     "check_force": "gravity, springs or dampers are",
 }
 
-PARTS: dict[str, type[Any]] = {kind.__name__: kind for kind in (*get_args(Closure), *get_args(Force))}
+PARTS: dict[str, type[Any]] = {kind.__name__: kind for kind in (*get_args(AnyClosure), *get_args(Force))}
 """What an archive may hold besides numbers."""
 
 

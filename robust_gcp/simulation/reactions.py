@@ -25,17 +25,24 @@ def row_names(mechanism: Mechanism) -> list[str]:
 
     x, y, z: position rows, along the world's axes; rx, ry, rz: rotation rows of a `FrameClosure`, about the
     axes of its second frame where the loop is closed; r1, r2: the two of a `RevoluteClosure`. The second of
-    two closures between the same frames is called "frame1-frame2#2".
+    two closures between the same frames is called "frame1-frame2#2". The row of a coupling is called by its
+    joints, "joint1-joint2"; its λ is the torque or force on the first.
     """
     labels: list[str] = []
-    for closure in mechanism.closures:
+    for closure in mechanism.loops:
         label = f"{closure.frame1}-{closure.frame2}"
         again = sum(other.partition("#")[0] == label for other in labels)
         labels.append(f"{label}#{again + 1}" if again else label)
-    return [
-        f"{labels[closure]}.{_row_name(mechanism.closures[closure], row)}"
-        for closure, row in row_places(mechanism.closures, mechanism.implicit.rows)
+    names = [
+        f"{labels[closure]}.{_row_name(mechanism.loops[closure], row)}" for closure, row in _places(mechanism)
     ]
+    coupled = mechanism.implicit.labels[len(names) :]
+    return [*names, *(label.replace(" – ", "-") for label in coupled)]
+
+
+def _places(mechanism: Mechanism) -> list[tuple[int, int]]:
+    """Closure and row within it of each row of φ that belongs to a loop; those of couplings come after."""
+    return row_places(mechanism.loops, mechanism.implicit.rows)
 
 
 def _row_name(closure: Closure, row: int) -> str:
@@ -67,8 +74,8 @@ class Reaction:
 
 def reaction(mechanism: Mechanism, number: int, q: Array, multipliers: Array) -> Reaction:
     """Force and moment in the cut joint of closure `number` at the configurations q (N, nq)."""
-    closure, tree = mechanism.closures[number], mechanism.tree
-    rows = row_places(mechanism.closures, mechanism.implicit.rows)
+    closure, tree = mechanism.loops[number], mechanism.tree
+    rows = _places(mechanism)
     force, moment = np.zeros((len(q), 3)), np.zeros((len(q), 3))
     own = {row: i for i, (owner, row) in enumerate(rows) if owner == number}
     for row, i in own.items():
@@ -77,7 +84,7 @@ def reaction(mechanism: Mechanism, number: int, q: Array, multipliers: Array) ->
     terms = [term for term in closure.rotation_terms() if 3 + term[0] in own]
     for at in range(len(q) if terms else 0):
         tree.jacobians(q[at])
-        first, second = tree.frame_R[number], tree.frame_R[len(mechanism.closures) + number]
+        first, second = tree.frame_R[number], tree.frame_R[len(mechanism.loops) + number]
         for row, weight, u, n in terms:
             moment[at] += multipliers[at, own[3 + row]] * weight * np.cross(first @ u, second @ n)
     return Reaction(closure, force, moment)
@@ -91,7 +98,7 @@ def closure_number(mechanism: Mechanism, name: str | int) -> int:
     OptionError
         For none or several.
     """
-    closures = mechanism.closures
+    closures = mechanism.loops
     if isinstance(name, int) and not isinstance(name, bool) and 0 <= name < len(closures):
         return name
     names = [{c.frame1, c.frame2, f"{c.frame1}-{c.frame2}", f"{c.frame1} – {c.frame2}"} for c in closures]

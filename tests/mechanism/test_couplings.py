@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -133,12 +134,12 @@ def test_couplings_beside_loops() -> None:
     picture = rg.analyse(mech, mech.home)
     assert (picture.kind, picture.rank) == ("regular", 3)
     again = pickle.loads(pickle.dumps(mech))
-    assert again.closures == mech.closures
+    assert again.closures == mech.closures == (*rhombus.closures, closures[0])
     flat = rg.analyse(mech, np.zeros(4))  # the singular configuration and its modes stay where they were
     assert len(flat.modes) == len(rg.analyse(rhombus, np.zeros(3)).modes)
 
 
-def test_a_geared_rhombus_crosses_its_singular_configuration() -> None:
+def test_a_geared_rhombus_crosses_its_singular_configuration(tmp_path: Path) -> None:
     rhombus = rg.load("rhombus")
     model = rhombus.model.copy()
     model.addJoint(0, pin.JointModelRX(), pin.SE3.Identity(), "wheel")
@@ -149,6 +150,8 @@ def test_a_geared_rhombus_crosses_its_singular_configuration() -> None:
     assert len(one.crossings) == len(other.crossings) > 0
     np.testing.assert_allclose(other.q[:, :3], one.q, atol=1e-10)
     np.testing.assert_allclose(other.q[:, 3], one.q[:, 0], atol=1e-13)
+    path = other.save(tmp_path / "geared.npz")
+    assert rg.load_trajectory(path).mechanism.closures == mech.closures
 
 
 def test_a_coupling_of_distant_joints_is_a_cluster_with_several_roots() -> None:
