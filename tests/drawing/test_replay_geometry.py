@@ -7,15 +7,16 @@ import pinocchio as pin
 import pytest
 
 import robust_gcp as rg
-from robust_gcp.drawing.replay.geometry import Skeleton, face_on, layers, placements, plane_normal, skeleton
+from robust_gcp.drawing.replay.geometry import Sticks, face_on, layers, sticks
+from robust_gcp.drawing.skeleton import placements, plane_normal
 from robust_gcp.examples.linkages import n_four_bar
 
 Array = np.ndarray
 
 
-def drawn(mechanism: rg.Mechanism, q: Array, trails: list[str] | None = None) -> tuple[Skeleton, Array]:
+def drawn(mechanism: rg.Mechanism, q: Array, trails: list[str] | None = None) -> tuple[Sticks, Array]:
     R, p = placements(mechanism, q)
-    made = skeleton(mechanism, R, p, trails)
+    made = sticks(mechanism, R, p, trails)
     return made, made.positions(R, p)
 
 

@@ -10,8 +10,9 @@ import pinocchio as pin
 import pytest
 
 import robust_gcp as rg
-from robust_gcp.drawing.replay.geometry import placements, skeleton
+from robust_gcp.drawing.replay.geometry import sticks
 from robust_gcp.drawing.replay.meshes import mesh_data
+from robust_gcp.drawing.skeleton import placements
 
 CORNERS = np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.0, 0.2, 0.0], [0.0, 0.0, 0.1]])
 TETRAHEDRON = ((0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2))
@@ -40,7 +41,7 @@ def visual_of(mechanism: rg.Mechanism, *shapes: coal.CollisionGeometry) -> pin.G
 def test_sizes_are_full_sizes() -> None:
     mechanism = rg.load("rhombus")
     R, p = placements(mechanism, mechanism.home[None])
-    made = skeleton(mechanism, R, p, None)
+    made = sticks(mechanism, R, p, None)
     shapes = (
         coal.Box(1.0, 2.0, 3.0),
         coal.Sphere(0.5),
@@ -61,7 +62,7 @@ def test_sizes_are_full_sizes() -> None:
 def test_a_mesh_keeps_its_triangles() -> None:
     mechanism = rg.load("rhombus")
     R, p = placements(mechanism, mechanism.home[None])
-    made = skeleton(mechanism, R, p, None)
+    made = sticks(mechanism, R, p, None)
     (item,) = mesh_data(mechanism, made, visual_of(mechanism, tetrahedron()))
     corners = np.frombuffer(base64.b64decode(item["shape"]["corners"]), dtype="<f4").reshape(-1, 3)
     index = np.frombuffer(base64.b64decode(item["shape"]["index"]), dtype="<u4").reshape(-1, 3)
@@ -75,11 +76,11 @@ def test_three_points_carry_the_pose_of_each_body() -> None:
     mechanism = rg.load("bricard")
     run = rg.simulate(mechanism, duration=0.1, step=1e-2)
     R, p = placements(mechanism, run.q)
-    made = skeleton(mechanism, R, p, None)
-    sticks = len(made.points)
+    made = sticks(mechanism, R, p, None)
+    count = len(made.points)
     visual = visual_of(mechanism, *(coal.Sphere(0.1) for _ in range(2 * mechanism.model.njoints)))
     told = mesh_data(mechanism, made, visual)
-    assert len(made.points) == sticks + 3 * mechanism.model.njoints  # once for each body
+    assert len(made.points) == count + 3 * mechanism.model.njoints  # once for each body
     positions = made.positions(R, p)
     for item, shape in zip(told, visual.geometryObjects, strict=True):
         o, x, y = (positions[:, item["frame"] + k] for k in range(3))

@@ -10,9 +10,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from ...mechanism.closures import frame_of
 from ...mechanism.loops import ClosedLoops
 from ...mechanism.tree import Array
+from ..skeleton import Skeleton, on_page, placements, plane_normal
 from .style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION
 
 if TYPE_CHECKING:
@@ -24,9 +24,6 @@ BODIES = (ORANGE, BLUE, GREEN, VERMILLION, PURPLE, SKY, BLACK)
 
 WIDTHS = (5.0, 1.5)
 """Widths of the first and the last body drawn, pt: falling, so that folded ones stay visible."""
-
-PARALLEL = 1e-9
-"""Sine of the angle between joint axes that still counts as parallel."""
 
 OBLIQUE = np.array([[-0.6, 0.8, 0.0], [-0.24, -0.18, np.sqrt(0.91)]])
 """View of mechanisms that move in space: x to the left front, y to the right, z up."""
@@ -82,55 +79,29 @@ def face_on(mechanism: ClosedLoops) -> Array:
 
     One that is not planar is seen obliquely.
     """
-    tree = mechanism.tree
-    tree.jacobians(pin.neutral(mechanism.model))
-    linear, angular = tree.J[:, :3].copy(), tree.J[:, 3:].copy()
-    turning = np.linalg.norm(angular, axis=1) > 0.5
-    if not np.any(turning):
-        return OBLIQUE
-    normal = angular[turning][0] / np.linalg.norm(angular[turning][0])
-    leaves = np.cross(angular[turning], normal), linear[~turning] @ normal
-    if max(np.abs(x).max(initial=0.0) for x in leaves) > PARALLEL:
-        return OBLIQUE
-    for up in (-mechanism.model.gravity.linear, np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])):
-        flat = up - normal * (normal @ up)
-        if np.linalg.norm(flat) > 0.1 * np.linalg.norm(up) > 0.0:
-            flat = flat / np.linalg.norm(flat)
-            return np.array([np.cross(flat, normal), flat])
-    raise AssertionError("two directions cannot both be normal to a plane")
+    normal = plane_normal(mechanism)
+    return OBLIQUE if normal is None else np.array(on_page(normal, mechanism.model.gravity.linear))
 
 
 def pose(mechanism: ClosedLoops, q: ArrayLike, view: Array) -> Pose:
     """Place the bodies at q (nq,) and project them by `view` (2, 3)."""
-    model, tree = mechanism.model, mechanism.tree
-    tree.jacobians(mechanism.configuration(q))
-
-    def placed(joint: int, point: Array) -> Array:
-        return view @ (tree.p[joint] + tree.R[joint] @ point)
-
-    bodies: list[list[Array]] = [[placed(i, np.zeros(3))] for i in range(model.njoints)]
-    pivots: list[Array] = []
-    pins: list[Array] = []
-    guides: list[Array] = []
-    bodies[0].clear()
-    for i in range(1, model.njoints):
-        parent = model.parents[i]
-        seat, here = placed(parent, model.jointPlacements[i].translation), bodies[i][0]
-        bodies[parent].append(seat)
-        if np.linalg.norm(here - seat) > 1e-9 * mechanism.length:
-            guides.append(np.array([seat, here]))
-        else:
-            (pins if parent else pivots).append(here)
-    for closure in mechanism.loops:
-        for name in (closure.frame1, closure.frame2):
-            frame = frame_of(model, name, "picture")
-            point = placed(frame.parentJoint, frame.placement.translation)
-            bodies[frame.parentJoint].append(point)
-            (pins if frame.parentJoint else pivots).append(point)
+    model = mechanism.model
+    R, p = placements(mechanism, mechanism.configuration(q)[None])
+    bones = Skeleton(mechanism.length)
+    bones.fit(mechanism, R, p)
+    at = bones.positions(R, p)[0] @ view.T
+    seats = {s.joint: view @ (p[0, s.parent] + R[0, s.parent] @ s.place) for s in bones.seats}
+    bodies: list[list[Array]] = [[] for _ in range(model.njoints)]
+    for (body, _), point in zip(bones.points, at, strict=True):
+        bodies[body].append(point)
+    pinned = [(seat.point, seat.parent == 0) for seat in bones.seats if seat.pinned]
+    pinned += [(i, bones.points[i][0] == 0) for cut in bones.cuts for i in cut]
+    guides = tuple(np.array([seats[s.joint], at[s.point]]) for s in bones.seats if not s.pinned)
     depth = [len(model.supports[i]) for i in range(1, model.njoints)]
     order = sorted(range(model.njoints - 1), key=lambda i: depth[i])
     moving = tuple(_distinct(points, mechanism.length) for points in bodies[1:])
-    return Pose(moving, tuple(order), tuple(guides), _points(pivots), _points(pins))
+    pivots, pins = ([at[i] for i, ground in pinned if ground == on] for on in (True, False))
+    return Pose(moving, tuple(order), guides, _points(pivots), _points(pins))
 
 
 def draw_pose(

@@ -12,16 +12,9 @@ from ...maps.explicit import Crossing
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ...simulation.trajectory import Trajectory
+from ..skeleton import PARALLEL, placements, plane_normal, upward
 from .frames import frame_times, resample
-from .geometry import (
-    PARALLEL,
-    Skeleton,
-    face_on,
-    layers,
-    placements,
-    plane_normal,
-    skeleton,
-)
+from .geometry import Sticks, face_on, layers, sticks
 from .meshes import mesh_data
 
 NAMED = 3
@@ -52,11 +45,10 @@ def run_data(
     ends = (float(trajectory.t[0]), float(trajectory.t[-1])) if len(trajectory.t) else (0.0, 0.0)
     q = resample(trajectory, frame_times(*ends, speed))
     R, p = placements(mechanism, q)
-    made = skeleton(mechanism, R, p, trails)
+    made = sticks(mechanism, R, p, trails)
     positions = made.positions(R, p)
     normal = plane_normal(mechanism)
-    sticks = normal is not None and visual is None
-    flat = sticks and _one_plane(positions[:, made.ends()] @ np.asarray(normal), positions)
+    flat = visual is None and _one_plane(normal, positions[:, made.ends()], positions)
     meshes = [] if visual is None else mesh_data(mechanism, made, visual)
     every = made.positions(R, p)
     data = {
@@ -87,10 +79,10 @@ def scene_data(mechanism: Mechanism, positions: Sequence[Array], view: Array | N
     some = np.concatenate([p.reshape(1, -1, 3) for p in positions], axis=1)
     found = face_on(plane_normal(mechanism), gravity, some)
     if view is not None:
-        up = -gravity if np.linalg.norm(gravity) > 0.0 else np.eye(3)[2]
-        if np.linalg.norm(np.cross(up, view)) < 1e-3 * np.linalg.norm(up) * np.linalg.norm(view):
+        up = upward(gravity)
+        if np.linalg.norm(np.cross(up, view)) < 1e-3 * np.linalg.norm(view):
             up = np.array(found["up"])
-        found = {"view": (view / np.linalg.norm(view)).tolist(), "up": (up / np.linalg.norm(up)).tolist()}
+        found = {"view": (view / np.linalg.norm(view)).tolist(), "up": up.tolist()}
     return found
 
 
@@ -99,11 +91,14 @@ def packed(values: Array) -> str:
     return base64.b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode("ascii")
 
 
-def _one_plane(depth: Array, positions: Array) -> bool:
-    return float(np.ptp(depth)) <= PARALLEL * float(np.ptp(positions, axis=(0, 1)).max())
+def _one_plane(normal: Array | None, ends: Array, positions: Array) -> bool:
+    """Whether the bodies lie in one plane, so that a drawing has to tell them apart in depth."""
+    if normal is None:
+        return False
+    return float(np.ptp(ends @ normal)) <= PARALLEL * float(np.ptp(positions, axis=(0, 1)).max())
 
 
-def link_radius(made: Skeleton, positions: Array) -> float:
+def link_radius(made: Sticks, positions: Array) -> float:
     """Of a link, m: a share of the links' length, within shares of the scene's size."""
     start = positions[0]
     size = float(np.linalg.norm(np.ptp(positions, axis=(0, 1))))
@@ -117,7 +112,7 @@ def _some_length(positions: Array) -> float:
     return float(np.abs(positions).max(initial=0.0)) or 1.0
 
 
-def _crossings(mechanism: Mechanism, made: Skeleton, crossings: Sequence[Crossing]) -> list[dict[str, Any]]:
+def _crossings(mechanism: Mechanism, made: Sticks, crossings: Sequence[Crossing]) -> list[dict[str, Any]]:
     if not crossings:
         return []
     R, p = placements(mechanism, np.array([c.q for c in crossings]))

@@ -13,9 +13,10 @@ from meshcat.path import Path
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ...simulation.trajectory import Trajectory
+from ..skeleton import placements
 from .data import link_radius, scene_data
 from .frames import frame_times, resample
-from .geometry import placements, skeleton
+from .geometry import sticks
 
 COLOURS = (0x0072B2, 0xD9822B, 0x009E73, 0xA8508B, 0x3F8FC4, 0x8A7A00, 0xB5442E, 0x5B5EA6)
 GROUND, PIN = 0x8A939C, 0x20262D
@@ -24,6 +25,7 @@ DISTANCE = 0.8
 """From the camera to the middle of the scene, in sizes of the scene: meshcat's camera sees 75°."""
 
 CAMERA = "Cameras/default/rotated/<object>"
+"""Path of the camera in meshcat's tree."""
 
 
 class LiveScene:
@@ -42,7 +44,7 @@ class LiveScene:
             self.mechanism = shown.mechanism
             q = resample(shown, frame_times(float(shown.t[0]), float(shown.t[-1]), _coarse(shown)))
         R, p = placements(self.mechanism, q)
-        self._made = skeleton(self.mechanism, R, p, None)
+        self._made = sticks(self.mechanism, R, p, None)
         positions = self._made.positions(R, p)
         self._radius = link_radius(self._made, positions)
         low, high = positions.min(axis=(0, 1)), positions.max(axis=(0, 1))
@@ -72,9 +74,7 @@ class LiveScene:
             material = geometry.MeshLambertMaterial(color=PIN)
             made.append(SetObject(geometry.Sphere(1.3 * self._radius / self._size), material, _path(name)))
         x, y, z = self._camera
-        camera = SetProperty(
-            "position", [float(x), float(z), float(-y)], _path("Cameras/default/rotated/<object>")
-        )
+        camera = SetProperty("position", [float(x), float(z), float(-y)], _path(CAMERA))
         return [umsgpack.packb(command.lower()) for command in [*made, camera]]
 
     def poses(self, q: Array) -> dict[str, bytes]:

@@ -10,10 +10,10 @@ import pinocchio as pin
 
 from ...errors import OptionError
 from ...mechanism.mechanism import Mechanism
-from .geometry import Skeleton
+from .geometry import Sticks
 
 
-def mesh_data(mechanism: Mechanism, made: Skeleton, visual: Any) -> list[dict[str, Any]]:
+def mesh_data(mechanism: Mechanism, made: Sticks, visual: Any) -> list[dict[str, Any]]:
     """Each shape: what it is, its colour, its placement on its body, and that body's three points.
 
     Adds to the skeleton, for each body that carries a shape, its origin and a point along x and along y:
@@ -22,7 +22,7 @@ def mesh_data(mechanism: Mechanism, made: Skeleton, visual: Any) -> list[dict[st
     Parameters
     ----------
     mechanism : Mechanism
-    made : Skeleton
+    made : Sticks
     visual : pin.GeometryModel
         Of the mechanism's model, for instance
         `pin.buildGeomFromUrdf(mechanism.model, urdf, pin.VISUAL, package_dirs=...)`.
