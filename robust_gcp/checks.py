@@ -39,7 +39,10 @@ _BRIEF.maxlevel = 4
 
 def shown(value: Any) -> str:
     """`repr`, cut where it is long: input in a message may be of any size."""
-    return _BRIEF.repr(value)
+    try:
+        return _BRIEF.repr(value)
+    except Exception:  # integers of thousands of digits, classes that are called like Python's own
+        return f"<{type(value).__name__}>"
 
 
 def hint(name: Any, known: Iterable[str]) -> str:

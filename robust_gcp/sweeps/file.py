@@ -7,17 +7,24 @@ again. Nothing else is ever rewritten.
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict
+from io import FileIO
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from ..errors import OptionError
+from ..checks import shown
+from ..errors import OptionError, SweepError
 from .lock import lock
-from .record import Failure, RunRecord, key, plain
+from .record import Failure, RunRecord, key, plain, text_of
 
 FORMAT = "robust_gcp sweep 1"
+
+LONGEST_HEADER = 1_000_000
+"""Bytes within which the first line ends; more of a file that is none of a sweep is not read."""
 
 
 class SweepFile:
@@ -25,7 +32,7 @@ class SweepFile:
 
     Parameters
     ----------
-    path : Path
+    path : str or Path
         Made where it does not exist.
     sweep : mapping
         What makes all runs of the sweep comparable: the same in every file of this sweep.
@@ -38,24 +45,32 @@ class SweepFile:
     Raises
     ------
     OptionError
-        For the file of another sweep, another kind of file, or one that another process writes to.
+        For the file of another sweep, another kind of file, one that another process writes to, or one
+        that cannot be opened; nothing is written to it then.
     """
 
-    def __init__(self, path: Path, sweep: Mapping[str, Any]) -> None:
-        self.path, self.done = path, dict[tuple[str, int], dict[str, Any]]()
+    def __init__(self, path: str | Path, sweep: Mapping[str, Any]) -> None:
+        given: object = path
+        if not isinstance(given, str | os.PathLike) or "\0" in str(given):
+            raise OptionError(f"file = {shown(path)} is not a path; give a str or a pathlib.Path")
+        self.path, self.done = Path(path), dict[tuple[str, int], dict[str, Any]]()
         header = {"format": FORMAT, **{k: plain(v, k) for k, v in sweep.items()}}
-        path.parent.mkdir(parents=True, exist_ok=True)
-        self._file = path.open("a+b")
+        self._file = self._opened()
         try:
-            if not lock(self._file):
-                raise OptionError(f"{path}: another sweep is writing to this file; give another")
+            self._lock()
             self._read(header)
         except BaseException:
             self._file.close()
             raise
 
     def append(self, record: RunRecord, repetition: int) -> RunRecord:
-        """Write a run; returns it as it will be read back."""
+        """Write a run; returns it as it will be read back.
+
+        Raises
+        ------
+        SweepError
+            Where the disk does not take it.
+        """
         line = {
             "parameters": plain(record.parameters, f"runs[{record.index}]"),
             "repetition": repetition,
@@ -81,10 +96,30 @@ class SweepFile:
     ) -> None:
         self._file.close()
 
+    def _opened(self) -> FileIO:
+        """The file, for reading and appending without a buffer, whose rest could fail when it is closed."""
+        path = self.path
+        try:
+            if path.exists() and not path.is_file():
+                raise OptionError(f"{path} is a folder or a device, and cannot keep a sweep; give a file")
+            path.parent.mkdir(parents=True, exist_ok=True)
+            return FileIO(path, "a+")
+        except OSError as error:
+            raise OptionError(f"{path} cannot be the file of a sweep ({error}); give another") from error
+
+    def _lock(self) -> None:
+        try:
+            held = lock(self._file)
+        except OSError as error:
+            raise OptionError(f"{self.path} cannot be locked ({error}); give one on a local disk") from error
+        if not held:
+            raise OptionError(f"{self.path}: another sweep is writing to this file; give another")
+
     def _read(self, header: dict[str, Any]) -> None:
         self._file.seek(0)
-        first, *lines = self._file.read().split(b"\n")
-        wanted = json.dumps(header, ensure_ascii=False).encode()
+        first, *more = self._file.read(LONGEST_HEADER).split(b"\n", 1)
+        wanted = _encoded(header, "the sweep")
+        lines = b"".join([*more, self._file.readall()]).split(b"\n") if more else []
         if not lines and wanted.startswith(first):  # new, or torn within its first line
             self._file.truncate(0)
             self._write(header)
@@ -95,17 +130,19 @@ class SweepFile:
             whole += len(text) + 1
             try:
                 line = json.loads(text)
+                _require_run(line)
                 self.done[key(line["parameters"], ""), line["repetition"]] = line
-            except (ValueError, KeyError, TypeError) as error:
+            except (ValueError, KeyError, TypeError, RecursionError) as error:
                 raise OptionError(
-                    f"{self.path}, line {number}: not a run of a sweep; mend or remove that line"
+                    f"{self.path}, line {number}: not a run of a sweep; remove that line, and its run is "
+                    "done again"
                 ) from error
         self._file.truncate(whole)
 
     def _require(self, first: bytes, header: dict[str, Any]) -> None:
         try:
             found = json.loads(first)
-        except ValueError:
+        except (ValueError, RecursionError):
             found = None
         if not isinstance(found, dict) or found.get("format") != FORMAT:
             raise OptionError(f"{self.path} is not the file of a sweep; give another name")
@@ -113,10 +150,38 @@ class SweepFile:
         if wrong:
             name = wrong[0]
             raise OptionError(
-                f"{self.path} belongs to another sweep: its {name} is {found.get(name)!r}, not "
-                f"{header[name]!r}; give another file, or the same {name}"
+                f"{self.path} belongs to another sweep: its {name} is {shown(found.get(name))}, not "
+                f"{shown(header[name])}; give another file, or the same {name}"
             )
 
     def _write(self, line: dict[str, Any]) -> None:
-        self._file.write(json.dumps(line, ensure_ascii=False).encode() + b"\n")
-        self._file.flush()
+        left = memoryview(_encoded(line, "a run") + b"\n")
+        end = self._file.seek(0, os.SEEK_END)
+        try:
+            while left:
+                left = left[self._file.write(left) :]
+        except OSError as error:
+            with suppress(OSError):
+                self._file.truncate(end)
+            raise SweepError(
+                f"{self.path} cannot be written ({error}); all runs before this one are in it: make room and "
+                "call sweep again, which goes on from there"
+            ) from error
+
+
+def _encoded(value: Any, what: str) -> bytes:
+    """A line; halves of characters, such as in names of files, as they are."""
+    return text_of(value, what).encode("utf-8", "surrogatepass")
+
+
+def _require_run(line: Any) -> None:
+    """A TypeError for a line that does not hold what `append` writes."""
+    failure = line["failure"]
+    plain_failure = failure is None or (
+        isinstance(failure["kind"], str) and isinstance(failure["ours"], bool)
+    )
+    plain_summary = line["summary"] is None or isinstance(line["summary"], dict)
+    if not (isinstance(line["parameters"], dict) and plain_summary and plain_failure and "kept" in line):
+        raise TypeError("values of other kinds")
+    if failure is not None:
+        Failure(**failure)

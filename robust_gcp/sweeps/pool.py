@@ -11,6 +11,7 @@ from collections.abc import Generator, Mapping, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
+    CancelledError,
     Executor,
     Future,
     ProcessPoolExecutor,
@@ -18,13 +19,15 @@ from concurrent.futures import (
     as_completed,
     wait,
 )
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from ..checks import shown
 from ..errors import OptionError, SweepError
 from ..mechanism.folders.loader import load
-from .record import Failure
-from .worker import Build, Keep, Outcome, begin, ready, work, work_pickled
+from .record import Failure, failure_of, words_of
+from .worker import Build, Keep, Outcome, begin, ready, unpickled, work, work_pickled
 
 Task = tuple[int, Mapping[str, Any]]
 """A run's place in the sweep, and its parameters."""
@@ -52,19 +55,21 @@ def on_executor(
     futures: dict[Future[Outcome], int] = {}
     try:
         for index, parameters in tasks:
-            futures[executor.submit(work, build, keep, parameters)] = index
-        for future in as_completed(futures):
             try:
-                outcome = future.result()
-            except BrokenExecutor as error:
+                futures[executor.submit(work, build, keep, parameters)] = index
+            except Exception as error:  # executors raise what they like
                 raise SweepError(
-                    f"the executor broke ({type(error).__name__}: {error}) with run {futures[future]} under "
-                    "way: a worker died or could not start; with executor=None a sweep tells which run it was"
+                    f"the executor does not take run {index} ({type(error).__name__}: {error}): it is broken "
+                    "or was shut down; give a fresh one, or executor=None"
                 ) from error
-            except Exception as error:
-                words = f"the executor lost the run: {error}"
-                outcome = Outcome(failure=Failure(type(error).__name__, words, ours=False))
-            yield futures[future], outcome
+        for future in as_completed(futures):
+            failed = _failure(future)
+            if isinstance(failed, BrokenExecutor):
+                raise SweepError(
+                    f"the executor broke ({type(failed).__name__}: {failed}) with run {futures[future]} "
+                    "under way: a worker died or could not start; with executor=None a sweep tells which"
+                ) from failed
+            yield futures[future], future.result() if failed is None else _lost(failed)
     finally:
         for future in futures:
             future.cancel()
@@ -156,14 +161,12 @@ class _Processes:
             lost: list[tuple[int, bytes]] = []
             while done:
                 for future in done:
-                    task = self.running.pop(future)
-                    try:
-                        outcome = future.result()
-                    except BrokenExecutor:
+                    task, failed = self.running.pop(future), _failure(future)
+                    if isinstance(failed, BrokenExecutor):
                         broken = True
                         lost.append(task)
                     else:
-                        yield task[0], outcome
+                        yield task[0], unpickled(future.result()) if failed is None else _lost(failed)
                 done = set(self.running) if broken else set()  # a broken pool has ended all of them
             if broken:
                 self.pool.shutdown(wait=True)
@@ -191,6 +194,19 @@ class _Processes:
         self.pool.shutdown(wait=True, cancel_futures=True)
 
 
+def _failure(future: Future[Outcome]) -> BaseException | None:
+    """What a future ended with; raised here, a worker's KeyboardInterrupt would pass for the caller's."""
+    try:
+        return future.exception()
+    except CancelledError as error:
+        return error
+
+
+def _lost(error: BaseException) -> Outcome:
+    words = f"the executor lost the run: {words_of(error)}"
+    return Outcome(failure=replace(failure_of(error), message=words, ours=False))
+
+
 def _died() -> Outcome:
     words = "the worker process died during this run (out of memory, killed, or a crash in compiled code)"
     return Outcome(failure=Failure("BrokenProcessPool", words, ours=False))
@@ -202,7 +218,7 @@ def _pickled(index: int, build: Build, keep: Keep, parameters: Mapping[str, Any]
             pickle.dumps(value)
         except Exception as error:  # pickle raises what it likes
             raise OptionError(
-                f"{what} = {value!r} cannot be sent to worker processes ({error}); define functions at the "
-                "top of a module, or use executor=ThreadPoolExecutor() or workers=0"
+                f"{what} = {shown(value)} cannot be sent to worker processes ({words_of(error)}); define "
+                "functions at the top of a module, or use executor=ThreadPoolExecutor() or workers=0"
             ) from error
     return pickle.dumps((build, keep, dict(parameters)))

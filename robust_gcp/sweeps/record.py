@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import traceback
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from pathlib import Path
@@ -11,8 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import OptionError
+from ..checks import shown
+from ..errors import OptionError, RobustGcpError
 from ..simulation.trajectory import Trajectory
+
+LONGEST = 20_000
+"""Characters kept of a message (its beginning) and of a traceback (its end)."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +40,24 @@ class Failure:
     message: str
     ours: bool
     trace: str = ""
+
+
+def failure_of(error: BaseException) -> Failure:
+    """An error in words, however it was made."""
+    ours = isinstance(error, RobustGcpError)
+    try:
+        trace = "" if ours else "".join(traceback.format_exception(error))
+    except Exception as second:
+        trace = f"no traceback: {type(second).__name__} while it was written"
+    return Failure(type(error).__name__, words_of(error), ours, trace[-LONGEST:])
+
+
+def words_of(error: BaseException) -> str:
+    """`str(error)`, cut; or what went wrong in it."""
+    try:
+        return str(error)[:LONGEST]
+    except BaseException as second:
+        return f"no message: its __str__ raised {type(second).__name__}"
 
 
 @dataclass(frozen=True)
@@ -116,11 +139,29 @@ def plain(value: Any, what: str) -> Any:
     if callable(value) and getattr(sys.modules.get(str(module)), name, None) is value:
         return f"{module}.{name}"
     raise OptionError(
-        f"{what} = {value!r} cannot be written to the sweep's file; give numbers, lists, names, or a "
+        f"{what} = {shown(value)} cannot be written to the sweep's file; give numbers, lists, names, or a "
         "function defined at the top of a module; or leave file out"
     )
 
 
 def key(parameters: Mapping[str, Any], what: str) -> str:
     """The same text for the same parameters."""
-    return json.dumps(plain(parameters, what), sort_keys=True, ensure_ascii=False)
+    return text_of(parameters, what, sort_keys=True)
+
+
+def text_of(value: Any, what: str, sort_keys: bool = False) -> str:
+    """The value as JSON on one line.
+
+    Raises
+    ------
+    OptionError
+        For what has no such form, naming it as `what`.
+    """
+    try:
+        return json.dumps(plain(value, what), sort_keys=sort_keys, ensure_ascii=False)
+    except (ValueError, RecursionError) as error:  # integers of thousands of digits; lists in themselves
+        if isinstance(error, OptionError):
+            raise
+        raise OptionError(
+            f"{what} cannot be written to the sweep's file ({error}); leave file out"
+        ) from error

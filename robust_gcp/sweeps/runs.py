@@ -95,7 +95,7 @@ def sweep(
     OptionError
         For bad arguments, before anything is computed, and for a file of another sweep.
     SweepError
-        When workers cannot start, or a given executor breaks.
+        When workers cannot start, a given executor breaks, or the disk does not take the file.
 
     Examples
     --------
@@ -227,7 +227,7 @@ def _records(
         kept = None
         if file is not None:
             identity = {"build": _identity(build), "keep": keep}
-            kept = stack.enter_context(SweepFile(Path(file), identity))
+            kept = stack.enter_context(SweepFile(file, identity))
         tasks: list[Task] = []
         for i, run in enumerate(runs):
             line = None if kept is None else kept.done.get(names[i])

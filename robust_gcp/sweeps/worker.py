@@ -9,9 +9,8 @@ import os
 import pickle
 import signal
 import threading
-import traceback
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -20,7 +19,7 @@ from ..mechanism.folders.loader import load
 from ..mechanism.mechanism import Mechanism
 from ..simulation.simulate import simulate
 from ..simulation.trajectory import Trajectory
-from .record import Failure, summary
+from .record import Failure, failure_of, summary, words_of
 
 Build = str | Path | Mechanism | Callable[..., Mechanism]
 Keep = Literal["summary", "trajectory"] | Callable[[Trajectory], Any]
@@ -48,13 +47,20 @@ def work(
     parameters: Mapping[str, Any],
     cancelled: Callable[[], bool] | None = None,
 ) -> Outcome:
-    """Build, simulate, summarise; every error becomes a `Failure`.
+    """Build, simulate, summarise; every error becomes a `Failure`, an attempt to end the program too.
 
     Parameters
     ----------
     cancelled : callable, optional
         Asked after each output; True ends the run.
+
+    Raises
+    ------
+    BaseException
+        In the main thread of the main process, what is no `Exception`, `SystemExit` or
+        `GeneratorExit`: Ctrl-C, and what the program around the sweep interrupts itself with.
     """
+    figures = None
 
     def watch(fraction: float) -> None:
         if cancelled is not None and cancelled():
@@ -64,9 +70,19 @@ def work(
         mechanism = _mechanism(build, {k: v for k, v in parameters.items() if k not in OPTIONS})
         options = {k: v for k, v in parameters.items() if k in OPTIONS}
         trajectory = simulate(mechanism, **options, progress=watch)
-        return Outcome(summary(trajectory), _kept(keep, trajectory))
-    except Exception as error:
-        return _failed(error, keep)
+        figures = summary(trajectory)
+        return Outcome(figures, _kept(keep, trajectory))
+    except BaseException as error:
+        if _interrupts(error):
+            raise
+        return _failed(error, keep, figures)
+
+
+def _interrupts(error: BaseException) -> bool:
+    """Whether this is the caller's affair: no signal of theirs arrives in other threads or workers."""
+    of_the_run = isinstance(error, Exception | SystemExit | GeneratorExit)
+    at_home = threading.current_thread() is threading.main_thread() and not multiprocessing.parent_process()
+    return at_home and not of_the_run
 
 
 def _mechanism(build: Build, parameters: dict[str, Any]) -> Mechanism:
@@ -89,13 +105,11 @@ def _kept(keep: Keep, trajectory: Trajectory) -> Any:
     return trajectory if keep == "trajectory" else keep(trajectory)
 
 
-def _failed(error: Exception, keep: Keep) -> Outcome:
-    ours = isinstance(error, RobustGcpError)
-    trace = "" if ours else "".join(traceback.format_exception(error))
-    failure = Failure(type(error).__name__, str(error), ours, trace)
+def _failed(error: BaseException, keep: Keep, figures: dict[str, Any] | None) -> Outcome:
+    failure = failure_of(error)
     partial = error.trajectory if isinstance(error, RobustGcpError) else None
     if partial is None:
-        return Outcome(failure=failure)
+        return Outcome(figures, failure=failure)
     return Outcome(summary(partial), partial if keep == "trajectory" else None, failure)
 
 
@@ -123,12 +137,30 @@ def ready(task: bytes) -> str:
     """Unpickle build and keep; returns what is wrong with them here, in words."""
     try:
         pickle.loads(task)
-    except Exception as error:
-        return f"{type(error).__name__}: {error}"
+    except BaseException as error:  # a module may end the program when it is imported
+        failure = failure_of(error)
+        return f"{failure.kind}: {failure.message}"
     return ""
 
 
 def work_pickled(task: bytes) -> Outcome:
-    """`work` on pickled (build, keep, parameters)."""
-    build, keep, parameters = pickle.loads(task)
-    return work(build, keep, parameters, None if _given_up is None else _given_up.is_set)
+    """`work` on pickled (build, keep, parameters); what is kept comes pickled, or is a failure."""
+    outcome = Outcome()
+    try:
+        build, keep, parameters = pickle.loads(task)
+        outcome = work(build, keep, parameters, None if _given_up is None else _given_up.is_set)
+        return replace(outcome, kept=pickle.dumps(outcome.kept))
+    except BaseException as error:  # pickle raises what it likes
+        why = f"what was given or kept cannot pass between processes: {words_of(error)}"
+        failure = replace(failure_of(error), message=why, ours=False)
+        return Outcome(outcome.summary, pickle.dumps(None), outcome.failure or failure)
+
+
+def unpickled(outcome: Outcome) -> Outcome:
+    """The outcome of `work_pickled`, with what was kept."""
+    try:
+        return replace(outcome, kept=pickle.loads(outcome.kept))
+    except (Exception, SystemExit) as error:
+        why = f"what was kept cannot be read back in this process: {words_of(error)}"
+        failure = replace(failure_of(error), message=why, ours=False)
+        return Outcome(outcome.summary, failure=outcome.failure or failure)

@@ -46,12 +46,6 @@ def end(trajectory: rg.Trajectory) -> dict[str, Any]:
     return {"q": trajectory.q[-1], "rows": len(trajectory.t)}
 
 
-@pytest.fixture(autouse=True)
-def importable_by_workers(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Spawned workers take over sys.path and find the functions of this file from the checkout's root."""
-    monkeypatch.setattr(sys, "path", [*sys.path, str(Path(__file__).parents[2])])
-
-
 # --------------------------------------------------------------------------- runs
 
 
