@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from ..checks import check_mechanism, real_array, require_finite, shown
@@ -13,6 +14,7 @@ from ..errors import NonFiniteError, OptionError
 from ..maps.explicit import ExplicitMap
 from ..maps.point import Point
 from ..mechanism.mechanism import Mechanism
+from ..mechanism.partition import numerical_rank
 from ..mechanism.tree import Array
 from .reduced_inertia import ReducedInertia
 
@@ -152,15 +154,49 @@ def torque_function(mechanism: Mechanism, torque: Torque | ArrayLike | None) -> 
 
 
 def constraint_forces(mechanism: Mechanism, q: Array, v: Array, a: Array, tau: Array | None) -> Array:
-    """λ (nc,) of least norm with Kᵀ λ = M a + C − τ: the cut joints' reactions, N and N m."""
+    """λ (nc,) with Kᵀ λ = M a + C − τ: the cut joints' reactions, N and N m.
+
+    Where rows of K are redundant, the λ of least norm, moments divided by the characteristic length.
+    """
     residual = mechanism.tree.rnea(q, v, a).copy()
     if tau is not None:
         residual -= tau
-    K = mechanism.K(q)
-    if mechanism.nc == 0:
-        return np.zeros(0)
-    solution: Array = np.linalg.lstsq(K.T, residual, rcond=REDUNDANT)[0]
-    return solution
+    return _Split(mechanism, q).multipliers(residual)
+
+
+class _Split:
+    """The dimensionless K at q as K = U s Nᵀ over its regular directions, and the motions that it leaves.
+
+    Rank is decided here and nowhere else, on K without units: what M weighs, in whatever unit, has no
+    part in it.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    q : ndarray (nq,)
+
+    Attributes
+    ----------
+    free : ndarray (nv, nv − rank)
+        Velocities with K v = 0, orthonormal without units.
+    """
+
+    def __init__(self, mechanism: Mechanism, q: Array) -> None:
+        self._rows, self._columns = mechanism.row_scale, mechanism.column_scale
+        U, s, Nt = np.linalg.svd(mechanism.scaled(mechanism.K(q)))
+        rank = numerical_rank(s, REDUNDANT)
+        self._U, self._s, self._N = U[:, :rank], s[:rank], Nt[:rank].T
+        self.free: Array = self._columns[:, None] * Nt[rank:].T
+
+    def acceleration(self, k: Array) -> Array:
+        """The shortest a (nv,) with K a = k, as far as k can be attained."""
+        a: Array = self._columns * (self._N @ (self._U.T @ (k / self._rows) / self._s))
+        return a
+
+    def multipliers(self, force: Array) -> Array:
+        """The shortest λ (nc,) with Kᵀ λ = force, as far as it can be attained."""
+        multipliers: Array = self._U @ (self._N.T @ (self._columns * force) / self._s) / self._rows
+        return multipliers
 
 
 def implicit_dynamics(
@@ -169,7 +205,9 @@ def implicit_dynamics(
     """Accelerations and constraint forces from the implicit system (2).
 
     [[M, Kᵀ], [K, 0]] [a; −λ] = [τ − C; k], solved in the least-norm sense, which survives redundant
-    rows and singular configurations (where k must be attainable for a to be meaningful).
+    rows and singular configurations (where k must be attainable for a to be meaningful): with K N = 0,
+    a = a₀ + N z from K a₀ = k and Nᵀ M N z = Nᵀ (τ − C − M a₀), then Kᵀ λ = M a + C − τ. So beside a
+    singular configuration a loses the digits that K's own conditioning costs, not its square.
 
     Parameters
     ----------
@@ -184,14 +222,18 @@ def implicit_dynamics(
     """
     check_mechanism(mechanism, Mechanism, "implicit_dynamics")
     q, v = mechanism.configuration(q), mechanism.velocity(v)
-    K, k = mechanism.K(q), mechanism.k(q, v)
     bias = mechanism.tree.rnea(q, v, mechanism.tree.zero)
     force = -bias if tau is None else mechanism.velocity(tau, "tau") - bias
     if mechanism.applied is not None:
         force = force + mechanism.applied.tau(q, v)
-    M = mechanism.tree.crba(q)
-    n, c = mechanism.nv, mechanism.nc
-    matrix = require_finite(np.block([[M, K.T], [K, np.zeros((c, c))]]), "M(q)")
     require_finite(force, "τ − C")
-    solution = np.linalg.lstsq(matrix, np.concatenate([force, k]), rcond=REDUNDANT)[0]
-    return solution[:n], -solution[n:]
+    M = require_finite(mechanism.tree.crba(q), "M(q)").copy()
+    split = _Split(mechanism, q)
+    a, N = split.acceleration(mechanism.k(q, v)), split.free
+    inertia = N.T @ M @ N
+    size = np.sqrt(np.maximum(inertia.diagonal(), 0.0))
+    size = 1.0 / np.where(size > 0.0, size, 1.0)
+    # least squares, as motions without mass leave z to itself
+    z = scipy.linalg.lstsq(inertia * size[:, None] * size, size * (N.T @ (force - M @ a)))[0]
+    a = a + N @ (size * z)
+    return a, split.multipliers(M @ a - force)

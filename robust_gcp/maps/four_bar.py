@@ -18,6 +18,14 @@ from .regular_path import RegularPath
 PARALLEL = 1e-12
 """Sine of the angle between joint axes that still counts as parallel."""
 
+DEAD = 1e-8
+"""Distance from a dead point, rad, at which y no longer says where the linkage is: G ~ 1/√distance has
+then lost four digits."""
+
+NEAR = 0.1
+"""Part of the distance to a dead point that one stage of a fixed step may cover: y turns back there as a
+square root does, which a step of several times as much does not see."""
+
 
 @dataclass(frozen=True)
 class Drawing:
@@ -101,10 +109,12 @@ class FourBarMap:
         For the counters.
     start : Point
         Chooses the assembly; its G does where both assemblies meet.
+    error_controlled : bool
+        Whether the stepper finds by itself that a step is too large beside a dead point.
     """
 
-    def __init__(self, path: RegularPath, start: Point) -> None:
-        self.path, self.anchor = path, start
+    def __init__(self, path: RegularPath, start: Point, error_controlled: bool = False) -> None:
+        self.path, self.anchor, self._error_controlled = path, start, error_controlled
         self._drawing = draw_four_bar(path.mechanism)
         candidates = []
         for assembly in (1, -1):
@@ -122,7 +132,8 @@ class FourBarMap:
         return self.path.counters
 
     def at(self, y: Array, ydot: Array) -> Point:
-        """The point at y; ToggleError beyond the linkage's reach."""
+        """The point at y; ToggleError at a dead point, beyond it, or where a step may have passed it."""
+        left = self._to_dead_point(self.anchor.y)
         try:
             point = self._point(self.linkage, y, ydot)
         except OptionError as error:
@@ -131,6 +142,17 @@ class FourBarMap:
             raise ToggleError(
                 f"closed form: from y = {self.anchor.y} the stepper jumped to {y}, beyond a dead point; "
                 "use a smaller step, or another coordinate",
+                y,
+            )
+        here = self._to_dead_point(y)
+        if here <= DEAD:
+            raise ToggleError(
+                f"closed form: y = {y} is a dead point, where it turns back; use another coordinate", y
+            )
+        if not self._error_controlled and abs(float(y[0] - self.anchor.y[0])) > NEAR * min(left, here):
+            raise ToggleError(
+                f"closed form: at y = {y}, {here:.3g} rad beside a dead point, where y turns back, the step "
+                "is too large to tell whether it is passed; use a smaller step, or another coordinate",
                 y,
             )
         self.anchor = point
@@ -145,6 +167,13 @@ class FourBarMap:
         low, high = self.linkage.reach
         turns = float(self._drawing.sign[0] * y[0] + self._drawing.offset[0]) / (2.0 * np.pi)
         return int(np.floor(turns)) if low > 0.0 else 0, int(np.floor(turns + 0.5)) if high < np.pi else 0
+
+    def _to_dead_point(self, y: Array) -> float:
+        """Distance of y in reach to the nearest dead point, rad; infinite where there is none."""
+        low, high = self.linkage.reach
+        angle = float(self._drawing.sign[0] * y[0] + self._drawing.offset[0])
+        angle = abs(float(np.arctan2(np.sin(angle), np.cos(angle))))
+        return min(angle - low if low > 0.0 else np.inf, high - angle if high < np.pi else np.inf)
 
     def _point(self, linkage: FourBar, y: Array, ydot: Array, near: Array | None = None) -> Point:
         """The point at y; q2 and q3 continuous from the start, or else nearest to those of `near`."""

@@ -15,7 +15,7 @@ from .tree import Array, Tree
 
 
 class ImplicitConstraint:
-    """φ, K and k of all closures at once.
+    """φ, K and k of all closures at once, evaluated at what the tree holds; it keeps no state of its own.
 
     Each row of K is a pair of wrenches, one on either body, applied to the joint Jacobian J: a
     position row along e is the unit force e at the cut point, (e, p × e); a rotation row is the
@@ -80,7 +80,6 @@ class ImplicitConstraint:
                     # p × e_r has entries p_t on axis s and −p_s on axis t
                     self._moment_source[at, s], self._moment_sign[at, s] = 3 * point + t, 1.0
                     self._moment_source[at, t], self._moment_sign[at, t] = 3 * point + s, -1.0
-        self._moment = self._wrench[:, 3:]
         self._entry_wrench = np.array(wrenches, dtype=np.int64)
         self._entry_column = np.array(columns_at, dtype=np.int64)
         self._entry_weight = np.array(weights)
@@ -111,30 +110,37 @@ class ImplicitConstraint:
         phi = np.empty(len(self.rows))
         phi[self._position] = apart[self._take]
         if self._rotation is not None:
-            self._rotation.place(self._tree.frame_R)
-            phi[self._rotation.at] = self._rotation.residual()
+            phi[self._rotation.at] = self._rotation.residual(self._tree.frame_R)
         if self._coupling is not None:
             phi[self._coupled] = self._coupling.residual(self._tree.q)
         return phi * self._weight
 
-    def jacobian(self) -> Array:
-        """K = ∂φ/∂q (nc, nv) after `residual` at the same placements; a new array."""
-        n = len(self.rows)
+    def _wrenches(self) -> Array:
+        """The unit force and moment at the world's origin that each row is, on either body, (2 nc, 6)."""
+        n, tree = len(self.rows), self._tree
+        wrench = self._wrench.copy()
+        moment = wrench[:, 3:]
         if self._loops:
-            np.multiply(self._tree.frame_p.take(self._moment_source), self._moment_sign, out=self._moment)
+            np.multiply(tree.frame_p.take(self._moment_source), self._moment_sign, out=moment)
         if self._rotation is not None:
-            self._moment[self._rotation.at] = self._moment[n + self._rotation.at] = self._rotation.normals()
-        entries = np.einsum("ij,ij->i", self._wrench[self._entry_wrench], self._tree.J[self._entry_column])
+            at = self._rotation.at
+            moment[at] = moment[n + at] = self._rotation.normals(tree.frame_R)
+        return wrench
+
+    def jacobian(self) -> Array:
+        """K = ∂φ/∂q (nc, nv) at the tree's present placements; a new array."""
+        n, tree = len(self.rows), self._tree
+        entries = np.einsum("ij,ij->i", self._wrenches()[self._entry_wrench], tree.J[self._entry_column])
         entries *= self._entry_weight
-        nv = self._tree.nv
+        nv = tree.nv
         flat = np.bincount(self._entry_at, entries, minlength=n * nv).astype(float)
         if self._coupling is not None:
             flat[self._coupled_at[:, 0]] = self._coupled_weight[:, 0]
-            flat[self._coupled_at[:, 1]] = -self._coupling.slope(self._tree.q) * self._coupled_weight[:, 1]
+            flat[self._coupled_at[:, 1]] = -self._coupling.slope(tree.q) * self._coupled_weight[:, 1]
         return flat.reshape(n, nv)
 
     def jacobian_rate(self, v: Array) -> Array:
-        """K̇ along v (nv,), (nc, nv), after `jacobian` and the tree's `jacobian_rates` at the same q and v."""
+        """K̇ along v (nv,), (nc, nv), after the tree's `jacobian_rates` at q and v."""
         n, tree = len(self.rows), self._tree
         twist = self._carried @ (tree.J * v[:, None])  # of the frames' bodies, at the world's origin
         omega = twist[:, 3:]
@@ -142,11 +148,11 @@ class ImplicitConstraint:
         wrench = np.zeros((2 * n, 6))
         wrench[:, 3:] = speed.take(self._moment_source) * self._moment_sign
         if self._rotation is not None:
-            rate = self._rotation.normal_rates(omega)
+            rate = self._rotation.normal_rates(tree.frame_R, omega)
             wrench[self._rotation.at, 3:] = wrench[n + self._rotation.at, 3:] = rate
         at, column = self._entry_wrench, self._entry_column
         entries = np.einsum("ij,ij->i", wrench[at], tree.J[column])
-        entries += np.einsum("ij,ij->i", self._wrench[at], tree.dJ[column])
+        entries += np.einsum("ij,ij->i", self._wrenches()[at], tree.dJ[column])
         flat = np.bincount(self._entry_at, entries * self._entry_weight, minlength=n * tree.nv).astype(float)
         if self._coupling is not None:
             rate = -self._coupling.slope_rate(tree.q, v)
@@ -154,7 +160,7 @@ class ImplicitConstraint:
         return flat.reshape(n, tree.nv)
 
     def bias(self) -> Array:
-        """k = −K̇ v (nc,) after `residual` at q and the tree's `rnea` at (q, v, 0).
+        """k = −K̇ v (nc,) after the tree's `jacobians` at q and `rnea` at (q, v, 0).
 
         The joints' accelerations there include minus gravity, which cancels in every difference.
         """
@@ -173,7 +179,7 @@ class ImplicitConstraint:
         if self._rotation is not None:
             turning = _apply(tree.frame_R, omega)
             speeding = _apply(tree.frame_R, _apply(self._turn, a[:, 3:]))
-            k[self._rotation.at] = self._rotation.bias(turning, speeding)
+            k[self._rotation.at] = self._rotation.bias(tree.frame_R, turning, speeding)
         if self._coupling is not None:
             k[self._coupled] = self._coupling.bias(tree.q, tree.qdot)
         return k * self._weight
@@ -224,34 +230,34 @@ class _RotationRows:
         self._u_local = np.array([t[2] for _, _, t in terms])[:, :, None]
         self._n_local = np.array([t[3] for _, _, t in terms])[:, :, None]
 
-    def place(self, R: Array) -> None:
-        """Turn u and n into world axes, R (npoints, 3, 3) the frames' orientations."""
-        self._u = (R[self._first] @ self._u_local)[:, :, 0]
-        self._n = (R[self._second] @ self._n_local)[:, :, 0]
+    def _placed(self, R: Array) -> tuple[Array, Array]:
+        """u and n of each term in world axes; R (npoints, 3, 3) are the frames' orientations."""
+        return (R[self._first] @ self._u_local)[:, :, 0], (R[self._second] @ self._n_local)[:, :, 0]
 
-    def residual(self) -> Array:
+    def residual(self, R: Array) -> Array:
         """Σ w u · n of each row."""
-        return self._sum(np.einsum("ij,ij->i", self._u, self._n))
+        return self._sum(np.einsum("ij,ij->i", *self._placed(R)))
 
-    def normals(self) -> Array:
+    def normals(self, R: Array) -> Array:
         """Σ w u × n of each row, (rows, 3): φ̇ = (ω₁ − ω₂) · Σ w u × n."""
-        crossed = _cross(self._u, self._n) * self._weight[:, None]
+        crossed = _cross(*self._placed(R)) * self._weight[:, None]
         normals = np.zeros((len(self.at), 3))
         np.add.at(normals, self._owner, crossed)
         return normals
 
-    def normal_rates(self, omega: Array) -> Array:
+    def normal_rates(self, R: Array, omega: Array) -> Array:
         """d/dt of `normals`, ω of all frames in world axes."""
-        w1, w2, u, n = omega[self._first], omega[self._second], self._u, self._n
+        w1, w2 = omega[self._first], omega[self._second]
+        u, n = self._placed(R)
         rates = np.zeros((len(self.at), 3))
         turned = _cross(_cross(w1, u), n) + _cross(u, _cross(w2, n))
         np.add.at(rates, self._owner, turned * self._weight[:, None])
         return rates
 
-    def bias(self, omega: Array, alpha: Array) -> Array:
+    def bias(self, R: Array, omega: Array, alpha: Array) -> Array:
         """−d/dt (φ̇) at zero joint acceleration; ω and α of all frames in world axes."""
         w1, w2 = omega[self._first], omega[self._second]
-        u, n = self._u, self._n
+        u, n = self._placed(R)
         normal = _cross(u, n)
         rate = _cross(_cross(w1, u), n) + _cross(u, _cross(w2, n))
         turning = np.einsum("ij,ij->i", alpha[self._first] - alpha[self._second], normal)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..analysis.local import analyse
 from ..errors import PartitionError
 from .loops import CLOSED, STRUCTURAL, ClosedLoops
-from .partition import numerical_rank, spelled
+from .partition import independent_rows, numerical_rank, spelled, triangular_blocks
 from .tree import Array
 
 log = logging.getLogger(__name__)
@@ -48,21 +48,33 @@ def best_at_home(loops: ClosedLoops, home: Array, name: str) -> tuple[Array, tup
 
 
 def require_determined(
-    loops: ClosedLoops, independent: Sequence[str], dependent: Sequence[str], iv_dependent: NDArray[np.int64]
+    loops: ClosedLoops,
+    independent: Sequence[str],
+    dependent: Sequence[str],
+    iv_dependent: NDArray[np.int64],
+    home: Array,
 ) -> None:
-    """A PartitionError, with sets that would serve, where K_d is singular in every configuration."""
+    """A PartitionError, with sets that would serve, where K_d is singular in every configuration.
+
+    Raises
+    ------
+    PartitionError
+    """
     nd = len(iv_dependent)
-    jacobians = [loops.scaled(K)[:, iv_dependent] for K in loops.generic_jacobians()]
-    ranks = [numerical_rank(np.linalg.svd(K, compute_uv=False), STRUCTURAL) for K in jacobians]
-    rank = max(ranks, default=0)
-    if rank == nd:
+    seen = loops.generic_configurations()
+    if loops.closure_residual(home) <= CLOSED:
+        seen.append(home)
+    jacobians = [loops.scaled(loops.K(q))[:, iv_dependent] for q in seen]
+    if is_determined(jacobians):
         return
+    ranks = [numerical_rank(np.linalg.svd(K, compute_uv=False), STRUCTURAL) for K in jacobians]
+    rank = min(max(ranks, default=0), max(nd - 1, 0))
     _, _, Vt = np.linalg.svd(jacobians[0])
     moving = np.zeros(loops.nv)
     moving[iv_dependent] = np.max(np.abs(Vt[rank:]), axis=0)
     culprits = [n for n in dependent if np.any(moving[loops.velocity_slice(n)] > 1e-6)]
     # joints whose complement the closures determine at a generic configuration
-    suggestions = [names for _, names in loops.coordinate_choices(loops.generic_configurations()[0])]
+    suggestions = [names for _, names in loops.coordinate_choices(seen[0])]
     hint = "; sets that would serve: " + spelled(suggestions) if suggestions else ""
     raise PartitionError(
         f"independent = {', '.join(map(repr, independent)) or 'none'}: K_d is structurally "
@@ -70,3 +82,33 @@ def require_determined(
         f"{', '.join(map(repr, culprits))} in any configuration{hint}",
         suggestions,
     )
+
+
+def is_determined(jacobians: Sequence[Array]) -> bool:
+    """Whether K_d has full column rank somewhere, told block by block.
+
+    The rank of a chain of loops taken at once depends on luck: where each loop is fed by the one before,
+    σ_min/σ_max falls geometrically with their number though each is well conditioned. So the zero pattern
+    decides first (a maximum matching, triangular blocks), and each diagonal block by itself. Blocks are
+    analytic in q: where each is regular somewhere, almost everywhere all are.
+
+    Parameters
+    ----------
+    jacobians : sequence of ndarray (nc, nd)
+        K_d, dimensionless, in several configurations.
+    """
+    count = jacobians[0].shape[1]
+    if count == 0:
+        return True
+    if jacobians[0].shape[0] < count:
+        return False
+    rows = independent_rows(jacobians[0], count)
+    square = [K[rows] for K in jacobians]
+    blocks = triangular_blocks(np.any([np.abs(K) > STRUCTURAL for K in square], axis=0))
+    if blocks is None:  # these rows determine nothing; with redundant ones others might
+        return len(rows) < jacobians[0].shape[0] and any(map(_has_full_rank, jacobians))
+    return all(any(_has_full_rank(K[np.ix_(b.rows, b.columns)]) for K in square) for b in blocks)
+
+
+def _has_full_rank(K: Array) -> bool:
+    return numerical_rank(np.linalg.svd(K, compute_uv=False), STRUCTURAL) == K.shape[1]

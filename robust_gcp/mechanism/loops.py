@@ -85,14 +85,13 @@ class ClosedLoops:
 
     def K(self, q: ArrayLike) -> Array:
         """K = ∂φ/∂q, (nc, nv): K v = 0."""
-        self.phi(q)
+        self.tree.jacobians(self.configuration(q))
         return require_finite(self.implicit.jacobian(), "K(q)")
 
     def k(self, q: ArrayLike, v: ArrayLike) -> Array:
         """k = −K̇ v, (nc,): K a = k."""
         q, v = self.configuration(q), self.velocity(v)
         self.tree.jacobians(q)
-        self.implicit.residual()
         self.tree.rnea(q, v, self.tree.zero)
         return require_finite(self.implicit.bias(), "k(q, v)")
 
@@ -100,8 +99,6 @@ class ClosedLoops:
         """K̇ along v, (nc, nv): K̇ v = −k."""
         q, v = self.configuration(q), self.velocity(v)
         self.tree.jacobian_rates(q, v)
-        self.implicit.residual()
-        self.implicit.jacobian()
         return require_finite(self.implicit.jacobian_rate(v), "the rate of K")
 
     @cached_property
@@ -114,12 +111,15 @@ class ClosedLoops:
         """Size that makes each column of K dimensionless, (nv,).
 
         v = column_scale · u with u dimensionless: a column's largest norm over generic
-        configurations, inverted, so that links of very different lengths weigh the same.
+        configurations, inverted, so that links of very different lengths weigh the same; the joint's
+        own unit where that norm is rounding.
         """
         largest = np.zeros(self.nv)
         for K in self.generic_jacobians():
             largest = np.maximum(largest, np.linalg.norm(K / self.row_scale[:, None], axis=0))
-        return 1.0 / np.where(largest > 0.0, largest, 1.0)
+        largest *= self.units
+        acts = largest > STRUCTURAL * largest.max(initial=0.0)
+        return self.units / np.where(acts, largest, 1.0)
 
     @cached_property
     def units(self) -> Array:
@@ -173,9 +173,11 @@ class ClosedLoops:
         if self.nc == 0:
             return q
 
+        units = self.units[free]
+
         def lift(step: Array) -> Array:
             dv = np.zeros(self.nv)
-            dv[free] = step
+            dv[free] = units * step
             return dv
 
         def residual(step: Array) -> Array:
@@ -184,7 +186,7 @@ class ClosedLoops:
         def jacobian(step: Array) -> Array:
             dv = lift(step)
             K = self.K(self.tree.integrate(q, dv)) / self.row_scale[:, None]
-            return (K @ self.tree.integrate_rate(q, dv))[:, free]
+            return (K @ self.tree.integrate_rate(q, dv))[:, free] * units
 
         fit = scipy.optimize.least_squares(
             residual, np.zeros(len(free)), jac=jacobian, xtol=1e-15, ftol=1e-15, gtol=1e-15
@@ -285,10 +287,14 @@ class ClosedLoops:
         return ranked_choices(kernel, indices, [joint.name for joint in single])
 
     def generic_configurations(self, count: int = 5) -> list[Array]:
-        """Reproducible configurations, loops open, at which nothing vanishes by accident."""
+        """Reproducible configurations, loops open, at which nothing vanishes by accident.
+
+        Up to two radians, or two characteristic lengths, from the neutral one.
+        """
         rng = np.random.default_rng(20)
         neutral = pin.neutral(self.model)
-        return [self.tree.integrate(neutral, rng.uniform(-2.0, 2.0, self.nv)) for _ in range(count)]
+        steps = [rng.uniform(-2.0, 2.0, self.nv) * self.units for _ in range(count)]
+        return [self.tree.integrate(neutral, step) for step in steps]
 
     def generic_jacobians(self) -> list[Array]:
         """K at the generic configurations."""

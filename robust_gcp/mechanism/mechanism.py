@@ -71,7 +71,7 @@ class Mechanism(ClosedLoops):
         self.m = len(self.independent)
         self.iv_dependent = np.setdiff1d(np.arange(self.nv), self.iv_independent)
         self.dependent = tuple(n for n in self.joint_names if n not in self.independent)
-        require_determined(self, self.independent, self.dependent, self.iv_dependent)
+        require_determined(self, self.independent, self.dependent, self.iv_dependent, self.home)
 
     @classmethod
     def from_pinocchio(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import threading
 from collections.abc import Sequence
 from functools import cached_property
 from itertools import pairwise
@@ -16,13 +18,18 @@ from ..errors import ModelError
 from .joints import Array as Array
 from .joints import Joint, in_v, joints_of
 
+_placements = itertools.count()
+"""One number for each configuration that any tree places."""
 
-class Tree:
-    """A `pin.Model` with one workspace, and views into it that stay valid.
+
+class Tree(threading.local):
+    """A `pin.Model` with one workspace a thread, and views into it that stay valid.
 
     Reading an attribute of `pin.Data` costs as much as the algorithm that filled it, so each result
     is read through a NumPy view made once: `placements` `(R, p)` of all joints, their velocities and
-    accelerations, the joint Jacobian J.
+    accelerations, the joint Jacobian J. What one thread computes stays in its views: whoever holds a
+    tree may use it from any thread. A thread makes its workspace when it first uses the tree, and
+    frees it when it ends; the model is shared.
 
     Parameters
     ----------
@@ -45,23 +52,26 @@ class Tree:
         Spatial velocity and acceleration (minus gravity) of each joint in its own frame (linear,
         angular); valid after `rnea`.
     placed : int
-        How many configurations `jacobians` has placed so far: tells whether the one that a caller placed
-        is still there.
+        A number of the configuration placed last, another one for each: tells whether the one that a
+        caller placed is still there, in this thread.
     q, qdot : ndarray (nq,), (nv,)
         What `jacobians` and `rnea` were last called with.
     """
 
+    __slots__ = ("_massive", "_rotors", "model")  # slots are shared by all threads, the rest is not
+    model: pin.Model
+    _massive: pin.Model
+    _rotors: Array | None
+
     def __init__(self, model: pin.Model, points: Sequence[tuple[int, pin.SE3]] = ()) -> None:
-        self.model: pin.Model = model.copy()
-        first = self.model.nframes
-        for i, (joint, placement) in enumerate(points):
-            kind = pin.FrameType.OP_FRAME
-            self.model.addFrame(pin.Frame(f"closure frame {i}", joint, placement, kind), False)
-        self.data = self.model.createData()
+        if not hasattr(self, "model"):  # runs again, with these arguments, in each further thread
+            self._share(model, points)
+        first = self.model.nframes - len(points)
+        self.data = pin.Data(self.model)  # createData would make a second one and copy it
         self.nq, self.nv = int(model.nq), int(model.nv)
         self.vector_space = self.nq == self.nv
         self.zero = np.zeros(self.nv)
-        self.placed = 0
+        self.placed = next(_placements)
         self.q: Array = pin.neutral(self.model)
         self.qdot: Array = self.zero
         # with a single velocity Pinocchio hands out a flat vector; its reshaped transpose is still a view
@@ -74,6 +84,18 @@ class Tree:
         self.frame_R = _stacked([m.rotation for m in frames])[first:]
         self.v = _stacked([_motion(m) for m in self.data.v])
         self.a = _stacked([_motion(m) for m in self.data.a_gf])
+
+    def _share(self, model: pin.Model, points: Sequence[tuple[int, pin.SE3]]) -> None:
+        """What no algorithm writes to: the model with the points, and the same without rotor inertia."""
+        self.model = model.copy()
+        for i, (joint, placement) in enumerate(points):
+            kind = pin.FrameType.OP_FRAME
+            self.model.addFrame(pin.Frame(f"closure frame {i}", joint, placement, kind), False)
+        rotors: Array = np.array(model.armature, dtype=float)
+        self._rotors, self._massive = None, self.model
+        if np.any(rotors):
+            self._rotors, self._massive = rotors, self.model.copy()
+            self._massive.armature = np.zeros(model.nv)
 
     @cached_property
     def joints(self) -> tuple[Joint, ...]:
@@ -92,13 +114,14 @@ class Tree:
 
     def jacobians(self, q: Array) -> None:
         """Placements and joint Jacobians at q (nq,)."""
-        self.placed += 1
+        self.placed = next(_placements)
         self.q = q
         pin.computeJointJacobians(self.model, self.data, q)
         pin.updateFramePlacements(self.model, self.data)
 
     def jacobian_rates(self, q: Array, v: Array) -> None:
         """Rates of the joint Jacobians at q (nq,) along v (nv,), besides what `jacobians` computes."""
+        self.placed = next(_placements)
         self.q, self.qdot = q, v
         pin.computeJointJacobiansTimeVariation(self.model, self.data, q, v)
         pin.updateFramePlacements(self.model, self.data)
@@ -115,12 +138,16 @@ class Tree:
         return M
 
     def kinetic(self, q: Array, v: Array) -> float:
-        """½ vᵀ M v as the sum over the bodies, J.
+        """½ vᵀ M v as the sum over the bodies and rotors, J.
 
         Where joints move against each other so that their bodies hardly move, vᵀ M v cancels and
-        this does not.
+        this does not. The rotors are added here: Pinocchio's sum leaves them out for joints of several
+        kinds, hinges with an axis other than x, y and z among them.
         """
-        return float(pin.computeKineticEnergy(self.model, self.data, q, v))
+        bodies = float(pin.computeKineticEnergy(self._massive, self.data, q, v))
+        if self._rotors is None:
+            return bodies
+        return bodies + 0.5 * float(self._rotors.dot(v * v))
 
     def energies(self, q: Array, v: Array) -> tuple[float, float]:
         """Kinetic and potential energy, J."""

@@ -179,7 +179,7 @@ def _map(
     if method == "projection":
         return ProjectionMap(start.path, start.point, threshold)
     if method == "closed_form":
-        return FourBarMap(start.path, start.point)
+        return FourBarMap(start.path, start.point, error_controlled)
     bridged = BridgeMap(start.path, start.point, options, error_controlled)
     if start.bridge is not None:
         bridged.adopt(start.bridge)

@@ -282,3 +282,15 @@ def test_pendulum_of_the_closed_form_is_the_simulated_one() -> None:
     traj = rg.simulate(mech, y[0] * t, rate[0] * t, duration=0.01, step=0.01)
     # h⁵ y⁽⁵⁾/120-like: (ω h)⁵ with ω = 3.4 /s is 5e-8, over some hundred
     np.testing.assert_allclose(traj.q[-1], y[1] * t, atol=1e-8)
+
+
+@pytest.mark.parametrize("beside", [1e-1, 1e-3, 3e-5, 1e-6])
+def test_implicit_dynamics_beside_a_crossing(beside: float) -> None:
+    """The parallelogram mode at y = π − δ: (ÿ, −ÿ, ÿ) with A ÿ = −B cos y; K costs 1/δ of the digits."""
+    mechanism = rg.load("rhombus")
+    y = np.pi - beside
+    q, v = np.array([y, -y, y]), np.array([1.0, -1.0, 1.0])
+    a, _ = rg.implicit_dynamics(mechanism, q, v)
+    start = rg.simulate(mechanism, q, v, duration=1e-3, step=1e-3, method="closed_form", record=("a",))
+    assert start.a is not None
+    np.testing.assert_allclose(a, start.a[0], rtol=1e-14 / beside, atol=1e-13 / beside)

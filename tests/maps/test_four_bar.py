@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp.examples.linkages import four_bar
@@ -10,6 +11,8 @@ from robust_gcp.maps.closed_form import FourBar
 from robust_gcp.maps.four_bar import FourBarMap
 from robust_gcp.maps.point import Counters
 from robust_gcp.maps.start import begin
+
+Array = NDArray[np.float64]
 
 
 def map_of(lengths, y: float, assembly: int = 1, turns=(0, 0, 0)) -> FourBarMap:
@@ -52,3 +55,23 @@ def test_closed_form_keeps_its_digits_beside_long_links(r):
     beta = np.arccos(np.sin(0.5 * y) / r)
     rate = 0.5 * np.cos(0.5 * y) / r / np.sin(beta)
     assert np.abs(np.abs(G[2] - 0.5) - rate) < 1e-9 * rate
+
+
+@pytest.mark.parametrize("stepper", ["rk4", "RK45", "DOP853", "Radau"])
+@pytest.mark.parametrize("step", [3e-4, 1e-3, 1e-2])
+@pytest.mark.parametrize(("drive", "pace"), [(20.0, 7.0), (35.0, 3.0), (8.0, 11.0)])
+def test_no_run_goes_through_a_dead_point(stepper: str, step: float, drive: float, pace: float) -> None:
+    """The kite's crank turns back at ±π/3 rad: a run that reaches it stops there, energy kept until then."""
+    kite = rg.load("kite")
+
+    def torque(t: float, q: Array, v: Array) -> Array:
+        return np.array([drive * np.sin(pace * t), 0.0, 0.0])
+
+    with pytest.raises(rg.ToggleError, match=r"dead point|out of reach") as stop:
+        rg.simulate(
+            kite, duration=3.0, step=step, method="closed_form", stepper=stepper, torque=torque,
+            record=("energy",), rtol=1e-9,
+        )  # fmt: skip
+    run = stop.value.trajectory
+    assert abs(run.q[-1, 0]) < np.pi / 3
+    assert np.abs(run.energy_error()).max() < (1e-2 if step == 1e-2 else 1e-3)  # of some 30 J

@@ -12,6 +12,7 @@ import robust_gcp as rg
 from robust_gcp.examples import linkages
 from robust_gcp.maps.blocks import BlockFactor
 from robust_gcp.maps.regular_path import RegularPath
+from robust_gcp.mechanism.independent import is_determined
 from robust_gcp.mechanism.partition import (
     MAX_ENUMERATED,
     Block,
@@ -245,3 +246,35 @@ def test_choices_follow_the_motion_of_the_whole_mechanism() -> None:
     assert [quality for quality, _ in choices] == sorted((s for s, _ in choices), reverse=True)
     for _, names in choices:
         assert mech.with_independent(names).m == 2
+
+
+@pytest.mark.parametrize("count", [2, 30, 60])
+def test_a_chain_of_loops_is_determined_however_long(count: int) -> None:
+    """Each loop is regular; σ_min/σ_max of all at once falls with their number."""
+    mechanism = linkages.n_four_bar(count)
+    K = mechanism.scaled(mechanism.generic_jacobians()[0])[:, mechanism.iv_dependent]
+    assert is_determined([K])
+
+
+def test_a_chain_as_ill_conditioned_as_a_singular_matrix_is_regular_in_blocks() -> None:
+    """A triangular matrix with ones on and twos below its diagonal: det = 1, σ_min/σ_max far below 1e-9."""
+    n = 120
+    K = np.eye(n) + np.diag(np.full(n - 1, 2.0), -1)
+    s = np.linalg.svd(K, compute_uv=False)
+    assert s[-1] / s[0] < 1e-15
+    assert is_determined([K])
+    K[60, 60] = 0.0
+    assert not is_determined([K])  # no matching: structurally singular
+    assert not is_determined([K[:-1]])
+
+
+def test_redundant_rows_and_blocks_that_are_regular_in_turn() -> None:
+    rng = np.random.default_rng(0)
+    regular = rng.uniform(-1.0, 1.0, (4, 4))
+    singular = np.outer(regular[0], regular[1])
+    assert is_determined([np.vstack([singular, regular])])
+    assert not is_determined([np.vstack([singular, singular]), singular[[0, 1, 2, 3] * 2]])
+    none = np.zeros((4, 4))
+    turns = (regular, singular), (singular, regular)
+    assert is_determined([np.block([[a, none], [none, b]]) for a, b in turns])
+    assert not is_determined([np.block([[singular, none], [none, regular]])])
