@@ -74,6 +74,13 @@ def number(text: str) -> float:
     return -value if match["sign"] == "-" else value
 
 
+def pathname(text: str) -> Path:
+    """A path; that of an empty word would be the current folder."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("an empty word names no file or folder")
+    return Path(text)
+
+
 def names(text: str) -> list[str]:
     """Words between commas."""
     return text.split(",")
@@ -106,49 +113,69 @@ def word(allowed: Collection[str]) -> Check:
 
     def check(name: str, value: str) -> None:
         if value not in allowed:
-            raise OptionError(f"{name} = {value!r} is unknown; use one of {', '.join(allowed)}")
+            raise OptionError(f"{name} = {value!r} is unknown; use one of {', '.join(map(repr, allowed))}")
 
     return check
+
+
+def part(name: str, value: str) -> None:
+    """A word that is not empty."""
+    if not value.strip():
+        raise OptionError(f"{name} is empty; leave it out, or give a word")
 
 
 def file(suffixes: Sequence[str] = (), what: str = "") -> Check:
     """A file that can be written; `what` with an article tells the kind that has these endings."""
 
-    def check(name: str, path: Path) -> None:
-        if suffixes and path.suffix not in suffixes:
-            raise OptionError(f"{name} {path}: {what} is a {' or a '.join(suffixes)} file")
-        if path.is_dir() or not path.name:
-            raise OptionError(f"{name} {path}: this is a folder; give the name of a file")
-        _require_writable(name, path if path.exists() else path.parent)
+    def check(name: str, given: Path) -> None:
+        if _is(given, Path.is_dir, name) or not given.name:
+            raise OptionError(f"{name} {given}: this is a folder; give the name of a file")
+        if suffixes and given.suffix not in suffixes:
+            raise OptionError(f"{name} {given}: {what} is a {' or a '.join(suffixes)} file")
+        _require_writable(name, given)
 
     return check
 
 
-def folder(name: str, path: Path) -> None:
+def folder(name: str, given: Path) -> None:
     """A folder, there or to be made, that files can be written to."""
-    if not path.is_dir() and FILE_SUFFIX.fullmatch(path.suffix):
-        raise OptionError(f"{name} {path}: {path.suffix} ends the name of a file; give that of a folder")
-    if path.exists() and not path.is_dir():
-        raise OptionError(f"{name} {path}: this is a file; give the name of a folder")
-    _require_writable(name, path)
+    if _is(given, Path.is_dir, name):
+        return _require_writable(name, given)
+    if given.exists():
+        raise OptionError(f"{name} {given}: this is a file; give the name of a folder")
+    if FILE_SUFFIX.fullmatch(given.suffix):
+        raise OptionError(f"{name} {given}: {given.suffix} ends the name of a file; give that of a folder")
+    return _require_writable(name, given)
 
 
-def existing_file(name: str, path: Path) -> None:
+def existing_file(name: str, given: Path) -> None:
     """A file that is there and can be written."""
-    if not path.is_file():
-        raise OptionError(f"{name} {path}: there is no such file")
-    _require_writable(name, path)
+    if not _is(given, Path.is_file, name):
+        raise OptionError(f"{name} {given}: there is no such file")
+    _require_writable(name, given)
 
 
-def _require_writable(name: str, path: Path) -> None:
-    """What is there can be written to; of what is not, the nearest folder above."""
+def existing_folder(name: str, given: Path) -> None:
+    """A folder that is there and can be written to."""
+    if not _is(given, Path.is_dir, name):
+        raise OptionError(f"{name} {given}: there is no such folder")
+    _require_writable(name, given)
+
+
+def _is(given: Path, kind: Callable[[Path], bool], name: str) -> bool:
+    """Ask the file system, which refuses some names by an error, such as those that are too long."""
     try:
-        there = path.absolute()
-        while not there.exists():
-            there = there.parent
-    except OSError as error:  # such as a name that is too long
-        raise OptionError(f"{name} {path}: {error.strerror}") from error
-    if there != path.absolute() and not there.is_dir():
-        raise OptionError(f"{name} {path}: {there} is a file, not a folder")
+        return kind(given)
+    except OSError as error:
+        raise OptionError(f"{name} {given}: {error.strerror}") from error
+
+
+def _require_writable(name: str, given: Path) -> None:
+    """What is there can be written to; of what is not, the nearest folder above."""
+    there = given.absolute()
+    while not _is(there, Path.exists, name):
+        there = there.parent
+    if there != given.absolute() and not there.is_dir():
+        raise OptionError(f"{name} {given}: {there} is a file, not a folder")
     if not os.access(there, os.W_OK):
-        raise OptionError(f"{name} {path}: no permission to write to {there}")
+        raise OptionError(f"{name} {given}: no permission to write to {there}")

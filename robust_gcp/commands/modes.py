@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from ..analysis.space import SEEDS, trace_modes
-from ..arguments import DEFAULT, MODEL, Arguments, file, whole
+from ..arguments import DEFAULT, MODEL, Arguments, file, pathname, whole
 from ..mechanism.folders.loader import load
 from ..printing import listed, table, telling
 
@@ -18,7 +17,7 @@ def arguments(add_to: Arguments) -> None:
     """Name the arguments."""
     add_to.add("model", metavar="MODEL", help=MODEL)
     text = "draw them: a .png or .pdf file"
-    add_to.add("--out", file((".png", ".pdf"), "a figure"), type=Path, metavar="FILE", help=text)
+    add_to.add("--out", file((".png", ".pdf"), "a figure"), type=pathname, metavar="FILE", help=text)
     text = f"rough configurations to start from; {DEFAULT}"
     add_to.add("--seeds", whole(0), type=int, default=SEEDS, metavar="N", help=text)
     text = "two or three joints to draw over"

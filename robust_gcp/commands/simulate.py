@@ -21,6 +21,7 @@ from ..arguments import (
     folder,
     names,
     number,
+    pathname,
     positive,
     whole,
 )
@@ -69,11 +70,13 @@ def arguments(add_to: Arguments) -> None:
     add_to.heading("output")
     text = f"write also any of {','.join(RECORDS)}"
     add_to.add("--record", type=names, default=[], metavar="LIST", help=text)
-    add_to.add("--out", csv_or_folder, type=Path, metavar="PATH", help="write CSV: a file.csv, or a folder")
+    add_to.add(
+        "--out", csv_or_folder, type=pathname, metavar="PATH", help="write CSV: a file.csv, or a folder"
+    )
     text = "draw q and v over time: a .png or .pdf file"
-    add_to.add("--plot", file((".png", ".pdf"), "a figure"), type=Path, metavar="FILE", help=text)
+    add_to.add("--plot", file((".png", ".pdf"), "a figure"), type=pathname, metavar="FILE", help=text)
     text = "write the motion as a web page: a .html file"
-    add_to.add("--replay", file((".html", ".htm"), "a replay"), type=Path, metavar="FILE", help=text)
+    add_to.add("--replay", file((".html", ".htm"), "a replay"), type=pathname, metavar="FILE", help=text)
     text = "frames whose paths the replay draws; default: the first closure's"
     add_to.add("--trails", type=names, metavar="LIST", help=text)
 

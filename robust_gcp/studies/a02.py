@@ -11,11 +11,10 @@ import argparse
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 
 import numpy as np
 
-from ..arguments import DEFAULT, Arguments, file, number, positive, whole
+from ..arguments import DEFAULT, Arguments, file, number, pathname, positive, whole
 from ..errors import OptionError, SimulationError
 from ..examples.linkages import n_four_bar
 from ..maps.closed_form import pendulum
@@ -120,7 +119,7 @@ def arguments(add_to: Arguments) -> None:
     add_to.add("--step", positive, type=number, default=1e-3, metavar="S", help=f"s; {DEFAULT}")
     add_to.add("--duration", positive, type=number, default=20.0, metavar="S", help=f"s; {DEFAULT}")
     text = "write every run to this JSON file"
-    add_to.add("--out", file((".json",), "a record of runs"), type=Path, metavar="FILE", help=text)
+    add_to.add("--out", file((".json",), "a record of runs"), type=pathname, metavar="FILE", help=text)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -6,11 +6,10 @@ import argparse
 import itertools
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 
-from ..arguments import DEFAULT, Arguments, file, whole
+from ..arguments import DEFAULT, Arguments, file, pathname, whole
 from ..dynamics.equations import EquationsOfMotion
 from ..examples.linkages import n_four_bar
 from ..maps.bridge.bridge import BridgeOptions
@@ -164,7 +163,7 @@ def arguments(add_to: Arguments) -> None:
     text = f"numbers of loops; {DEFAULT}"
     add_to.add("--sizes", whole(1, 1000), type=int, nargs="+", default=list(SIZES), metavar="N", help=text)
     text = "write the figures to this JSON file"
-    add_to.add("--out", file((".json",), "a record of figures"), type=Path, metavar="FILE", help=text)
+    add_to.add("--out", file((".json",), "a record of figures"), type=pathname, metavar="FILE", help=text)
     add_to.add("--quick", action="store_true", help="short rounds, for a smoke test")
 
 

@@ -13,7 +13,6 @@ import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from types import FrameType
 from typing import Any
 
@@ -21,7 +20,7 @@ import numpy as np
 
 from ..analysis.local import analyse
 from ..analysis.second_order import transversality
-from ..arguments import Arguments, existing_file, folder
+from ..arguments import Arguments, existing_file, folder, pathname
 from ..dynamics.equations import Evaluation, constraint_forces
 from ..errors import OptionError
 from ..mechanism.folders.loader import load
@@ -141,9 +140,9 @@ def _brief(value: float) -> str:
 def arguments(add_to: Arguments) -> None:
     """Name the arguments."""
     text = "write costs.md and costs.json there"
-    add_to.add("--out", folder, type=Path, metavar="DIR", help=text)
+    add_to.add("--out", folder, type=pathname, metavar="DIR", help=text)
     text = "renew the tables in this document"
-    add_to.add("--refresh", existing_file, type=Path, metavar="FILE", help=text)
+    add_to.add("--refresh", existing_file, type=pathname, metavar="FILE", help=text)
     add_to.add("--quick", action="store_true", help="one round, for a smoke test")
 
 

@@ -7,12 +7,11 @@ import json
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from pathlib import Path
 
 import numpy as np
 from scipy.optimize import brentq
 
-from ..arguments import DEFAULT, Arguments, file, whole
+from ..arguments import DEFAULT, Arguments, file, pathname, whole
 from ..errors import OptionError, RobustGcpError
 from ..examples.linkages import four_bar
 from ..maps.closed_form import FourBar
@@ -188,7 +187,7 @@ def arguments(add_to: Arguments) -> None:
     add_to.add("--count", whole(1), type=int, default=1000, metavar="N", help=f"how many; {DEFAULT}")
     add_to.add("--seed", whole(0), type=int, default=20, metavar="N", help=f"of the drawing; {DEFAULT}")
     text = "write every case to this JSON file"
-    add_to.add("--out", file((".json",), "a record of cases"), type=Path, metavar="FILE", help=text)
+    add_to.add("--out", file((".json",), "a record of cases"), type=pathname, metavar="FILE", help=text)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..arguments import DEFAULT, Arguments, folder
+from ..arguments import DEFAULT, Arguments, folder, pathname
 from ..drawing.figures.mechanism import body_legend, draw_pose, face_on, pose
 from ..errors import SimulationError
 from ..maps.classical import SingularityWarning
@@ -259,7 +259,9 @@ def _strobe(ax: Axes, run: Trajectory, view: Array, t: float) -> None:
 
 def arguments(add_to: Arguments) -> None:
     """Name the arguments."""
-    add_to.add("--out", folder, type=Path, default=Path("figures"), metavar="DIR", help=f"folder; {DEFAULT}")
+    add_to.add(
+        "--out", folder, type=pathname, default=Path("figures"), metavar="DIR", help=f"folder; {DEFAULT}"
+    )
     add_to.add("--pdf", action="store_true", help="also as PDF")
     add_to.add("--quick", action="store_true", help="1.8 s instead of 5 s, twice the step")
 

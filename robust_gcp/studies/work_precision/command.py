@@ -8,11 +8,10 @@ import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
-from ...arguments import Arguments, folder, number, positive, whole
+from ...arguments import Arguments, existing_folder, folder, number, part, pathname, positive, whole
 from ...errors import OptionError
 from ...mechanism.tree import Array
 from ...printing import progress_bar
@@ -138,19 +137,19 @@ def arguments(add_to: Arguments) -> None:
     text = f"of {', '.join(SCENES)}; default: all"
     add_to.add("--scene", nargs="+", choices=SCENES, metavar="NAME", help=text)
     text = "contenders whose name or family contains it"
-    add_to.add("--method", nargs="+", default=[], metavar="PART", help=text)
+    add_to.add("--method", part, nargs="+", default=[], metavar="PART", help=text)
     add_to.add(
         "--quick", action="store_true", help="two scenes, a short ladder, one timed run: about a minute"
     )
     text = "points, references, tables and figures"
-    add_to.add("--out", folder, type=Path, required=True, metavar="DIR", help=text)
+    add_to.add("--out", folder, type=pathname, required=True, metavar="DIR", help=text)
     text = "timed runs of each point; default: 3, quick: 1"
     add_to.add("--repeats", whole(1), type=int, metavar="N", help=text)
     text = "leave out runs predicted longer than this, s; default: by scene"
     add_to.add("--cap", positive, type=number, metavar="S", help=text)
     add_to.add("--fresh", action="store_true", help="forget the points in DIR instead of going on from them")
     text = "also refresh README.md and docs/ of this checkout"
-    add_to.add("--docs", folder, type=Path, metavar="ROOT", help=text)
+    add_to.add("--docs", existing_folder, type=pathname, metavar="ROOT", help=text)
 
 
 def run(args: argparse.Namespace) -> int:
