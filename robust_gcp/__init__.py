@@ -33,6 +33,7 @@ from .mechanism.couplings import CouplingClosure
 from .mechanism.folders.loader import load, model_names
 from .mechanism.forces import JointDamper, JointSpring, JointTorque, PointSpring
 from .mechanism.mechanism import Mechanism
+from .mechanism.recommended import Recommended
 from .native import Backend, NativeBuildWarning, backends
 from .simulation.access import FrameMotion, Sample
 from .simulation.coarse import CoarseStepWarning
@@ -93,6 +94,7 @@ __all__ = [
     "PointClosure",
     "PointSpring",
     "Reaction",
+    "Recommended",
     "ReplayPage",
     "RevoluteClosure",
     "RobustGcpError",

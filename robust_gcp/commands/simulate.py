@@ -54,9 +54,9 @@ def arguments(add_to: Arguments) -> None:
     add_to.add("--mode", whole(0), type=int, metavar="INDEX", help=text)
 
     add_to.heading("method")
-    add_to.add("--duration", positive, type=number, default=5.0, metavar="S", help=f"s; {DEFAULT}")
-    text = f"step of rk4, else spacing of the output, s; {DEFAULT}"
-    add_to.add("--step", positive, type=number, default=1e-3, metavar="S", help=text)
+    add_to.add("--duration", positive, type=number, metavar="S", help="s; default: the model's, else 1")
+    text = "step of rk4, else spacing of the output, s; default: the model's, else 1e-3"
+    add_to.add("--step", positive, type=number, metavar="S", help=text)
     add_to.add("--method", choices=METHODS, default=METHODS[0], help=f"explicit map; {DEFAULT}")
     text = f"Newton's start for --method classical; {DEFAULT}"
     add_to.add("--newton-start", choices=("previous", "tangent"), default="tangent", help=text)
@@ -102,19 +102,19 @@ def run(args: argparse.Namespace) -> int:
         meshcat_folder()
     for frame in args.trails or ():
         frame_of(mechanism.model, frame, "--trails")
-    q0 = mechanism.home if args.q0 is None else args.q0
-    mode = None if args.mode is None else _mode(mechanism, q0, args.mode)
+    mode = None if args.mode is None else _mode(mechanism, args.q0, args.mode)
     if csv is not None:
         csv.parent.mkdir(parents=True, exist_ok=True)
     stop: SimulationError | None = None
-    with clean_warnings(OURS), progress_bar(args.duration, mechanism.name) as progress:
+    duration, step = mechanism.recommended.run(args.duration, args.step)
+    with clean_warnings(OURS), progress_bar(duration, mechanism.name) as progress:
         try:
             trajectory = simulate(
                 mechanism,
-                q0,
+                args.q0,
                 args.v0,
-                args.duration,
-                args.step,
+                duration,
+                step,
                 args.method,
                 args.stepper,
                 record=args.record,
@@ -134,7 +134,7 @@ def run(args: argparse.Namespace) -> int:
     tell: Callable[[str], None] = print if stop is None else complain
     if stop is None:
         newton = f", Newton from {args.newton_start}" if args.method == "classical" else ""
-        tell(f"{mechanism!r}\nmethod {args.method}{newton}; {args.stepper}, step {args.step:g} s\n")
+        tell(f"{mechanism!r}\nmethod {args.method}{newton}; {args.stepper}, step {step:g} s\n")
         with telling("checking loops and energy of every output"):
             told = summary(trajectory)
         tell(told)
@@ -194,8 +194,8 @@ def _units(component: Component) -> str:
     return ", ".join(shown)
 
 
-def _mode(mechanism: Mechanism, q: ArrayLike, index: int) -> Any:
-    modes = local.analyse(mechanism, q).modes
+def _mode(mechanism: Mechanism, q0: ArrayLike | None, index: int) -> Any:
+    modes = local.analyse(mechanism, mechanism.home if q0 is None else q0).modes
     if not 0 <= index < len(modes):
         raise OptionError(f"--mode {index}: analyse lists {len(modes)} modes at q0, from 0 on")
     return modes[index]

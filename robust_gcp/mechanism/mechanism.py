@@ -22,6 +22,7 @@ from .formats.urdf import model_from_urdf
 from .independent import best_at_home, require_determined
 from .loops import ClosedLoops
 from .partition import independent_rows
+from .recommended import Recommended
 from .tree import Array
 
 
@@ -45,6 +46,8 @@ class Mechanism(ClosedLoops):
         Springs, dampers and constant drives.
     applied : AppliedForces or None
         What the forces amount to; None where there are none.
+    recommended : Recommended
+        Duration, step and velocity at home that `simulate` takes where they are left out.
     length : float
         Characteristic length, m: the largest distance from a joint to its children and cut points in a loop.
     """
@@ -62,6 +65,7 @@ class Mechanism(ClosedLoops):
         self.forces = tuple(listed(forces, "forces", "forces, such as JointSpring(joint, stiffness)"))
         self.applied = AppliedForces(self.tree, self.forces) if self.forces else None
         self.name = name or str(model.name)
+        self.recommended = Recommended()
         self.home = pin.neutral(self.model) if home is None else self.configuration(home, "home")
         if independent == "auto":
             self.home, self.independent = best_at_home(self, self.home, self.name)
@@ -239,13 +243,14 @@ class Mechanism(ClosedLoops):
 
     def with_independent(self, independent: Sequence[str]) -> Mechanism:
         """The same mechanism in other minimal coordinates."""
-        return Mechanism(self.model, self.closures, independent, self.home, self.name, self.forces)
+        other = Mechanism(self.model, self.closures, independent, self.home, self.name, self.forces)
+        other.recommended = self.recommended
+        return other
 
-    def __reduce__(self) -> tuple[type[Mechanism], tuple[Any, ...]]:
+    def __reduce__(self) -> tuple[type[Mechanism], tuple[Any, ...], dict[str, Any]]:
         """Pickle and copy by the recipe: the workspace holds views that must not be copied."""
-        return Mechanism, (
-            self.model, self.closures, self.independent, self.home, self.name, self.forces
-        )  # fmt: skip
+        recipe = (self.model, self.closures, self.independent, self.home, self.name, self.forces)
+        return Mechanism, recipe, {"recommended": self.recommended}
 
     def __repr__(self) -> str:
         return (

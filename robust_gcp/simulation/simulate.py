@@ -41,8 +41,8 @@ def simulate(
     mechanism: Mechanism,
     q0: ArrayLike | None = None,
     v0: ArrayLike | None = None,
-    duration: float = 1.0,
-    step: float = 1e-3,
+    duration: float | None = None,
+    step: float | None = None,
     method: Method = "bridge",
     stepper: str = "rk4",
     *,
@@ -68,10 +68,12 @@ def simulate(
     q0 : array_like (nq,), optional
         A closed configuration (see `Mechanism.assemble`); the mechanism's home when left out.
     v0 : array_like (nv,), optional
-        K v0 = 0 (see `Mechanism.lift`); at rest when left out.
-    duration, step : float
-        s. The step of RK4; for the other steppers the spacing of the output. If the duration is no
-        multiple of it, the last step is shorter.
+        K v0 = 0 (see `Mechanism.lift`). At rest when left out; where q0 and mode are left out too, what
+        the mechanism recommends.
+    duration, step : float, optional
+        s; what the mechanism recommends when left out, 1 and 1e-3 where it says nothing. The step of RK4;
+        for the other steppers the spacing of the output. If the duration is no multiple of it, the last
+        step is shorter.
     method : {"bridge", "projection", "classical", "closed_form"}
         The explicit map: certified bridges through singular configurations (default), the paper's
         Eq. (7), classical GCP (Eq. 4), or the planar four-bar in closed form.
@@ -113,7 +115,8 @@ def simulate(
         When the run must stop; `error.trajectory` holds what was simulated until then.
     """
     check_mechanism(mechanism, Mechanism, "simulate")
-    times = _times(duration, step)
+    times = _times(*mechanism.recommended.run(duration, step))
+    v0 = mechanism.recommended.velocity(q0, mode) if v0 is None else v0
     check_choice("method", method, METHODS)
     check_choice("on_toggle", on_toggle, ("error", "repartition"))
     if on_toggle == "repartition" and method != "bridge":

@@ -16,7 +16,7 @@ from ..formats.urdf import model_from_urdf
 from ..loops import NEARLY_CLOSED
 from ..mechanism import Mechanism
 from .gepetto import joint_changes, with_joint_changes
-from .own_block import forces_of, home_of, own_block, set_gravity, with_axes
+from .own_block import forces_of, home_of, own_block, recommended_of, set_gravity, with_axes
 from .yaml_text import parsed_yaml
 
 KINDS: dict[str, type[PointClosure] | type[FrameClosure] | type[RevoluteClosure]] = {
@@ -50,8 +50,8 @@ def load(name_or_folder: str | Path, independent: Sequence[str] | Literal["auto"
     `type` ('3d', '6d' or 'revolute'), `name_mot` (independent joints), `joint_name` and `joint_type`
     (joints of the URDF that stand for SPHERICAL, UJOINT_XY, … or FIXED ones); the block `robust_gcp`
     is this package's own and optional: `schema`, `description`, `home` (configuration by joint),
-    `gravity`, `axes` (of revolute closures), `springs`, `dampers`, `point_springs`, `torques`. Other
-    keys are left to other programs.
+    `gravity`, `axes` (of revolute closures), `springs`, `dampers`, `point_springs`, `torques`,
+    `recommended` (duration, step and velocity of a run from home). Other keys are left to other programs.
 
     Parameters
     ----------
@@ -111,6 +111,8 @@ def load(name_or_folder: str | Path, independent: Sequence[str] | Literal["auto"
     if own.get("home") is not None:
         mechanism.require_closed(mechanism.home, NEARLY_CLOSED, f"{path}: home")
         mechanism.home = mechanism.polish(mechanism.home, mechanism.iv_dependent)
+    if own.get("recommended") is not None:
+        mechanism.recommended = recommended_of(own, mechanism, path)
     return mechanism
 
 

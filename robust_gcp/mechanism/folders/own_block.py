@@ -12,12 +12,16 @@ import numpy as np
 import pinocchio as pin
 
 from ...checks import LARGEST, hint, shown
-from ...errors import ModelError
+from ...errors import ModelError, RobustGcpError
 from ..closures import Closure, RevoluteClosure
 from ..forces import Force, JointDamper, JointSpring, JointTorque, PointSpring
+from ..mechanism import Mechanism
+from ..recommended import Recommended
 from ..tree import Array
 
 SCHEMA = 1
+RANK = 1e-8
+"""Dimensionless size below which a velocity of the loops is rounding."""
 OWN_KEYS = (
     "schema",
     "description",
@@ -28,6 +32,7 @@ OWN_KEYS = (
     "dampers",
     "point_springs",
     "torques",
+    "recommended",
 )
 
 
@@ -67,6 +72,40 @@ def home_of(home: Any, model: pin.Model, path: Path) -> Array:
             )
         q[joint.idx_q : joint.idx_q + joint.nq] = np.array(values, dtype=float)
     return q
+
+
+def recommended_of(own: dict[str, Any], mechanism: Mechanism, path: Path) -> Recommended:
+    """`recommended: {duration: s, step: s, velocity: {joint: rad/s or m/s}}`: how to run from home."""
+    where = f"{path}: robust_gcp.recommended"
+    block = own.get("recommended") or {}
+    if not isinstance(block, dict):
+        raise ModelError(f"{where} must be a mapping, not {shown(block)}")
+    _require_known(block, ("duration", "step", "velocity"), path, "robust_gcp.recommended")
+    numbers = {name: value for name, value in block.items() if name != "velocity"}
+    velocity = block.get("velocity") or {}
+    if not isinstance(velocity, dict) or not all(map(_is_finite, velocity.values())):
+        raise ModelError(f"{where}.velocity must map joint names to finite numbers, not {shown(velocity)}")
+    try:
+        return Recommended(**numbers, v0=_moving(mechanism, velocity) if velocity else None)
+    except RobustGcpError as error:
+        raise ModelError(f"{where}: {error}") from error
+
+
+def _moving(mechanism: Mechanism, velocity: dict[str, float]) -> Array:
+    """The smallest v (nv,) at home with K v = 0 and these velocities of joints."""
+    joints = [mechanism.joint(name) for name in velocity]
+    wide = [name for name, joint in zip(velocity, joints, strict=True) if joint.nv != 1]
+    if wide:
+        raise ModelError(f"velocity: joint {wide[0]!r} has several velocities; name others")
+    named = [joint.idx_v for joint in joints]
+    free = np.setdiff1d(np.arange(mechanism.nv), named)
+    K, u = mechanism.scaled(mechanism.K(mechanism.home)), np.zeros(mechanism.nv)
+    u[named] = np.array(list(velocity.values())) / mechanism.column_scale[named]
+    u[free] = np.linalg.lstsq(K[:, free], -K[:, named] @ u[named], rcond=RANK)[0]
+    if np.abs(K @ u).max(initial=0.0) > RANK * np.abs(u).max():
+        raise ModelError(f"velocity: the loops do not let {', '.join(velocity)} move so")
+    v: Array = mechanism.column_scale * u
+    return v
 
 
 def set_gravity(gravity: Any, model: pin.Model, path: Path) -> None:
