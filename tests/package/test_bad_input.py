@@ -473,7 +473,7 @@ OPTIONS: dict[str, Case] = {
     "step zero": (lambda: run(step=0), rg.OptionError, ("step = 0", "positive")),
     "step not a number": (lambda: run(step=NAN), rg.OptionError, ("step = nan", "positive and finite")),
     "step in words": (lambda: run(step="1 ms"), rg.OptionError, ("step = '1 ms'", "number")),
-    "step left open": (lambda: run(step=None), rg.OptionError, ("step = None", "number")),
+    "step not a value": (lambda: run(step=()), rg.OptionError, ("step = ()", "number")),
     "step beyond the end": (
         lambda: run(step=1.0),
         rg.OptionError,
