@@ -3,8 +3,9 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from .analysis.configuration_space import ConfigurationSpace, ModeCurve
 from .analysis.local import LocalAnalysis, analyse
-from .analysis.space import ConfigurationSpace, ModeCurve, trace_modes
+from .analysis.space import trace_modes
 from .dynamics.equations import implicit_dynamics
 from .dynamics.inverse import inverse_dynamics
 from .dynamics.linearise import Linearisation, StabilityWarning, linearise
@@ -37,10 +38,11 @@ from .mechanism.recommended import Recommended
 from .native import Backend, NativeBuildWarning, backends
 from .simulation.access import FrameMotion, Sample
 from .simulation.coarse import CoarseStepWarning
+from .simulation.load import load_trajectory
 from .simulation.reactions import Reaction
 from .simulation.simulate import simulate
 from .simulation.stats import Stats
-from .simulation.trajectory import Trajectory, load_trajectory
+from .simulation.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from .drawing.figures.modes import plot_modes

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import count, product
 from string import ascii_lowercase
 
@@ -14,6 +13,7 @@ from ..errors import ClosureError, OptionError
 from ..mechanism.loops import CLOSED
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from .configuration_space import ConfigurationSpace, ModeCurve, Visit
 from .curve import STEP, Continuation, Curve
 from .local import LocalAnalysis, analyse
 from .torus import Torus
@@ -31,75 +31,6 @@ SINGULAR_HOME = 1e-6
 """Conditioning of K below which home itself is a singular point."""
 
 
-@dataclass(frozen=True)
-class Visit:
-    """Where a mode passes a singular point.
-
-    Attributes
-    ----------
-    row : int
-        Row of the mode's arrays.
-    point : int
-        Number of the singular point in `ConfigurationSpace.singular_points`.
-    tangent : int
-        Number of the mode's tangent in that point's `modes`.
-    """
-
-    row: int
-    point: int
-    tangent: int
-
-
-@dataclass(frozen=True)
-class ModeCurve:
-    """An operation mode: a curve that a smooth motion stays on, through its singular points.
-
-    Attributes
-    ----------
-    name : str
-        "a", "b", …: the mode of the home configuration first.
-    q : ndarray (N, nq)
-        Configurations along it, angles unwrapped; the last is the first again if it is closed.
-    tangents : ndarray (N, nv)
-        K t = 0, |t| = 1, all in the same sense along the curve.
-    visits : tuple of Visit
-    closed : bool
-    turns : tuple of int
-        Full turns of each joint on one way around a closed mode, (nv,).
-    stop : str
-        Why an open mode ends; empty for a closed one.
-    """
-
-    name: str
-    q: Array
-    tangents: Array
-    visits: tuple[Visit, ...]
-    closed: bool
-    turns: tuple[int, ...]
-    stop: str = ""
-
-
-@dataclass(frozen=True)
-class ConfigurationSpace:
-    """What `trace_modes` found.
-
-    Attributes
-    ----------
-    mechanism : Mechanism
-    modes : tuple of ModeCurve
-    singular_points : tuple of LocalAnalysis
-    """
-
-    mechanism: Mechanism
-    modes: tuple[ModeCurve, ...]
-    singular_points: tuple[LocalAnalysis, ...]
-
-    def meeting(self, point: int) -> tuple[str, ...]:
-        """Names of the modes that pass a singular point, one for each tangent there."""
-        through = {v.tangent: mode.name for mode in self.modes for v in mode.visits if v.point == point}
-        return tuple(through[k] for k in sorted(through))
-
-
 def trace_modes(mechanism: Mechanism, seeds: int = SEEDS) -> ConfigurationSpace:
     """Trace every operation mode of a mechanism with one degree of freedom.
 
@@ -108,6 +39,10 @@ def trace_modes(mechanism: Mechanism, seeds: int = SEEDS) -> ConfigurationSpace:
     every tangent of every singular point that is met, and from configurations assembled from seeds
     all over the joints' range, until it closes. A change-point linkage, whose one curve crosses
     itself, has one mode by this count, with two tangents at its singular point.
+
+    Modes that meet at singular points make up an assembly mode: what can be reached without taking the
+    mechanism apart. No finite search proves that all were found; `ConfigurationSpace.search` says how far
+    it went.
 
     Parameters
     ----------
@@ -142,7 +77,7 @@ def trace_modes(mechanism: Mechanism, seeds: int = SEEDS) -> ConfigurationSpace:
         raise OptionError(f"seeds = {seeds} must be a number of configurations, 0 or more")
     search = _Search(mechanism)
     search.everywhere(int(seeds))
-    return search.found()
+    return search.found(int(seeds))
 
 
 class _Search:
@@ -152,6 +87,7 @@ class _Search:
         self.mechanism, self.torus = mechanism, Torus(mechanism)
         self.points: list[LocalAnalysis] = []
         self.curves: list[Curve] = []
+        self.met: list[int] = []
         self.continuation = Continuation(mechanism, self.points, self.number)
 
     def number(self, q: Array) -> tuple[int, LocalAnalysis]:
@@ -170,14 +106,19 @@ class _Search:
             conditioning = self.continuation.conditioning(start)
             if i == 0 and conditioning < SINGULAR_HOME:
                 self.number(start)
-            elif (i > 0 and conditioning < WELL_APART) or self._on_known_curve(start):
+            elif i > 0 and conditioning < WELL_APART:
+                continue
+            elif (known := self._known_curve(start)) is not None:
+                self.met[known] += 1
                 continue
             else:
+                self.met += [0] * (len(self.curves) - len(self.met)) + [1]
                 self._add(Curve([start], [self.continuation.tangent(start, self._preferred())]))
             while (branch := self._untraced()) is not None:
                 number, tangent = branch
                 t = self.continuation.directions(self.points[number])[tangent]
                 self._add(Curve([self.points[number].q], [t], [(0, number, tangent)]))
+            self.met += [0] * (len(self.curves) - len(self.met))
 
     def _add(self, curve: Curve) -> None:
         """Trace, backwards too where it does not close."""
@@ -229,11 +170,11 @@ class _Search:
                 continue  # not every seed closes: that is what several are for
         return found
 
-    def _on_known_curve(self, q: Array) -> bool:
-        """Whether a traced curve passes through q: its nearest row, moved into q's normal plane, is q."""
+    def _known_curve(self, q: Array) -> int | None:
+        """The traced curve that passes through q: its nearest row, moved into q's normal plane, is q."""
         go = self.continuation
         t = go.tangent(q, self._preferred())
-        for curve in self.curves:
+        for number, curve in enumerate(self.curves):
             distances = self.torus.distances(curve.q, q)
             near = int(np.argmin(distances))
             if distances[near] > 2.0 * STEP:
@@ -246,10 +187,10 @@ class _Search:
                 heading = go.tangent(here, t)
                 here = go.moved(here, heading * along / max(float(heading @ t), 0.5))
             if self.torus.distance(here, q) < SAME_POINT:
-                return True
-        return False
+                return number
+        return None
 
-    def found(self) -> ConfigurationSpace:
+    def found(self, seeds: int) -> ConfigurationSpace:
         """Everything under its name, in the units of q and v."""
         names = (w for size in count(1) for w in map("".join, product(ascii_lowercase, repeat=size)))
         modes = []
@@ -260,7 +201,7 @@ class _Search:
             visits = tuple(Visit(*at) for at in curve.passes)
             q = np.array(curve.q)
             modes.append(ModeCurve(name, q, tangents, visits, curve.closed, turns, curve.stop))
-        return ConfigurationSpace(self.mechanism, tuple(modes), tuple(self.points))
+        return ConfigurationSpace(self.mechanism, tuple(modes), tuple(self.points), seeds, tuple(self.met))
 
 
 def _lattice(dimension: int, size: int) -> NDArray[np.float64]:

@@ -43,6 +43,7 @@ def run(args: argparse.Namespace) -> int:
         points = sorted({v.point + 1 for v in mode.visits})
         rows.append([mode.name, turns, ", ".join(map(str, points)) or "none"])
     print(f"{space.mechanism!r}\n\n{table(['mode', '', 'singular points'], rows, None)}")
+    print(f"{space.summary}\n{space.search}\n")
     for i, point in enumerate(space.singular_points):
         print(f"singular point {i + 1}: q = {listed(point.q, 6)}")
         for name, tangent in zip(space.meeting(i), point.modes, strict=True):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -18,7 +18,7 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .access import FrameMotion, Named, Sample, frame_motion, state_columns
 from .dense import Interpolant, sampled_accelerations
-from .files import data_frame, read_archive, write_archive, write_csv
+from .files import data_frame, write_archive, write_csv
 from .reactions import Reaction, closure_number, reaction, row_names
 from .stats import Stats
 
@@ -97,16 +97,31 @@ class Trajectory(Named):
         energy = self.mechanism.energy
         return np.array([energy(q, v) for q, v in zip(self.q, self.v, strict=True)])
 
-    def plot(self, what: Sequence[str] | str | None = None, path: str | Path | None = None) -> Figure:
+    def plot(
+        self,
+        what: Sequence[str] | str | None = None,
+        path: str | Path | None = None,
+        *,
+        joints: Sequence[str] | str | None = None,
+        overlay: Trajectory | Sequence[Trajectory] | Mapping[str, Trajectory] | None = None,
+    ) -> Figure:
         """Draw the motion over time, crossings marked by dotted lines; needs the extra `viz`.
+
+        Each quantity has one panel for each unit.
 
         Parameters
         ----------
-        what : sequence of {"q", "v", "a", "energy", "closure"}, optional
-            Panels. "energy" is `energy_error`, J; "closure" is `closure_error`, on a logarithmic
-            scale. When left out: q, v, closure where there are loops, and a and energy if recorded.
+        what : sequence of {"q", "v", "a", "multipliers", "energy", "closure"}, optional
+            Panels. "multipliers" are constraint forces, see `reactions.row_names`; "energy" is
+            `energy_error`, J; "closure" is `closure_error`, on a logarithmic scale. When left out: q, v,
+            closure where there are loops, and a and energy if recorded.
         path : str or Path, optional
             Also write this .png or .pdf file.
+        joints : sequence of str or "all", optional
+            Joints, or single numbers such as "ball.rx", to draw. When left out: all, or the independent
+            ones of a mechanism with more than twenty numbers.
+        overlay : Trajectory, sequence or mapping {label: Trajectory}, optional
+            Other runs of the same joints, drawn in the same colours with dashes.
 
         Returns
         -------
@@ -116,13 +131,18 @@ class Trajectory(Named):
         Raises
         ------
         OptionError
-            For other words, accelerations that were not recorded, another kind of file.
+            For other words, what was not recorded, joints that are none, another kind of file.
         MissingExtraError
             When Matplotlib is not installed.
         """
         from ..drawing.figures.motion import plot_motion
 
-        return plot_motion(self, what, path)
+        if isinstance(overlay, Mapping):
+            runs = {"this run": self, **overlay}
+        else:
+            more = [overlay] if isinstance(overlay, Trajectory) else list(overlay or ())
+            runs = {f"run {i}": run for i, run in enumerate((self, *more), start=1)}
+        return plot_motion(runs, what, path, joints)
 
     # ----------------------------------------------------------------- by name and by time
 
@@ -256,32 +276,6 @@ class Trajectory(Named):
             when = [f"{t:.4g} s" for t, _ in self.stats.repartitions]
             lines.append(f"  coordinates changed at {_brief(when)}")
         return "\n".join(lines)
-
-
-def load_trajectory(path: str | Path, mechanism: Mechanism | None = None) -> Trajectory:
-    """Read what `Trajectory.save` wrote.
-
-    Parameters
-    ----------
-    path : str or Path
-        Open files from people you trust: the model in it is read by Pinocchio, which trusts it too.
-    mechanism : Mechanism, optional
-        Taken instead of the stored one, after a check that inertias, loops and forces agree at the start;
-        for files whose model this version of Pinocchio cannot read.
-
-    Raises
-    ------
-    OptionError
-        For another kind of file, a damaged one, or a mechanism that is not the one that moved.
-    """
-    mechanism, arrays, crossings, stats = read_archive(path, mechanism)
-    changes = [(float(t), tuple(names)) for t, names in stats.pop("repartitions")]
-    kept = {name: arrays.get(name) for name in ARRAYS}
-    t, q, v = (arrays[name] for name in ("t", "q", "v"))
-    rest = {name: kept[name] for name in ARRAYS[3:]}
-    return Trajectory(
-        mechanism, t, q, v, **rest, crossings=crossings, stats=Stats(**stats, repartitions=changes)
-    )
 
 
 def _times(t: ArrayLike, known: Array) -> Array:

@@ -104,12 +104,12 @@ def test_a_joint_with_many_numbers_is_drawn_number_by_number() -> None:
             name.removeprefix("platform.") for name in curves(ax) if name.startswith("platform")
         }
         for what in "qv"
-        for ax in run.plot(what).axes
+        for ax in run.plot(what, joints="all").axes
     }
     assert panels == {
         "q [rad]": set(),
         "q [m]": set("xyz"),
-        "q": {"qx", "qy", "qz", "qw"},
+        "q [1]": {"qx", "qy", "qz", "qw"},
         "v [rad/s]": {"rx", "ry", "rz"},
         "v [m/s]": set("xyz"),
     }
@@ -117,15 +117,70 @@ def test_a_joint_with_many_numbers_is_drawn_number_by_number() -> None:
 
 def test_the_legend_of_many_joints_stays_short() -> None:
     run = rg.simulate(n_four_bar(20), duration=0.02, step=1e-2)
-    figure = run.plot("q")
+    figure = run.plot("q", joints="all")
     (legend,) = figure.legends
     names = [text.get_text() for text in legend.texts]
     joints = run.mechanism.joint_names
-    assert legend.get_title().get_text() == f"{len(joints)} joints, such as"
+    assert legend.get_title().get_text() == f"{len(joints)} numbers, such as"
     assert len(names) <= 10 and {names[0], names[-1]} == {joints[0], joints[-1]}
     figure.draw_without_rendering()
     inside = legend.get_window_extent()
     assert inside.y0 >= 0.0 and inside.x1 <= figure.bbox.width + 1.0
+
+
+def test_of_many_joints_the_independent_ones_are_drawn_unless_others_are_named() -> None:
+    run = rg.simulate(rg.load("stewart"), duration=0.01, step=5e-3)
+    (ax,) = run.plot("q").axes
+    assert set(curves(ax)) == set(run.mechanism.independent)
+    (legend,) = ax.figure.legends
+    assert legend.get_title().get_text() == "independent of 19 joints"
+    axes = run.plot(("q", "v"), joints=["leg1", "platform.rx", "leg1_x"]).axes
+    drawn = {ax.get_ylabel(): set(curves(ax)) for ax in axes}
+    assert drawn == {
+        "q [rad]": {"leg1_x"},
+        "q [m]": {"leg1"},
+        "v [rad/s]": {"leg1_x", "platform.rx"},
+        "v [m/s]": {"leg1"},
+    }
+    assert set(curves(run.plot("v", joints="leg2").axes[0])) == {"leg2"}
+
+
+@pytest.mark.parametrize("joints", (["leg9"], [], "platform.w"))
+def test_joints_that_are_none_are_refused(joints: object) -> None:
+    run = rg.simulate(rg.load("stewart"), duration=0.01, step=5e-3)
+    with pytest.raises(rg.OptionError, match=r"joints = .*leg1_x, .*or \"all\""):
+        run.plot(joints=joints)
+
+
+def test_runs_are_overlaid_in_the_same_colours(fall: rg.Trajectory) -> None:
+    other = rg.simulate(fall.mechanism, [0.3, -0.3, 0.3], duration=0.5, step=5e-3)
+    figure = fall.plot(("q", "closure"), overlay=other)
+    ax = figure.axes[0]
+    lines = [line for line in ax.lines if line.get_label() == "q2"]
+    assert [line.get_linestyle() for line in lines] == ["-", "--"]
+    assert lines[0].get_color() == lines[1].get_color()
+    np.testing.assert_array_equal(lines[1].get_ydata(), other.q[:, 1])
+    names = [text.get_text() for text in figure.legends[0].texts]
+    assert names == ["q1", "q2", "q3", "run 1", "run 2", "crossing"]
+    named = fall.plot("q", overlay={"from 0.3 rad": other}).legends[0]
+    assert [text.get_text() for text in named.texts][3:5] == ["this run", "from 0.3 rad"]
+    with pytest.raises(rg.OptionError, match="mechanism with other joints"):
+        fall.plot(overlay=rg.simulate(rg.load("andrews"), duration=1e-3, step=1e-3))
+
+
+def test_constraint_forces_are_drawn_by_their_rows(fall: rg.Trajectory) -> None:
+    run = rg.simulate(rg.load("bricard"), duration=0.02, step=1e-2, record="multipliers")
+    axes = run.plot("multipliers").axes
+    assert labels(axes) == ["λ [N]", "λ [N m]"]
+    drawn = curves(axes[0]) | curves(axes[1])
+    assert {f"lambda.{name}" for name in drawn} == {n for n in run.columns() if n.startswith("lambda")}
+    for name, values in drawn.items():
+        np.testing.assert_array_equal(values, run[f"lambda.{name}"])
+    with pytest.raises(rg.OptionError, match=r'simulate with record=\("multipliers",\)'):
+        fall.plot("multipliers")
+    tree = rg.simulate(rg.load("flyball"), duration=1e-4, step=1e-5, record="multipliers")
+    with pytest.raises(rg.OptionError, match="no constraint forces"):
+        tree.plot("multipliers")
 
 
 @pytest.mark.parametrize(

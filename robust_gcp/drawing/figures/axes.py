@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...analysis.space import ConfigurationSpace, ModeCurve
+from ...analysis.configuration_space import ConfigurationSpace, ModeCurve
 from ...mechanism.joints import Component
 from ...mechanism.tree import Array
 

@@ -1,18 +1,20 @@
-"""A motion over time: q, v, a, energy and closure error in stacked panels, the crossings marked."""
+"""Motions over time: q, v, a, constraint forces and errors in stacked panels, the crossings marked."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import cycle
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from ...checks import check_choice
+from ...checks import check_choice, hint
 from ...errors import OptionError
-from ...mechanism.joints import components_of
+from ...mechanism.joints import Component, components_of
 from ...mechanism.tree import Array
-from .style import CYCLE, GREY, new_figure, require_file, save, style
+from ...simulation.reactions import row_names
+from .style import BLACK, CYCLE, GREY, YELLOW, new_figure, require_file, save, style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,22 +23,34 @@ if TYPE_CHECKING:
     from ...maps.explicit import Crossing
     from ...mechanism.mechanism import Mechanism
 
-PANELS = ("q", "v", "a", "energy", "closure")
+PANELS = ("q", "v", "a", "multipliers", "energy", "closure")
 """What can be drawn, from above."""
 
 PER_SECOND = {"q": "", "v": "/s", "a": "/s²"}
 
 NAMED = 10
-"""Most joints that have a line style each; of more, colours run from the first to the last."""
+"""Most lines of a panel that have a style each; of more, colours run from the first to the last."""
+
+MANY = 20
+"""Numbers of a mechanism beyond which only the independent ones are drawn, unless joints are named."""
 
 FEW = 7
-"""Names in the legend of a mechanism with more joints than that."""
+"""Names in the legend of more lines than that."""
+
+COLORS = (*CYCLE, YELLOW, "#882255", "#999933")
+"""Of so many lines; the last two are Tol's wine and olive, "Colour Schemes" (2021)."""
+
+DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (5, 1.5, 1, 1.5)))
+"""Lines of the first and of further runs."""
 
 SMALLEST = 1e-17
 """Where a closure error of exactly 0 is drawn, m or rad: a tenth of a rounding."""
 
 HIGHEST = 1e-13
 """Least upper end of that panel: rounding should look like rounding, m or rad."""
+
+CROSSING = "crossing"
+"""Label of their dotted lines."""
 
 PANEL_HEIGHT = 1.35
 """in."""
@@ -51,6 +65,7 @@ class Motion(Protocol):
     v: Array
     a: Array | None
     energy: Array | None
+    multipliers: Array | None
     crossings: list[Crossing]
 
     def closure_error(self) -> Array:
@@ -62,52 +77,89 @@ class Motion(Protocol):
         ...
 
 
+class Line(NamedTuple):
+    """One number of every run: its name, and where it is in q, or in v and a, or in λ."""
+
+    name: str
+    at: int
+
+
+class Panel(NamedTuple):
+    """One quantity in one unit; no lines: one error over time."""
+
+    quantity: str
+    unit: str
+    lines: tuple[Line, ...] = ()
+
+
+Runs = Mapping[str, Motion]
+"""By label; the first one decides what is drawn."""
+
+
 def plot_motion(
-    trajectory: Motion, what: Sequence[str] | str | None = None, path: str | Path | None = None
+    runs: Runs,
+    what: Sequence[str] | str | None = None,
+    path: str | Path | None = None,
+    joints: Sequence[str] | str | None = None,
 ) -> Figure:
-    """Draw a trajectory; see `Trajectory.plot`."""
-    chosen = _chosen(trajectory, what)
+    """Draw trajectories of one mechanism; see `Trajectory.plot`."""
+    first = next(iter(runs.values()))
+    chosen = _chosen(runs, what)
     if path is not None:
         require_file(Path(path))
-    panels: list[tuple[str, str, list[int]]] = []
-    for quantity in chosen:
-        if quantity in PER_SECOND:
-            panels += [(quantity, unit, lines) for unit, lines in _by_unit(trajectory, quantity).items()]
-        else:
-            panels.append((quantity, "", []))
+    components, title = _components(first.mechanism, joints)
+    for label, run in runs.items():
+        if [c.name for c in components_of(run.mechanism.joints)] != [
+            c.name for c in components_of(first.mechanism.joints)
+        ]:
+            raise OptionError(f"overlay: {label!r} is the motion of a mechanism with other joints")
+    panels = [panel for quantity in chosen for panel in _panels(first, quantity, components)]
+    looks = _styles([component.name for component in components])
     with style():
         figure = new_figure(0.5 + PANEL_HEIGHT * len(panels))
         axes = list(figure.subplots(len(panels), 1, sharex=True, squeeze=False).flat)
-        for ax, (quantity, unit, lines) in zip(axes, panels, strict=True):
-            if lines:
-                _draw_joints(ax, trajectory, quantity, unit, lines)
-            else:
-                _draw_error(ax, trajectory, quantity)
-        for i, crossing in enumerate(trajectory.crossings):
-            for ax in axes:
-                ax.axvline(
-                    crossing.time, color=GREY, linestyle=(0, (1, 1.5)), linewidth=1.0, zorder=0.9,
-                    label="crossing" if i == 0 else None,
-                )  # fmt: skip
-        for ax in axes:
+        for dashes, run in zip(cycle(DASHES), runs.values(), strict=False):
+            for ax, panel in zip(axes, panels, strict=True):
+                if not panel.lines:
+                    _draw_error(ax, run, panel.quantity, dashes)
+                elif panel.quantity == "multipliers":
+                    _draw_lines(ax, run, panel, _styles([line.name for line in panel.lines]), dashes)
+                else:
+                    _draw_lines(ax, run, panel, looks, dashes)
+            for crossing in run.crossings:
+                for ax in axes:
+                    ax.axvline(
+                        crossing.time, color=GREY, linestyle=(0, (1, 1.5)), linewidth=1.0, zorder=0.9,
+                        label=CROSSING,
+                    )  # fmt: skip
+        for ax, panel in zip(axes, panels, strict=True):
             ax.margins(x=0.0)
+            if panel.quantity == "multipliers" and len(panel.lines) <= NAMED:
+                handles = ax.lines[: len(panel.lines)]
+                ax.legend(handles=handles, fontsize=6.5, loc="upper left", bbox_to_anchor=(1.0, 1.0))
         axes[-1].set_xlabel("t [s]")
-        axes[0].set_title(trajectory.mechanism.name, loc="left")
-        _legend(figure, axes, len(trajectory.mechanism.joints))
+        axes[0].set_title(first.mechanism.name, loc="left")
+        rows = [ax for ax, panel in zip(axes, panels, strict=True) if panel.quantity != "multipliers"]
+        _legend(figure, rows or axes[:0], title, list(runs) if len(runs) > 1 else [])
         figure.align_ylabels()
         if path is not None:
             save(figure, Path(path))
     return figure
 
 
-def _chosen(trajectory: Motion, what: Sequence[str] | str | None) -> list[str]:
+def _chosen(runs: Runs, what: Sequence[str] | str | None) -> list[str]:
     """The panels asked for, or those for which there is something to see."""
+    first = next(iter(runs.values()))
+    recorded = {
+        name: all(getattr(run, name) is not None for run in runs.values()) for name in ("a", "multipliers")
+    }
     have = {
         "q": True,
         "v": True,
-        "a": trajectory.a is not None,
-        "energy": trajectory.energy is not None,
-        "closure": trajectory.mechanism.nc > 0,
+        "a": recorded["a"],
+        "multipliers": False,  # for the asking: their labels are long
+        "energy": all(run.energy is not None for run in runs.values()),
+        "closure": first.mechanism.nc > 0,
     }
     if what is None:
         return [name for name in PANELS if have[name]]
@@ -116,70 +168,114 @@ def _chosen(trajectory: Motion, what: Sequence[str] | str | None) -> list[str]:
         check_choice("what", name, PANELS)
     if not asked:
         raise OptionError(f"what is empty; use some of {', '.join(PANELS)}")
-    if "a" in asked and not have["a"]:
-        raise OptionError('what = "a": accelerations were not recorded; simulate with record=("a",)')
+    for name, word in (("a", "accelerations"), ("multipliers", "constraint forces")):
+        if name in asked and not recorded[name]:
+            raise OptionError(f'what = "{name}": {word} were not recorded; simulate with record=("{name}",)')
+    if "multipliers" in asked and first.mechanism.nc == 0:
+        raise OptionError('what = "multipliers": a mechanism without loops has no constraint forces')
     return [name for name in PANELS if name in asked]
 
 
-def _by_unit(trajectory: Motion, quantity: str) -> dict[str, list[int]]:
-    """The joints' entries of one quantity, by number, those with the same unit together."""
-    groups: dict[str, list[int]] = {}
-    for i, entry in enumerate(components_of(trajectory.mechanism.joints)):
-        if (entry.iq if quantity == "q" else entry.iv) >= 0:
-            groups.setdefault(entry.unit, []).append(i)
-    return groups
+def _components(mechanism: Mechanism, joints: Sequence[str] | str | None) -> tuple[list[Component], str]:
+    """The numbers to draw, and what the legend says where they are some of many."""
+    every = components_of(mechanism.joints)
+    if joints == "all" or (joints is None and len(every) <= MANY):
+        return every, ""
+    if joints is None:
+        asked = list(mechanism.independent)
+        title = f"independent of {len(mechanism.joints)} joints"
+    else:
+        asked, title = [joints] if isinstance(joints, str) else list(joints), ""
+    owned = {joint.name: joint.components for joint in mechanism.joints}
+    owned |= {component.name: (component,) for component in every if component.name not in owned}
+    unknown = [name for name in asked if name not in owned]
+    if unknown or not asked:
+        names = [joint.name for joint in mechanism.joints]
+        raise OptionError(
+            f"joints = {asked!r}: {'name some of' if not asked else f'no {unknown[0]!r} among'} the joints "
+            f'{", ".join(names)}{hint(unknown[0], owned) if unknown else ""}, or "all"'
+        )
+    wanted = {component for name in asked for component in owned[name]}
+    return [component for component in every if component in wanted], title
 
 
-def _draw_joints(ax: Axes, trajectory: Motion, quantity: str, unit: str, lines: list[int]) -> None:
-    values: Array = getattr(trajectory, quantity)
-    joints = components_of(trajectory.mechanism.joints)
-    for i in lines:
-        column = values[:, joints[i].iq if quantity == "q" else joints[i].iv]
-        ax.plot(trajectory.t, column, label=joints[i].name, **_looks(i, len(joints)))
-    ax.set_ylabel(f"{quantity} [{unit}{PER_SECOND[quantity]}]" if unit else quantity)
+def _panels(run: Motion, quantity: str, components: Sequence[Component]) -> list[Panel]:
+    """One panel for each unit."""
+    groups: dict[str, list[Line]] = {}
+    if quantity in PER_SECOND:
+        for c in components:
+            at = c.iq if quantity == "q" else c.iv
+            if at >= 0:
+                groups.setdefault(f"{c.unit or 1}{PER_SECOND[quantity]}", []).append(Line(c.name, at))
+    elif quantity == "multipliers":
+        lengths = run.mechanism.implicit.is_length
+        for i, name in enumerate(row_names(run.mechanism)):
+            groups.setdefault("N" if lengths[i] else "N m", []).append(Line(name, i))
+    else:
+        return [Panel(quantity, "")]
+    return [Panel(quantity, unit, tuple(lines)) for unit, lines in groups.items()]
 
 
-def _looks(i: int, count: int) -> dict[str, Any]:
-    """Colour, dashes and width of a joint's line."""
-    if count > NAMED:
+def _draw_lines(ax: Axes, run: Motion, panel: Panel, looks: Mapping[str, Any], dashes: Any) -> None:
+    values: Array = getattr(run, panel.quantity)
+    for line in panel.lines:
+        ax.plot(run.t, values[:, line.at], label=line.name, **{**looks[line.name], "linestyle": dashes})
+    ax.set_ylabel(f"{'λ' if panel.quantity == 'multipliers' else panel.quantity} [{panel.unit}]")
+
+
+def _styles(names: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Colour and width of each line."""
+    if len(names) > NAMED:
         from matplotlib import colormaps
 
-        return {"color": colormaps["viridis"](0.95 * i / (count - 1)), "linewidth": 0.9}
+        shade = colormaps["viridis"]
+        share = 0.95 / (len(names) - 1)
+        return {name: {"color": shade(share * i), "linewidth": 0.9} for i, name in enumerate(names)}
     return {
-        "color": CYCLE[i % len(CYCLE)],
-        "linestyle": ("-", "--")[i // len(CYCLE) % 2],
-        "linewidth": max(1.0, 2.8 - 0.8 * i),  # joints that move alike stay visible
+        name: {
+            "color": COLORS[i],
+            "linewidth": max(1.0, 2.8 - 0.8 * i),  # joints that move alike stay visible
+        }
+        for i, name in enumerate(names)
     }
 
 
-def _draw_error(ax: Axes, trajectory: Motion, quantity: str) -> None:
+def _draw_error(ax: Axes, trajectory: Motion, quantity: str, dashes: Any) -> None:
     if quantity == "energy":
-        ax.plot(trajectory.t, trajectory.energy_error(), color=CYCLE[0])
+        ax.plot(trajectory.t, trajectory.energy_error(), color=CYCLE[0], linestyle=dashes)
         ax.set_ylabel("energy error [J]")
         return
     is_length = trajectory.mechanism.implicit.is_length
     units = [unit for unit, there in (("m", is_length.any()), ("rad", (~is_length).any())) if there]
     error = np.maximum(trajectory.closure_error(), SMALLEST)
-    ax.semilogy(trajectory.t, error, color=CYCLE[0], linewidth=0.8)
-    ax.set_ylim(0.5 * SMALLEST, max(2.0 * error.max(), HIGHEST))
+    ax.semilogy(trajectory.t, error, color=CYCLE[0], linewidth=0.8, linestyle=dashes)
+    errors = [line for line in ax.lines if line.get_label() != CROSSING]
+    highest = max(float(np.max(np.asarray(line.get_ydata()))) for line in errors)
+    ax.set_ylim(0.5 * SMALLEST, max(2.0 * highest, HIGHEST))
     ax.set_ylabel(f"max |φ| [{' or '.join(units) or 'm'}]")
 
 
-def _legend(figure: Figure, axes: Sequence[Axes], joints: int) -> None:
-    """Name the lines once, to the right: all of few, some of many."""
+def _legend(figure: Figure, axes: Sequence[Axes], title: str, runs: Sequence[str]) -> None:
+    """Name the lines once, to the right: all of few, some of many; runs by their dashes."""
     named: dict[str, Any] = {}
     for ax in axes:
         handles, labels = ax.get_legend_handles_labels()
-        named |= {label: handle for handle, label in zip(handles, labels, strict=True) if label not in named}
-    crossing = named.pop("crossing", None)
+        for handle, label in zip(handles, labels, strict=True):
+            named.setdefault(label, handle)
+    crossing = named.pop(CROSSING, None)
     labels = list(named)
     if len(labels) > 2 * NAMED:
         kept = np.unique(np.linspace(0, len(labels) - 1, FEW).round().astype(int))
         shown = {labels[i]: named[labels[i]] for i in kept}
-        title: str | None = f"{joints} joints, such as"
+        title = f"{len(labels)} numbers, such as"
     else:
-        shown, title = dict(named), None
+        shown = dict(named)
+    if runs:
+        from matplotlib.lines import Line2D
+
+        looks = zip(cycle(DASHES), runs, strict=False)
+        shown |= {label: Line2D([], [], color=BLACK, linestyle=dashes) for dashes, label in looks}
     if crossing is not None:
-        shown["crossing"] = crossing
+        shown[CROSSING] = crossing
     if shown:
-        figure.legend(shown.values(), shown.keys(), loc="outside right upper", title=title)
+        figure.legend(shown.values(), shown.keys(), loc="outside right upper", title=title or None)

@@ -1,0 +1,36 @@
+"""`load_trajectory`: what `Trajectory.save` wrote, as a trajectory again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..mechanism.mechanism import Mechanism
+from .files import read_archive
+from .stats import Stats
+from .trajectory import ARRAYS, Trajectory
+
+
+def load_trajectory(path: str | Path, mechanism: Mechanism | None = None) -> Trajectory:
+    """Read what `Trajectory.save` wrote.
+
+    Parameters
+    ----------
+    path : str or Path
+        Open files from people you trust: the model in it is read by Pinocchio, which trusts it too.
+    mechanism : Mechanism, optional
+        Taken instead of the stored one, after a check that inertias, loops and forces agree at the start;
+        for files whose model this version of Pinocchio cannot read.
+
+    Raises
+    ------
+    OptionError
+        For another kind of file, a damaged one, or a mechanism that is not the one that moved.
+    """
+    mechanism, arrays, crossings, stats = read_archive(path, mechanism)
+    changes = [(float(t), tuple(names)) for t, names in stats.pop("repartitions")]
+    kept = {name: arrays.get(name) for name in ARRAYS}
+    t, q, v = (arrays[name] for name in ("t", "q", "v"))
+    rest = {name: kept[name] for name in ARRAYS[3:]}
+    return Trajectory(
+        mechanism, t, q, v, **rest, crossings=crossings, stats=Stats(**stats, repartitions=changes)
+    )
