@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -269,3 +270,48 @@ def test_seeds_are_counted(seeds: object) -> None:
 def test_a_name_is_not_a_mechanism() -> None:
     with pytest.raises(rg.OptionError, match=r"give robust_gcp.load\('rhombus'\)"):
         rg.trace_modes("rhombus")  # type: ignore[arg-type]
+
+
+# --------------------------------------------------------------------------- assembly modes, and the search
+
+
+@pytest.mark.parametrize("name", FOUR_BARS)
+def test_assembly_modes_are_as_many_as_grashof_says(name: str) -> None:
+    space = traced(name)
+    lengths = {"rhombus": (1, 1, 1, 1), "parallelogram": (2, 1, 2, 1), "change_point": (4, 2, 3, 3)}
+    lengths |= {"kite": (2, 1, 1, 2)}
+    expected = components(lengths[name]) if name in lengths else 2
+    assert len(space.assemblies) == expected
+    assert sorted(mode for names in space.assemblies for mode in names) == [m.name for m in space.modes]
+    for i in range(len(space.singular_points)):
+        assert any(set(space.meeting(i)) <= set(names) for names in space.assemblies)
+
+
+def test_the_summary_tells_modes_from_assembly_modes() -> None:
+    assert traced("rhombus").summary == "3 modes, 3 singular points"
+    assert traced("crank_rocker").summary == "2 assembly modes, no singular points"
+    assert traced("change_point").summary == "1 mode, 1 singular point"
+    crossed = rg.ConfigurationSpace(
+        traced("rhombus").mechanism,
+        (*traced("rhombus").modes, replace(traced("crank_rocker").modes[0], name="d")),
+        traced("rhombus").singular_points,
+    )
+    assert crossed.summary == "4 modes in 2 assembly modes, 3 singular points"
+    assert crossed.assemblies == (("a", "b", "c"), ("d",))
+
+
+def test_the_search_says_how_far_it_went() -> None:
+    """Starts are counted for the mode that they lie on; a single hit calls for more seeds."""
+    few = rg.trace_modes(rg.load("crank_rocker"), seeds=0)
+    assert few.search == "only what is connected with home was looked for (seeds = 0)"
+    assert few.met == (1,)
+    space = traced("crank_rocker")
+    assert len(space.met) == 2 and 2 < sum(space.met) <= 41
+    assert (
+        space.search
+        == "searched from home and 40 seeds; assembly modes with few configurations may be missing"
+    )
+    once = replace(space, met=(20, 1))
+    assert once.search.endswith("met by one of them alone: b, so there may be more: use more seeds")
+    ended = replace(space, modes=(space.modes[0], replace(space.modes[1], closed=False, stop="a cusp")))
+    assert "not followed to the end: b" in ended.search

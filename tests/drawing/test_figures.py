@@ -12,11 +12,13 @@ import pinocchio as pin
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 import robust_gcp as rg
 from robust_gcp.__main__ import main
 from robust_gcp.drawing.figures import style
 from robust_gcp.drawing.figures.mechanism import face_on, pose
+from robust_gcp.drawing.figures.style import BLACK
 from robust_gcp.examples.linkages import n_four_bar
 
 
@@ -305,6 +307,36 @@ def test_a_mode_that_crosses_itself_is_shown_in_its_two_parts() -> None:
     titles = [ax.get_title() for ax in figure.axes if ax.get_title()]
     assert titles == ["mode a, in part"] * 2
     assert figure.get_suptitle() == "change_point: 1 mode, 1 singular point"
+
+
+def texts_apart(figure: Figure, texts: list[Text]) -> None:
+    """No two of the texts, drawn, cover each other."""
+    figure.draw_without_rendering()
+    boxes = [text.get_window_extent() for text in texts if text.get_text()]
+    for i, one in enumerate(boxes):
+        assert all(not one.overlaps(other) for other in boxes[:i])
+
+
+@pytest.mark.slow
+def test_many_modes_stay_readable() -> None:
+    """Captions beside each other, each letter in the colour of its curve, modes that look different."""
+    space = rg.trace_modes(rg.load("andrews"))
+    figure = rg.plot_modes(space)
+    small = [ax for ax in figure.axes if ax.get_title().startswith("mode")]
+    assert len(small) == 4
+    texts_apart(figure, [ax.xaxis.label for ax in small])
+    assert {ax.get_xlabel() for ax in small} == {"turns: beta\N{NO-BREAK SPACE}+1, theta\N{NO-BREAK SPACE}−1"}
+    (cube,) = [ax for ax in figure.axes if ax.name == "3d"]
+    assert [text.get_text() for text in cube.texts] == ["a", "b", "c", "d"]
+    named = {text.get_text(): text.get_color() for text in cube.texts}
+    assert set(named.values()) == {line.get_color() for line in cube.lines} and len(set(named.values())) == 4
+    for ax in figure.axes:
+        if ax.name == "rectilinear" and ax.get_ylabel().endswith("[rad]"):
+            pairs = [text.get_text() for text in ax.texts]
+            assert sorted(", ".join(pairs).split(", ")) == ["a", "b", "c", "d"]
+            assert all(text.get_color() == BLACK for text in ax.texts)  # two curves each
+            texts_apart(figure, list(ax.texts))
+    assert figure.get_suptitle() == "andrews: 4 assembly modes, no singular points"
 
 
 def test_two_coordinates_make_one_panel(rhombus_modes: rg.ConfigurationSpace, tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from textwrap import wrap
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -65,7 +65,7 @@ def draw_poses(
         ax.set(aspect="equal", xticks=[], yticks=[])
         ax.spines[:].set_visible(False)
         whole = len(rows) == len(mode.q)
-        ax.set_title(f"mode {mode.name}" if whole else f"mode {mode.name}, in part", color=color, pad=4)
+        ax.set_title(f"mode {mode.name}" if whole else f"mode {mode.name}, in part", color=color, pad=9)
         ax.set_xlabel(_turns(mechanism, mode), fontsize=8, labelpad=2)
 
 
@@ -73,16 +73,10 @@ def _turns(mechanism: Mechanism, mode: ModeCurve) -> str:
     """Which joints turn fully on one way around a mode, in lines of a caption's width."""
     if not mode.closed:
         return "open"
-    full = {
-        name: f"{n:+d}".replace("-", "−") for name, n in zip(_hinges(mechanism), mode.turns, strict=True) if n
-    }
-    text = "turns: " + ", ".join(f"{name} {n}" for name, n in full.items()) if full else "no full turn"
-    return "\n".join(wrap(text, CAPTION))
-
-
-def _hinges(mechanism: Mechanism) -> list[str]:
-    """A name for each velocity."""
-    return [component.name for component in in_v(mechanism.joints)]
+    names = (component.name for component in in_v(mechanism.joints))
+    full = [f"{name}\N{NO-BREAK SPACE}{n:+d}" for name, n in zip(names, mode.turns, strict=True) if n]
+    text = f"turns: {', '.join(full)}".replace("-", "−") if full else "no full turn"
+    return fill(text, CAPTION)
 
 
 def _spread(mode: ModeCurve, rows: Index, count: int) -> list[int]:

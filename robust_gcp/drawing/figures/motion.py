@@ -136,7 +136,7 @@ def plot_motion(
             ax.margins(x=0.0)
             if panel.quantity == "multipliers" and len(panel.lines) <= NAMED:
                 handles = ax.lines[: len(panel.lines)]
-                ax.legend(handles=handles, fontsize=6.5, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+                ax.legend(handles=handles, fontsize=6.5, loc="lower left", bbox_to_anchor=(0, 1), ncols=3)
         axes[-1].set_xlabel("t [s]")
         axes[0].set_title(first.mechanism.name, loc="left")
         rows = [ax for ax, panel in zip(axes, panels, strict=True) if panel.quantity != "multipliers"]
