@@ -9,7 +9,9 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+Item = TypeVar("Item")
 
 LONGEST_TABLE = 12
 """Rows of a printed table; the rest is counted, and is in the CSV."""
@@ -94,6 +96,15 @@ def progress_bar(total: float, what: str) -> Iterator[Callable[[float], None] | 
     shape = "{desc} {percentage:3.0f}% |{bar}| {n:.3g}/{total:.3g} [{elapsed}<{remaining}]"
     with tqdm(total=total, desc=what, bar_format=shape, leave=False, delay=0.5) as bar:
         yield lambda fraction: bar.update(fraction * total - bar.n)
+
+
+def along(items: Sequence[Item], what: str) -> Iterator[Item]:
+    """The items one after the other, with a bar that counts those that are done."""
+    with progress_bar(float(len(items)), what) as progress:
+        for i, item in enumerate(items, start=1):
+            yield item
+            if progress is not None:
+                progress(i / len(items))
 
 
 def write(path: Path, text: str) -> None:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -18,7 +17,7 @@ from ..arguments import DEFAULT, Arguments, file, number, pathname, positive, wh
 from ..errors import OptionError, SimulationError
 from ..examples.linkages import n_four_bar
 from ..maps.closed_form import pendulum
-from ..printing import progress_bar, table, write_json
+from ..printing import along, table, write_json
 from ..simulation.simulate import simulate
 
 SIZES = (1, 2, 5, 10, 40)
@@ -95,23 +94,6 @@ def largest_step(n: int, threshold: float, duration: float = 20.0) -> Result:
     return result
 
 
-def study(
-    sizes: Sequence[int],
-    step: float,
-    duration: float,
-    progress: Callable[[float], None] | None = None,
-) -> tuple[list[Result], list[Result], list[Result]]:
-    """Runs at `step`, and at the largest steps that meet the low and the high precision."""
-    fine, low, high = [], [], []
-    for i, n in enumerate(sizes):
-        fine.append(measure(n, step, duration))
-        low.append(largest_step(n, LOW, duration))
-        high.append(largest_step(n, HIGH, duration))
-        if progress is not None:
-            progress((i + 1) / len(sizes))
-    return fine, low, high
-
-
 def arguments(add_to: Arguments) -> None:
     """Name the arguments."""
     text = f"numbers of loops; {DEFAULT}"
@@ -126,8 +108,11 @@ def run(args: argparse.Namespace) -> int:
     """Print the table and the exponent of the cost; exit code 1 when a run stopped."""
     if args.duration < max(args.step, LADDER[-1]):
         raise OptionError(f"--duration {args.duration:g} s is shorter than the steps that are tried")
-    with progress_bar(float(len(args.sizes)), "A02") as progress:
-        fine, low, high = study(args.sizes, args.step, args.duration, progress)
+    fine, low, high = [], [], []
+    for n in along(args.sizes, "A02"):
+        fine.append(measure(n, args.step, args.duration))
+        low.append(largest_step(n, LOW, args.duration))
+        high.append(largest_step(n, HIGH, args.duration))
     header = [" N", " step [s]", " error [m]", " error [m/s]", " closure [m]", " crossings", " µs/step"]
     rows = [
         [

@@ -19,7 +19,7 @@ from ..maps.point import Counters
 from ..maps.start import begin
 from ..mechanism.folders.loader import load
 from ..native import backends
-from ..printing import progress_bar, table, write_json
+from ..printing import along, table, write_json
 from ..simulation.simulate import simulate
 from .benchmark_native import native_seconds, thread_gain
 
@@ -169,12 +169,7 @@ def arguments(add_to: Arguments) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the tables."""
-    rows = []
-    with progress_bar(float(len(args.sizes)), "benchmark") as progress:
-        for i, n in enumerate(args.sizes, start=1):
-            rows.append(measure(n, 0.01 if args.quick else 0.2))
-            if progress is not None:
-                progress(i / len(args.sizes))
+    rows = [measure(n, 0.01 if args.quick else 0.2) for n in along(args.sizes, "benchmark")]
     names = list(rows[0])
     print("microseconds, smallest of 5 rounds. map: predict, Newton, G, g and the zone test; rest: reduced")
     print("equation and objects; numpy_*: parts of the reference path that the map replaces where it can")

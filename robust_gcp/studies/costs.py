@@ -27,7 +27,7 @@ from ..mechanism.folders.loader import load
 from ..mechanism.forces import AppliedForces
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Tree
-from ..printing import progress_bar, write, write_json
+from ..printing import along, write, write_json
 from ..simulation.simulate import simulate
 from ..simulation.stats import Stats
 from . import pages
@@ -152,12 +152,7 @@ def run(args: argparse.Namespace) -> int:
         raise OptionError(f"--refresh {args.refresh}: there are no marks of a block named costs")
     rounds = 1 if args.quick else 5
     load("crank_rocker")  # what is loaded late is loaded now
-    costs = []
-    with progress_bar(float(len(SCENES)), "costs") as progress:
-        for i, scene in enumerate(SCENES, start=1):
-            costs.append(measure(scene, rounds))
-            if progress is not None:
-                progress(i / len(SCENES))
+    costs = [measure(scene, rounds) for scene in along(SCENES, "costs")]
     milliseconds = import_milliseconds(rounds)
     text = markdown(costs, milliseconds)
     print(text, end="")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -16,12 +15,11 @@ from ..errors import OptionError, RobustGcpError
 from ..examples.linkages import four_bar
 from ..maps.closed_form import FourBar
 from ..mechanism.mechanism import Mechanism
-from ..printing import progress_bar, table, write_json
+from ..printing import along, table, write_json
 from ..simulation.simulate import simulate
 
 ROUNDING = 1e-11
 """rad: below this a floor measures the rounding of the reference, not the stepper's error."""
-
 
 MOST_STEPS = 100
 """Steps before the crossing, at the most: keeps a thousand cases to some minutes."""
@@ -79,17 +77,11 @@ class Case:
         return asdict(self) | {"ratio": self.ratio, "good": self.good}
 
 
-def random_crossings(
-    count: int, seed: int, progress: Callable[[float], None] | None = None
-) -> tuple[list[Case], float]:
-    """Simulate `count` random crossings; returns the cases and the seconds that it took."""
+def random_crossings(count: int, seed: int) -> tuple[list[Case], float]:
+    """Simulate `count` random crossings, with a bar; returns the cases and the seconds that it took."""
     rng = np.random.default_rng(seed)
     begun = time.perf_counter()
-    cases = []
-    for i in range(count):
-        cases.append(_run(_draw(rng)))
-        if progress is not None:
-            progress((i + 1) / count)
+    cases = [_run(_draw(rng)) for _ in along(range(count), "crossings")]
     return cases, time.perf_counter() - begun
 
 
@@ -192,8 +184,7 @@ def arguments(add_to: Arguments) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the summary; exit code 1 when a case is not good."""
-    with progress_bar(float(args.count), "crossings") as progress:
-        cases, seconds = random_crossings(args.count, args.seed, progress)
+    cases, seconds = random_crossings(args.count, args.seed)
     bad = [case for case in cases if not case.good]
     ratios = np.array([case.ratio for case in cases if not case.failure])
     nearest = np.array([case.nearest for case in cases])

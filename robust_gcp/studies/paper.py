@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..arguments import DEFAULT, Arguments, folder, pathname
+from ..drawing.figures import style as plots
 from ..drawing.figures.mechanism import body_legend, draw_pose, face_on, pose
 from ..errors import SimulationError
 from ..maps.classical import SingularityWarning
@@ -29,7 +30,6 @@ from ..mechanism.tree import Array
 from ..printing import progress_bar, table, write_json
 from ..simulation.simulate import Method, simulate
 from ..simulation.trajectory import Trajectory
-from . import plots
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -65,6 +65,27 @@ LEGEND_HEIGHT = 0.25
 """Room for the names of the links below the strobe pictures, in."""
 
 STROBE_ROWS: dict[Method, str] = {"classical": "classical\nGCP", "projection": "robust\nGCP"}
+
+EXACT: dict[str, Any] = {"color": "0.78", "linewidth": 4.0, "label": "exact"}
+LOOKS: dict[Method, dict[str, Any]] = {
+    "projection": {"color": plots.BLUE, "linewidth": 1.1, "label": "robust GCP, Eq. (7)"},
+    "classical": {
+        "color": plots.VERMILLION,
+        "linestyle": (0, (3.5, 1.6)),
+        "linewidth": 1.1,
+        "label": "classical GCP",
+    },
+}
+BRIDGE: dict[str, Any] = {
+    "color": plots.BLACK,
+    "marker": "o",
+    "markersize": 2.6,
+    "markerfacecolor": "white",
+    "markeredgewidth": 0.6,
+    "linestyle": "none",
+    "label": "robust GCP, bridge",
+}
+"""How the methods look: told apart without colour by width, dashes and markers."""
 
 
 @dataclass
@@ -127,10 +148,7 @@ class Case:
 
 
 def run_case(
-    name: str,
-    duration: float = 5.0,
-    step: float = 1e-3,
-    progress: Callable[[float], None] | None = None,
+    name: str, duration: float = 5.0, step: float = 1e-3, progress: Callable[[float], None] | None = None
 ) -> Case:
     """Simulate "rhombus" or "parallelogram" by every method, RK4, beside the exact motion.
 
@@ -188,12 +206,12 @@ def joint_figure(case: Case) -> Figure:
     marked = np.searchsorted(case.t, np.arange(0.1, case.t[-1], case.t[-1] / 25.0))
     for line, (what, label) in zip(panels, rows, strict=True):
         for j, ax in enumerate(line):
-            ax.plot(case.t, case.exact[what][:, j], **plots.EXACT)
-            for method, looks in plots.LOOKS.items():
+            ax.plot(case.t, case.exact[what][:, j], **EXACT)
+            for method, looks in LOOKS.items():
                 run = case.runs[method]
                 ax.plot(run.t, getattr(run, what)[:, j], **looks)
             bridge = getattr(case.runs["bridge"], what)
-            ax.plot(case.t[marked], bridge[marked, j], **plots.BRIDGE)
+            ax.plot(case.t[marked], bridge[marked, j], **BRIDGE)
             ax.locator_params(axis="y", nbins=5, steps=[1, 2, 5, 10])
         line[0].set_ylabel(label)
         line[0].yaxis.set_label_coords(-0.2, 0.5)

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from robust_gcp.__main__ import main
+from robust_gcp.drawing.figures import style as plots
 from robust_gcp.errors import BranchError, MissingExtraError
-from robust_gcp.studies import paper, plots
+from robust_gcp.studies import paper
 
 FILES = (
     "figure4_rhombus_joints",

@@ -327,7 +327,7 @@ def test_mujoco_refuses_closures_of_frames(spatial: dict[str, rg.Mechanism]) -> 
 @pytest.mark.parametrize("name", MODELS)
 def test_exudyn_has_our_accelerations(name: str, closed_states: States) -> None:
     from robust_gcp.studies.peers import exudyn
-    from robust_gcp.studies.peers.exudyn_api import exu
+    from robust_gcp.studies.peers.exudyn_model import exu
 
     mechanism = rg.load(name)
     for q, v in states_of(mechanism, closed_states):

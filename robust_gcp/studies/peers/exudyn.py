@@ -17,7 +17,7 @@ import numpy as np
 from ...mechanism.forces import JointTorque, PointSpring
 from ...mechanism.tree import Array
 from ..contender import Contender, Kind, Outcome, Scene
-from .exudyn_api import exu
+from .exudyn_model import ExudynModel, exu
 from .exudyn_planar import PlanarBodies, is_planar
 from .exudyn_tree import KinematicTree
 from .outputs import Outputs, division
@@ -57,7 +57,7 @@ class Implicit:
         """Fixed steps nearest to `setting`, s; Exudyn halves one at which its Newton iterations fail."""
         substeps, step = division(scene, setting)
         with quiet():
-            built = PlanarBodies(scene) if is_planar(scene) else KinematicTree(scene)
+            built: ExudynModel = PlanarBodies(scene) if is_planar(scene) else KinematicTree(scene)
             settings = self.settings(scene, substeps, step, built.linear_solver)
             solver = exu.MainSolverImplicitSecondOrder()
             why = "Newton's iterations failed"
@@ -99,7 +99,7 @@ class Implicit:
         return settings
 
 
-def stored(built: PlanarBodies | KinematicTree) -> tuple[Array, list[list[Array]]]:
+def stored(built: ExudynModel) -> tuple[Array, list[list[Array]]]:
     """Times and states that the sensors kept."""
     tables = [[np.array(built.mbs.GetSensorStoredData(s)) for s in kind] for kind in built.sensors]
     return tables[0][0][:, 0], [[table[:, 1:] for table in kind] for kind in tables]

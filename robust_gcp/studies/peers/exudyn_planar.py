@@ -6,16 +6,13 @@ plane is the world's y–z plane, Exudyn's x–y plane; x becomes its z, a rotat
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pinocchio as pin
 
-from ...mechanism.forces import PointSpring
 from ...mechanism.tree import Array
 from ..contender import Scene
-from .exudyn_api import exu, items
-from .parts import Joint, Place, closure_places, constant_torques, frame_place, joints
+from .exudyn_model import ExudynModel, items
+from .parts import Joint, Place, closure_places, constant_torques, joints
 
 ROUNDING = 1e-12
 
@@ -32,24 +29,14 @@ def is_planar(scene: Scene) -> bool:
     )
 
 
-class PlanarBodies:
-    """The scene in redundant coordinates.
+class PlanarBodies(ExudynModel):
+    """The scene in redundant coordinates; its nodes are the bodies in turn."""
 
-    Attributes
-    ----------
-    container, mbs
-        Exudyn's, assembled.
-    sensors : list of list of int
-        Positions, velocities and accelerations of the bodies in turn.
-    """
-
-    linear_solver: tuple[str, bool] = ("EXUdense", False)
-    """Exudyn's name, and whether singular Jacobians are solved all the same."""
+    linear_solver = ("EXUdense", False)
 
     def __init__(self, scene: Scene) -> None:
+        super().__init__()
         mechanism, model = scene.mechanism, scene.mechanism.model
-        self.container = exu.SystemContainer()
-        self.mbs: Any = self.container.AddSystem()
         self._parts = joints(mechanism)
         self._start = scene.q0
         self._parents = [joint.parent for joint in self._parts]
@@ -66,40 +53,14 @@ class PlanarBodies:
             self._join((joint.parent, joint.placement), (i, pin.SE3.Identity()))
         for one, two in closure_places(mechanism):
             self._join(one, two)
-        for spring in mechanism.forces:
-            if isinstance(spring, PointSpring):
-                ends = [self._marker(frame_place(mechanism, f)) for f in (spring.frame1, spring.frame2)]
-                self.mbs.AddObject(
-                    items.ObjectConnectorSpringDamper(
-                        markerNumbers=ends,
-                        referenceLength=spring.rest_length,
-                        stiffness=spring.stiffness,
-                        damping=spring.damping,
-                    )
-                )
         for i, torque in enumerate(constant_torques(mechanism), start=1):
             if torque != 0.0:  # on the body, and back on the one that carries it
                 self._add_moment(nodes, i, torque)
                 self._add_moment(nodes, self._parts[i - 1].parent, -torque)
-        kinds = exu.OutputVariableType
-        self.sensors = [
-            [
-                self.mbs.AddSensor(
-                    items.SensorNode(
-                        nodeNumber=node, storeInternal=True, writeToFile=False, outputVariableType=kind
-                    )
-                )
-                for node in nodes
-            ]
-            for kind in (kinds.Coordinates, kinds.Coordinates_t, kinds.Coordinates_tt)
-        ]
-        self.mbs.Assemble()
+        self.finish(mechanism, nodes)
 
     def tree_coordinates(self, stored: list[list[Array]]) -> tuple[Array, Array, Array]:
-        """q, v and a of the spanning tree, (n, nq), from what each sensor stored after the time.
-
-        A joint turns by as much as its body turns more than the body that carries it.
-        """
+        """A joint turns by as much as its body turns more than the body that carries it."""
         turned, speed, gain = (
             np.column_stack([np.zeros(len(bodies[0])), *(body[:, 2] for body in bodies)]) for bodies in stored
         )
@@ -133,7 +94,8 @@ class PlanarBodies:
             self.mbs.AddLoad(items.LoadMassProportional(markerNumber=marker, loadVector=pull))
         return int(node)
 
-    def _marker(self, place: Place) -> int:
+    def marker(self, place: Place) -> int:
+        """In the body's own axes, from its centre of mass."""
         joint, at = place
         centre = self._parts[joint - 1].inertia.lever if joint else np.zeros(3)
         x, y, z = at.translation - centre
@@ -141,7 +103,7 @@ class PlanarBodies:
         return int(self.mbs.AddMarker(marker))
 
     def _join(self, one: Place, two: Place) -> None:
-        ends = [self._marker(one), self._marker(two)]
+        ends = [self.marker(one), self.marker(two)]
         self.mbs.AddObject(items.ObjectJointRevolute2D(markerNumbers=ends))
 
     def _add_moment(self, nodes: list[int], joint: int, moment: float) -> None:

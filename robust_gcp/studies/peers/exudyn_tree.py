@@ -2,38 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pinocchio as pin
 
 from ...mechanism.closures import RevoluteClosure
-from ...mechanism.forces import PointSpring
 from ...mechanism.tree import Array
 from ..contender import Scene
-from .exudyn_api import exu, items
-from .parts import Place, closure_places, constant_torques, frame_place, joints
+from .exudyn_model import ExudynModel, exu, items
+from .parts import Place, closure_places, constant_torques, joints
 
 
-class KinematicTree:
-    """The scene in the joints' coordinates; Exudyn's links have their axis along z.
+class KinematicTree(ExudynModel):
+    """The scene in the joints' coordinates, one node; Exudyn's links have their axis along z."""
 
-    Attributes
-    ----------
-    container, mbs
-        Exudyn's, assembled.
-    sensors : list of list of int
-        Positions, velocities and accelerations of the joints.
-    """
-
-    linear_solver: tuple[str, bool] = ("EigenDense", True)
-    """Exudyn's name, and whether singular Jacobians are solved all the same, for closures with a row too
-    many."""
+    linear_solver = ("EigenDense", True)  # closures may have a row too many
 
     def __init__(self, scene: Scene) -> None:
+        super().__init__()
         mechanism = scene.mechanism
-        self.container = exu.SystemContainer()
-        self.mbs: Any = self.container.AddSystem()
         parts = joints(mechanism)
         self._turns = [pin.SE3.Identity(), *(_from_z(joint.axis) for joint in parts)]
         self._ground = self.mbs.AddObject(items.ObjectGround())
@@ -70,7 +56,7 @@ class KinematicTree:
         for closure, ends in zip(mechanism.closures, closure_places(mechanism), strict=True):
             axis = closure.axis if isinstance(closure, RevoluteClosure) else (0.0, 0.0, 1.0)
             turn = _from_z(np.asarray(axis, dtype=float))
-            (one, turn1), (two, turn2) = (self._marker((joint, at * turn)) for joint, at in ends)
+            (one, turn1), (two, turn2) = (self._turned_marker((joint, at * turn)) for joint, at in ends)
             self.mbs.AddObject(
                 items.GenericJoint(
                     markerNumbers=[one, two],
@@ -79,36 +65,18 @@ class KinematicTree:
                     rotationMarker1=turn2,
                 )
             )
-        for spring in mechanism.forces:
-            if isinstance(spring, PointSpring):
-                places = (frame_place(mechanism, frame) for frame in (spring.frame1, spring.frame2))
-                self.mbs.AddObject(
-                    items.ObjectConnectorSpringDamper(
-                        markerNumbers=[self._marker(place)[0] for place in places],
-                        referenceLength=spring.rest_length,
-                        stiffness=spring.stiffness,
-                        damping=spring.damping,
-                    )
-                )
-        kinds = exu.OutputVariableType
-        self.sensors = [
-            [
-                self.mbs.AddSensor(
-                    items.SensorNode(
-                        nodeNumber=node, storeInternal=True, writeToFile=False, outputVariableType=kind
-                    )
-                )
-            ]
-            for kind in (kinds.Coordinates, kinds.Coordinates_t, kinds.Coordinates_tt)
-        ]
-        self.mbs.Assemble()
+        self.finish(mechanism, [node])
 
     def tree_coordinates(self, stored: list[list[Array]]) -> tuple[Array, Array, Array]:
         """q, v and a as they are."""
         (q,), (v,), (a,) = stored
         return q, v, a
 
-    def _marker(self, place: Place) -> tuple[int, Array]:
+    def marker(self, place: Place) -> int:
+        """In the link's axes."""
+        return self._turned_marker(place)[0]
+
+    def _turned_marker(self, place: Place) -> tuple[int, Array]:
         """A marker at the place, in the link's axes, and how the place is turned there."""
         joint, at = place
         at = self._turns[joint].inverse() * at

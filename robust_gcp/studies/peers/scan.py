@@ -13,13 +13,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from tqdm import tqdm
 
 from ...examples.linkages import four_bar
 from ...mechanism.folders.loader import load
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
-from ...printing import table
+from ...printing import along, table
 from ...simulation.simulate import simulate
 from ..contender import Contender, Scene
 
@@ -167,11 +166,7 @@ def exudyn_candidates() -> list[Contender]:
     ]
 
 
-CANDIDATES = {
-    "pinocchio": pinocchio_candidates,
-    "mujoco": mujoco_candidates,
-    "exudyn": exudyn_candidates,
-}
+CANDIDATES = {"pinocchio": pinocchio_candidates, "mujoco": mujoco_candidates, "exudyn": exudyn_candidates}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -183,7 +178,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     candidates = CANDIDATES[args.tool]()
     rows = [
         [s.name, f"{s.regular:.2f}", f"{s.singular:.2f}", f"{s.stopped} of {s.runs}"]
-        for s in (score(c, regular, singular) for c in tqdm(candidates, disable=None))
+        for s in (score(c, regular, singular) for c in along(candidates, args.tool))
     ]
     print(table(["candidate", " regular", " singular", " stopped"], rows, None))
     return 0

@@ -7,14 +7,15 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ...arguments import Arguments, existing_folder, folder, pathname, word
+from ...drawing.figures import style as plots
 from ...errors import OptionError
-from ...printing import progress_bar, table
-from .. import pages, plots
+from ...printing import table
+from .. import pages
 from . import maps, report
 from .bound import Bound, measure, systems
 from .case import Case, Cell
 from .families import families
-from .judge import judge
+from .judge import judge_all
 from .steps import Stride, strides
 
 PAGE = "stability.md"
@@ -39,12 +40,7 @@ def run(args: argparse.Namespace) -> int:
         raise OptionError(f"--docs {args.docs}: there is no {PAGE} to refresh")
     cases = chosen(args.case, args.quick)
     whole = args.case is None
-    cells: list[Cell] = []
-    with progress_bar(float(len(cases)), "stability") as progress:
-        for i, case in enumerate(cases):
-            cells += judge(case)
-            if progress is not None:
-                progress((i + 1) / len(cases))
+    cells = judge_all(cases)
     bounds: list[Bound] = [measure(system) for system in systems(args.quick)] if whole else []
     found: list[Stride] = strides(args.quick) if whole else []
     paths = report.write(args.out, cells, bounds, found)

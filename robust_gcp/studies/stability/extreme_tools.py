@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -230,6 +229,3 @@ def columns(
     return fixed + tuple(
         Setting(stepper=s, step=duration / counts[0], rtol=1e-9, atol=1e-11, name=s) for s in adaptive
     )
-
-
-Rows = Callable[[bool], list[Case]]

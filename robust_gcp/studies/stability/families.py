@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from . import extreme, stiff
+from . import extreme_bodies, extreme_motion, extreme_starts, stiff
 from .case import Families
 
 
 def families() -> Families:
     """Name → function of `quick` that lists the family's cases, in the order of the report."""
-    return {**stiff.FAMILIES, **extreme.FAMILIES}
+    modules = (stiff, extreme_bodies, extreme_motion, extreme_starts)
+    return {name: cases for module in modules for name, cases in module.FAMILIES.items()}

@@ -14,6 +14,7 @@ from ...errors import RobustGcpError, StateError
 from ...maps.classical import SingularityWarning
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
+from ...printing import along
 from ...simulation.coarse import CoarseStepWarning
 from ...simulation.simulate import simulate
 from ...simulation.trajectory import Trajectory
@@ -71,14 +72,9 @@ def judge_setting(case: Case, setting: Setting, start: Start) -> Cell:
     return cell
 
 
-def judge_all(cases: Sequence[Case], progress: Callable[[float], None] | None = None) -> list[Cell]:
-    """All cells of the cases, row by row."""
-    cells: list[Cell] = []
-    for i, case in enumerate(cases):
-        cells += judge(case)
-        if progress is not None:
-            progress((i + 1) / len(cases))
-    return cells
+def judge_all(cases: Sequence[Case]) -> list[Cell]:
+    """All cells of the cases, row by row, with a bar."""
+    return [cell for case in along(cases, "stability") for cell in judge(case)]
 
 
 def bound(allowed: Allowed, setting: Setting) -> float:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .. import plots
+from ...drawing.figures import style as plots
 from .case import Cell, Verdict
 from .report import MEANING, MOST_ROWS, SYMBOLS, VERDICTS, count, families_of, spelled
 

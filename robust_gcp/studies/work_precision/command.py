@@ -12,10 +12,11 @@ from dataclasses import replace
 import numpy as np
 
 from ...arguments import Arguments, existing_folder, folder, number, part, pathname, positive, whole
+from ...drawing.figures import style as plots
 from ...errors import OptionError
 from ...mechanism.tree import Array
 from ...printing import progress_bar
-from .. import peers, plots
+from .. import peers
 from ..contender import Contender, Scene
 from . import cost, floor, ours, report
 from .measure import Judge, Point, climb, settings_of

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .. import plots
+from ...drawing.figures import style as plots
 from . import cost, floor
 from .looks import Labels, Look, looks, setting_text
 from .measure import Point

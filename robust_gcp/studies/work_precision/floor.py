@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 
 import numpy as np
 
 from ...errors import SimulationError
 from ...mechanism.tree import Array
-from ...simulation.steppers import adaptive, rk4_step
 from ..contender import Kind, Outcome, Scene
 from .reduced import Reduced
+from .stepping import stepped
 
 STEPPERS = ("rk4", "DOP853", "Radau", "LSODA")
 FAMILY = "floor"
@@ -50,21 +49,6 @@ class Floor:
                 raise SimulationError(f"not finite at t = {t:.6g} s")
             return reduced.rate(t, x)
 
-        states, stopped = [reduced.x0], ""
-        begun = time.perf_counter()
-        try:
-            with np.errstate(over="ignore", invalid="ignore"):
-                if self.kind == "adaptive":
-                    states.extend(adaptive(self.stepper, rate, reduced.x0, times, setting, setting))
-                else:
-                    every, x = round(float(times[1]) / setting), reduced.x0
-                    for i in range(every * (len(times) - 1)):
-                        x = rk4_step(rate, i * setting, x, setting, rate(i * setting, x))
-                        if (i + 1) % every == 0:
-                            states.append(x)
-        except SimulationError as error:
-            stopped = f"{type(error).__name__}: {error}"
-        seconds = time.perf_counter() - begun
-        poses = [reduced.read(x) for x in states if np.all(np.isfinite(x))]
-        q, v = (np.array([pose[i] for pose in poses]) for i in (0, 1))
+        states, seconds, stopped = stepped(rate, reduced.x0, times, self.stepper, setting)
+        q, v = (np.array(part) for part in zip(*map(reduced.read, states), strict=True))
         return Outcome(q, v, seconds, calls[0], stopped)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 
 import numpy as np
@@ -11,8 +10,8 @@ from ...dynamics.equations import REDUNDANT
 from ...errors import SimulationError
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
-from ...simulation.steppers import adaptive, rk4_step
 from ..contender import Kind, Outcome, Scene
+from .stepping import stepped
 
 RATES = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
 """What α = β is scanned over, in units of 1/(T/10): from slower than the motion to much faster."""
@@ -21,9 +20,6 @@ LARGEST_SCANNED = 30
 
 SCAN_STEPS = 2
 """Steps in each output interval during the scan."""
-
-DEFECT = 1e-10
-"""Relative residual of a direct solve beyond which the matrix counts as singular."""
 
 
 class Equations:
@@ -125,27 +121,9 @@ class Implicit:
             s = np.linalg.svd(scene.mechanism.K(scene.q0), compute_uv=False)
             self._redundant[scene.name] = bool(np.any(s <= REDUNDANT * s.max(initial=0.0)))
         rate = Equations(scene.mechanism, *gains, self._redundant[scene.name])
-        x, n, times = np.concatenate([scene.q0, scene.v0]), scene.mechanism.nv, scene.times
-        states, stopped = [x], ""
-        begun = time.perf_counter()
-        try:
-            with np.errstate(over="ignore", invalid="ignore"):
-                if self.kind == "adaptive":
-                    states.extend(adaptive(self.stepper, rate, x, times, setting, setting))
-                else:
-                    every = round(float(times[1]) / setting)
-                    for i in range(every * (len(times) - 1)):
-                        t = i * setting
-                        x = rk4_step(rate, t, x, setting, rate(t, x))
-                        if (i + 1) % every == 0:
-                            states.append(x)
-        except (SimulationError, np.linalg.LinAlgError) as error:
-            stopped = f"{type(error).__name__}: {error}"
-        seconds = time.perf_counter() - begun
-        kept = np.array([state for state in states if np.all(np.isfinite(state))])
-        if len(kept) < len(states):
-            stopped = stopped or "left the finite numbers"
-        return Outcome(kept[:, :n], kept[:, n:], seconds, rate.calls, stopped)
+        x, n = np.concatenate([scene.q0, scene.v0]), scene.mechanism.nv
+        states, seconds, stopped = stepped(rate, x, scene.times, self.stepper, setting)
+        return Outcome(states[:, :n], states[:, n:], seconds, rate.calls, stopped)
 
 
 class TunedImplicit(Implicit):

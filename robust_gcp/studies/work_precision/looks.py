@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..plots import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION
+from ...drawing.figures.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION
 from . import floor
 from .verdicts import OURS
 

@@ -6,7 +6,8 @@ import shutil
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from .. import pages, plots
+from ...drawing.figures import style as plots
+from .. import pages
 from ..contender import Contender
 from . import cost, figures, verdicts
 from .references import Reference

@@ -146,11 +146,6 @@ def verdict(title: str, curves: Curves, reference: Reference) -> str:
     return f"**{title}**: {'; '.join(parts)}."
 
 
-def peers_present(curves: Iterable[Curves]) -> bool:
-    """Whether any other tool was measured."""
-    return any(curve[0].family not in OWN for scene in curves for curve in scene.values())
-
-
 def table(rows: Sequence[tuple[str, Curves, Reference]]) -> str:
     """The README's table: per scene seconds and evaluations to each target, ours and the best peer's."""
     heads = ["scene"]
