@@ -29,7 +29,7 @@ from .errors import (
 from .maps.bridge.bridge import BridgeOptions
 from .maps.classical import SingularityWarning
 from .maps.explicit import Crossing
-from .mechanism.closures import FrameClosure, PointClosure, RevoluteClosure
+from .mechanism.closures import Closure, FrameClosure, PointClosure, PrismaticClosure, RevoluteClosure
 from .mechanism.couplings import CouplingClosure
 from .mechanism.folders.loader import load, model_names
 from .mechanism.forces import JointDamper, JointSpring, JointTorque, PointSpring
@@ -70,6 +70,7 @@ __all__ = [
     "Backend",
     "BranchError",
     "BridgeOptions",
+    "Closure",
     "ClosureError",
     "CoarseStepWarning",
     "ConfigurationSpace",
@@ -95,6 +96,7 @@ __all__ = [
     "PartitionError",
     "PointClosure",
     "PointSpring",
+    "PrismaticClosure",
     "Reaction",
     "Recommended",
     "ReplayPage",

@@ -52,14 +52,15 @@ class Skeleton:
         Body, and place in its frame, m.
     seats : list of Seat
         All joints but those that leave their bodies free to go anywhere.
-    cuts : list of (int, int)
-        The two points that each closure holds together.
+    cuts : list of (int, int, bool)
+        The two points of each closure, and whether it holds them together; else the first slides from
+        the second.
     """
 
     size: float
     points: list[tuple[int, Array]] = field(default_factory=list)
     seats: list[Seat] = field(default_factory=list)
-    cuts: list[tuple[int, int]] = field(default_factory=list)
+    cuts: list[tuple[int, int, bool]] = field(default_factory=list)
 
     def add(self, body: int, place: Array) -> int:
         """The number of that point; one that is already there serves again."""
@@ -95,7 +96,8 @@ class Skeleton:
         ends = closure_frames(mechanism.model, mechanism.loops)
         points = [self.add(joint, at.translation) for joint, at in ends]
         half = len(points) // 2
-        self.cuts += zip(points[:half], points[half:], strict=True)
+        held = [closure.holds for closure in mechanism.loops]
+        self.cuts += zip(points[:half], points[half:], held, strict=True)
 
 
 def placements(mechanism: ClosedLoops, q: Array) -> tuple[Array, Array]:

@@ -1,37 +1,87 @@
 """Loop closures: which frames meet, and the rows that this makes.
 
-A cut joint is a pair of frames. Each closure contributes rows of two kinds:
+A cut joint is a pair of frames. `Closure` is the contract: a kind states its rows as data, and φ, K, k, the
+compiled kernel, reactions and pictures follow. Rows are of three sorts:
 
-- position rows: p₁ − p₂, the difference of the two frames' origins in world axes, m;
+- position rows along an axis of the world: p₁ − p₂ there, m;
+- position rows along a direction n fixed in body 2: n · (p₁ − p₂), m;
 - rotation rows: sums of w (u · n) with u fixed in body 1 and n fixed in body 2, rad for small angles.
   A dot product of two body-fixed vectors is polynomial in the rotations, so φ, K and k are exact
   everywhere, not only where the loop is closed (Haug, *Computer Aided Kinematics and Dynamics of
-  Mechanical Systems*, 1989, the "dot-1" constraint).
+  Mechanical Systems*, 1989, the "dot-1" and "dot-2" constraints).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from ..checks import hint, real_array
+from ..checks import hint
 from ..errors import ModelError
 
 Index = NDArray[np.int64]
 
-Term = tuple[int, float, tuple[float, float, float], tuple[float, float, float]]
-"""A rotation row's term: row within the closure, weight w, u in frame 1, n in frame 2."""
+Direction = tuple[float, float, float]
+"""In the axes of a frame."""
+
+Term = tuple[int, float, Direction, Direction]
+"""A rotation row's term: row within the closure's rotation rows, weight w, u in frame 1, n in frame 2."""
 
 _X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
+ROTATION, ALONG = -1, -2
+"""What `Row.axis` says of rows that are no world axis."""
+
 
 @dataclass(frozen=True)
-class PointClosure:
+class Closure:
+    """What every kind of cut joint states: two frames, and the rows that hold them together.
+
+    As it stands it holds nothing back but the rows that its methods list; see docs/extending.md.
+
+    Parameters
+    ----------
+    frame1, frame2 : str
+        Names of frames of the spanning tree.
+
+    Attributes
+    ----------
+    kind : str
+        Its name in the files of model folders.
+    """
+
+    frame1: str
+    frame2: str
+    kind: ClassVar[str] = ""
+
+    def position_rows(self) -> Sequence[int | Direction]:
+        """A position row each: an axis of the world, 0 to 2, or a unit vector fixed in frame 2."""
+        return (0, 1, 2)
+
+    def rotation_terms(self) -> list[Term]:
+        """The terms of all rotation rows."""
+        return []
+
+    def is_proper(self, turn: NDArray[Any]) -> bool:
+        """Whether the rotation (3, 3) from frame 1 to frame 2 is the one meant, where all rows are zero.
+
+        Rotation rows vanish for half a turn too.
+        """
+        return True
+
+    @property
+    def holds(self) -> bool:
+        """Whether the two frames share their origin."""
+        return tuple(self.position_rows()) == (0, 1, 2)
+
+
+@dataclass(frozen=True)
+class PointClosure(Closure):
     """Two frames share their origin: three rows, φ = p₁ − p₂ (a spherical cut joint).
 
     Parameters
@@ -40,40 +90,77 @@ class PointClosure:
         Names of frames of the spanning tree.
     """
 
-    frame1: str
-    frame2: str
     kind: ClassVar[str] = "3d"
-
-    def rotation_terms(self) -> list[Term]:
-        """No rotation is constrained."""
-        return []
 
 
 @dataclass(frozen=True)
-class FrameClosure:
+class FrameClosure(Closure):
     """Two frames coincide: six rows, p₁ − p₂ and the axial part of R₂ᵀ R₁ (a cut weld).
 
     The rotation rows are sin θ times the axis of the rotation from frame 2 to frame 1.
     """
 
-    frame1: str
-    frame2: str
     kind: ClassVar[str] = "6d"
 
     def rotation_terms(self) -> list[Term]:
         """½ (R₃₂ − R₂₃, R₁₃ − R₃₁, R₂₁ − R₁₂) of R = R₂ᵀ R₁, whose entry ij is n_i · u_j."""
-        return [
-            (0, 0.5, _Y, _Z),
-            (0, -0.5, _Z, _Y),
-            (1, 0.5, _Z, _X),
-            (1, -0.5, _X, _Z),
-            (2, 0.5, _X, _Y),
-            (2, -0.5, _Y, _X),
-        ]
+        return WELDED
+
+    def is_proper(self, turn: NDArray[Any]) -> bool:
+        """Whether the angle is below a right angle: sin θ vanishes at π too."""
+        return float(np.trace(turn)) > 1.0
+
+
+WELDED: list[Term] = [
+    (0, 0.5, _Y, _Z),
+    (0, -0.5, _Z, _Y),
+    (1, 0.5, _Z, _X),
+    (1, -0.5, _X, _Z),
+    (2, 0.5, _X, _Y),
+    (2, -0.5, _Y, _X),
+]
+"""No rotation against each other: three rows."""
 
 
 @dataclass(frozen=True)
-class RevoluteClosure:
+class AxisClosure(Closure):
+    """A cut joint with an axis.
+
+    Parameters
+    ----------
+    frame1, frame2 : str
+        Names of frames of the spanning tree.
+    axis : tuple of float
+        With the same components in both frames; z unless given.
+    """
+
+    axis: Direction = _Z
+
+    def across(self) -> tuple[Direction, Direction, Direction]:
+        """The axis as a unit vector, and two that span the plane normal to it.
+
+        Raises
+        ------
+        ModelError
+            Where the axis is no direction.
+        """
+        try:
+            axis = np.asarray(self.axis, dtype=float)
+        except (TypeError, ValueError):
+            axis = np.zeros(0)
+        norm = float(np.linalg.norm(axis))
+        if axis.shape != (3,) or not np.isfinite(norm) or norm == 0.0:
+            name = type(self).__name__
+            raise ModelError(f"{name}: axis {self.axis!r} is not a direction in space, (x, y, z)")
+        axis = axis / norm
+        first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+        first /= np.linalg.norm(first)
+        second = np.cross(axis, first)
+        return tuple(axis.tolist()), tuple(first.tolist()), tuple(second.tolist())
+
+
+@dataclass(frozen=True)
+class RevoluteClosure(AxisClosure):
     """Two frames share their origin and an axis: five rows (a cut hinge).
 
     Parameters
@@ -84,29 +171,96 @@ class RevoluteClosure:
         The hinge axis, with the same components in both frames; z unless given.
     """
 
-    frame1: str
-    frame2: str
-    axis: tuple[float, float, float] = _Z
     kind: ClassVar[str] = "revolute"
 
     def rotation_terms(self) -> list[Term]:
         """The axis in frame 1 is normal to two directions of frame 2."""
-        try:
-            axis = real_array(self.axis)
-        except TypeError:
-            axis = np.zeros(0)
-        norm = float(np.linalg.norm(axis))
-        if axis.shape != (3,) or not np.isfinite(norm) or norm == 0.0:
-            raise ModelError(f"RevoluteClosure: axis {self.axis!r} is not a direction in space, (x, y, z)")
-        axis = axis / norm
-        first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-        first /= np.linalg.norm(first)
-        second = np.cross(axis, first)
-        u: tuple[float, float, float] = tuple(axis.tolist())
-        return [(0, 1.0, u, tuple(first.tolist())), (1, 1.0, u, tuple(second.tolist()))]
+        axis, first, second = self.across()
+        return [(0, 1.0, axis, first), (1, 1.0, axis, second)]
+
+    def is_proper(self, turn: NDArray[Any]) -> bool:
+        """Whether the axes point the same way."""
+        axis = np.array(self.across()[0])
+        return float(axis @ turn @ axis) > 0.0
 
 
-Closure = PointClosure | FrameClosure | RevoluteClosure
+@dataclass(frozen=True)
+class PrismaticClosure(AxisClosure):
+    """Frame 1 slides along an axis of frame 2 and does not turn against it: five rows (a cut slide).
+
+    Parameters
+    ----------
+    frame1, frame2 : str
+        Names of frames of the spanning tree.
+    axis : tuple of float
+        The direction of sliding, with the same components in both frames; z unless given.
+    """
+
+    kind: ClassVar[str] = "prismatic"
+
+    def position_rows(self) -> Sequence[int | Direction]:
+        """The origins do not come apart across the axis."""
+        return self.across()[1:]
+
+    def rotation_terms(self) -> list[Term]:
+        """As of a weld."""
+        return WELDED
+
+    def is_proper(self, turn: NDArray[Any]) -> bool:
+        """As of a weld."""
+        return float(np.trace(turn)) > 1.0
+
+
+def closure_kinds() -> list[type[Closure]]:
+    """All kinds of cut joints that there are, those of other programs too."""
+    found, more = list[type[Closure]](), [Closure]
+    while more:
+        kind = more.pop(0)
+        found.append(kind)
+        more += kind.__subclasses__()
+    return [kind for kind in found if kind.kind]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of the full constraint.
+
+    Attributes
+    ----------
+    closure : int
+        Its position in the list of closures.
+    name : str
+        x, y, z along the world's axes, n1, n2, … along directions of frame 2; rx, ry, rz where there are
+        three rotation rows, r1, r2 else.
+    axis : int
+        World axis of a position row, `ALONG` for one along a direction of frame 2, else `ROTATION`.
+    terms : tuple of (float, direction, direction)
+        Weight, u in frame 1, n in frame 2; of a row along a direction, that is n.
+    """
+
+    closure: int
+    name: str
+    axis: int
+    terms: tuple[tuple[float, Direction, Direction], ...] = ()
+
+
+def rows_of(closures: Sequence[Closure]) -> list[Row]:
+    """All rows of the closures, closure by closure, position before rotation."""
+    rows: list[Row] = []
+    for number, closure in enumerate(closures):
+        directions = 0
+        for along in closure.position_rows():
+            if isinstance(along, int):
+                rows.append(Row(number, "xyz"[along], along))
+                continue
+            directions += 1
+            rows.append(Row(number, f"n{directions}", ALONG, ((1.0, (0.0, 0.0, 0.0), along),)))
+        terms = closure.rotation_terms()
+        about = sorted({term[0] for term in terms})
+        for row in about:
+            name = f"r{'xyz'[row]}" if len(about) == 3 else f"r{row + 1}"
+            rows.append(Row(number, name, ROTATION, tuple(t[1:] for t in terms if t[0] == row)))
+    return rows
 
 
 def closure_frames(model: pin.Model, closures: Sequence[Closure]) -> list[tuple[int, pin.SE3]]:
@@ -131,16 +285,6 @@ def closure_frames(model: pin.Model, closures: Sequence[Closure]) -> list[tuple[
         firsts.append(first)
         seconds.append(second)
     return [(int(frame.parentJoint), frame.placement) for frame in (*firsts, *seconds)]
-
-
-def row_places(closures: Sequence[Closure], rows: Index) -> list[tuple[int, int]]:
-    """Closure and row within it of each of these rows of the full constraint; 0, 1, 2 are positions.
-
-    Rows beyond those of these closures are passed over.
-    """
-    counts = [3 + len({term[0] for term in closure.rotation_terms()}) for closure in closures]
-    places = [(i, row) for i, count in enumerate(counts) for row in range(count)]
-    return [places[row] for row in rows if row < len(places)]
 
 
 def frame_of(model: pin.Model, name: str, owner: str) -> pin.Frame:

@@ -8,18 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
-import pinocchio as pin
 from numpy.polynomial import polynomial
-from numpy.typing import NDArray
 
-from ..checks import check_number, hint, shown
+from ..checks import check_number, shown
 from ..errors import ModelError, OptionError
 from .closures import Closure
-
-Array = NDArray[np.floating[Any]]
+from .joints import Array, Joint, single_joint
 
 LARGEST_DEGREE = 32
 """Of a polynomial; MJCF has four."""
@@ -100,7 +97,8 @@ class Couplings:
 
     Parameters
     ----------
-    model : pin.Model
+    joints : sequence of Joint
+        All of the model.
     couplings : sequence of CouplingClosure
 
     Attributes
@@ -116,14 +114,15 @@ class Couplings:
         For a joint that the model does not have, or that has several numbers.
     """
 
-    def __init__(self, model: pin.Model, couplings: Sequence[CouplingClosure]) -> None:
+    def __init__(self, joints: Sequence[Joint], couplings: Sequence[CouplingClosure]) -> None:
         n, width = len(couplings), max((len(c.coefficients) for c in couplings), default=0)
         self.iq = np.zeros((n, 2), dtype=np.int64)
         self.iv = np.zeros((n, 2), dtype=np.int64)
         self.coefficients = np.zeros((n, width))
         for i, coupling in enumerate(couplings):
+            label = f"CouplingClosure {coupling.joint1} – {coupling.joint2}"
             for side, name in enumerate((coupling.joint1, coupling.joint2)):
-                joint = _single(model, name, coupling)
+                joint = single_joint(joints, name, label, "choose another")
                 self.iq[i, side], self.iv[i, side] = joint.idx_q, joint.idx_v
             self.coefficients[i, : len(coupling.coefficients)] = coupling.coefficients
         powers = np.arange(width, dtype=float)
@@ -153,19 +152,3 @@ def _values(coefficients: Array, x: Array) -> Array:
     for column in coefficients.T[::-1]:
         value = value * x + column
     return value
-
-
-def _single(model: pin.Model, name: str, coupling: CouplingClosure) -> pin.JointModel:
-    label = f"CouplingClosure {coupling.joint1} – {coupling.joint2}"
-    names = [str(n) for n in model.names][1:]
-    if name not in names:
-        raise ModelError(
-            f"{label}: the model has no joint {name!r}, only {', '.join(names)}{hint(name, names)}"
-        )
-    joint = model.joints[model.getJointId(name)]
-    if (joint.nq, joint.nv) != (1, 1):
-        raise ModelError(
-            f"{label}: joint {name!r} ({joint.shortname()}) has {joint.nq} numbers in q; a coupling needs "
-            "joints with one each"
-        )
-    return joint

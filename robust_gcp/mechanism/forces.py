@@ -11,8 +11,10 @@ import pinocchio as pin
 from ..checks import check_number, shown
 from ..errors import ModelError, OptionError, SimulationError
 from .closures import frame_of
-from .joints import Joint, joint_named, support
+from .joints import joint_named, single_joint, support
 from .tree import Array, Tree
+
+INSTEAD = "or use a PointSpring"
 
 
 @dataclass(frozen=True)
@@ -118,7 +120,7 @@ class AppliedForces:
         drives = [f for f in forces if isinstance(f, JointTorque)]
         lines = [f for f in forces if isinstance(f, PointSpring)]
 
-        joints = [_joint(tree, f.joint, "JointSpring", single=True) for f in springs]
+        joints = [single_joint(tree.joints, f.joint, "JointSpring", INSTEAD) for f in springs]
         self._spring_q = np.array([j.idx_q for j in joints], dtype=np.int64)
         self._stiffness = np.array([f.stiffness for f in springs])
         self._rest = np.array([f.rest for f in springs])
@@ -128,11 +130,11 @@ class AppliedForces:
 
         self._damping = np.zeros(nv)
         for damper in dampers:
-            joint = _joint(tree, damper.joint, "JointDamper")
+            joint = joint_named(tree.joints, damper.joint, "JointDamper")
             self._damping[joint.v] += damper.damping
         self._drive = np.zeros(nv)
         for drive in drives:
-            self._drive[_joint(tree, drive.joint, "JointTorque", single=True).idx_v] += drive.torque
+            self._drive[single_joint(tree.joints, drive.joint, "JointTorque", INSTEAD).idx_v] += drive.torque
         self._lines = _Lines(tree, lines) if lines else None
         self._joint_work = bool(np.any(self._damping) or np.any(self._drive))
         self.works = self._joint_work or (self._lines is not None and self._lines.damped)
@@ -252,16 +254,6 @@ def _require_number(label: str, field: str, value: object, positive: bool = Fals
         raise ModelError(f"{label}: {field} is {value}; give a finite number")
     if positive and value < 0.0:
         raise ModelError(f"{label}: {field} is {value}; give zero or a positive number")
-
-
-def _joint(tree: Tree, name: str, owner: str, single: bool = False) -> Joint:
-    joint = joint_named(tree.joints, name, owner)
-    if single and not joint.single:
-        raise ModelError(
-            f"{owner}: joint {name!r} ({joint.type}) has {joint.nq} numbers in q and {joint.nv} "
-            "velocities; it needs a joint with one of each, or use a PointSpring"
-        )
-    return joint
 
 
 def _frame(model: pin.Model, name: str, spring: PointSpring) -> pin.Frame:

@@ -195,6 +195,17 @@ def joint_named(joints: Sequence[Joint], name: str, owner: str = "") -> Joint:
     raise ModelError(f"{label}the model has no joint {name!r}, only {', '.join(names)}{hint(name, names)}")
 
 
+def single_joint(joints: Sequence[Joint], name: str, owner: str, remedy: str) -> Joint:
+    """The joint of that name if it has one number in q and in v, else a ModelError with the remedy."""
+    joint = joint_named(joints, name, owner)
+    if not joint.single:
+        raise ModelError(
+            f"{owner}: joint {name!r} ({joint.type}) has {joint.nq} numbers in q and {joint.nv} "
+            f"velocities; it needs a joint with one of each: {remedy}"
+        )
+    return joint
+
+
 def components_of(joints: Sequence[Joint]) -> list[Component]:
     """The numbers of all joints, joint by joint."""
     return [component for joint in joints for component in joint.components]

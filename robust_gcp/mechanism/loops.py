@@ -13,9 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from ..checks import check_model, checked_vector, listed, require_finite
 from ..errors import ClosureError, ModelError, StateError
 from .closures import (
-    FrameClosure,
-    PointClosure,
-    RevoluteClosure,
     closure_frames,
 )
 from .constraint import ImplicitConstraint
@@ -66,10 +63,10 @@ class ClosedLoops:
         self.model: pin.Model = model.copy()
         closures = [_as_closure(c) for c in closures]
         couplings = [c for c in closures if isinstance(c, CouplingClosure)]
-        Couplings(self.model, couplings)  # refuses joints that are not there
         self.loops = tuple(c for c in closures if not isinstance(c, CouplingClosure))
         self.closures: tuple[AnyClosure, ...] = (*self.loops, *couplings)
         self.tree = Tree(self.model, closure_frames(self.model, self.loops))
+        Couplings(self.tree.joints, couplings)  # refuses joints that are not there
         self.nq, self.nv = self.tree.nq, self.tree.nv
         self.joint_names = tuple(joint.name for joint in self.joints)
         self.length = characteristic_length(self.model, self.closures)
@@ -241,15 +238,8 @@ class ClosedLoops:
         """Refuse the false zeros of the rotation rows: frames or axes turned by π to each other."""
         self.tree.jacobians(q)
         for i, closure in enumerate(self.loops):
-            if isinstance(closure, PointClosure):
-                continue
             R1, R2 = self.tree.frame_R[i], self.tree.frame_R[len(self.loops) + i]
-            if isinstance(closure, FrameClosure):
-                proper = float(np.trace(R2.T @ R1)) > 1.0
-            else:
-                axis = np.asarray(closure.axis, dtype=float)
-                proper = float((R1 @ axis) @ (R2 @ axis)) > 0.0
-            if not proper:
+            if not closure.is_proper(R2.T @ R1):
                 loop = f"{closure.frame1} – {closure.frame2}"
                 raise ClosureError(
                     f"the loop {loop} is closed with its frames turned by half a turn to each other; "
@@ -322,8 +312,9 @@ class ClosedLoops:
 
 
 def _as_closure(closure: AnyClosure) -> AnyClosure:
-    if not isinstance(closure, PointClosure | FrameClosure | RevoluteClosure | CouplingClosure):
+    if not isinstance(closure, AnyClosure):
         raise ModelError(
-            f"closures: {closure!r} is not a PointClosure, FrameClosure, RevoluteClosure or CouplingClosure"
+            f"closures: {closure!r} is no Closure, such as a PointClosure, FrameClosure, RevoluteClosure or "
+            "PrismaticClosure, and no CouplingClosure"
         )
     return closure

@@ -6,7 +6,7 @@
 
 namespace rg {
 
-constexpr std::int32_t VERSION = 2;
+constexpr std::int32_t VERSION = 3;
 
 enum Reason : std::int32_t {
     DONE = 0,
@@ -41,7 +41,7 @@ struct Description {
     const std::int32_t* closure_joint;  // (closures, 2)
     const double* closure_point;        // (closures, 6): the two origins in their joints' frames
     const std::int32_t* row_closure;    // (rows,)
-    const std::int32_t* row_axis;       // (rows,): world axis of a position row, −1 for a rotation row
+    const std::int32_t* row_axis;       // (rows,): world axis of a position row, or Sort in closures.h
     const double* row_weight;           // (rows,)
     const std::int32_t* row_terms;      // (rows + 1,): where the terms of each row begin
     const double* terms;                // (terms, 7): w, u in joint 1, n in joint 2

@@ -18,13 +18,16 @@ struct Lever {
     int side;  // 0: moves the first point, 1: the second
 };
 
-struct Term {  // of a rotation row: w (u · n), u fixed in body 1 and n in body 2
+struct Term {  // of a rotation row: w (u · n), u fixed in body 1 and n in body 2; of a row along n: n
     double w;
     Vec u, n;
 };
 
+// Rows that are along no world axis: of rotation, and of position along n fixed in body 2.
+enum Sort { ROTATION = -1, ALONG = -2 };
+
 struct Row {
-    int axis;  // world axis of a position row, −1 for a rotation row
+    int axis;  // world axis of a position row, or one of Sort
     double weight;
     std::vector<Term> terms;
 };
@@ -80,6 +83,8 @@ class Closures {
                 double value = 0.0;
                 if (rows_[row].axis >= 0) {
                     value = apart[rows_[row].axis];
+                } else if (rows_[row].axis == ALONG) {
+                    value = dot(apart, second(loop).turn(rows_[row].terms[0].n));
                 } else {
                     for (const Term& t : rows_[row].terms)
                         value += t.w * dot(first(loop).turn(t.u), second(loop).turn(t.n));
@@ -102,19 +107,26 @@ class Closures {
             for (int i = 0; i < loop.rows; ++i) {
                 const Row& row = rows_[loop.first_row + i];
                 if (row.axis >= 0) continue;
-                rotations = true;
                 Vec normal;
+                if (row.axis == ALONG) {
+                    normals_[loop.first_row + i] = second(loop).turn(row.terms[0].n);
+                    continue;
+                }
+                rotations = true;
                 for (const Term& t : row.terms)
                     normal += t.w * cross(first(loop).turn(t.u), second(loop).turn(t.n));
                 normals_[loop.first_row + i] = normal;
             }
             for (const Lever& lever : loop.levers) {
                 const Vec& axis = chain_.axes[lever.joint][lever.column];
-                const Vec way = lever.turning ? cross(axis, loop.at[lever.side] - chain_.p[lever.joint]) : axis;
+                const Vec way = moved(lever, axis, loop.at[lever.side]);
                 for (int i = 0; i < loop.rows; ++i, ++at) {
                     const int e = rows_[loop.first_row + i].axis;
                     if (e >= 0)
                         values[at] = entries[at].scale * way[e];
+                    else if (e == ALONG)  // n · (ṗ₁ − ṗ₂ − ω₂ × d): either body moves the first point
+                        values[at] = entries[at].scale *
+                                     dot(normals_[loop.first_row + i], moved(lever, axis, loop.at[0]));
                     else
                         values[at] = lever.turning && rotations
                                          ? entries[at].scale * dot(axis, normals_[loop.first_row + i])
@@ -133,6 +145,11 @@ class Closures {
                 double value = 0.0;
                 if (rows_[row].axis >= 0) {
                     value = apart[rows_[row].axis];
+                } else if (rows_[row].axis == ALONG) {
+                    const Vec n = second(loop).turn(rows_[row].terms[0].n), &w = chain_.omega[j2];
+                    const Vec rate = cross(w, n), bend = cross(chain_.alpha[j2], n) + cross(w, rate);
+                    value = dot(n, apart) + 2.0 * dot(rate, speed(j2, loop.arm[1]) - speed(j1, loop.arm[0])) -
+                            dot(bend, loop.at[0] - loop.at[1]);
                 } else {
                     const Vec &w1 = chain_.omega[j1], &w2 = chain_.omega[j2];
                     for (const Term& t : rows_[row].terms) {
@@ -157,6 +174,13 @@ class Closures {
 
     const Axes& first(const Loop& loop) const { return chain_.axes[loop.joint[0]]; }
     const Axes& second(const Loop& loop) const { return chain_.axes[loop.joint[1]]; }
+
+    // How fast a lever moves a point.
+    Vec moved(const Lever& lever, const Vec& axis, const Vec& at) const {
+        return lever.turning ? cross(axis, at - chain_.p[lever.joint]) : axis;
+    }
+
+    Vec speed(int j, const Vec& arm) const { return chain_.u[j] + cross(chain_.omega[j], arm); }
 
     Vec pull(int j, const Vec& arm) const {
         return chain_.a[j] + cross(chain_.alpha[j], arm) + centripetal(chain_.omega[j], arm);
@@ -195,7 +219,7 @@ class Closures {
     std::vector<Loop> loops_;
     std::vector<Row> rows_;
     std::vector<int> target_;  // the caller's number of each row
-    Cells<Vec> normals_;
+    Cells<Vec> normals_;  // Σ w u × n of a rotation row; n of a row along it
 };
 
 }  // namespace rg

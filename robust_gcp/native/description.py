@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..maps.regular_path import RegularPath
-from ..mechanism.closures import closure_frames, frame_of
+from ..mechanism.closures import closure_frames, frame_of, rows_of
 from ..mechanism.forces import JointDamper, JointSpring, JointTorque, PointSpring
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
@@ -99,32 +99,28 @@ def _closures(mechanism: Mechanism, path: RegularPath, turns: list[Array], array
     """Cut points and the rows that the path has chosen."""
     closures = mechanism.loops
     frames = closure_frames(mechanism.model, closures)
-    joints, points, base = [], [], 0
-    of_row: dict[int, tuple[int, int, list[list[float]]]] = {}  # closure, world axis or −1, terms
-    for c, closure in enumerate(closures):
-        ends = frames[c], frames[len(closures) + c]
-        local = [turns[joint].T @ place.rotation for joint, place in ends]
+    joints, points, local = [], [], []
+    for ends in zip(frames[: len(closures)], frames[len(closures) :], strict=True):
         joints += [joint for joint, _ in ends]
         points += [turns[joint].T @ place.translation for joint, place in ends]
-        of_row |= {base + axis: (c, axis, []) for axis in range(3)}
-        base += 3
-        terms = closure.rotation_terms()
-        for row, weight, u, n in terms:
-            _, _, kept = of_row.setdefault(base + row, (c, -1, []))
-            kept.append([weight, *(local[0] @ u), *(local[1] @ n)])
-        base += len({term[0] for term in terms})
-    chosen = [of_row[int(full)] for full in mechanism.implicit.rows[path.rows]]
+        local.append([turns[joint].T @ place.rotation for joint, place in ends])
+    full = rows_of(closures)
+    chosen = [full[row] for row in mechanism.implicit.rows[path.rows]]
     arrays.structure.closures, arrays.structure.rows = len(closures), len(chosen)
     arrays.integers(
         closure_joint=joints,
-        row_closure=[c for c, _, _ in chosen],
-        row_axis=[axis for _, axis, _ in chosen],
-        row_terms=np.cumsum([0, *(len(terms) for _, _, terms in chosen)]),
+        row_closure=[row.closure for row in chosen],
+        row_axis=[row.axis for row in chosen],
+        row_terms=np.cumsum([0, *(len(row.terms) for row in chosen)]),
     )
     arrays.reals(
         closure_point=points,
         row_weight=1.0 / mechanism.row_scale[path.rows],
-        terms=[term for _, _, terms in chosen for term in terms],
+        terms=[
+            [weight, *(local[row.closure][0] @ u), *(local[row.closure][1] @ n)]
+            for row in chosen
+            for weight, u, n in row.terms
+        ],
     )
 
 

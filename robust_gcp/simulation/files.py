@@ -21,7 +21,8 @@ import pinocchio as pin
 from ..checks import shown
 from ..errors import MissingExtraError, OptionError
 from ..maps.explicit import Crossing
-from ..mechanism.couplings import AnyClosure
+from ..mechanism.closures import closure_kinds
+from ..mechanism.couplings import CouplingClosure
 from ..mechanism.forces import Force
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
@@ -40,8 +41,11 @@ MEANING = {
     "check_force": "gravity, springs or dampers are",
 }
 
-PARTS: dict[str, type[Any]] = {kind.__name__: kind for kind in (*get_args(AnyClosure), *get_args(Force))}
-"""What an archive may hold besides numbers."""
+
+def _parts() -> dict[str, type[Any]]:
+    """What an archive may hold besides numbers: closures and forces by the names of their classes."""
+    kinds: list[type[Any]] = [*closure_kinds(), CouplingClosure, *get_args(Force)]
+    return {kind.__name__: kind for kind in kinds}
 
 
 def write_csv(columns: Mapping[str, Array], path: str | Path) -> Path:
@@ -144,7 +148,7 @@ def _as_plain(part: Any) -> dict[str, Any]:
 
 def _from_plain(part: dict[str, Any]) -> Any:
     given = {name: tuple(value) if isinstance(value, list) else value for name, value in part.items()}
-    return PARTS[str(given.pop("kind"))](**given)
+    return _parts()[str(given.pop("kind"))](**given)
 
 
 def _rebuilt(path: Path, meta: dict[str, Any], model: bytes, home: Array) -> Mechanism:

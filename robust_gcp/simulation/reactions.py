@@ -2,7 +2,8 @@
 
 λ belongs to the rows of φ, which acts on the joints as Kᵀ λ. With φ = p₁ − p₂ in world axes, the three
 position rows of a closure are the force, in world axes, that the body of its first frame receives at the cut
-point from the body of its second frame; the second body receives the opposite. A rotation row
+point from the body of its second frame; the second body receives the opposite. A row n · (p₁ − p₂) gives
+the force λ n at p₁ to the first body, the opposite there to the second. A rotation row
 Σ w (u · n) gives the first body the moment λ Σ w (u × n), the second the opposite.
 """
 
@@ -13,18 +14,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import OptionError
-from ..mechanism.closures import Closure, row_places
+from ..mechanism.closures import ALONG, ROTATION, Closure, Row, rows_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-
-AXES = ("x", "y", "z")
 
 
 def row_names(mechanism: Mechanism) -> list[str]:
     """A name for each row of φ and each constraint force, (nc,): "frame1-frame2.y", "….rx", "….r1".
 
-    x, y, z: position rows, along the world's axes; rx, ry, rz: rotation rows of a `FrameClosure`, about the
-    axes of its second frame where the loop is closed; r1, r2: the two of a `RevoluteClosure`. The second of
+    x, y, z: position rows, along the world's axes; n1, n2: those of a `PrismaticClosure`, across its axis;
+    rx, ry, rz: rotation rows of a `FrameClosure`, about the axes of its second frame where the loop is
+    closed; r1, r2: the two of a `RevoluteClosure`. The second of
     two closures between the same frames is called "frame1-frame2#2". The row of a coupling is called by its
     joints, "joint1-joint2"; its λ is the torque or force on the first.
     """
@@ -33,23 +33,15 @@ def row_names(mechanism: Mechanism) -> list[str]:
         label = f"{closure.frame1}-{closure.frame2}"
         again = sum(other.partition("#")[0] == label for other in labels)
         labels.append(f"{label}#{again + 1}" if again else label)
-    names = [
-        f"{labels[closure]}.{_row_name(mechanism.loops[closure], row)}" for closure, row in _places(mechanism)
-    ]
+    names = [f"{labels[row.closure]}.{row.name}" for row in _rows(mechanism)]
     coupled = mechanism.implicit.labels[len(names) :]
     return [*names, *(label.replace(" – ", "-") for label in coupled)]
 
 
-def _places(mechanism: Mechanism) -> list[tuple[int, int]]:
-    """Closure and row within it of each row of φ that belongs to a loop; those of couplings come after."""
-    return row_places(mechanism.loops, mechanism.implicit.rows)
-
-
-def _row_name(closure: Closure, row: int) -> str:
-    if row < 3:
-        return AXES[row]
-    about = len({term[0] for term in closure.rotation_terms()}) == 3
-    return f"r{AXES[row - 3]}" if about else f"r{row - 2}"
+def _rows(mechanism: Mechanism) -> list[Row]:
+    """Each row of φ that belongs to a loop; those of couplings come after."""
+    full = rows_of(mechanism.loops)
+    return [full[row] for row in mechanism.implicit.rows if row < len(full)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +52,7 @@ class Reaction:
     ----------
     closure : closure
     force : ndarray (N, 3)
-        On the body of frame1, at the cut point, from the body of frame2; world axes, N. Zero along axes
+        On the body of frame1, at that frame, from the body of frame2; world axes, N. Zero along axes
         whose row of φ is zero in every configuration, as across the plane of a planar mechanism: what
         acts there, rigid bodies do not determine.
     moment : ndarray (N, 3)
@@ -75,18 +67,21 @@ class Reaction:
 def reaction(mechanism: Mechanism, number: int, q: Array, multipliers: Array) -> Reaction:
     """Force and moment in the cut joint of closure `number` at the configurations q (N, nq)."""
     closure, tree = mechanism.loops[number], mechanism.tree
-    rows = _places(mechanism)
     force, moment = np.zeros((len(q), 3)), np.zeros((len(q), 3))
-    own = {row: i for i, (owner, row) in enumerate(rows) if owner == number}
-    for row, i in own.items():
-        if row < 3:
-            force[:, row] = multipliers[:, i]
-    terms = [term for term in closure.rotation_terms() if 3 + term[0] in own]
-    for at in range(len(q) if terms else 0):
+    own = [(i, row) for i, row in enumerate(_rows(mechanism)) if row.closure == number]
+    for i, row in own:
+        if row.axis >= 0:
+            force[:, row.axis] = multipliers[:, i]
+    turning = [(i, row) for i, row in own if row.axis < 0]
+    for at in range(len(q) if turning else 0):
         tree.jacobians(q[at])
         first, second = tree.frame_R[number], tree.frame_R[len(mechanism.loops) + number]
-        for row, weight, u, n in terms:
-            moment[at] += multipliers[at, own[3 + row]] * weight * np.cross(first @ u, second @ n)
+        for i, row in turning:
+            for weight, u, n in row.terms:
+                if row.axis == ALONG:
+                    force[at] += multipliers[at, i] * (second @ n)
+                elif row.axis == ROTATION:
+                    moment[at] += multipliers[at, i] * weight * np.cross(first @ u, second @ n)
     return Reaction(closure, force, moment)
 
 

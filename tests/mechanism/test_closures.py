@@ -28,6 +28,8 @@ KINDS: dict[str, Closure] = {
     "6d": rg.FrameClosure("first", "second"),
     "revolute": rg.RevoluteClosure("first", "second"),
     "revolute, oblique axis": rg.RevoluteClosure("first", "second", axis=(1.0, -2.0, 0.5)),
+    "prismatic": rg.PrismaticClosure("first", "second"),
+    "prismatic, oblique axis": rg.PrismaticClosure("first", "second", axis=(1.0, -2.0, 0.5)),
 }
 
 
@@ -201,12 +203,18 @@ def test_rows_of_each_kind() -> None:
 
 
 def test_point_rows_are_the_distance_in_world_axes() -> None:
-    """φ = p₁ − p₂: frame 1 minus frame 2."""
+    """φ = p₁ − p₂: frame 1 minus frame 2; of a slide, what of it is across the axis, in frame 2."""
     offset = np.array([0.1, -0.2, 0.3])
     model, q = two_frames(pin.SE3(pin.exp3(np.array([0.5, 0.6, 0.7])), offset))
     ground = model.frames[model.getFrameId("second")].placement.rotation
     for kind in KINDS.values():
-        np.testing.assert_allclose(Constraint(model, [kind]).phi(q)[:3], ground @ offset, atol=1e-15)
+        phi = Constraint(model, [kind]).phi(q)
+        if isinstance(kind, rg.PrismaticClosure):
+            axis = np.array(kind.axis) / np.linalg.norm(kind.axis)
+            lost = np.linalg.norm(offset - axis * (axis @ offset))
+            assert np.linalg.norm(phi[:2]) == pytest.approx(lost, abs=1e-15)
+        else:
+            np.testing.assert_allclose(phi[:3], ground @ offset, atol=1e-15)
 
 
 @pytest.mark.parametrize("angle", (1e-9, 0.3, -2.0, 3.0))

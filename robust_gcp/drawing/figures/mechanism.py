@@ -95,8 +95,10 @@ def pose(mechanism: ClosedLoops, q: ArrayLike, view: Array) -> Pose:
     for (body, _), point in zip(bones.points, at, strict=True):
         bodies[body].append(point)
     pinned = [(seat.point, seat.parent == 0) for seat in bones.seats if seat.pinned]
-    pinned += [(i, bones.points[i][0] == 0) for cut in bones.cuts for i in cut]
-    guides = tuple(np.array([seats[s.joint], at[s.point]]) for s in bones.seats if not s.pinned)
+    pinned += [(i, bones.points[i][0] == 0) for a, b, held in bones.cuts if held for i in (a, b)]
+    slides = [(seats[s.joint], at[s.point]) for s in bones.seats if not s.pinned]
+    slides += [(at[b], at[a]) for a, b, held in bones.cuts if not held]
+    guides = tuple(np.array(ends) for ends in slides)
     depth = [len(model.supports[i]) for i in range(1, model.njoints)]
     order = sorted(range(model.njoints - 1), key=lambda i: depth[i])
     moving = tuple(_distinct(points, mechanism.length) for points in bodies[1:])

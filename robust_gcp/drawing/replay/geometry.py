@@ -93,7 +93,8 @@ def sticks(mechanism: Mechanism, R: Array, p: Array, trails: Sequence[str] | Non
             made.slides.append((made.add(seat.parent, seat.place), seat.point, seat.joint))
         else:
             made.rails.append((*_rail(made, p[:, seat.joint]), seat.point, seat.joint))
-    made.pins += [(a, a, 0 in (made.points[a][0], made.points[b][0])) for a, b in made.cuts]
+    made.pins += [(a, a, 0 in (made.points[a][0], made.points[b][0])) for a, b, held in made.cuts if held]
+    made.slides += [(b, a, made.points[a][0]) for a, b, held in made.cuts if not held]
     for body, ends in enumerate(outlined):
         _outline(made, body, ends)
     made.mark = next(iter(made.trails.values()), made.cuts[0][0] if made.cuts else len(made.points) - 1)

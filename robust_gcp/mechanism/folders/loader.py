@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from ...checks import hint, shown
 from ...errors import ModelError, RobustGcpError
-from ..closures import Closure, FrameClosure, PointClosure, RevoluteClosure
+from ..closures import Closure, closure_kinds
 from ..formats.mjcf import model_from_mjcf
 from ..formats.text_file import inside, is_file, path_of
 from ..formats.urdf import model_from_urdf
@@ -18,10 +18,6 @@ from ..mechanism import Mechanism
 from .gepetto import joint_changes, with_joint_changes
 from .own_block import forces_of, home_of, own_block, recommended_of, set_gravity, with_axes
 from .yaml_text import parsed_yaml
-
-KINDS: dict[str, type[PointClosure] | type[FrameClosure] | type[RevoluteClosure]] = {
-    cls.kind: cls for cls in (PointClosure, FrameClosure, RevoluteClosure)
-}
 
 KEYS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type", "robust_gcp")
 """Keys of robot.yaml that are read."""
@@ -47,11 +43,12 @@ def load(name_or_folder: str | Path, independent: Sequence[str] | Literal["auto"
 
     A folder holds robot.yaml and robot.urdf, or robot.xml (MJCF) in its place. The YAML's keys are
     those of the parallel-robot community around Pinocchio: `closed_loop` (pairs of frame names),
-    `type` ('3d', '6d' or 'revolute'), `name_mot` (independent joints), `joint_name` and `joint_type`
-    (joints of the URDF that stand for SPHERICAL, UJOINT_XY, … or FIXED ones); the block `robust_gcp`
-    is this package's own and optional: `schema`, `description`, `home` (configuration by joint),
-    `gravity`, `axes` (of revolute closures), `springs`, `dampers`, `point_springs`, `torques`,
-    `recommended` (duration, step and velocity of a run from home). Other keys are left to other programs.
+    `type` ('3d', '6d', 'revolute' or 'prismatic'), `name_mot` (independent joints), `joint_name` and
+    `joint_type` (joints of the URDF that stand for SPHERICAL, UJOINT_XY, … or FIXED ones); the block
+    `robust_gcp` is this package's own and optional: `schema`, `description`, `home` (configuration by
+    joint), `gravity`, `axes` (of revolute and prismatic closures), `springs`, `dampers`, `point_springs`,
+    `torques`, `recommended` (duration, step and velocity of a run from home). Other keys are left to other
+    programs.
 
     Parameters
     ----------
@@ -131,12 +128,13 @@ def _closures(settings: dict[str, Any], path: Path) -> list[Closure]:
     kinds = settings.get("type") or []
     if not isinstance(pairs, list) or not all(_is_list_of_str(p) and len(p) == 2 for p in pairs):
         raise ModelError(f"{path}: closed_loop must be a list of pairs of frame names, not {shown(pairs)}")
+    known = {kind.kind: kind for kind in closure_kinds()}
     if not _is_list_of_str(kinds) or len(kinds) != len(pairs):
-        raise ModelError(f"{path}: type must list one of {', '.join(KINDS)} for each of {len(pairs)} loops")
-    unknown = [kind for kind in kinds if kind.lower() not in KINDS]
+        raise ModelError(f"{path}: type must list one of {', '.join(known)} for each of {len(pairs)} loops")
+    unknown = [kind for kind in kinds if kind.lower() not in known]
     if unknown:
-        raise ModelError(f"{path}: type {shown(unknown[0])} is unknown; use one of {', '.join(KINDS)}")
-    return [KINDS[kind.lower()](*pair) for pair, kind in zip(pairs, kinds, strict=True)]
+        raise ModelError(f"{path}: type {shown(unknown[0])} is unknown; use one of {', '.join(known)}")
+    return [known[kind.lower()](*pair) for pair, kind in zip(pairs, kinds, strict=True)]
 
 
 def _is_list_of_str(value: Any) -> bool:

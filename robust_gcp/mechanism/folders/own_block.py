@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from ...checks import LARGEST, hint, shown
 from ...errors import ModelError, RobustGcpError
-from ..closures import Closure, RevoluteClosure
+from ..closures import AxisClosure, Closure
 from ..forces import Force, JointDamper, JointSpring, JointTorque, PointSpring
 from ..mechanism import Mechanism
 from ..recommended import Recommended
@@ -115,7 +115,7 @@ def set_gravity(gravity: Any, model: pin.Model, path: Path) -> None:
 
 
 def with_axes(axes: Any, closures: Sequence[Closure], path: Path) -> list[Closure]:
-    """`axes: [[x, y, z] or null, ...]`: the hinge axis of each revolute closure; z where null."""
+    """`axes: [[x, y, z] or null, ...]`: the axis of each revolute or prismatic closure; z where null."""
     if axes is None:
         return list(closures)
     if not isinstance(axes, list) or len(axes) != len(closures):
@@ -128,7 +128,7 @@ def with_axes(axes: Any, closures: Sequence[Closure], path: Path) -> list[Closur
             turned.append(closure)
             continue
         where = f"{path}: robust_gcp.axes[{i}]"
-        if not isinstance(closure, RevoluteClosure):
+        if not isinstance(closure, AxisClosure):
             raise ModelError(f"{where}: loop {i} is of type {closure.kind!r}, which has no axis; write null")
         x, y, z = _vector(axis, where)
         if x == y == z == 0.0:

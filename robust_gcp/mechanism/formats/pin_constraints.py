@@ -9,10 +9,10 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import ModelError
-from ..closures import Closure, FrameClosure, PointClosure, RevoluteClosure
+from ..closures import Closure, FrameClosure, PointClosure
 from ..couplings import AnyClosure, CouplingClosure
 
-OWN = PointClosure | FrameClosure | RevoluteClosure | CouplingClosure
+OWN = Closure | CouplingClosure
 ANCHORS = (pin.PointAnchorConstraintModel, pin.FrameAnchorConstraintModel)
 
 UNUSED = 1e-12
@@ -32,7 +32,7 @@ def with_named_frames(model: pin.Model, closures: Iterable[Any]) -> tuple[pin.Mo
     model : pin.Model
         Copied when frames are to be added; never written to.
     closures : iterable
-        PointClosure, FrameClosure, RevoluteClosure, and of Pinocchio `RigidConstraintModel`
+        Closures of this package, and of Pinocchio `RigidConstraintModel`
         (CONTACT_3D, CONTACT_6D), `PointAnchorConstraintModel`, `FrameAnchorConstraintModel` and
         `ConstraintModel` around one of the last two.
 

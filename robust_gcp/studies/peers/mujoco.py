@@ -48,7 +48,7 @@ class Connect:
         """Why not: joints other than hinges and sliders, or closures of whole frames."""
         if not has_simple_joints(scene.mechanism):
             return "the adapter knows hinges and sliders only"
-        if any(c.kind == "6d" for c in scene.mechanism.closures):
+        if any(c.kind not in ("3d", "revolute") for c in scene.mechanism.closures):
             return "connect holds points together, and a closure here holds whole frames"
         return ""
 

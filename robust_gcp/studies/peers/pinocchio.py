@@ -122,6 +122,8 @@ def constraints(
 ) -> list[pin.RigidConstraintModel]:
     """The rigid constraint models of a closure."""
     (joint1, place1), (joint2, place2) = places
+    if closure.kind not in ("3d", "6d", "revolute"):
+        raise ValueError(f"Pinocchio has no rigid constraint model for a closure of type {closure.kind!r}")
     kind = pin.ContactType.CONTACT_6D if closure.kind == "6d" else pin.ContactType.CONTACT_3D
     shifts = [np.zeros(3)]
     if isinstance(closure, RevoluteClosure):
