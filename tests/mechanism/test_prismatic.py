@@ -195,5 +195,5 @@ def test_an_axis_that_is_none(axis: object) -> None:
     frame(model, "a", crank, np.eye(3), 1.0)
     frame(model, "b", 0, np.eye(3), 1.0)
     closure = rg.PrismaticClosure("a", "b", axis=axis)  # type: ignore[arg-type]
-    with pytest.raises(rg.ModelError, match="PrismaticClosure: axis .* is not a direction in space"):
+    with pytest.raises(rg.ModelError, match=r"PrismaticClosure: axis .* is not a direction in space"):
         rg.Mechanism.from_pinocchio(model, [closure], [])
