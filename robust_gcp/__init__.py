@@ -8,7 +8,7 @@ from .analysis.local import LocalAnalysis, analyse
 from .analysis.space import trace_modes
 from .dynamics.equations import implicit_dynamics
 from .dynamics.inverse import inverse_dynamics
-from .dynamics.linearise import Linearisation, StabilityWarning, linearise
+from .dynamics.linearise import Linearisation, linearise
 from .errors import (
     BranchError,
     ClosureError,
@@ -41,6 +41,7 @@ from .simulation.coarse import CoarseStepWarning
 from .simulation.load import load_trajectory
 from .simulation.reactions import Reaction
 from .simulation.simulate import simulate
+from .simulation.stability import StabilityWarning
 from .simulation.stats import Stats
 from .simulation.trajectory import Trajectory
 

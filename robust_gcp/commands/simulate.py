@@ -25,8 +25,8 @@ from ..arguments import (
     positive,
     whole,
 )
-from ..dynamics.linearise import StabilityWarning
 from ..errors import OptionError, SimulationError, SingularStartError
+from ..maps.choice import METHODS
 from ..maps.classical import SingularityWarning
 from ..mechanism.closures import frame_of
 from ..mechanism.folders.loader import load
@@ -34,7 +34,8 @@ from ..mechanism.joints import Component, components_of
 from ..mechanism.mechanism import Mechanism
 from ..printing import clean_warnings, complain, fixed, progress_bar, table, telling
 from ..simulation.coarse import CoarseStepWarning
-from ..simulation.simulate import METHODS, RECORDS, simulate
+from ..simulation.simulate import RECORDS, simulate
+from ..simulation.stability import StabilityWarning
 from ..simulation.steppers import SCIPY_STEPPERS
 from ..simulation.trajectory import Trajectory
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 from numpy.typing import ArrayLike
 
 from ..checks import check_mechanism, checked_vector, require_finite
-from ..maps.bridge.bridge import BridgeOptions
-from ..maps.point import Counters
-from ..maps.start import begin
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from .motion import set_out
 
 
 def inverse_dynamics(
@@ -46,9 +44,9 @@ def inverse_dynamics(
     """
     check_mechanism(mechanism, Mechanism, "inverse_dynamics")
     wanted = checked_vector(ydd, mechanism.m, "ydd", "m")
-    start = begin(mechanism, q, v, mode, BridgeOptions(), Counters())
-    point = start.point
-    speed = point.G @ start.ydot
+    motion = set_out(mechanism, q, v, mode)
+    point = motion.start.point
+    speed = point.G @ motion.start.ydot
     force = mechanism.tree.rnea(point.q, speed, point.G @ wanted + point.g).copy()
     if mechanism.applied is not None:
         force -= mechanism.applied.tau(point.q, speed)

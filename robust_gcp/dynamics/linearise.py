@@ -17,20 +17,13 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from ..checks import check_mechanism, check_number
-from ..errors import NonFiniteError, OptionError, RobustGcpError
-from ..maps.bridge.bridge import BridgeOptions
-from ..maps.bridge.bridge_map import BridgeMap
-from ..maps.point import Counters
-from ..maps.start import Start, begin
+from ..errors import NonFiniteError, OptionError
+from ..maps.choice import MapChoice
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from ..warning import warn
 from .differences import differences
 from .equations import EquationsOfMotion, Torque
-
-
-class StabilityWarning(RuntimeWarning):
-    """A run starts with a step outside the stability region of RK4."""
+from .motion import Motion, set_out
 
 
 @dataclass(frozen=True)
@@ -47,6 +40,12 @@ class Linearisation:
 
     A: Array
     eigenvalues: NDArray[np.complexfloating[Any]]
+
+    @classmethod
+    def of(cls, A: Array) -> Linearisation:
+        """With its eigenvalues."""
+        eigenvalues = np.linalg.eigvals(A).astype(complex)
+        return cls(A, eigenvalues[np.argsort(-np.abs(eigenvalues))])
 
     @property
     def limiting(self) -> complex:
@@ -132,53 +131,18 @@ def linearise(
     check_number("t", t)
     if not math.isfinite(t):
         raise OptionError(f"t = {t} must be finite")
-    start = begin(mechanism, q, v, mode, BridgeOptions(), Counters())
-    return linearise_start(mechanism, start, torque, t, central=True)
+    motion = set_out(mechanism, q, v, mode, torque, MapChoice(error_controlled=True))
+    return linearise_motion(motion, t, central=True)
 
 
-def linearise_start(
-    mechanism: Mechanism, start: Start, torque: Torque | ArrayLike | None, t: float, central: bool
-) -> Linearisation:
-    """Linearise at a checked start; see `linearise`."""
-    explicit = BridgeMap(start.path, start.point, BridgeOptions(), error_controlled=True)
-    if start.bridge is not None:
-        explicit.adopt(start.bridge)
-    equations = EquationsOfMotion(mechanism, explicit, torque)
-    x = np.concatenate([start.point.y, start.ydot, np.zeros(int(equations.works))])
-    m = mechanism.m
+def linearise_motion(motion: Motion, t: float, central: bool) -> Linearisation:
+    """Linearise at the start of a motion; see `linearise`."""
+    m, y = motion.mechanism.m, motion.start.point.y
     with np.errstate(all="ignore"):  # what is not finite is told below
-        A = ReducedJacobian(equations, central)(t, x)[: 2 * m, : 2 * m]
+        A = ReducedJacobian(motion.equations, central)(t, motion.x)[: 2 * m, : 2 * m]
     if not np.all(np.isfinite(A)):
-        raise NonFiniteError(f"the linearisation at y = {start.point.y} is not finite", start.point.y)
-    eigenvalues = np.linalg.eigvals(A).astype(complex)
-    return Linearisation(A, eigenvalues[np.argsort(-np.abs(eigenvalues))])
-
-
-def warn_if_unstable(
-    mechanism: Mechanism, start: Start, torque: Torque | ArrayLike | None, step: float
-) -> None:
-    """Warn when a run of RK4 starts with a step outside its stability region.
-
-    Nothing is said at or beside a singular configuration, where the check would have to build a bridge of
-    its own, or where the linearisation fails: the run itself will tell why.
-    """
-    if start.bridge is not None or start.point.conditioning < BridgeOptions().zone:
-        return
-    try:
-        found = linearise_start(mechanism, start, torque, 0.0, central=False)
-    except (RobustGcpError, OverflowError):
-        return
-    largest = found.largest_stable_step
-    if step <= largest:
-        return
-    value = found.limiting
-    shown = f"{value.real:.4g}" + (f" ± {abs(value.imag):.4g}i" if value.imag else "")
-    warn(
-        f"step = {step:g} s lies outside the stability region of rk4: the fastest motion at the start has "
-        f"the eigenvalue {shown} 1/s, which allows steps up to {largest:.4g} s; take a smaller step, or an "
-        'implicit stepper such as stepper="Radau"',
-        StabilityWarning,
-    )
+        raise NonFiniteError(f"the linearisation at y = {y} is not finite", y)
+    return Linearisation.of(A)
 
 
 def stable_step(eigenvalue: complex) -> float:

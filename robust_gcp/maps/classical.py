@@ -80,6 +80,11 @@ class ClassicalMap:
         self.anchor = point
         return point
 
+    @property
+    def met(self) -> bool:
+        """Never: this map does not know of singularities."""
+        return False
+
     def passed(self, before: Point, after: Point) -> list[Passage]:
         """Nothing: the classical map does not know of singularities."""
         return []

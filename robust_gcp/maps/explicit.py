@@ -67,11 +67,25 @@ class ExplicitMap(Protocol):
         """The point at y, or an error that says why there is none."""
         ...
 
+    @property
+    def met(self) -> bool:
+        """Whether a singular surface was met so far, so that `passed` may have something to tell."""
+        ...
+
     def passed(self, before: Point, after: Point) -> list[Passage]:
-        """Singular surfaces between two accepted points."""
+        """All singular surfaces between two accepted points; one that lies on `after` is passed."""
         ...
 
     @property
     def counters(self) -> Counters:
         """What was computed so far."""
         ...
+
+
+def sign_changes(before: Point, after: Point) -> list[float]:
+    """Where determinants of K_d's blocks change sign, as shares of the way, ascending; linearly."""
+    return sorted(
+        float(a / (a - b))
+        for a, b in zip(before.det.tolist(), after.det.tolist(), strict=True)
+        if a * b < 0.0 or (b == 0.0 != a)
+    )

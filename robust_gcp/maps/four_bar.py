@@ -158,6 +158,11 @@ class FourBarMap:
         self.anchor = point
         return point
 
+    @property
+    def met(self) -> bool:
+        """Never: this map does not know of singularities."""
+        return False
+
     def passed(self, before: Point, after: Point) -> list[Passage]:
         """Nothing: the closed form has no singularity to pass."""
         return []

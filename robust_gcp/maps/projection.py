@@ -7,7 +7,7 @@ import numpy as np
 from ..errors import BranchError, NonFiniteError
 from ..mechanism.partition import numerical_rank
 from ..mechanism.tree import Array
-from .explicit import Passage
+from .explicit import Passage, sign_changes
 from .point import Counters, Point
 from .regular_path import RegularPath
 
@@ -57,17 +57,20 @@ class ProjectionMap:
         self.anchor = point
         return point
 
+    @property
+    def met(self) -> bool:
+        """Always: a step may pass the narrow zone of the projection without a point in it."""
+        return True
+
     def passed(self, before: Point, after: Point) -> list[Passage]:
-        """Each change of a determinant's sign beside a projected point."""
-        flipped = before.det * after.det < 0.0
-        if not np.any(flipped):
-            return []
-        b = int(np.argmax(flipped))
-        share = before.det[b] / (before.det[b] - after.det[b])
-        tree = self.path.tree
-        q = tree.integrate(before.q, share * tree.difference(before.q, after.q))
-        residual = self.path.mechanism.closure_residual(after.q)
-        return [Passage(before.y + share * (after.y - before.y), q, "projected", residual, np.nan)]
+        """Each change of a determinant's sign."""
+        tree, found = self.path.tree, []
+        for share in sign_changes(before, after):
+            residual = self.path.mechanism.closure_residual(after.q)
+            q = tree.integrate(before.q, share * tree.difference(before.q, after.q))
+            y = before.y + share * (after.y - before.y)
+            found.append(Passage(y, q, "projected", residual, np.nan))
+        return found
 
     def _project(self, y: Array, ydot: Array) -> Point:
         path, mechanism = self.path, self.path.mechanism

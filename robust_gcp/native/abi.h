@@ -17,7 +17,7 @@ enum Reason : std::int32_t {
     INERTIA = 5,    // the reduced inertia is singular
     FORCE = 6,      // a point spring has no length
     TORQUE = 7,     // the torque callback failed
-    PASSED = 8,     // a determinant changed sign: a singular surface was passed on a bridge
+    PASSED = 8,     // a singular surface was passed on a bridge
 };
 
 // Reads q and v and writes τ in the request's shared buffers; nonzero stops the run.
@@ -60,11 +60,12 @@ struct Description {
 };
 
 struct Table {  // a bridge for one coordinate: Chebyshev coefficients of q, dq/dx, d²q/dx², det
-    std::int32_t orders, width;
+    std::int32_t orders, width, surfaces;
     const double* coefficients;  // (orders, width)
     const double* reference;     // (nv,)
     const double* before;        // the innermost nodes as points
     const double* after;
+    const double* zeros;         // (surfaces,): where they are, from the origin
     double origin, left, right, center, unit, middle, half, pace;
 };
 
@@ -82,7 +83,7 @@ struct Request {
     double* anchor;           // point at the state, in and out
     double* ydd;              // (m,), in and out
     double* tau;              // (nv,), in and out
-    double* before;           // out: point, state of the output before the last one
+    double* before;           // out: point, state and ÿ of the output before the last one
     double* safe;             // out: point, state of the last well-conditioned output
     double* q_out;            // outputs, one row every `every` steps; null where not wanted
     double* v_out;

@@ -18,6 +18,15 @@ class Bridge {
 
     bool contains(double y) const { return t_.left <= y - t_.origin && y - t_.origin <= t_.right; }
 
+    // Whether a step from y0 to y1 passes a singular surface; one that ends on it does, the next does not.
+    bool passes(double y0, double y1) const {
+        for (int i = 0; i < t_.surfaces; ++i) {
+            const double a = y0 - t_.origin - t_.zeros[i], b = y1 - t_.origin - t_.zeros[i];
+            if (a * b < 0.0 || (b == 0.0 && a != 0.0)) return true;
+        }
+        return false;
+    }
+
     // The innermost node on y's side of the surface.
     const double* exit(double y) const {
         return y - t_.origin > 0.5 * (t_.left + t_.right) ? t_.after : t_.before;
@@ -40,11 +49,11 @@ class Bridge {
         for (int i = 0; i < nv; ++i) point.g()[i] = point.curvature()[i] * square;
         for (int b = 0; b < l_.blocks; ++b) {
             point.det()[b] = values_[3 * nv + b];
-            point.rcond()[b] = 1.0;
+            point.rcond()[b] = 0.0;  // K_d says nothing of a point on a bridge
         }
         point.y()[0] = y;
         point.ydot()[0] = ydot;
-        point.conditioning() = 1.0;
+        point.conditioning() = 0.0;
         point.correction = point.distance = point.turn = 0.0;
     }
 

@@ -39,8 +39,9 @@ class alignas(CACHE_LINE) Stepper {
         std::vector<Bridge> bridges;
         if (r.table != nullptr) bridges.emplace_back(*r.table, path.layout, independent_, independent_q_);
         bridge_ = bridges.empty() ? nullptr : &bridges[0];
+        const Bridge* known = bridge_;
         bool on_bridge = bridge_ != nullptr;  // at the last accepted output
-        Cells<double> before_x, safe_x, last_ydd(r.ydd, r.ydd + m), last_tau(r.tau, r.tau + path.layout.nv);
+        Cells<double> before_x, before_ydd, safe_x, last_ydd(r.ydd, r.ydd + m), last_tau(r.tau, r.tau + path.layout.nv);
         double last_power = r.power;
         for (std::int64_t i = 0; i < r.steps && r.reason == DONE; ++i) {
             const Reason reason = step(r, r.times[i], r.times[i + 1]);
@@ -49,12 +50,14 @@ class alignas(CACHE_LINE) Stepper {
                 break;
             }
             // accepted
-            const bool passed = signs_differ(*accepted_, *anchor_);
+            const bool passed = signs_differ(*accepted_, *anchor_) ||
+                                (known != nullptr && known->passes(accepted_->y()[0], anchor_->y()[0]));
             before_ = accepted_;
             before_x.swap(x_);
             accepted_ = anchor_;
             x_ = sum_;
             on_bridge = bridge_ != nullptr;
+            before_ydd.swap(last_ydd);
             last_ydd = motion_.ydd;
             last_tau = motion_.tau;
             last_power = motion_.power;
@@ -74,6 +77,8 @@ class alignas(CACHE_LINE) Stepper {
         std::copy(last_tau.begin(), last_tau.end(), r.tau);
         r.power = last_power;
         write(r.before, before_, before_x);
+        if (before_ != nullptr && r.before != nullptr)
+            std::copy(before_ydd.begin(), before_ydd.end(), r.before + path.layout.size + n_);
         write(r.safe, safe_, safe_x);
         r.on_bridge = on_bridge;
     }

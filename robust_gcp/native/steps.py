@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from numpy.typing import ArrayLike
 
 from ..dynamics.equations import Evaluation, Torque, does_work, torque_function
 from ..errors import OptionError
 from ..maps.bridge.bridge_map import BridgeMap
 from ..maps.classical import DIGITS_LOST, ClassicalMap
-from ..maps.explicit import ExplicitMap
 from ..maps.regular_path import RegularPath
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from ..simulation.record import Record
 from .description import NotNativeError
 from .library import Library, backends, library
-from .workspace import Batch, Workspace
+from .workspace import Batch, Outputs, Workspace
 
 BACKENDS = ("auto", "python", "native")
 
@@ -92,37 +92,31 @@ class NativeSteps:
 
     def take(
         self,
-        mechanism: Mechanism,
-        explicit: ExplicitMap,
+        explicit: BridgeMap | ClassicalMap,
         now: Evaluation,
         x: Array,
         times: Array,
-        record: Record,
-        i: int,
+        wanted: Sequence[str],
     ) -> Batch | None:
-        """Steps from the present time i, recorded; None where the map is not on its regular path."""
+        """Steps from times[0] as far as nothing rare happens; None where the map is not on its regular path.
+
+        Parameters
+        ----------
+        now, x : Evaluation, ndarray
+            The evaluation and the state at times[0].
+        wanted : sequence of str
+            Outputs besides q and v.
+        """
         if isinstance(explicit, BridgeMap):
             bridge, zone, same_branch = explicit.current, explicit.options.zone, True
             if bridge is not None and not bridge.line.one_polynomial:
                 return None
-        elif isinstance(explicit, ClassicalMap):
-            bridge, zone, same_branch = None, DIGITS_LOST, False
         else:
-            return None
+            bridge, zone, same_branch = None, DIGITS_LOST, False
+        mechanism = explicit.path.mechanism
         workspace = self.prepare(mechanism, explicit.path)
         if workspace is None:
             return None
-        n = min(len(times) - 1 - i, max(1, BATCH // mechanism.nv))
-        outputs = record.room(i, n)
-        batch = workspace.run(times[i : i + n + 1], x, now, outputs, zone, same_branch, bridge)
-        record.keep(i, batch.steps, outputs, batch.x)
-        if batch.failure is not None:
-            raise batch.failure
-        if batch.steps:
-            explicit.resume(batch.now.point, batch.on_bridge)
-        counters = explicit.counters
-        counters.native_steps += batch.steps
-        for name, count in batch.counts.items():
-            if name != "rhs":
-                setattr(counters, name, getattr(counters, name) + count)
-        return batch
+        n = min(len(times) - 1, max(1, BATCH // mechanism.nv))
+        outputs = Outputs.room(n, mechanism.nq, mechanism.nv, wanted)
+        return workspace.run(times[: n + 1], x, now, outputs, zone, same_branch, bridge)

@@ -58,7 +58,7 @@ class Table(ctypes.Structure):
     """A finished bridge for one coordinate."""
 
     _fields_ = [
-        *_fields("orders width", "coefficients reference before after"),
+        *_fields("orders width surfaces", "coefficients reference before after zeros"),
         *_all(c_double, "origin left right center unit middle half pace"),
     ]
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,10 +17,34 @@ from ..maps.point import Point
 from ..maps.regular_path import RegularPath
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from ..simulation.record import Outputs
 from .description import NotNativeError, describe
 from .library import Library
 from .structures import Arrays, Reason, Request, Table, TorqueCallback
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """Rows for several outputs at once, C-contiguous; None where not wanted."""
+
+    q: Array
+    v: Array
+    a: Array | None = None
+    tau: Array | None = None
+    energy: Array | None = None
+    work: Array | None = None
+
+    @classmethod
+    def room(cls, n: int, nq: int, nv: int, wanted: Sequence[str] = ()) -> Outputs:
+        """Room for n outputs; `wanted` names those besides q and v."""
+        widths = {"a": (n, nv), "tau": (n, nv), "energy": (n,), "work": (n,)}
+        more = {name: np.zeros(widths[name]) for name in wanted}
+        return cls(np.empty((n, nq)), np.empty((n, nv)), **more)
+
+    def first(self, n: int) -> Outputs:
+        """The first n of them."""
+        kept = {field.name: getattr(self, field.name) for field in fields(self)}
+        cut: dict[str, Any] = {name: None if rows is None else rows[:n] for name, rows in kept.items()}
+        return Outputs(**cut)
 
 
 @dataclass(frozen=True)
@@ -35,8 +60,10 @@ class Batch:
     x, now : ndarray, Evaluation
     on_bridge : bool
         Whether the bridge that was handed over is still in use.
-    before : Point or None
-        The point one step earlier, after one step at least.
+    outputs : Outputs
+        Of the steps completed.
+    before : (Point, ndarray) or None
+        The point and ÿ one step earlier, after one step at least.
     safe : (int, ndarray, Point) or None
         Step, state and point of the last well-conditioned one among the completed steps.
     counts : dict of str to int
@@ -50,7 +77,8 @@ class Batch:
     x: Array
     now: Evaluation
     on_bridge: bool
-    before: Point | None
+    outputs: Outputs
+    before: tuple[Point, Array] | None
     safe: tuple[int, Array, Point] | None
     counts: dict[str, int]
     failure: BaseException | None
@@ -101,7 +129,7 @@ class Workspace:
         self._size = sum(widths)
         self._x, self._ydd, self._tau = np.zeros(n), np.zeros(self._m), np.zeros(self._nv)
         self._anchor = np.zeros(self._size)
-        self._before, self._safe = np.zeros(self._size + n), np.zeros(self._size + n)
+        self._before, self._safe = np.zeros(self._size + n + self._m), np.zeros(self._size + n)
         self._tables: tuple[Bridge, Arrays] | None = None
         self._failure: BaseException | None = None
         self._request = Request()
@@ -181,14 +209,14 @@ class Workspace:
             setattr(r, f"{name}_out", None if array is None else array.ctypes.data)
         self._failure = None
         self._library.run(self._handle, ctypes.byref(r))
-        return self._batch()
+        return self._batch(outputs.first(int(r.completed) // every))
 
     def time_pinocchio(self, q: Array, v: Array, repeats: int) -> float:
         """Seconds per right-hand side of Pinocchio's own algorithms, best of five rounds."""
         q, v = np.ascontiguousarray(q), np.ascontiguousarray(v)
         return float(self._library.time_pinocchio(self._handle, q.ctypes.data, v.ctypes.data, repeats))
 
-    def _batch(self) -> Batch:
+    def _batch(self, outputs: Outputs) -> Batch:
         r = self._request
         point = self._point(self._anchor)
         tau = self._tau.copy() if self._acts else None
@@ -210,7 +238,8 @@ class Workspace:
             self._x.copy(),
             now,
             bool(r.on_bridge),
-            self._point(self._before) if r.completed > 0 else None,
+            outputs,
+            (self._point(self._before), self._before[-self._m :].copy()) if r.completed > 0 else None,
             safe,
             counts,
             self._failure,
@@ -253,7 +282,7 @@ class Workspace:
         line = bridge.line
         polynomial = line.polynomial()
         orders, width = polynomial.coefficients.shape
-        arrays = Arrays(Table(orders=orders, width=width))
+        arrays = Arrays(Table(orders=orders, width=width, surfaces=len(bridge.zeros)))
         table = arrays.structure
         table.origin, table.left, table.right = float(line.origin[0]), bridge.left, bridge.right
         for name in ("center", "unit", "middle", "half", "pace"):
@@ -263,6 +292,6 @@ class Workspace:
         for row, (_, node) in zip(inner, line.nodes[half - 1 : half + 1], strict=True):
             self._pack(node, row)
         arrays.reals(coefficients=polynomial.coefficients, reference=polynomial.reference)
-        arrays.reals(before=inner[0], after=inner[1])
+        arrays.reals(before=inner[0], after=inner[1], zeros=bridge.zeros)
         self._tables = bridge, arrays
         return arrays

@@ -11,26 +11,22 @@ from numpy.typing import ArrayLike
 
 from ..checks import check_between, check_choice, check_mechanism, check_positive, listed, shown
 from ..dynamics.equations import Torque
-from ..dynamics.linearise import warn_if_unstable
+from ..dynamics.motion import set_out
 from ..errors import NonFiniteError, OptionError, SimulationError
 from ..maps.bridge.bridge import BridgeOptions
-from ..maps.bridge.bridge_map import BridgeMap
-from ..maps.classical import ClassicalMap, NewtonStart
-from ..maps.explicit import ExplicitMap
-from ..maps.four_bar import FourBarMap
+from ..maps.choice import METHODS, MapChoice, Method
+from ..maps.classical import NewtonStart
 from ..maps.point import Counters
-from ..maps.projection import PROJECTION_THRESHOLD, ProjectionMap
-from ..maps.start import Start, begin
+from ..maps.projection import PROJECTION_THRESHOLD
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..native.steps import BACKENDS, NativeSteps, chosen_library
 from .coarse import warn_if_coarse
 from .run import Run
+from .stability import StabilityCheck
 from .steppers import check_stepper
 from .trajectory import Trajectory
 
-Method = Literal["bridge", "projection", "classical", "closed_form"]
-METHODS: tuple[Method, ...] = ("bridge", "projection", "classical", "closed_form")
 RECORDS = ("a", "energy", "multipliers")
 
 MAX_OUTPUTS = 100_000_000
@@ -138,22 +134,24 @@ def simulate(
     fixed = check_stepper(stepper) == "rk4"
     check_choice("backend", backend, BACKENDS)
     kernel = chosen_library(backend, stepper, method, newton_start)
+    choice = MapChoice(method, options, newton_start, threshold, error_controlled=not fixed)
     counters = Counters()
     begun = time.perf_counter()
-    start = begin(mechanism, mechanism.home if q0 is None else q0, v0, mode, options, counters)
-    explicit = _map(method, start, options, newton_start, threshold, not fixed)
-    if fixed:
-        warn_if_unstable(mechanism, start, torque, float(times[1]))
+    stability = StabilityCheck(torque, float(times[1]), options) if fixed else None
+    torque = torque if stability is None else stability.torque
+    motion = set_out(mechanism, q0, v0, mode, torque, choice, counters)
+    if stability is not None:
+        stability.before(motion)
     native = None if kernel is None else NativeSteps(kernel, torque, backend == "native")
     if native is not None:
-        native.prepare(mechanism, start.path)
-    run = Run(mechanism, start, explicit, torque, times, record, counters, progress, native)
+        native.prepare(mechanism, motion.start.path)
+    run = Run(motion, choice, torque, times, record, counters, on_toggle, progress, native)
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # what is not finite ends in an error of ours
             if fixed:
-                run.fixed_steps(on_toggle, options)
+                run.fixed_steps()
             else:
-                run.adaptive_steps(stepper, rtol, atol, on_toggle, options)
+                run.adaptive_steps(stepper, rtol, atol)
     except SimulationError as error:
         error.trajectory = run.trajectory(begun)
         raise
@@ -163,30 +161,13 @@ def simulate(
         )
         stop.trajectory = run.trajectory(begun)
         raise stop from overflow
+    finally:
+        if stability is not None:
+            stability.after(motion)
     finished = run.trajectory(begun)
     if fixed and method == "bridge":
         warn_if_coarse(finished)
     return finished
-
-
-def _map(
-    method: Method,
-    start: Start,
-    options: BridgeOptions,
-    newton_start: NewtonStart,
-    threshold: float,
-    error_controlled: bool,
-) -> ExplicitMap:
-    if method == "classical":
-        return ClassicalMap(start.path, start.point, newton_start)
-    if method == "projection":
-        return ProjectionMap(start.path, start.point, threshold)
-    if method == "closed_form":
-        return FourBarMap(start.path, start.point, error_controlled)
-    bridged = BridgeMap(start.path, start.point, options, error_controlled)
-    if start.bridge is not None:
-        bridged.adopt(start.bridge)
-    return bridged
 
 
 def _times(duration: float, step: float) -> Array:

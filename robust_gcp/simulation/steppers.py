@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,29 @@ class NoProgressError(SimulationError):
     """An adaptive solver could not go on; the last refusal of the right-hand side, if any, is its cause."""
 
 
+@dataclass(frozen=True)
+class SolverStep:
+    """An accepted step of an adaptive solver.
+
+    Attributes
+    ----------
+    t0, t1 : float
+        s.
+    x : ndarray (n,)
+        The state at t1.
+    outputs : list of ndarray (n,)
+        States at the asked times in (t0, t1].
+    between : callable (t) -> ndarray (n,)
+        The state at a time within the step, by the solver's interpolant; to be asked before the next step.
+    """
+
+    t0: float
+    t1: float
+    x: Array
+    outputs: list[Array]
+    between: Callable[[float], Array]
+
+
 def rk4_step(f: RightHandSide, t: float, x: Array, h: float, k1: Array) -> Array:
     """One step of the classical Runge–Kutta method of order 4 (Kutta, 1901).
 
@@ -53,7 +77,13 @@ def rk4_step(f: RightHandSide, t: float, x: Array, h: float, k1: Array) -> Array
     return x + (h / 6.0) * (k1 + 2.0 * (k2 + k3) + k4)
 
 
-def adaptive(
+def adaptive(*args: Any, **options: Any) -> Iterator[Array]:
+    """The states of `solver_steps` at the given times alone."""
+    for step in solver_steps(*args, **options):
+        yield from step.outputs
+
+
+def solver_steps(
     method: str,
     f: RightHandSide,
     x: Array,
@@ -62,8 +92,8 @@ def adaptive(
     atol: float,
     effort: int = 50_000,
     jacobian: Jacobian | None = None,
-) -> Iterator[Array]:
-    """States at the given times by one of scipy's solvers with dense output.
+) -> Iterator[SolverStep]:
+    """The steps of one of scipy's solvers, each with the states at those of the given times that it passes.
 
     Where f raises a `SimulationError` at a trial state, the trial is rejected and the step shrinks;
     if no step is small enough, that error is raised.
@@ -83,8 +113,8 @@ def adaptive(
 
     Yields
     ------
-    ndarray (n,)
-        The state at times[1], times[2], …
+    SolverStep
+        Until the last time; together their outputs are the states at times[1], times[2], …
     """
     from scipy import integrate
 
@@ -109,7 +139,7 @@ def adaptive(
     solver: Any = getattr(integrate, method)(
         guarded, float(times[0]), x, float(times[-1]), rtol=rtol, atol=atol, **more
     )
-    i, mark = 1, (float(times[0]), 0)
+    i, mark, begun = 1, (float(times[0]), 0), None
     while i < len(times):
         message = solver.step() if solver.status == "running" else None
         if solver.t - mark[0] >= HEADWAY * (times[-1] - times[0]) or solver.status == "finished":
@@ -122,14 +152,26 @@ def adaptive(
                 f"{method} made no headway at t = {solver.t:.6g} s in {solver.nfev - mark[1]} evaluations"
                 f"{f' ({message})' if message else ''}: the problem is too stiff for this method or tolerance"
             )
-        dense = None
+        if solver.t_old is None or solver.t_old == begun:
+            continue
+        begun = solver.t_old
+        between, outputs = _Between(solver), []
         while i < len(times) and (times[i] <= solver.t or solver.status == "finished"):
-            if times[i] == solver.t:
-                yield solver.y.copy()
-            else:
-                dense = dense or solver.dense_output()
-                yield np.asarray(dense(times[i]))
+            outputs.append(solver.y.copy() if times[i] == solver.t else between(float(times[i])))
             i += 1
+        yield SolverStep(float(begun), float(solver.t), solver.y.copy(), outputs, between)
+
+
+class _Between:
+    """States within a solver's last step; its interpolant costs evaluations, so it is made when asked for."""
+
+    def __init__(self, solver: Any) -> None:
+        self._solver = solver
+        self._dense: Any = None
+
+    def __call__(self, t: float) -> Array:
+        self._dense = self._dense or self._solver.dense_output()
+        return np.asarray(self._dense(t))
 
 
 class _KeptJacobian:

@@ -10,13 +10,11 @@ from collections.abc import Callable
 import numpy as np
 
 from ..arguments import DEFAULT, Arguments, file, pathname, whole
-from ..dynamics.equations import EquationsOfMotion
+from ..dynamics.motion import set_out
 from ..examples.linkages import n_four_bar
 from ..maps.bridge.bridge import BridgeOptions
-from ..maps.bridge.bridge_map import BridgeMap
+from ..maps.choice import MapChoice
 from ..maps.march import same_branch
-from ..maps.point import Counters
-from ..maps.start import begin
 from ..mechanism.folders.loader import load
 from ..native import backends
 from ..printing import along, table, write_json
@@ -87,9 +85,9 @@ def naive_seconds(n: int, budget: float = 0.1) -> float:
 def measure(n: int, budget: float = 0.1) -> dict[str, float]:
     """Microseconds per right-hand side, per RK4 step, and per part, for n loops."""
     mechanism = n_four_bar(n, ANGLE)
-    start = begin(mechanism, mechanism.home, None, None, BridgeOptions(), Counters())
+    motion = set_out(mechanism)
+    start, equations = motion.start, motion.equations
     path, tree = start.path, mechanism.tree
-    equations = EquationsOfMotion(mechanism, BridgeMap(path, start.point, BridgeOptions()))
     q, G = start.point.q, start.point.G[:, 0]
     x = np.array([ANGLE, 1.0])
     sweep = itertools.cycle(ANGLE + 1e-4 * np.sin(np.arange(64)))
@@ -98,7 +96,7 @@ def measure(n: int, budget: float = 0.1) -> dict[str, float]:
         x[0] = next(sweep)
         return equations(0.0, x.copy())
 
-    explicit = BridgeMap(path, start.point, BridgeOptions())
+    explicit = MapChoice().over(start)
     unit = np.ones(1)
 
     def solve_map() -> object:

@@ -7,16 +7,12 @@ import time
 
 import numpy as np
 
-from ..dynamics.equations import EquationsOfMotion, Evaluation
+from ..dynamics.equations import Evaluation
+from ..dynamics.motion import set_out
 from ..maps.bridge.bridge import BridgeOptions
-from ..maps.bridge.bridge_map import BridgeMap
-from ..maps.point import Counters
-from ..maps.start import begin
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
 from ..native.library import Library, library
-from ..native.workspace import Workspace
-from ..simulation.record import Outputs
+from ..native.workspace import Outputs, Workspace
 
 ROUNDS = 50
 """Of each measurement; the smallest counts, that is the one least disturbed by other processes."""
@@ -35,13 +31,12 @@ class Batches:
     """
 
     def __init__(self, found: Library, mechanism: Mechanism, steps: int, h: float) -> None:
-        start = begin(mechanism, mechanism.home, None, None, BridgeOptions(), Counters())
-        equations = EquationsOfMotion(mechanism, BridgeMap(start.path, start.point, BridgeOptions()))
-        self._x: Array = np.concatenate([start.point.y, start.ydot])
-        self._now: Evaluation = equations.evaluate(0.0, self._x)
+        motion = set_out(mechanism)
+        self._x = motion.x
+        self._now: Evaluation = motion.equations.evaluate(0.0, self._x)
         self._times = h * np.arange(steps + 1)
-        self._outputs = Outputs(np.zeros((steps, mechanism.nq)), np.zeros((steps, mechanism.nv)))
-        self.workspace = Workspace(found, mechanism, start.path)
+        self._outputs = Outputs.room(steps, mechanism.nq, mechanism.nv)
+        self.workspace = Workspace(found, mechanism, motion.start.path)
 
     def run(self) -> tuple[float, float]:
         """Seconds per step and Newton iterations per right-hand side of one batch.

@@ -21,6 +21,7 @@ from ..arguments import DEFAULT, Arguments, folder, pathname
 from ..drawing.figures import style as plots
 from ..drawing.figures.mechanism import body_legend, draw_pose, face_on, pose
 from ..errors import SimulationError
+from ..maps.choice import Method
 from ..maps.classical import SingularityWarning
 from ..maps.closed_form import parallelogram_pendulum, pendulum
 from ..maps.four_bar import draw_four_bar
@@ -28,7 +29,7 @@ from ..mechanism.folders.loader import load
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..printing import progress_bar, table, write_json
-from ..simulation.simulate import Method, simulate
+from ..simulation.simulate import simulate
 from ..simulation.trajectory import Trajectory
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...errors import BranchError, SimulationError
 from ...mechanism.tree import Array
-from ..explicit import Passage
+from ..explicit import Passage, sign_changes
 from ..march import march, same_branch
 from ..point import Counters, Point
 from ..regular_path import RegularPath
@@ -24,6 +24,9 @@ MAX_BRIDGES = 16
 
 SAME_POINT = 1e-6
 """Agreement of q and G, dimensionless, by which a point is known to lie on a bridge's mode."""
+
+SAME_SURFACE = 1e-6
+"""Distance, in widths of a bridge, within which two bridges tell of the same singular surface."""
 
 ONE_TURN = 2.0 * np.pi
 """Largest rotation between evaluations, rad, or slide in lengths, that is followed in small steps."""
@@ -109,26 +112,37 @@ class BridgeMap:
         self.anchor = point
         return point
 
+    @property
+    def met(self) -> bool:
+        """Whether a bridge was built so far."""
+        return bool(self._bridges)
+
     def passed(self, before: Point, after: Point) -> list[Passage]:
-        """Singular surfaces between two accepted points."""
-        if not self._bridges or np.array_equal(np.sign(before.det), np.sign(after.det)):
+        """All singular surfaces between two accepted points."""
+        if not self._bridges:
             return []
-        bridge = self._bridges[-1]
         if self.path.m == 1:
-            low, high = sorted((before.y[0], after.y[0]))
-            touched = [(b, z) for b in self._bridges for z in b.zeros if low <= b.line.origin[0] + z <= high]
-            if not touched:  # other rows of redundant closures: their determinants are not comparable
-                return []
-            bridge, s = touched[-1]
-            point = bridge.line.at(s, after.ydot)
-            y, q = point.y, point.q
-        else:
-            flipped = int(np.argmax(before.det * after.det < 0.0))
-            share = before.det[flipped] / (before.det[flipped] - after.det[flipped])
+            return self._zeros_between(before, after)
+        bridge, tree, found = self._bridges[-1], self.path.tree, []
+        for share in sign_changes(before, after):
             y = before.y + share * (after.y - before.y)
-            tree = self.path.tree
             q = tree.integrate(before.q, share * tree.difference(before.q, after.q))
-        return [Passage(y, q, bridge.kind, bridge.residual, bridge.separation)]
+            found.append(Passage(y, q, bridge.kind, bridge.residual, bridge.separation))
+        return found
+
+    def _zeros_between(self, before: Point, after: Point) -> list[Passage]:
+        """m = 1: what the kept bridges know of the way; a surface that two of them span counts once."""
+        y0, y1 = float(before.y[0]), float(after.y[0])
+        found: list[Passage] = []
+        for bridge in reversed(self._bridges):
+            near = SAME_SURFACE * (bridge.right - bridge.left)
+            for z in bridge.zeros:
+                y = float(bridge.line.origin[0]) + z
+                passed = (y0 - y) * (y1 - y) < 0.0 or y0 != y == y1
+                if passed and not any(abs(y - float(known.y[0])) < near for known in found):
+                    point = bridge.line.at(z, after.ydot)
+                    found.append(Passage(point.y, point.q, bridge.kind, bridge.residual, bridge.separation))
+        return found
 
     # --------------------------------------------------------------------- on a bridge
 

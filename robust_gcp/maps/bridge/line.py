@@ -149,7 +149,7 @@ class Line:
         return q
 
     def at(self, s: float, ydot: Array) -> Point:
-        """The point at y₀ + s d for velocity ẏ."""
+        """The point at y₀ + s d for velocity ẏ; conditioning 0: K_d says nothing of it."""
         path, x = self.path, self.x(s)
         if self._smooth:
             return self._smooth_point(s, x, ydot)
@@ -177,7 +177,7 @@ class Line:
         curvature[self.path.independent] = 0.0
         g = curvature * float(ydot[0]) ** 2
         y, det = self.origin + s * self.direction, values[3 * nv :]
-        return Point(y, ydot.copy(), q, G, g, curvature, det, np.ones_like(det))
+        return Point(y, ydot.copy(), q, G, g, curvature, det, np.zeros_like(det), 0.0)
 
     @cached_property
     def _table(self) -> Array:
@@ -199,7 +199,7 @@ class Line:
     def _point(self, s: float, q: Array, ydot: Array, G: Array, g: Array, curvature: Array | None) -> Point:
         det = np.asarray(self._det(self.x(s)))
         y = self.origin + s * self.direction
-        return Point(y, ydot.copy(), q, G, g, curvature, det, np.ones_like(det))
+        return Point(y, ydot.copy(), q, G, g, curvature, det, np.zeros_like(det), 0.0)
 
     def _second(self, x: float, ydot: Array, rate: Array | None) -> tuple[Array, Array | None]:
         """g and, for m = 1, γ''; the parts along d are derivatives of G, the rest is interpolated."""

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from ...dynamics.equations import Torque
+from ...maps.choice import Method
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
-from ...simulation.simulate import Method
 
 Verdict = Literal["right", "stopped", "wrong"]
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from ...dynamics.linearise import StabilityWarning
 from ...errors import RobustGcpError, StateError
 from ...maps.classical import SingularityWarning
 from ...mechanism.mechanism import Mechanism
@@ -17,6 +16,7 @@ from ...mechanism.tree import Array
 from ...printing import along
 from ...simulation.coarse import CoarseStepWarning
 from ...simulation.simulate import simulate
+from ...simulation.stability import StabilityWarning
 from ...simulation.trajectory import Trajectory
 from .case import Allowed, Case, Cell, Setting
 

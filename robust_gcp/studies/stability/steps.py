@@ -7,12 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...dynamics.equations import EquationsOfMotion, Torque
+from ...dynamics.equations import Torque
 from ...dynamics.linearise import ReducedJacobian, linearise
-from ...maps.bridge.bridge import BridgeOptions
-from ...maps.bridge.bridge_map import BridgeMap
-from ...maps.point import Counters
-from ...maps.start import begin
+from ...dynamics.motion import set_out
+from ...maps.choice import MapChoice
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ...simulation.steppers import IMPLICIT
@@ -119,10 +117,8 @@ def _integrate(motion: Stiff, stepper: str, rtol: float) -> tuple[Array, Array, 
     from scipy import integrate
 
     mechanism, m = motion.mechanism, motion.mechanism.m
-    start = begin(mechanism, mechanism.home, motion.v0, None, BridgeOptions(), Counters())
-    explicit = BridgeMap(start.path, start.point, BridgeOptions(), error_controlled=True)
-    f = EquationsOfMotion(mechanism, explicit, motion.torque)
-    x = np.concatenate([start.point.y, start.ydot, np.zeros(int(f.works))])
+    begun = set_out(mechanism, v0=motion.v0, torque=motion.torque, choice=MapChoice(error_controlled=True))
+    f, x = begun.equations, begun.x
     solver = getattr(integrate, stepper)(
         lambda t, x: f(t, x.copy()),
         0.0,

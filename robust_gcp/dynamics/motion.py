@@ -1,0 +1,79 @@
+"""A motion that is ready to go: coordinates, explicit map, equations of motion and first state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..maps.choice import MapChoice
+from ..maps.explicit import ExplicitMap
+from ..maps.point import Counters
+from ..maps.start import Start, begin
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+from .equations import EquationsOfMotion, Torque
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What a stepper needs.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+    start : Start
+    explicit : ExplicitMap
+    equations : EquationsOfMotion
+        ẋ = f(t, x).
+    x : ndarray
+        The first state: (y, ẏ), with the work done so far, 0 J, where something does work.
+    """
+
+    mechanism: Mechanism
+    start: Start
+    explicit: ExplicitMap
+    equations: EquationsOfMotion
+    x: Array
+
+
+def set_out(
+    mechanism: Mechanism,
+    q0: ArrayLike | None = None,
+    v0: ArrayLike | None = None,
+    mode: ArrayLike | None = None,
+    torque: Torque | ArrayLike | None = None,
+    choice: MapChoice | None = None,
+    counters: Counters | None = None,
+) -> Motion:
+    """Check a start and make all that follows from it; the one way to a motion.
+
+    Parameters
+    ----------
+    q0, v0 : array_like (nq,), (nv,), optional
+        The mechanism's home, at rest, when left out.
+    mode, torque
+        As in `simulate`.
+    choice : MapChoice, optional
+        Bridges with their usual options when left out.
+    counters : Counters, optional
+        Incremented as work is done.
+
+    Raises
+    ------
+    StateError, ClosureError, OptionError, SimulationError
+        As `maps.start.begin` does.
+    """
+    choice = MapChoice() if choice is None else choice
+    counters = Counters() if counters is None else counters
+    q = mechanism.home if q0 is None else q0
+    return over(begin(mechanism, q, v0, mode, choice.options, counters), torque, choice)
+
+
+def over(start: Start, torque: Torque | ArrayLike | None, choice: MapChoice) -> Motion:
+    """The motion from a checked start, with a map and equations of its own."""
+    mechanism, explicit = start.path.mechanism, choice.over(start)
+    equations = EquationsOfMotion(mechanism, explicit, torque)
+    x = np.concatenate([start.point.y, start.ydot, np.zeros(int(equations.works))])
+    return Motion(mechanism, start, explicit, equations, x)

@@ -1,0 +1,54 @@
+"""Which explicit map a motion follows, and how."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from .bridge.bridge import BridgeOptions
+from .bridge.bridge_map import BridgeMap
+from .classical import ClassicalMap, NewtonStart
+from .explicit import ExplicitMap
+from .four_bar import FourBarMap
+from .projection import PROJECTION_THRESHOLD, ProjectionMap
+from .start import Start
+
+Method = Literal["bridge", "projection", "classical", "closed_form"]
+METHODS: tuple[Method, ...] = ("bridge", "projection", "classical", "closed_form")
+
+
+@dataclass(frozen=True)
+class MapChoice:
+    """The explicit map of a motion, before its start is known.
+
+    Attributes
+    ----------
+    method : {"bridge", "projection", "classical", "closed_form"}
+    options : BridgeOptions
+        Of "bridge".
+    newton_start : {"tangent", "previous"}
+        Of "classical".
+    threshold : float
+        Of "projection".
+    error_controlled : bool
+        Whether the caller controls its error, so that a zone without a certified bridge may be entered.
+    """
+
+    method: Method = "bridge"
+    options: BridgeOptions = field(default_factory=BridgeOptions)
+    newton_start: NewtonStart = "tangent"
+    threshold: float = PROJECTION_THRESHOLD
+    error_controlled: bool = False
+
+    def over(self, start: Start) -> ExplicitMap:
+        """The map on the mode of a start."""
+        if self.method == "classical":
+            return ClassicalMap(start.path, start.point, self.newton_start)
+        if self.method == "projection":
+            return ProjectionMap(start.path, start.point, self.threshold)
+        if self.method == "closed_form":
+            return FourBarMap(start.path, start.point, self.error_controlled)
+        bridged = BridgeMap(start.path, start.point, self.options, self.error_controlled)
+        if start.bridge is not None:
+            bridged.adopt(start.bridge)
+        return bridged

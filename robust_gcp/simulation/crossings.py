@@ -1,0 +1,71 @@
+"""When a motion passed the singular surfaces that its map tells of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from ..maps.explicit import Crossing, Passage
+from ..mechanism.tree import Array
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A step of a motion: its ends, and y between them.
+
+    Attributes
+    ----------
+    t0, t1 : float
+        s.
+    y : callable (t) -> ndarray (m,)
+        To the order of the stepper.
+    """
+
+    t0: float
+    t1: float
+    y: Callable[[float], Array]
+
+
+def hermite(t0: float, t1: float, before: Sequence[Array], after: Sequence[Array]) -> Stretch:
+    """The stretch whose y is the quintic through (y, ẏ, ÿ) at both ends."""
+    h = t1 - t0
+    (p0, v0, a0), (p1, v1, a1) = before, after
+    v0, v1, a0, a1 = h * v0, h * v1, h * h * a0, h * h * a1
+    jump = p1 - p0 - v0 - 0.5 * a0
+    turn, bend = v1 - v0 - a0, a1 - a0
+    c3 = 10.0 * jump - 4.0 * turn + 0.5 * bend
+    c4 = -15.0 * jump + 7.0 * turn - bend
+    c5 = 6.0 * jump - 3.0 * turn + 0.5 * bend
+
+    def y(t: float) -> Array:
+        u = (t - t0) / h
+        value: Array = p0 + u * (v0 + u * (0.5 * a0 + u * (c3 + u * (c4 + u * c5))))
+        return value
+
+    return Stretch(t0, t1, y)
+
+
+def located(passages: Sequence[Passage], stretch: Stretch) -> list[Crossing]:
+    """Each passage at its time on the stretch, in their order."""
+    start, end = stretch.y(stretch.t0), stretch.y(stretch.t1)
+    found = [
+        Crossing(_time(p, stretch, start, end), p.y, p.q, p.kind, p.certificate, p.transversality)
+        for p in passages
+    ]
+    return sorted(found, key=lambda crossing: crossing.time)
+
+
+def _time(passage: Passage, stretch: Stretch, start: Array, end: Array) -> float:
+    """When y meets the surface: its component along the step does."""
+    towards = end - start
+
+    def ahead(t: float) -> float:
+        return float((stretch.y(t) - passage.y) @ towards)
+
+    t0, t1 = stretch.t0, stretch.t1
+    if not ahead(t0) * ahead(t1) < 0.0:
+        return t1 if abs(ahead(t1)) <= abs(ahead(t0)) else t0
+    return float(scipy.optimize.brentq(ahead, t0, t1, xtol=4.0 * np.spacing(t1)))

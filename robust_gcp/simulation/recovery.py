@@ -1,0 +1,79 @@
+"""What a run of fixed steps does at the rare places where it cannot simply go on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..errors import SimulationError, ToggleError
+from ..maps.bridge.obstacle import UncertifiedZoneError
+from ..maps.march import POOR
+from ..maps.point import Point
+from ..mechanism.tree import Array
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A well-conditioned state to return to: step, state and point."""
+
+    i: int
+    x: Array
+    point: Point
+
+
+class Recovery:
+    """Remembers where it is safe to return to, and decides how to go on from there.
+
+    In a zone without a certified bridge γ bends sharply, and a fixed step loses its accuracy before the
+    zone is met. So the run goes back to the last well-conditioned state and takes the steps from there to
+    the next well-conditioned one with error control (`careful`), or changes coordinates as soon as others
+    serve better (`changing`).
+
+    Parameters
+    ----------
+    on_toggle : {"error", "repartition"}
+    safe : Checkpoint
+        The start.
+    """
+
+    def __init__(self, on_toggle: str, safe: Checkpoint) -> None:
+        self._may_change = on_toggle == "repartition"
+        self.safe = safe
+        self.careful = self.changing = False
+        self._met_at = self._changed_at = -1
+
+    def accept(self, i: int, x: Array, point: Point) -> None:
+        """Take note of an output."""
+        good = point.conditioning >= POOR
+        self.careful = self.careful and not (good and i > self._met_at)
+        self.changing = self.changing and self.careful
+        if good and not self.careful:
+            self.safe = Checkpoint(i, x, point)
+
+    def meet(self, i: int, stop: SimulationError) -> bool:
+        """Decide what to do about an obstacle met on the way to output i, from the checkpoint.
+
+        Returns
+        -------
+        bool
+            Whether to change coordinates there; else the run goes on carefully.
+
+        Raises
+        ------
+        SimulationError
+            `stop` itself, where neither helps.
+        """
+        if isinstance(stop, UncertifiedZoneError):
+            self._met_at, self.careful = i, True
+            self.changing = stop.obstacle.kind == "toggle" and self._may_change
+            return False
+        # the true curve is lost in these coordinates; others may hold it
+        known = self.changing or not isinstance(stop, ToggleError)  # else told only now what it is
+        if not self.careful or not self._may_change or (known and self.safe.i <= self._changed_at):
+            raise stop
+        self.careful = self.changing = not known
+        return known
+
+    def changed(self, safe: Checkpoint) -> None:
+        """Go on in other coordinates from here."""
+        self.safe, self._changed_at = safe, safe.i
+        self.careful = self.changing = False

@@ -1,0 +1,166 @@
+"""A warning where a run of RK4 starts with a step outside its stability region."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..dynamics.equations import Torque
+from ..dynamics.linearise import Linearisation, linearise_motion
+from ..dynamics.motion import Motion, over
+from ..dynamics.reduced_inertia import ReducedInertia
+from ..errors import RobustGcpError
+from ..maps.bridge.bridge import BridgeOptions
+from ..maps.choice import MapChoice
+from ..maps.point import Counters
+from ..maps.start import Start
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+from ..warning import warn
+
+ENOUGH = 200
+"""Calls of a torque function that are listened to: 50 steps tell of 49 coordinates."""
+
+FITS = 1e-2
+"""Relative residual up to which a torque function is taken for linear over the first steps."""
+
+SEEN = 1e-9
+"""Relative singular value below which the first steps did not show how a torque answers to a direction."""
+
+
+class StabilityWarning(RuntimeWarning):
+    """A run starts with a step outside the stability region of RK4."""
+
+
+class StabilityCheck:
+    """Linearises the equations of motion at the start, beside the run, whose map and counters it spares.
+
+    A torque function is called for nothing but the run itself, since it may be a controller with a memory.
+    How it answers to the state is read off these calls: the second and the third stage of a step ask for it
+    at one time and in two states, and so do the fourth and the next step's first.
+
+    Nothing is said at or beside a singular configuration, where the check would have to build a bridge of
+    its own, or where the linearisation fails: the run itself will tell why.
+
+    Parameters
+    ----------
+    torque : callable, array_like or None
+    step : float
+        s.
+    options : BridgeOptions
+        Of the run.
+
+    Attributes
+    ----------
+    torque : callable, array_like or None
+        What the run is to apply: the torque, listened to where it is a function.
+    """
+
+    def __init__(self, torque: Torque | ArrayLike | None, step: float, options: BridgeOptions) -> None:
+        self._step, self._options = step, options
+        self._heard: list[tuple[float, Array, Array, Array]] = []
+        self._learns = callable(torque)
+        self.torque = self._listening(torque) if callable(torque) else torque
+
+    def _listening(self, supplied: Torque) -> Torque:
+        def listened(t: float, q: Array, v: Array) -> ArrayLike:
+            if len(self._heard) >= ENOUGH:
+                return supplied(t, q, v)
+            state = t, q.copy(), v.copy()
+            given = supplied(t, q, v)
+            tau = _numbers(given, len(v))
+            if tau is not None:
+                self._heard.append((*state, tau))
+            return given
+
+        return listened
+
+    def before(self, motion: Motion) -> None:
+        """Warn before a run that begins with this motion, where no torque function has to be known."""
+        if not self._learns:
+            self._warn(motion, self._linearised, self.torque)
+
+    def after(self, motion: Motion) -> None:
+        """Warn after it where one had to."""
+        if self._learns and self._heard:
+            self._warn(motion, self._linearised_with_torque, self._heard[0][3])
+
+    def _warn(
+        self,
+        motion: Motion,
+        linearised: Callable[[Motion], Linearisation | None],
+        torque: Torque | ArrayLike | None,
+    ) -> None:
+        """Warn if the linearisation at the start, under a constant torque, says so."""
+        start = motion.start
+        if start.bridge is not None or start.point.conditioning < self._options.zone:
+            return
+        try:
+            found = linearised(self._beside(start, torque))
+        except (RobustGcpError, OverflowError):
+            return
+        if found is None or self._step <= found.largest_stable_step:
+            return
+        value = found.limiting
+        shown = f"{value.real:.4g}" + (f" ± {abs(value.imag):.4g}i" if value.imag else "")
+        warn(
+            f"step = {self._step:g} s lies outside the stability region of rk4: the fastest motion at the "
+            f"start has the eigenvalue {shown} 1/s, which allows steps up to {found.largest_stable_step:.4g} "
+            's; take a smaller step, or an implicit stepper such as stepper="Radau"',
+            StabilityWarning,
+        )
+
+    def _beside(self, start: Start, torque: Torque | ArrayLike | None) -> Motion:
+        """The same start with a path of its own, so that nothing of the run is counted or moved."""
+        path = type(start.path)(start.path.mechanism, start.path.rows, Counters())
+        choice = MapChoice(options=self._options, error_controlled=True)
+        return over(Start(path, start.point, start.ydot), torque, choice)
+
+    def _linearised(self, motion: Motion) -> Linearisation:
+        return linearise_motion(motion, 0.0, central=False)
+
+    def _linearised_with_torque(self, motion: Motion) -> Linearisation | None:
+        """A with (Gᵀ M G)⁻¹ Gᵀ ∂τ/∂(y, ẏ) of the torque function below; None where that is not known."""
+        answer = self._answer(motion.mechanism)
+        if answer is None:
+            return None
+        m, point = motion.mechanism.m, motion.start.point
+        inertia = ReducedInertia(motion.mechanism)
+        A = self._linearised(motion).A.copy()
+        columns = [inertia.solve(point.q, point.G, force) for force in (point.G.T @ answer).T]
+        A[m:] += np.array(columns).T
+        return Linearisation.of(A)
+
+    def _answer(self, mechanism: Mechanism) -> Array | None:
+        """∂τ/∂(y, ẏ), (nv, 2m), by least squares; None where the first steps do not tell."""
+        iq, iv = mechanism.iq_independent, mechanism.iv_independent
+        moved, changed = [], []
+        for (t0, q0, v0, tau0), (t1, q1, v1, tau1) in pairwise(self._heard):
+            if t0 == t1:
+                moved.append(np.concatenate([q1[iq] - q0[iq], (v1[iv] - v0[iv]) * self._step]))
+                changed.append(tau1 - tau0)
+        if len(moved) <= 2 * mechanism.m or not np.any(changed):
+            return None
+        S, D = np.array(moved), np.array(changed)
+        with np.errstate(all="ignore"):
+            size = np.linalg.norm(S, axis=1, keepdims=True)
+            S, D = S / size, D / size
+            if not (np.all(np.isfinite(S)) and np.all(np.isfinite(D))):
+                return None
+            law = np.linalg.lstsq(S, D, rcond=SEEN)[0]
+            if not np.linalg.norm(S @ law - D) <= FITS * np.linalg.norm(D):
+                return None
+        law[mechanism.m :] *= self._step
+        return np.asarray(law.T)
+
+
+def _numbers(given: object, nv: int) -> Array | None:
+    """A torque as (nv,) numbers, or None for what the run will refuse."""
+    try:
+        tau = np.array(given, dtype=float)
+    except (TypeError, ValueError):
+        return None
+    return tau if tau.shape == (nv,) and np.all(np.isfinite(tau)) else None
