@@ -135,15 +135,15 @@ class StabilityCheck:
         return Linearisation.of(A)
 
     def _answer(self, mechanism: Mechanism) -> Array | None:
-        """∂τ/∂(y, ẏ), (nv, 2m), by least squares; None where the first steps do not tell."""
+        """∂τ/∂(y, ẏ), (nv, 2m), by least squares and of least norm; None where no linear law fits."""
         iq, iv = mechanism.iq_independent, mechanism.iv_independent
         moved, changed = [], []
         for (t0, q0, v0, tau0), (t1, q1, v1, tau1) in pairwise(self._heard):
             if t0 == t1:
                 moved.append(np.concatenate([q1[iq] - q0[iq], (v1[iv] - v0[iv]) * self._step]))
                 changed.append(tau1 - tau0)
-        if len(moved) <= 2 * mechanism.m or not np.any(changed):
-            return None
+        if not np.any(changed):
+            return np.zeros((mechanism.nv, 2 * mechanism.m))
         S, D = np.array(moved), np.array(changed)
         with np.errstate(all="ignore"):
             size = np.linalg.norm(S, axis=1, keepdims=True)
