@@ -131,26 +131,36 @@ def torque_function(mechanism: Mechanism, torque: Torque | ArrayLike | None) -> 
     if not callable(torque):
         constant = mechanism.velocity(torque, "torque")
         return lambda t, q, v: constant
-    supplied: Torque = torque
+    return torque if isinstance(torque, TorqueFunction) else TorqueFunction(torque, mechanism.nv)
 
-    def checked(t: float, q: Array, v: Array) -> Array:
-        given = supplied(t, q.copy(), v.copy())
+
+class TorqueFunction:
+    """A torque function of the user's, handed copies of the state and asked for (nv,) finite real numbers.
+
+    Parameters
+    ----------
+    supplied : callable (t, q, v) -> (nv,)
+    nv : int
+    """
+
+    def __init__(self, supplied: Torque, nv: int) -> None:
+        self._supplied, self._nv = supplied, nv
+
+    def __call__(self, t: float, q: Array, v: Array) -> Array:
+        """τ at (t, q, v), (nv,)."""
+        given = self._supplied(t, q.copy(), v.copy())
         try:
             tau = real_array(given)  # a copy: the function may use its array again
         except TypeError as error:
             raise OptionError(
-                f"torque(t, q, v) returned {shown(given)}, expected (nv,) = ({mechanism.nv},) real numbers, "
+                f"torque(t, q, v) returned {shown(given)}, expected (nv,) = ({self._nv},) real numbers, "
                 "none of them masked"
             ) from error
-        if tau.shape != (mechanism.nv,):
-            raise OptionError(
-                f"torque(t, q, v) returned shape {tau.shape}, expected (nv,) = ({mechanism.nv},)"
-            )
+        if tau.shape != (self._nv,):
+            raise OptionError(f"torque(t, q, v) returned shape {tau.shape}, expected (nv,) = ({self._nv},)")
         if not np.all(np.isfinite(tau)):
             raise NonFiniteError(f"torque(t, q, v) returned {tau} at t = {t:.6g} s")
         return tau
-
-    return checked
 
 
 def constraint_forces(mechanism: Mechanism, q: Array, v: Array, a: Array, tau: Array | None) -> Array:

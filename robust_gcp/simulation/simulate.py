@@ -137,7 +137,7 @@ def simulate(
     choice = MapChoice(method, options, newton_start, threshold, error_controlled=not fixed)
     counters = Counters()
     begun = time.perf_counter()
-    stability = StabilityCheck(torque, float(times[1]), options) if fixed else None
+    stability = StabilityCheck(mechanism, torque, float(times[1]), options) if fixed else None
     torque = torque if stability is None else stability.torque
     motion = set_out(mechanism, q0, v0, mode, torque, choice, counters)
     if stability is not None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..dynamics.equations import Torque
+from ..dynamics.equations import Torque, TorqueFunction
 from ..dynamics.linearise import Linearisation, linearise_motion
 from ..dynamics.motion import Motion, over
 from ..dynamics.reduced_inertia import ReducedInertia
@@ -31,6 +31,10 @@ SEEN = 1e-9
 """Relative singular value below which the first steps did not show how a torque answers to a direction."""
 
 
+Call = tuple[float, Array, Array, Array]
+"""t, q, v and τ."""
+
+
 class StabilityWarning(RuntimeWarning):
     """A run starts with a step outside the stability region of RK4."""
 
@@ -47,6 +51,7 @@ class StabilityCheck:
 
     Parameters
     ----------
+    mechanism : Mechanism
     torque : callable, array_like or None
     step : float
         s.
@@ -59,34 +64,22 @@ class StabilityCheck:
         What the run is to apply: the torque, listened to where it is a function.
     """
 
-    def __init__(self, torque: Torque | ArrayLike | None, step: float, options: BridgeOptions) -> None:
+    def __init__(
+        self, mechanism: Mechanism, torque: Torque | ArrayLike | None, step: float, options: BridgeOptions
+    ) -> None:
         self._step, self._options = step, options
-        self._heard: list[tuple[float, Array, Array, Array]] = []
-        self._learns = callable(torque)
-        self.torque = self._listening(torque) if callable(torque) else torque
-
-    def _listening(self, supplied: Torque) -> Torque:
-        def listened(t: float, q: Array, v: Array) -> ArrayLike:
-            if len(self._heard) >= ENOUGH:
-                return supplied(t, q, v)
-            state = t, q.copy(), v.copy()
-            given = supplied(t, q, v)
-            tau = _numbers(given, len(v))
-            if tau is not None:
-                self._heard.append((*state, tau))
-            return given
-
-        return listened
+        self._listener = _Listener(torque, mechanism.nv) if callable(torque) else None
+        self.torque = self._listener or torque
 
     def before(self, motion: Motion) -> None:
         """Warn before a run that begins with this motion, where no torque function has to be known."""
-        if not self._learns:
+        if self._listener is None:
             self._warn(motion, self._linearised, self.torque)
 
     def after(self, motion: Motion) -> None:
         """Warn after it where one had to."""
-        if self._learns and self._heard:
-            self._warn(motion, self._linearised_with_torque, self._heard[0][3])
+        if self._listener is not None and self._listener.heard:
+            self._warn(motion, self._linearised_with_torque, self._listener.heard[0][3])
 
     def _warn(
         self,
@@ -124,7 +117,7 @@ class StabilityCheck:
 
     def _linearised_with_torque(self, motion: Motion) -> Linearisation | None:
         """A with (Gᵀ M G)⁻¹ Gᵀ ∂τ/∂(y, ẏ) of the torque function below; None where that is not known."""
-        answer = self._answer(motion.mechanism)
+        answer = _answer(motion.mechanism, self._listener.heard if self._listener else [], self._step)
         if answer is None:
             return None
         m, point = motion.mechanism.m, motion.start.point
@@ -134,33 +127,39 @@ class StabilityCheck:
         A[m:] += np.array(columns).T
         return Linearisation.of(A)
 
-    def _answer(self, mechanism: Mechanism) -> Array | None:
-        """∂τ/∂(y, ẏ), (nv, 2m), by least squares and of least norm; None where no linear law fits."""
-        iq, iv = mechanism.iq_independent, mechanism.iv_independent
-        moved, changed = [], []
-        for (t0, q0, v0, tau0), (t1, q1, v1, tau1) in pairwise(self._heard):
-            if t0 == t1:
-                moved.append(np.concatenate([q1[iq] - q0[iq], (v1[iv] - v0[iv]) * self._step]))
-                changed.append(tau1 - tau0)
-        if not np.any(changed):
-            return np.zeros((mechanism.nv, 2 * mechanism.m))
-        S, D = np.array(moved), np.array(changed)
-        with np.errstate(all="ignore"):
-            size = np.linalg.norm(S, axis=1, keepdims=True)
-            S, D = S / size, D / size
-            if not (np.all(np.isfinite(S)) and np.all(np.isfinite(D))):
-                return None
-            law = np.linalg.lstsq(S, D, rcond=SEEN)[0]
-            if not np.linalg.norm(S @ law - D) <= FITS * np.linalg.norm(D):
-                return None
-        law[mechanism.m :] *= self._step
-        return np.asarray(law.T)
+
+class _Listener(TorqueFunction):
+    """A torque function whose first calls are noted."""
+
+    def __init__(self, supplied: Torque, nv: int) -> None:
+        super().__init__(supplied, nv)
+        self.heard: list[Call] = []
+
+    def __call__(self, t: float, q: Array, v: Array) -> Array:
+        tau = super().__call__(t, q, v)
+        if len(self.heard) < ENOUGH:
+            self.heard.append((t, q.copy(), v.copy(), tau))
+        return tau
 
 
-def _numbers(given: object, nv: int) -> Array | None:
-    """A torque as (nv,) numbers, or None for what the run will refuse."""
-    try:
-        tau = np.array(given, dtype=float)
-    except (TypeError, ValueError):
-        return None
-    return tau if tau.shape == (nv,) and np.all(np.isfinite(tau)) else None
+def _answer(mechanism: Mechanism, heard: Sequence[Call], step: float) -> Array | None:
+    """∂τ/∂(y, ẏ), (nv, 2m), by least squares and of least norm; None where no linear law fits."""
+    iq, iv = mechanism.iq_independent, mechanism.iv_independent
+    moved, changed = [], []
+    for (t0, q0, v0, tau0), (t1, q1, v1, tau1) in pairwise(heard):
+        if t0 == t1:
+            moved.append(np.concatenate([q1[iq] - q0[iq], (v1[iv] - v0[iv]) * step]))
+            changed.append(tau1 - tau0)
+    if not np.any(changed):
+        return np.zeros((mechanism.nv, 2 * mechanism.m))
+    S, D = np.array(moved), np.array(changed)
+    with np.errstate(all="ignore"):
+        size = np.linalg.norm(S, axis=1, keepdims=True)
+        S, D = S / size, D / size
+        if not (np.all(np.isfinite(S)) and np.all(np.isfinite(D))):
+            return None
+        law = np.linalg.lstsq(S, D, rcond=SEEN)[0]
+        if not np.linalg.norm(S @ law - D) <= FITS * np.linalg.norm(D):
+            return None
+    law[mechanism.m :] *= step
+    return np.asarray(law.T)
