@@ -14,7 +14,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..errors import BranchError
-from ..mechanism.loops import CLOSED, ClosedLoops
+from ..mechanism.loops import ClosedLoops
+from ..mechanism.tolerances import BENDING, CLOSED, LOCATING
 from ..mechanism.tree import Array
 from .local import LocalAnalysis
 from .second_order import full_svd, second_order_forms
@@ -142,7 +143,7 @@ class Continuation:
         """Curvature of the curve, u'' = K⁺ k at unit speed, dimensionless."""
         U, s, Vt = frame
         k = self.mechanism.k(q, self.scale * t) / self.mechanism.row_scale
-        kept = s[: self.rank] > 1e-3 * s[0]
+        kept = s[: self.rank] > BENDING * s[0]
         parts = (U[:, : self.rank].T @ k)[kept] / s[: self.rank][kept]
         return Vt[: self.rank][kept].T @ parts
 
@@ -165,7 +166,7 @@ class Continuation:
                 return here
             (H,) = second_order_forms(m, here, (u @ rows)[:, None], basis)
             J = np.block([[K, np.zeros((r, r))], [H, K.T], [np.zeros((1, m.nv)), u[None, :]]])
-            move = np.linalg.lstsq(J, -F, rcond=1e-10)[0]
+            move = np.linalg.lstsq(J, -F, rcond=LOCATING)[0]
             here, u = m.tree.integrate(here, self.scale * move[: m.nv]), u + move[m.nv :]
             if self.torus.distance(q, here) > 1.5 * REACH:
                 return None

@@ -10,24 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..checks import check_between, check_mechanism
-from ..mechanism.loops import CLOSED, NEARLY_CLOSED, ClosedLoops
+from ..mechanism.loops import ClosedLoops
 from ..mechanism.partition import numerical_rank
+from ..mechanism.rank import rank_along
+from ..mechanism.tolerances import DETERMINES, FORM, NEARLY_CLOSED, RANK
 from ..mechanism.tree import Array
 from .second_order import bending, curvature, full_svd, orthonormal, second_order_forms
 
 Kind = Literal["regular", "redundant", "singular", "not certified"]
-
-RANK_TOLERANCE = 1e-8
-"""σ/σ_max below which a singular value of the scaled K counts as zero in `analyse`.
-
-Near a singularity σ grows like the distance, and a configuration typed or computed to 1e-9 rad
-should be recognised."""
-
-FORM_TOLERANCE = 1e-6
-"""Eigenvalue ratio below which a direction of a second-order form counts as flat."""
-
-NEARBY = 1e-2
-"""How far, in dimensionless velocity units, the generic rank is looked up along a direction."""
 
 MAX_COMBINATIONS = 256
 """Modes enumerated when several loops are singular at once; 2 for each loop."""
@@ -82,7 +72,7 @@ class LocalAnalysis:
         return max((1 if t.ndim == 1 else t.shape[1] for t in self.modes), default=0)
 
 
-def analyse(mechanism: ClosedLoops, q: ArrayLike, rank_tolerance: float = RANK_TOLERANCE) -> LocalAnalysis:
+def analyse(mechanism: ClosedLoops, q: ArrayLike, rank_tolerance: float = RANK) -> LocalAnalysis:
     """Rank, kernel, operation modes and classification at a closed configuration.
 
     With N a basis of ker K and u a left null vector, a motion with tangent N w needs
@@ -132,9 +122,9 @@ def analyse(mechanism: ClosedLoops, q: ArrayLike, rank_tolerance: float = RANK_T
         tangent = (_direction(kernel),) if kernel.shape[1] else ()
         return answer("regular", rank, tangent, f"K has full rank {rank}: one smooth mode")
     forms = second_order_forms(mechanism, q, left, kernel)
-    bent, flat = bending(forms, FORM_TOLERANCE * curvature(mechanism, q))
+    bent, flat = bending(forms, FORM * curvature(mechanism, q))
     if bent.shape[1] == 0:
-        generic = _rank_along(mechanism, q, kernel, rank_tolerance)
+        generic = rank_along(mechanism, q, kernel, rank_tolerance)
         if generic == rank:
             words = f"K keeps rank {rank} of {len(K)} rows nearby: redundant closures, one smooth mode"
             return answer("redundant", rank, (_direction(kernel),), words)
@@ -149,7 +139,7 @@ def analyse(mechanism: ClosedLoops, q: ArrayLike, rank_tolerance: float = RANK_T
     kind, modes, words = _factored(forms, kernel)
     if modes and flat.shape[1]:
         # what second order leaves flat must be redundant along every mode
-        nearby = [_rank_along(mechanism, q, t.reshape(len(kernel), -1), rank_tolerance) for t in modes]
+        nearby = [rank_along(mechanism, q, t.reshape(len(kernel), -1), rank_tolerance) for t in modes]
         if any(found > generic for found in nearby):
             words = f"rank {max(nearby)} nearby, of which second order explains {generic} only"
             return answer("not certified", max(nearby), (), words, tuple(forms))
@@ -165,7 +155,7 @@ def _factored(forms: list[Array], kernel: Array) -> tuple[Kind, tuple[Array, ...
     for form in forms:
         values, vectors = np.linalg.eigh(form)
         size = np.abs(values).max()
-        active = np.flatnonzero(np.abs(values) > FORM_TOLERANCE * size)
+        active = np.flatnonzero(np.abs(values) > FORM * size)
         signs = np.sign(values[active])
         if len(active) == kernel.shape[1] and abs(int(signs.sum())) == len(active):
             return "singular", (), "the second-order form is definite: an isolated point"
@@ -186,7 +176,7 @@ def _factored(forms: list[Array], kernel: Array) -> tuple[Kind, tuple[Array, ...
     for combination in product(*planes):
         normals = np.array(combination)
         _, sigma, Vt = np.linalg.svd(normals)
-        if numerical_rank(sigma, FORM_TOLERANCE) < len(normals):
+        if numerical_rank(sigma, FORM) < len(normals):
             words = "the loops' second-order conditions are not independent: not decided at second order"
             return "not certified", (), words
         if kernel.shape[1] > len(normals):
@@ -207,24 +197,11 @@ def _decoupled(mechanism: ClosedLoops, left: Array) -> Array:
             return left
         _, s, Vt = np.linalg.svd(outside)
         s = np.concatenate([s, np.zeros(Vt.shape[0] - len(s))])
-        own += [left @ v for v in Vt[s < 1e-6]]
+        own += [left @ v for v in Vt[s < DETERMINES]]
     basis = np.array(own).T
-    if len(own) == left.shape[1] and np.linalg.svd(basis, compute_uv=False)[-1] > 1e-6:
+    if len(own) == left.shape[1] and np.linalg.svd(basis, compute_uv=False)[-1] > DETERMINES:
         return basis
     return left
-
-
-def _rank_along(mechanism: ClosedLoops, q: Array, kernel: Array, tolerance: float) -> int:
-    """Largest rank of K a little way along the kernel, back on the constraint."""
-    best = 0
-    for direction in kernel.T:
-        size = np.abs(direction / mechanism.column_scale).max()
-        near = mechanism.tree.integrate(q, direction * (NEARBY / size))
-        near = mechanism.polish(near, np.arange(mechanism.nv))
-        if mechanism.closure_residual(near) <= CLOSED:
-            s = full_svd(mechanism.scaled(mechanism.K(near)))[1]
-            best = max(best, numerical_rank(s, max(tolerance, 1e-6)))
-    return best
 
 
 def _direction(basis: Array) -> Array:

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..mechanism.loops import ClosedLoops
 from ..mechanism.partition import numerical_rank
+from ..mechanism.tolerances import RANK_BESIDE
 from ..mechanism.tree import Array
 
 
@@ -51,7 +52,7 @@ def transversality(mechanism: ClosedLoops, q: Array, G: Array, rank: int) -> flo
     """
     K = mechanism.scaled(mechanism.K(q))
     U, s, Vt = full_svd(K)
-    here = numerical_rank(s, 1e-5)
+    here = numerical_rank(s, RANK_BESIDE)
     if here >= rank:
         return 1.0
     tangents = orthonormal(G / mechanism.column_scale[:, None])

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ..checks import check_mechanism, check_number
 from ..errors import ClosureError, OptionError
-from ..mechanism.loops import CLOSED
 from ..mechanism.mechanism import Mechanism
+from ..mechanism.tolerances import CLOSED, SINGULAR_HOME
 from ..mechanism.tree import Array
 from .configuration_space import ConfigurationSpace, ModeCurve, Visit
 from .curve import STEP, Continuation, Curve
@@ -26,9 +26,6 @@ SAME_POINT = 1e-6
 
 WELL_APART = 0.1
 """Conditioning of K from which a found configuration is clearly on one mode."""
-
-SINGULAR_HOME = 1e-6
-"""Conditioning of K below which home itself is a singular point."""
 
 
 def trace_modes(mechanism: Mechanism, seeds: int = SEEDS) -> ConfigurationSpace:

@@ -15,14 +15,12 @@ from ..maps.explicit import ExplicitMap
 from ..maps.point import Point
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.partition import numerical_rank
+from ..mechanism.tolerances import STRUCTURAL
 from ..mechanism.tree import Array
 from .reduced_inertia import ReducedInertia
 
 Torque = Callable[[float, Array, Array], ArrayLike]
 CheckedTorque = Callable[[float, Array, Array], Array]
-
-REDUNDANT = 1e-9
-"""Relative singular value below which a constraint direction counts as redundant in (2)."""
 
 
 @dataclass(slots=True)
@@ -194,7 +192,7 @@ class _Split:
     def __init__(self, mechanism: Mechanism, q: Array) -> None:
         self._rows, self._columns = mechanism.row_scale, mechanism.column_scale
         U, s, Nt = np.linalg.svd(mechanism.scaled(mechanism.K(q)))
-        rank = numerical_rank(s, REDUNDANT)
+        rank = numerical_rank(s, STRUCTURAL)
         self._U, self._s, self._N = U[:, :rank], s[:rank], Nt[:rank].T
         self.free: Array = self._columns[:, None] * Nt[rank:].T
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..mechanism.constraint import ImplicitConstraint
-from ..mechanism.loops import STRUCTURAL
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.partition import Block, triangular_blocks
+from ..mechanism.tolerances import STRUCTURAL
 from ..mechanism.tree import Array
 from .blocks import BlockFactor
 from .point import Counters, Point

@@ -14,16 +14,15 @@ from ..errors import (
     SingularStartError,
     ToggleError,
 )
-from ..mechanism.loops import NEARLY_CLOSED
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.partition import spelled
+from ..mechanism.tolerances import DETERMINES, NEARLY_CLOSED, SAME_MODE, SINGULAR_START
 from ..mechanism.tree import Array
 from .bridge.bridge import Bridge, BridgeOptions, Builder, NoBridgeError
 from .march import same_branch
 from .point import Counters, Point
 from .regular_path import RegularPath
 from .start_check import (
-    SAME_MODE,
     apart,
     checked_mode,
     require_compatible,
@@ -34,8 +33,12 @@ from .start_check import (
 )
 from .unrolled import regular_path
 
-SINGULAR = 1e-5
-"""Conditioning of K_d below which a start counts as singular: G has lost ten digits there."""
+LARGEST, SMALLEST = 0.05, 1e-5
+"""Distances of the first nodes from a singular start, dimensionless: halved until a bridge is certified.
+Below the smaller one K has lost the digits that the bridge is to restore."""
+
+ALONG = 1e-2
+"""Largest turn of G on a bridge against that of the chosen mode: another mode turns by the order of 1."""
 
 
 @dataclass
@@ -93,13 +96,13 @@ def begin(
     ydot = v[mechanism.iv_independent]
     y = q[mechanism.iq_independent]
     path = regular_path(mechanism, mechanism.select_rows(mechanism.K(q)), counters)
-    if path.nd == 0 or path.worst_conditioning(q) > SINGULAR:
+    if path.nd == 0 or path.worst_conditioning(q) > SINGULAR_START:
         point = path.derivatives(path.closed_at(q), y, ydot)
         require_mobility(mechanism, q, path)
         require_mode(mechanism, mode, point.G)
         require_velocity_in_mode(mechanism, v, point.G)
         return Start(path, point, ydot)
-    picture = analyse(mechanism, q, rank_tolerance=10.0 * SINGULAR)
+    picture = analyse(mechanism, q, rank_tolerance=10.0 * SINGULAR_START)
     counters.second_order += 1
     if picture.kind == "regular" or picture.kind == "redundant":
         choices = [names for _, names in mechanism.coordinate_choices(q)]
@@ -150,11 +153,11 @@ def _parametrised(mechanism: Mechanism, tangent: Array, y: Array) -> Array:
     block = tangent[mechanism.iv_independent]
     s = np.linalg.svd(tangent / mechanism.column_scale[:, None], compute_uv=False)
     s_block = np.linalg.svd(block / mechanism.column_scale[mechanism.iv_independent, None], compute_uv=False)
-    if s_block[-1] < 1e-6 * s[0]:
+    if s_block[-1] < DETERMINES * s[0]:
         moving = [
             n
             for n in mechanism.joint_names
-            if np.abs(tangent[mechanism.velocity_slice(n)]).max() > 1e-6 * np.abs(tangent).max()
+            if np.abs(tangent[mechanism.velocity_slice(n)]).max() > DETERMINES * np.abs(tangent).max()
         ]
         raise ToggleError(
             f"{', '.join(mechanism.independent)} stays at rest on this mode and cannot parametrise it; "
@@ -172,8 +175,8 @@ def _bridge_along(
     y = q[mechanism.iq_independent]
     motion = np.abs(G / mechanism.column_scale[:, None]).max(axis=0)
     reasons: list[str] = []
-    size = 0.05
-    while size > 1e-5:
+    size = LARGEST
+    while size > SMALLEST:
         direction = _outward(mechanism, path, q, y, G, motion, size)
         if direction is not None:
             d, point = direction
@@ -185,7 +188,7 @@ def _bridge_along(
                 here = bridge.line.at(bridge.parameter(y), np.zeros(mechanism.m))
                 gap = path.size(mechanism.tree.difference(q, here.q))
                 turn = np.abs((here.G - G) / mechanism.column_scale[:, None]).max() / motion.max()
-                if gap < 10.0 * np.sqrt(SINGULAR) * size and turn < 1e-2:
+                if gap < 10.0 * np.sqrt(SINGULAR_START) * size and turn < ALONG:
                     return bridge
                 reasons.append("the bridge does not pass through q0 along the mode")
         size *= 0.5

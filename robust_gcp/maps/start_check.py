@@ -9,17 +9,12 @@ from ..checks import real_array, shown
 from ..errors import NonFiniteError, OptionError, PartitionError, StateError
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.partition import numerical_rank, spelled
+from ..mechanism.tolerances import COMPATIBLE, RANK, SAME_MODE
 from ..mechanism.tree import Array
 from .regular_path import RegularPath
 
-COMPATIBLE = 1e-6
-"""Largest |K v| relative to |K| |v| of an initial velocity that satisfies the constraint."""
-
 FASTEST = 1e50
 """rad/s or m/s: accelerations grow with the square, and products of those must stay finite."""
-
-SAME_MODE = 1e-4
-"""Sine of the largest angle, dimensionless velocities, between tangents of the same mode."""
 
 
 def require_finite_energy(mechanism: Mechanism, v: Array) -> None:
@@ -63,7 +58,7 @@ def require_mobility(mechanism: Mechanism, q: Array, path: RegularPath) -> None:
     if mechanism.nc == path.nd:
         return
     s = np.linalg.svd(mechanism.scaled(mechanism.K(q)), compute_uv=False)
-    rank = numerical_rank(s, 1e-8)
+    rank = numerical_rank(s, RANK)
     if rank > path.nd:
         choices = [names for _, names in mechanism.coordinate_choices(q)]
         raise PartitionError(

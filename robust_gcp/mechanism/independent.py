@@ -8,10 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..analysis.local import analyse
 from ..errors import PartitionError
-from .loops import CLOSED, STRUCTURAL, ClosedLoops
+from .loops import ClosedLoops
 from .partition import independent_rows, numerical_rank, spelled, triangular_blocks
+from .rank import singular_words
+from .tolerances import CLOSED, DETERMINES, RANK, STRUCTURAL
 from .tree import Array
 
 log = logging.getLogger(__name__)
@@ -27,20 +28,22 @@ def best_at_home(loops: ClosedLoops, home: Array, name: str) -> tuple[Array, tup
     """
     if loops.closure_residual(home) > CLOSED:
         home = loops.close_loops(home, np.arange(loops.nv))
-    picture = analyse(loops, home)
+    words = singular_words(loops, home)
+    if words:
+        raise PartitionError(
+            f"independent = 'auto' needs a regular home configuration, and home is singular ({words}); give "
+            "another home, or name the joints"
+        )
     choices = loops.coordinate_choices(home)
-    freedom = picture.differential_dof
-    if picture.kind in ("regular", "redundant") and not choices:
+    if not choices:
         single = [joint.name for joint in loops.joints if joint.single]
+        freedom = loops.nv - numerical_rank(
+            np.linalg.svd(loops.scaled(loops.K(home)), compute_uv=False), RANK
+        )
         raise PartitionError(
             f"independent = 'auto': the mechanism has {freedom} degrees of freedom, and its joints with "
             f"one number each ({', '.join(single) or 'none'}) do not parametrise them; give the tree "
             "more such joints, for instance a chain of revolute and prismatic ones for a free body"
-        )
-    if picture.kind not in ("regular", "redundant"):
-        raise PartitionError(
-            f"independent = 'auto' needs a regular home configuration, and home is {picture.kind} "
-            f"({picture.message}); give another home, or name the joints"
         )
     quality, names = choices[0]
     log.info("%s: independent joints %s (conditioning %.2g)", name, ", ".join(names), quality)
@@ -72,7 +75,7 @@ def require_determined(
     _, _, Vt = np.linalg.svd(jacobians[0])
     moving = np.zeros(loops.nv)
     moving[iv_dependent] = np.max(np.abs(Vt[rank:]), axis=0)
-    culprits = [n for n in dependent if np.any(moving[loops.velocity_slice(n)] > 1e-6)]
+    culprits = [n for n in dependent if np.any(moving[loops.velocity_slice(n)] > DETERMINES)]
     # joints whose complement the closures determine at a generic configuration
     suggestions = [names for _, names in loops.coordinate_choices(seen[0])]
     hint = "; sets that would serve: " + spelled(suggestions) if suggestions else ""

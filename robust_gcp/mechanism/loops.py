@@ -21,19 +21,8 @@ from .joints import Joint, joint_named
 from .loop_graph import characteristic_length
 from .memo import Memo
 from .partition import numerical_rank, ranked_choices
+from .tolerances import CLOSED, POLISHED, ROUNDED, STRUCTURAL
 from .tree import Array, Tree, require_depth_first
-
-CLOSED = 1e-12
-"""Largest |φ| / length of a configuration that counts as closed: some thousand roundings."""
-
-NEARLY_CLOSED = 1e-6
-"""Largest |φ| / length of a start that is polished instead of refused: rounded input, not an open loop."""
-
-ROUNDED = 1e-3
-"""Distance from 1 of the norm of a quaternion that is normalised instead of refused: rounded input."""
-
-STRUCTURAL = 1e-9
-"""Relative size below which an entry or singular value at random configurations is a structural zero."""
 
 
 class ClosedLoops:
@@ -201,7 +190,7 @@ class ClosedLoops:
         best, size = q, self.closure_residual(q)
         for _ in range(10):
             K = self.scaled(self.K(best))[:, free]
-            step = np.linalg.pinv(K, rcond=1e-6) @ (self.phi(best) / self.row_scale)
+            step = np.linalg.pinv(K, rcond=POLISHED) @ (self.phi(best) / self.row_scale)
             dv = np.zeros(self.nv)
             dv[free] = -step * self.column_scale[free]
             trial = self.tree.integrate(best, dv)

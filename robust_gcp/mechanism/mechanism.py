@@ -23,6 +23,7 @@ from .independent import best_at_home, require_determined
 from .loops import ClosedLoops
 from .partition import independent_rows
 from .recommended import Recommended
+from .tolerances import RANK
 from .tree import Array
 
 
@@ -202,7 +203,7 @@ class Mechanism(ClosedLoops):
         """K_d⁻¹ rhs, in the least-squares sense over redundant rows."""
         K = self.scaled(self.K(q))[:, self.iv_dependent]
         rhs = (rhs.T / self.row_scale).T
-        u, _, rank, _ = np.linalg.lstsq(K, rhs, rcond=1e-8)
+        u, _, rank, _ = np.linalg.lstsq(K, rhs, rcond=RANK)
         if rank < len(self.iv_dependent):
             raise StateError(
                 "K_d is singular at q, so ẏ does not determine v; take v along a mode of analyse"

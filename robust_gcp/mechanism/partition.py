@@ -12,6 +12,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from .tolerances import DETERMINES
 from .tree import Array
 
 Index = NDArray[np.int64]
@@ -102,7 +103,7 @@ def spelled(choices: Sequence[Sequence[str]]) -> str:
 
 
 def ranked_choices(
-    kernel: Array, candidates: Index, names: list[str], limit: int = 5, floor: float = 1e-6
+    kernel: Array, candidates: Index, names: list[str], limit: int = 5
 ) -> list[tuple[float, tuple[str, ...]]]:
     """Sets of joints that parametrise the directions `kernel`, best conditioned first.
 
@@ -127,7 +128,7 @@ def ranked_choices(
     scored = []
     for chosen in sets:
         quality = float(np.linalg.svd(kernel[candidates[list(chosen)]], compute_uv=False)[-1])
-        if quality > floor:
+        if quality > DETERMINES:
             scored.append((round(quality, 12), tuple(names[i] for i in chosen)))
     scored.sort(key=lambda item: -item[0])
     return scored[:limit]

@@ -54,7 +54,7 @@ def assert_certified(mech: rg.Mechanism, here: rg.LocalAnalysis) -> None:
     for basis in (here.kernel, here.left_kernel):
         np.testing.assert_allclose(basis.T @ basis, np.eye(basis.shape[1]), atol=1e-12)
     scale = max(1.0, np.abs(K).max())
-    assert np.abs(K @ here.kernel).max(initial=0.0) <= 1e-7 * scale  # RANK_TOLERANCE 1e-8
+    assert np.abs(K @ here.kernel).max(initial=0.0) <= 1e-7 * scale  # RANK 1e-8
     assert np.abs(here.left_kernel.T @ K).max(initial=0.0) <= 1e-7 * scale
     assert here.rank + here.kernel.shape[1] == mech.nv
     assert here.rank + here.left_kernel.shape[1] == mech.nc
@@ -112,7 +112,7 @@ def test_flat_poses_where_two_modes_meet(where: str) -> None:
 
 @pytest.mark.parametrize("error", (1e-12, 1e-10, 1e-9))
 def test_a_singular_configuration_is_recognised_when_typed(error: float) -> None:
-    """To 1e-9 rad: σ₂ grows like the distance, and RANK_TOLERANCE is 1e-8."""
+    """To 1e-9 rad: σ₂ grows like the distance, and RANK is 1e-8."""
     here = rg.analyse(rg.load("rhombus"), [error, -error, error])
     assert here.kind == "singular"
     assert_modes(here, [[0.0, 1.0, 1.0], [1.0, -1.0, 1.0]])

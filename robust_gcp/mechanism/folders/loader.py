@@ -13,8 +13,8 @@ from ..closures import Closure, closure_kinds
 from ..formats.mjcf import model_from_mjcf
 from ..formats.text_file import inside, is_file, path_of
 from ..formats.urdf import model_from_urdf
-from ..loops import NEARLY_CLOSED
 from ..mechanism import Mechanism
+from ..tolerances import NEARLY_CLOSED
 from .gepetto import joint_changes, with_joint_changes
 from .own_block import forces_of, home_of, own_block, recommended_of, set_gravity, with_axes
 from .yaml_text import parsed_yaml

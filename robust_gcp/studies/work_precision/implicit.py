@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ...dynamics.equations import REDUNDANT
 from ...errors import SimulationError
 from ...mechanism.mechanism import Mechanism
+from ...mechanism.tolerances import STRUCTURAL
 from ...mechanism.tree import Array
 from ..contender import Kind, Outcome, Scene
 from .stepping import stepped
@@ -75,7 +75,7 @@ class Equations:
             else:
                 if np.all(np.isfinite(solution)):
                     return solution
-        least: Array = np.linalg.lstsq(self._matrix, self._right, rcond=REDUNDANT)[0]
+        least: Array = np.linalg.lstsq(self._matrix, self._right, rcond=STRUCTURAL)[0]
         return least
 
 
@@ -119,7 +119,7 @@ class Implicit:
         """A run with the given gains."""
         if scene.name not in self._redundant:
             s = np.linalg.svd(scene.mechanism.K(scene.q0), compute_uv=False)
-            self._redundant[scene.name] = bool(np.any(s <= REDUNDANT * s.max(initial=0.0)))
+            self._redundant[scene.name] = bool(np.any(s <= STRUCTURAL * s.max(initial=0.0)))
         rate = Equations(scene.mechanism, *gains, self._redundant[scene.name])
         x, n = np.concatenate([scene.q0, scene.v0]), scene.mechanism.nv
         states, seconds, stopped = stepped(rate, x, scene.times, self.stepper, setting)
