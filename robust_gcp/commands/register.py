@@ -67,6 +67,9 @@ COMMANDS = (
         "stiff and extreme cases against steppers: right, stopped with a reason, or wrong",
         ".studies.stability.command",
     ),
+    Command(
+        "fuzz", "spoilt model files: each must be read, or refused by a typed error", ".studies.fuzz.command"
+    ),
 )
 
 

@@ -39,9 +39,10 @@ def mjcf(mechanism: Mechanism) -> str:
         for shift in shifts:
             one, two = (_site(bodies, place, shift) for place in ends)
             ElementTree.SubElement(equality, "connect", site1=one, site2=two)
-    tendons = ElementTree.SubElement(root, "tendon")
-    for spring in mechanism.forces:
-        if isinstance(spring, PointSpring):
+    springs = [force for force in mechanism.forces if isinstance(force, PointSpring)]
+    if springs:
+        tendons = ElementTree.SubElement(root, "tendon")
+        for spring in springs:
             tendon = ElementTree.SubElement(
                 tendons,
                 "spatial",
