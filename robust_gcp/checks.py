@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import difflib
 import math
+import os
 import reprlib
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -47,8 +49,33 @@ def shown(value: Any) -> str:
 
 def hint(name: Any, known: Iterable[str]) -> str:
     """`; did you mean …?` where known names are near, else nothing."""
-    near = difflib.get_close_matches(str(name), list(known), n=3)
+    near = difflib.get_close_matches(str(name), list(known), n=3) if isinstance(name, str | Path) else []
     return f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
+
+
+def check_text(what: str, value: Any) -> None:
+    """Refuse what is no text where a name is needed, by a ModelError."""
+    if not isinstance(value, str):
+        raise ModelError(f"{what} must be a name, not {shown(value)}")
+
+
+def names_given(what: str, value: Any) -> list[str]:
+    """A list of names, or an OptionError."""
+    names = listed(value, what, "names", OptionError)
+    if not all(isinstance(name, str) for name in names):
+        raise OptionError(f"{what} = {shown(value)} must be a list of names")
+    return names
+
+
+def path_given(name: str, value: Any) -> Path:
+    """The path that an argument gives, or an OptionError."""
+    try:
+        sound = b"\0" not in os.fsencode(value) and isinstance(os.fspath(value), str)
+    except (TypeError, ValueError):  # no path, or halves of characters that no system writes
+        sound = False
+    if not sound:
+        raise OptionError(f"{name} = {shown(value)} is not a path; give a str or a pathlib.Path")
+    return Path(value)
 
 
 def check_number(name: str, value: Any) -> None:
@@ -78,6 +105,12 @@ def check_choice(name: str, value: Any, allowed: Sequence[str]) -> None:
         raise OptionError(f"{name} = {shown(value)} is unknown; use one of {', '.join(allowed)}")
 
 
+def check_callable(name: str, value: Any, arguments: str) -> None:
+    """Refuse what is neither None nor a function."""
+    if value is not None and not callable(value):
+        raise OptionError(f"{name} = {shown(value)} must be a function {arguments}")
+
+
 def check_mechanism(value: Any, kind: type[Any], function: str) -> None:
     """Refuse a model's name or a `pin.Model` where a mechanism (of type `kind`) is needed."""
     if isinstance(value, kind):
@@ -98,7 +131,7 @@ def listed(value: Any, what: str, items: str, error_type: type[RobustGcpError] =
         raise error_type(f"{what} must be a list of {items}, not {shown(value)}{hint}")
     try:
         return list(value)
-    except TypeError as error:  # an array without dimensions
+    except Exception as error:  # an array without dimensions, an iterator that fails
         raise error_type(f"{what} must be a list of {items}, not {shown(value)}") from error
 
 

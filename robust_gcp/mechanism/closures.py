@@ -21,7 +21,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from ..checks import hint
+from ..checks import check_text, hint, real_array
 from ..errors import ModelError
 
 Index = NDArray[np.int64]
@@ -145,8 +145,8 @@ class AxisClosure(Closure):
             Where the axis is no direction.
         """
         try:
-            axis = np.asarray(self.axis, dtype=float)
-        except (TypeError, ValueError):
+            axis = real_array(self.axis)
+        except TypeError:
             axis = np.zeros(0)
         norm = float(np.linalg.norm(axis))
         if axis.shape != (3,) or not np.isfinite(norm) or norm == 0.0:
@@ -292,6 +292,7 @@ def frame_of(model: pin.Model, name: str, owner: str) -> pin.Frame:
 
     A joint and a link of the same name share one place, and either will do.
     """
+    check_text(owner, name)
     found = [frame for frame in model.frames if frame.name == name]
     if not found:
         near = hint(name, {f.name for f in model.frames})

@@ -13,7 +13,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.polynomial import polynomial
 
-from ..checks import check_number, shown
+from ..checks import check_number, check_text, shown
 from ..errors import ModelError, OptionError
 from .closures import Closure
 from .joints import Array, Joint, single_joint
@@ -46,6 +46,8 @@ class CouplingClosure:
     kind: ClassVar[str] = "coupling"
 
     def __post_init__(self) -> None:
+        for what in ("joint1", "joint2"):
+            check_text(f"CouplingClosure: {what}", getattr(self, what))
         label = f"CouplingClosure {self.joint1} – {self.joint2}"
         if self.joint1 == self.joint2:
             raise ModelError(f"{label}: a joint cannot follow itself; name two joints")

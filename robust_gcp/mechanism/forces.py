@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from ..checks import check_number, shown
+from ..checks import check_number, check_text, shown
 from ..errors import ModelError, OptionError, SimulationError
 from .closures import frame_of
 from .joints import joint_named, single_joint, support
@@ -35,6 +35,7 @@ class JointSpring:
     rest: float = 0.0
 
     def __post_init__(self) -> None:
+        check_text("JointSpring: joint", self.joint)
         label = f"JointSpring on {self.joint!r}"
         _require_number(label, "stiffness", self.stiffness, positive=True)
         _require_number(label, "rest", self.rest)
@@ -48,6 +49,7 @@ class JointDamper:
     damping: float
 
     def __post_init__(self) -> None:
+        check_text("JointDamper: joint", self.joint)
         _require_number(f"JointDamper on {self.joint!r}", "damping", self.damping, positive=True)
 
 
@@ -59,6 +61,7 @@ class JointTorque:
     torque: float
 
     def __post_init__(self) -> None:
+        check_text("JointTorque: joint", self.joint)
         _require_number(f"JointTorque on {self.joint!r}", "torque", self.torque)
 
 
@@ -83,6 +86,8 @@ class PointSpring:
     damping: float = 0.0
 
     def __post_init__(self) -> None:
+        for what in ("frame1", "frame2"):
+            check_text(f"PointSpring: {what}", getattr(self, what))
         label = f"PointSpring {self.frame1} – {self.frame2}"
         for field in ("stiffness", "rest_length", "damping"):
             _require_number(label, field, getattr(self, field), positive=True)
@@ -240,7 +245,9 @@ class _Lines:
 
 def _as_force(force: Force) -> Force:
     if not isinstance(force, JointSpring | JointDamper | PointSpring | JointTorque):
-        raise ModelError(f"forces: {force!r} is not a JointSpring, JointDamper, PointSpring or JointTorque")
+        raise ModelError(
+            f"forces: {shown(force)} is not a JointSpring, JointDamper, PointSpring or JointTorque"
+        )
     return force
 
 

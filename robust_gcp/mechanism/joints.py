@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from ..checks import hint
+from ..checks import hint, shown
 from ..errors import ModelError
 
 Array = NDArray[np.floating[Any]]
@@ -187,12 +187,15 @@ def joints_of(model: pin.Model) -> tuple[Joint, ...]:
 
 def joint_named(joints: Sequence[Joint], name: str, owner: str = "") -> Joint:
     """The joint of that name, or a ModelError, by `owner` if given, that names near ones."""
-    for joint in joints:
-        if joint.name == name:
+    given: object = name
+    for joint in joints if isinstance(given, str) else ():
+        if joint.name == given:
             return joint
     names = [joint.name for joint in joints]
     label = f"{owner}: " if owner else ""
-    raise ModelError(f"{label}the model has no joint {name!r}, only {', '.join(names)}{hint(name, names)}")
+    raise ModelError(
+        f"{label}the model has no joint {shown(name)}, only {', '.join(names)}{hint(name, names)}"
+    )
 
 
 def single_joint(joints: Sequence[Joint], name: str, owner: str, remedy: str) -> Joint:

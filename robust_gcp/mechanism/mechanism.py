@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from ..checks import check_model, checked_vector, listed, require_finite
+from ..checks import check_model, check_text, checked_vector, listed, require_finite
 from ..errors import ModelError, StateError
 from .clusters import LoopCluster, loop_clusters
 from .couplings import AnyClosure
@@ -65,10 +65,11 @@ class Mechanism(ClosedLoops):
         super().__init__(model, closures)
         self.forces = tuple(listed(forces, "forces", "forces, such as JointSpring(joint, stiffness)"))
         self.applied = AppliedForces(self.tree, self.forces) if self.forces else None
+        check_text("name", name)
         self.name = name or str(model.name)
         self.recommended = Recommended()
         self.home = pin.neutral(self.model) if home is None else self.configuration(home, "home")
-        if independent == "auto":
+        if isinstance(independent, str) and independent == "auto":
             self.home, self.independent = best_at_home(self, self.home, self.name)
         else:
             self.independent = _joints(independent, "independent")

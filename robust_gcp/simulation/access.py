@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from ..checks import hint, shown
+from ..checks import check_text, hint, shown
 from ..errors import OptionError
 from ..mechanism.closures import frame_of
 from ..mechanism.joints import in_q, in_v
@@ -80,6 +80,7 @@ def frame_motion(mechanism: Mechanism, name: str, q: Array, v: Array, a: Array) 
 def _place(mechanism: Mechanism, name: str) -> tuple[int, pin.SE3]:
     """The joint that carries a frame, and where; a joint is a frame of its own also where none is listed."""
     model = mechanism.model
+    check_text("frame", name)
     if name in mechanism.joint_names and not model.existFrame(name):
         return int(model.getJointId(name)), pin.SE3.Identity()
     frame = frame_of(model, name, "frame")

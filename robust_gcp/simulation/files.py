@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, get_args
 import numpy as np
 import pinocchio as pin
 
-from ..checks import shown
+from ..checks import path_given, shown
 from ..errors import MissingExtraError, OptionError
 from ..maps.explicit import Crossing
 from ..mechanism.closures import closure_kinds
@@ -50,7 +50,7 @@ def _parts() -> dict[str, type[Any]]:
 
 def write_csv(columns: Mapping[str, Array], path: str | Path) -> Path:
     """Write the columns, one row a time, every digit kept; returns the path."""
-    path = Path(path)
+    path = path_given("path", path)
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(columns)
@@ -80,7 +80,7 @@ def write_archive(
     stats: Mapping[str, Any],
 ) -> Path:  # fmt: skip
     """Write a trajectory; see `Trajectory.save`."""
-    path = Path(path)
+    path = path_given("path", path)
     if path.suffix != ".npz":
         raise OptionError(f"{path}: give a name that ends in .npz")
     model = np.frombuffer(mechanism.model.saveToString().encode(), dtype=np.uint8)
@@ -117,7 +117,9 @@ def read_archive(
     OptionError
         For another kind of file, a damaged one, or a mechanism that is not the stored one.
     """
-    path = Path(path)
+    path = path_given("path", path)
+    if path.exists() and not path.is_file():
+        raise OptionError(f"{path} is a folder or a device; give a file that Trajectory.save wrote")
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}

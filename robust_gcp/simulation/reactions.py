@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..checks import shown
 from ..errors import OptionError
 from ..mechanism.closures import ALONG, ROTATION, Closure, Row, rows_of
 from ..mechanism.mechanism import Mechanism
@@ -97,8 +98,10 @@ def closure_number(mechanism: Mechanism, name: str | int) -> int:
     if isinstance(name, int) and not isinstance(name, bool) and 0 <= name < len(closures):
         return name
     names = [{c.frame1, c.frame2, f"{c.frame1}-{c.frame2}", f"{c.frame1} – {c.frame2}"} for c in closures]
-    found = [i for i, known in enumerate(names) if name in known]
+    found = [i for i, known in enumerate(names) if isinstance(name, str) and name in known]
     if len(found) == 1:
         return found[0]
     listed = ", ".join(f"{i}: {c.frame1}-{c.frame2}" for i, c in enumerate(closures)) or "none"
-    raise OptionError(f"closure {name!r} is {'not one' if found else 'none'} of this mechanism's: {listed}")
+    raise OptionError(
+        f"closure {shown(name)} is {'not one' if found else 'none'} of this mechanism's: {listed}"
+    )

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import shown
+from ..checks import listed, real_array, shown
 from ..errors import OptionError
 from ..maps.explicit import Crossing
 from ..mechanism.mechanism import Mechanism
@@ -140,8 +140,11 @@ class Trajectory(Named):
         if isinstance(overlay, Mapping):
             runs = {"this run": self, **overlay}
         else:
-            more = [overlay] if isinstance(overlay, Trajectory) else list(overlay or ())
+            given = () if overlay is None else overlay
+            more = [given] if isinstance(given, Trajectory) else listed(given, "overlay", "runs", OptionError)
             runs = {f"run {i}": run for i, run in enumerate((self, *more), start=1)}
+        if not all(isinstance(run, Trajectory) for run in runs.values()):
+            raise OptionError(f"overlay = {shown(overlay)} must hold what simulate returns")
         return plot_motion(runs, what, path, joints)
 
     # ----------------------------------------------------------------- by name and by time
@@ -281,8 +284,8 @@ class Trajectory(Named):
 def _times(t: ArrayLike, known: Array) -> Array:
     """Times (k,) or () as floats that lie within the motion, else an OptionError."""
     try:
-        times = np.asarray(t, dtype=float)
-    except (TypeError, ValueError):
+        times = real_array(t)
+    except TypeError:
         times = np.full(1, np.nan)
     if times.ndim > 1 or not len(known) or not np.all((known[0] <= times) & (times <= known[-1])):
         span = f"from {known[0]:g} to {known[-1]:g} s" if len(known) else "over no time"

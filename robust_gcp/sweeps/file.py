@@ -16,7 +16,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from ..checks import shown
+from ..checks import path_given, shown
 from ..errors import OptionError, SweepError
 from .lock import lock
 from .record import Failure, RunRecord, key, plain, text_of
@@ -50,10 +50,7 @@ class SweepFile:
     """
 
     def __init__(self, path: str | Path, sweep: Mapping[str, Any]) -> None:
-        given: object = path
-        if not isinstance(given, str | os.PathLike) or "\0" in str(given):
-            raise OptionError(f"file = {shown(path)} is not a path; give a str or a pathlib.Path")
-        self.path, self.done = Path(path), dict[tuple[str, int], dict[str, Any]]()
+        self.path, self.done = path_given("file", path), dict[tuple[str, int], dict[str, Any]]()
         header = {"format": FORMAT, **{k: plain(v, k) for k, v in sweep.items()}}
         self._file = self._opened()
         try:

@@ -13,7 +13,7 @@ from pathlib import Path
 from pickle import dumps
 from typing import Any
 
-from ..checks import check_number
+from ..checks import check_callable, check_number, listed, shown
 from ..errors import OptionError
 from ..mechanism.mechanism import Mechanism
 from .file import SweepFile
@@ -41,9 +41,7 @@ def grid(**axes: Iterable[Any]) -> list[dict[str, Any]]:
     """
     values: list[list[Any]] = []
     for name, axis in axes.items():
-        if isinstance(axis, str | Mapping) or not isinstance(axis, Iterable):
-            raise OptionError(f"grid: {name} = {axis!r} must be a list of values; write [{axis!r}]")
-        values.append(list(axis))
+        values.append(listed(axis, f"grid: {name}", "values", OptionError))
     return [dict(zip(axes, combination, strict=True)) for combination in itertools.product(*values)]
 
 
@@ -106,6 +104,7 @@ def sweep(
     bridge True -1.2128
     closed_form True -1.2128
     """
+    check_callable("on_record", on_record, "(record)")
     records = sweep_as_completed(
         build, runs, executor=executor, workers=workers, file=file, keep=keep, progress=progress, **shared
     )
@@ -142,13 +141,11 @@ def sweep_as_completed(
 
 
 def _merged(runs: Iterable[Mapping[str, Any]], shared: Mapping[str, Any]) -> list[dict[str, Any]]:
-    if isinstance(runs, Mapping | str) or not isinstance(runs, Iterable):
-        raise OptionError(f"runs = {runs!r} must be a list of dicts, one a run; see robust_gcp.grid")
     merged = []
     run: Any
-    for i, run in enumerate(runs):
+    for i, run in enumerate(listed(runs, "runs", "dicts, one a run (see robust_gcp.grid)", OptionError)):
         if not isinstance(run, Mapping) or not all(isinstance(name, str) for name in run):
-            raise OptionError(f"runs[{i}] = {run!r} must be a dict of parameters by name")
+            raise OptionError(f"runs[{i}] = {shown(run)} must be a dict of parameters by name")
         merged.append({**shared, **run})
     return merged
 
@@ -165,24 +162,26 @@ def _check(
     """Refuse bad arguments before anything is computed."""
     if not isinstance(build, str | Path | Mechanism) and not callable(build):
         raise OptionError(
-            f"build = {build!r} must be a model's name or folder, a Mechanism, or a function that makes one"
+            f"build = {shown(build)} must be a model's name or folder, a Mechanism, or a function making one"
         )
     if executor is not None and not isinstance(executor, Executor):
-        raise OptionError(f"executor = {executor!r} must be a concurrent.futures.Executor")
+        raise OptionError(f"executor = {shown(executor)} must be a concurrent.futures.Executor")
     if workers is not None:
         check_number("workers", workers)
         if workers < 0 or not float(workers).is_integer():
             raise OptionError(f"workers = {workers} must be a number of processes, 0 or more")
         if executor is not None:
             raise OptionError("workers goes with processes of the sweep's own, not with executor")
-    if keep not in ("summary", "trajectory") and not callable(keep):
-        raise OptionError(f'keep = {keep!r} must be "summary", "trajectory", or a function of the trajectory')
+    if not callable(keep) and shown(keep) not in map(repr, ("summary", "trajectory")):
+        raise OptionError(
+            f'keep = {shown(keep)} must be "summary", "trajectory", or a function of the trajectory'
+        )
     if file is not None and keep == "trajectory":
         raise OptionError(
             'keep = "trajectory" does not go to a file; keep a function that returns the numbers you need'
         )
-    if not isinstance(progress, bool) and not callable(progress):
-        raise OptionError(f"progress = {progress!r} must be True, False or a function (done, total)")
+    if not isinstance(progress, bool):
+        check_callable("progress", progress, "(done, total), or True or False")
     for i, run in enumerate(runs):
         _check_run(build, i, run)
 

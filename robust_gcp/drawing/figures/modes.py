@@ -11,6 +11,7 @@ import numpy as np
 
 from ...analysis.configuration_space import ConfigurationSpace
 from ...analysis.space import trace_modes
+from ...checks import names_given, path_given
 from ...errors import OptionError
 from ...mechanism.joints import Component
 from ...mechanism.mechanism import Mechanism
@@ -70,7 +71,7 @@ def plot_modes(
         When Matplotlib is not installed.
     """
     if path is not None:
-        require_file(Path(path))
+        require_file(path_given("path", path))
     with style():
         space = mechanism if isinstance(mechanism, ConfigurationSpace) else trace_modes(mechanism)
         axes: list[TorusAxis] = []
@@ -114,10 +115,11 @@ def chosen_coordinates(mechanism: Mechanism, names: Sequence[str] | None) -> lis
     if names is None:
         first = mechanism.independent[0]
         names = [first, *(name for name in single if name != first)][:3]
+    names = names_given("coordinates", names)
     unknown = [name for name in names if name not in single]
     if unknown or len(names) not in (2, 3) or len(set(names)) < len(names):
         raise OptionError(
-            f"coordinates = {list(names)!r} must be two or three different joints with one number in q; "
+            f"coordinates = {names!r} must be two or three different joints with one number in q; "
             f"those of {mechanism.name!r} are {', '.join(single)}"
         )
     return [single[name] for name in names]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from ...checks import check_choice, hint
+from ...checks import check_choice, hint, listed, names_given, path_given
 from ...errors import OptionError
 from ...mechanism.joints import Component, components_of
 from ...mechanism.tree import Array
@@ -106,7 +106,7 @@ def plot_motion(
     first = next(iter(runs.values()))
     chosen = _chosen(runs, what)
     if path is not None:
-        require_file(Path(path))
+        require_file(path_given("path", path))
     components, title = _components(first.mechanism, joints)
     for label, run in runs.items():
         if [c.name for c in components_of(run.mechanism.joints)] != [
@@ -163,7 +163,7 @@ def _chosen(runs: Runs, what: Sequence[str] | str | None) -> list[str]:
     }
     if what is None:
         return [name for name in PANELS if have[name]]
-    asked = [what] if isinstance(what, str) else list(what)
+    asked = [what] if isinstance(what, str) else listed(what, "what", "quantities", OptionError)
     for name in asked:
         check_choice("what", name, PANELS)
     if not asked:
@@ -179,13 +179,13 @@ def _chosen(runs: Runs, what: Sequence[str] | str | None) -> list[str]:
 def _components(mechanism: Mechanism, joints: Sequence[str] | str | None) -> tuple[list[Component], str]:
     """The numbers to draw, and what the legend says where they are some of many."""
     every = components_of(mechanism.joints)
-    if joints == "all" or (joints is None and len(every) <= MANY):
+    if (isinstance(joints, str) and joints == "all") or (joints is None and len(every) <= MANY):
         return every, ""
     if joints is None:
         asked = list(mechanism.independent)
         title = f"independent of {len(mechanism.joints)} joints"
     else:
-        asked, title = [joints] if isinstance(joints, str) else list(joints), ""
+        asked, title = [joints] if isinstance(joints, str) else names_given("joints", joints), ""
     owned = {joint.name: joint.components for joint in mechanism.joints}
     owned |= {component.name: (component,) for component in every if component.name not in owned}
     unknown = [name for name in asked if name not in owned]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from ...checks import listed
 from ...mechanism.closures import frame_of
 from ...mechanism.joints import JointKind
 from ...mechanism.mechanism import Mechanism
@@ -80,7 +81,7 @@ def sticks(mechanism: Mechanism, R: Array, p: Array, trails: Sequence[str] | Non
     made.fit(mechanism, R, p)
     if trails is None:
         trails = [mechanism.loops[0].frame1] if mechanism.loops else []
-    for name in trails:
+    for name in listed(trails, "trails", "frames"):
         frame = frame_of(model, name, "trails")
         made.trails[name] = made.add(frame.parentJoint, frame.placement.translation)
     for joint in range(1, model.njoints):

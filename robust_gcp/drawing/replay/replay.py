@@ -13,7 +13,7 @@ from typing import Any, Literal, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...checks import real_array
+from ...checks import check_choice, check_positive, check_text, path_given, real_array, shown
 from ...errors import MissingExtraError, OptionError
 from ...simulation.trajectory import Trajectory
 from .data import run_data, scene_data
@@ -146,19 +146,20 @@ def replay(
         For arguments that cannot be drawn.
     """
     if path is not None:
-        require_page(Path(path))
+        require_page(path_given("path", path))
     viewer = viewer_script()
     runs = _runs(trajectories)
     names = _labels(labels, len(runs))
-    if layout not in LAYOUTS:
-        raise OptionError(f"layout = {layout!r} is unknown; use one of {', '.join(map(repr, LAYOUTS))}")
+    check_choice("layout", layout, LAYOUTS)
+    if title is not None:
+        check_text("title", title)
     direction = _direction(view)
     times = [t for run in runs if len(run.t) for t in (float(run.t[0]), float(run.t[-1]))]
     start, end = min(times, default=0.0), max(times, default=0.0)
     if speed is None:
         speed = playing_speed(end - start)
-    elif not (np.isfinite(speed) and speed > 0.0):
-        raise OptionError(f"speed = {speed!r} must be positive and finite")
+    else:
+        check_positive("speed", speed)
     made = [run_data(run, name, speed, trails, visual) for run, name in zip(runs, names, strict=True)]
     data = {
         "title": title or runs[0].mechanism.name or "mechanism",
@@ -244,8 +245,12 @@ def _runs(trajectories: Any) -> list[Trajectory]:
 def _labels(labels: Any, count: int) -> list[str]:
     if labels is None:
         return [""] if count == 1 else [f"motion {i + 1}" for i in range(count)]
-    if isinstance(labels, str) or len(labels) != count or not all(isinstance(n, str) for n in labels):
-        raise OptionError(f"labels = {labels!r}: give {count} names, one for each trajectory")
+    if (
+        not isinstance(labels, list | tuple)
+        or len(labels) != count
+        or not all(isinstance(n, str) for n in labels)
+    ):
+        raise OptionError(f"labels = {shown(labels)}: give {count} names, one for each trajectory")
     return list(labels)
 
 
@@ -257,5 +262,5 @@ def _direction(view: ArrayLike | None) -> Any:
     except TypeError:
         direction = np.zeros(0)
     if direction.shape != (3,) or not np.isfinite(direction).all() or not direction.any():
-        raise OptionError(f"view = {view!r} is not a direction in space, (x, y, z)")
+        raise OptionError(f"view = {shown(view)} is not a direction in space, (x, y, z)")
     return direction
