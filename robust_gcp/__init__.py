@@ -43,6 +43,7 @@ from .simulation.reactions import Reaction
 from .simulation.simulate import simulate
 from .simulation.stability import StabilityWarning
 from .simulation.stats import Stats
+from .simulation.tableau import Tableau
 from .simulation.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -112,6 +113,7 @@ __all__ = [
     "StateError",
     "Stats",
     "SweepError",
+    "Tableau",
     "ToggleError",
     "Trajectory",
     "analyse",

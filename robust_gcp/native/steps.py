@@ -23,7 +23,7 @@ BATCH = 20_000
 """Steps of a batch times velocities: some 20 ms, so that an interrupt or a progress bar need not wait."""
 
 
-def chosen_library(backend: str, stepper: str, method: str, newton_start: str) -> Library | None:
+def chosen_library(backend: str, stepper: object, method: str, newton_start: str) -> Library | None:
     """The kernel for these choices, or None where Python is to do the work.
 
     Raises

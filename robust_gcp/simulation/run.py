@@ -27,7 +27,7 @@ from .crossings import Stretch, hermite, located
 from .record import Record
 from .recovery import Checkpoint, Recovery
 from .stats import Stats
-from .steppers import NoProgressError, SolverStep, rk4_step, solver_steps
+from .steppers import FixedStep, NoProgressError, SolverStep, solver_steps
 from .trajectory import Trajectory
 
 REFINED_RTOL, REFINED_ATOL = 1e-10, 1e-12
@@ -80,8 +80,8 @@ class Run:
 
     # --------------------------------------------------------------------- fixed steps
 
-    def fixed_steps(self) -> None:
-        """RK4, except where `Recovery` says otherwise."""
+    def fixed_steps(self, take: FixedStep) -> None:
+        """One step of a method from output to output, except where `Recovery` says otherwise."""
         last, i = len(self._times) - 1, 0
         recovery = Recovery(self._on_toggle, Checkpoint(0, self._x, self._motion.explicit.anchor))
         while True:
@@ -98,7 +98,7 @@ class Run:
                     i, now = self._natively(self._native, i, now, recovery)
                 if i == last:
                     return
-                self._x = self._refined(i) if recovery.careful else self._rk4(i, now)
+                self._x = self._refined(i) if recovery.careful else self._stepped(take, i, now)
                 i += 1
             except (UncertifiedZoneError, BranchError, ToggleError) as stop:
                 change = recovery.meet(i, stop)
@@ -152,9 +152,9 @@ class Run:
             else:
                 setattr(counters, name, getattr(counters, name) + count)
 
-    def _rk4(self, i: int, now: Evaluation) -> Array:
+    def _stepped(self, take: FixedStep, i: int, now: Evaluation) -> Array:
         f, t, end = self._motion.equations, float(self._times[i]), float(self._times[i + 1])
-        x = rk4_step(f, t, self._x, end - t, f.derivative(now))
+        x = take(f, t, self._x, end - t, f.derivative(now))
         if not all(map(isfinite, x.tolist())):
             raise NonFiniteError(
                 f"the state left the finite numbers between t = {t:.6g} and {end:.6g} s; use a "

@@ -24,7 +24,8 @@ from ..native.steps import BACKENDS, NativeSteps, chosen_library
 from .coarse import warn_if_coarse
 from .run import Run
 from .stability import StabilityCheck
-from .steppers import check_stepper
+from .steppers import check_stepper, rk4_step
+from .tableau import Tableau
 from .trajectory import Trajectory
 
 RECORDS = ("a", "energy", "multipliers")
@@ -40,7 +41,7 @@ def simulate(
     duration: float | None = None,
     step: float | None = None,
     method: Method = "bridge",
-    stepper: str = "rk4",
+    stepper: str | Tableau = "rk4",
     *,
     torque: Torque | ArrayLike | None = None,
     record: Sequence[str] = (),
@@ -73,8 +74,9 @@ def simulate(
     method : {"bridge", "projection", "classical", "closed_form"}
         The explicit map: certified bridges through singular configurations (default), the paper's
         Eq. (7), classical GCP (Eq. 4), or the planar four-bar in closed form.
-    stepper : {"rk4", "RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA"}
-        Classical Runge–Kutta with fixed step, or one of scipy's adaptive solvers.
+    stepper : {"rk4", "RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA"} or Tableau
+        Classical Runge–Kutta with fixed step, one of scipy's adaptive solvers, or another explicit
+        Runge–Kutta method with fixed step, whose region of stability is not checked.
     torque : callable (t, q, v) -> (nv,) or array_like (nv,), optional
         Applied joint torques and forces, N m and N.
     record : sequence of {"a", "energy", "multipliers"}
@@ -131,13 +133,14 @@ def simulate(
     options = BridgeOptions() if options is None else options
     if not isinstance(options, BridgeOptions):
         raise OptionError(f"options = {options!r} must be a BridgeOptions, such as BridgeOptions(zone=0.05)")
-    fixed = check_stepper(stepper) == "rk4"
+    tableau = check_stepper(stepper)
+    fixed = tableau == "rk4" or isinstance(tableau, Tableau)
     check_choice("backend", backend, BACKENDS)
     kernel = chosen_library(backend, stepper, method, newton_start)
     choice = MapChoice(method, options, newton_start, threshold, error_controlled=not fixed)
     counters = Counters()
     begun = time.perf_counter()
-    stability = StabilityCheck(mechanism, torque, float(times[1]), options) if fixed else None
+    stability = StabilityCheck(mechanism, torque, float(times[1]), options) if tableau == "rk4" else None
     torque = torque if stability is None else stability.torque
     motion = set_out(mechanism, q0, v0, mode, torque, choice, counters)
     if stability is not None:
@@ -148,8 +151,10 @@ def simulate(
     run = Run(motion, choice, torque, times, record, counters, on_toggle, progress, native)
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # what is not finite ends in an error of ours
-            if fixed:
-                run.fixed_steps()
+            if isinstance(stepper, Tableau):
+                run.fixed_steps(stepper.step)
+            elif fixed:
+                run.fixed_steps(rk4_step)
             else:
                 run.adaptive_steps(stepper, rtol, atol)
     except SimulationError as error:

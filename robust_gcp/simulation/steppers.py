@@ -12,9 +12,12 @@ from ..checks import shown
 from ..dynamics.differences import differences
 from ..errors import OptionError, SimulationError
 from ..mechanism.tree import Array
+from .tableau import Tableau
 
 RightHandSide = Callable[[float, Array], Array]
 Jacobian = Callable[[float, Array], Array]
+FixedStep = Callable[[RightHandSide, float, Array, float, Array], Array]
+"""f, t, x, h and f(t, x) in, the state at t + h out; see `rk4_step`."""
 
 SCIPY_STEPPERS = ("RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA")
 IMPLICIT = ("Radau", "BDF", "LSODA")
@@ -198,10 +201,13 @@ class _KeptJacobian:
         return found
 
 
-def check_stepper(name: Any) -> str:
-    """The stepper's name, or an OptionError that lists those there are."""
+def check_stepper(name: Any) -> str | Tableau:
+    """The stepper's name or tableau, or an OptionError that lists the names there are."""
+    if isinstance(name, Tableau):
+        return name
     if not isinstance(name, str) or (name != "rk4" and name not in SCIPY_STEPPERS):
         raise OptionError(
-            f"stepper {shown(name)} is unknown; use 'rk4' or one of scipy's {', '.join(SCIPY_STEPPERS)}"
+            f"stepper {shown(name)} is unknown; use 'rk4', one of scipy's {', '.join(SCIPY_STEPPERS)}, or a "
+            "Tableau"
         )
     return name
