@@ -41,7 +41,7 @@ def grid(**axes: Iterable[Any]) -> list[dict[str, Any]]:
     """
     values: list[list[Any]] = []
     for name, axis in axes.items():
-        values.append(listed(axis, f"grid: {name}", "values", OptionError))
+        values.append(listed(axis, f"grid: {name} = {shown(axis)}", "values", OptionError))
     return [dict(zip(axes, combination, strict=True)) for combination in itertools.product(*values)]
 
 
