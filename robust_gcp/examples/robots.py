@@ -5,6 +5,7 @@ from __future__ import annotations
 from importlib import metadata
 from pathlib import Path
 
+import coal
 import numpy as np
 import pinocchio as pin
 
@@ -13,6 +14,10 @@ from ..mechanism.closures import FrameClosure, PointClosure
 from ..mechanism.forces import Force, JointSpring
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+
+SOLO = "solo_description/robots/solo12.urdf"
+BAXTER = "baxter_description/urdf/baxter.urdf"
+"""Files of example-robot-data."""
 
 LEGS = ("FL", "FR", "HL", "HR")
 
@@ -60,7 +65,7 @@ def solo12_pinned(stiffness: float = 10.0) -> Mechanism:
     stiffness : float
         Of a spring on each leg joint, relaxed at home, N m/rad; 0 for slack legs, which fall.
     """
-    urdf = robot_file("solo_description/robots/solo12.urdf")
+    urdf = robot_file(SOLO)
     model = pin.buildModelFromUrdf(str(urdf), pin.JointModelFreeFlyer())
     home = pin.neutral(model)
     home[2] = 0.235
@@ -99,7 +104,7 @@ def baxter_bar(stiffness: float = 200.0) -> Mechanism:
         Of a spring on each shoulder and elbow joint, relaxed at home, N m/rad; wrists and head get
         a tenth. With 0 the arms are slack and fall.
     """
-    model = pin.buildModelFromUrdf(str(robot_file("baxter_description/urdf/baxter.urdf")))
+    model = pin.buildModelFromUrdf(str(robot_file(BAXTER)))
     hand = model.frames[model.getFrameId("left_gripper")]
     middle = pin.SE3(np.eye(3), np.array([0.5 * BAR_LENGTH, 0.0, 0.0]))
     end = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, np.pi), np.array([BAR_LENGTH, 0.0, 0.0]))
@@ -131,6 +136,30 @@ def baxter_bar(stiffness: float = 200.0) -> Mechanism:
         name="baxter_bar",
         forces=_springs(model, home, springs),
     )
+
+
+def shapes(mechanism: Mechanism) -> pin.GeometryModel:
+    """What solo12 or Baxter looks like, for `replay(..., visual=)`; Baxter's bar included.
+
+    Raises
+    ------
+    OptionError
+        For another mechanism than those made here.
+    """
+    files = {"solo12_pinned": SOLO, "baxter_bar": BAXTER}
+    if mechanism.name not in files:
+        raise OptionError(f"{mechanism.name!r} is none of the robots here: {', '.join(files)}")
+    urdf = robot_file(files[mechanism.name])
+    packages = [str(folder) for folder in urdf.parents]
+    visual = pin.buildGeomFromUrdf(mechanism.model, str(urdf), pin.VISUAL, package_dirs=packages)
+    if mechanism.name == "baxter_bar":
+        hand = mechanism.model.frames[mechanism.model.getFrameId("left_gripper")]
+        along = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.5 * np.pi, 0.0), np.array([0.5 * BAR_LENGTH, 0.0, 0.0]))
+        round_bar = coal.Cylinder(BAR_RADIUS, BAR_LENGTH)
+        bar = pin.GeometryObject("bar", hand.parentJoint, hand.placement * along, round_bar)
+        bar.meshColor = np.array([0.6, 0.4, 0.2, 1.0])
+        visual.addGeometryObject(bar)
+    return visual
 
 
 def _iq(model: pin.Model, joint: str) -> int:

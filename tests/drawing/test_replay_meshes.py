@@ -11,7 +11,7 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.drawing.replay.geometry import sticks
-from robust_gcp.drawing.replay.meshes import mesh_data
+from robust_gcp.drawing.replay.meshes import bare_bodies, mesh_data
 from robust_gcp.drawing.skeleton import placements
 
 CORNERS = np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.0, 0.2, 0.0], [0.0, 0.0, 0.1]])
@@ -102,3 +102,20 @@ def test_what_cannot_be_drawn_is_refused() -> None:
     foreign = visual_of(rg.load("strandbeest"), *(coal.Sphere(0.1) for _ in range(8)))
     with pytest.raises(rg.OptionError, match="joint 4, and the mechanism has 4"):
         rg.replay(run, visual=foreign)
+
+
+def test_sticks_stay_where_no_shape_shows_the_body() -> None:
+    """The coupler without a shape, and the rocker whose shape ends before its cut point: both stay sticks."""
+    mechanism = rg.load("rhombus")
+    R, p = placements(mechanism, mechanism.home[None])
+    made = sticks(mechanism, R, p, None)
+
+    def visual(length: float) -> pin.GeometryModel:
+        model = pin.GeometryModel()
+        for joint, y in ((1, 1.0), (3, length)):
+            at = pin.SE3(np.eye(3), np.array([0.0, 0.5 * y, 0.0]))
+            model.addGeometryObject(pin.GeometryObject(f"bar{joint}", joint, at, coal.Box(0.1, y, 0.1)))
+        return model
+
+    assert bare_bodies(made, visual(1.0)) == [2]
+    assert bare_bodies(made, visual(0.5)) == [2, 3]

@@ -11,6 +11,9 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
+from robust_gcp.drawing.replay.geometry import sticks
+from robust_gcp.drawing.replay.meshes import bare_bodies
+from robust_gcp.drawing.skeleton import placements
 from robust_gcp.examples import robots
 
 Array = NDArray[np.float64]
@@ -119,3 +122,21 @@ def test_missing_data_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> N
         for make in MAKERS.values():
             with pytest.raises(rg.MissingExtraError, match=r'pip install "robust-gcp\[robots\]"'):
                 make()
+
+
+@needs_data
+@pytest.mark.parametrize("name", MAKERS)
+def test_shapes_show_every_body_that_a_loop_is_cut_at(scenes: dict[str, rg.Mechanism], name: str) -> None:
+    """The bar too: no body is left as sticks but those that have no shape at all."""
+    mechanism = scenes[name]
+    visual = robots.shapes(mechanism)
+    shown = {int(item.parentJoint) for item in visual.geometryObjects}
+    R, p = placements(mechanism, mechanism.home[None])
+    bare = bare_bodies(sticks(mechanism, R, p, None), visual)
+    assert shown.isdisjoint(bare)
+    assert ("bar" in {item.name for item in visual.geometryObjects}) == (name == "baxter")
+
+
+def test_shapes_of_other_mechanisms_are_refused() -> None:
+    with pytest.raises(rg.OptionError, match="'rhombus' is none of the robots here"):
+        robots.shapes(rg.load("rhombus"))

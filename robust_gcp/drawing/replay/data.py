@@ -15,7 +15,7 @@ from ...simulation.trajectory import Trajectory
 from ..skeleton import PARALLEL, placements, plane_normal, upward
 from .frames import frame_times, resample
 from .geometry import Sticks, face_on, layers, sticks
-from .meshes import mesh_data
+from .meshes import bare_bodies, mesh_data
 
 NAMED = 3
 """Independent coordinates that a crossing's label spells out; more are counted."""
@@ -50,6 +50,7 @@ def run_data(
     normal = plane_normal(mechanism)
     flat = visual is None and _one_plane(normal, positions[:, made.ends()], positions)
     meshes = [] if visual is None else mesh_data(mechanism, made, visual)
+    bare = [] if visual is None else bare_bodies(made, visual)
     every = made.positions(R, p)
     data = {
         "label": label,
@@ -60,6 +61,7 @@ def run_data(
         "count": every.shape[1],
         "seen": positions.shape[1],
         "meshes": meshes,
+        "bare": bare,
         "links": made.links,
         "slides": made.slides,
         "rails": made.rails,

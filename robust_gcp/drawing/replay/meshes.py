@@ -12,6 +12,9 @@ from ...errors import OptionError
 from ...mechanism.mechanism import Mechanism
 from .geometry import Sticks
 
+OFF = 0.25
+"""Distance of a cut point from its body's shapes, in characteristic lengths, that nothing shown bridges."""
+
 
 def mesh_data(mechanism: Mechanism, made: Sticks, visual: Any) -> list[dict[str, Any]]:
     """Each shape: what it is, its colour, its placement on its body, and that body's three points.
@@ -59,6 +62,28 @@ def mesh_data(mechanism: Mechanism, made: Sticks, visual: Any) -> list[dict[str,
             }
         )
     return found
+
+
+def bare_bodies(made: Sticks, visual: pin.GeometryModel) -> list[int]:
+    """Bodies whose sticks are shown with the shapes: those without any, and those that end off theirs.
+
+    A bar in a robot's hand is part of the hand's body, and the hand's shapes do not show it; the point where
+    a loop is cut, off all shapes of its body, tells.
+    """
+    boxes: dict[int, list[tuple[pin.SE3, Any, Any]]] = {}
+    for item in visual.geometryObjects:
+        item.geometry.computeLocalAABB()
+        box = item.geometry.aabb_local
+        boxes.setdefault(int(item.parentJoint), []).append((item.placement.inverse(), box.min_, box.max_))
+
+    def off(body: int, place: Any) -> bool:
+        """Whether a point lies outside the boxes around all shapes of its body."""
+        gaps = [np.maximum(low - to * place, to * place - high).max() for to, low, high in boxes[body]]
+        return bool(min(gaps) > OFF * made.size)
+
+    ends = [made.points[i] for pair in made.cuts for i in pair]
+    without = {body for body, _ in made.points if body not in boxes}
+    return sorted((without | {body for body, place in ends if body in boxes and off(body, place)}) - {0})
 
 
 def _shape(item: Any) -> dict[str, Any]:

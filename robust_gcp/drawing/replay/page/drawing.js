@@ -56,6 +56,7 @@ class Drawing {
     this.motion = new Motion(run);
     this.group = new THREE.Group();
     this.sticks = new THREE.Group();
+    this.bare = new THREE.Group(); // sticks of bodies that no shape shows
     this.shapes = new THREE.Group();
     this.normal = normal.clone();
     this.flat = run.layers !== null;
@@ -69,6 +70,7 @@ class Drawing {
     this.blocks = [];
     this.ghost_blocks = [];
     this.ghost = new THREE.Group();
+    this.ghost_sticks = new THREE.Group();
     this.build(with_ghost);
   }
 
@@ -108,25 +110,28 @@ class Drawing {
       stencilWrite: true, stencilFunc: THREE.EqualStencilFunc, stencilRef: 0, stencilZPass: THREE.IncrementStencilOp,
     });
     const materials = {};
+    const of = (body) => (run.bare.includes(body) ? this.bare : this.sticks);
+    const start = (body) => (run.bare.includes(body) ? ghost : this.ghost_sticks);
+    ghost.add(this.ghost_sticks);
     const paint = (body) => (materials[body] = materials[body] || this.material(this.body_colour(body), 1));
     for (const [a, b, body] of run.links) {
-      this.bars.push(this.bar(a, b, body, this.width(body), paint(body), this.sticks));
-      if (with_ghost && body > 0) this.ghost_bars.push(this.bar(a, b, body, this.width(body), pale, ghost));
+      this.bars.push(this.bar(a, b, body, this.width(body), paint(body), of(body)));
+      if (with_ghost && body > 0) this.ghost_bars.push(this.bar(a, b, body, this.width(body), pale, start(body)));
     }
     for (const [a, b, body] of run.slides) {
-      this.bars.push(this.bar(a, b, body, 0.5 * this.width(body), paint(body), this.sticks));
-      if (with_ghost) this.ghost_bars.push(this.bar(a, b, body, 0.5 * this.width(body), pale, ghost));
+      this.bars.push(this.bar(a, b, body, 0.5 * this.width(body), paint(body), of(body)));
+      if (with_ghost) this.ghost_bars.push(this.bar(a, b, body, 0.5 * this.width(body), pale, start(body)));
     }
     for (const [a, b, slider, body] of run.rails) {
       this.bars.push(this.bar(a, b, 0, 0.35 * this.r, paint(0), this.sticks));
-      this.blocks.push(this.block(a, b, slider, body, paint(body), this.sticks));
-      if (with_ghost) this.ghost_blocks.push(this.block(a, b, slider, body, pale, ghost));
+      this.blocks.push(this.block(a, b, slider, body, paint(body), of(body)));
+      if (with_ghost) this.ghost_blocks.push(this.block(a, b, slider, body, pale, start(body)));
     }
     this.faces = run.faces.map(([corners, body]) => this.face(corners, body));
     this.pins = run.pins.map(([at, tip, ground]) => this.pin(at, tip, ground));
     this.meshes = run.meshes.map((mesh) => mesh_of(mesh, this.colour));
     for (const { made } of this.meshes) this.shapes.add(made);
-    this.group.add(this.sticks, this.shapes);
+    this.group.add(this.sticks, this.bare, this.shapes);
     this.show_meshes(this.meshes.length > 0);
     this.trails = run.trails.map((trail, i) => this.trail(trail.point, i));
     this.place(run.start);
@@ -163,7 +168,7 @@ class Drawing {
     });
     const mesh = new THREE.Mesh(geometry, material);
     mesh.frustumCulled = false;
-    this.sticks.add(mesh);
+    (this.run.bare.includes(body) ? this.bare : this.sticks).add(mesh);
     return { corners, body, mesh };
   }
 
@@ -224,6 +229,7 @@ class Drawing {
   show_meshes(shown) {
     this.shapes.visible = shown;
     this.sticks.visible = !shown;
+    this.ghost_sticks.visible = !shown;
   }
 
   point(i, body = -1) {

@@ -1,6 +1,8 @@
 "use strict";
 // Shapes of a robot's bodies, from its own meshes and primitives.
 
+const PALEST = 0.72; // lightness of shapes, of 1
+
 function shape_of(shape) {
   const up = (geometry) => geometry.rotateX(Math.PI / 2); // three.js builds along y, Pinocchio along z
   if (shape.kind === "box") return new THREE.BoxGeometry(...shape.size);
@@ -25,9 +27,17 @@ function shape_of(shape) {
   return geometry;
 }
 
+// A white robot would be lost on the pale ground.
+function darken(colour) {
+  const hsl = { h: 0, s: 0, l: 0 };
+  colour.getHSL(hsl);
+  if (hsl.l > PALEST) colour.setHSL(hsl.h, hsl.s, PALEST);
+}
+
 function mesh_of(mesh, tint) {
   const [red, green, blue, opacity] = mesh.colour;
   const colour = new THREE.Color(red, green, blue);
+  darken(colour);
   if (tint !== null) colour.lerp(new THREE.Color(tint), 0.6);
   const material = new THREE.MeshStandardMaterial({
     color: colour, roughness: 0.8, metalness: 0, side: THREE.DoubleSide, transparent: opacity < 1, opacity,

@@ -54,6 +54,7 @@
       const x = span > 0 ? ((c.time - data.start) / span) * width : 0;
       const tick = document.createElement("span");
       tick.style.left = `${x}px`;
+      if (many) tick.style.background = RUN_COLOURS[c.run];
       ticks.append(tick);
       const half = 5 + 4 * String(c.number).length;
       if (x - half < free) continue;
@@ -72,7 +73,8 @@
     label.className = "mark";
     $("labels").append(label);
     const members = mark.members.map((k) => crossings.find((c) => c.run === i && c.index === k));
-    return { ...mark, drawing, label, members };
+    if (many) label.style.borderColor = RUN_COLOURS[i];
+    return { ...mark, drawing, label, members, run: i };
   }));
   const leaders = document.createElementNS("http://www.w3.org/2000/svg", "svg");
   $("labels").prepend(leaders);
@@ -90,7 +92,8 @@
       const active = now !== null && mark.members.includes(now);
       const numbers = mark.members.map((c) => c.number);
       const some = numbers.length > 6 ? [...numbers.slice(0, 5), "…"] : numbers;
-      const text = active ? `${now.number}: t = ${spell(now.time)} s\n${now.y}, ${now.kind}` : some.join(" · ");
+      const whose = many && !scene.side_by_side ? `${data.runs[mark.run].label}: ` : "";
+      const text = active ? `${now.number}: ${whose}t = ${spell(now.time)} s\n${now.y}, ${now.kind}` : whose + some.join(" · ");
       if (mark.label.textContent !== text) mark.label.textContent = text;
       mark.label.classList.toggle("now", active);
       const tile = views.find((view) => view.shown.includes(mark.drawing));
