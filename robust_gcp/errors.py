@@ -89,6 +89,24 @@ class MissingExtraError(RobustGcpError, ImportError):
     """An optional dependency is needed and is not installed."""
 
 
+def missing_extra(needed: str, packages: str, extra: str) -> MissingExtraError:
+    """The error where an optional dependency is missing, with a remedy for checkouts and installations.
+
+    Parameters
+    ----------
+    needed : str
+        What needs what, such as "figures need matplotlib".
+    packages : str
+        As pip takes them.
+    extra : str
+        The extra of robust_gcp that brings them.
+    """
+    return MissingExtraError(
+        f"{needed}, which is not installed: pip install {packages}, or in a checkout of robust_gcp "
+        f'pip install ".[{extra}]"'
+    )
+
+
 class SweepError(RobustGcpError, RuntimeError):
     """The workers of a sweep cannot start, or the executor it was given broke."""
 

@@ -9,7 +9,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from ..errors import MissingExtraError, OptionError
+from ..errors import MissingExtraError, OptionError, missing_extra
 from ..mechanism.closures import FrameClosure, PointClosure
 from ..mechanism.forces import Force, JointSpring
 from ..mechanism.mechanism import Mechanism
@@ -42,16 +42,17 @@ def robot_file(name: str) -> Path:
     try:
         files = metadata.files("example-robot-data") or []
     except metadata.PackageNotFoundError as error:
-        raise MissingExtraError(_MISSING.format(name)) from error
+        raise _missing(name) from error
     for file in files:
         if f"/{file.as_posix()}".endswith(f"/{name}"):
             path = Path(str(file.locate()))
             if path.is_file():
                 return path
-    raise MissingExtraError(_MISSING.format(name))
+    raise _missing(name)
 
 
-_MISSING = '{} comes with example-robot-data, which is not installed: pip install "robust-gcp[robots]"'
+def _missing(name: str) -> MissingExtraError:
+    return missing_extra(f"{name} comes with example-robot-data", "example-robot-data", "robots")
 
 
 def solo12_pinned(stiffness: float = 10.0) -> Mechanism:

@@ -19,7 +19,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..checks import path_given, shown
-from ..errors import MissingExtraError, OptionError
+from ..errors import OptionError, missing_extra
 from ..maps.explicit import Crossing
 from ..mechanism.closures import closure_kinds
 from ..mechanism.couplings import CouplingClosure
@@ -69,7 +69,7 @@ def data_frame(columns: Mapping[str, Array]) -> DataFrame:
     try:
         import pandas
     except ImportError as error:
-        raise MissingExtraError("to_dataframe needs pandas: pip install pandas") from error
+        raise missing_extra("to_dataframe needs pandas", "pandas", "data") from error
     values = dict(columns)
     index = pandas.Index(values.pop("t"), name="t")
     return pandas.DataFrame({name: np.array(column) for name, column in values.items()}, index=index)

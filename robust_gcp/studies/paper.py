@@ -1,4 +1,4 @@
-"""Figures 4 to 7 of the paper: rhombus and parallelogram fall through their singularities.
+"""Figures 4 to 7 of *Minimal Coordinate Dynamic Simulation Through Singularities*: rhombus and parallelogram fall through their singularities.
 
 Both start at rest at q = (0.2, −0.2, 0.2) rad and swing in the parallelogram mode, whose exact
 motion is a pendulum's. Classical GCP, Newton started from the previous q_d as published, loses that

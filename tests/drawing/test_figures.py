@@ -369,7 +369,7 @@ def test_the_command_lists_and_draws_the_modes(tmp_path: Path, capsys: pytest.Ca
 def test_missing_matplotlib_names_the_extra(fall: rg.Trajectory, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     for draw in (fall.plot, lambda: rg.plot_modes(rg.load("rhombus"))):
-        with pytest.raises(rg.MissingExtraError, match=r'pip install "robust-gcp\[viz\]"'):
+        with pytest.raises(rg.MissingExtraError, match=r'pip install "\.\[viz\]"'):
             draw()
 
 

@@ -120,7 +120,7 @@ def test_missing_data_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> N
     for files in (absent, lambda name: None, lambda name: []):
         monkeypatch.setattr(metadata, "files", files)
         for make in MAKERS.values():
-            with pytest.raises(rg.MissingExtraError, match=r'pip install "robust-gcp\[robots\]"'):
+            with pytest.raises(rg.MissingExtraError, match=r'pip install "\.\[robots\]"'):
                 make()
 
 

@@ -150,6 +150,6 @@ def test_missing_matplotlib_names_the_extra(
 ) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert main(["simulate", "rhombus", "--plot", "x.png"]) == main(["paper"]) == 2
-    assert capsys.readouterr().err.count('pip install "robust-gcp[viz]"') == 2
+    assert capsys.readouterr().err.count('pip install ".[viz]"') == 2
     with pytest.raises(MissingExtraError):
         plots.new_figure(1.0)

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...errors import MissingExtraError, OptionError
+from ...errors import OptionError, missing_extra
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -57,9 +57,7 @@ def require_matplotlib() -> Any:
     try:
         import matplotlib
     except ImportError as error:
-        raise MissingExtraError(
-            'figures need matplotlib, which is not installed: pip install "robust-gcp[viz]"'
-        ) from error
+        raise missing_extra("figures need matplotlib", "matplotlib", "viz") from error
     return matplotlib
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ...errors import MissingExtraError, OptionError
+from ...errors import OptionError
 from ...mechanism.mechanism import Mechanism
 from ...simulation.trajectory import Trajectory
-from .replay import REMEDY, meshcat_folder
+from .replay import meshcat_folder
 
 if TYPE_CHECKING:
     from .live_viewer import LiveViewer
@@ -49,7 +49,7 @@ def live(shown: Mechanism | Trajectory, port: int = 0, open_browser: bool = Fals
     try:
         from .live_viewer import LiveViewer
     except ImportError as error:
-        raise MissingExtraError(f"live needs meshcat with tornado ({error}): {REMEDY}") from error
+        raise missing_extra(f"live needs meshcat with tornado ({error})", "meshcat", "viz") from error
     viewer = LiveViewer(shown, port)
     if open_browser:
         import webbrowser

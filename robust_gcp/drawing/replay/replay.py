@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...checks import check_choice, check_positive, check_text, path_given, real_array, shown
-from ...errors import MissingExtraError, OptionError
+from ...errors import MissingExtraError, OptionError, missing_extra
 from ...simulation.trajectory import Trajectory
 from .data import run_data, scene_data
 from .frames import playing_speed
@@ -23,8 +23,6 @@ LAYOUTS = ("overlay", "side by side")
 
 MOST_RUNS = 4
 """Motions on one page: as many as there are colours that all readers can tell apart."""
-
-REMEDY = 'pip install "robust_gcp[viz]"'
 
 PARTS = Path(__file__).parent / "page"
 
@@ -198,7 +196,7 @@ def meshcat_folder() -> Path:
     """
     found = importlib.util.find_spec("meshcat")
     if found is None or found.origin is None:
-        raise MissingExtraError(f"replay and live draw with meshcat, which is not installed: {REMEDY}")
+        raise missing_extra("replay and live draw with meshcat", "meshcat", "viz")
     return Path(found.origin).parent
 
 

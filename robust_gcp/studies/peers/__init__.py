@@ -27,7 +27,7 @@ def contenders() -> list[Contender]:
 def missing() -> list[str]:
     """One sentence for each tool that is not installed: its name and how to get it."""
     return [
-        f'{tool} is not installed: pip install "robust_gcp[bench]", or pip install {package}'
+        f'{tool} is not installed: pip install {package}, or in a checkout pip install ".[bench]"'
         for package, tool in TOOLS.items()
         if find_spec(package) is None
     ]
