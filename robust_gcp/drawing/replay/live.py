@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ...errors import OptionError
+from ...errors import OptionError, missing_extra
 from ...mechanism.mechanism import Mechanism
 from ...simulation.trajectory import Trajectory
 from .replay import meshcat_folder
