@@ -1,9 +1,9 @@
 """Figures 4 to 7 of the paper, *Minimal Coordinate Dynamic Simulation Through Singularities*.
 
-Rhombus and parallelogram fall through their singularities. Both start at rest at
-q = (0.2, −0.2, 0.2) rad and swing in the parallelogram mode, whose exact motion is a pendulum's. Classical GCP, Newton started from the previous q_d as published, loses that
-mode at q1 = −π: the rhombus locks folded, the parallelogram goes over to the antiparallelogram. The
-projection of Eq. (7) and the bridge stay on the mode.
+Rhombus and parallelogram fall through their singularities. Both start at rest at q = (0.2, −0.2, 0.2) rad
+and swing in the parallelogram mode, whose exact motion is a pendulum's. Classical GCP, Newton started from
+the previous q_d as published, loses that mode at q1 = −π: the rhombus locks folded, the parallelogram goes
+over to the antiparallelogram. The projection of Eq. (7) and the bridge stay on the mode.
 """
 
 from __future__ import annotations
