@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 import math
-import os
 import re
+import tempfile
 from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import Any
@@ -177,5 +177,10 @@ def _require_writable(name: str, given: Path) -> None:
         there = there.parent
     if there != given.absolute() and not there.is_dir():
         raise OptionError(f"{name} {given}: {there} is a file, not a folder")
-    if not os.access(there, os.W_OK):
-        raise OptionError(f"{name} {given}: no permission to write to {there}")
+    try:
+        if there.is_dir():
+            tempfile.TemporaryFile(dir=there).close()
+        else:
+            there.open("ab").close()
+    except OSError as error:
+        raise OptionError(f"{name} {given}: cannot write to {there}: {error.strerror}") from error

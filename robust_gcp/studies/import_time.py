@@ -10,9 +10,6 @@ from pathlib import Path
 SHARES = ("robust_gcp", "pinocchio", "numpy", "scipy")
 """Packages told apart; `pinocchio` with the collision library `coal` that it loads."""
 
-LATER = ("matplotlib", "meshcat", "scipy.integrate", "scipy.optimize", "scipy.linalg", "tqdm", "yaml")
-"""What is loaded by those functions only that need it."""
-
 
 def import_milliseconds(rounds: int = 3) -> dict[str, float]:
     """Milliseconds of the import in a fresh interpreter by package, the least of some rounds.
@@ -22,11 +19,6 @@ def import_milliseconds(rounds: int = 3) -> dict[str, float]:
     """
     found = [_shares(_run(["-X", "importtime", "-c", "import robust_gcp"]).stderr) for _ in range(rounds)]
     return min(found, key=lambda shares: sum(shares.values()))
-
-
-def loaded_at_import() -> set[str]:
-    """Names of all modules that `import robust_gcp` loads."""
-    return set(_run(["-c", "import sys, robust_gcp; print(*sys.modules)"]).stdout.split())
 
 
 def _run(words: list[str]) -> subprocess.CompletedProcess[str]:

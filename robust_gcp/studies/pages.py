@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import csv
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from ..errors import OptionError
 
@@ -50,6 +53,17 @@ def marked(page: Path, names: Iterable[str]) -> list[str]:
 
 def _marks(name: str) -> tuple[str, str]:
     return f"<!-- begin: {name} -->\n", f"<!-- end: {name} -->"
+
+
+def write_records(stem: Path, records: Sequence[Mapping[str, Any]], whole: Mapping[str, Any]) -> list[Path]:
+    """Write the records as stem.csv, one line each, and `whole` as stem.json; returns the paths."""
+    csv_path, json_path = stem.with_suffix(".csv"), stem.with_suffix(".json")
+    with csv_path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, list(records[0]) if records else [])
+        writer.writeheader()
+        writer.writerows(records)
+    json_path.write_text(json.dumps(whole, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    return [csv_path, json_path]
 
 
 def table(rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> str:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import json
 import math
 import subprocess
 import sys
+import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -214,6 +216,38 @@ def test_no_bar_without_a_terminal_and_a_bar_with_one(
         for i in range(101):
             seen(i / 100)
     assert "\n" not in capsys.readouterr().err
+
+
+def test_long_work_says_so_once_and_short_work_nothing(
+    monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    with printing.telling("short"), printing.progress_bar(1.0, "short too"):
+        pass
+    assert capsys.readouterr().err == ""
+    monkeypatch.setattr(printing, "PATIENCE", 0.01)
+    with printing.telling("tracing"):
+        time.sleep(0.3)
+    assert capsys.readouterr().err == "robust_gcp: tracing …\n"
+    assert list(printing.along(range(3), "counting")) == [0, 1, 2]
+    with pytest.raises(ZeroDivisionError), printing.telling("failing"):
+        _ = 1 / 0
+    time.sleep(0.1)
+    assert "failing" not in capsys.readouterr().err
+
+
+def test_a_bar_over_items_moves_as_they_are_done(monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[float] = []
+
+    @contextlib.contextmanager
+    def bar(total: float, what: str) -> Iterator[Callable[[float], None]]:
+        assert (total, what) == (4.0, "runs")
+        yield told.append
+
+    monkeypatch.setattr(printing, "progress_bar", bar)
+    for i, item in enumerate(printing.along("abcd", "runs")):
+        assert item == "abcd"[i]
+        assert told == [k / 4 for k in range(1, i + 1)]
+    assert told == [0.25, 0.5, 0.75, 1.0]
 
 
 def test_long_tables_end_with_a_count() -> None:

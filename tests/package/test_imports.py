@@ -13,6 +13,7 @@ from robust_gcp.commands.register import COMMANDS
 
 ROOT = Path(rg.__file__).parents[1]
 PICTURES = ("matplotlib", "meshcat", "PIL", "robust_gcp.drawing")
+SOLVERS = ("scipy.integrate", "scipy.optimize", "scipy.linalg", "yaml")
 RARE = ("robust_gcp.sweeps", "concurrent.futures", "multiprocessing", "tqdm")
 
 
@@ -80,9 +81,10 @@ def test_every_command_has_its_arguments(command: object, capsys: pytest.Capture
     assert "show this help message" in capsys.readouterr().out
 
 
-def test_the_package_loads_pictures_and_sweeps_when_they_are_used() -> None:
+def test_the_package_loads_what_is_used_when_it_is_used() -> None:
+    """Neither pictures, sweeps, bars, SciPy's solvers nor YAML before something asks for them."""
     modules = set(python("import robust_gcp; print(*sys.modules)").split())
-    assert not within(modules, *PICTURES, *RARE, "robust_gcp.studies", "robust_gcp.examples")
+    assert not within(modules, *PICTURES, *SOLVERS, *RARE, "robust_gcp.studies", "robust_gcp.examples")
 
 
 def test_public_names_are_all_there_whenever_they_are_loaded() -> None:

@@ -126,6 +126,8 @@ def test_the_options_that_are_attacked_are_most_of_them() -> None:
         ("simulate rhombus --replay file.txt/motion.html", "file.txt is a file, not a folder"),
         ("simulate rhombus --replay motion.html --trails coupler_tp", "did you mean 'coupler_tip'"),
         ("simulate rhombus --trails ,", "--trails: the model has no frame ''"),
+        ("simulate rhombus --replay /proc/motion.html", "cannot write to /"),
+        ("a02 --out /proc/new/runs.json", "cannot write to /"),
         ("simulate rhombus --record energy,speed", "record = 'speed' is unknown"),
         ("simulate rhombus --mode 7", "--mode 7: analyse lists 1 modes"),
         ("simulate rhombus --duration 1e-4", "longer than the duration"),

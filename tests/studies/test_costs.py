@@ -12,7 +12,7 @@ import robust_gcp as rg
 from robust_gcp.__main__ import main
 from robust_gcp.studies.costs import PARTS, Cost, measure
 from robust_gcp.studies.costs_scenes import SCENES
-from robust_gcp.studies.import_time import LATER, SHARES, import_milliseconds, loaded_at_import
+from robust_gcp.studies.import_time import SHARES, import_milliseconds
 
 RARE = ("zone_evaluations", "marching_steps", "bridges_built", "svds", "second_order", "refined_steps")
 CONSTRAINT = ("constraint_evaluations", "newton_iterations")
@@ -102,11 +102,6 @@ def test_coordinates_of_a_tree_in_another_order() -> None:
 
 
 # --------------------------------------------------------------------------- import
-
-
-def test_what_is_not_used_is_not_loaded() -> None:
-    """Neither scipy's solvers, nor pictures, viewers, bars, YAML before something asks for them."""
-    assert not loaded_at_import().intersection(LATER)
 
 
 def test_import_time_is_told_by_package() -> None:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import json
 import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..pages import table
+from ..pages import table, write_records
 from .bound import Bound
 from .case import Cell, Verdict
 from .steps import Stride
@@ -48,12 +46,7 @@ def write(
 ) -> list[Path]:
     """Write stability.csv, stability.json and stability.md; returns the paths."""
     folder.mkdir(parents=True, exist_ok=True)
-    paths = [folder / f"stability.{kind}" for kind in ("csv", "json", "md")]
     records = [record(cell) for cell in cells]
-    with paths[0].open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, COLUMNS)
-        writer.writeheader()
-        writer.writerows(records)
     whole = {
         "cells": records,
         "bounds": [
@@ -65,11 +58,11 @@ def write(
             for s in strides
         ],
     }  # fmt: skip
-    paths[1].write_text(json.dumps(whole, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     sections = blocks(cells, bounds, strides)
     text = "\n\n".join(f"## {name}\n\n{block}" for name, block in sections.items())
-    paths[2].write_text(f"# Stability\n\n{text}\n", encoding="utf-8")
-    return paths
+    page = folder / "stability.md"
+    page.write_text(f"# Stability\n\n{text}\n", encoding="utf-8")
+    return [*write_records(folder / "stability", records, whole), page]
 
 
 def blocks(cells: Sequence[Cell], bounds: Sequence[Bound], strides: Sequence[Stride]) -> dict[str, str]:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import csv
 import importlib.metadata
 import json
 import os
 import platform
 import subprocess
-from dataclasses import fields
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -18,6 +16,7 @@ import numpy as np
 from ... import __version__
 from ...errors import OptionError
 from ...mechanism.mechanism import Mechanism
+from .. import pages
 from .measure import Point, point_of
 from .references import Reference
 from .scenes import Motion
@@ -132,15 +131,7 @@ class Store:
     def export(self, more: dict[str, Any]) -> list[Path]:
         """points.csv and points.json; returns the paths."""
         records = [point.record() for point in self.points.values()]
-        table, data = self.folder / "points.csv", self.folder / "points.json"
-        with table.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, [f.name for f in fields(Point)])
-            writer.writeheader()
-            writer.writerows(records)
-        data.write_text(
-            json.dumps(self.header | more | {"points": records}, indent=1) + "\n", encoding="utf-8"
-        )
-        return [table, data]
+        return pages.write_records(self.folder / "points", records, self.header | more | {"points": records})
 
     def reference(self, motion: Motion) -> Reference:
         """The exact motion, computed once a folder."""
