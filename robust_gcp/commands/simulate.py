@@ -32,6 +32,7 @@ from ..mechanism.closures import frame_of
 from ..mechanism.folders.loader import load
 from ..mechanism.joints import Component, components_of
 from ..mechanism.mechanism import Mechanism
+from ..native.library import NativeBuildWarning
 from ..printing import clean_warnings, complain, fixed, progress_bar, table, telling
 from ..simulation.coarse import CoarseStepWarning
 from ..simulation.simulate import RECORDS, simulate
@@ -39,7 +40,7 @@ from ..simulation.stability import StabilityWarning
 from ..simulation.steppers import SCIPY_STEPPERS
 from ..simulation.trajectory import Trajectory
 
-OURS = (SingularityWarning, StabilityWarning, CoarseStepWarning)
+OURS = (SingularityWarning, StabilityWarning, CoarseStepWarning, NativeBuildWarning)
 
 
 def arguments(add_to: Arguments) -> None:

@@ -117,7 +117,8 @@ def test_csv_holds_the_trajectory_to_the_last_digit(tmp_path: Path, capsys: Capt
     )
     assert t.a is not None and t.energy is not None and t.multipliers is not None
     names = [f"{x}.q{i}" for x in "qva" for i in (1, 2, 3)]
-    assert header == ["t", *names, "energy", "lambda.0", "lambda.1"]
+    reactions = [f"lambda.coupler_tip-rocker_tip.{axis}" for axis in "yz"]
+    assert header == ["t", *names, "energy", *reactions]
     np.testing.assert_array_equal(rows, np.column_stack([t.t, t.q, t.v, t.a, t.energy, t.multipliers]))
 
 

@@ -37,7 +37,7 @@ NEEDED = {
     "… with a torque": {"RNEA", *CONSTRAINT, "force_evaluations"},
     "… recording a": {"RNEA", *CONSTRAINT, "a"},
     "… recording the energy": {"RNEA", *CONSTRAINT, "energies"},
-    "… recording λ": {"RNEA", *CONSTRAINT, "a", "multipliers"},
+    "… recording λ": {"RNEA", *CONSTRAINT, "a", "multipliers", "SVD"},
     "… by DOP853": {"RNEA", *CONSTRAINT},
     "two coordinates, far from singular": {"RNEA", "CRBA", *CONSTRAINT},
     "one closure row too many (Bricard)": {"RNEA", *CONSTRAINT},
@@ -78,7 +78,8 @@ def test_a_crossing_costs_once(costs: dict[str, Cost]) -> None:
         cost = costs[name]
         assert cost.crossings == 1
         assert cost.stats.bridges_built == cost.stats.second_order == cost.calls["2nd order"] == 1
-        assert 0 < cost.calls["SVD"] <= 4
+        for_reactions = cost.calls["multipliers"]  # one of K for each λ, whose rank it decides
+        assert 0 < cost.calls["SVD"] - for_reactions <= 4
         assert cost.stats.zone_evaluations > 0
         assert cost.stats.refined_steps == 0
 
