@@ -22,7 +22,7 @@ NO_NUMBERS = ("", " ", "x", "1,2", "pi/0", "--", "1e", "0x10", "٣٫٥x")
 NOT_FINITE = ("nan", "inf", "-inf", "1e999")
 NOT_WHOLE = ("1.5", "nan", "inf", "1e3", *("9" * 5000,))
 BOTH_SIGNS = {"--q0", "--v0", "--q"}
-FROM_ZERO = {"--mode", "--seed", "--seeds"}
+FROM_ZERO = {"--mode", "--only", "--seed", "--seeds"}
 
 
 def options(command: Command) -> Iterator[argparse.Action]:
