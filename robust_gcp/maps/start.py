@@ -104,6 +104,7 @@ def begin(
         return Start(path, point, ydot)
     picture = analyse(mechanism, q, rank_tolerance=10.0 * SINGULAR_START)
     counters.second_order += 1
+    counters.svds += 1
     if picture.kind == "regular" or picture.kind == "redundant":
         choices = [names for _, names in mechanism.coordinate_choices(q)]
         raise ToggleError(

@@ -58,6 +58,7 @@ def require_mobility(mechanism: Mechanism, q: Array, path: RegularPath) -> None:
     if mechanism.nc == path.nd:
         return
     s = np.linalg.svd(mechanism.scaled(mechanism.K(q)), compute_uv=False)
+    path.counters.svds += 1
     rank = numerical_rank(s, RANK)
     if rank > path.nd:
         choices = [names for _, names in mechanism.coordinate_choices(q)]

@@ -185,12 +185,14 @@ class ClosedLoops:
     def polish(self, q: Array, free: NDArray[np.int64]) -> Array:
         """Minimum-norm Newton steps on the velocities `free` until φ stops shrinking.
 
-        Singular directions of K are left alone, so that a start at a singularity is polished too.
+        Singular directions of K are left alone, so that a start at a singularity is polished too. By a
+        complete orthogonal factorisation (LAPACK's gelsy), at a third of an SVD's cost.
         """
         best, size = q, self.closure_residual(q)
-        for _ in range(10):
+        for _ in range(10 if size > 0.0 and len(free) else 0):
             K = self.scaled(self.K(best))[:, free]
-            step = np.linalg.pinv(K, rcond=POLISHED) @ (self.phi(best) / self.row_scale)
+            residual = self.phi(best) / self.row_scale
+            step = scipy.linalg.lstsq(K, residual, cond=POLISHED, lapack_driver="gelsy")[0]
             dv = np.zeros(self.nv)
             dv[free] = -step * self.column_scale[free]
             trial = self.tree.integrate(best, dv)

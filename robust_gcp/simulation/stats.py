@@ -28,7 +28,8 @@ class Stats:
     refined_steps : int
         Steps taken with error control because their zone had no certified bridge.
     svds : int
-        Singular value decompositions; 0 in a scene that never comes near a singularity.
+        Singular value decompositions; 0 in a scene that never comes near a singularity and has no
+        redundant closures, whose rank is looked at once. An analysis at second order counts as one.
     repartitions : list of (float, tuple of str)
         Time and new independent joints of each change of coordinates.
     native_steps : int
