@@ -15,7 +15,8 @@ rounding has eaten it: where heavy links rest, G says so to 1e-16 only, and thei
 then a thousandth of what moves the light ones."""
 
 CANCELLED = 1e-6
-"""The same ratio below which products of G and M have lost as many digits; the bodies' sum has not."""
+"""Gᵀ M G of one coordinate, relative to the size of the products in it, below which they have lost as many
+digits; the bodies' sum has not. Where no loop ties the joints, G puts them in order and nothing cancels."""
 
 DEFINITE = 1e-11
 """Smallest squared pivot of Gᵀ M G with a unit diagonal: below, ÿ has fewer than five digits left."""
@@ -64,9 +65,11 @@ class ReducedInertia:
 
     def _matrix(self, q: Array, G: Array) -> Array:
         """Gᵀ M G, (m, m); by polarisation of the kinetic energy where the products cancel."""
-        inertia: Array = G.T @ (self._tree.crba(q) @ G)
-        diagonal = inertia.diagonal()
-        if all(a > CANCELLED * self._alone(column) for a, column in zip(diagonal, G.T, strict=True)):
+        M = self._tree.crba(q)
+        inertia: Array = G.T @ (M @ G)
+        # |Σ g_i M_ik g_k| ≤ (Σ √M_ii |g_i|)², as M is positive
+        products = (np.sqrt(np.maximum(M.diagonal(), 0.0)) @ np.abs(G)) ** 2
+        if np.all(inertia.diagonal() > CANCELLED * products):
             return inertia
         twice = [2.0 * self._tree.kinetic(q, column) for column in G.T]
         for i, a in enumerate(twice):

@@ -14,6 +14,7 @@ from ..mechanism.closures import FrameClosure, PointClosure
 from ..mechanism.forces import Force, JointSpring
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from ..mechanism.workspace import workspace
 
 SOLO = "solo_description/robots/solo12.urdf"
 BAXTER = "baxter_description/urdf/baxter.urdf"
@@ -168,7 +169,7 @@ def _iq(model: pin.Model, joint: str) -> int:
 
 
 def _frame_places(model: pin.Model, q: Array, names: list[str]) -> list[pin.SE3]:
-    data = model.createData()
+    data = workspace(model)
     pin.framesForwardKinematics(model, data, q)
     return [data.oMf[model.getFrameId(name)].copy() for name in names]
 

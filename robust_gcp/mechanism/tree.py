@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ..errors import ModelError
 from .joints import Array as Array
 from .joints import Joint, in_v, joints_of
+from .workspace import workspace
 
 _placements = itertools.count()
 """One number for each configuration that any tree places."""
@@ -67,7 +68,7 @@ class Tree(threading.local):
         if not hasattr(self, "model"):  # runs again, with these arguments, in each further thread
             self._share(model, points)
         first = self.model.nframes - len(points)
-        self.data = pin.Data(self.model)  # createData would make a second one and copy it
+        self.data = workspace(self.model)
         self.nq, self.nv = int(model.nq), int(model.nv)
         self.vector_space = self.nq == self.nv
         self.zero = np.zeros(self.nv)

@@ -8,6 +8,7 @@ cmeel-boost carry them.
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import os
 import shlex
@@ -116,7 +117,11 @@ def attempt(into: Path, sanitize: bool = False) -> dict[str, str]:
         if os.environ.get(SWITCH) == "0":
             raise BuildError(f"{SWITCH}=0", "skipped")
         library = build(into, log, sanitize)
-        report = {"status": "built", "detail": f"{library.name} in {time.monotonic() - begun:.0f} s"}
+        report = {
+            "status": "built",
+            "detail": f"{library.name} in {time.monotonic() - begun:.0f} s",
+            "sha256": hashlib.sha256(library.read_bytes()).hexdigest(),
+        }
     except BuildError as error:
         report = {"status": error.status, "detail": str(error)}
         if error.status == "failed":

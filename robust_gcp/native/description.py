@@ -10,6 +10,7 @@ from ..mechanism.closures import closure_frames, frame_of, rows_of
 from ..mechanism.forces import JointDamper, JointSpring, JointTorque, PointSpring
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from ..mechanism.workspace import memory_left, whole_bytes
 from .structures import Arrays, Description
 
 
@@ -43,6 +44,9 @@ def _described(mechanism: Mechanism, path: RegularPath, constant: ArrayLike | No
         raise NotNativeError("the mechanism has no degree of freedom")
     if len(mechanism.loops) < len(mechanism.closures):
         raise NotNativeError("the mechanism has couplings")
+    if mechanism.m > 1 and whole_bytes(mechanism.model) > memory_left():
+        needed = whole_bytes(mechanism.model) / 1e9
+        raise NotNativeError(f"the mechanism has {mechanism.nv} velocities, which take {needed:.3g} GB")
     description = Description(
         joints=mechanism.model.njoints - 1, nq=mechanism.nq, nv=mechanism.nv, m=mechanism.m, works=works
     )

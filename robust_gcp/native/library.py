@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import hashlib
 import json
 import os
 import sys
@@ -13,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ..warning import warn
-from .structures import VERSION, Description, Request
+from .structures import VERSION, Description, Request, Table
 
 NAME = "kernel.dylib" if sys.platform == "darwin" else "kernel.so"
 
@@ -50,13 +51,19 @@ class Library:
     Raises
     ------
     OSError
-        When the file cannot be loaded or speaks another version of the interface.
+        When the file is not the one that was built, cannot be loaded, or speaks another version of the
+        interface.
     """
 
     def __init__(self, path: Path) -> None:
+        _require_as_built(path)
         library = ctypes.CDLL(str(path))
         if library.rg_version() != VERSION:
             raise OSError(f"{path} has interface {library.rg_version()}, this package needs {VERSION}")
+        for i, structure in enumerate((Description, Table, Request)):
+            theirs, ours = library.rg_size(i), ctypes.sizeof(structure)
+            if theirs != ours:
+                raise OSError(f"its {structure.__name__} has {theirs} bytes, this package's {ours}")
         self.create = library.rg_create
         self.create.argtypes, self.create.restype = [POINTER(Description), c_char_p, c_int32], c_void_p
         self.destroy = library.rg_destroy
@@ -66,6 +73,16 @@ class Library:
         self.time_pinocchio = library.rg_time_pinocchio
         self.time_pinocchio.argtypes = [c_void_p, c_void_p, c_void_p, c_int32]
         self.time_pinocchio.restype = c_double
+
+
+def _require_as_built(path: Path) -> None:
+    """Compare with the checksum in the report beside the library, where there is one.
+
+    A library that lost its end loads, and kills the process at the first call into the missing part.
+    """
+    wanted = _report(path.with_name(REPORT)).get("sha256")
+    if wanted is not None and hashlib.sha256(path.read_bytes()).hexdigest() != wanted:
+        raise OSError(f"its {path.stat().st_size} bytes are not what was built: truncated or changed")
 
 
 def backends() -> dict[str, Backend]:
@@ -110,9 +127,9 @@ def _load(path: Path) -> tuple[Library | None, str]:
         return None, f"{path} does not load ({error}); build it again"
 
 
-def _report() -> dict[str, Any]:
+def _report(path: Path) -> dict[str, Any]:
     try:
-        report = json.loads(_installed(REPORT).read_text(encoding="utf-8"))
+        report = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
     return report if isinstance(report, dict) else {}
@@ -122,11 +139,11 @@ def _broken() -> bool:
     wanted = os.environ.get(SWITCH, "")
     if wanted not in ("", "1"):
         return wanted != "0"
-    return _installed(NAME).exists() or _report().get("status") == "failed"
+    return _installed(NAME).exists() or _report(_installed(REPORT)).get("status") == "failed"
 
 
 def _why_not_built() -> str:
-    report = _report()
+    report = _report(_installed(REPORT))
     status, detail = report.get("status"), report.get("detail", "")
     if status == "failed":
         return f"its build failed at installation ({detail}); the log is {_installed('build.log')}"

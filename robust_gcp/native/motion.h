@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "abi.h"
@@ -75,7 +76,9 @@ class Motion {
             if (!forces_.some()) std::fill(tau.begin(), tau.end(), 0.0);
             std::copy(point.q(), point.q() + path_.layout.nq, r.torque_q);
             std::copy(v.begin(), v.end(), r.torque_v);
-            if (r.torque(t) != 0) return TORQUE;
+            // an exception that no handler of the callback's met leaves NaN
+            std::fill(r.torque_tau, r.torque_tau + v.size(), std::numeric_limits<double>::quiet_NaN());
+            if (r.torque(t) != 0 || std::isnan(r.torque_tau[0])) return TORQUE;
             for (std::size_t i = 0; i < v.size(); ++i) {
                 tau[i] += r.torque_tau[i];
                 power += r.torque_tau[i] * v[i];
@@ -186,13 +189,22 @@ class Motion {
         return own_ * pace * pace;
     }
 
+    // Size of the products that make up Gᵀ M G of column j: |Σ g_i M_ik g_k| ≤ (Σ √M_ii |g_i|)².
+    double products(const double* G, int j) const {
+        const int m = path_.layout.m, nv = path_.layout.nv;
+        double sum = 0.0;
+        for (int i = 0; i < nv; ++i)
+            if (G[i * m + j] != 0.0) sum += std::sqrt(std::max(M_[i * nv + i], 0.0)) * std::fabs(G[i * m + j]);
+        return sum * sum;
+    }
+
     // ÿ by Cholesky with a unit diagonal; false where digits were lost, which Python looks at.
     bool solve(const double* G) {
         const int m = path_.layout.m;
         double* L = reduced_.data();
         for (int j = 0; j < m; ++j) {
             const double inertia = L[j * m + j];
-            if (!(inertia > CANCELLED * alone(G, j))) return false;
+            if (!(inertia > CANCELLED * products(G, j) && inertia > LOST * alone(G, j))) return false;
             unit_[j] = 1.0 / std::sqrt(inertia);
         }
         for (int i = 0; i < m; ++i) {

@@ -3,6 +3,7 @@
 
 #include <pinocchio/fwd.hpp>
 
+#include <memory>
 #include <string>
 
 #include <pinocchio/algorithm/crba.hpp>
@@ -38,12 +39,25 @@ static Model build(const Description& d) {
 }
 
 struct RigidBodies::Pinocchio {
-    explicit Pinocchio(const Description& d) : model(build(d)), data(model) {}
+    explicit Pinocchio(const Description& d) : model(build(d)) {
+        if (d.m > 1) data();  // here, where running out of memory can be told
+    }
+
+    // Made when first asked for, which one coordinate does not; without Pinocchio's nv³ second derivatives.
+    Data& data() {
+        if (made == nullptr) {
+            made = std::make_unique<Data>(model);
+            for (auto* unused : {&made->d2tau_dqdq, &made->d2tau_dvdv, &made->d2tau_dqdv, &made->d2tau_dadq})
+                unused->resize(0, 0, 0);
+        }
+        return *made;
+    }
+
     Vector q(const double* q) const { return {q, model.nq}; }
     Vector v(const double* v) const { return {v, model.nv}; }
 
     Model model;
-    Data data;
+    std::unique_ptr<Data> made;
 };
 
 RigidBodies::RigidBodies(const Description& d) : pinocchio_(new Pinocchio(d)) {}
@@ -51,16 +65,16 @@ RigidBodies::~RigidBodies() = default;
 
 void RigidBodies::rnea(const double* q, const double* v, const double* a, double* tau) {
     Pinocchio& p = *pinocchio_;
-    pinocchio::rnea(p.model, p.data, p.q(q), p.v(v), p.v(a));
-    Eigen::Map<Eigen::VectorXd>(tau, p.model.nv) = p.data.tau;
+    pinocchio::rnea(p.model, p.data(), p.q(q), p.v(v), p.v(a));
+    Eigen::Map<Eigen::VectorXd>(tau, p.model.nv) = p.data().tau;
 }
 
 void RigidBodies::crba(const double* q, double* M) {
     Pinocchio& p = *pinocchio_;
-    pinocchio::crba(p.model, p.data, p.q(q), pinocchio::Convention::WORLD);
+    pinocchio::crba(p.model, p.data(), p.q(q), pinocchio::Convention::WORLD);
     const int n = p.model.nv;
     for (int i = 0; i < n; ++i)
-        for (int j = i; j < n; ++j) M[i * n + j] = M[j * n + i] = p.data.M(i, j);
+        for (int j = i; j < n; ++j) M[i * n + j] = M[j * n + i] = p.data().M(i, j);
 }
 
 void RigidBodies::integrate(const double* q, const double* dv, double* moved) {
@@ -71,10 +85,10 @@ void RigidBodies::integrate(const double* q, const double* dv, double* moved) {
 
 void RigidBodies::right_hand_side(const double* q, const double* v) {
     Pinocchio& p = *pinocchio_;
-    pinocchio::computeJointJacobians(p.model, p.data, p.q(q));
-    pinocchio::rnea(p.model, p.data, p.q(q), p.v(v), p.v(v));
-    pinocchio::rnea(p.model, p.data, p.q(q), p.v(v), p.v(v));
-    pinocchio::crba(p.model, p.data, p.q(q), pinocchio::Convention::WORLD);
+    pinocchio::computeJointJacobians(p.model, p.data(), p.q(q));
+    pinocchio::rnea(p.model, p.data(), p.q(q), p.v(v), p.v(v));
+    pinocchio::rnea(p.model, p.data(), p.q(q), p.v(v), p.v(v));
+    pinocchio::crba(p.model, p.data(), p.q(q), pinocchio::Convention::WORLD);
 }
 
 }  // namespace rg

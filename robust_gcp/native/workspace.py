@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass, fields
 from itertools import pairwise
 from typing import Any
@@ -151,22 +151,36 @@ class Workspace:
         self._request.torque_q, self._request.torque_v = q.ctypes.data, v.ctypes.data
         self._request.torque_tau = tau.ctypes.data
         self._callback = TorqueCallback()
-        if supplied is not None:
-            self._callback = TorqueCallback(self._guarded(supplied))
-        self._request.torque = self._callback
+        self._supplied = supplied
 
-    def _guarded(self, supplied: CheckedTorque) -> Callable[[float], int]:
+    def _listen(self) -> None:
+        """A callback for the next batch."""
+        if self._supplied is not None:
+            answers = self._answers(self._supplied)
+            next(answers)
+            self._callback = TorqueCallback(answers.send)
+            self._request.torque = self._callback
+
+    def _answers(self, supplied: CheckedTorque) -> Generator[int, float, None]:
+        """Takes a time, writes τ and gives 0; gives 1 after an exception, which cannot pass through C++.
+
+        A signal that arrives while the kernel works is handled by the first Python that runs after it.
+        In a function that would be its entry, outside any `try`, and ctypes would swallow what the
+        handler raises. A generator is resumed inside its `try`.
+        """
         q, v, tau = self._shared
-
-        def call(t: float) -> int:
-            try:
+        asked = False
+        try:
+            while True:
+                t = yield 0
+                asked = True
                 tau[:] = supplied(t, q, v)
-            except BaseException as error:  # an exception cannot pass through C++
-                self._failure = error
-                return 1
-            return 0
-
-        return call
+                asked = False
+        except BaseException as error:
+            if isinstance(error, GeneratorExit) and not asked:  # nobody will ask again
+                raise
+            self._failure = error
+        yield 1
 
     def run(
         self,
@@ -208,7 +222,10 @@ class Workspace:
             array = getattr(outputs, name)
             setattr(r, f"{name}_out", None if array is None else array.ctypes.data)
         self._failure = None
+        self._listen()
         self._library.run(self._handle, ctypes.byref(r))
+        if r.reason == Reason.TORQUE and self._failure is None:
+            self._failure = KeyboardInterrupt()  # raised between two lines of the generator
         return self._batch(outputs.first(int(r.completed) // every))
 
     def time_pinocchio(self, q: Array, v: Array, repeats: int) -> float:

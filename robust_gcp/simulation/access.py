@@ -13,6 +13,7 @@ from ..mechanism.closures import frame_of
 from ..mechanism.joints import in_q, in_v
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from ..mechanism.workspace import workspace
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +64,7 @@ def frame_motion(mechanism: Mechanism, name: str, q: Array, v: Array, a: Array) 
     """
     model = mechanism.model
     joint, place = _place(mechanism, name)
-    data, axes = model.createData(), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    data, axes = workspace(model), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     n = len(q)
     position, rotation = np.empty((n, 3)), np.empty((n, 3, 3))
     rates = np.empty((4, n, 3))

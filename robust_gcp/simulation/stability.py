@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..dynamics.equations import Torque, TorqueFunction
-from ..dynamics.linearise import Linearisation, linearise_motion
+from ..dynamics.linearise import Linearisation, limiting_eigenvalue, linearise_motion, stable_step
 from ..dynamics.motion import Motion, over
 from ..dynamics.reduced_inertia import ReducedInertia
 from ..errors import RobustGcpError
@@ -20,6 +20,10 @@ from ..maps.start import Start
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..warning import warn
+
+MANY = 12
+"""Coordinates beyond which only a few directions are looked at: the check then costs as many right-hand
+sides as some four steps, where a linearisation would take 2m + 1 and its eigenvalues m³."""
 
 ENOUGH = 200
 """Calls of a torque function that are listened to: 50 steps tell of 49 coordinates."""
@@ -74,17 +78,17 @@ class StabilityCheck:
     def before(self, motion: Motion) -> None:
         """Warn before a run that begins with this motion, where no torque function has to be known."""
         if self._listener is None:
-            self._warn(motion, self._linearised, self.torque)
+            self._warn(motion, self._limiting, self.torque)
 
     def after(self, motion: Motion) -> None:
         """Warn after it where one had to."""
         if self._listener is not None and self._listener.heard:
-            self._warn(motion, self._linearised_with_torque, self._listener.heard[0][3])
+            self._warn(motion, self._limiting_with_torque, self._listener.heard[0][3])
 
     def _warn(
         self,
         motion: Motion,
-        linearised: Callable[[Motion], Linearisation | None],
+        limiting: Callable[[Motion], complex | None],
         torque: Torque | ArrayLike | None,
     ) -> None:
         """Warn if the linearisation at the start, under a constant torque, says so."""
@@ -92,16 +96,15 @@ class StabilityCheck:
         if start.bridge is not None or start.point.conditioning < self._options.zone:
             return
         try:
-            found = linearised(self._beside(start, torque))
+            value = limiting(self._beside(start, torque))
         except (RobustGcpError, OverflowError):
             return
-        if found is None or self._step <= found.largest_stable_step:
+        if value is None or self._step <= stable_step(value):
             return
-        value = found.limiting
         shown = f"{value.real:.4g}" + (f" ± {abs(value.imag):.4g}i" if value.imag else "")
         warn(
             f"step = {self._step:g} s lies outside the stability region of rk4: the fastest motion at the "
-            f"start has the eigenvalue {shown} 1/s, which allows steps up to {found.largest_stable_step:.4g} "
+            f"start has the eigenvalue {shown} 1/s, which allows steps up to {stable_step(value):.4g} "
             's; take a smaller step, or an implicit stepper such as stepper="Radau"',
             StabilityWarning,
         )
@@ -112,20 +115,27 @@ class StabilityCheck:
         choice = MapChoice(options=self._options, error_controlled=True)
         return over(Start(path, start.point, start.ydot), torque, choice)
 
-    def _linearised(self, motion: Motion) -> Linearisation:
-        return linearise_motion(motion, 0.0, central=False)
+    def _limiting(self, motion: Motion) -> complex:
+        if motion.mechanism.m > MANY:
+            return limiting_eigenvalue(motion, self._step)
+        return linearise_motion(motion, 0.0, central=False).limiting
 
-    def _linearised_with_torque(self, motion: Motion) -> Linearisation | None:
-        """A with (Gᵀ M G)⁻¹ Gᵀ ∂τ/∂(y, ẏ) of the torque function below; None where that is not known."""
+    def _limiting_with_torque(self, motion: Motion) -> complex | None:
+        """Of A with (Gᵀ M G)⁻¹ Gᵀ ∂τ/∂(y, ẏ) of the torque function below; None where that is not known."""
         answer = _answer(motion.mechanism, self._listener.heard if self._listener else [], self._step)
         if answer is None:
             return None
         m, point = motion.mechanism.m, motion.start.point
-        inertia = ReducedInertia(motion.mechanism)
-        A = self._linearised(motion).A.copy()
-        columns = [inertia.solve(point.q, point.G, force) for force in (point.G.T @ answer).T]
-        A[m:] += np.array(columns).T
-        return Linearisation.of(A)
+        inertia, forces = ReducedInertia(motion.mechanism), point.G.T @ answer
+
+        def push(change: Array) -> Array:
+            return inertia.solve(point.q, point.G, forces @ change)
+
+        if m > MANY:
+            return limiting_eigenvalue(motion, self._step, push)
+        A = linearise_motion(motion, 0.0, central=False).A.copy()
+        A[m:] += np.array([push(change) for change in np.eye(2 * m)]).T
+        return Linearisation.of(A).limiting
 
 
 class _Listener(TorqueFunction):

@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 import robust_gcp as rg
 from robust_gcp.dynamics.equations import EquationsOfMotion
 from robust_gcp.dynamics.linearise import ReducedJacobian, rk4_reach, stable_step
-from robust_gcp.examples.linkages import four_bar
+from robust_gcp.examples.linkages import add_link, four_bar
 from robust_gcp.maps.bridge.bridge_map import BridgeMap
 from robust_gcp.maps.closed_form import parallelogram_pendulum
 from robust_gcp.maps.point import Counters
 from robust_gcp.maps.start import begin
+from robust_gcp.mechanism.tree import Tree
 from robust_gcp.studies.stability.bound import System, measure, systems
 from robust_gcp.studies.stability.truth import with_forces
 
@@ -279,3 +280,54 @@ def test_implicit_steppers_pass_a_stiff_drive_at_once() -> None:
         # it creeps at the terminal speed −B cos y / c
         assert run.v[-1, 0] == pytest.approx(-B * np.cos(run.q[-1, 0]) / (1e6 * np.sqrt(A * B)), rel=1e-3)
         assert run.stats.rhs < 1e-3 * 4.0 * 0.5 / largest
+
+
+@pytest.mark.parametrize("stiffness", [1e2, 1e5, 1e8])
+@pytest.mark.parametrize("damped", [False, True])
+def test_many_coordinates_are_judged_by_a_few_directions(stiffness: float, damped: bool) -> None:
+    """What limits the step of a chain of 20 hinges is found by 17 right-hand sides as by 41."""
+    force = rg.JointDamper("j7", stiffness) if damped else rg.JointSpring("j10", stiffness)
+    chain = rg.Mechanism.from_pinocchio(hinges(20), forces=[force])
+    largest = rg.linearise(chain, chain.home).largest_stable_step
+    for step, warned in ((1.2 * largest, True), (0.8 * largest, False)):
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            rg.simulate(chain, duration=step, step=step)
+        assert any(issubclass(w.category, rg.StabilityWarning) for w in caught) is warned
+
+
+def test_a_long_chain_costs_a_few_right_hand_sides() -> None:
+    chain = rg.Mechanism.from_pinocchio(hinges(60))
+    run = rg.simulate(chain, duration=3e-3, step=1e-3, backend="python")
+    assert run.stats.rhs < 15
+    counted = EquationsOfMotion.__call__
+    calls = 0
+
+    def counting(self: EquationsOfMotion, t: float, x: Array) -> Array:
+        nonlocal calls
+        calls += 1
+        return counted(self, t, x)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(EquationsOfMotion, "__call__", counting)
+        rg.simulate(chain, duration=3e-3, step=1e-3, backend="python")
+    assert calls < 32
+
+
+def test_open_chains_need_no_sum_over_bodies(monkeypatch: pytest.MonkeyPatch) -> None:
+    """M of a tree holds no differences, however much heavier the first joint's motion is than the last's."""
+    chain = rg.Mechanism.from_pinocchio(hinges(60))
+
+    def none(self: Tree, q: Array, v: Array) -> float:
+        raise AssertionError("a kinetic energy for each pair of coordinates")
+
+    monkeypatch.setattr(Tree, "kinetic", none)
+    rg.simulate(chain, duration=1e-3, step=1e-3, backend="python")
+
+
+def hinges(count: int) -> pin.Model:
+    """Rods of a metre in a row."""
+    model, parent = pin.Model(), 0
+    for i in range(count):
+        parent = add_link(model, parent, 0.0 if i == 0 else 1.0, f"j{i}", 1.0)
+    return model

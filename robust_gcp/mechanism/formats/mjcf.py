@@ -14,6 +14,7 @@ from ...errors import ModelError
 from ..closures import Closure, FrameClosure, PointClosure
 from ..forces import Force, JointDamper, JointSpring
 from ..tree import Array
+from ..workspace import workspace
 from .mjcf_parts import Element, Reduced, vector
 from .mjcf_xml import reduced
 from .pin_constraints import close_between
@@ -131,7 +132,7 @@ def _closure(
         first, second = (_site_place(model, item.get(key, ""), parts, where) for key in ("site1", "site2"))
         return close_between(model, kind, label, (first, second))
     bodies = (item.get("body1", ""), item.get("body2", "world"))
-    data = model.createData()
+    data = workspace(model)
     pin.forwardKinematics(model, data, home)
     still = [_place_on(model, body, where, pin.SE3.Identity()) for body in bodies]
     poses = [data.oMi[joint] * placement for joint, placement in still]
