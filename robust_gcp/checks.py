@@ -145,10 +145,12 @@ def real_array(value: Any) -> Array:
     TypeError
         For anything but integers and floats, and for what NumPy makes no array of.
     """
-    try:
-        given = np.asarray(value)
-    except Exception as error:  # conversions of others raise what they like
-        raise TypeError(f"no array: {error}") from error
+    given = value
+    if type(value) is not np.ndarray:  # an array needs no conversion, and a signal's exception stays itself
+        try:
+            given = np.asarray(value)
+        except Exception as error:  # conversions of others raise what they like
+            raise TypeError(f"no array: {error}") from error
     if given.dtype.kind not in "iuf" or np.ma.isMaskedArray(value):
         raise TypeError(f"numbers of kind {given.dtype}")
     return given.astype(float)
