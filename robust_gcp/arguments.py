@@ -17,7 +17,7 @@ Check = Callable[[str, Any], None]
 """Refuses a value by an OptionError that begins with the argument's name."""
 
 DEFAULT = "default: %(default)s"
-MODEL = "a shipped model's name, or a folder with robot.urdf and robot.yaml"
+MODEL = "a shipped model's name, a folder with robot.urdf and robot.yaml, a URDF or MJCF file"
 NUMBERS = "numbers, or multiples of pi such as -pi or 2*pi/3"
 PI = re.compile(r"(?P<sign>[+-]?)(?:(?P<times>\d+\.?\d*)\*?)?pi(?:/(?P<over>\d+\.?\d*))?")
 FILE_SUFFIX = re.compile(r"\.[A-Za-z]\w*")

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..checks import check_mechanism, check_number
 from ..errors import ClosureError, OptionError
+from ..mechanism.assembly import assembled
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tolerances import CLOSED, SINGULAR_HOME
 from ..mechanism.tree import Array
@@ -156,13 +157,13 @@ class _Search:
         m = self.mechanism
         found = [m.polish(m.home, np.arange(m.nv))]
         if m.closure_residual(found[0]) > CLOSED:
-            found = [m.close_loops(m.home, np.arange(m.nv))]
+            found = [assembled(m, m.home, np.arange(m.nv), "trace_modes")]
         for u in _lattice(m.nv, seeds):
             way = np.full(m.nv, 2.0 * m.length)
             way[self.torus.hinges] = np.pi
             try:
                 near = m.polish(m.tree.integrate(m.home, way * u), np.arange(m.nv))
-                found.append(m.assemble(near, hold=()))
+                found.append(assembled(m, near, np.arange(m.nv), "trace_modes", (0.0,)))
             except ClosureError:
                 continue  # not every seed closes: that is what several are for
         return found

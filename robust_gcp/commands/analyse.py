@@ -7,16 +7,16 @@ import json
 
 from ..analysis.local import LocalAnalysis
 from ..analysis.local import analyse as analysis_at
-from ..arguments import MODEL, NUMBERS, Arguments, number
-from ..mechanism.folders.loader import load
+from ..arguments import NUMBERS, Arguments, number
 from ..mechanism.joints import in_v
 from ..mechanism.mechanism import Mechanism
 from ..printing import LONGEST_TABLE, fixed, listed, table
+from .model import add_model, loaded
 
 
 def arguments(add_to: Arguments) -> None:
     """Name the arguments."""
-    add_to.add("model", metavar="MODEL", help=MODEL)
+    add_model(add_to)
     text = f"{NUMBERS}; default: the model's home"
     add_to.add("--q", nargs="+", type=number, metavar="Q", help=text)
     add_to.add("--json", action="store_true", help="print JSON, all digits")
@@ -24,7 +24,7 @@ def arguments(add_to: Arguments) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the local picture."""
-    mechanism = load(args.model)
+    mechanism = loaded(args)
     here = analysis_at(mechanism, mechanism.home if args.q is None else args.q)
     print(_as_json(mechanism, here) if args.json else _as_text(mechanism, here))
     return 0

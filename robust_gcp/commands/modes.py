@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 
 from ..analysis.space import SEEDS, trace_modes
-from ..arguments import DEFAULT, MODEL, Arguments, file, pathname, whole
-from ..mechanism.folders.loader import load
+from ..arguments import DEFAULT, Arguments, file, pathname, whole
 from ..printing import listed, table, telling
+from .model import add_model, loaded
 
 LARGEST_DPI = 1200
 """A finer picture takes more memory than most machines have."""
@@ -15,7 +15,7 @@ LARGEST_DPI = 1200
 
 def arguments(add_to: Arguments) -> None:
     """Name the arguments."""
-    add_to.add("model", metavar="MODEL", help=MODEL)
+    add_model(add_to)
     text = "draw them: a .png or .pdf file"
     add_to.add("--out", file((".png", ".pdf"), "a figure"), type=pathname, metavar="FILE", help=text)
     text = f"rough configurations to start from; {DEFAULT}"
@@ -28,7 +28,7 @@ def arguments(add_to: Arguments) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the table, and draw."""
-    mechanism = load(args.model)
+    mechanism = loaded(args)
     if args.out is not None or args.coordinates is not None:
         from ..drawing.figures import modes as figures
         from ..drawing.figures.style import DPI, require_matplotlib, save, style

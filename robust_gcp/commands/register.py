@@ -36,6 +36,7 @@ class Command:
 COMMANDS = (
     Command("simulate", "simulate a mechanism and summarise the motion", ".commands.simulate"),
     Command("analyse", "rank, kernel and operation modes at a configuration", ".commands.analyse"),
+    Command("assemble", "close the loops of a model from a guess", ".commands.assemble"),
     Command("models", "list the shipped models", ".commands.models"),
     Command(
         "modes",

@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from ..analysis import local
 from ..arguments import (
     DEFAULT,
-    MODEL,
     NUMBERS,
     Arguments,
     file,
@@ -29,7 +28,6 @@ from ..errors import OptionError, SimulationError, SingularStartError
 from ..maps.choice import METHODS
 from ..maps.classical import SingularityWarning
 from ..mechanism.closures import frame_of
-from ..mechanism.folders.loader import load
 from ..mechanism.joints import Component, components_of
 from ..mechanism.mechanism import Mechanism
 from ..native.library import NativeBuildWarning
@@ -39,13 +37,14 @@ from ..simulation.simulate import RECORDS, simulate
 from ..simulation.stability import StabilityWarning
 from ..simulation.steppers import SCIPY_STEPPERS
 from ..simulation.trajectory import Trajectory
+from .model import add_model, loaded
 
 OURS = (SingularityWarning, StabilityWarning, CoarseStepWarning, NativeBuildWarning)
 
 
 def arguments(add_to: Arguments) -> None:
     """Name the arguments."""
-    add_to.add("model", metavar="MODEL", help=MODEL)
+    add_model(add_to)
 
     add_to.heading("start")
     text = f"{NUMBERS}; default: the model's"
@@ -90,7 +89,7 @@ def csv_or_folder(name: str, path: Path) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Simulate, summarise on stdout, write what was asked for."""
-    mechanism = load(args.model)
+    mechanism = loaded(args)
     csv: Path | None = args.out
     if csv is not None and csv.suffix != ".csv":
         csv = csv / f"{mechanism.name}_{args.method}.csv"

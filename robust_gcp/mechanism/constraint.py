@@ -103,6 +103,10 @@ class ImplicitConstraint:
             self._coupling = Couplings(tree.joints, [couplings[int(i)] for i in which])
             self._coupled_at = self._coupled[:, None] * tree.nv + self._coupling.iv
             self._coupled_weight = self._weight[self._coupled, None] * columns[self._coupling.iv]
+            self._further = [
+                (int(self._coupled[i]) * tree.nv + iv, -value * self._weight[self._coupled[i]] * columns[iv])
+                for i, _, iv, value in self._coupling.further
+            ]
         self._plain = len(self._position) == n
 
     def residual(self) -> Array:
@@ -144,8 +148,11 @@ class ImplicitConstraint:
         nv = tree.nv
         flat = np.bincount(self._entry_at, entries, minlength=n * nv).astype(float)
         if self._coupling is not None:
-            flat[self._coupled_at[:, 0]] = self._coupled_weight[:, 0]
+            # a joint that is held has no second one: its own entry comes last
             flat[self._coupled_at[:, 1]] = -self._coupling.slope(tree.q) * self._coupled_weight[:, 1]
+            flat[self._coupled_at[:, 0]] = self._coupled_weight[:, 0]
+            for at, value in self._further:
+                flat[at] = value
         return flat.reshape(n, nv)
 
     def jacobian_rate(self, v: Array) -> Array:
@@ -221,7 +228,7 @@ class _Layout:
             self.axis.append(row.axis)
             self.is_length.append(row.axis != ROTATION)
         for coupling in couplings:
-            self.labels.append(f"{coupling.joint1} – {coupling.joint2}")
+            self.labels.append(coupling.label)
             self.closure.append(-1)
             self.axis.append(_COUPLED)
             self.is_length.append(joint_named(joints, coupling.joint1).components[0].unit == "m")

@@ -1,7 +1,7 @@
-"""Couplings: joints that a gear, a belt or a mimic tag moves together, φ = q₁ − P(q₂).
+"""Couplings: joints that a gear, a belt or a mimic tag moves together, φ = q₁ − P(q₂) − Σ cᵢ qᵢ.
 
-One row each, in units of the first joint: K has 1 in its column and −P′(q₂) in the other's, and
-k = −K̇ v = P″(q₂) v₂².
+One row each, in units of the first joint: K has 1 in its column, −P′(q₂) in the second's and −cᵢ in those of
+further joints, and k = −K̇ v = P″(q₂) v₂².
 """
 
 from __future__ import annotations
@@ -24,44 +24,64 @@ LARGEST_DEGREE = 32
 
 @dataclass(frozen=True)
 class CouplingClosure:
-    """One joint follows another: q₁ = offset + ratio q₂ + higher₀ q₂² + higher₁ q₂³ + …, one row.
+    """One joint follows another: q₁ = offset + ratio q₂ + higher₀ q₂² + higher₁ q₂³ + … + Σ more, one row.
 
     Parameters
     ----------
     joint1, joint2 : str
-        Joints with one number in q each; two joints, or the coupling would couple nothing.
+        Joints with one number in q each; joint2 None (with ratio 0): the first is held at `offset`.
     ratio : float
         rad/rad, m/rad, rad/m or m/m.
     offset : float
         q₁ at q₂ = 0, rad or m.
     higher : tuple of float
         Coefficients of q₂², q₂³, …; empty for a gear.
+    more : tuple of (str, float)
+        Further joints and what each adds per rad or m: a belt around several, a differential.
     """
 
     joint1: str
-    joint2: str
+    joint2: str | None
     ratio: float
     offset: float = 0.0
     higher: tuple[float, ...] = ()
+    more: tuple[tuple[str, float], ...] = ()
     kind: ClassVar[str] = "coupling"
 
     def __post_init__(self) -> None:
-        for what in ("joint1", "joint2"):
-            check_text(f"CouplingClosure: {what}", getattr(self, what))
-        label = f"CouplingClosure {self.joint1} – {self.joint2}"
-        if self.joint1 == self.joint2:
-            raise ModelError(f"{label}: a joint cannot follow itself; name two joints")
+        check_text("CouplingClosure: joint1", self.joint1)
+        if self.joint2 is not None:
+            check_text("CouplingClosure: joint2", self.joint2)
+        label = f"CouplingClosure {self.label}"
         try:
-            numbers = (self.offset, self.ratio, *self.higher)
+            names = self.joints
+            numbers = (self.offset, self.ratio, *self.higher, *(value for _, value in self.more))
             for value in numbers:
                 check_number("coefficient", value)
-        except (TypeError, OptionError) as error:
-            raise ModelError(f"{label}: ratio, offset and higher must be numbers ({error})") from error
-        if not np.all(np.isfinite(np.array(numbers, dtype=float))) or len(numbers) > LARGEST_DEGREE:
+        except (TypeError, ValueError, OptionError) as error:
             raise ModelError(
-                f"{label}: ratio, offset and higher are {shown(numbers)}; give at most {LARGEST_DEGREE} "
-                "finite numbers"
+                f"{label}: ratio, offset and higher must be numbers, more pairs of joint and number ({error})"
+            ) from error
+        if self.joint2 is None and (self.ratio or self.higher or self.more):
+            raise ModelError(f"{label}: joint2 is None and the others are not zero; name the joint to follow")
+        if len(set(names)) < len(names):
+            raise ModelError(f"{label}: a joint cannot follow itself, nor count twice; name different joints")
+        if not np.all(np.isfinite(np.array(numbers, dtype=float))) or len(self.higher) > LARGEST_DEGREE:
+            raise ModelError(
+                f"{label}: its coefficients are {shown(numbers)}; give finite numbers, and at most "
+                f"{LARGEST_DEGREE} in higher"
             )
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """All joints that it ties."""
+        second = () if self.joint2 is None else (self.joint2,)
+        return (self.joint1, *second, *(name for name, _ in self.more))
+
+    @property
+    def label(self) -> str:
+        """What to call it in messages."""
+        return f"{self.joint1} – {'a constant' if self.joint2 is None else self.joint2}"
 
     @property
     def coefficients(self) -> tuple[float, ...]:
@@ -109,6 +129,8 @@ class Couplings:
         Indices of both joints in q and in v.
     coefficients : ndarray (n, width)
         Of each P by rising power, padded with zeros.
+    further : list of (row, iq, iv, coefficient)
+        Of the joints beyond the second.
 
     Raises
     ------
@@ -121,19 +143,26 @@ class Couplings:
         self.iq = np.zeros((n, 2), dtype=np.int64)
         self.iv = np.zeros((n, 2), dtype=np.int64)
         self.coefficients = np.zeros((n, width))
+        self.further: list[tuple[int, int, int, float]] = []
         for i, coupling in enumerate(couplings):
-            label = f"CouplingClosure {coupling.joint1} – {coupling.joint2}"
-            for side, name in enumerate((coupling.joint1, coupling.joint2)):
+            label = f"CouplingClosure {coupling.label}"
+            for side, name in enumerate((coupling.joint1, coupling.joint2 or coupling.joint1)):
                 joint = single_joint(joints, name, label, "choose another")
                 self.iq[i, side], self.iv[i, side] = joint.idx_q, joint.idx_v
+            for name, value in coupling.more:
+                joint = single_joint(joints, name, label, "choose another")
+                self.further.append((i, int(joint.idx_q), int(joint.idx_v), float(value)))
             self.coefficients[i, : len(coupling.coefficients)] = coupling.coefficients
         powers = np.arange(width, dtype=float)
         self._slopes = (self.coefficients * powers)[:, 1:]
         self._curvatures = (self.coefficients * powers * (powers - 1.0))[:, 2:]
 
     def residual(self, q: Array) -> Array:
-        """q₁ − P(q₂), (n,), rad or m."""
-        return np.asarray(q[self.iq[:, 0]] - _values(self.coefficients, q[self.iq[:, 1]]))
+        """q₁ − P(q₂) − Σ cᵢ qᵢ, (n,), rad or m."""
+        values = q[self.iq[:, 0]] - _values(self.coefficients, q[self.iq[:, 1]])
+        for row, iq, _, value in self.further:
+            values[row] -= value * q[iq]
+        return np.asarray(values)
 
     def slope(self, q: Array) -> Array:
         """P′(q₂), (n,)."""

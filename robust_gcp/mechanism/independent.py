@@ -6,9 +6,12 @@ import logging
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
-from ..errors import PartitionError
+from ..errors import ClosureError, PartitionError
+from .assembly import assembled
+from .joints import in_v
 from .loops import ClosedLoops
 from .partition import independent_rows, numerical_rank, spelled, triangular_blocks
 from .rank import singular_words
@@ -16,6 +19,15 @@ from .tolerances import CLOSED, DETERMINES, RANK, STRUCTURAL
 from .tree import Array
 
 log = logging.getLogger(__name__)
+
+SERVES = 1e-3
+"""σ_min of the chosen rows of the motions below which a joint does not serve beside the others."""
+
+COMPONENT = 0.1
+"""Weight of one component of a ball beside the number of a hinge, where both would serve."""
+
+BESIDE, AWAY = 6, 0.5
+"""Configurations tried beside a singular one, and how far away they are, rad or characteristic lengths."""
 
 
 def best_at_home(loops: ClosedLoops, home: Array, name: str) -> tuple[Array, tuple[str, ...]]:
@@ -26,8 +38,7 @@ def best_at_home(loops: ClosedLoops, home: Array, name: str) -> tuple[Array, tup
     PartitionError
         Where home is singular, or no joints with one number each parametrise the motion.
     """
-    if loops.closure_residual(home) > CLOSED:
-        home = loops.close_loops(home, np.arange(loops.nv))
+    home = assembled(loops, home, np.arange(loops.nv), "independent = 'auto'")
     words = singular_words(loops, home)
     if words:
         raise PartitionError(
@@ -48,6 +59,84 @@ def best_at_home(loops: ClosedLoops, home: Array, name: str) -> tuple[Array, tup
     quality, names = choices[0]
     log.info("%s: independent joints %s (conditioning %.2g)", name, ", ".join(names), quality)
     return home, names
+
+
+def completed(
+    loops: ClosedLoops, home: Array, wanted: Sequence[str], name: str
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The wanted joints as far as they can serve at home, and what completes them; both are logged.
+
+    With T an orthonormal basis of the motions at home, a joint serves while the rows of T that it adds keep
+    σ_min above SERVES. What is lacking is chosen by pivoted QR of the rest of T, numbers of joints that have
+    one each before components of others.
+
+    Parameters
+    ----------
+    loops : ClosedLoops
+    home : ndarray (nq,)
+        A closed, regular configuration.
+    wanted : sequence of str
+        Joints, or components of joints, in the order of preference.
+
+    Returns
+    -------
+    tuple of str, tuple of str
+        All independent joints and components; those of the wanted ones that cannot serve.
+    """
+    T = loops.motions(home)
+    kept: list[str] = []
+    lost: list[str] = []
+    rows: list[int] = []
+    for one in wanted:
+        more = [*rows, *loops.velocities_of(one)]
+        enough = len(set(more)) == len(more) <= T.shape[1]
+        if enough and np.linalg.svd(T[more], compute_uv=False)[-1] > SERVES:
+            kept, rows = [*kept, one], more
+        else:
+            lost.append(one)
+    numbers = in_v(loops.joints)
+    weight = np.array([1.0 if loops.joint_at(i).single else COMPONENT for i in range(loops.nv)])
+    weight[loops.free_velocities] = 1.0
+    rest = np.setdiff1d(np.arange(loops.nv), rows)
+    Q = np.linalg.qr(T[rows].T)[0]
+    left = (T[rest] - T[rest] @ Q @ Q.T) * weight[rest, None]
+    pivots = scipy.linalg.qr(left.T, mode="economic", pivoting=True)[2][: T.shape[1] - len(rows)]
+    added = sorted(rest[pivots].tolist())
+    names = [*kept, *(numbers[i].name for i in added)]
+    quality = float(np.linalg.svd(T[[*rows, *added]], compute_uv=False).min(initial=1.0))
+    log.info("%s: independent %s (conditioning %.2g)", name, ", ".join(names), quality)
+    if lost:
+        log.info("%s: cannot be independent beside them: %s", name, ", ".join(lost))
+    return tuple(names), tuple(lost)
+
+
+def regular_near(loops: ClosedLoops, home: Array, name: str) -> Array:
+    """Home, or where K loses rank there a closed configuration beside it where it does not.
+
+    A pose that nobody chose (neutral) may be singular, and a motion does not start there by itself.
+    """
+    if loops.nc == 0:
+        return home
+    rng = np.random.default_rng(1)
+    here = loops.motions(home)
+    least, found, best = here.shape[1], home, 0.0
+    for _ in range(BESIDE):
+        way = here @ rng.normal(0.0, 1.0, here.shape[1])
+        way[loops.free_velocities] = 0.0
+        step = loops.units * way * (AWAY / max(float(np.abs(way).max(initial=0.0)), 1e-300))
+        try:
+            q = assembled(loops, loops.tree.integrate(home, step), np.arange(loops.nv), name, (0.0,))
+        except ClosureError:
+            continue
+        K = loops.scaled(loops.K(q))
+        s = np.linalg.svd(K, compute_uv=False)
+        rank = numerical_rank(s, STRUCTURAL)
+        m = loops.nv - rank
+        if m < least or (m == least < here.shape[1] and s[rank - 1] > best):
+            least, found, best = m, q, float(s[rank - 1])
+    if found is not home:
+        log.info("%s: home is moved beside a singular configuration", name)
+    return found
 
 
 def require_determined(

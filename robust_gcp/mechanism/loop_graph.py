@@ -99,7 +99,7 @@ def _chain(model: pin.Model, joints: set[int], joint: int) -> list[int]:
 def _path(model: pin.Model, closure: AnyClosure) -> set[int]:
     """The joints between the closure's two bodies, or those that it couples."""
     if isinstance(closure, CouplingClosure):
-        return {int(model.getJointId(name)) for name in (closure.joint1, closure.joint2)}
+        return {int(model.getJointId(name)) for name in closure.joints}
     ends = (closure.frame1, closure.frame2)
     first, second = (set(model.supports[frame_of(model, name, "closure").parentJoint]) for name in ends)
     return {int(joint) for joint in first ^ second}

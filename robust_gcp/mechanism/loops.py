@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
-import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from ..checks import check_model, checked_vector, listed, require_finite
@@ -17,12 +16,15 @@ from .closures import (
 )
 from .constraint import ImplicitConstraint
 from .couplings import AnyClosure, CouplingClosure, Couplings
-from .joints import Joint, joint_named
-from .loop_graph import characteristic_length
+from .joints import Joint, in_v, joint_named, with_numbers
+from .loop_graph import characteristic_length, loop_groups
 from .memo import Memo
 from .partition import numerical_rank, ranked_choices
 from .tolerances import CLOSED, POLISHED, ROUNDED, STRUCTURAL
 from .tree import Array, Tree, require_depth_first
+
+Named = Mapping[str, float | Sequence[float]]
+"""Numbers by joint, or by component of a joint."""
 
 
 class ClosedLoops:
@@ -38,6 +40,8 @@ class ClosedLoops:
         Those between two frames.
     nq, nv, nc : int
         Sizes of q, of v, and of φ (rows that are zero in every configuration left out).
+    home : ndarray (nq,)
+        Seed configuration.
     length : float
         Characteristic length, m: the largest distance from a joint to its children and cut points in a loop.
     memo : Memo
@@ -49,6 +53,7 @@ class ClosedLoops:
         closures = listed(closures, "closures", "closures, such as PointClosure(frame1, frame2)")
         require_depth_first(model)
         self.memo = Memo()
+        self.home: Array = pin.neutral(model)
         self.model: pin.Model = model.copy()
         closures = [_as_closure(c) for c in closures]
         couplings = [c for c in closures if isinstance(c, CouplingClosure)]
@@ -128,8 +133,13 @@ class ClosedLoops:
             return 0.0
         return float(np.max(np.abs(self.phi(q)) / self.row_scale))
 
-    def configuration(self, q: ArrayLike, what: str = "q") -> Array:
-        """q as a float array (nq,), or a StateError that says what is wrong with it."""
+    def configuration(self, q: ArrayLike | Named, what: str = "q") -> Array:
+        """q as a float array (nq,), or a StateError that says what is wrong with it.
+
+        Numbers by joint, or by component of a joint, stand for the seed configuration with these in it.
+        """
+        if isinstance(q, Mapping):
+            q = with_numbers(self.joints, self.home, q, "q", what)
         checked = checked_vector(q, self.nq, what, "nq")
         if self.tree.vector_space or pin.isNormalized(self.model, checked, CLOSED):
             return checked
@@ -142,45 +152,14 @@ class ClosedLoops:
             f"{turning} must have norm 1; use pin.normalize(model, q)"
         )
 
-    def velocity(self, v: ArrayLike, what: str = "v") -> Array:
-        """v as a float array (nv,), or a StateError that says what is wrong with it."""
-        return checked_vector(v, self.nv, what, "nv")
+    def velocity(self, v: ArrayLike | Named, what: str = "v") -> Array:
+        """v as a float array (nv,), or a StateError that says what is wrong with it; see `configuration`.
 
-    def close_loops(self, q: Array, free: NDArray[np.int64]) -> Array:
-        """Close the loops from a rough guess by moving the velocities `free` only.
-
-        Least squares on φ by damped Gauss–Newton steps with a trust region, then Newton.
-
-        Raises
-        ------
-        ClosureError
-            With the residual that is left and the loop that it is in.
+        Velocities that are not named are zero.
         """
-        if self.nc == 0:
-            return q
-
-        units = self.units[free]
-
-        def lift(step: Array) -> Array:
-            dv = np.zeros(self.nv)
-            dv[free] = units * step
-            return dv
-
-        def residual(step: Array) -> Array:
-            return self.phi(self.tree.integrate(q, lift(step))) / self.row_scale
-
-        def jacobian(step: Array) -> Array:
-            dv = lift(step)
-            K = self.K(self.tree.integrate(q, dv)) / self.row_scale[:, None]
-            return (K @ self.tree.integrate_rate(q, dv))[:, free] * units
-
-        fit = scipy.optimize.least_squares(
-            residual, np.zeros(len(free)), jac=jacobian, xtol=1e-15, ftol=1e-15, gtol=1e-15
-        )
-        q = self.polish(self.tree.integrate(q, lift(fit.x)), free)
-        self.require_closed(q, CLOSED, "assemble")
-        self.require_proper(q)
-        return q
+        if isinstance(v, Mapping):
+            v = with_numbers(self.joints, np.zeros(self.nv), v, "v", what)
+        return checked_vector(v, self.nv, what, "nv")
 
     def polish(self, q: Array, free: NDArray[np.int64]) -> Array:
         """Minimum-norm Newton steps on the velocities `free` until φ stops shrinking.
@@ -248,6 +227,13 @@ class ClosedLoops:
         """The joint of that name, or a ModelError that names near ones."""
         return joint_named(self.joints, name)
 
+    def velocities_of(self, name: str) -> list[int]:
+        """Where the velocities of a joint, or of one component of a joint, are in v."""
+        if name in self.joint_names:
+            return list(range(*self.joint(name).v.indices(self.nv)))
+        found = [c.iv for c in in_v(self.joints) if c.name == name]
+        return found or list(range(*self.joint(name).v.indices(self.nv)))  # which tells near names
+
     def velocity_slice(self, name: str) -> slice:
         """Where the joint's entries are in v."""
         return self.joint(name).v
@@ -266,6 +252,28 @@ class ClosedLoops:
         single = [joint for joint in self.joints if joint.single]
         indices = np.array([joint.idx_v for joint in single], dtype=np.int64)
         return ranked_choices(kernel, indices, [joint.name for joint in single])
+
+    def motions(self, q: ArrayLike) -> Array:
+        """Orthonormal basis of the instantaneous motions at q, (nv, differential mobility), dimensionless."""
+        K = self.scaled(self.K(q))
+        if not len(K):
+            return np.eye(self.nv)
+        _, s, Vt = np.linalg.svd(K)
+        basis: Array = Vt[numerical_rank(s, STRUCTURAL) :].T
+        return basis
+
+    @property
+    def free_velocities(self) -> NDArray[np.int64]:
+        """Velocities of joints that are in no loop and no coupling."""
+        tied = {j for group in loop_groups(self.model, self.closures) for j in group.joints}
+        free = [
+            i for joint in self.joints if joint.index not in tied for i in range(*joint.v.indices(self.nv))
+        ]
+        return np.array(free, dtype=np.int64)
+
+    def joint_at(self, i: int) -> Joint:
+        """The joint that velocity i belongs to."""
+        return next(joint for joint in self.joints if i < joint.idx_v + joint.nv)
 
     def generic_configurations(self, count: int = 5) -> list[Array]:
         """Reproducible configurations, loops open, at which nothing vanishes by accident.

@@ -12,15 +12,17 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from ..checks import check_model, check_text, checked_vector, listed, require_finite
-from ..errors import ModelError, StateError
+from ..errors import ModelError, PartitionError, StateError
+from .assembly import assembled
 from .clusters import LoopCluster, loop_clusters
 from .couplings import AnyClosure
 from .forces import AppliedForces, Force
-from .formats.mjcf import model_from_mjcf
+from .formats.contents import FileContents, tell_left_out
+from .formats.mjcf import read_mjcf
 from .formats.pin_constraints import with_named_frames
-from .formats.urdf import model_from_urdf
+from .formats.urdf import read_urdf
 from .independent import best_at_home, require_determined
-from .loops import ClosedLoops
+from .loops import ClosedLoops, Named
 from .partition import independent_rows
 from .recommended import Recommended
 from .tolerances import RANK
@@ -38,7 +40,12 @@ class Mechanism(ClosedLoops):
         A private copy of the spanning tree.
     closures : tuple of closures
     independent, dependent : tuple of str
-        Names of the joints y is made of, and of all others.
+        Names of the joints y is made of, `joint.component` where it is one of several velocities of a
+        joint, and of all joints that are not independent as a whole.
+    actuated : tuple of str
+        Joints that the robot's file drives.
+    left_out : tuple of str
+        Parts of the file that are not simulated, one entry a kind.
     nq, nv, nc, m : int
         Sizes of q, of v, of φ (rows that are zero in every configuration left out), and of y.
     home : ndarray (nq,)
@@ -61,6 +68,8 @@ class Mechanism(ClosedLoops):
         home: ArrayLike | None = None,
         name: str = "",
         forces: Sequence[Force] = (),
+        actuated: Sequence[str] = (),
+        left_out: Sequence[str] = (),
     ) -> None:
         super().__init__(model, closures)
         self.forces = tuple(listed(forces, "forces", "forces, such as JointSpring(joint, stiffness)"))
@@ -73,10 +82,14 @@ class Mechanism(ClosedLoops):
             self.home, self.independent = best_at_home(self, self.home, self.name)
         else:
             self.independent = _joints(independent, "independent")
-        self.iq_independent, self.iv_independent = self._indices(self.independent)
-        self.m = len(self.independent)
+        self.actuated, self.left_out = tuple(actuated), tuple(left_out)
+        self.iv_independent = self._velocities(self.independent)
+        self.m = len(self.iv_independent)
         self.iv_dependent = np.setdiff1d(np.arange(self.nv), self.iv_independent)
-        self.dependent = tuple(n for n in self.joint_names if n not in self.independent)
+        chosen = set(self.iv_independent.tolist())
+        self.dependent = tuple(
+            j.name for j in self.joints if not chosen.issuperset(range(*j.v.indices(self.nv)))
+        )
         require_determined(self, self.independent, self.dependent, self.iv_dependent, self.home)
 
     @classmethod
@@ -135,12 +148,26 @@ class Mechanism(ClosedLoops):
         home: ArrayLike | None = None,
         name: str = "",
         forces: Sequence[Force] = (),
+        base: str | None = None,
+        strict: bool = False,
     ) -> Mechanism:
         """A mechanism from a URDF file (or its text); `continuous` joints become one number in q.
 
-        See `from_pinocchio` for the other parameters.
+        Loops, couplings and dampers of the file are kept beside those that are given; see
+        `urdf.read_urdf` for what is read, and `from_pinocchio` for the other parameters.
+
+        Parameters
+        ----------
+        base : "fixed", "free" or None
+            What the robot stands on; None: as the file says.
+        strict : bool
+            Refuse a file with parts that are not simulated instead of warning of them.
         """
-        return cls.from_pinocchio(model_from_urdf(urdf), closures, independent, home, name, forces)
+        contents = read_urdf(urdf, base)
+        tell_left_out(contents.left_out, _called(urdf, "URDF"), strict)
+        contents.closures += listed(closures, "closures", "closures, such as PointClosure(frame1, frame2)")
+        contents.forces += listed(forces, "forces", "forces, such as JointSpring(joint, stiffness)")
+        return cls.from_contents(contents, independent, home, name)
 
     @classmethod
     def from_mjcf(
@@ -149,14 +176,31 @@ class Mechanism(ClosedLoops):
         independent: Sequence[str] | Literal["auto"] | None = None,
         home: ArrayLike | str | None = None,
         name: str = "",
+        base: str | None = None,
+        strict: bool = False,
     ) -> Mechanism:
-        """A mechanism from a MJCF file (or its text); see `mjcf.model_from_mjcf` for what is read.
+        """A mechanism from a MJCF file (or its text); see `mjcf.read_mjcf` for what is read.
 
-        `home` is q (nq,), the name of a keyframe, or MuJoCo's qpos0 when left out.
+        `home` is q (nq,), the name of a keyframe, or MuJoCo's qpos0 when left out; `base` and `strict` are
+        those of `from_urdf`.
         """
-        parts = model_from_mjcf(mjcf)
-        q = parts.configuration(home) if home is None or isinstance(home, str) else home
-        return cls.from_pinocchio(parts.model, parts.closures, independent, q, name, parts.forces)
+        contents = read_mjcf(mjcf, base)
+        tell_left_out(contents.left_out, _called(mjcf, "MJCF"), strict)
+        q = contents.configuration(home) if home is None or isinstance(home, str) else home
+        return cls.from_contents(contents, independent, q, name)
+
+    @classmethod
+    def from_contents(
+        cls,
+        contents: FileContents,
+        independent: Sequence[str] | Literal["auto"] | None = None,
+        home: ArrayLike | None = None,
+        name: str = "",
+    ) -> Mechanism:
+        """A mechanism from what a reader of files found; the parameters are those of `from_pinocchio`."""
+        made = cls.from_pinocchio(contents.model, contents.closures, independent, home, name, contents.forces)
+        made.actuated, made.left_out = contents.actuated, tuple(contents.left_out)
+        return made
 
     @cached_property
     def clusters(self) -> tuple[LoopCluster, ...]:
@@ -219,12 +263,34 @@ class Mechanism(ClosedLoops):
             energy += self.applied.energy(q)
         return float(require_finite(np.asarray(energy), "the energy"))
 
-    def assemble(self, q_guess: ArrayLike, hold: Sequence[str] | None = None) -> Array:
+    @cached_property
+    def iq_independent(self) -> NDArray[np.int64]:
+        """Where y is in q, (m,).
+
+        Raises
+        ------
+        PartitionError
+            Where an independent velocity is not the rate of a number in q.
+        """
+        owners = [self.joint_at(int(i)) for i in self.iv_independent]
+        lost = [joint for joint in owners if not joint.flat]
+        if lost:
+            raise PartitionError(
+                f"the independent velocities {', '.join(self.independent)} of {self.name!r} are not all "
+                f"rates of numbers in q: those of joint {lost[0].name!r} ({lost[0].type}) are velocities on "
+                "a group, on which the equations at a point are served so far (analyse, G) and no run; "
+                "choose joints with one number each, or base='fixed'"
+            )
+        places = zip(owners, self.iv_independent, strict=True)
+        return np.array([joint.idx_q + i - joint.idx_v for joint, i in places], dtype=np.int64)
+
+    def assemble(self, q_guess: ArrayLike | Named, hold: Sequence[str] | None = None) -> Array:
         """Close the loops from a rough guess.
 
         Parameters
         ----------
-        q_guess : array_like (nq,)
+        q_guess : array_like (nq,) or dict
+            Or numbers by joint; joints that are not named are where home has them.
         hold : sequence of str, optional
             Joints that keep their value; the independent ones when left out.
 
@@ -236,22 +302,33 @@ class Mechanism(ClosedLoops):
         Raises
         ------
         ClosureError
-            With the residual that is left and the loop that it is in.
+            With each loop that stays open, and by how much.
         """
-        names = self.independent if hold is None else _joints(hold, "hold")
-        _, held = self._indices(names, single=False)
+        held = self._velocities(self.independent if hold is None else _joints(hold, "hold"))
         free = np.setdiff1d(np.arange(self.nv), held)
-        return self.close_loops(self.configuration(q_guess, "q_guess"), free)
+        return assembled(self, self.configuration(q_guess, "q_guess"), free, "assemble")
 
     def with_independent(self, independent: Sequence[str]) -> Mechanism:
         """The same mechanism in other minimal coordinates."""
-        other = Mechanism(self.model, self.closures, independent, self.home, self.name, self.forces)
+        other = Mechanism(
+            self.model,
+            self.closures,
+            independent,
+            self.home,
+            self.name,
+            self.forces,
+            self.actuated,
+            self.left_out,
+        )
         other.recommended = self.recommended
         return other
 
     def __reduce__(self) -> tuple[type[Mechanism], tuple[Any, ...], dict[str, Any]]:
         """Pickle and copy by the recipe: the workspace holds views that must not be copied."""
-        recipe = (self.model, self.closures, self.independent, self.home, self.name, self.forces)
+        recipe = (
+            self.model, self.closures, self.independent, self.home, self.name, self.forces,
+            self.actuated, self.left_out,
+        )  # fmt: skip
         return Mechanism, recipe, {"recommended": self.recommended}
 
     def __repr__(self) -> str:
@@ -262,24 +339,12 @@ class Mechanism(ClosedLoops):
 
     # ----------------------------------------------------------------- construction
 
-    def _indices(
-        self, names: Sequence[str], single: bool = True
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        iq: list[int] = []
-        iv: list[int] = []
-        for name in names:
-            joint = self.joint(name)
-            if single and not joint.single:
-                raise ModelError(
-                    f"joint {name!r} ({joint.type}) has {joint.nq} numbers in q; an independent "
-                    "joint needs exactly one: choose another, or give a revolute joint instead of a "
-                    "continuous one (URDF files loaded here are converted)"
-                )
-            iq += range(joint.idx_q, joint.idx_q + joint.nq)
-            iv += range(joint.idx_v, joint.idx_v + joint.nv)
+    def _velocities(self, names: Sequence[str]) -> NDArray[np.int64]:
+        """Where the velocities of these joints and components of joints are in v."""
+        iv = [i for name in names for i in self.velocities_of(name)]
         if len(set(iv)) != len(iv):
             raise ModelError(f"a joint is named twice in {', '.join(map(repr, names))}")
-        return np.array(iq, dtype=np.int64), np.array(iv, dtype=np.int64)
+        return np.array(iv, dtype=np.int64)
 
     def select_rows(self, K: Array) -> NDArray[np.int64]:
         """As many rows of K as there are dependent velocities, the best conditioned at this K."""
@@ -289,3 +354,12 @@ class Mechanism(ClosedLoops):
 def _joints(names: Any, what: str) -> tuple[str, ...]:
     """Joint names that were given as a list."""
     return tuple(listed(names, what, "joint names"))
+
+
+def _called(given: str | Path, what: str) -> str:
+    """A file's path, or what its text is."""
+    return (
+        f"{what} text"
+        if isinstance(given, str) and given.lstrip("\ufeff \t\r\n").startswith("<")
+        else str(given)
+    )

@@ -102,6 +102,32 @@ def test_a_cam_against_its_equation_of_motion() -> None:
     np.testing.assert_allclose([traj.q[-1, 1], traj.v[-1, 1]], reference, atol=1e-10)
 
 
+def test_a_belt_over_two_joints() -> None:
+    """A rotor on the ground drives the forearm of a double pendulum: q_r = 6 (q_a + q_b)."""
+    model = pin.Model()
+    body = pin.Inertia(1.0, np.array([0.0, 0.0, -0.5]), np.diag([0.1, 0.1, 0.1]))
+    last = 0
+    for name in "ab":
+        place = pin.SE3(np.eye(3), np.array([0.0, 0.0, -1.0 if last else 0.0]))
+        last = model.addJoint(last, pin.JointModelRX(), place, name)
+        model.appendBodyToJoint(last, body, pin.SE3.Identity())
+    rotor = model.addJoint(0, pin.JointModelRX(), pin.SE3.Identity(), "rotor")
+    model.appendBodyToJoint(rotor, pin.Inertia(0.0, np.zeros(3), np.diag([0.02] * 3)), pin.SE3.Identity())
+    belt = rg.CouplingClosure("rotor", "a", 6.0, more=(("b", 6.0),))
+    mech = rg.Mechanism.from_pinocchio(model, [belt], ["a", "b"])
+    np.testing.assert_array_equal(mech.K(np.zeros(3)), [[-6.0, -6.0, 1.0]])
+    free = rg.Mechanism.from_pinocchio(model, (), ["a", "b", "rotor"])
+    q, v = np.array([0.4, -0.9, -3.0]), np.array([1.0, 0.5, 9.0])
+    G = np.vstack([np.eye(2), [6.0, 6.0]])
+    M = free.tree.crba(q).copy()
+    M = np.triu(M) + np.triu(M, 1).T
+    expected = np.linalg.solve(G.T @ M @ G, -G.T @ free.tree.rnea(q, v, np.zeros(3)))
+    np.testing.assert_allclose(rg.implicit_dynamics(mech, q, v)[0][:2], expected, atol=1e-13)
+    traj = rg.simulate(mech, q, v, duration=0.3, step=2e-3)
+    np.testing.assert_allclose(traj.q[:, 2], 6.0 * (traj.q[:, 0] + traj.q[:, 1]), atol=1e-13)
+    assert np.abs(traj.energy_error()).max() < 1e-8
+
+
 def test_polynomials_about_other_origins_are_the_same_function() -> None:
     moved = rg.CouplingClosure.from_polynomial("one", "two", [0.5, -1.0, 0.3, 0.1], origin1=0.2, origin2=-0.7)
     P = np.polynomial.Polynomial(moved.coefficients)
@@ -190,6 +216,8 @@ def test_a_coupling_of_distant_joints_is_a_cluster_with_several_roots() -> None:
         (("one", "two", "fast"), "must be numbers"),
         (("one", "two", 1.0, 0.0, 5.0), "must be numbers"),
         (("one", "free", 1.0), "'free'.*numbers in q"),
+        (("one", "two", 1.0, 0.0, (), (("two", 1.0),)), "nor count twice"),
+        (("one", "two", 1.0, 0.0, (), (("three", 1.0),)), "no joint 'three'"),
     ],
 )
 def test_couplings_that_couple_nothing(arguments: tuple[Any, ...], message: str) -> None:

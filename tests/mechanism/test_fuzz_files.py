@@ -19,6 +19,9 @@ from robust_gcp.mechanism.folders.loader import models_folder
 from robust_gcp.mechanism.folders.yaml_text import parsed_yaml
 from robust_gcp.mechanism.formats.text_file import read_text
 
+pytestmark = pytest.mark.filterwarnings("ignore::robust_gcp.ModelWarning")
+"""Limits of joints are not what these tests are about."""
+
 SECRET = "6ac1f0 the secret"
 
 

@@ -11,11 +11,15 @@ from collections.abc import Callable
 from typing import Any
 from xml.etree import ElementTree
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import robust_gcp as rg
 from robust_gcp.mechanism.folders.loader import models_folder
+
+pytestmark = pytest.mark.filterwarnings("ignore::robust_gcp.ModelWarning")
+"""Limits of joints are not what these tests are about."""
 
 FUZZ = settings.get_profile("fuzz")
 Accepted = Callable[[Callable[[], object]], object]

@@ -88,22 +88,29 @@ def test_a_folder_by_path(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_a_folder_of_the_parallel_robot_community(folder: Path) -> None:
-    """closed_loop, type and name_mot alone: home is Pinocchio's neutral configuration, loops open."""
+    """closed_loop, type and name_mot alone: home is closed from Pinocchio's neutral configuration."""
     rewrite(folder, robust_gcp=None, type=["3D"])
     mech = rg.load(folder)
-    np.testing.assert_array_equal(mech.home, np.zeros(3))
     assert mech.closures == (rg.PointClosure("coupler_tip", "rocker_tip"),)
-    assert mech.closure_residual(mech.home) > 0.01
+    assert mech.closure_residual(mech.home) < 1e-12
+    assert mech.independent == ("q1",)
     assert np.abs(mech.phi(mech.assemble([1.0, 0.0, 1.5]))).max() < 1e-12
 
 
 def test_kinds_of_closures_by_name(folder: Path) -> None:
-    rewrite(folder, type=["revolute"], robust_gcp=None)
+    rewrite(folder, type=["revolute"], robust_gcp={"axes": [[1, 0, 0]]})
     mech = rg.load(folder)
-    assert isinstance(mech.closures[0], rg.RevoluteClosure)
-    assert mech.nc == 3  # in the plane; and z, the hinge axis when left out, must not tilt about x
+    assert mech.closures == (rg.RevoluteClosure("coupler_tip", "rocker_tip", (1.0, 0.0, 0.0)),)
+    assert mech.nc == 2  # in the plane
+    rewrite(folder, robust_gcp=None)
+    with pytest.raises(rg.ClosureError, match=r"rad"):  # z, the axis when left out, must not tilt about x
+        rg.load(folder)
     rewrite(folder, type=["6d"], name_mot=[], robust_gcp=None)
-    assert isinstance(rg.load(folder).closures[0], rg.FrameClosure)
+    # welded, coupler and rocker are a bar of 0.5 m, which crank and ground of 1 and 4 m do not span
+    with pytest.raises(
+        rg.ClosureError, match=r"robot.yaml: home: the loop coupler_tip – rocker_tip is open by"
+    ):
+        rg.load(folder)
 
 
 def test_home_is_polished_to_rounding(folder: Path) -> None:

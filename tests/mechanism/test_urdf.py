@@ -9,7 +9,10 @@ import pinocchio as pin
 import pytest
 
 import robust_gcp as rg
-from robust_gcp.mechanism.formats.urdf import model_from_urdf
+from robust_gcp.mechanism.formats.urdf import read_urdf
+
+pytestmark = pytest.mark.filterwarnings("ignore::robust_gcp.ModelWarning")
+"""Limits of joints are not what these tests are about."""
 
 LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
 
@@ -37,7 +40,7 @@ def test_endless_joints_are_one_number() -> None:
     """Pinocchio alone stores a continuous joint as (cos, sin)."""
     text = arm()
     assert pin.buildModelFromXML(text).nq == 3
-    model = model_from_urdf(text)
+    model = read_urdf(text).model
     assert (model.nq, model.nv) == (2, 2)
     assert rg.Mechanism.from_urdf(text).independent == ("hinge", "slide")
 
@@ -55,7 +58,7 @@ def test_full_turns_are_counted() -> None:
 
 def test_all_else_is_pinocchios_model() -> None:
     """Compared with the same text in which the joint is a revolute one with limits."""
-    model, twin = model_from_urdf(arm()), pin.buildModelFromXML(arm(first="revolute"))
+    model, twin = read_urdf(arm()).model, pin.buildModelFromXML(arm(first="revolute"))
     assert list(model.names) == list(twin.names)
     assert [f.name for f in model.frames] == [f.name for f in twin.frames]
     data, other = model.createData(), twin.createData()
@@ -79,8 +82,8 @@ def test_limits_are_not_enforced() -> None:
 def test_file_path_and_text_are_the_same(tmp_path: Path) -> None:
     path = tmp_path / "arm.urdf"
     path.write_text(arm(), encoding="utf-8")
-    from_text = model_from_urdf("\n  " + arm())
-    assert model_from_urdf(path) == model_from_urdf(str(path)) == from_text
+    from_text = read_urdf("\n  " + arm()).model
+    assert read_urdf(path).model == read_urdf(str(path)).model == from_text
     assert path.read_text(encoding="utf-8") == arm()  # the user's file is never written to
 
 
@@ -88,4 +91,4 @@ def test_xml_declaration_and_comments_may_come_first(tmp_path: Path) -> None:
     text = f'<?xml version="1.0" encoding="utf-8"?>\n<!-- ä comment -->\n{arm()}'
     path = tmp_path / "arm.urdf"
     path.write_text(text, encoding="utf-8")
-    assert model_from_urdf(path) == model_from_urdf(text)
+    assert read_urdf(path).model == read_urdf(text).model

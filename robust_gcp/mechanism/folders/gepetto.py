@@ -7,6 +7,7 @@ and list, beside it in robot.yaml, what it stands for: `joint_name: [...]` and `
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ import pinocchio as pin
 
 from ...checks import hint, shown
 from ...errors import ModelError
+from ..forces import Force, JointDamper
 
 UNIVERSAL = {f"UJOINT_{a}{b}": (a, b) for a, b in itertools.permutations("XYZ", 2)}
 """Universal joints by type: first axis, then second, of the URDF joint's frame."""
@@ -113,6 +115,18 @@ def with_joint_changes(model: pin.Model, changes: dict[str, str], path: Path) ->
     if frozen:
         changed = pin.buildReducedModel(changed, frozen, pin.neutral(changed))
     return changed
+
+
+def with_changed_forces(forces: Sequence[Force], changes: dict[str, str]) -> list[Force]:
+    """Dampers of the replaced joints on what they are replaced by; a fixed joint has none."""
+    found: list[Force] = []
+    for force in forces:
+        kind = changes.get(getattr(force, "joint", ""), "")
+        if not isinstance(force, JointDamper) or kind in ("", "SPHERICAL"):
+            found.append(force)
+        elif kind in UNIVERSAL:
+            found += [JointDamper(f"{force.joint}_{axis}", force.damping) for axis in UNIVERSAL[kind]]
+    return found
 
 
 def _revolute(axis: str) -> pin.JointModel:

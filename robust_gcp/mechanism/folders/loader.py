@@ -1,21 +1,29 @@
-"""Model folders: robot.urdf and robot.yaml to a `Mechanism`."""
+"""Robots' files and model folders to a `Mechanism`."""
 
 from __future__ import annotations
 
+import contextlib
 import difflib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+
 from ...checks import hint, shown
-from ...errors import ModelError, RobustGcpError
+from ...errors import ModelError, PartitionError, RobustGcpError
+from ..assembly import FEW_STARTS, MANY_STARTS, assembled
 from ..closures import Closure, closure_kinds
-from ..formats.mjcf import model_from_mjcf
-from ..formats.text_file import inside, is_file, path_of
-from ..formats.urdf import model_from_urdf
+from ..formats.contents import FileContents, check_base, tell_left_out
+from ..formats.mjcf import read_mjcf
+from ..formats.text_file import files_in, inside, is_file, is_link, path_of
+from ..formats.urdf import read_urdf
+from ..independent import completed, regular_near
+from ..loops import ClosedLoops
 from ..mechanism import Mechanism
 from ..tolerances import NEARLY_CLOSED
-from .gepetto import joint_changes, with_joint_changes
+from ..tree import Array
+from .gepetto import joint_changes, with_changed_forces, with_joint_changes
 from .own_block import forces_of, home_of, own_block, recommended_of, set_gravity, with_axes
 from .yaml_text import parsed_yaml
 
@@ -38,79 +46,160 @@ def model_names() -> list[str]:
     return sorted(p.parent.name for p in models_folder().glob("*/robot.yaml"))
 
 
-def load(name_or_folder: str | Path, independent: Sequence[str] | Literal["auto"] | None = None) -> Mechanism:
-    """A mechanism from a shipped model's name, from a folder, or from a MJCF file (*.xml).
+def load(
+    name_or_path: str | Path,
+    base: str | None = None,
+    independent: Sequence[str] | Literal["auto"] | None = None,
+    strict: bool = False,
+) -> Mechanism:
+    """A mechanism from a shipped model's name, a folder, or a robot's file (URDF: *.urdf, MJCF: *.xml).
 
-    A folder holds robot.yaml and robot.urdf, or robot.xml (MJCF) in its place. The YAML's keys are
-    those of the parallel-robot community around Pinocchio: `closed_loop` (pairs of frame names),
-    `type` ('3d', '6d', 'revolute' or 'prismatic'), `name_mot` (independent joints), `joint_name` and
-    `joint_type` (joints of the URDF that stand for SPHERICAL, UJOINT_XY, … or FIXED ones); the block
-    `robust_gcp` is this package's own and optional: `schema`, `description`, `home` (configuration by
-    joint), `gravity`, `axes` (of revolute and prismatic closures), `springs`, `dampers`, `point_springs`,
-    `torques`, `recommended` (duration, step and velocity of a run from home). Other keys are left to other
-    programs.
+    A folder holds robot.yaml and robot.urdf, or robot.xml (MJCF) in its place; without robot.yaml, one such
+    file. The YAML's keys are those of the parallel-robot community around Pinocchio: `closed_loop` (pairs of
+    frame names), `type` ('3d', '6d', 'revolute' or 'prismatic'), `name_mot` (motors, or "auto"),
+    `joint_name` and `joint_type` (joints of the URDF that stand for SPHERICAL, UJOINT_XY, … or FIXED ones);
+    the block `robust_gcp` is this package's own and optional: `schema`, `description`, `home`
+    (configuration by joint), `guess` (the same, closed on loading), `gravity`, `axes` (of revolute and
+    prismatic closures), `springs`, `dampers`, `point_springs`, `torques`, `recommended` (duration, step and
+    velocity of a run from home). Other keys are left to other programs.
+
+    Home is closed on loading, from the file's pose: `home`, `guess`, the keyframe "home" or the first one, or
+    else the neutral configuration (moved to a regular one beside it where it is singular).
 
     Parameters
     ----------
-    name_or_folder : str or Path
+    name_or_path : str or Path
+    base : "fixed", "free" or None
+        What the robot stands on; None: as the file says.
     independent : sequence of str or "auto", optional
-        In place of `name_mot`.
+        Joints, or components of joints (`joint.x`), that serve as minimal coordinates. Left out: the motors
+        of the file as far as they can serve, completed by the best conditioned ones; "auto": without them.
+    strict : bool
+        Refuse a file with parts that are not simulated (`Mechanism.left_out`), of which a ModelWarning tells
+        else.
 
     Raises
     ------
     ModelError
         Naming the file, the key and the remedy.
     ClosureError
-        When the home configuration leaves a loop open by more than rounding.
+        When a home that the file gives leaves a loop open by more than rounding, or no configuration is
+        found that closes them all; each is named.
     """
-    folder = path_of(name_or_folder, "load")
-    if folder.suffix == ".xml":
-        return Mechanism.from_mjcf(folder, independent, name=folder.stem)
-    if not is_file(folder / "robot.yaml") and str(name_or_folder) in model_names():
-        folder = models_folder() / str(name_or_folder)
-    if not str(name_or_folder) or not is_file(folder / "robot.yaml"):
-        names = model_names()
-        raise ModelError(
-            f"{shown(str(name_or_folder))} is neither a folder with robot.yaml nor one of the shipped models "
-            f"{', '.join(names)}{hint(name_or_folder, names)}"
-        )
-    path = inside(folder, "robot.yaml")
+    check_base(base)
+    path = path_of(name_or_path, "load")
+    if path.suffix in READERS:
+        contents = READERS[path.suffix](path, base)
+        return _mechanism(contents, path, path.stem, {}, {}, independent, strict)
+    folder, path = _folder(path, name_or_path)
+    if path.suffix in READERS:
+        contents = READERS[path.suffix](inside(folder, path.name), base)
+        return _mechanism(contents, path, folder.name, {}, {}, independent, strict)
     settings = _settings(path)
     own = own_block(settings, path)
     closures = with_axes(own.get("axes"), _closures(settings, path), path)
-    forces = forces_of(own, path)
     changes = joint_changes(settings, path)
-    base = None
     if is_file(folder / "robot.xml") and not is_file(folder / "robot.urdf"):
-        parts = model_from_mjcf(inside(folder, "robot.xml"))
-        model, base = parts.model, parts.home
+        contents = read_mjcf(inside(folder, "robot.xml"), base)
         if changes:
             raise ModelError(f"{path}: joint_name is for URDF; write the joint as it is in robot.xml")
-        closures, forces = [*parts.closures, *closures], [*parts.forces, *forces]
     else:
-        model = with_joint_changes(model_from_urdf(inside(folder, "robot.urdf")), changes, path)
-    set_gravity(own.get("gravity"), model, path)
-    if independent is None:
-        independent = settings.get("name_mot")
-        if independent is not None and not _is_list_of_str(independent):
-            raise ModelError(f"{path}: name_mot must be a list of joint names, not {shown(independent)}")
-        if independent is None and closures:
-            raise ModelError(
-                f"{path}: name_mot is missing; list the joints that serve as minimal coordinates, or give "
-                f"independent='auto'; the model's joints are {', '.join(list(model.names)[1:])}"
-            )
-    home = base if base is not None and own.get("home") is None else home_of(own.get("home"), model, path)
+        contents = read_urdf(inside(folder, "robot.urdf"), base)
+        contents.model = with_joint_changes(contents.model, changes, path)
+        contents.forces = with_changed_forces(contents.forces, changes)
+    contents.closures += closures
+    contents.forces += forces_of(own, path)
+    set_gravity(own.get("gravity"), contents.model, path)
+    return _mechanism(contents, path, folder.name, settings, own, independent, strict)
+
+
+READERS = {".urdf": read_urdf, ".xml": read_mjcf}
+
+
+def _folder(path: Path, given: str | Path) -> tuple[Path, Path]:
+    """The folder that is meant, and what to read in it first: robot.yaml or, without it, one robot's file."""
+    if not is_file(path / "robot.yaml") and str(given) in model_names():
+        path = models_folder() / str(given)
+    if str(given) and (is_file(path / "robot.yaml") or is_link(path / "robot.yaml")):
+        return path, inside(path, "robot.yaml")
+    files = [f for f in files_in(path) if f.suffix in READERS] if str(given) else []
+    preferred = [f for f in files if f.stem == "robot"] or files
+    if len(preferred) == 1:
+        return path, preferred[0]
+    names = model_names()
+    found = f" (it holds {', '.join(sorted(f.name for f in files))}: name one)" if files else ""
+    raise ModelError(
+        f"{shown(str(given))} is neither a folder with robot.yaml or one robot's file{found} nor one of the "
+        f"shipped models {', '.join(names)}{hint(given, names)}"
+    )
+
+
+def _mechanism(
+    contents: FileContents,
+    path: Path,
+    name: str,
+    settings: dict[str, Any],
+    own: dict[str, Any],
+    independent: Sequence[str] | Literal["auto"] | None,
+    strict: bool,
+) -> Mechanism:
+    """Home closed, coordinates completed, what is left out told."""
+    tell_left_out(contents.left_out, str(path), strict)
+    model = contents.model
+    motors = settings.get("name_mot")
+    if motors is not None and motors != "auto" and not _is_list_of_str(motors):
+        raise ModelError(f"{path}: name_mot must be a list of joint names or 'auto', not {shown(motors)}")
+    given = home_of(own["home"], model, path) if own.get("home") is not None else None
+    guess = home_of(own["guess"], model, path, "guess") if own.get("guess") is not None else contents.pose()
     try:
-        mechanism = Mechanism.from_pinocchio(model, closures, independent, home, folder.name, forces)
+        loops = ClosedLoops(model, contents.closures)
+        if given is not None:
+            home = given
+        else:
+            spreads = MANY_STARTS if guess is None else FEW_STARTS
+            start = loops.home if guess is None else guess
+            home = assembled(loops, start, np.arange(loops.nv), "home", spreads)
+            if guess is None:
+                home = regular_near(loops, home, name)
+        if isinstance(motors, list):
+            known = set(loops.joint_names)
+            contents.actuated = tuple(m for m in motors if m in known)
+            for motor in motors:
+                loops.velocities_of(motor)  # refuses what is not there
+        wanted = motors if isinstance(motors, list) else () if motors == "auto" else contents.wanted()
+        mechanism = _with_coordinates(contents, loops, home, name, independent, wanted, given is not None)
     except RobustGcpError as error:
         error.args = (f"{path}: {error.args[0]}", *error.args[1:])
         raise
-    if own.get("home") is not None:
+    if given is not None:
         mechanism.require_closed(mechanism.home, NEARLY_CLOSED, f"{path}: home")
         mechanism.home = mechanism.polish(mechanism.home, mechanism.iv_dependent)
     if own.get("recommended") is not None:
         mechanism.recommended = recommended_of(own, mechanism, path)
     return mechanism
+
+
+def _with_coordinates(
+    contents: FileContents,
+    loops: ClosedLoops,
+    home: Array,
+    name: str,
+    independent: Sequence[str] | Literal["auto"] | None,
+    wanted: Sequence[str],
+    as_named: bool,
+) -> Mechanism:
+    """The mechanism in the coordinates that are asked for, or in the wanted ones, completed.
+
+    A home that the file gives may be singular, where any completion would be too long: the wanted ones are
+    tried as they are first.
+    """
+    if independent is not None:
+        return Mechanism.from_contents(contents, independent, home, name)
+    if as_named and wanted:
+        with contextlib.suppress(PartitionError):
+            return Mechanism.from_contents(contents, wanted, home, name)
+    chosen, _ = completed(loops, home, wanted, name)
+    return Mechanism.from_contents(contents, chosen, home, name)
 
 
 def _settings(path: Path) -> dict[str, Any]:

@@ -26,6 +26,7 @@ OWN_KEYS = (
     "schema",
     "description",
     "home",
+    "guess",
     "gravity",
     "axes",
     "springs",
@@ -50,24 +51,25 @@ def own_block(settings: dict[str, Any], path: Path) -> dict[str, Any]:
     return own
 
 
-def home_of(home: Any, model: pin.Model, path: Path) -> Array:
-    """`home: {joint: value or list of values}` as q (nq,); joints that are not named stay neutral."""
+def home_of(home: Any, model: pin.Model, path: Path, key: str = "home") -> Array:
+    """`home` or `guess`: {joint: value or list of values} as q (nq,); joints not named stay neutral."""
     q: Array = pin.neutral(model)
     if home is None:
         return q
     if not isinstance(home, dict):
-        raise ModelError(f"{path}: robust_gcp.home must map joint names to values, not {shown(home)}")
+        raise ModelError(f"{path}: robust_gcp.{key} must map joint names to values, not {shown(home)}")
     names = list(model.names)
     for name, value in home.items():
         if name not in names:
             raise ModelError(
-                f"{path}: robust_gcp.home names the joint {shown(name)}; the model has {', '.join(names[1:])}"
+                f"{path}: robust_gcp.{key} names the joint {shown(name)}; the model has "
+                + ", ".join(names[1:])
             )
         joint = model.joints[model.getJointId(name)]
         values = value if isinstance(value, list) else [value]
         if len(values) != joint.nq or not all(map(_is_finite, values)):
             raise ModelError(
-                f"{path}: robust_gcp.home[{shown(name)}] is {shown(value)}; expected {joint.nq} finite "
+                f"{path}: robust_gcp.{key}[{shown(name)}] is {shown(value)}; expected {joint.nq} finite "
                 "number(s)"
             )
         q[joint.idx_q : joint.idx_q + joint.nq] = np.array(values, dtype=float)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -12,67 +11,49 @@ import pinocchio as pin
 from ...checks import hint
 from ...errors import ModelError
 from ..closures import Closure, FrameClosure, PointClosure
+from ..couplings import AnyClosure
 from ..forces import Force, JointDamper, JointSpring
 from ..tree import Array
 from ..workspace import workspace
+from .contents import FileContents, check_base, named
+from .mjcf_couplings import coupling_of
+from .mjcf_include import with_includes
+from .mjcf_left_out import actuated_by
 from .mjcf_parts import Element, Reduced, vector
 from .mjcf_xml import reduced
 from .pin_constraints import close_between
 from .xml_text import parsed_xml
 
 
-@dataclass(frozen=True)
-class MjcfModel:
-    """What a MJCF file describes.
-
-    Attributes
-    ----------
-    model : pin.Model
-        Bodies are frames of the same name, so are sites.
-    closures : list of closures
-        One for each active `connect` (point) and `weld` (frame).
-    home : ndarray (nq,)
-        MuJoCo's qpos0, where every `connect` of two bodies is closed by definition.
-    keyframes : dict of str to ndarray (nq,)
-    forces : list of forces
-        Springs and dampers of the joints.
-    """
-
-    model: pin.Model
-    closures: list[Closure]
-    home: Array
-    keyframes: dict[str, Array]
-    forces: list[Force]
-
-    def configuration(self, name: str | None) -> Array:
-        """The keyframe of that name, or a ModelError; home for None."""
-        if name is None:
-            return self.home
-        if name not in self.keyframes:
-            raise ModelError(f"home: there is no keyframe {name!r}{hint(name, list(self.keyframes))}")
-        return self.keyframes[name]
-
-
-def model_from_mjcf(mjcf: str | Path) -> MjcfModel:
-    """The spanning tree, closures and joint forces that a MJCF file describes.
+def read_mjcf(mjcf: str | Path, base: str | None = None) -> FileContents:
+    """What a MJCF file describes: spanning tree, loops and couplings, springs and dampers of joints.
 
     Bodies, joints (`hinge`, `slide`, `ball`, `free`, also several in one body), masses (given, or
-    from geoms of simple shape), armature, joint stiffness and damping, gravity, `connect` and `weld`
-    are read. Contacts and joint limits are not simulated, and equality constraints are rigid whatever
-    their `solref` says. Everything else that would change the motion is refused by name.
+    from geoms of simple shape), armature, joint stiffness and damping, gravity, and of equalities `connect`,
+    `weld`, `joint` and `tendon` (fixed ones) are read. Equality constraints are rigid whatever their `solref`
+    says. Home is qpos0, where every `connect` of two bodies is closed by definition; bodies and sites are
+    frames of the same name. Actuators, contacts, limits, dry friction, tendons, sensors, extensions and the
+    masses of meshes on bodies without joints are left out and listed; what else would change the motion is
+    refused by name.
 
     Parameters
     ----------
     mjcf : str or Path
         A file, or the XML text itself.
+    base : "fixed", "free" or None
+        "fixed": bodies with a free joint are fixed where they are at qpos0. "free": the body that stands on
+        the ground floats.
 
     Raises
     ------
     ModelError
         Naming the file, the element and the remedy.
     """
+    check_base(base)
     root, name = parsed_xml(mjcf, "MJCF")
-    parts = reduced(root, name)
+    text = isinstance(mjcf, str) and mjcf.lstrip("\ufeff \t\r\n").startswith("<")
+    root = with_includes(root, name, None if text else Path(mjcf).parent)
+    parts = reduced(root, name, base)
     if not parts.joints:
         raise ModelError(f"{name}: no body has a joint; a mechanism needs one at least")
     model = _tree(parts, name)
@@ -88,8 +69,17 @@ def model_from_mjcf(mjcf: str | Path) -> MjcfModel:
         model.addFrame(pin.Frame(label, *place, pin.FrameType.OP_FRAME), False)
     forces: list[Force] = [JointSpring(*spring) for spring in parts.springs]
     forces += [JointDamper(*damper) for damper in parts.dampers]
-    closures = [_closure(model, item, i, parts, home, name) for i, item in enumerate(parts.equalities)]
-    return MjcfModel(model, closures, home, configurations, forces)
+    closures: list[AnyClosure] = []
+    for i, item in enumerate(parts.equalities):
+        if item.tag in ("joint", "tendon"):
+            closures.append(coupling_of(model, item, parts, home, name))
+        else:
+            closures.append(_closure(model, item, i, parts, home, name))
+    left_out = named("dry friction of joints", parts.frictions) + named("limits of joints", parts.limits)
+    left_out += named("masses of meshes on bodies", parts.meshes) + parts.left_out
+    return FileContents(
+        model, closures, forces, home, configurations, None, actuated_by(root, parts), left_out
+    )
 
 
 def _tree(parts: Reduced, name: str) -> pin.Model:

@@ -44,9 +44,15 @@ class Reduced:
         Pose of each floating body, by its joint.
     sites : dict of str to Site
     equalities : list of Element
-        Active connect and weld constraints, defaults resolved.
+        Active equality constraints, defaults resolved.
     springs : list of (joint, stiffness, rest)
     dampers : list of (joint, damping)
+    tendons : dict of str to list of (joint, coefficient)
+        The fixed ones.
+    frictions, limits, meshes : list of str
+        Joints with dry friction and with limits, bodies with meshes whose mass is not known.
+    left_out : list of str
+        Other parts that are not simulated.
     gravity : ndarray (3,)
         m/s².
     """
@@ -59,6 +65,11 @@ class Reduced:
     equalities: list[Element] = field(default_factory=list)
     springs: list[tuple[str, float, float]] = field(default_factory=list)
     dampers: list[tuple[str, float]] = field(default_factory=list)
+    tendons: dict[str, list[tuple[str, float]]] = field(default_factory=dict)
+    frictions: list[str] = field(default_factory=list)
+    limits: list[str] = field(default_factory=list)
+    meshes: list[str] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
     gravity: Array = field(default_factory=lambda: np.array([0.0, 0.0, -9.81]))
 
 

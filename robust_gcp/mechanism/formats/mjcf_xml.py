@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import ModelError
+from .mjcf_left_out import SECTIONS, left_out_of
 from .mjcf_parts import (
     SOLIDS,
     Defaults,
@@ -35,10 +36,10 @@ from .mjcf_parts import (
 from .xml_text import require_shallow
 
 IN_FULL = "let MuJoCo write the model out in full (mujoco.mj_saveLastXML after loading it) and load that file"
-SILENT = ("asset", "contact", "custom", "sensor", "size", "statistic", "visual")
-"""Sections without a bearing on masses, joints and loops; contacts are not simulated."""
+SILENT = ("asset", "contact", "custom", "size", "statistic", "visual")
+"""Sections without a bearing on masses, joints and loops."""
 
-READ = ("compiler", "default", "equality", "keyframe", "option", "worldbody", "actuator", *SILENT)
+READ = ("compiler", "default", "equality", "keyframe", "option", "worldbody", "actuator", *SECTIONS, *SILENT)
 BODY_PARTS = ("body", "joint", "freejoint", "inertial", "geom", "site", "camera", "light")
 RESERVED = ("universe", "world")
 REFUSED_COMPILER = {
@@ -52,8 +53,13 @@ REFUSED_COMPILER = {
 }
 
 
-def reduced(root: Element, name: str) -> Reduced:
-    """The parts of a MJCF document, its unreadable ones refused.
+EQUALITIES = ("connect", "weld", "joint", "tendon")
+ROOT_JOINT = "root_joint"
+FREE_NUMBERS = 7
+
+
+def reduced(root: Element, name: str, base: str | None = None) -> Reduced:
+    """The parts of a MJCF document, its unreadable ones refused; `base` as in `mjcf.read_mjcf`.
 
     Raises
     ------
@@ -64,14 +70,17 @@ def reduced(root: Element, name: str) -> Reduced:
         raise ModelError(f"{name}: the root element is <{root.tag}>, a MJCF file starts with <mujoco>")
     for section in root:
         if section.tag not in READ:
-            remedy = IN_FULL if section.tag == "include" else "remove it, or put its effect into torque="
-            raise ModelError(f"{name}: <{section.tag}> cannot be read; {remedy}")
-    return _Reader(root, name).read()
+            raise ModelError(
+                f"{name}: <{section.tag}> cannot be read; remove it, or put its effect into torque="
+            )
+    return _Reader(root, name, base).read()
 
 
 class _Reader:
-    def __init__(self, root: Element, name: str) -> None:
-        self._root, self._name = root, name
+    def __init__(self, root: Element, name: str, base: str | None) -> None:
+        self._root, self._name, self._base = root, name, base
+        self._numbers: list[tuple[int, str | None]] = []
+        """Numbers in qpos of each joint of the file, and what to write in their place; None: themselves."""
         self._compiler: dict[str, str] = {}
         for compiler in root.findall("compiler"):
             self._compiler |= compiler.attrib
@@ -92,18 +101,22 @@ class _Reader:
     def read(self) -> Reduced:
         self._check_compiler()
         self._read_option()
-        self._check_actuators()
+        self._out.left_out = left_out_of(self._root, self._defaults, self._name)
+        self._read_tendons()
+        if self._base == "free":
+            self._let_float()
         top = ElementTree.Element("mujoco", {"model": self._root.get("model", "mjcf")})
         ElementTree.SubElement(top, "compiler", {"angle": "radian", "autolimits": "true"})
         world = ElementTree.SubElement(ElementTree.SubElement(top, "worldbody"), "body", {"name": "world"})
         for section in self._root.findall("worldbody"):
-            self._read_parts(section, world, "world", "")
+            self._read_parts(section, world, "world", "", True)
         keys = [key for section in self._root.findall("keyframe") for key in section.findall("key")]
-        kept = {key.get("name"): key for key in keys if key.get("name") and key.get("qpos")}
+        kept = {key.get("name") or f"key{i}": key for i, key in enumerate(keys) if key.get("qpos")}
         if kept:
             section = ElementTree.SubElement(top, "keyframe")
             for label, key in kept.items():
-                ElementTree.SubElement(section, "key", {"name": str(label), "qpos": key.get("qpos", "")})
+                qpos = self._configuration(key, f"{self._name}: keyframe {label!r}")
+                ElementTree.SubElement(section, "key", {"name": label, "qpos": qpos})
         self._read_equalities()
         require_shallow(top, self._name)
         self._out.xml = ElementTree.tostring(top, encoding="unicode")
@@ -135,30 +148,53 @@ class _Reader:
                             f"{self._name}: flag {key}='disable' cannot be read; remove the elements instead"
                         )
 
-    def _check_actuators(self) -> None:
-        for actuator in (a for section in self._root.findall("actuator") for a in section):
-            if actuator.tag != "motor":  # a motor without a command exerts nothing
-                raise ModelError(
-                    f"{self._name}: actuator <{actuator.tag}> {actuator.get('name', '')!r} exerts forces of "
-                    "its own and cannot be read; remove it and give torque= to simulate"
-                )
+    def _read_tendons(self) -> None:
+        for tendon in (e for section in self._root.findall("tendon") for e in section.findall("fixed")):
+            where = f"{self._name}: tendon {tendon.get('name', '')!r}"
+            arms = [(j.get("joint", ""), number(j, "coef", where)) for j in tendon.findall("joint")]
+            self._out.tendons[tendon.get("name", "")] = arms
+
+    def _let_float(self) -> None:
+        """Give the one body that stands on the ground a free joint, unless something floats already."""
+        bodies = [b for section in self._root.findall("worldbody") for b in section.findall("body")]
+        tied = [b for b in bodies if any(e.tag in ("joint", "freejoint") for e in b)]
+        if any(e.tag == "freejoint" or e.get("type") == "free" for b in bodies for e in b):
+            return
+        if len(bodies) != 1 or tied:
+            raise ModelError(
+                f"{self._name}: base='free' needs one body that stands on the ground by itself, and there "
+                f"are {len(bodies)} ({len(tied)} on joints); put them into one body"
+            )
+        bodies[0].insert(0, ElementTree.Element("freejoint", {"name": self._fresh("joint", ROOT_JOINT)}))
+
+    def _configuration(self, key: Element, where: str) -> str:
+        """The numbers of a keyframe for the joints that are kept."""
+        given, at, kept = words(key, "qpos", where).tolist(), 0, []
+        for count, instead in self._numbers:
+            kept.append(text_of(given[at : at + count]) if instead is None else instead)
+            at += count
+        if at != len(given):
+            raise ModelError(f"{where} has {len(given)} numbers in qpos, and the joints have {at}")
+        return " ".join(kept)
 
     def _read_equalities(self) -> None:
         for item in (e for section in self._root.findall("equality") for e in section):
             item = self._defaults.resolved(item, "", "equality")
             if not flag(item, "active", True):
                 continue
-            if item.tag not in ("connect", "weld"):
+            if item.tag not in EQUALITIES:
                 raise ModelError(
                     f"{self._name}: equality <{item.tag}> {item.get('name', '')!r} cannot be read; only "
-                    "connect and weld close loops here: model the coupling with bodies, or remove it"
+                    f"{', '.join(EQUALITIES)} are: model it with bodies, or remove it"
                 )
             self._out.equalities.append(item)
 
     # ----------------------------------------------------------------- bodies
 
-    def _read_parts(self, source: Element, target: Element, body: str, inherited: str) -> None:
-        """Inertia, sites and children of a body into the reduced one."""
+    def _read_parts(
+        self, source: Element, target: Element, body: str, inherited: str, still: bool, jointed: bool = False
+    ) -> None:
+        """Inertia, sites and children of a body into the reduced one; `still`: it is part of the ground."""
         for part in source:
             if part.tag not in BODY_PARTS:
                 raise ModelError(f"{self._name}: <{part.tag}> in body {body!r} cannot be read; {IN_FULL}")
@@ -168,12 +204,12 @@ class _Reader:
                 raise ModelError(f"{self._name}: site {site.get('name')!r}: fromto cannot be read; give pos")
             if site.get("name"):
                 self._out.sites[site.get("name", "")] = Site(body, self._placement(site))
-        if body != "world":
-            self._read_inertia(source, target, body, inherited)
+        if not still:
+            self._read_inertia(source, target, body, inherited, jointed)
         for child in source.findall("body"):
-            self._read_body(child, target, inherited)
+            self._read_body(child, target, inherited, still)
 
-    def _read_body(self, source: Element, target: Element, inherited: str) -> None:
+    def _read_body(self, source: Element, target: Element, inherited: str, still: bool) -> None:
         inherited = source.get("childclass", inherited)
         name = source.get("name") or self._fresh("body", "body")
         if number(source, "gravcomp", f"{self._name}: body {name!r}") != 0.0:
@@ -185,20 +221,25 @@ class _Reader:
         self._out.bodies.append(name)
         place = self._placement(source)
         joints = [self._defaults.resolved(j, inherited) for j in source if j.tag in ("joint", "freejoint")]
+        if self._base == "fixed" and any(_is_free(j) for j in joints):
+            joints = []
+            self._numbers.append((FREE_NUMBERS, ""))
         for i, joint in enumerate(joints):
             last = i == len(joints) - 1
             inner = name if last else self._fresh("body", f"{name}_joint{i}")
-            if joint.tag == "freejoint" or joint.get("type") == "free":
+            if _is_free(joint):
                 if target.get("name") != "world" or len(joints) > 1:
                     raise ModelError(f"{self._name}: body {name!r}: a free joint stands alone, in the world")
                 label = joint.get("name") or self._fresh("joint", f"{name}_free")
+                added = self._base == "free" and label.startswith(ROOT_JOINT)
+                self._numbers.append((0 if added else FREE_NUMBERS, self._pose(place) if added else None))
                 self._out.free[label], place = place, pin.SE3.Identity()
             target = _posed(target, "body", place, {"name": inner})
             self._read_joint(joint, target, name)
             place = pin.SE3.Identity()
         if not joints:
             target = _posed(target, "body", place, {"name": name})
-        self._read_parts(source, target, name, inherited)
+        self._read_parts(source, target, name, inherited, still and not joints, bool(joints))
 
     def _read_joint(self, joint: Element, target: Element, body: str) -> None:
         kind = "free" if joint.tag == "freejoint" else joint.get("type", "hinge")
@@ -217,12 +258,17 @@ class _Reader:
         if kind in ("hinge", "ball"):
             attributes["pos"] = text_of(vector(joint, "pos", 3, where, (0.0, 0.0, 0.0)))
         if kind != "free":
+            self._numbers.append((4 if kind == "ball" else 1, None))
             attributes["armature"] = repr(number(joint, "armature", where))
         elif joint.tag == "joint" and number(joint, "armature", where) != 0.0:
             raise ModelError(f"{where}: armature of a free joint cannot be read; leave it out")
-        for key in ("frictionloss", "springdamper"):
-            if words(joint, key, where).any():
-                raise ModelError(f"{where}: {key} cannot be read; put the force into torque=, remove it here")
+        if words(joint, "springdamper", where).any():
+            raise ModelError(f"{where}: springdamper cannot be read; give stiffness and damping")
+        if number(joint, "frictionloss", where) != 0.0:
+            self._out.frictions.append(name)
+        limited = joint.get("limited", "auto")
+        if limited == "true" or (limited == "auto" and joint.get("range") and kind != "free"):
+            self._out.limits.append(name)
         stiffness, damping = number(joint, "stiffness", where), number(joint, "damping", where)
         if stiffness != 0.0 and kind in ("ball", "free"):
             raise ModelError(f"{where}: stiffness of a {kind} joint cannot be read; put it into torque=")
@@ -232,7 +278,9 @@ class _Reader:
             self._out.dampers.append((name, damping))
         ElementTree.SubElement(target, "joint", attributes)
 
-    def _read_inertia(self, source: Element, target: Element, body: str, inherited: str) -> None:
+    def _read_inertia(
+        self, source: Element, target: Element, body: str, inherited: str, jointed: bool
+    ) -> None:
         from_geom = self._compiler.get("inertiafromgeom", "auto")
         inertial = source.find("inertial")
         if inertial is not None and from_geom != "true":
@@ -248,6 +296,9 @@ class _Reader:
                 continue
             kind = geom.get("type", "sphere")
             if kind in ("plane", "hfield"):
+                continue
+            if (kind == "mesh" or geom.get("mesh")) and not jointed:
+                self._out.meshes.append(body)  # its joint moves a body of known mass besides
                 continue
             if kind not in SOLIDS or geom.get("mesh") or flag(geom, "shellinertia", False):
                 raise ModelError(
@@ -265,6 +316,10 @@ class _Reader:
     def _placement(self, element: Element) -> pin.SE3:
         return placement(element, self._radians, self._sequence, self._name)
 
+    def _pose(self, place: pin.SE3) -> str:
+        x, y, z, w = pin.Quaternion(place.rotation).coeffs()
+        return text_of([*place.translation, w, x, y, z])
+
     def _fresh(self, kind: str, wanted: str) -> str:
         """A name that no other body or joint has."""
         name, count = wanted, 0
@@ -273,6 +328,10 @@ class _Reader:
             name = f"{wanted}{count}"
         self._names[kind].add(name)
         return name
+
+
+def _is_free(joint: Element) -> bool:
+    return joint.tag == "freejoint" or joint.get("type") == "free"
 
 
 def _posed(parent: Element, tag: str, place: pin.SE3, attributes: dict[str, str]) -> Element:

@@ -62,6 +62,22 @@ def is_file(path: Path) -> bool:
         return False
 
 
+def is_link(path: Path) -> bool:
+    """Whether it is a symbolic link, to anything or nothing; a name too long for the system is none."""
+    try:
+        return path.is_symlink()
+    except OSError:
+        return False
+
+
+def files_in(path: Path) -> list[Path]:
+    """The regular files of a folder by name; none where there is no such folder."""
+    try:
+        return sorted(file for file in path.iterdir() if file.is_file()) if path.is_dir() else []
+    except OSError:
+        return []
+
+
 def inside(folder: Path, name: str) -> Path:
     """`folder / name`, or a ModelError where that is a link to a file outside the folder."""
     path = folder / name

@@ -1,4 +1,4 @@
-"""URDF to `pin.Model`, with the two traps of the format removed and its faults named."""
+"""URDF to a spanning tree with closures: the traps of the format removed, its faults named."""
 
 from __future__ import annotations
 
@@ -10,38 +10,85 @@ from xml.etree.ElementTree import Element, SubElement
 import pinocchio as pin
 
 from ...errors import ModelError
+from ..forces import Force, JointDamper
+from .contents import FileContents, check_base
+from .urdf_base import declare_world, set_base
 from .urdf_check import LIMITS, MOMENTS, MOVING, PRODUCTS, check_urdf
+from .urdf_left_out import left_out_of
+from .urdf_loops import closures_of, refuse_unknown_ties
+from .urdf_numbers import number_in
 from .xml_text import parsed_xml
 
 UNLIMITED = "1e9"
-"""Limit, rad, written for a joint that turns without limits: nothing here enforces limits."""
+"""Limit, rad or m, written for a joint that has none: nothing here enforces limits."""
+
+ENDLESS = {"lower": f"-{UNLIMITED}", "upper": UNLIMITED, "effort": UNLIMITED, "velocity": UNLIMITED}
 
 
-def model_from_urdf(urdf: str | Path) -> pin.Model:
-    """The spanning tree that a URDF describes.
+YES, NO = ("true", "1"), ("false", "0")
+
+
+def read_urdf(urdf: str | Path, base: str | None = None) -> FileContents:
+    """What a URDF describes: the spanning tree, its loops and couplings, its joints' dampers.
 
     `continuous` joints, which Pinocchio stores as (cos, sin), are read as revolute joints without
-    limits: one number in q each, and full turns are counted. Links with their inertia and joints are
-    read; shapes, meshes and all else are left out unread.
+    limits: one number in q each, and full turns are counted. Links with their inertia, joints with their
+    damping, and the elements of `urdf_loops` are read; shapes and meshes are not opened. `independent` of
+    URDF+ marks joints: those marked "false" are not independent, the others are.
 
     Parameters
     ----------
     urdf : str or Path
         A file, or the XML text itself.
+    base : "fixed", "free" or None
+        See `urdf_base.set_base`.
 
     Raises
     ------
     ModelError
-        Naming the file and what is wrong: not found, not XML, and see `urdf_check.check_urdf`.
+        Naming the file and what is wrong: not found, not XML, loops that are not known, and see
+        `urdf_check.check_urdf`.
     """
+    check_base(base)
     root, name = parsed_xml(urdf, "URDF")
     if root.tag != "robot":
         raise ModelError(f"{name}: the root element is <{root.tag}>, a URDF starts with <robot>")
+    declare_world(root)
     check_urdf(root, name)
+    refuse_unknown_ties(root, name)
+    left_out = left_out_of(root, name)
+    set_base(root, base)
     try:
-        return pin.buildModelFromXML(ElementTree.tostring(_reduced(root), encoding="unicode"))
+        model = pin.buildModelFromXML(ElementTree.tostring(_reduced(root), encoding="unicode"))
     except (ValueError, RuntimeError) as error:
         raise ModelError(f"{name}: Pinocchio cannot build a model from it ({error})") from error
+    closures = closures_of(root, model, name)
+    contents = FileContents(model, closures, _dampers(root, name), left_out=left_out)
+    contents.independent = _marked(root, name)
+    return contents
+
+
+def _dampers(root: Element, name: str) -> list[Force]:
+    found: list[Force] = []
+    for joint in root.findall("joint"):
+        dynamics = joint.find("dynamics")
+        if joint.get("type") in MOVING and dynamics is not None and dynamics.get("damping") is not None:
+            damping = number_in(dynamics, "damping", name)
+            if damping > 0.0:
+                found.append(JointDamper(joint.get("name", ""), damping))
+    return found
+
+
+def _marked(root: Element, name: str) -> tuple[str, ...] | None:
+    """Joints that are not marked as dependent, where any is marked; None else."""
+    moving = [j for j in root.findall("joint") if j.get("type") != "fixed"]
+    marks = {j.get("name", ""): j.get("independent", "").lower() for j in moving}
+    for joint, mark in marks.items():
+        if mark and mark not in (*YES, *NO):
+            raise ModelError(f"{name}: joint {joint!r}: independent={mark!r} is neither true nor false")
+    if not any(marks.values()):
+        return None
+    return tuple(joint for joint, mark in marks.items() if mark not in NO)
 
 
 def _reduced(root: Element) -> Element:
@@ -70,10 +117,15 @@ def _reduced(root: Element) -> Element:
             size = math.hypot(x, y, z)
             SubElement(to, "axis", {"xyz": f"{x / size!r} {y / size!r} {z / size!r}"})
         if endless:
-            bounds = {"lower": f"-{UNLIMITED}", "upper": UNLIMITED}
-            SubElement(to, "limit", bounds | {"effort": UNLIMITED, "velocity": UNLIMITED})
-        else:
-            _numbers(joint, to, "limit", LIMITS)
+            SubElement(to, "limit", ENDLESS)
+        elif kind in ("revolute", "prismatic"):
+            limit = joint.find("limit")
+            given = (
+                {}
+                if limit is None
+                else {k: repr(float(limit.get(k, ""))) for k in LIMITS if k in limit.attrib}
+            )
+            SubElement(to, "limit", ENDLESS | given)
         _numbers(joint, to, "dynamics", ("damping", "friction"))
     return robot
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from math import hypot, isfinite
+from math import hypot
 from xml.etree.ElementTree import Element
 
 from ...checks import hint
 from ...errors import ModelError
+from .urdf_numbers import number_in, numbers_in
 
 MOVING = ("revolute", "continuous", "prismatic", "planar")
 """Types of joints that have an axis."""
@@ -19,8 +20,11 @@ MOMENTS = ("ixx", "iyy", "izz")
 PRODUCTS = ("ixy", "ixz", "iyz")
 LIMITS = ("lower", "upper", "effort", "velocity")
 
-SINGLE = ("inertial", "origin", "mass", "inertia", "parent", "child", "axis", "limit", "dynamics")
+SINGLE = ("inertial", "origin", "mass", "inertia", "parent", "child", "axis", "limit", "dynamics", "mimic")
 """Elements of which a link, an inertial or a joint has one at most."""
+
+WORLD = "world"
+"""A link of that name that no joint carries is the ground; other roots beside it are floating bodies."""
 
 GROUND = "universe"
 """Pinocchio's name of the ground."""
@@ -92,11 +96,11 @@ def _check_link(link: Element, owner: str) -> None:
                 f"{owner}: its <inertial> lacks {lacking}; add it, or leave out all of <inertial> "
                 "for a massless link"
             )
-        value = _number(mass, "value", owner)
+        value = number_in(mass, "value", owner)
         if value < 0.0:
             raise ModelError(f"{owner}: <mass value={mass.get('value')!r}> is negative; give it in kg")
         for key in (*MOMENTS, *PRODUCTS):
-            if _number(inertia, key, owner) < 0.0 and key in MOMENTS:
+            if number_in(inertia, key, owner) < 0.0 and key in MOMENTS:
                 raise ModelError(
                     f"{owner}: <inertia {key}={inertia.get(key)!r}> is negative; a moment of inertia, kg m², "
                     "is not"
@@ -110,64 +114,29 @@ def _check_joint(joint: Element, owner: str) -> None:
             f"{owner} is of unknown type {kind!r}, not one of {', '.join(TYPES)}{hint(kind, TYPES)}"
         )
     _require_single(joint, owner)
-    if joint.find("mimic") is not None:
-        raise ModelError(
-            f"{owner}: <mimic> cannot be read, and without it the joint would move freely; model the "
-            "coupling with links and a pair of frames, or make the joint fixed"
-        )
     for origin in joint.findall("origin"):
         _check_origin(origin, owner)
     for dynamics in joint.findall("dynamics"):
         for key in ("damping", "friction"):
-            if dynamics.get(key) is not None and _number(dynamics, key, owner) < 0.0:
+            if dynamics.get(key) is not None and number_in(dynamics, key, owner) < 0.0:
                 raise ModelError(f"{owner}: <dynamics {key}={dynamics.get(key)!r}> is negative")
     axis = joint.find("axis")
     if axis is not None and kind in MOVING:
-        direction = _numbers(axis, "xyz", owner)
+        direction = numbers_in(axis, "xyz", owner)
         if not 1e-100 < hypot(*direction) < 1e100:
             raise ModelError(
                 f"{owner}: <axis xyz={axis.get('xyz')!r}> is no direction in space; give one, such as '0 0 1'"
             )
-    if kind not in ("revolute", "prismatic"):
-        return
-    limit = joint.find("limit")
-    missing = [key for key in LIMITS if limit is None or limit.get(key) is None]
-    if limit is None or missing:
-        raise ModelError(
-            f"{owner} is {kind} and its <limit> lacks {', '.join(missing)}; give them, or use type "
-            "continuous for a joint without limits"
-        )
-    for key in LIMITS:
-        _number(limit, key, owner)
+    for limit in joint.findall("limit"):
+        for key in LIMITS:
+            if limit.get(key) is not None:
+                number_in(limit, key, owner)
 
 
 def _check_origin(origin: Element, owner: str) -> None:
     for key in ("xyz", "rpy"):
         if origin.get(key) is not None:
-            _numbers(origin, key, owner)
-
-
-def _number(element: Element, key: str, owner: str) -> float:
-    return _parsed(element, key, owner, 1)[0]
-
-
-def _numbers(element: Element, key: str, owner: str) -> list[float]:
-    return _parsed(element, key, owner, 3)
-
-
-def _parsed(element: Element, key: str, owner: str, count: int) -> list[float]:
-    """The finite numbers of an attribute."""
-    text = element.get(key)
-    wanted = "a number" if count == 1 else f"{count} numbers"
-    if text is None:
-        raise ModelError(f"{owner}: <{element.tag}> lacks {key}; give {wanted}")
-    try:
-        values = [float(word) for word in text.split()]
-    except ValueError:
-        values = []
-    if len(values) != count or not all(map(isfinite, values)):
-        raise ModelError(f"{owner}: <{element.tag} {key}={text!r}> is not {wanted}; write {wanted}, finite")
-    return values
+            numbers_in(origin, key, owner)
 
 
 # --------------------------------------------------------------------------- tree
@@ -176,7 +145,7 @@ def _parsed(element: Element, key: str, owner: str, count: int) -> list[float]:
 def _check_tree(root: Element, links: Sequence[str], name: str) -> None:
     """Every link but one has exactly one parent, and all hang on that one."""
     parent_of: dict[str, tuple[str, str]] = {}  # link: its parent link and joint
-    known = set(links)
+    known = {*links, WORLD}  # a ground that is not declared is there all the same
     for joint in root.findall("joint"):
         label = str(joint.get("name"))
         ends = {}
@@ -197,10 +166,11 @@ def _check_tree(root: Element, links: Sequence[str], name: str) -> None:
             )
         parent_of[child] = ends["parent"], label
     roots = [link for link in links if link not in parent_of]
-    if len(roots) > 1:
+    if len(roots) > 1 and WORLD not in roots:
         raise ModelError(
             f"{name}: {len(roots)} links have no parent joint ({', '.join(map(repr, roots[:5]))}), and a "
-            "URDF has one root: join the others to it, with fixed joints where they do not move"
+            f"URDF has one root: join the others to it, with fixed joints where they do not move; beside a "
+            f"link {WORLD!r}, which is the ground, the others float"
         )
     _check_chains(parent_of, links, name)
 
@@ -222,7 +192,7 @@ def _check_chains(parent_of: dict[str, tuple[str, str]], links: Sequence[str], n
             link = parent_of[link][0]
         for below in reversed(way):
             depth[below] = depth[parent_of[below][0]] + 1
-    deepest = max(links, key=depth.__getitem__)
+    deepest = max(links, key=lambda link: depth[link])
     if depth[deepest] > LONGEST_CHAIN:
         raise ModelError(
             f"{name}: {depth[deepest]} joints lie between the root and link {deepest!r}, more than "
