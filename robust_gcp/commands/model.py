@@ -29,4 +29,4 @@ def joints(text: str) -> list[str] | str:
 def loaded(args: argparse.Namespace) -> Mechanism:
     """The model that the arguments name; what it leaves out is told in one line."""
     with clean_warnings((ModelWarning,)):
-        return load(args.model, args.base, args.independent, args.strict)
+        return load(args.model, args.independent, args.base, args.strict)

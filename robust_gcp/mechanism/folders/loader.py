@@ -48,8 +48,8 @@ def model_names() -> list[str]:
 
 def load(
     name_or_path: str | Path,
-    base: str | None = None,
     independent: Sequence[str] | Literal["auto"] | None = None,
+    base: str | None = None,
     strict: bool = False,
 ) -> Mechanism:
     """A mechanism from a shipped model's name, a folder, or a robot's file (URDF: *.urdf, MJCF: *.xml).
@@ -69,11 +69,11 @@ def load(
     Parameters
     ----------
     name_or_path : str or Path
-    base : "fixed", "free" or None
-        What the robot stands on; None: as the file says.
     independent : sequence of str or "auto", optional
         Joints, or components of joints (`joint.x`), that serve as minimal coordinates. Left out: the motors
         of the file as far as they can serve, completed by the best conditioned ones; "auto": without them.
+    base : "fixed", "free" or None
+        What the robot stands on; None: as the file says.
     strict : bool
         Refuse a file with parts that are not simulated (`Mechanism.left_out`), of which a ModelWarning tells
         else.
