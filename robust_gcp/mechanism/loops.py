@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from ..checks import check_model, checked_vector, listed, require_finite
