@@ -212,7 +212,7 @@ def implicit_dynamics(
 ) -> tuple[Array, Array]:
     """Accelerations and constraint forces from the implicit system (2).
 
-    [[M, Kᵀ], [K, 0]] [a; −λ] = [τ − C; k], solved in the least-norm sense, which survives redundant
+    `[[M, Kᵀ], [K, 0]] [a; −λ] = [τ − C; k]`, solved in the least-norm sense, which survives redundant
     rows and singular configurations (where k must be attainable for a to be meaningful): with K N = 0,
     a = a₀ + N z from K a₀ = k and Nᵀ M N z = Nᵀ (τ − C − M a₀), then Kᵀ λ = M a + C − τ. So beside a
     singular configuration a loses the digits that K's own conditioning costs, not its square.

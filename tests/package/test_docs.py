@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import io
 import re
 import subprocess
@@ -108,6 +109,23 @@ def test_figures_stay_small() -> None:
 def test_every_public_name_is_in_the_api_page() -> None:
     text = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
     assert [name for name in rg.__all__ if not re.search(rf"\b{name}\b", text)] == []
+
+
+def test_every_public_name_is_in_the_reference() -> None:
+    pages = (ROOT / "docs" / "reference").glob("*.md")
+    named = [
+        name for page in pages for name in re.findall(r"^::: (\S+)$", page.read_text("utf-8"), re.MULTILINE)
+    ]
+    assert sorted(name.rpartition(".")[2] for name in named) == sorted(rg.__all__)
+    for name in named:
+        module, _, what = name.rpartition(".")
+        assert getattr(importlib.import_module(module), what) is getattr(rg, what), name
+
+
+def test_every_page_is_on_the_site() -> None:
+    docs = ROOT / "docs"
+    listed = set(re.findall(r"(\S+\.md)$", (ROOT / "mkdocs.yml").read_text("utf-8"), re.MULTILINE))
+    assert listed == {page.relative_to(docs).as_posix() for page in docs.rglob("*.md")}
 
 
 def test_every_shipped_model_is_in_the_models_page() -> None:
