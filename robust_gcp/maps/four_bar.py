@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import OptionError, ToggleError
 from ..mechanism.closures import PointClosure, frame_of
+from ..mechanism.joints import JointKind
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .closed_form import FourBar
@@ -61,7 +62,7 @@ def draw_four_bar(mechanism: Mechanism) -> Drawing:
     )
     if (
         mechanism.nv != 3
-        or mechanism.nq != 3
+        or any(joint.kind is not JointKind.HINGE for joint in mechanism.joints)
         or len(mechanism.closures) != 1
         or not isinstance(mechanism.closures[0], PointClosure)
         or list(model.parents) != [0, 0, 1, 0]
@@ -71,8 +72,6 @@ def draw_four_bar(mechanism: Mechanism) -> Drawing:
     tree, zero = mechanism.tree, np.zeros(3)
     tree.jacobians(zero)
     axes = tree.J[:, 3:].copy()
-    if np.abs(np.linalg.norm(axes, axis=1) - 1.0).max() > PARALLEL:
-        raise wrong
     normal = axes[0]
     if np.abs(np.cross(axes, normal)).max() > PARALLEL:
         raise wrong

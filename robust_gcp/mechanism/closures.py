@@ -34,9 +34,6 @@ Term = tuple[int, float, Direction, Direction]
 
 _X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
-ROTATION, ALONG = -1, -2
-"""What `Row.axis` says of rows that are no world axis."""
-
 
 @dataclass(frozen=True)
 class Closure:
@@ -219,48 +216,6 @@ def closure_kinds() -> list[type[Closure]]:
         found.append(kind)
         more += kind.__subclasses__()
     return [kind for kind in found if kind.kind]
-
-
-@dataclass(frozen=True)
-class Row:
-    """One row of the full constraint.
-
-    Attributes
-    ----------
-    closure : int
-        Its position in the list of closures.
-    name : str
-        x, y, z along the world's axes, n1, n2, … along directions of frame 2; rx, ry, rz where there are
-        three rotation rows, r1, r2 else.
-    axis : int
-        World axis of a position row, `ALONG` for one along a direction of frame 2, else `ROTATION`.
-    terms : tuple of (float, direction, direction)
-        Weight, u in frame 1, n in frame 2; of a row along a direction, that is n.
-    """
-
-    closure: int
-    name: str
-    axis: int
-    terms: tuple[tuple[float, Direction, Direction], ...] = ()
-
-
-def rows_of(closures: Sequence[Closure]) -> list[Row]:
-    """All rows of the closures, closure by closure, position before rotation."""
-    rows: list[Row] = []
-    for number, closure in enumerate(closures):
-        directions = 0
-        for along in closure.position_rows():
-            if isinstance(along, int):
-                rows.append(Row(number, "xyz"[along], along))
-                continue
-            directions += 1
-            rows.append(Row(number, f"n{directions}", ALONG, ((1.0, (0.0, 0.0, 0.0), along),)))
-        terms = closure.rotation_terms()
-        about = sorted({term[0] for term in terms})
-        for row in about:
-            name = f"r{'xyz'[row]}" if len(about) == 3 else f"r{row + 1}"
-            rows.append(Row(number, name, ROTATION, tuple(t[1:] for t in terms if t[0] == row)))
-    return rows
 
 
 def closure_frames(model: pin.Model, closures: Sequence[Closure]) -> list[tuple[int, pin.SE3]]:

@@ -8,10 +8,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from .closures import ALONG, ROTATION, Closure, Index, rows_of
+from .closures import Closure, Index
 from .couplings import AnyClosure, CouplingClosure, Couplings
 from .joints import Joint, joint_named, support
-from .rows import RotationRows, RowsAlong
+from .rows import ALONG, ROTATION, RotationRows, RowsAlong, rows_of
 from .tree import Array, Tree
 from .vectors import CROSS, apply, cross, skew
 

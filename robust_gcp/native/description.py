@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..maps.regular_path import RegularPath
-from ..mechanism.closures import closure_frames, frame_of, rows_of
+from ..mechanism.closures import closure_frames, frame_of
 from ..mechanism.forces import JointDamper, JointSpring, JointTorque, PointSpring
 from ..mechanism.mechanism import Mechanism
+from ..mechanism.rows import rows_of
 from ..mechanism.tree import Array
 from ..mechanism.workspace import memory_left, whole_bytes
 from .structures import Arrays, Description

@@ -15,8 +15,9 @@ import numpy as np
 
 from ..checks import shown
 from ..errors import OptionError
-from ..mechanism.closures import ALONG, ROTATION, Closure, Row, rows_of
+from ..mechanism.closures import Closure
 from ..mechanism.mechanism import Mechanism
+from ..mechanism.rows import ALONG, ROTATION, Row, rows_of
 from ..mechanism.tree import Array
 
 

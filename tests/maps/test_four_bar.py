@@ -1,6 +1,7 @@
 """The closed form as an explicit map: continuous over long steps, no jump over a dead point."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 
@@ -8,7 +9,7 @@ import robust_gcp as rg
 from robust_gcp.examples.linkages import four_bar
 from robust_gcp.maps.bridge.bridge import BridgeOptions
 from robust_gcp.maps.closed_form import FourBar
-from robust_gcp.maps.four_bar import FourBarMap
+from robust_gcp.maps.four_bar import FourBarMap, draw_four_bar
 from robust_gcp.maps.point import Counters
 from robust_gcp.maps.start import begin
 
@@ -75,3 +76,19 @@ def test_no_run_goes_through_a_dead_point(stepper: str, step: float, drive: floa
     run = stop.value.trajectory
     assert abs(run.q[-1, 0]) < np.pi / 3
     assert np.abs(run.energy_error()).max() < (1e-2 if step == 1e-2 else 1e-3)  # of some 30 J
+
+
+def test_a_screw_is_no_hinge():
+    """It turns about the same axis, and moves along it as well."""
+    known = four_bar(1.0, 1.0, 1.0, 1.0)
+    model = pin.Model()
+    for old in range(1, known.model.njoints):
+        joint = pin.JointModelHX(0.1) if old == 3 else known.model.joints[old]
+        at = known.model.jointPlacements[old]
+        new = model.addJoint(known.model.parents[old], joint, at, known.model.names[old])
+        model.appendBodyToJoint(new, known.model.inertias[old], pin.SE3.Identity())
+    for frame in (frame for frame in known.model.frames if frame.name.endswith("_tip")):
+        model.addFrame(pin.Frame(frame.name, frame.parentJoint, frame.placement, frame.type), False)
+    assert draw_four_bar(known) is not None
+    with pytest.raises(rg.OptionError, match="three parallel revolute joints"):
+        draw_four_bar(rg.Mechanism.from_pinocchio(model, known.closures, ["q1"]))

@@ -34,7 +34,7 @@ class Sticks(Skeleton):
     pins : list of (int, int, bool)
         A joint's point, a second one on its axis (the same: no axis), and whether it is on the ground.
     frames : dict of int to int
-        The first of three points that carry the pose of a body, see `replay_meshes`.
+        The first of three points that carry the pose of a body, see `meshes`.
     trails : dict of str to int
         Points to follow, by name of frame.
     mark : int
