@@ -14,9 +14,10 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from ..errors import ClosureError
-from .closures import ROTATION, WELDED, Closure, RevoluteClosure, rows_of
+from .closures import WELDED, Closure, RevoluteClosure
 from .joints import support
 from .loops import ClosedLoops
+from .rows import ROTATION, rows_of
 from .tolerances import CLOSED
 from .tree import Array
 
