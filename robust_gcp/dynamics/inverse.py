@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 from ..checks import check_mechanism, checked_vector, require_finite
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from .motion import set_out
+from .problem import set_out
 
 
 def inverse_dynamics(

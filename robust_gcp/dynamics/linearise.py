@@ -24,7 +24,7 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .differences import FORWARD, differences
 from .equations import EquationsOfMotion, Torque
-from .motion import Motion, set_out
+from .problem import Problem, set_out
 
 DIRECTIONS = 16
 """Of the Krylov space in which a stiff motion is looked for: it stands apart from all others."""
@@ -142,7 +142,7 @@ def linearise(
     return linearise_motion(motion, t, central=True)
 
 
-def linearise_motion(motion: Motion, t: float, central: bool) -> Linearisation:
+def linearise_motion(motion: Problem, t: float, central: bool) -> Linearisation:
     """Linearise at the start of a motion; see `linearise`."""
     m, y = motion.mechanism.m, motion.start.point.y
     with np.errstate(all="ignore"):  # what is not finite is told below
@@ -152,7 +152,9 @@ def linearise_motion(motion: Motion, t: float, central: bool) -> Linearisation:
     return Linearisation.of(A)
 
 
-def limiting_eigenvalue(motion: Motion, step: float, push: Callable[[Array], Array] | None = None) -> complex:
+def limiting_eigenvalue(
+    motion: Problem, step: float, push: Callable[[Array], Array] | None = None
+) -> complex:
     """The eigenvalue that limits a step of RK4 at the start of a motion, 1/s; 0 where none was found.
 
     From `DIRECTIONS` + 1 right-hand sides, however many the coordinates are: Arnoldi's method on δẋ = A δx
@@ -161,7 +163,7 @@ def limiting_eigenvalue(motion: Motion, step: float, push: Callable[[Array], Arr
 
     Parameters
     ----------
-    motion : Motion
+    motion : Problem
     step : float
         s.
     push : callable (2m,) -> (m,), optional

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from ..dynamics.equations import Evaluation, Torque
 from ..dynamics.linearise import ReducedJacobian
-from ..dynamics.motion import Motion, set_out
+from ..dynamics.problem import Problem, set_out
 from ..errors import BranchError, NonFiniteError, ToggleError
 from ..maps.bridge.bridge_map import BridgeMap
 from ..maps.bridge.obstacle import UncertifiedZoneError
@@ -42,7 +42,7 @@ class Run:
 
     Parameters
     ----------
-    motion : Motion
+    motion : Problem
         What the run begins with; a change of coordinates replaces it.
     choice : MapChoice
         Its explicit map, for the next ones.
@@ -59,7 +59,7 @@ class Run:
 
     def __init__(
         self,
-        motion: Motion,
+        motion: Problem,
         choice: MapChoice,
         torque: Torque | ArrayLike | None,
         times: Array,

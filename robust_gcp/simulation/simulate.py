@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..checks import check_between, check_choice, check_mechanism, check_positive, listed, shown
 from ..dynamics.equations import Torque
-from ..dynamics.motion import set_out
+from ..dynamics.problem import set_out
 from ..errors import NonFiniteError, OptionError, SimulationError
 from ..maps.bridge.bridge import BridgeOptions
 from ..maps.choice import METHODS, MapChoice, Method

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..dynamics.equations import Torque, TorqueFunction
 from ..dynamics.linearise import Linearisation, limiting_eigenvalue, linearise_motion, stable_step
-from ..dynamics.motion import Motion, over
+from ..dynamics.problem import Problem, over
 from ..dynamics.reduced_inertia import ReducedInertia
 from ..errors import RobustGcpError
 from ..maps.bridge.bridge import BridgeOptions
@@ -75,20 +75,20 @@ class StabilityCheck:
         self._listener = _Listener(torque, mechanism.nv) if callable(torque) else None
         self.torque = self._listener or torque
 
-    def before(self, motion: Motion) -> None:
+    def before(self, motion: Problem) -> None:
         """Warn before a run that begins with this motion, where no torque function has to be known."""
         if self._listener is None:
             self._warn(motion, self._limiting, self.torque)
 
-    def after(self, motion: Motion) -> None:
+    def after(self, motion: Problem) -> None:
         """Warn after it where one had to."""
         if self._listener is not None and self._listener.heard:
             self._warn(motion, self._limiting_with_torque, self._listener.heard[0][3])
 
     def _warn(
         self,
-        motion: Motion,
-        limiting: Callable[[Motion], complex | None],
+        motion: Problem,
+        limiting: Callable[[Problem], complex | None],
         torque: Torque | ArrayLike | None,
     ) -> None:
         """Warn if the linearisation at the start, under a constant torque, says so."""
@@ -109,18 +109,18 @@ class StabilityCheck:
             StabilityWarning,
         )
 
-    def _beside(self, start: Start, torque: Torque | ArrayLike | None) -> Motion:
+    def _beside(self, start: Start, torque: Torque | ArrayLike | None) -> Problem:
         """The same start with a path of its own, so that nothing of the run is counted or moved."""
         path = type(start.path)(start.path.mechanism, start.path.rows, Counters())
         choice = MapChoice(options=self._options, error_controlled=True)
         return over(Start(path, start.point, start.ydot), torque, choice)
 
-    def _limiting(self, motion: Motion) -> complex:
+    def _limiting(self, motion: Problem) -> complex:
         if motion.mechanism.m > MANY:
             return limiting_eigenvalue(motion, self._step)
         return linearise_motion(motion, 0.0, central=False).limiting
 
-    def _limiting_with_torque(self, motion: Motion) -> complex | None:
+    def _limiting_with_torque(self, motion: Problem) -> complex | None:
         """Of A with (Gᵀ M G)⁻¹ Gᵀ ∂τ/∂(y, ẏ) of the torque function below; None where that is not known."""
         answer = _answer(motion.mechanism, self._listener.heard if self._listener else [], self._step)
         if answer is None:

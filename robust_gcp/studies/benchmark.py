@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..arguments import DEFAULT, Arguments, file, pathname, whole
-from ..dynamics.motion import set_out
+from ..dynamics.problem import set_out
 from ..examples.linkages import n_four_bar
 from ..maps.bridge.bridge import BridgeOptions
 from ..maps.choice import MapChoice

@@ -8,7 +8,7 @@ import time
 import numpy as np
 
 from ..dynamics.equations import Evaluation
-from ..dynamics.motion import set_out
+from ..dynamics.problem import set_out
 from ..maps.bridge.bridge import BridgeOptions
 from ..mechanism.mechanism import Mechanism
 from ..native.library import Library, library

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...dynamics.equations import Torque
 from ...dynamics.linearise import ReducedJacobian, linearise
-from ...dynamics.motion import set_out
+from ...dynamics.problem import set_out
 from ...maps.choice import MapChoice
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array

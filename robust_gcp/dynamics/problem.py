@@ -1,4 +1,4 @@
-"""A motion that is ready to go: coordinates, explicit map, equations of motion and first state."""
+"""An initial value problem set out: coordinates, explicit map, equations of motion and first state."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .equations import EquationsOfMotion, Torque
 
 
 @dataclass(frozen=True)
-class Motion:
+class Problem:
     """What a stepper needs.
 
     Attributes
@@ -46,7 +46,7 @@ def set_out(
     torque: Torque | ArrayLike | None = None,
     choice: MapChoice | None = None,
     counters: Counters | None = None,
-) -> Motion:
+) -> Problem:
     """Check a start and make all that follows from it; the one way to a motion.
 
     Parameters
@@ -71,9 +71,9 @@ def set_out(
     return over(begin(mechanism, q, v0, mode, choice.options, counters), torque, choice)
 
 
-def over(start: Start, torque: Torque | ArrayLike | None, choice: MapChoice) -> Motion:
+def over(start: Start, torque: Torque | ArrayLike | None, choice: MapChoice) -> Problem:
     """The motion from a checked start, with a map and equations of its own."""
     mechanism, explicit = start.path.mechanism, choice.over(start)
     equations = EquationsOfMotion(mechanism, explicit, torque)
     x = np.concatenate([start.point.y, start.ydot, np.zeros(int(equations.works))])
-    return Motion(mechanism, start, explicit, equations, x)
+    return Problem(mechanism, start, explicit, equations, x)
