@@ -27,6 +27,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import robust_gcp as rg
+from robust_gcp.drawing.show import show
 from robust_gcp.maps.closed_form import parallelogram_pendulum, pendulum
 
 rhombus = rg.load("rhombus")
@@ -75,7 +76,8 @@ for crossing in robust.crossings:
     print(f"{where}, {crossing.kind}, loop open by {crossing.certificate:.0e} m")
 
 # %%
-rg.replay([classical, robust], labels=["classical GCP", "robust GCP"], layout="side by side")
+page = rg.replay([classical, robust], labels=["classical GCP", "robust GCP"], layout="side by side")
+show(page, "01_replay")
 
 # %% [markdown]
 # ## How exact is it?
@@ -95,6 +97,7 @@ for crossing in robust.crossings:
 axes[0].set_ylabel("q2 [rad]")
 _ = axes[0].legend()
 _ = axes[1].set(ylabel="|q1 − exact| [rad]", xlabel="t [s]")
+show(fig, "01_error")
 # %%
 assert np.abs(robust.q[:, 0] - exact).max() < 1e-9
 assert np.ptp(classical.q[-500:, 1]) < 1e-9  # q2 is frozen: links 1 and 2 turn as one

@@ -23,6 +23,7 @@ import warnings
 import numpy as np
 
 import robust_gcp as rg
+from robust_gcp.drawing.show import show
 
 rhombus = rg.load("rhombus")
 
@@ -33,7 +34,7 @@ rhombus = rg.load("rhombus")
 # turns as one. A motion stays on its curve, unless something pushes it over at a point where curves meet.
 
 # %%
-rg.plot_modes(rhombus)
+show(rg.plot_modes(rhombus), "02_modes")
 
 # %% [markdown]
 # ## One configuration at a time

@@ -25,6 +25,7 @@ from tempfile import mkdtemp
 import numpy as np
 
 import robust_gcp as rg
+from robust_gcp.drawing.show import show
 
 # %% [markdown]
 # ## The tree
@@ -100,9 +101,9 @@ def motor(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
 run = rg.simulate(press, q0, duration=2.0, torque=motor, record=("energy", "multipliers"))
 print(f"loop open by at most {run.closure_error().max():.1e} m")
 print(f"energy less the motor's work: {np.abs(run.energy_error()).max():.1e} J")
-run.plot()
+show(run.plot(("q", "v", "multipliers", "energy")), "03_motion")
 # %%
-rg.replay(run)
+show(rg.replay(run), "03_replay")
 
 # %% [markdown]
 # ## As a folder

@@ -23,6 +23,7 @@ import warnings
 import numpy as np
 
 import robust_gcp as rg
+from robust_gcp.drawing.show import show
 from robust_gcp.examples.linkages import four_bar
 
 # %% [markdown]
@@ -87,6 +88,7 @@ run = rg.simulate(stiff, duration=2000 * h, step=h)
 print(f"h = {h:.1e} s, {len(run.crossings)} crossings, loop open by {run.closure_error().max():.1e} m")
 stored = stiff.energy(run.q[0], run.v[0])
 print(f"energy error {np.abs(run.energy_error()).max() / stored:.1e} of what the spring stores")
+show(run.plot(("q", "v", "closure")), "05_stiff")
 
 # %% [markdown]
 # ## Units and sizes

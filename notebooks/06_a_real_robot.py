@@ -25,7 +25,8 @@
 import numpy as np
 
 import robust_gcp as rg
-from robust_gcp.examples.robots import baxter_bar, solo12_pinned
+from robust_gcp.drawing.show import show
+from robust_gcp.examples.robots import baxter_bar, shapes, solo12_pinned
 
 solo = solo12_pinned(stiffness=10.0)
 print(solo)
@@ -42,9 +43,9 @@ push = solo.lift(solo.home, [0.5, -1.0, 0.5, 0.5, -1.0, 0.5])
 run = rg.simulate(solo, v0=push, duration=0.5, step=2e-3, record=("energy",))
 print(f"loops open by at most {run.closure_error().max():.1e} m, {run.velocity_error().max():.1e} m/s")
 print(f"energy drifts by {np.abs(run.energy_error()).max():.1e} J of {run.energy[0]:.2f} J")
-run.plot(what=("energy", "closure"))
+show(run.plot(what=("energy", "closure")), "06_errors")
 # %%
-rg.replay(run)
+show(rg.replay(run, visual=shapes(solo)), "06_solo")
 
 # %% [markdown]
 # ## What the motors have to do
@@ -69,4 +70,6 @@ print(baxter)
 print(f"loop open by at most {run.closure_error().max():.1e}")
 here = rg.analyse(baxter, baxter.home)
 print(here.kind, "- freedom", here.local_dof)
+show(rg.replay(run, visual=shapes(baxter)), "06_baxter")
+# %%
 assert run.closure_error().max() < 1e-12
