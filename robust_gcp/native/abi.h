@@ -6,7 +6,7 @@
 
 namespace rg {
 
-constexpr std::int32_t VERSION = 3;
+constexpr std::int32_t VERSION = 4;
 
 enum Reason : std::int32_t {
     DONE = 0,
@@ -40,11 +40,16 @@ struct Description {
     std::int32_t closures, rows;
     const std::int32_t* closure_joint;  // (closures, 2)
     const double* closure_point;        // (closures, 6): the two origins in their joints' frames
-    const std::int32_t* row_closure;    // (rows,)
+    const std::int32_t* row_closure;    // (rows,), −1 for a row of a coupling
     const std::int32_t* row_axis;       // (rows,): world axis of a position row, or Sort in closures.h
     const double* row_weight;           // (rows,)
     const std::int32_t* row_terms;      // (rows + 1,): where the terms of each row begin
     const double* terms;                // (terms, 7): w, u in joint 1, n in joint 2
+    std::int32_t couplings, coupling_width, coupling_further;
+    const std::int32_t* coupling_at;    // (couplings, 5): row, first joint in q and v, second in q and v
+    const double* coupling_curve;       // (couplings, coupling_width): P by rising power
+    const std::int32_t* further_at;     // (coupling_further, 3): coupling, further joint in q and v
+    const double* further_arm;          // (coupling_further,)
     std::int32_t blocks;
     const std::int32_t* block_start;    // (blocks + 1,)
     const std::int32_t* block_rows;     // (rows,)

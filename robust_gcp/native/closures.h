@@ -8,6 +8,7 @@
 #include "abi.h"
 #include "cells.h"
 #include "chain.h"
+#include "couplings.h"
 
 namespace rg {
 
@@ -30,11 +31,6 @@ struct Row {
     int axis;  // world axis of a position row, or one of Sort
     double weight;
     std::vector<Term> terms;
-};
-
-struct Entry {
-    int row, v;
-    double scale;
 };
 
 class Closures {
@@ -64,14 +60,16 @@ class Closures {
                 }
             loops_.push_back(loop);
         }
-        phi.resize(rows_.size());
-        k.resize(rows_.size());
+        couplings_ = Couplings(d, entries);
+        phi.resize(d.rows);
+        k.resize(d.rows);
         values.resize(entries.size() + 1);  // the last one stays zero
     }
 
-    // φ at the chain's placements; returns max |φ|, NaN where φ is not finite.
-    double residual() {
-        double size = 0.0;
+    // φ at the chain's placements and q; returns max |φ|, NaN where φ is not finite.
+    double residual(const double* q) {
+        double size = couplings_.residual(q, phi.data());
+        if (std::isnan(size)) return size;
         for (Loop& loop : loops_) {
             for (int side = 0; side < 2; ++side) {
                 const int j = loop.joint[side];
@@ -101,6 +99,7 @@ class Closures {
 
     // K after `residual` at the same placements.
     void jacobian() {
+        couplings_.jacobian(entries, values.data());
         std::size_t at = 0;
         for (const Loop& loop : loops_) {
             bool rotations = false;
@@ -137,7 +136,8 @@ class Closures {
     }
 
     // k = −K̇ v after the chain's `move` with v.
-    void bias() {
+    void bias(const double* v) {
+        couplings_.bias(v, k.data());
         for (const Loop& loop : loops_) {
             const int j1 = loop.joint[0], j2 = loop.joint[1];
             const Vec apart = pull(j2, loop.arm[1]) - pull(j1, loop.arm[0]);
@@ -217,6 +217,7 @@ class Closures {
 
     Chain& chain_;
     std::vector<Loop> loops_;
+    Couplings couplings_;
     std::vector<Row> rows_;
     std::vector<int> target_;  // the caller's number of each row
     Cells<Vec> normals_;  // Σ w u × n of a rotation row; n of a row along it

@@ -7,9 +7,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..maps.regular_path import RegularPath
 from ..mechanism.closures import closure_frames, frame_of
+from ..mechanism.couplings import CouplingClosure, Couplings
 from ..mechanism.forces import JointDamper, JointSpring, JointTorque, PointSpring
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.rows import rows_of
+from ..mechanism.rows import ROTATION, Row, rows_of
 from ..mechanism.tree import Array
 from ..mechanism.workspace import memory_left, whole_bytes
 from .structures import Arrays, Description
@@ -43,8 +44,6 @@ def describe(mechanism: Mechanism, path: RegularPath, constant: ArrayLike | None
 def _described(mechanism: Mechanism, path: RegularPath, constant: ArrayLike | None, works: bool) -> Arrays:
     if mechanism.m == 0:
         raise NotNativeError("the mechanism has no degree of freedom")
-    if len(mechanism.loops) < len(mechanism.closures):
-        raise NotNativeError("the mechanism has couplings")
     if mechanism.m > 1 and whole_bytes(mechanism.model) > memory_left():
         needed = whole_bytes(mechanism.model) / 1e9
         raise NotNativeError(f"the mechanism has {mechanism.nv} velocities, which take {needed:.3g} GB")
@@ -59,6 +58,7 @@ def _described(mechanism: Mechanism, path: RegularPath, constant: ArrayLike | No
     arrays.reals(size=1.0 / mechanism.column_scale, turn=1.0 / mechanism.units, scale=scale)
     arrays.reals(own=[mechanism.joint_inertia])
     _closures(mechanism, path, turns, arrays)
+    _couplings(mechanism, path, arrays)
     _blocks(path, arrays)
     _forces(mechanism, constant, turns, arrays)
     return arrays
@@ -110,7 +110,9 @@ def _closures(mechanism: Mechanism, path: RegularPath, turns: list[Array], array
         points += [turns[joint].T @ place.translation for joint, place in ends]
         local.append([turns[joint].T @ place.rotation for joint, place in ends])
     full = rows_of(closures)
-    chosen = [full[row] for row in mechanism.implicit.rows[path.rows]]
+    chosen = [
+        full[row] if row < len(full) else Row(-1, "", ROTATION) for row in mechanism.implicit.rows[path.rows]
+    ]
     arrays.structure.closures, arrays.structure.rows = len(closures), len(chosen)
     arrays.integers(
         closure_joint=joints,
@@ -126,6 +128,31 @@ def _closures(mechanism: Mechanism, path: RegularPath, turns: list[Array], array
             for row in chosen
             for weight, u, n in row.terms
         ],
+    )
+
+
+def _couplings(mechanism: Mechanism, path: RegularPath, arrays: Arrays) -> None:
+    """The couplings whose rows the path has chosen."""
+    first = len(rows_of(mechanism.loops))
+    rows = {
+        int(full) - first: row for row, full in enumerate(mechanism.implicit.rows[path.rows]) if full >= first
+    }
+    given = mechanism.closures[len(mechanism.loops) :]
+    ties = Couplings(mechanism.joints, [c for c in given if isinstance(c, CouplingClosure)])
+    order = {coupling: place for place, coupling in enumerate(rows)}
+    further = [f for f in ties.further if f[0] in order]
+    width = ties.coefficients.shape[1]
+    structure = arrays.structure
+    structure.couplings, structure.coupling_width, structure.coupling_further = len(rows), width, len(further)
+    arrays.integers(
+        coupling_at=[
+            [row, ties.iq[c, 0], ties.iv[c, 0], ties.iq[c, 1], ties.iv[c, 1]] for c, row in rows.items()
+        ],
+        further_at=[[order[c], iq, iv] for c, iq, iv, _ in further],
+    )
+    arrays.reals(
+        coupling_curve=ties.coefficients[list(rows)].reshape(len(rows), width),
+        further_arm=[arm for _, _, _, arm in further],
     )
 
 

@@ -142,7 +142,7 @@ class Path {
         double last_size = infinite, last_step = infinite;
         for (int iteration = 0; iteration < MAX_NEWTON; ++iteration) {
             chain.place(chain.loop, q);
-            const double size = closures.residual();
+            const double size = closures.residual(q);
             ++evaluations;
             if (!std::isfinite(size)) return false;
             closures.jacobian();
@@ -203,7 +203,7 @@ class Path {
             chain.place(chain.free, point.q());
             chain.move(chain.free, v);
         }
-        closures.bias();
+        closures.bias(v);
         blocks.solve(closures.k.data(), u_.data());
         if (m == 1) {
             double* bend = point.curvature();

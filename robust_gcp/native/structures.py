@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-VERSION = 3
+VERSION = 4
 """Of the interface; a library with another one is not used."""
 
 TorqueCallback: Any = ctypes.CFUNCTYPE(c_int32, c_double)
@@ -48,6 +48,10 @@ class Description(ctypes.Structure):
         *_fields(
             "closures rows",
             "closure_joint closure_point row_closure row_axis row_weight row_terms terms",
+        ),
+        *_fields(
+            "couplings coupling_width coupling_further",
+            "coupling_at coupling_curve further_at further_arm",
         ),
         *_fields("blocks", "block_start block_rows block_columns reference"),
         *_fields("springs lines forces works", "spring_at spring damping drive line_joint line"),

@@ -128,6 +128,38 @@ def test_a_belt_over_two_joints() -> None:
     assert np.abs(traj.energy_error()).max() < 1e-8
 
 
+@pytest.mark.parametrize("m", [1, 2])
+def test_the_compiled_kernel_computes_the_same(m: int) -> None:
+    """Gears, a cam, a belt and a held joint beside a loop, in one cluster or several."""
+    if not rg.backends()["native"].available:
+        pytest.skip("no compiled kernel here")
+    rhombus = rg.load("rhombus")
+    model = rhombus.model.copy()
+    for i, name in enumerate(("wheel", "cam", "belt", "held", "free")):
+        place = pin.SE3(np.eye(3), np.array([0.1 * i, 0.2, 0.3]))
+        kind = pin.JointModelPZ() if name == "cam" else pin.JointModelRX()
+        joint = model.addJoint(0, kind, place, name)
+        body = pin.Inertia(0.5, np.array([0.0, 0.1, 0.05]), np.diag([0.02] * 3))
+        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    closures = [
+        rg.CouplingClosure("wheel", "q1", 3.0, 0.2),
+        *rhombus.closures,
+        rg.CouplingClosure("cam", "wheel", 0.1, 0.3, (0.05, -0.02)),
+        rg.CouplingClosure("belt", "q1", -2.0, 0.0, (), (("q2", 0.5),)),
+        rg.CouplingClosure("held", None, 0.0, 0.7),
+    ]
+    if m == 1:
+        closures.append(rg.CouplingClosure("free", "q3", 1.0))
+    mech = rg.Mechanism.from_pinocchio(model, closures, ["q1"] if m == 1 else ["q1", "free"])
+    q = mech.assemble({"q1": 0.9, "q2": -0.9, "q3": 0.9})
+    v = mech.lift(q, [1.5, 0.4][:m])
+    runs = [rg.simulate(mech, q, v, duration=0.4, step=1e-3, backend=b) for b in ("native", "python")]
+    np.testing.assert_allclose(runs[0].q, runs[1].q, atol=1e-12)
+    np.testing.assert_allclose(runs[0].v, runs[1].v, atol=1e-11)
+    assert runs[0].closure_error().max() < 1e-13
+    np.testing.assert_array_equal(runs[0].q[:, 6], 0.7)
+
+
 def test_polynomials_about_other_origins_are_the_same_function() -> None:
     moved = rg.CouplingClosure.from_polynomial("one", "two", [0.5, -1.0, 0.3, 0.1], origin1=0.2, origin2=-0.7)
     P = np.polynomial.Polynomial(moved.coefficients)
