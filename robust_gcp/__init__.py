@@ -26,8 +26,8 @@ from .errors import (
     SweepError,
     ToggleError,
 )
-from .maps.bridge.bridge import BridgeOptions
 from .maps.classical import SingularityWarning
+from .maps.cluster.options import BridgeOptions
 from .maps.explicit import Crossing
 from .mechanism.closures import Closure, FrameClosure, PointClosure, PrismaticClosure, RevoluteClosure
 from .mechanism.couplings import CouplingClosure

@@ -65,8 +65,8 @@ def arguments(add_to: Arguments) -> None:
     text = f"of the adaptive steppers; {DEFAULT}"
     add_to.add("--rtol", positive, type=number, default=1e-8, metavar="R", help=text)
     add_to.add("--atol", positive, type=number, default=1e-10, metavar="A", help=text)
-    text = f"where y turns back: stop, or change coordinates; {DEFAULT}"
-    add_to.add("--on-toggle", choices=("error", "repartition"), default="error", help=text)
+    text = "where y turns back: change coordinates, as --method bridge does by default, or stop"
+    add_to.add("--on-toggle", choices=("repartition", "error"), default=None, help=text)
 
     add_to.heading("output")
     text = f"write also any of {','.join(RECORDS)}"

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from .bridge.bridge import BridgeOptions
-from .bridge.bridge_map import BridgeMap
 from .classical import ClassicalMap, NewtonStart
+from .cluster.cluster_map import ClusterMap
+from .cluster.options import BridgeOptions
 from .explicit import ExplicitMap
 from .four_bar import FourBarMap
 from .projection import PROJECTION_THRESHOLD, ProjectionMap
@@ -48,7 +48,4 @@ class MapChoice:
             return ProjectionMap(start.path, start.point, self.threshold)
         if self.method == "closed_form":
             return FourBarMap(start.path, start.point, self.error_controlled)
-        bridged = BridgeMap(start.path, start.point, self.options, self.error_controlled)
-        if start.bridge is not None:
-            bridged.adopt(start.bridge)
-        return bridged
+        return ClusterMap(start.path, start.point, self.options, self.error_controlled, start.trackers)

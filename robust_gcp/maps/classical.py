@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import BranchError
 from ..mechanism.tree import Array
 from ..warning import warn
-from .explicit import Passage
+from .explicit import Passage, Stretch
 from .point import Counters, Point
 from .regular_path import RegularPath
 
@@ -85,6 +85,6 @@ class ClassicalMap:
         """Never: this map does not know of singularities."""
         return False
 
-    def passed(self, before: Point, after: Point) -> list[Passage]:
+    def passed(self, before: Point, after: Point, stretch: Stretch) -> list[Passage]:
         """Nothing: the classical map does not know of singularities."""
         return []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
@@ -30,7 +31,11 @@ class Crossing:
     certificate : float
         max |φ| / length over the bridge (for "projected": at the nearest evaluation).
     transversality : float
-        How clearly the modes part at second order; see `singularity.transversality`. NaN if unknown.
+        How clearly the modes part at second order, 0 where they touch; NaN if unknown.
+    cluster : int or None
+        Which of `Mechanism.clusters` it belongs to; None for methods that do not know.
+    corank : int
+        How many singular values of the cluster's K vanish there.
     """
 
     time: float
@@ -39,17 +44,47 @@ class Crossing:
     kind: CrossingKind
     certificate: float
     transversality: float = float("nan")
+    cluster: int | None = None
+    corank: int = 1
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A step of a motion: its ends, and y between them.
+
+    Attributes
+    ----------
+    t0, t1 : float
+        s.
+    y : callable (t) -> ndarray (m,)
+        To the order of the stepper.
+    """
+
+    t0: float
+    t1: float
+    y: Callable[[float], Array]
 
 
 @dataclass(frozen=True)
 class Passage:
-    """A singular surface between two evaluated points, before its time is known."""
+    """A singular surface between two evaluated points.
+
+    Attributes
+    ----------
+    y, q, kind, certificate, transversality, cluster, corank
+        See `Crossing`.
+    time : float or None
+        s; None where y says when it was passed.
+    """
 
     y: Array
     q: Array
     kind: CrossingKind
     certificate: float
     transversality: float
+    time: float | None = None
+    cluster: int | None = None
+    corank: int = 1
 
 
 class ExplicitMap(Protocol):
@@ -72,7 +107,7 @@ class ExplicitMap(Protocol):
         """Whether a singular surface was met so far, so that `passed` may have something to tell."""
         ...
 
-    def passed(self, before: Point, after: Point) -> list[Passage]:
+    def passed(self, before: Point, after: Point, stretch: Stretch) -> list[Passage]:
         """All singular surfaces between two accepted points; one that lies on `after` is passed."""
         ...
 

@@ -12,7 +12,7 @@ from ..mechanism.joints import JointKind
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .closed_form import FourBar
-from .explicit import Passage
+from .explicit import Passage, Stretch
 from .point import Counters, Point
 from .regular_path import RegularPath
 
@@ -162,7 +162,7 @@ class FourBarMap:
         """Never: this map does not know of singularities."""
         return False
 
-    def passed(self, before: Point, after: Point) -> list[Passage]:
+    def passed(self, before: Point, after: Point, stretch: Stretch) -> list[Passage]:
         """Nothing: the closed form has no singularity to pass."""
         return []
 

@@ -7,7 +7,7 @@ import numpy as np
 from ..errors import BranchError, NonFiniteError
 from ..mechanism.partition import numerical_rank
 from ..mechanism.tree import Array
-from .explicit import Passage, sign_changes
+from .explicit import Passage, Stretch, sign_changes
 from .point import Counters, Point
 from .regular_path import RegularPath
 
@@ -62,7 +62,7 @@ class ProjectionMap:
         """Always: a step may pass the narrow zone of the projection without a point in it."""
         return True
 
-    def passed(self, before: Point, after: Point) -> list[Passage]:
+    def passed(self, before: Point, after: Point, stretch: Stretch) -> list[Passage]:
         """Each change of a determinant's sign."""
         tree, found = self.path.tree, []
         for share in sign_changes(before, after):

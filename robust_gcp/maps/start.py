@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,8 +19,11 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.partition import spelled
 from ..mechanism.tolerances import DETERMINES, NEARLY_CLOSED, SAME_MODE, SINGULAR_START
 from ..mechanism.tree import Array
-from .bridge.bridge import Bridge, BridgeOptions, Builder, NoBridgeError
-from .march import same_branch
+from .cluster.cluster_map import ClusterMap
+from .cluster.options import BridgeOptions
+from .cluster.outward import started
+from .cluster.space import ClusterSpace
+from .cluster.tracker import Tracker
 from .point import Counters, Point
 from .regular_path import RegularPath
 from .start_check import (
@@ -27,18 +31,12 @@ from .start_check import (
     checked_mode,
     require_compatible,
     require_finite_energy,
+    require_lasting_mobility,
     require_mobility,
     require_mode,
     require_velocity_in_mode,
 )
 from .unrolled import regular_path
-
-LARGEST, SMALLEST = 0.05, 1e-5
-"""Distances of the first nodes from a singular start, dimensionless: halved until a bridge is certified.
-Below the smaller one K has lost the digits that the bridge is to restore."""
-
-ALONG = 1e-2
-"""Largest turn of G on a bridge against that of the chosen mode: another mode turns by the order of 1."""
 
 
 @dataclass
@@ -50,14 +48,14 @@ class Start:
     path : RegularPath
     point : Point
     ydot : ndarray (m,)
-    bridge : Bridge or None
-        The certified bridge through a singular start.
+    trackers : mapping of int to Tracker
+        Of the clusters that are singular at the start, on their mode.
     """
 
     path: RegularPath
     point: Point
     ydot: Array
-    bridge: Bridge | None = None
+    trackers: Mapping[int, Tracker] = field(default_factory=dict)
 
 
 def begin(
@@ -101,6 +99,7 @@ def begin(
         require_mobility(mechanism, q, path)
         require_mode(mechanism, mode, point.G)
         require_velocity_in_mode(mechanism, v, point.G)
+        require_lasting_mobility(path, point)
         return Start(path, point, ydot)
     picture = analyse(mechanism, q, rank_tolerance=10.0 * SINGULAR_START)
     counters.second_order += 1
@@ -118,9 +117,12 @@ def begin(
         raise NotCertifiedError(f"start at a singularity: {picture.message}", y)
     tangent = _pick(mechanism, picture, v, mode)
     G = _parametrised(mechanism, tangent, y)
-    bridge = _bridge_along(mechanism, path, q, G, options)
     require_velocity_in_mode(mechanism, v, G)
-    return Start(path, bridge.line.at(bridge.parameter(y), ydot), ydot, bridge)
+    blocks = np.zeros(len(path.blocks))
+    curvature = np.zeros(mechanism.nv) if mechanism.m == 1 else None
+    point = Point(y, ydot, q, G, np.zeros(mechanism.nv), curvature, blocks, blocks, 0.0)
+    trackers = _beside(mechanism, q, G, options, counters)
+    return Start(path, ClusterMap(path, point, options, trackers=trackers).at(y, ydot), ydot, trackers)
 
 
 def _pick(mechanism: Mechanism, picture: LocalAnalysis, v: Array, mode: ArrayLike | None) -> Array:
@@ -169,74 +171,17 @@ def _parametrised(mechanism: Mechanism, tangent: Array, y: Array) -> Array:
     return np.asarray(tangent @ np.linalg.inv(block), dtype=float)
 
 
-def _bridge_along(
-    mechanism: Mechanism, path: RegularPath, q: Array, G: Array, options: BridgeOptions
-) -> Bridge:
-    """The bridge over a singular q on the mode with tangent space G."""
-    y = q[mechanism.iq_independent]
-    motion = np.abs(G / mechanism.column_scale[:, None]).max(axis=0)
-    reasons: list[str] = []
-    size = LARGEST
-    while size > SMALLEST:
-        direction = _outward(mechanism, path, q, y, G, motion, size)
-        if direction is not None:
-            d, point = direction
-            try:
-                bridge = Builder(path, options).build(point, d)
-            except NoBridgeError as failure:
-                reasons.append(str(failure))
-            else:
-                here = bridge.line.at(bridge.parameter(y), np.zeros(mechanism.m))
-                gap = path.size(mechanism.tree.difference(q, here.q))
-                turn = np.abs((here.G - G) / mechanism.column_scale[:, None]).max() / motion.max()
-                if gap < 10.0 * np.sqrt(SINGULAR_START) * size and turn < ALONG:
-                    return bridge
-                reasons.append("the bridge does not pass through q0 along the mode")
-        size *= 0.5
-    raise NotCertifiedError(
-        "start at a singularity: the chosen mode could not be followed away from it"
-        + (f" ({reasons[0]})" if reasons else ""),
-        y,
-    )
-
-
-def _outward(
-    mechanism: Mechanism,
-    path: RegularPath,
-    q: Array,
-    y: Array,
-    G: Array,
-    motion: Array,
-    size: float,
-) -> tuple[Array, Point] | None:
-    """A point of the mode beside q, along the direction in which K_d improves fastest."""
-    rest = np.zeros(mechanism.m)
-    gradient = np.zeros(mechanism.m)
-
-    def beside(step: Array) -> Point | None:
-        point = path.settle(mechanism.tree.integrate(q, G @ step), y + step, rest)
-        if point is None:
-            return None
-        turn = np.abs((point.G - G) / mechanism.column_scale[:, None]).max() / motion.max()
-        return point if turn < 0.3 and point.correction < 0.3 * size else None
-
-    for j in range(mechanism.m):
-        step = np.zeros(mechanism.m)
-        step[j] = size / motion[j]
-        point = beside(step)
-        if point is None:
-            return None
-        gradient[j] = point.det[int(np.argmin(point.rcond))] / step[j] / motion[j]
-    direction = gradient / motion
-    norm = float(np.linalg.norm(direction))
-    if norm == 0.0:
-        return None
-    d = np.ones(1) if mechanism.m == 1 else direction / norm
-    reach = size / path.size(G @ d)
-    ahead, nearer = beside(d * reach), beside(d * (0.8 * reach))
-    if ahead is None or nearer is None:
-        return None
-    check = path.step(ahead, nearer.y, rest)
-    if check is None or not same_branch(ahead, check):
-        return None
-    return d, ahead
+def _beside(
+    mechanism: Mechanism, q: Array, tangent: Array, options: BridgeOptions, counters: Counters
+) -> dict[int, Tracker]:
+    """Trackers of the clusters that are singular at q, each on the mode with this tangent (nv, m)."""
+    trackers: dict[int, Tracker] = {}
+    for cluster in mechanism.clusters:
+        space = ClusterSpace(cluster, q[cluster.iq])
+        x = space.x(q[cluster.iq])
+        sigma = np.linalg.svd(space.K(x), compute_uv=False)
+        if space.nd == 0 or sigma[space.nd - 1] > 10.0 * SINGULAR_START * sigma[0]:
+            continue
+        own = np.linalg.solve(space.turn(x), tangent[cluster.iv][:, cluster.inputs])
+        trackers[cluster.index] = started(space, x, own, space.chart(cluster.chosen), options, counters)
+    return trackers

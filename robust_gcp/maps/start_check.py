@@ -11,10 +11,18 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.partition import numerical_rank, spelled
 from ..mechanism.tolerances import COMPATIBLE, RANK, SAME_MODE
 from ..mechanism.tree import Array
+from .point import Point
 from .regular_path import RegularPath
 
 FASTEST = 1e50
 """rad/s or m/s: accelerations grow with the square, and products of those must stay finite."""
+
+
+PROBE = 1e-2
+"""How far a start is moved to see whether left-over rows stay closed, dimensionless."""
+
+LEFT_OPEN = 1e-9
+"""max |φ| / length of rows that count as open there."""
 
 
 def require_finite_energy(mechanism: Mechanism, v: Array) -> None:
@@ -68,6 +76,32 @@ def require_mobility(mechanism: Mechanism, q: Array, path: RegularPath) -> None:
             + spelled(choices),
             choices,
         )
+
+
+def require_lasting_mobility(path: RegularPath, start: Point) -> None:
+    """With rows left over, these must stay closed a little way on: else the rank is lower at the start only.
+
+    Two bars flat between pins as far apart as they are long look movable at q0, to first order. They are not.
+    """
+    mechanism = path.mechanism
+    if mechanism.nc == path.nd:
+        return
+    mechanism.require_closed(start.q, LEFT_OPEN, "q0, with what rounded lengths leave open")
+    for j in range(mechanism.m):
+        for sign in (1.0, -1.0):
+            step = np.zeros(mechanism.m)
+            step[j] = sign * PROBE / max(path.size(start.G[:, j]), 1e-300)
+            near = path.step(start, start.y + step, start.ydot)
+            if near is None:
+                continue  # out of reach: nothing is known
+            left = mechanism.closure_residual(near.q)
+            if left <= LEFT_OPEN:
+                continue
+            raise PartitionError(
+                f"no mobility at q0 in {mechanism.independent[j]}: rank {path.nd} of {mechanism.nc} "
+                f"rows there and a higher one nearby; moved by {PROBE:g} the loops open by {left:.2g} "
+                "lengths. A structure cannot be simulated; check the link lengths, or leave a closure out"
+            )
 
 
 def checked_mode(mechanism: Mechanism, mode: ArrayLike) -> Array:

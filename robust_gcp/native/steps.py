@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 
 from ..dynamics.equations import Evaluation, Torque, does_work, torque_function
 from ..errors import OptionError
-from ..maps.bridge.bridge_map import BridgeMap
 from ..maps.classical import DIGITS_LOST, ClassicalMap
+from ..maps.cluster.cluster_map import ClusterMap
 from ..maps.regular_path import RegularPath
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
@@ -92,7 +92,7 @@ class NativeSteps:
 
     def take(
         self,
-        explicit: BridgeMap | ClassicalMap,
+        explicit: ClusterMap | ClassicalMap,
         now: Evaluation,
         x: Array,
         times: Array,
@@ -107,10 +107,10 @@ class NativeSteps:
         wanted : sequence of str
             Outputs besides q and v.
         """
-        if isinstance(explicit, BridgeMap):
-            bridge, zone, same_branch = explicit.current, explicit.options.zone, True
-            if bridge is not None and not bridge.line.one_polynomial:
+        if isinstance(explicit, ClusterMap):
+            if not explicit.for_kernel:
                 return None
+            bridge, zone, same_branch = explicit.table(), explicit.options.zone, True
         else:
             bridge, zone, same_branch = None, DIGITS_LOST, False
         mechanism = explicit.path.mechanism

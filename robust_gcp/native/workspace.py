@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..dynamics.equations import CheckedTorque, Evaluation
-from ..maps.bridge.bridge import Bridge
+from ..maps.cluster.table import CurveTable
 from ..maps.point import Point
 from ..maps.regular_path import RegularPath
 from ..mechanism.mechanism import Mechanism
@@ -130,7 +130,7 @@ class Workspace:
         self._x, self._ydd, self._tau = np.zeros(n), np.zeros(self._m), np.zeros(self._nv)
         self._anchor = np.zeros(self._size)
         self._before, self._safe = np.zeros(self._size + n + self._m), np.zeros(self._size + n)
-        self._tables: tuple[Bridge, Arrays] | None = None
+        self._tables: tuple[CurveTable, Arrays] | None = None
         self._failure: BaseException | None = None
         self._request = Request()
         self._keep = Arrays(self._request)
@@ -190,7 +190,7 @@ class Workspace:
         outputs: Outputs,
         zone: float,
         same_branch: bool = True,
-        bridge: Bridge | None = None,
+        bridge: CurveTable | None = None,
         every: int = 1,
     ) -> Batch:
         """Steps from times[0] to times[-1], or until something rare happens.
@@ -207,7 +207,7 @@ class Workspace:
             Conditioning below which the kernel stops.
         same_branch : bool
             Whether it also stops where Newton may have left the branch.
-        bridge : Bridge, optional
+        bridge : CurveTable, optional
             The one that `now` lies on, m = 1.
         """
         r = self._request
@@ -292,23 +292,19 @@ class Workspace:
             float(flat[-1]),
         )
 
-    def _table(self, bridge: Bridge) -> Arrays:
-        """The bridge's polynomial and its innermost nodes, made once for each bridge."""
+    def _table(self, bridge: CurveTable) -> Arrays:
+        """The curve's series and the points where it is left, made once for each curve."""
         if self._tables is not None and self._tables[0] is bridge:
             return self._tables[1]
-        line = bridge.line
-        polynomial = line.polynomial()
-        orders, width = polynomial.coefficients.shape
+        orders, width = bridge.coefficients.shape
         arrays = Arrays(Table(orders=orders, width=width, surfaces=len(bridge.zeros)))
         table = arrays.structure
-        table.origin, table.left, table.right = float(line.origin[0]), bridge.left, bridge.right
-        for name in ("center", "unit", "middle", "half", "pace"):
-            setattr(table, name, getattr(polynomial, name))
-        half = len(line.nodes) // 2
+        table.origin, table.left, table.right = bridge.middle, -bridge.half, bridge.half
+        table.center, table.unit, table.middle, table.half, table.pace = 0.0, 1.0, 0.0, bridge.half, 1.0
         inner = np.zeros((2, self._size))
-        for row, (_, node) in zip(inner, line.nodes[half - 1 : half + 1], strict=True):
-            self._pack(node, row)
-        arrays.reals(coefficients=polynomial.coefficients, reference=polynomial.reference)
-        arrays.reals(before=inner[0], after=inner[1], zeros=bridge.zeros)
+        for row, point in zip(inner, (bridge.before, bridge.after), strict=True):
+            self._pack(point, row)
+        arrays.reals(coefficients=bridge.coefficients, reference=bridge.reference)
+        arrays.reals(before=inner[0], after=inner[1], zeros=np.array(bridge.zeros) - bridge.middle)
         self._tables = bridge, arrays
         return arrays

@@ -2,31 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 import scipy
 
-from ..maps.explicit import Crossing, Passage
+from ..maps.explicit import Crossing, Passage, Stretch
 from ..mechanism.tree import Array
-
-
-@dataclass(frozen=True)
-class Stretch:
-    """A step of a motion: its ends, and y between them.
-
-    Attributes
-    ----------
-    t0, t1 : float
-        s.
-    y : callable (t) -> ndarray (m,)
-        To the order of the stepper.
-    """
-
-    t0: float
-    t1: float
-    y: Callable[[float], Array]
 
 
 def hermite(t0: float, t1: float, before: Sequence[Array], after: Sequence[Array]) -> Stretch:
@@ -51,10 +33,11 @@ def hermite(t0: float, t1: float, before: Sequence[Array], after: Sequence[Array
 def located(passages: Sequence[Passage], stretch: Stretch) -> list[Crossing]:
     """Each passage at its time on the stretch, in their order."""
     start, end = stretch.y(stretch.t0), stretch.y(stretch.t1)
-    found = [
-        Crossing(_time(p, stretch, start, end), p.y, p.q, p.kind, p.certificate, p.transversality)
-        for p in passages
-    ]
+    found = []
+    for p in passages:
+        time = _time(p, stretch, start, end) if p.time is None else p.time
+        certificates = p.certificate, p.transversality
+        found.append(Crossing(time, p.y, p.q, p.kind, *certificates, p.cluster, p.corank))
     return sorted(found, key=lambda crossing: crossing.time)
 
 

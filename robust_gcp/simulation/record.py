@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -95,8 +96,9 @@ class Record:
         self.count, self.last_state = i + n + 1, x
 
     def cross(self, crossings: Sequence[Crossing]) -> None:
-        """Log what was passed; the first gap that was bridged is warned of."""
-        self._crossings += crossings
+        """Log what was passed, y in the run's first coordinates; the first gap bridged is warned of."""
+        own = self._mechanism.iq_independent
+        self._crossings += [replace(crossing, y=crossing.q[own]) for crossing in crossings]
         for crossing in crossings:
             if crossing.kind == "near miss" and not self._warned:
                 self._warned = True

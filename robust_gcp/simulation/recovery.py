@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..errors import SimulationError, ToggleError
-from ..maps.bridge.obstacle import UncertifiedZoneError
+from ..maps.cluster.tracker import ObstacleError
 from ..maps.march import POOR
 from ..maps.point import Point
 from ..mechanism.tree import Array
@@ -62,7 +62,7 @@ class Recovery:
         SimulationError
             `stop` itself, where neither helps.
         """
-        if isinstance(stop, UncertifiedZoneError):
+        if isinstance(stop, ObstacleError):
             self._met_at, self.careful = i, True
             self.changing = stop.obstacle.kind == "toggle" and self._may_change
             return False

@@ -14,16 +14,17 @@ from ..dynamics.equations import Evaluation, Torque
 from ..dynamics.linearise import ReducedJacobian
 from ..dynamics.problem import Problem, set_out
 from ..errors import BranchError, NonFiniteError, ToggleError
-from ..maps.bridge.bridge_map import BridgeMap
-from ..maps.bridge.obstacle import UncertifiedZoneError
 from ..maps.choice import MapChoice
 from ..maps.classical import ClassicalMap
+from ..maps.cluster.cluster_map import ClusterMap
+from ..maps.cluster.tracker import ObstacleError
+from ..maps.explicit import Stretch
 from ..maps.point import Counters, Point
 from ..mechanism.tree import Array
 from ..native.steps import NativeSteps
 from ..native.structures import Reason
 from ..native.workspace import Batch
-from .crossings import Stretch, hermite, located
+from .crossings import hermite, located
 from .record import Record
 from .recovery import Checkpoint, Recovery
 from .stats import Stats
@@ -35,6 +36,10 @@ REFINED_RTOL, REFINED_ATOL = 1e-10, 1e-12
 
 REFINED_EFFORT = 5_000
 """Right-hand sides that one such step may take."""
+
+
+WATCHED = 20
+"""Outputs of a batch at which all rows of φ are looked at."""
 
 
 class Run:
@@ -100,7 +105,7 @@ class Run:
                     return
                 self._x = self._refined(i) if recovery.careful else self._stepped(take, i, now)
                 i += 1
-            except (UncertifiedZoneError, BranchError, ToggleError) as stop:
+            except (ObstacleError, BranchError, ToggleError) as stop:
                 change = recovery.meet(i, stop)
                 i = self._back_to(recovery.safe)
                 if change:
@@ -111,7 +116,7 @@ class Run:
         t = float(self._times[i])
         if not recovery.careful:
             return self._motion.equations.evaluate(t, self._x)
-        with self._bridge_map().following_true_curve():
+        with self._cluster_map().following_true_curve():
             return self._motion.equations.evaluate(t, self._x)
 
     def _natively(
@@ -119,7 +124,7 @@ class Run:
     ) -> tuple[int, Evaluation]:
         """As many steps after time i as the kernel can take."""
         explicit, wanted = self._motion.explicit, self._record.wanted
-        assert isinstance(explicit, BridgeMap | ClassicalMap)  # the kernel knows no other map
+        assert isinstance(explicit, ClusterMap | ClassicalMap)  # the kernel knows no other map
         while i + 1 < len(self._times):
             batch = native.take(explicit, now, self._x, self._times[i:], wanted)
             if batch is None:
@@ -130,6 +135,8 @@ class Run:
             if batch.steps:
                 explicit.resume(batch.now.point, batch.on_bridge)
                 self._record.extend(i, batch.outputs, batch.x)
+                for j in range(batch.steps - 1, -1, -max(1, batch.steps // WATCHED)):
+                    self._watch(batch.outputs.q[j], i + 1 + j)
                 i, now, self._x, self._last = i + batch.steps, batch.now, batch.x, batch.now
                 if self._progress is not None:
                     for j in range(i - batch.steps + 1, i + 1):
@@ -164,7 +171,7 @@ class Run:
 
     def _refined(self, i: int) -> Array:
         """One step through an uncertified zone by an error-controlled method."""
-        bridged, x, times = self._bridge_map(), self._x, self._times[i : i + 2]
+        bridged, x, times = self._cluster_map(), self._x, self._times[i : i + 2]
         tolerances = REFINED_RTOL, REFINED_ATOL, REFINED_EFFORT
         with bridged.following_true_curve():
             try:
@@ -233,13 +240,13 @@ class Run:
         self._start_near(behind)
         before, after = (explicit.at(x[:m], x[m : 2 * m]) for x in (behind, step.x))
         stretch = Stretch(step.t0, step.t1, lambda t: step.between(t)[:m])
-        self._record.cross(located(explicit.passed(before, after), stretch))
+        self._record.cross(located(explicit.passed(before, after, stretch), stretch))
 
     # --------------------------------------------------------------------- changes of coordinates
 
-    def _bridge_map(self) -> BridgeMap:
+    def _cluster_map(self) -> ClusterMap:
         explicit = self._motion.explicit
-        assert isinstance(explicit, BridgeMap)  # no other map knows uncertified zones
+        assert isinstance(explicit, ClusterMap)  # no other map knows uncertified zones
         return explicit
 
     def _others_serve_better(self, point: Point) -> bool:
@@ -256,7 +263,7 @@ class Run:
         others = (names for _, names in old.mechanism.coordinate_choices(here.q) if set(names) != present)
         names = next(others, None)
         if names is None:
-            raise self._bridge_map().refusal()
+            raise self._cluster_map().refusal()
         mechanism = old.mechanism.with_independent(names)
         v = here.G @ x[m : 2 * m]
         self._motion = set_out(
@@ -273,17 +280,25 @@ class Run:
 
     def _accept(self, i: int, now: Evaluation) -> None:
         """Record the evaluation at time i."""
+        self._watch(now.point.q, i)
         self._record.add(i, now, self._x)
         self._last = now
         self._report(i)
 
+    def _watch(self, q: Array, i: int) -> None:
+        """Refuse to go on where rows of φ are left open."""
+        if isinstance(self._motion.explicit, ClusterMap):
+            self._motion.explicit.require_closed(q, f"at t = {self._times[i]:.6g} s")
+
     def _cross(self, i: int, before: Point, ydd: Array, now: Evaluation) -> None:
         """Log what was passed in the fixed step that ends at time i."""
-        passages = self._motion.explicit.passed(before, now.point)
-        if passages:
-            t0, t1 = float(self._times[i - 1]), float(self._times[i])
-            ends = (before.y, before.ydot, ydd), (now.point.y, now.point.ydot, now.ydd)
-            self._record.cross(located(passages, hermite(t0, t1, *ends)))
+        if not self._motion.explicit.met:
+            return
+        t0, t1 = float(self._times[i - 1]), float(self._times[i])
+        ends = (before.y, before.ydot, ydd), (now.point.y, now.point.ydot, now.ydd)
+        stretch = hermite(t0, t1, *ends)
+        passages = self._motion.explicit.passed(before, now.point, stretch)
+        self._record.cross(located(passages, stretch))
 
     def _report(self, i: int) -> None:
         if self._progress is not None:

@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 from ..checks import check_between, check_choice, check_mechanism, check_positive, listed, shown
 from ..dynamics.equations import Torque
 from ..dynamics.problem import set_out
-from ..errors import NonFiniteError, OptionError, SimulationError
-from ..maps.bridge.bridge import BridgeOptions
+from ..errors import ClosureError, NonFiniteError, OptionError, SimulationError
 from ..maps.choice import METHODS, MapChoice, Method
 from ..maps.classical import NewtonStart
+from ..maps.cluster.options import BridgeOptions
 from ..maps.point import Counters
 from ..maps.projection import PROJECTION_THRESHOLD
 from ..mechanism.mechanism import Mechanism
@@ -48,7 +48,7 @@ def simulate(
     mode: ArrayLike | None = None,
     rtol: float = 1e-8,
     atol: float = 1e-10,
-    on_toggle: Literal["error", "repartition"] = "error",
+    on_toggle: Literal["repartition", "error"] | None = None,
     newton_start: NewtonStart = "tangent",
     threshold: float = PROJECTION_THRESHOLD,
     options: BridgeOptions | None = None,
@@ -85,9 +85,10 @@ def simulate(
         Tangent of the mode to take when q0 is singular: one of `analyse(mechanism, q0).modes`.
     rtol, atol : float
         Tolerances of the adaptive steppers.
-    on_toggle : {"error", "repartition"}
-        What to do where y turns back: stop with an error that names better joints, or change the
-        independent joints, report it in `stats.repartitions`, and go on.
+    on_toggle : {"repartition", "error"}
+        What to do where y turns back: change the independent joints, report it in `stats.repartitions`
+        and go on, or stop with an error that names better joints. When left out, "repartition" with
+        method="bridge" and "error" with the others. `Trajectory.y` stays in the joints named at first.
     newton_start : {"tangent", "previous"}
         Start of Newton's method for method="classical".
     threshold : float
@@ -116,6 +117,8 @@ def simulate(
     times = _times(*mechanism.recommended.run(duration, step))
     v0 = mechanism.recommended.velocity(q0, mode) if v0 is None else v0
     check_choice("method", method, METHODS)
+    if on_toggle is None:
+        on_toggle = "repartition" if method == "bridge" else "error"
     check_choice("on_toggle", on_toggle, ("error", "repartition"))
     if on_toggle == "repartition" and method != "bridge":
         raise OptionError(f'on_toggle="repartition" goes with method="bridge", not with {method!r}')
@@ -157,7 +160,7 @@ def simulate(
                 run.fixed_steps(rk4_step)
             else:
                 run.adaptive_steps(stepper, rtol, atol)
-    except SimulationError as error:
+    except (SimulationError, ClosureError) as error:
         error.trajectory = run.trajectory(begun)
         raise
     except OverflowError as overflow:

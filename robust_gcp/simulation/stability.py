@@ -13,8 +13,8 @@ from ..dynamics.linearise import Linearisation, limiting_eigenvalue, linearise_m
 from ..dynamics.problem import Problem, over
 from ..dynamics.reduced_inertia import ReducedInertia
 from ..errors import RobustGcpError
-from ..maps.bridge.bridge import BridgeOptions
 from ..maps.choice import MapChoice
+from ..maps.cluster.options import BridgeOptions
 from ..maps.point import Counters
 from ..maps.start import Start
 from ..mechanism.mechanism import Mechanism
@@ -93,7 +93,7 @@ class StabilityCheck:
     ) -> None:
         """Warn if the linearisation at the start, under a constant torque, says so."""
         start = motion.start
-        if start.bridge is not None or start.point.conditioning < self._options.zone:
+        if start.trackers or start.point.conditioning < self._options.zone:
             return
         try:
             value = limiting(self._beside(start, torque))

@@ -12,8 +12,8 @@ import numpy as np
 from ..arguments import DEFAULT, Arguments, file, pathname, whole
 from ..dynamics.problem import set_out
 from ..examples.linkages import n_four_bar
-from ..maps.bridge.bridge import BridgeOptions
 from ..maps.choice import MapChoice
+from ..maps.cluster.options import BridgeOptions
 from ..maps.march import same_branch
 from ..mechanism.folders.loader import load
 from ..native import backends

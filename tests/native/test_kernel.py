@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 import robust_gcp as rg
 from robust_gcp.dynamics.equations import EquationsOfMotion
 from robust_gcp.examples.linkages import n_four_bar, swinging_four_bar
-from robust_gcp.maps.bridge.bridge import BridgeOptions
-from robust_gcp.maps.bridge.bridge_map import BridgeMap
+from robust_gcp.maps.cluster.cluster_map import ClusterMap
+from robust_gcp.maps.cluster.options import BridgeOptions
 from robust_gcp.maps.point import Counters
 from robust_gcp.maps.regular_path import RegularPath
 from robust_gcp.maps.start import begin
@@ -97,7 +97,7 @@ def test_up_to_a_toggle_the_motion_is_the_same(name: str) -> None:
     mechanism, errors = rg.load(name), []
     for backend in ("python", "native"):
         with pytest.raises(rg.SimulationError) as caught:
-            rg.simulate(mechanism, duration=2.0, backend=backend)
+            rg.simulate(mechanism, duration=2.0, backend=backend, on_toggle="error")
         errors.append(caught.value)
     assert all(isinstance(error, rg.ToggleError) for error in errors)
     python, native = (error.trajectory for error in errors)
@@ -235,7 +235,7 @@ def test_determinants_and_conditioning(mechanisms: dict[str, rg.Mechanism], name
     """det, and rcond by the same estimate as LAPACK's dgecon, block by block."""
     mechanism = mechanisms[name]
     start = begin(mechanism, mechanism.home, None, None, BridgeOptions(), Counters())
-    explicit = BridgeMap(start.path, start.point, BridgeOptions())
+    explicit = ClusterMap(start.path, start.point, BridgeOptions())
     equations = EquationsOfMotion(mechanism, explicit, np.zeros(mechanism.nv))
     x = np.concatenate([start.point.y, start.ydot, [0.0]])
     found = library()
@@ -258,7 +258,7 @@ def test_the_zone_hands_back_at_the_last_accepted_step() -> None:
     native = rg.simulate(mechanism, q0=[0.2, -0.2, 0.2], duration=0.2, backend="native")
     options = BridgeOptions()
     begin_at = begin(mechanism, [0.2, -0.2, 0.2], None, None, options, Counters())
-    equations = EquationsOfMotion(mechanism, BridgeMap(begin_at.path, begin_at.point, options))
+    equations = EquationsOfMotion(mechanism, ClusterMap(begin_at.path, begin_at.point, options))
     found = library()
     assert found is not None
     workspace = Workspace(found, mechanism, begin_at.path)
@@ -436,7 +436,7 @@ def test_ten_million_steps_in_constant_memory() -> None:
     """1e7 steps of the crank-rocker: no allocation stays behind, energy and loops stay together."""
     mechanism = rg.load("crank_rocker")
     start = begin(mechanism, mechanism.home, None, None, BridgeOptions(), Counters())
-    equations = EquationsOfMotion(mechanism, BridgeMap(start.path, start.point, BridgeOptions()))
+    equations = EquationsOfMotion(mechanism, ClusterMap(start.path, start.point, BridgeOptions()))
     x = np.concatenate([start.point.y, start.ydot])
     now = equations.evaluate(0.0, x)
     found = library()

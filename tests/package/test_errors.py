@@ -64,7 +64,7 @@ ARGUMENTS: dict[str, Any] = {
 
 def made(kind: type[BaseException]) -> BaseException:
     """One with every argument given."""
-    from robust_gcp.maps.bridge.obstacle import Obstacle
+    from robust_gcp.maps.cluster.tracker import Obstacle
 
     given: list[Any] = []
     named: dict[str, Any] = {}
@@ -99,7 +99,7 @@ def same(a: Any, b: Any) -> bool:
 def test_all_are_found() -> None:
     public = {n for n in rg.__all__ if isinstance(getattr(rg, n), type)}
     public = {n for n in public if issubclass(getattr(rg, n), BaseException)}
-    inner = {"NoBridgeError", "UncertifiedZoneError", "NoProgressError", "NotNativeError", "BuildError"}
+    inner = {"NoBridgeError", "ObstacleError", "LostError", "NoProgressError", "NotNativeError", "BuildError"}
     assert public | inner <= set(KINDS)
 
 
@@ -130,7 +130,7 @@ def test_a_message_that_was_added_to_is_kept() -> None:
 def test_what_had_been_simulated_travels_with_the_error() -> None:
     # the kite's crank turns back at −π/3, after some 0.76 s
     with pytest.raises(rg.ToggleError) as caught:
-        rg.simulate(rg.load("kite"), duration=1.0, step=5e-3)
+        rg.simulate(rg.load("kite"), duration=1.0, step=5e-3, on_toggle="error")
     for way in WAYS.values():
         twin = way(caught.value)
         np.testing.assert_array_equal(twin.trajectory.q, caught.value.trajectory.q)
@@ -142,7 +142,7 @@ def test_what_had_been_simulated_travels_with_the_error() -> None:
 
 def refused(deep: bool) -> None:
     if deep:
-        rg.simulate(rg.load("kite"), duration=1.0, step=5e-3)
+        rg.simulate(rg.load("kite"), duration=1.0, step=5e-3, on_toggle="error")
     rg.simulate(rg.load("rhombus"), q0=[0.0, 0.5, 0.0], duration=1e-3)
 
 

@@ -76,7 +76,7 @@ def test_a_crossing_on_an_output_counts_once() -> None:
     q0 = 0.25 * np.array([1.0, -1.0, 1.0])
     for backend in ("python", "auto"):
         run = rg.simulate(mech, q0, mech.lift(q0, [-1.0]), duration=0.5, step=1.0 / 64.0, backend=backend)
-        assert run.q[16, 0] == pytest.approx(0.0, abs=1e-15)
+        assert run.q[16, 0] == pytest.approx(0.0, abs=1e-13)  # the rounding of γ'' on the bridge
         assert [c.time for c in run.crossings] == pytest.approx([0.25], abs=1e-11)
 
 

@@ -192,7 +192,7 @@ def test_a_toggle_stops_every_stepper_with_its_reason(name: str) -> None:
     """The crank-rocker's rocker turns back after 0.28 s: a typed error, and what came before."""
     mech = rg.load("crank_rocker").with_independent(["q3"])
     with pytest.raises(rg.ToggleError, match=r"turn back.*q1, or q2") as caught:
-        rg.simulate(mech, duration=0.4, step=0.01, stepper=name)
+        rg.simulate(mech, duration=0.4, step=0.01, stepper=name, on_toggle="error")
     kept = caught.value.trajectory
     assert kept is not None
     assert 0.2 < kept.t[-1] < 0.29

@@ -68,7 +68,9 @@ def test_wrong_when_a_figure_is_and_nothing_was_said(change: dict[str, object], 
 def test_typed_errors_stop_a_cell_and_keep_what_came_before() -> None:
     """The crank-rocker's rocker turns back after 0.28 s."""
     mech = rg.load("crank_rocker").with_independent(["q3"])
-    case = Case("test", "toggle", lambda: (mech, mech.home, np.zeros(3)), 0.4, (Setting(step=0.01),), None)
+    start = mech, mech.home, np.zeros(3)
+    more = {"on_toggle": "error"}
+    case = Case("test", "toggle", lambda: start, 0.4, (Setting(step=0.01),), None, more=more)
     cell = only(case)
     assert cell.verdict == "stopped"
     assert cell.reason.startswith("ToggleError: ")

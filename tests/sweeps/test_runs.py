@@ -322,7 +322,7 @@ def test_failures_stand_beside_successes() -> None:
 def test_a_run_that_stops_keeps_its_partial_summary() -> None:
     # the kite's crank turns back at −π/3, after some 0.76 s
     summary, whole = (
-        rg.sweep("kite", [{}], workers=0, keep=keep, duration=1.0, step=5e-3)[0]
+        rg.sweep("kite", [{}], workers=0, keep=keep, duration=1.0, step=5e-3, on_toggle="error")[0]
         for keep in ("summary", "trajectory")
     )
     assert summary.failure and summary.failure.kind == "ToggleError"

@@ -1,1 +1,0 @@
-"""The bridge: full order through singular configurations, with a certificate."""

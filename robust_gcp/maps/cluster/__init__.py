@@ -1,0 +1,1 @@
+"""One loop cluster's map through singular configurations: any corank, any coordinates."""

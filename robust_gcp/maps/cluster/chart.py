@@ -1,0 +1,34 @@
+"""Charts: how well a choice of components parametrises a mode, and the best choice."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from ...mechanism.tree import Array
+from .jet import Jet
+
+CHANGE = 0.35
+"""Share of the best choice's quality below which a chart is changed between steps."""
+
+
+def quality(jet: Jet, chosen: NDArray[np.int64]) -> float:
+    """σ_min of the chosen rows of an orthonormal tangent basis, against that of the best choice."""
+    if jet.space.m == 0:
+        return 1.0
+    tangent = jet.tangent()
+    return smallest(tangent, chosen) / smallest(tangent, best(tangent))
+
+
+def best(tangent: Array) -> NDArray[np.int64]:
+    """The components that parametrise a tangent space (nv, m) best: a pivoted QR of its transpose, sorted."""
+    _, _, pivots = scipy.linalg.qr(tangent.T, mode="economic", pivoting=True)
+    return np.sort(pivots[: tangent.shape[1]]).astype(np.int64)
+
+
+def smallest(tangent: Array, chosen: NDArray[np.int64]) -> float:
+    """σ_min of the chosen rows."""
+    if tangent.shape[1] == 1:
+        return float(abs(tangent[chosen[0], 0]))
+    return float(np.linalg.svd(tangent[chosen], compute_uv=False)[-1])

@@ -1,0 +1,353 @@
+"""The default explicit map: classical GCP where K_d is good, cluster by cluster where it is not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+
+import numpy as np
+
+from ...errors import BranchError, SimulationError
+from ...mechanism.clusters import LoopCluster
+from ...mechanism.tree import Array
+from ..explicit import Passage, Stretch
+from ..march import POOR, same_branch
+from ..point import Counters, Point
+from ..regular_path import RegularPath
+from ..unrolled import regular_path
+from .chart import CHANGE, quality
+from .curve import Curve
+from .jet import Jet, LostError, jet
+from .options import BridgeOptions
+from .passages import passages
+from .refusal import refusal
+from .space import ClusterSpace
+from .table import CurveTable, tabulated
+from .tracker import Obstacle, ObstacleError, Tracker
+
+PACE = 3.0
+"""Conditioning that a regular step needs, in units of how far it turns a joint: a step does not jump over
+a singular place."""
+
+ONE_TURN = 2.0 * np.pi
+"""Largest rotation between evaluations, rad, or slide in lengths, that is followed in small steps."""
+
+LEFT_OPEN = 1e-9
+"""max |φ| / length that rows may keep which depend on the others: the rounding of a model's numbers."""
+
+LAST_RESORT = 2e-2
+"""Share of the best chart's quality below which a motion that is followed with error control stops."""
+
+
+class ClusterMap:
+    """q = γ(y), G and g on one mode, with full accuracy through singular configurations.
+
+    On regular ground all clusters are solved at once (`RegularPath`). Where K_d is poorly conditioned γ is
+    the product of the clusters' own maps and of the free joints, and G is block diagonal.
+
+    Parameters
+    ----------
+    path : RegularPath
+    start : Point
+        A point of the mode.
+    options : BridgeOptions
+    error_controlled : bool
+        Whether the caller controls its error, so that places without a certified bridge may be passed on
+        the true curve; else `ObstacleError` is raised there.
+    trackers : mapping of int to Tracker
+        For clusters that start at a singular configuration: on the mode, at the start.
+    """
+
+    def __init__(
+        self,
+        path: RegularPath,
+        start: Point,
+        options: BridgeOptions,
+        error_controlled: bool = False,
+        trackers: Mapping[int, Tracker] | None = None,
+    ) -> None:
+        self.path, self.options = path, options
+        self.error_controlled = error_controlled
+        self.mechanism = path.mechanism
+        self.clusters = self.mechanism.clusters
+        taken = {int(i) for cluster in self.clusters for i in cluster.inputs}
+        self._free = np.array([i for i in range(self.mechanism.m) if i not in taken], dtype=np.int64)
+        self._redundant = self.mechanism.nc > path.nd
+        self._trackers: list[Tracker] | None = None
+        self._in_zone = False
+        self.anchor = self._own = start
+        self._table: tuple[Curve, RegularPath, CurveTable | None] | None = None
+        if trackers:
+            self._enter(start, trackers)
+
+    @property
+    def counters(self) -> Counters:
+        """What was computed so far."""
+        return self.path.counters
+
+    @contextmanager
+    def following_true_curve(self) -> Iterator[None]:
+        """Within this context the caller controls its error."""
+        before, self.error_controlled = self.error_controlled, True
+        try:
+            yield
+        finally:
+            self.error_controlled = before
+
+    def at(self, y: Array, ydot: Array) -> Point:
+        """The point at y on the mode.
+
+        Raises
+        ------
+        ToggleError, NotCertifiedError, BranchError
+            When y cannot be reached on this mode.
+        ObstacleError
+            See `error_controlled`.
+        """
+        if self.anchor is not self._own:
+            self._restart()
+        point = None if self._in_zone else self._regular(y, ydot)
+        if point is None:
+            point = self._by_clusters(y, ydot)
+        self.anchor = self._own = point
+        return point
+
+    @property
+    def met(self) -> bool:
+        """Whether a bridge was met so far."""
+        return any(tracker.touched for tracker in self._trackers or [])
+
+    def passed(self, before: Point, after: Point, stretch: Stretch) -> list[Passage]:
+        """All singular places between two accepted points."""
+        return passages(self._trackers or [], before, after, stretch, self.mechanism)
+
+    # --------------------------------------------------------------------- regular ground
+
+    def _regular(self, y: Array, ydot: Array) -> Point | None:
+        """One step of the regular path; None where it is not good enough."""
+        point = self.path.step(self.anchor, y, ydot)
+        if point is None:
+            return None
+        needed = max(self.options.zone, min(POOR, PACE * point.turn))
+        return point if point.conditioning >= needed and same_branch(self.anchor, point) else None
+
+    def _restart(self) -> None:
+        """Go on from a point that the caller put back: solved anew, with the present rows of K."""
+        anchor = self.anchor
+        found = self._settled(anchor.q, anchor.y, anchor.ydot)
+        if found is not None:
+            self._in_zone = False
+            self.anchor = self._own = found
+        else:
+            self._enter(anchor, {})
+            self._own = anchor
+
+    def _settled(self, q: Array, y: Array, ydot: Array) -> Point | None:
+        """The regular path's point at q, by other rows where these serve no more; None where K_d is poor."""
+        point = self.path.settle(q.copy(), y, ydot)
+        if point is not None and point.conditioning >= self.options.zone and self._same(point, q):
+            return point
+        if not self._redundant:
+            return None
+        rows = self.mechanism.select_rows(self.mechanism.K(q))
+        if np.array_equal(rows, self.path.rows):
+            return None
+        path = regular_path(self.mechanism, rows, self.counters)
+        point = path.settle(q.copy(), y, ydot)
+        if point is None or point.conditioning < self.options.zone or not self._same(point, q):
+            return None
+        self.path = path
+        return point
+
+    def _same(self, point: Point, q: Array) -> bool:
+        return self.path.size(self.mechanism.tree.difference(q, point.q)) < 1e-6
+
+    # --------------------------------------------------------------------- by clusters
+
+    def _enter(self, anchor: Point, known: Mapping[int, Tracker]) -> None:
+        """Put every cluster's tracker on its mode."""
+        self._in_zone = True
+        old = self._trackers
+        self._trackers = []
+        for c in self.clusters:
+            if c.index in known:
+                self._trackers.append(known[c.index].copy())
+            elif old is None:
+                found, reach = self._jet(c, anchor.q), self.options.reach
+                self._trackers.append(Tracker(found, self.options, reach, self.counters))
+            else:
+                old[c.index].place_at(self._jet(c, anchor.q))
+                self._trackers.append(old[c.index])
+
+    def _jet(self, cluster: LoopCluster, q: Array) -> Jet:
+        space = self._space(cluster, q[cluster.iq])
+        self.counters.svds += 1
+        return jet(space, space.x(q[cluster.iq]), space.chart(cluster.chosen))
+
+    def _space(self, cluster: LoopCluster, q: Array) -> ClusterSpace:
+        if cluster.loops.tree.vector_space:
+            space: ClusterSpace = self.mechanism.memo.once(
+                ("space", cluster.index), lambda: ClusterSpace(cluster, q)
+            )
+            return space
+        return ClusterSpace(cluster, q)
+
+    def _by_clusters(self, y: Array, ydot: Array) -> Point:
+        """The point at y as the product of the clusters' maps."""
+        if not self._in_zone:
+            turn = self.path.turn(self.anchor.G @ (y - self.anchor.y))
+            if turn > ONE_TURN:
+                raise BranchError(
+                    f"from y = {self.anchor.y} to {y} the stepper moves a joint by {turn:.3g} rad (or "
+                    "lengths) at once, more than a turn, in which no branch can be followed: the step is too "
+                    "large for this motion, or the motion has become unstable; use a smaller step",
+                    self.anchor.y,
+                )
+            self._enter(self.anchor, {})
+        assert self._trackers is not None
+        known = self._from_table(y, ydot)
+        if known is not None:
+            return known
+        jets = [self._tracked(c, t, y) for c, t in zip(self.clusters, self._trackers, strict=True)]
+        q, G, g = self._product(jets, y, ydot)
+        if all(tracker.current is None for tracker in self._trackers):
+            regular = self._settled(q, y, ydot)
+            if regular is not None:
+                self._in_zone = False
+                return regular
+        self.counters.zone_evaluations += 1
+        obstructed = any(self._obstacle(t) is not None for t in self._trackers)
+        conditioning = self.path.worst_conditioning(q) if obstructed else 0.0
+        blocks = np.zeros(len(self.path.blocks))
+        curvature = self._product(jets, y, np.ones(1))[2] if len(y) == 1 else None
+        return Point(y.copy(), ydot.copy(), q, G, g, curvature, blocks, blocks, conditioning)
+
+    def _tracked(self, cluster: LoopCluster, tracker: Tracker, y: Array) -> Jet:
+        """One cluster's point, or why there is none."""
+        space = tracker.space
+        tracker.careful = self.error_controlled
+        wanted = (y[cluster.inputs] / space.D[cluster.chosen]) if space.flat else self._wanted(space, y)
+        here = quality(tracker.anchor, cluster.chosen)
+        if here < CHANGE:
+            obstacle = Obstacle(
+                "toggle", tracker.anchor.x, 0.1, np.nan, "the independent components turn back here"
+            )
+            if not self.error_controlled:
+                raise ObstacleError(obstacle)
+            if here < LAST_RESORT:
+                raise refusal(self.mechanism, cluster, obstacle, self.anchor)
+        try:
+            found = tracker.at(wanted)
+        except (LostError, np.linalg.LinAlgError) as lost:
+            known = self._obstacle(tracker) or Obstacle("unknown", tracker.anchor.x, 0.1, np.nan, str(lost))
+            if quality(tracker.anchor, cluster.chosen) < POOR:
+                known = Obstacle("toggle", tracker.anchor.x, 0.1, np.nan, str(lost))
+            if not self.error_controlled:
+                raise ObstacleError(known) from lost
+            raise refusal(self.mechanism, cluster, known, self.anchor) from lost
+        return found
+
+    def _wanted(self, space: ClusterSpace, y: Array) -> Array:
+        """y in the exponential coordinates of the cluster: its independent joints have one number each."""
+        cluster = space.cluster
+        start = space.reference[cluster.iq.searchsorted(self.mechanism.iq_independent[cluster.inputs])]
+        return np.asarray((y[cluster.inputs] - start) / space.D[cluster.chosen])
+
+    def _obstacle(self, tracker: Tracker) -> Obstacle | None:
+        """What the tracker is at, where it has no bridge."""
+        if tracker.current is not None:
+            return None
+        at = tracker.anchor.x
+        return next((o for o in reversed(tracker.obstacles) if o.covers(at)), None)
+
+    def _product(self, jets: list[Jet], y: Array, ydot: Array) -> tuple[Array, Array, Array]:
+        """q, G and g of the whole from the clusters' points."""
+        mechanism = self.mechanism
+        q = mechanism.home.copy()
+        G, g = np.zeros((mechanism.nv, mechanism.m)), np.zeros(mechanism.nv)
+        q[mechanism.iq_independent] = y
+        G[mechanism.iv_independent[self._free], self._free] = 1.0
+        for cluster, found in zip(self.clusters, jets, strict=True):
+            space, rate = found.space, ydot[cluster.inputs] / found.space.D[cluster.chosen]
+            q[cluster.iq] = space.q(found.x)
+            turn = space.turn(found.x)
+            xdot = found.J @ rate
+            G[np.ix_(cluster.iv, cluster.inputs)] = turn @ found.J / space.D[cluster.chosen]
+            bend = np.einsum("i,j,ijn->n", rate, rate, found.bend)
+            g[cluster.iv] = turn @ bend + space.turn_rate(found.x, xdot) @ xdot
+        q[mechanism.iq_independent] = y
+        G[mechanism.iv_independent] = np.eye(mechanism.m)
+        g[mechanism.iv_independent] = 0.0
+        return q, G, g
+
+    def require_closed(self, q: Array, when: str) -> None:
+        """All rows of φ at an output, not only those that determine the dependent joints.
+
+        Raises
+        ------
+        ClosureError
+            Where others are left open: the mechanism has not the mobility that y claims.
+        """
+        if self._redundant:
+            allowed = max(LEFT_OPEN, self.options.largest_gap)
+            self.mechanism.require_closed(q, allowed, when)
+
+    def refusal(self) -> SimulationError:
+        """The error to stop with where the present place cannot be passed."""
+        for cluster, tracker in zip(self.clusters, self._trackers or [], strict=False):
+            obstacle = self._obstacle(tracker)
+            if obstacle is not None:
+                return refusal(self.mechanism, cluster, obstacle, self.anchor)
+        words = "the motion could not be followed with error control"
+        return BranchError(f"at y = {self.anchor.y}: {words}; use a smaller step", self.anchor.y)
+
+    # --------------------------------------------------------------------- for the compiled kernel
+
+    @property
+    def for_kernel(self) -> bool:
+        """Whether the kernel can go on from the anchor: on regular ground, or on a curve with a table."""
+        return not self._in_zone or self.table() is not None
+
+    def table(self) -> CurveTable | None:
+        """The curve in use as a table, where the whole mechanism is one cluster of mobility 1."""
+        curve = self._curve()
+        if curve is None:
+            return None
+        if self._table is None or self._table[0] is not curve or self._table[1] is not self.path:
+            self._table = curve, self.path, tabulated(curve, self.path, self.options.zone)
+        return self._table[2]
+
+    def _from_table(self, y: Array, ydot: Array) -> Point | None:
+        """The point on the curve in use, where that is all there is: by the arithmetic of the kernel."""
+        table = self.table()
+        if table is None or self._trackers is None:
+            return None
+        point = table.point(float(y[0]), float(ydot[0]), int(self.mechanism.iv_independent[0]))
+        if point is not None:
+            self.counters.zone_evaluations += 1
+            tracker = self._trackers[0]
+            assert tracker.current is not None
+            if tracker.current not in tracker.touched:
+                tracker.touched.append(tracker.current)
+        return point
+
+    def resume(self, anchor: Point, on_bridge: bool) -> None:
+        """Go on from a point that the kernel reached, still on the curve in use or beside it."""
+        curve = self._curve()
+        self.anchor = self._own = anchor
+        self._in_zone = on_bridge
+        if curve is None or self._trackers is None:
+            return
+        tracker = self._trackers[0]
+        if curve not in tracker.touched:
+            tracker.touched.append(curve)
+        if on_bridge:
+            tracker.u = curve.u(tracker.space.x(anchor.q[self.clusters[0].iq]))
+        else:
+            tracker.current = None
+
+    def _curve(self) -> Curve | None:
+        if not self._in_zone or self._trackers is None or len(self._trackers) != 1 or self.mechanism.m != 1:
+            return None
+        current = self._trackers[0].current
+        return current if isinstance(current, Curve) and self._trackers[0].space.flat else None

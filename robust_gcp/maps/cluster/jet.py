@@ -1,0 +1,242 @@
+"""A point of a cluster's mode in a chart: x, its derivatives, and how near K is to singular."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ...errors import SimulationError
+from ...mechanism.tree import Array
+from .space import ClusterSpace
+
+FILTER = 0.6
+"""σ_min of the dimensionless K above which no distance to the singular set is computed: it is far."""
+
+CONVERGED = 3e-15
+"""Newton's correction at which it stops."""
+
+STAGNANT = 1e-11
+"""Correction accepted once it shrinks no more: the rounding of long chains, or of poor conditioning."""
+
+MAX_NEWTON = 12
+
+
+class LostError(SimulationError):
+    """Newton left the mode, or there is no point of it there; a smaller step may help."""
+
+
+@dataclass(frozen=True)
+class Svd:
+    """K = U S Vᵀ in full."""
+
+    U: Array
+    s: Array
+    Vt: Array
+
+
+@dataclass(frozen=True)
+class Jet:
+    """A point x on a mode in the chart y = Cᵀ x, with J = dx/dy and Γ = d²x/dy².
+
+    Attributes
+    ----------
+    space : ClusterSpace
+    x : ndarray (nv,)
+    C : ndarray (nv, m)
+        Any selection, or combination, of components.
+    J : ndarray (nv, m)
+    bend : ndarray (m, m, nv)
+        Γ[i, j] = ∂²x/∂y_i∂y_j.
+    P : ndarray (nd, rows)
+        Combinations of the rows of φ that determine the dependent velocities hereabouts.
+    sigma : float
+        Smallest of K's nd leading singular values; 0 on a bridge.
+    svd : Svd or None
+        None on a bridge.
+    """
+
+    space: ClusterSpace
+    x: Array
+    C: Array
+    J: Array
+    bend: Array
+    P: Array
+    sigma: float = 0.0
+    svd: Svd | None = None
+    _kept: dict[str, tuple[float, Array]] = field(default_factory=dict, repr=False, compare=False)
+
+    @property
+    def y(self) -> Array:
+        """Chart coordinates, (m,)."""
+        return np.asarray(self.C.T @ self.x)
+
+    @property
+    def solved(self) -> bool:
+        """Whether the point was solved for, not interpolated."""
+        return self.svd is not None
+
+    def recharted(self, C: Array) -> Jet:
+        """The same point in another chart: W = (C'ᵀ J)⁻¹, J W, W·W·Γ − J W (C'ᵀ W·W·Γ)."""
+        if C is self.C:
+            return self
+        W = np.linalg.inv(C.T @ self.J)
+        J = self.J @ W
+        bend = np.einsum("ai,bj,abk->ijk", W, W, self.bend)
+        bend = bend - np.einsum("ijk,kl,nl->ijn", bend, C, J)
+        return replace(self, C=C, J=J, bend=bend, _kept={})
+
+    def predicted(self, step: Array) -> Array:
+        """x + J Δ + ½ Γ[Δ, Δ]."""
+        return np.asarray(self.x + self.J @ step + 0.5 * np.einsum("i,j,ijn->n", step, step, self.bend))
+
+    def tangent(self) -> Array:
+        """Orthonormal basis of the mode's tangent space, (nv, m)."""
+        return np.asarray(np.linalg.qr(self.J)[0])
+
+    def roots(self, d: Array) -> Array:
+        """First-order places μ along the chart direction d where K loses rank: det(B + μ B') = 0, complex."""
+        space = self.space
+        B = np.vstack([self.P @ space.K(self.x), self.C.T])
+        rate = np.zeros_like(B)
+        rate[: space.nd] = self.P @ space.second(self.x, self.J @ d)
+        inverse = np.linalg.eigvals(-np.linalg.solve(B, rate))
+        return np.asarray(1.0 / inverse[np.abs(inverse) > 1e-3])
+
+    def nearest(self) -> tuple[float, Array]:
+        """First-order distance along the mode to the singular set (arc length), and the way in the chart."""
+        return self._once("nearest", self._nearest)
+
+    def ambient(self) -> tuple[float, Array]:
+        """First-order distance to where K loses rank on or off the mode, and the shortest way dx there.
+
+        uᵀ (K + φ''[dx]) w = 0 for w in {v_min, tangents}, least norm: near misses are seen by it.
+        """
+        return self._once("ambient", self._ambient)
+
+    def delta(self) -> float:
+        """Distance to the singular set, the smaller of both; infinite where K is far from singular."""
+        if self.svd is None or self.space.nd == 0 or self.sigma > FILTER:
+            return np.inf
+        return min(self.nearest()[0], self.ambient()[0])
+
+    def _once(self, name: str, make: Callable[[], tuple[float, Array]]) -> tuple[float, Array]:
+        if name not in self._kept:
+            self._kept[name] = make()
+        return self._kept[name]
+
+    def _nearest(self) -> tuple[float, Array]:
+        space, svd = self.space, self.svd
+        far = np.inf, np.ones(space.m)
+        if svd is None or space.nd == 0 or self.sigma > FILTER:
+            return far
+        if space.m == 1:
+            mu = self.roots(np.ones(1))
+            if not len(mu):
+                return far
+            return float(np.abs(mu).min() * np.linalg.norm(self.J[:, 0])), np.ones(1)
+        u, v = svd.U[:, space.nd - 1], svd.Vt[space.nd - 1]
+        gradient = (u @ space.second(self.x, v)) @ self.J  # of σ_min by y
+        way = np.linalg.solve(self.J.T @ self.J, gradient)  # steepest by arc length
+        rate = float(np.sqrt(max(float(gradient @ way), 0.0)))
+        return (self.sigma / rate, way / rate) if rate > 0.0 else far
+
+    def _ambient(self) -> tuple[float, Array]:
+        space, svd = self.space, self.svd
+        if svd is None or space.nd == 0:
+            return np.inf, np.zeros(space.nv)
+        u = svd.U[:, space.nd - 1]
+        rows = np.array([u @ space.second(self.x, w) for w in svd.Vt[space.nd - 1 :]])
+        target = np.zeros(len(rows))
+        target[0] = -svd.s[space.nd - 1]
+        dx = np.linalg.lstsq(rows, target, rcond=1e-8)[0]
+        return float(np.linalg.norm(dx)), dx
+
+
+def jet(space: ClusterSpace, x: Array, C: Array) -> Jet:
+    """The jet at a closed x where K is regular: B = [P K; Cᵀ], J = B⁻¹ [0; I], Γ = −B⁻¹ [P φ''[J, J]; 0]."""
+    nd, m = space.nd, space.m
+    U, s, Vt = np.linalg.svd(space.K(x))
+    P = U[:, :nd].T
+    B = np.vstack([s[:nd, None] * Vt[:nd], C.T])
+    inverse = np.linalg.inv(B)
+    J = inverse[:, nd:]
+    bend = np.zeros((m, m, space.nv))
+    for i in range(m):
+        rate = P @ space.second(x, J[:, i])
+        bend[i] = -(inverse[:, :nd] @ (rate @ J)).T
+    bend = 0.5 * (bend + bend.transpose(1, 0, 2))
+    sigma = float(s[nd - 1]) if nd else np.inf
+    return Jet(space, x, C, J, bend, P, sigma, Svd(U, s, Vt))
+
+
+def solve(space: ClusterSpace, x: Array, C: Array, y: Array, P: Array) -> tuple[Array, float]:
+    """Newton on P φ = 0, Cᵀ x = y from the guess x; also the size of the first correction.
+
+    Raises
+    ------
+    LostError
+        When it does not converge.
+    """
+    first, last, size = np.inf, np.inf, np.inf
+    for iteration in range(MAX_NEWTON):
+        phi, K = space.linear(x)
+        B = np.vstack([P @ K, C.T])
+        try:
+            dx = np.linalg.solve(B, np.concatenate([P @ phi, C.T @ x - y]))
+        except np.linalg.LinAlgError as singular:
+            raise LostError("K is singular on the way") from singular
+        x = x - dx
+        size = float(np.abs(dx).max(initial=0.0))
+        if not size < 1e3:
+            break
+        if iteration == 0:
+            first = size
+        if size < CONVERGED or (size < STAGNANT and size > 0.3 * last):
+            return x, first
+        last = size
+    if size < 1e-9:
+        return x, first
+    raise LostError("Newton does not converge")
+
+
+def solved(space: ClusterSpace, guess: Array, C: Array, y: Array, P: Array) -> tuple[Jet, float]:
+    """`solve` and the jet there."""
+    x, first = solve(space, guess, C, y, P)
+    return jet(space, x, C), first
+
+
+def pencil_roots(space: ClusterSpace, P: Array, x: Array, way: Array, C: Array) -> Array:
+    """Places μ along `way` (dx/ds) from x where [P K; Cᵀ] loses rank, complex: B v = −μ B' v by QZ.
+
+    At a transversal singularity of any corank the root is semisimple, so it is found to rounding.
+    """
+    from scipy.linalg import eig
+
+    nd = space.nd
+    B = np.vstack([P @ space.K(x), C.T])
+    rate = np.zeros_like(B)
+    rate[:nd] = P @ space.second(x, way)
+    alpha, beta = eig(B, -rate, right=False, homogeneous_eigvals=True)
+    finite = np.abs(beta) > 1e-9 * np.abs(alpha) + 1e-300
+    return np.asarray(alpha[finite] / beta[finite])
+
+
+def null_pairing(space: ClusterSpace, P: Array, x: Array, way: Array, C: Array) -> tuple[int, float]:
+    """Corank of [P K; Cᵀ] at x, and the transversality of the mode with tangent `way` there.
+
+    U_rᵀ B' V_r on the r null vectors is regular where the modes part at second order; returned is its
+    smallest singular value against |φ''| and |way|; 1 where nothing is singular.
+    """
+    nd = space.nd
+    B = np.vstack([P @ space.K(x), C.T])
+    U, s, Vt = np.linalg.svd(B)
+    r = int(np.sum(s < 1e-6))
+    if r == 0:
+        return 0, 1.0
+    rate = np.zeros_like(B)
+    rate[:nd] = P @ space.second(x, way)
+    pairing = U[:, -r:].T @ rate @ Vt[-r:].T
+    smallest = np.linalg.svd(pairing, compute_uv=False)[-1]
+    return r, float(smallest / (space.phi_size * np.linalg.norm(way)))

@@ -1,0 +1,100 @@
+"""From a singular configuration outward along one of its modes, to a point where K is regular."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...errors import NotCertifiedError
+from ...mechanism.tree import Array
+from ..point import Counters
+from .jet import Jet, LostError, jet, null_pairing, solve
+from .options import BridgeOptions
+from .space import ClusterSpace
+from .tracker import REACH, ObstacleError, Tracker
+
+STEPS = (0.02, 0.01, 0.03, 0.005, 0.04, 0.0025)
+"""First steps tried, dimensionless joint units."""
+
+OFF = 0.3
+"""How far Newton may go from the tangent, in units of the first step."""
+
+ARRIVED = 1e-8
+"""Agreement of the mode's point at the start with the start itself."""
+
+
+def started(
+    space: ClusterSpace, x: Array, tangent: Array, C: Array, options: BridgeOptions, counters: Counters
+) -> Tracker:
+    """A tracker on the mode through a singular x with this tangent space, at x itself.
+
+    Parameters
+    ----------
+    x : ndarray (nv,)
+    tangent : ndarray (nv, m)
+        Any basis of the mode's tangent space.
+    C : ndarray (nv, m)
+        The chart to go on in.
+
+    Raises
+    ------
+    NotCertifiedError
+        When no way leads outward and back through x along the mode.
+    """
+    T = np.linalg.qr(tangent)[0]
+    way = _way(space, x, T)
+    reasons: list[str] = []
+    for step in STEPS:
+        for sign in (1.0, -1.0):
+            try:
+                beside = _outward(space, x, T, sign * way, step, options.reach)
+                tracker = Tracker(beside.recharted(C), options, options.reach, counters)
+                found = tracker.at(C.T @ x)
+                turned = np.linalg.qr(found.J)[0]
+                off = float(np.abs(found.x - x).max())
+                apart = float(np.linalg.norm(turned - T @ (T.T @ turned), 2))
+                if off < ARRIVED and apart < 1e-4:
+                    return tracker
+                reasons.append(f"the mode passes the start at a distance of {off:.1e}, angle {apart:.1e}")
+            except (LostError, ObstacleError, np.linalg.LinAlgError) as lost:
+                reasons.append(str(lost))
+    raise NotCertifiedError(
+        f"start at a singularity: the chosen mode could not be followed away from it ({reasons[-1]})"
+    )
+
+
+def _way(space: ClusterSpace, x: Array, T: Array) -> Array:
+    """The direction of the mode, in the basis T, in which K becomes regular fastest."""
+    m = T.shape[1]
+    if m == 1:
+        return np.ones(1)
+    P = np.linalg.svd(space.K(x + 1e-3 * T @ np.ones(m)))[0][:, : space.nd].T
+    rng = np.random.default_rng(7)
+    tried = rng.normal(size=(40, m))
+    tried = np.vstack([np.eye(m), tried / np.linalg.norm(tried, axis=1)[:, None]])
+    scores = [null_pairing(space, P, x, T @ w, T)[1] for w in tried]
+    return np.asarray(tried[int(np.argmax(scores))])
+
+
+def _outward(space: ClusterSpace, x: Array, T: Array, way: Array, step: float, reach: float) -> Jet:
+    """A solved point of the mode at least `reach` from the singular set, or as far as can be had."""
+    guess = x + step * (T @ way)
+    P = np.linalg.svd(space.K(guess))[0][:, : space.nd].T
+    closed, _ = solve(space, guess, T, T.T @ x + step * way, P)
+    if float(np.linalg.norm(closed - guess)) > OFF * step:
+        raise LostError("Newton leaves the tangent")
+    here = jet(space, closed, T)
+    turned = np.linalg.qr(here.J)[0]
+    if float(np.linalg.norm(turned - T @ (T.T @ turned), 2)) > 10.0 * step:
+        raise LostError("beside the start Newton found another mode")
+    for _ in range(60):
+        delta = here.delta()
+        if delta >= reach:
+            return here
+        move = REACH * min(delta, 1.0)
+        pace = here.J @ way
+        ahead = way * move / float(np.linalg.norm(pace))
+        x_next, first = solve(space, here.predicted(ahead), T, here.y + ahead, here.P)
+        if first > 0.25 * move + 1e-14 / max(here.sigma, 1e-12):
+            raise LostError("the mode cannot be followed outward")
+        here = jet(space, x_next, T)
+    return here

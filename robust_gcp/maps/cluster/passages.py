@@ -1,0 +1,146 @@
+"""Where in a step the motion passed singular places."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import scipy
+
+from ...errors import SimulationError
+from ...mechanism.clusters import LoopCluster
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree import Array
+from ..explicit import CrossingKind, Passage, Stretch
+from ..point import Point
+from .curve import Curve
+from .jet import pencil_roots
+from .patch import Patch
+from .tracker import Tracker
+
+
+def passages(
+    trackers: Sequence[Tracker], before: Point, after: Point, stretch: Stretch, mechanism: Mechanism
+) -> list[Passage]:
+    """Singular places on a stretch between two accepted points, in the order of time.
+
+    With one coordinate: where y meets that of a root of a curve. With several: Newton in time on the pencil
+    along the velocity.
+    """
+    found: list[Passage] = []
+    for tracker in trackers:
+        cluster = tracker.space.cluster
+        for bridge in tracker.touched:
+            if isinstance(bridge, Curve):
+                found += _on_curve(bridge, cluster, before, after, stretch, mechanism)
+        patches = [bridge for bridge in tracker.touched if isinstance(bridge, Patch)]
+        if patches:
+            found += _on_patch(tracker, patches[-1], before, after, stretch, mechanism)
+        tracker.touched = [] if tracker.current is None else [tracker.current]
+    return sorted(found, key=lambda passage: passage.time or 0.0)
+
+
+def _on_curve(
+    curve: Curve, cluster: LoopCluster, before: Point, after: Point, stretch: Stretch, mechanism: Mechanism
+) -> list[Passage]:
+    space = curve.space
+    u0, u1 = (curve.u(space.x(point.q[cluster.iq])) for point in (before, after))
+    C, unit = space.chart(cluster.chosen)[:, 0], float(space.D[cluster.chosen[0]])
+    shift = (
+        0.0 if space.flat else float(after.y[cluster.inputs[0]] - unit * (C @ space.x(after.q[cluster.iq])))
+    )
+    found = []
+    for root, corank in zip(curve.roots, curve.corank, strict=True):
+        if not ((u0 - root) * (u1 - root) < 0.0 or u0 != root == u1):
+            continue
+        x = curve.point(root)[0]
+        wanted = shift + unit * float(C @ x)
+
+        def ahead(t: float, wanted: float = wanted) -> float:
+            return float(stretch.y(t)[cluster.inputs[0]]) - wanted
+
+        time = _zero(ahead, stretch)
+        q = between(before, after, stretch, time, mechanism)
+        q[cluster.iq] = space.q(x)
+        certificate = curve.kind, curve.closure, curve.transversality
+        found.append(_passage(q, time, certificate, cluster, corank, mechanism))
+    return found
+
+
+def _zero(ahead: Callable[[float], float], stretch: Stretch) -> float:
+    """When a distance is zero on a stretch; the nearer end where it keeps its sign."""
+    t0, t1 = stretch.t0, stretch.t1
+    f0, f1 = ahead(t0), ahead(t1)
+    if not f0 * f1 < 0.0:
+        return t1 if abs(f1) <= abs(f0) else t0
+    return float(scipy.optimize.brentq(ahead, t0, t1, xtol=4.0 * np.spacing(t1)))
+
+
+def _passage(
+    q: Array,
+    time: float,
+    certificate: tuple[CrossingKind, float, float],
+    cluster: LoopCluster,
+    corank: int,
+    mechanism: Mechanism,
+) -> Passage:
+    return Passage(q[mechanism.iq_independent], q, *certificate, time, cluster.index, corank)
+
+
+def between(a: Point, b: Point, stretch: Stretch, time: float, mechanism: Mechanism) -> Array:
+    """q at a time of the stretch from a to b: cubic Hermite in q and v."""
+    h = stretch.t1 - stretch.t0
+    share = (time - stretch.t0) / h
+    towards = mechanism.tree.difference(a.q, b.q)
+    r0, r1 = h * (a.G @ a.ydot), h * (b.G @ b.ydot)
+    way = share * (r0 + share * (3.0 * towards - 2.0 * r0 - r1 + share * (r0 + r1 - 2.0 * towards)))
+    return np.array(mechanism.tree.integrate(a.q, way))
+
+
+def _on_patch(
+    tracker: Tracker, patch: Patch, before: Point, after: Point, stretch: Stretch, mechanism: Mechanism
+) -> list[Passage]:
+    space, cluster = tracker.space, tracker.space.cluster
+    kept = tracker.anchor, tracker.current, tracker.u
+    unit, inputs = space.D[cluster.chosen], cluster.inputs
+    shift = space.x(after.q[cluster.iq])[cluster.chosen] - after.y[inputs] / unit
+    h = stretch.t1 - stretch.t0
+    eps = 1e-4 * h
+
+    def roots(t: float) -> tuple[Array, Array, Array]:
+        """Times until K is singular along the motion, to first order; x and P at t."""
+        rate = (stretch.y(t + eps) - stretch.y(t - eps))[inputs] / (2.0 * eps * unit)
+        point = tracker.at(stretch.y(t)[inputs] / unit + shift)
+        mu = pencil_roots(space, point.P, point.x, point.J @ rate, point.C)
+        return mu[np.abs(mu.imag) <= 0.5 * np.abs(mu) + 1e-9 * h].real, point.x, point.P
+
+    found: list[Passage] = []
+    try:
+        ends = (stretch.t0, stretch.t1)
+        starts = [t + mu for t in ends for mu in roots(t)[0]]
+        for start in starts:
+            if not stretch.t0 - 0.5 * h <= start <= stretch.t1 + 0.5 * h:
+                continue
+            t, step = float(start), np.inf
+            for _ in range(10):
+                mu, _, _ = roots(t)
+                if not len(mu):
+                    break
+                step = float(mu[np.argmin(np.abs(mu))])
+                t += step
+                if not stretch.t0 - 0.6 * h <= t <= stretch.t1 + 0.6 * h or abs(step) < 1e-11 * h:
+                    break
+            new = not any(abs(t - (known.time or 0.0)) < 1e-7 * h for known in found)
+            if abs(step) < 1e-8 * h and stretch.t0 < t <= stretch.t1 and new:
+                _, x, P = roots(t)
+                q = between(before, after, stretch, t, mechanism)
+                q[cluster.iq] = space.q(x)
+                sigma = np.linalg.svd(P @ space.K(x), compute_uv=False)
+                corank = max(1, int(np.sum(sigma[: space.nd] < 1e-6)))
+                certificate = patch.kind, patch.closure, patch.transversality
+                found.append(_passage(q, t, certificate, cluster, corank, mechanism))
+    except (SimulationError, np.linalg.LinAlgError):
+        pass  # beside the step the mode may end; what was found stands
+    finally:
+        tracker.anchor, tracker.current, tracker.u = kept
+    return found

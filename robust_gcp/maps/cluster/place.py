@@ -1,0 +1,78 @@
+"""The singular place itself, found in all joints at once, and what it says: crossing, near miss or cone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...mechanism.tree import Array
+from .jet import Jet
+
+CONE = 0.02
+"""|λ₃/λ₁| of the form Q beyond which it has more than two directions: an isolated cone or point."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """The nearest configuration at which K loses rank, on the mode or beside it.
+
+    Attributes
+    ----------
+    x : ndarray (nv,)
+    gap : float
+        |uᵀ φ| there, in lengths: how far the loops are from closing at the singular configuration.
+    eigenvalues : ndarray (m + 1,)
+        Of Q = Nᵀ (uᵀ φ'') N, largest magnitude first.
+    correction : float
+        Newton's last step.
+    """
+
+    x: Array
+    gap: float
+    eigenvalues: Array
+    correction: float
+
+    @property
+    def found(self) -> bool:
+        """Whether Newton converged."""
+        return self.correction < 1e-9
+
+    @property
+    def is_cone(self) -> bool:
+        """Whether Q bends in three directions or more: modes do not cross there, they meet in a point."""
+        size = np.abs(self.eigenvalues)
+        return self.found and len(size) > 2 and bool(size[2] > CONE * size[0])
+
+    @property
+    def approach(self) -> float:
+        """Closest approach of veering modes, ρ = √(2 gap/|λ|)."""
+        return float(np.sqrt(2.0 * self.gap / max(float(np.abs(self.eigenvalues[0])), 1e-300)))
+
+
+def place(near: Jet, iterations: int = 15) -> Place:
+    """Newton from a solved point on U₁ᵀ φ = 0 (rank − 1 rows) and uᵀ K N = 0, N the last m + 1 right vectors.
+
+    Square where the place is isolated, least norm along a surface of such places.
+    """
+    space, x = near.space, near.x
+    nd, size = space.nd, np.inf
+    for _ in range(iterations):
+        phi, K = space.linear(x)
+        U, s, Vt = np.linalg.svd(K)
+        u, N = U[:, nd - 1], Vt[nd - 1 :]
+        bending = np.array([u @ space.second(x, w) for w in N])
+        residual = np.concatenate([U[:, : nd - 1].T @ phi, N @ (K.T @ u)])
+        rows = np.vstack([s[: nd - 1, None] * Vt[: nd - 1], bending])
+        dx = -np.linalg.lstsq(rows, residual, rcond=1e-6)[0]
+        size = float(np.linalg.norm(dx))
+        x = x + dx * min(1.0, 0.5 / size if size > 0.0 else 1.0)
+        if size < 1e-14:
+            break
+    phi, K = space.linear(x)
+    U, _, Vt = np.linalg.svd(K)
+    u, N = U[:, nd - 1], Vt[nd - 1 :]
+    Q = np.array([u @ space.second(x, a) @ N.T for a in N])
+    eigenvalues = np.linalg.eigvalsh(0.5 * (Q + Q.T))
+    ordered = eigenvalues[np.argsort(-np.abs(eigenvalues))]
+    return Place(x, abs(float(u @ phi)), ordered, size)

@@ -1,0 +1,137 @@
+"""A cluster in dimensionless joint coordinates x: φ, K and φ'' there."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...mechanism.clusters import LoopCluster
+from ...mechanism.constraint import ImplicitConstraint
+from ...mechanism.partition import numerical_rank
+from ...mechanism.tree import Array
+
+RATE_STEP = 1e-2
+"""Step of the eighth-order difference of the exponential map's rate: it errs by rounding."""
+
+_WEIGHTS = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280])
+
+
+class ClusterSpace:
+    """Dimensionless coordinates of a cluster: q = q_ref ⊕ D x, with φ, K and φ'' by x.
+
+    Where all joints have one number each, q_ref = 0 and x = q / D. Else x are exponential coordinates at the
+    reference, which serve up to half a turn of a ball from there.
+
+    Parameters
+    ----------
+    cluster : LoopCluster
+    reference : ndarray (nq,)
+        Of the cluster's own q; used where a joint has more than one number.
+
+    Attributes
+    ----------
+    nv, nd, m, rows : int
+        Velocities, dependent velocities, mobility, rows of φ.
+    D : ndarray (nv,)
+        Columns' units (`ClosedLoops.column_scale`).
+    """
+
+    def __init__(self, cluster: LoopCluster, reference: Array) -> None:
+        self.cluster, self.loops = cluster, cluster.loops
+        self.tree = cluster.loops.tree
+        self.flat = self.tree.vector_space
+        self.reference = np.zeros(self.tree.nq) if self.flat else reference.copy()
+        self.nv, self.m = self.tree.nv, cluster.m
+        self.nd = self.nv - self.m
+        self.rows = self.loops.nc
+        self.D = self.loops.column_scale
+        self.implicit = self.loops.memo.once("dimensionless constraint", self._scaled)
+        self.phi_size = self.loops.memo.once("size of the second derivative", self._curvature)
+        self.evaluations = 0
+
+    def _scaled(self) -> ImplicitConstraint:
+        loops = self.loops
+        rows, scale = loops.implicit.rows, loops.row_scale
+        return ImplicitConstraint(self.tree, loops.closures, rows, scale, loops.column_scale)
+
+    def _curvature(self) -> float:
+        """Largest entry of φ'' at generic configurations: what a second-order form is compared with."""
+        sizes = [0.0]
+        for q in self.loops.generic_configurations()[:2]:
+            sizes += [float(np.abs(self._rate(q, self.D * e)).max(initial=0.0)) for e in np.eye(self.nv)]
+        return max(sizes) or 1.0
+
+    # ----------------------------------------------------------------- coordinates
+
+    def q(self, x: Array) -> Array:
+        """The cluster's configuration, (nq,)."""
+        return self.D * x if self.flat else self.tree.integrate(self.reference, self.D * x)
+
+    def x(self, q: Array) -> Array:
+        """Coordinates of a configuration of the cluster, (nv,)."""
+        return q / self.D if self.flat else self.tree.difference(self.reference, q) / self.D
+
+    def chart(self, chosen: NDArray[np.int64]) -> Array:
+        """C (nv, m) that picks these components."""
+        C = np.zeros((self.nv, len(chosen)))
+        C[chosen, np.arange(len(chosen))] = 1.0
+        return C
+
+    def turn(self, x: Array) -> Array:
+        """T D with v = T D ẋ, (nv, nv)."""
+        if self.flat:
+            return np.diag(self.D)
+        return self.tree.integrate_rate(self.reference, self.D * x) * self.D
+
+    def turn_rate(self, x: Array, a: Array) -> Array:
+        """d(T D)/ds along x + s a, (nv, nv), by an eighth-order difference of Pinocchio's dIntegrate."""
+        if self.flat:
+            return np.zeros((self.nv, self.nv))
+        steps = RATE_STEP * np.arange(-4, 5)
+        values = np.array([self.turn(x + s * a) for s in steps])
+        return np.asarray(np.tensordot(_WEIGHTS, values, 1) / RATE_STEP)
+
+    # ----------------------------------------------------------------- the constraint
+
+    def phi(self, x: Array) -> Array:
+        """φ, dimensionless, (rows,)."""
+        self.tree.jacobians(self.q(x))
+        return self.implicit.residual()
+
+    def linear(self, x: Array) -> tuple[Array, Array]:
+        """φ (rows,) and K = ∂φ/∂x (rows, nv)."""
+        self.evaluations += 1
+        phi = self.phi(x)
+        K = self.implicit.jacobian()
+        return phi, K if self.flat else K @ (self.turn(x) / self.D[:, None])
+
+    def K(self, x: Array) -> Array:
+        """∂φ/∂x, (rows, nv)."""
+        return self.linear(x)[1]
+
+    def second(self, x: Array, a: Array) -> Array:
+        """φ''[a, ·] = dK/ds along x + s a, (rows, nv)."""
+        if self.flat:
+            return self._rate(self.D * x, self.D * a)
+        turn = self.turn(x)
+        rate = self._rate(self.q(x), turn @ a) @ (turn / self.D[:, None])
+        self.phi(x)
+        return rate + self.implicit.jacobian() @ (self.turn_rate(x, a) / self.D[:, None])
+
+    def residual(self, x: Array) -> float:
+        """max |φ| over all rows, in lengths and radians."""
+        return float(np.abs(self.phi(x)).max(initial=0.0))
+
+    def noise(self, x: Array) -> float:
+        """What rounding leaves of φ at best: some units in the last place of the joints' positions."""
+        return 4e-16 * (self.nv + float(np.abs(self.D * x * self.loops.tree.rotates).max(initial=0.0)))
+
+    def _rate(self, q: Array, v: Array) -> Array:
+        self.tree.jacobian_rates(q, v)
+        self.implicit.residual()
+        self.implicit.jacobian()
+        return self.implicit.jacobian_rate(v)
+
+    def rank(self, x: Array, tolerance: float = 1e-8) -> int:
+        """Numerical rank of K at x."""
+        return numerical_rank(np.linalg.svd(self.K(x), compute_uv=False), tolerance)

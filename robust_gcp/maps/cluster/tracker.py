@@ -1,0 +1,351 @@
+"""Following one cluster's mode: regular ground by continuation, singular places by bridges."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from ...errors import SimulationError
+from ...mechanism.tree import Array
+from ..point import Counters
+from .curve import Curve
+from .jet import Jet, LostError, jet, solve
+from .options import BridgeOptions, NoBridgeError
+from .patch import Patch
+from .place import place
+from .space import ClusterSpace
+
+REACH = 0.4
+"""Continuation step as a fraction of the distance to the singular set."""
+
+CORRECTION = 0.25
+"""Newton's first correction against the step: more is another branch."""
+
+MAX_BRIDGES = 16
+"""Curves kept for reuse; a mechanism that turns over meets a new one each half turn."""
+
+MAX_STEPS = 400
+
+STAGES_AHEAD = 40.0
+"""How many stages of a fixed step away modes must stay that veer without a crossing: 20 steps of RK4."""
+
+FARTHEST_LOOK = 0.5
+"""Distance beyond which nothing is looked for, dimensionless joint units."""
+
+CONE_WORDS = "an isolated cone of the configuration space: modes meet there in a point, none crosses it"
+
+ObstacleKind = Literal["crossing", "toggle", "near miss", "tangential", "cone", "unknown"]
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """A place near which the motion has no certified bridge.
+
+    Attributes
+    ----------
+    kind : {"crossing", "toggle", "near miss", "tangential", "cone", "unknown"}
+    x : ndarray (nv,)
+        Where it was met.
+    radius : float
+        How far from there the verdict holds.
+    gap : float
+        By how much the loops fail to close at the singular place, in lengths; NaN where that is unknown.
+    reason : str
+    approach : float
+        How near the motion comes to it; 0 where that is unknown.
+    """
+
+    kind: ObstacleKind
+    x: Array
+    radius: float
+    gap: float
+    reason: str
+    approach: float = 0.0
+
+    def covers(self, x: Array) -> bool:
+        """Whether x is still at this place."""
+        return float(np.linalg.norm(x - self.x)) <= self.radius
+
+
+class ObstacleError(SimulationError):
+    """A fixed step would come near a singular place without a bridge."""
+
+    def __init__(self, obstacle: Obstacle) -> None:
+        super().__init__(obstacle.reason)
+        self.obstacle = obstacle
+
+
+class Tracker:
+    """One mode of one cluster, followed from point to point.
+
+    Parameters
+    ----------
+    anchor : Jet
+        A solved point of the mode, in the chart that y is given in.
+    options : BridgeOptions
+    zone : float
+        Distance to the singular set at which bridges take over.
+    counters : Counters
+
+    Attributes
+    ----------
+    current : Curve, Patch or None
+        The bridge in use.
+    careful : bool
+        Whether the caller controls its error, so that places without a bridge may be passed.
+    touched : list of Curve or Patch
+        Bridges met since the list was emptied.
+    """
+
+    def __init__(self, anchor: Jet, options: BridgeOptions, zone: float, counters: Counters) -> None:
+        self.space: ClusterSpace = anchor.space
+        self.anchor, self.options, self.zone, self.counters = anchor, options, zone, counters
+        self.C = anchor.C
+        self.bridges: list[Curve] = []
+        self.current: Curve | Patch | None = None
+        self.u = 0.0
+        self.careful = False
+        self.touched: list[Curve | Patch] = []
+        self.obstacles: list[Obstacle] = []
+        self.seen: Obstacle | None = None
+
+    def copy(self) -> Tracker:
+        """Another tracker at the same point, which knows the same curves."""
+        other = Tracker(self.anchor, self.options, self.zone, self.counters)
+        other.bridges, other.u = list(self.bridges), self.u
+        other.current = self.current if isinstance(self.current, Curve) else None
+        return other
+
+    def nested(self, anchor: Jet) -> Tracker:
+        """A tracker of half the zone for a node."""
+        return Tracker(anchor, self.options, 0.5 * self.zone, self.counters)
+
+    def place_at(self, anchor: Jet) -> None:
+        """Go on from another solved point of the mode."""
+        self.anchor, self.C, self.current = anchor, anchor.C, None
+
+    def at(self, y: Array) -> Jet:
+        """The point at y on the mode.
+
+        Raises
+        ------
+        LostError
+            When y cannot be reached on this mode by the steps taken.
+        ObstacleError
+            At a place without a bridge, unless `careful`.
+        """
+        for _ in range(40):
+            found = self._on_bridge(y) if self.current is not None else self._walk(y)
+            if found is not None:
+                self.anchor = found
+                return found
+        raise LostError("too many singular places on the way")
+
+    # ----------------------------------------------------------------- on a bridge
+
+    def _on_bridge(self, y: Array) -> Jet | None:
+        """The point from the bridge in use; None, with the anchor on regular ground, once y has left it."""
+        bridge = self.current
+        assert bridge is not None
+        if isinstance(bridge, Patch):
+            point = bridge.at(y)
+            if point is not None:
+                self._touch(bridge)
+                return point
+            node = bridge.inner(bridge.s(y))
+            self.anchor, self.current, self.u = node.anchor, node.current, node.u
+            return None
+        u = bridge.parameter(self.C, float(y[0]), self.u)
+        if u is not None and bridge.contains(u):
+            self._touch(bridge)
+            self.u = u
+            return bridge.jet(self.C, u)
+        self.current = None
+        self.anchor = bridge.inner(self._beyond(bridge, y, self.u) if u is None else u).recharted(self.C)
+        return None
+
+    def _beyond(self, curve: Curve, y: Array, u: float) -> float:
+        """u of y by the slope at u, where y lies beyond the nodes."""
+        u = min(max(u, curve.left), curve.right)
+        x, slope, _ = curve.point(u)
+        return u + (float(y[0]) - float(self.C[:, 0] @ x)) / float(self.C[:, 0] @ slope)
+
+    # ----------------------------------------------------------------- on regular ground
+
+    def _walk(self, y: Array) -> Jet | None:
+        """March towards y; None with a bridge in use where one is entered."""
+        here = self.anchor
+        if not here.solved:
+            here = self.anchor = jet(self.space, here.x, self.C)
+        limit = 1.0
+        for _ in range(MAX_STEPS):
+            distance, way = here.nearest()
+            step = y - here.y
+            size = float(np.linalg.norm(here.J @ step))
+            if distance < self.zone and self._enter(here, way, y):
+                return None
+            self._look_ahead(here, size)
+            reach = REACH * min(here.delta(), limit)
+            share = min(1.0, reach / size) if size > 0.0 else 1.0
+            target = y if share == 1.0 else here.y + share * step
+            found = self._step(here, share * step, target, share * size)
+            if found is None:
+                limit = 0.5 * min(limit, share * size / REACH)
+                if limit < 1e-9:
+                    raise LostError("the mode cannot be followed")
+                continue
+            limit = min(1.0, 2.0 * limit)
+            here = self.anchor = found
+            if share == 1.0:
+                distance, way = here.nearest()
+                return None if distance < self.zone and self._enter(here, way, y) else here
+        raise LostError("the mode cannot be followed: too many small steps")
+
+    def _look_ahead(self, here: Jet, size: float) -> None:
+        """Refuse a fixed step that would pass too fast by modes that veer away from each other."""
+        if self.careful or here.delta() >= min(max(self.zone, STAGES_AHEAD * size), FARTHEST_LOOK):
+            return
+        self._known(here)
+        if self.seen is None or not self.seen.covers(here.x):
+            self.seen = approaching(here, self.options)
+        obstacle = self.seen
+        if obstacle.kind != "crossing" and obstacle.approach < STAGES_AHEAD * size:
+            self.obstacles = [*self.obstacles[-MAX_STEPS:], obstacle]
+            raise ObstacleError(obstacle)
+
+    def _step(self, here: Jet, step: Array, target: Array, size: float) -> Jet | None:
+        """One continuation step; None where Newton left the mode."""
+        self.counters.marching_steps += 1
+        try:
+            x, first = solve(self.space, here.predicted(step), self.C, target, here.P)
+        except LostError:
+            return None
+        self.counters.svds += 1
+        found = jet(self.space, x, self.C)
+        # rounding of φ looks like a lost branch where K is poor
+        allowed = CORRECTION * size + 1e-12 + 1e-14 / max(min(here.sigma, found.sigma), 1e-12)
+        return found if first <= allowed else None
+
+    # ----------------------------------------------------------------- bridges
+
+    def _enter(self, here: Jet, way: Array, y: Array) -> bool:
+        """Put a bridge in use at a point in the zone, when y lies on it or beyond it."""
+        if self._known(here) is not None:
+            return False
+        return self._enter_patch(here, way, y) if self.space.m > 1 else self._enter_curve(here, y)
+
+    def _enter_curve(self, here: Jet, y: Array) -> bool:
+        found = self._kept(here)
+        if found is None:
+            try:
+                curve = Curve(here, self.options, self.zone)
+            except NoBridgeError as failure:
+                return self._blocked(here, failure)
+            self.counters.bridges_built += 1
+            self.counters.second_order += 1
+            self._keep(curve)
+            found = curve, curve.u(here.x)
+        curve, u = found
+        to = curve.parameter(self.C, float(y[0]), u)
+        if to is None:
+            to = self._beyond(curve, y, u)
+        if not curve.contains(to) and (u - curve.center) * (to - curve.center) > 0.0:
+            return False  # beside it, not across
+        self._touch(curve)
+        self._use(curve, u)
+        return True
+
+    def _kept(self, here: Jet) -> tuple[Curve, float] | None:
+        """A kept curve through this point and its u, if the nearest singular place is one of its own."""
+        for curve in reversed(self.bridges):
+            turned = self._turned(curve, here.x)
+            u = turned.passes(here.x)
+            if u is None:
+                continue
+            mu = here.recharted(turned.C).roots(np.ones(1))
+            ahead = u + float(mu[np.argmin(np.abs(mu))].real)
+            if turned.contains(u) or min(abs(ahead - root) for root in turned.roots) < 0.5 * self.zone:
+                if turned is not curve:
+                    self._keep(turned)
+                return turned, u
+        return None
+
+    def _turned(self, curve: Curve, x: Array) -> Curve:
+        """The curve after the whole turns of the hinges that bring it next to x."""
+        if not self.space.flat:
+            return curve
+        away = (x - curve.point(curve.center)[0]) * self.space.D
+        turns = np.where(self.space.tree.periodic, np.round(away / (2.0 * np.pi)), 0.0)
+        return curve.turned(2.0 * np.pi * turns / self.space.D) if np.any(turns) else curve
+
+    def _enter_patch(self, here: Jet, way: Array, y: Array) -> bool:
+        if self.careful:
+            return False
+        try:
+            patch = Patch(self, here, way, self.options, self.zone)
+        except NoBridgeError as failure:
+            return self._blocked(here, failure)
+        self.counters.bridges_built += 1
+        s = patch.s(y)
+        if not patch.contains(s) and patch.center * (patch.center - s) > 0.0:
+            return False
+        self.current = patch
+        return True
+
+    def _blocked(self, here: Jet, failure: NoBridgeError) -> bool:
+        """Remember a place without a bridge; an error unless the caller controls its own."""
+        obstacle = judge(here, failure)
+        self.obstacles = [*self.obstacles[-MAX_STEPS:], obstacle]
+        if not self.careful:
+            raise ObstacleError(obstacle)
+        return False
+
+    def _known(self, here: Jet) -> Obstacle | None:
+        """The obstacle that this point is still at; an error unless the caller controls its own."""
+        for obstacle in reversed(self.obstacles):
+            if obstacle.covers(here.x):
+                if not self.careful:
+                    raise ObstacleError(obstacle)
+                return obstacle
+        return None
+
+    def _use(self, curve: Curve, u: float) -> None:
+        self.current, self.u = curve, u
+
+    def _keep(self, curve: Curve) -> None:
+        self.bridges = [*self.bridges[-MAX_BRIDGES + 1 :], curve]
+
+    def _touch(self, bridge: Curve | Patch) -> None:
+        if bridge not in self.touched:
+            self.touched.append(bridge)
+
+
+def judge(here: Jet, failure: NoBridgeError) -> Obstacle:
+    """What a place without a bridge is, by the singular configuration next to it."""
+    delta = here.delta()
+    radius = 0.5 * delta if np.isfinite(delta) else 0.1
+    if np.isfinite(failure.separation):
+        return Obstacle("tangential", here.x, radius, np.nan, str(failure))
+    found = place(here)
+    if found.is_cone:
+        return Obstacle("cone", here.x, radius, found.gap, CONE_WORDS)
+    if found.found and found.gap > 0.0:
+        return Obstacle("near miss", here.x, radius, found.gap, str(failure))
+    return Obstacle("unknown", here.x, radius, np.nan, str(failure))
+
+
+def approaching(here: Jet, options: BridgeOptions) -> Obstacle:
+    """What the singular place ahead of a point is, before any bridge is tried."""
+    found = place(here)
+    radius = 0.5 * min(here.delta(), 1.0)
+    if not found.found or np.linalg.norm(found.x - here.x) > 2.0 * FARTHEST_LOOK:
+        return Obstacle("crossing", here.x, radius, np.nan, "nothing singular near by")
+    if found.is_cone:
+        near = float(np.linalg.norm(found.x - here.x))
+        return Obstacle("cone", here.x, radius, found.gap, CONE_WORDS, min(near, found.approach or near))
+    if found.gap <= options.largest_gap:
+        return Obstacle("crossing", here.x, radius, found.gap, "modes cross")
+    words = "two modes pass each other"
+    return Obstacle("near miss", here.x, radius, found.gap, words, found.approach)

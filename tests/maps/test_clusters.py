@@ -1,0 +1,270 @@
+"""The same motion, whatever the description: loop clusters, any corank, zones that overlap."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import robust_gcp as rg
+from robust_gcp.examples import families, linkages
+from robust_gcp.maps.closed_form import FourBar
+
+CHANGE_POINT = (4.0, 2.0, 3.0, 3.0)
+
+
+def assert_same(one: rg.Trajectory, other: rg.Trajectory, tolerance: float = 1e-9) -> None:
+    """The same motion to `tolerance`, the same crossings to 1e-6 s."""
+    assert np.abs(one.q - other.q).max() < tolerance
+    assert len(one.crossings) == len(other.crossings)
+    for a, b in zip(one.crossings, other.crossings, strict=True):
+        assert abs(a.time - b.time) < 1e-6
+        assert (a.cluster, a.corank, a.kind) == (b.cluster, b.corank, b.kind)
+
+
+def assert_at_their_place(run: rg.Trajectory) -> None:
+    """Each crossing lies on the singular set, where `analyse` finds the modes that meet."""
+    for crossing in run.crossings:
+        assert crossing.cluster is not None
+        cluster = run.mechanism.clusters[crossing.cluster]
+        K = cluster.loops.scaled(cluster.loops.K(crossing.q[cluster.iq]))
+        sigma = np.linalg.svd(K, compute_uv=False)
+        expected = cluster.loops.nv - cluster.m - crossing.corank
+        assert np.sum(sigma > 1e-9) == expected
+        here = rg.analyse(run.mechanism, crossing.q)
+        assert here.kind in ("singular", "not certified")
+
+
+# --------------------------------------------------------------------------- zones that overlap
+
+
+@pytest.mark.parametrize("angles", [(2.6, 2.65), (2.6, 2.6), (2.6, 3.0), (2.6, np.pi - 1e-3)])
+def test_two_four_bars_in_one_model_move_as_each_alone(angles: tuple[float, float]) -> None:
+    both = families.four_bars([CHANGE_POINT] * 2, angles)
+    run = rg.simulate(both, v0=both.lift(both.home, [3.0, 3.0]), duration=0.4, step=1e-3)
+    assert run.closure_error().max() < 1e-12
+    assert sorted(c.cluster for c in run.crossings) == [0, 1]
+    for i, angle in enumerate(angles):
+        alone = linkages.four_bar(*CHANGE_POINT, y=angle)
+        v0 = alone.lift(alone.home, [3.0])
+        exact = rg.simulate(alone, v0=v0, duration=0.4, step=1e-3, method="closed_form")
+        assert np.abs(run.q[:, 3 * i : 3 * i + 3] - exact.q).max() < 1e-12
+    assert_at_their_place(run)
+
+
+def test_error_controlled_steppers_take_both_zones_at_once() -> None:
+    both = families.four_bars([CHANGE_POINT] * 2, (2.6, 2.65))
+    v0 = both.lift(both.home, [3.0, 3.0])
+    options = {"v0": v0, "duration": 0.4, "step": 2e-2, "rtol": 1e-10, "atol": 1e-12}
+    fixed = rg.simulate(both, v0=v0, duration=0.4, step=1e-3)
+    for stepper in ("DOP853", "Radau"):
+        run = rg.simulate(both, stepper=stepper, **options)
+        assert np.abs(run.q - fixed.q[::20]).max() < 1e-7
+        assert len(run.crossings) == 2
+
+
+def test_a_chain_of_change_point_linkages_keeps_order_four() -> None:
+    """The second stands on the first one's coupler: coupled dynamics, separate clusters."""
+    chain = families.four_bars([CHANGE_POINT] * 2, (2.6, 2.65), parents=[-1, 0])
+    v0 = chain.lift(chain.home, [3.0, 3.0])
+    runs = [rg.simulate(chain, v0=v0, duration=0.4, step=h) for h in (4e-3, 2e-3, 1e-3)]
+    errors = [np.abs(a.q - b.q[::2]).max() for a, b in itertools.pairwise(runs)]
+    assert 3.5 < np.log2(errors[0] / errors[1]) < 4.6
+    assert [c.cluster for c in runs[-1].crossings] == [0, 1]
+    assert_at_their_place(runs[-1])
+
+
+@pytest.mark.parametrize(
+    "names", list(itertools.product(("crank0", "coupler0", "rocker0"), ("crank1", "rocker1")))
+)
+def test_every_choice_of_coordinates_of_the_chain(names: tuple[str, str]) -> None:
+    chain = families.four_bars([CHANGE_POINT] * 2, (2.7, 2.75), parents=[-1, 0])
+    v0 = chain.lift(chain.home, [3.0, 3.0])
+    reference = rg.simulate(chain, v0=v0, duration=0.3, step=1e-3)
+    run = rg.simulate(chain.with_independent(names), v0=v0, duration=0.3, step=1e-3)
+    assert_same(run, reference)
+
+
+# --------------------------------------------------------------------------- any corank
+
+
+def lift_motion(stages: int, joint: str, step: float = 1e-3) -> rg.Trajectory:
+    first = families.scissor_lift(stages)
+    lift = families.scissor_lift(stages, independent=joint)
+    return rg.simulate(lift, v0=first.lift(first.home, [-2.0]), duration=0.8, step=step)
+
+
+def test_scissor_lift_through_flat_in_every_coordinate() -> None:
+    """Folded at −π/2 and flat at 0 all three loops are singular at once, with coranks 2 and 3."""
+    reference = lift_motion(3, "a1")
+    assert [c.corank for c in reference.crossings] == [2, 3]
+    angle = np.array([c.q[0] for c in reference.crossings])
+    np.testing.assert_allclose(angle, [0.0, -np.pi / 2], atol=1e-9)
+    for joint in reference.mechanism.joint_names[1:]:
+        run = lift_motion(3, joint)
+        assert_same(run, reference)
+        index = run.mechanism.joint_names.index(joint)
+        np.testing.assert_array_equal(run.y[:, 0], run.q[:, index])  # in the coordinates that were named
+
+
+@pytest.mark.parametrize("stages", [1, 2, 4, 5])
+def test_scissor_lifts_keep_their_symmetry(stages: int) -> None:
+    """All bars a are parallel on this mode, all bars b too."""
+    run = lift_motion(stages, "a1", 2e-3)
+    theta = run.q[:, 0]
+    expected = {"foot": np.cos(theta), "b1": np.pi - theta}
+    for name, value in expected.items():
+        index = run.mechanism.joint_names.index(name)
+        assert np.abs(run.q[:, index] - value).max() < 1e-8
+    assert run.closure_error().max() < 1e-11
+
+
+def row_flat_at_once(assembly: tuple[int, int], crank: float) -> rg.Mechanism:
+    """Loops 2, 3.25, 4, 1.25 and 1.25, 2.5, 2.25, 1.5; the first one's rocker is the second one's crank.
+
+    Both are change-point linkages, and both fold flat where c0 and c1 point to −y: K has corank 2 there.
+    """
+    model = pin.Model()
+    c0 = linkages.add_link(model, 0, 0.0, "c0", 3.25)
+    linkages.add_link(model, c0, 3.25, "k0", 4.0)
+    c1 = linkages.add_link(model, 0, 2.0, "c1", 2.5)
+    hinge = pin.SE3(np.eye(3), np.array([0.0, 1.25, 0.0]))
+    model.addFrame(pin.Frame("c1_hinge", c1, hinge, pin.FrameType.OP_FRAME))
+    linkages.add_link(model, c1, 2.5, "k1", 2.25)
+    linkages.add_link(model, 0, 3.25, "c2", 1.5)
+    closures = [rg.PointClosure("k0_tip", "c1_hinge"), rg.PointClosure("k1_tip", "c2_tip")]
+    first = FourBar(2.0, 3.25, 4.0, 1.25, assembly[0]).evaluate(crank)[0]
+    second = FourBar(1.25, 2.5, 2.25, 1.5, assembly[1]).evaluate(float(first[2]))[0]
+    return rg.Mechanism(model, closures, ["c0"], home=[*first, second[1], second[2]])
+
+
+@pytest.mark.parametrize("assembly", list(itertools.product((1, -1), repeat=2)))
+def test_two_loops_flat_at_once_in_every_mode_and_coordinate(assembly: tuple[int, int]) -> None:
+    row = row_flat_at_once(assembly, 2.9)
+    v0 = row.lift(row.home, [1.0])
+    reference = rg.simulate(row, v0=v0, duration=0.4, step=1e-3)
+    assert [c.corank for c in reference.crossings] == [2]
+    assert_at_their_place(reference)
+    for joint in ("k1", "c2"):
+        other = row.with_independent([joint])
+        assert_same(rg.simulate(other, v0=v0, duration=0.4, step=1e-3), reference)
+    flat = reference.crossings[0].q
+    modes = rg.analyse(row, flat).modes
+    assert len(modes) == 4
+    for joint in ("k1", "c2"):
+        for one, two in zip(modes, rg.analyse(row.with_independent([joint]), flat).modes, strict=True):
+            np.testing.assert_allclose(one, two, atol=1e-9)
+
+
+# --------------------------------------------------------------------------- nothing left unwatched
+
+
+def three_legs(third: float) -> rg.Mechanism:
+    """A platform on two upright legs of 1 m and a third whose foot fits its length at home."""
+    model = pin.Model()
+    leg = linkages.add_link(model, 0, 0.0, "a", 1.0)
+    platform = linkages.add_link(model, leg, 1.0, "platform", 2.0)
+    middle = pin.SE3(np.eye(3), np.array([0.0, 1.0, 0.0]))
+    model.addFrame(pin.Frame("middle", platform, middle, pin.FrameType.OP_FRAME))
+    linkages.add_link(model, 0, 2.0, "b", 1.0)
+    foot = pin.SE3(np.eye(3), np.array([0.0, 1.0, 1.0 - third]))
+    joint = model.addJoint(0, pin.JointModelRX(), foot, "c")
+    model.appendBodyToJoint(joint, linkages.rod(third), pin.SE3.Identity())
+    tip = pin.SE3(np.eye(3), np.array([0.0, third, 0.0]))
+    model.addFrame(pin.Frame("c_tip", joint, tip, pin.FrameType.OP_FRAME))
+    closures = [rg.PointClosure("platform_tip", "b_tip"), rg.PointClosure("middle", "c_tip")]
+    up = 0.5 * np.pi
+    return rg.Mechanism(model, closures, ["a"], home=[up, -up, up, up])
+
+
+@pytest.mark.parametrize("third", [0.7, 0.99, 1.3])
+def test_a_platform_that_cannot_move_is_refused(third: float) -> None:
+    legs = three_legs(third)
+    rates = np.array([1.0, -1.0, 1.0, 1.0 / third])  # all tips move alike: K v = 0
+    with pytest.raises(rg.RobustGcpError, match="no mobility"):
+        rg.simulate(legs, v0=rates, duration=0.1)
+
+
+def test_two_bars_flat_between_their_pins_are_a_structure() -> None:
+    model = pin.Model()
+    linkages.add_link(model, 0, 0.0, "a", 1.0)
+    linkages.add_link(model, 0, 2.0, "b", 1.0)
+    bars = rg.Mechanism(model, [rg.PointClosure("a_tip", "b_tip")], ["a"], home=[0.0, np.pi])
+    with pytest.raises(rg.RobustGcpError, match="no mobility"):
+        rg.simulate(bars, duration=0.1)
+
+
+def test_rows_that_rounded_lengths_leave_open_are_told() -> None:
+    legs = three_legs(1.0)
+    foot = legs.model.copy()
+    foot.jointPlacements[4].translation = foot.jointPlacements[4].translation + [0.0, 0.0, 5e-7]
+    longer = rg.Mechanism(foot, legs.closures, ["a"], home=legs.home)
+    with pytest.raises(rg.ClosureError):
+        rg.simulate(longer, v0=[-1.0, 1.0, -1.0, -1.0], duration=0.3)
+
+
+@pytest.mark.parametrize("stepper", ["rk4", "Radau", "LSODA", "BDF", "RK45"])
+def test_redundant_legs_pass_flat_with_every_stepper(stepper: str) -> None:
+    legs = three_legs(1.0)
+    v0 = legs.lift(legs.home, [-3.0])
+    step = 1e-3 if stepper == "rk4" else 1e-2
+    run = rg.simulate(legs, v0=v0, duration=0.6, step=step, stepper=stepper, rtol=1e-9, atol=1e-11)
+    assert run.closure_error().max() < 1e-12
+    (crossing,) = run.crossings
+    assert crossing.time == pytest.approx(0.39684, abs=1e-5)
+    assert np.abs(np.sin(crossing.q[0])) < 1e-12
+    assert_at_their_place(run)
+
+
+# --------------------------------------------------------------------------- other descriptions
+
+
+def change_point_drawn(
+    cuts: tuple[str, ...] = (), independent: str = "A", rotation: float = 0.0, unit: float = 1.0
+) -> rg.Mechanism:
+    """The change-point four-bar by its points at q1 = 2.6, with any cut."""
+    q = linkages.four_bar(*CHANGE_POINT, y=2.6).home
+    tip = 2.0 * np.array([np.cos(q[0]), np.sin(q[0])])
+    end = tip + 3.0 * np.array([np.cos(q[0] + q[1]), np.sin(q[0] + q[1])])
+    points = {"O": (0.0, 0.0), "P": tuple(tip), "Q": tuple(end), "R": (4.0, 0.0)}
+    links = {"ground": ("O", "R"), "crank": ("O", "P"), "coupler": ("P", "Q"), "rocker": ("R", "Q")}
+    joints = [
+        ("A", "ground", "crank"),
+        ("B", "crank", "coupler"),
+        ("C", "coupler", "rocker"),
+        ("D", "ground", "rocker"),
+    ]
+    return families.planar_linkage(points, links, joints, [independent], cuts, rotation=rotation, unit=unit)
+
+
+def crank_of(names: tuple[str, ...], q: np.ndarray) -> np.ndarray:
+    """The crank's angle or rate: the joint A, or, where that is cut, the sum of the rest of the chain."""
+    if "A" in names:
+        return np.asarray(q[..., names.index("A")])
+    return np.asarray(q[..., [names.index(n) for n in "DCB"]].sum(axis=-1))
+
+
+def test_cuts_trees_rotations_and_units_do_not_matter() -> None:
+    drawn = change_point_drawn()
+    reference = rg.simulate(drawn, v0=drawn.lift(drawn.home, [3.0]), duration=0.4, step=1e-3)
+    assert len(reference.crossings) == 1
+    variants = [
+        {"cuts": ("A",), "independent": "B"},
+        {"cuts": ("B",), "independent": "C"},
+        {"cuts": ("C",), "independent": "D"},
+        {"cuts": ("D",), "independent": "C"},
+        {"rotation": 1.0},
+        {"unit": 1000.0},
+    ]
+    for variant in variants:
+        other = change_point_drawn(**variant)
+        pace = crank_of(other.joint_names, other.lift(other.home, [1.0]))
+        v0 = other.lift(other.home, [3.0 / float(pace)])
+        run = rg.simulate(other, v0=v0, duration=0.4, step=1e-3)
+        assert (
+            np.abs(crank_of(other.joint_names, run.q) - crank_of(drawn.joint_names, reference.q)).max() < 1e-9
+        )
+        (one,), (two,) = run.crossings, reference.crossings
+        assert abs(one.time - two.time) < 1e-6
