@@ -13,9 +13,10 @@ from ..checks import check_between, check_mechanism
 from ..mechanism.loops import ClosedLoops
 from ..mechanism.partition import numerical_rank
 from ..mechanism.rank import rank_along
-from ..mechanism.tolerances import DETERMINES, FORM, NEARLY_CLOSED, RANK
+from ..mechanism.tolerances import FORM, NEARLY_CLOSED, RANK
 from ..mechanism.tree import Array
 from .second_order import bending, curvature, full_svd, orthonormal, second_order_forms
+from .tangent_cone import is_definite, linear_modes, polished, rank_two_forms
 
 Kind = Literal["regular", "redundant", "singular", "not certified"]
 
@@ -78,7 +79,9 @@ def analyse(mechanism: ClosedLoops, q: ArrayLike, rank_tolerance: float = RANK) 
     With N a basis of ker K and u a left null vector, a motion with tangent N w needs
     Q_u(w, w) = wᵀ Nᵀ (uᵀ φ'') N w = 0. One rank-2 indefinite form factors into two hyperplanes, the
     tangent spaces of the two modes that meet; a definite one leaves an isolated point; others are
-    not decided at second order. Several singular loops are treated loop by loop.
+    not decided at second order. Several singular loops are taken apart where the span of their forms has a
+    basis of rank-2 forms, else their common zeros are found together; so the answer does not depend on the
+    tree, the cuts or the order of rows.
 
     Parameters
     ----------
@@ -133,17 +136,18 @@ def analyse(mechanism: ClosedLoops, q: ArrayLike, rank_tolerance: float = RANK) 
             "a tangential or higher-order singularity"
         )
         return answer("not certified", generic, (), words, tuple(forms))
-    own = _decoupled(mechanism, left @ bent)
-    forms = second_order_forms(mechanism, q, own, kernel)
+    forms = second_order_forms(mechanism, q, left @ bent, kernel)
     generic = rank + len(forms)
-    kind, modes, words = _factored(forms, kernel)
+    decoupled = rank_two_forms(forms)
+    forms = forms if decoupled is None else decoupled
+    kind, modes, words = _factored(forms, kernel) if decoupled or len(forms) == 1 else _coupled(forms, kernel)
     if modes and flat.shape[1]:
         # what second order leaves flat must be redundant along every mode
         nearby = [rank_along(mechanism, q, t.reshape(len(kernel), -1), rank_tolerance) for t in modes]
         if any(found > generic for found in nearby):
             words = f"rank {max(nearby)} nearby, of which second order explains {generic} only"
             return answer("not certified", max(nearby), (), words, tuple(forms))
-    if modes:
+    if modes and kind == "singular":
         m = kernel.shape[1] - len(forms)
         words = f"rank {rank} against {generic} nearby: {len(modes)} modes of dimension {m} meet here"
     return answer(kind, generic if modes else rank + len(forms), modes, words, tuple(forms))
@@ -180,28 +184,25 @@ def _factored(forms: list[Array], kernel: Array) -> tuple[Kind, tuple[Array, ...
             words = "the loops' second-order conditions are not independent: not decided at second order"
             return "not certified", (), words
         if kernel.shape[1] > len(normals):
-            mode = _direction(kernel @ Vt[len(normals) :].T)
+            T = Vt[len(normals) :].T
+            T = polished(forms, T[:, 0])[:, None] if T.shape[1] == 1 else T
+            mode = _direction(kernel @ T)
             # a loop at rest satisfies both of its planes: the same tangent turns up twice
             if not any(np.allclose(mode, known, atol=1e-9) for known in modes):
                 modes.append(mode)
     return "singular", tuple(modes), "no direction passes second order: an isolated point"
 
 
-def _decoupled(mechanism: ClosedLoops, left: Array) -> Array:
-    """A basis of the left null space whose vectors belong to one closure each, where there is one."""
-    labels = np.array(mechanism.implicit.labels)
-    own: list[Array] = []
-    for label in dict.fromkeys(labels.tolist()):
-        outside = left[labels != label]
-        if len(outside) == 0:
-            return left
-        _, s, Vt = np.linalg.svd(outside)
-        s = np.concatenate([s, np.zeros(Vt.shape[0] - len(s))])
-        own += [left @ v for v in Vt[s < DETERMINES]]
-    basis = np.array(own).T
-    if len(own) == left.shape[1] and np.linalg.svd(basis, compute_uv=False)[-1] > DETERMINES:
-        return basis
-    return left
+def _coupled(forms: list[Array], kernel: Array) -> tuple[Kind, tuple[Array, ...], str]:
+    """The modes of forms that do not come apart into one form of rank two for each loop."""
+    found, more = linear_modes(forms)
+    modes = sorted((_direction(kernel @ T) for T in found), key=lambda t: np.round(t, 6).ravel().tolist())
+    if more or (not modes and not is_definite(forms)):
+        words = "second order leaves directions of motion undecided" + (
+            f" besides the {len(modes)} modes that it certifies" if modes else ""
+        )
+        return "not certified", tuple(modes), words
+    return "singular", tuple(modes), "no direction passes second order: an isolated point"
 
 
 def _direction(basis: Array) -> Array:
