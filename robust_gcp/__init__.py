@@ -9,6 +9,7 @@ from .analysis.space import trace_modes
 from .dynamics.equations import implicit_dynamics
 from .dynamics.inverse import inverse_dynamics
 from .dynamics.linearise import Linearisation, linearise
+from .dynamics.loads import Wrench
 from .errors import (
     BranchError,
     ClosureError,
@@ -116,6 +117,7 @@ __all__ = [
     "Tableau",
     "ToggleError",
     "Trajectory",
+    "Wrench",
     "analyse",
     "backends",
     "grid",

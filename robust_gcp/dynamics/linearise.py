@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,7 +23,8 @@ from ..maps.choice import MapChoice
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .differences import FORWARD, differences
-from .equations import EquationsOfMotion, Torque
+from .equations import EquationsOfMotion
+from .loads import Torques, Wrench, one_torque
 from .problem import Problem, set_out
 
 DIRECTIONS = 16
@@ -106,9 +107,10 @@ def linearise(
     mechanism: Mechanism,
     q: ArrayLike,
     v: ArrayLike | None = None,
-    torque: Torque | ArrayLike | None = None,
+    torque: Torques | None = None,
     t: float = 0.0,
     mode: ArrayLike | None = None,
+    wrenches: Sequence[Wrench] = (),
 ) -> Linearisation:
     """Linearise ÿ = (Gᵀ M G)⁻¹ Gᵀ (τ − C − M g) at a state.
 
@@ -119,7 +121,8 @@ def linearise(
     mechanism : Mechanism
     q, v : array_like (nq,), (nv,)
         Closed, and K v = 0; at rest when v is left out.
-    torque : callable (t, q, v) -> (nv,) or array_like (nv,), optional
+    torque, wrenches : optional
+        As in `simulate`.
     t : float
         Time for the torque, s.
     mode : array_like, optional
@@ -138,7 +141,8 @@ def linearise(
     check_number("t", t)
     if not math.isfinite(t):
         raise OptionError(f"t = {t} must be finite")
-    motion = set_out(mechanism, q, v, mode, torque, MapChoice(error_controlled=True))
+    applied = one_torque(mechanism, torque, wrenches)
+    motion = set_out(mechanism, q, v, mode, applied, MapChoice(error_controlled=True))
     return linearise_motion(motion, t, central=True)
 
 

@@ -6,7 +6,7 @@ All other files ask here. A number is called by its joint where the joint has on
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, NamedTuple
@@ -243,6 +243,15 @@ def with_numbers(
     StateError
         For a name that is not there, or numbers that are none or not as many.
     """
+    made = start.copy()
+    for name, place in places_of(joints, given, letter, what).items():
+        values = given[name] if np.ndim(given[name]) else [given[name]]
+        made[place] = checked_vector(values, len(place), f"{what}[{name!r}]", f"n{letter}")
+    return made
+
+
+def places_of(joints: Sequence[Joint], names: Iterable[str], letter: str, what: str) -> dict[str, list[int]]:
+    """Where the numbers of some joints, or components of joints, are in q or v; see `with_numbers`."""
     places: dict[str, list[int]] = {}
     for joint in joints:
         first, count = (joint.idx_q, joint.nq) if letter == "q" else (joint.idx_v, joint.nv)
@@ -251,14 +260,11 @@ def with_numbers(
             if at >= 0:
                 places[component.name] = [at]
         places[joint.name] = list(range(first, first + count))
-    made = start.copy()
-    for name, value in given.items():
+    for name in names:
         if name not in places:
             near = hint(name, places)
             raise StateError(f"{what}: the model has no joint {name!r}, only {', '.join(places)}{near}")
-        values = value if np.ndim(value) else [value]
-        made[places[name]] = checked_vector(values, len(places[name]), f"{what}[{name!r}]", f"n{letter}")
-    return made
+    return {name: places[name] for name in names}
 
 
 def support(model: pin.Model, joint: int) -> list[int]:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from ..checks import check_text, hint, shown
+from ..checks import hint, shown
 from ..errors import OptionError
-from ..mechanism.closures import frame_of
+from ..mechanism.frames import place_of
 from ..mechanism.joints import in_q, in_v
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
@@ -63,7 +63,7 @@ def frame_motion(mechanism: Mechanism, name: str, q: Array, v: Array, a: Array) 
         For a frame that the model does not have.
     """
     model = mechanism.model
-    joint, place = _place(mechanism, name)
+    joint, place = place_of(model, name)
     data, axes = workspace(model), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     n = len(q)
     position, rotation = np.empty((n, 3)), np.empty((n, 3, 3))
@@ -76,16 +76,6 @@ def frame_motion(mechanism: Mechanism, name: str, q: Array, v: Array, a: Array) 
         position[i], rotation[i] = placement.translation, placement.rotation
         rates[:, i] = velocity.linear, acceleration.linear, velocity.angular, acceleration.angular
     return FrameMotion(name, position, rotation, *rates)
-
-
-def _place(mechanism: Mechanism, name: str) -> tuple[int, pin.SE3]:
-    """The joint that carries a frame, and where; a joint is a frame of its own also where none is listed."""
-    model = mechanism.model
-    check_text("frame", name)
-    if name in mechanism.joint_names and not model.existFrame(name):
-        return int(model.getJointId(name)), pin.SE3.Identity()
-    frame = frame_of(model, name, "frame")
-    return int(frame.parentJoint), frame.placement
 
 
 def state_columns(mechanism: Mechanism, q: Array, v: Array, a: Array | None) -> dict[str, Array]:

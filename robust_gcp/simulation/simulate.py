@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..checks import check_between, check_choice, check_mechanism, check_positive, listed, shown
 from ..dynamics.equations import Torque
+from ..dynamics.loads import Torques, Wrench, one_torque
 from ..dynamics.problem import set_out
 from ..errors import ClosureError, NonFiniteError, OptionError, SimulationError
 from ..maps.choice import METHODS, MapChoice, Method
@@ -43,7 +44,8 @@ def simulate(
     method: Method = "bridge",
     stepper: str | Tableau = "rk4",
     *,
-    torque: Torque | ArrayLike | None = None,
+    torque: Torques | None = None,
+    wrenches: Sequence[Wrench] = (),
     record: Sequence[str] = (),
     mode: ArrayLike | None = None,
     rtol: float = 1e-8,
@@ -77,8 +79,11 @@ def simulate(
     stepper : {"rk4", "RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA"} or Tableau
         Classical Runge–Kutta with fixed step, one of scipy's adaptive solvers, or another explicit
         Runge–Kutta method with fixed step, whose region of stability is not checked.
-    torque : callable (t, q, v) -> (nv,) or array_like (nv,), optional
-        Applied joint torques and forces, N m and N.
+    torque : callable (t, q, v) -> (nv,), array_like (nv,) or mapping, optional
+        Applied joint torques and forces, N m and N. A mapping gives joints by name, or single numbers of
+        theirs ("ball.rx"), each a number (an array for a joint of several) or a function (t, q, v) of it.
+    wrenches : sequence of Wrench
+        Forces and moments on frames.
     record : sequence of {"a", "energy", "multipliers"}
         What to compute besides q and v.
     mode : array_like (nv,) or (nv, m), optional
@@ -114,6 +119,7 @@ def simulate(
         When the run must stop; `error.trajectory` holds what was simulated until then.
     """
     check_mechanism(mechanism, Mechanism, "simulate")
+    applied: Torque | ArrayLike | None = one_torque(mechanism, torque, wrenches)
     times = _times(*mechanism.recommended.run(duration, step))
     v0 = mechanism.recommended.velocity(q0, mode) if v0 is None else v0
     check_choice("method", method, METHODS)
@@ -143,15 +149,15 @@ def simulate(
     choice = MapChoice(method, options, newton_start, threshold, error_controlled=not fixed)
     counters = Counters()
     begun = time.perf_counter()
-    stability = StabilityCheck(mechanism, torque, float(times[1]), options) if tableau == "rk4" else None
-    torque = torque if stability is None else stability.torque
-    motion = set_out(mechanism, q0, v0, mode, torque, choice, counters)
+    stability = StabilityCheck(mechanism, applied, float(times[1]), options) if tableau == "rk4" else None
+    applied = applied if stability is None else stability.torque
+    motion = set_out(mechanism, q0, v0, mode, applied, choice, counters)
     if stability is not None:
         stability.before(motion)
-    native = None if kernel is None else NativeSteps(kernel, torque, backend == "native")
+    native = None if kernel is None else NativeSteps(kernel, applied, backend == "native")
     if native is not None:
         native.prepare(mechanism, motion.start.path)
-    run = Run(motion, choice, torque, times, record, counters, on_toggle, progress, native)
+    run = Run(motion, choice, applied, times, record, counters, on_toggle, progress, native)
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # what is not finite ends in an error of ours
             if isinstance(stepper, Tableau):

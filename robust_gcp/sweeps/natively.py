@@ -20,7 +20,7 @@ _DEFAULTS = {name: inspect.signature(simulate).parameters[name].default for name
 def runs_natively(parameters: Mapping[str, Any]) -> bool:
     """Whether the kernel is there and is asked to take this run's steps, without calls back to Python."""
     choices = [parameters.get(name, _DEFAULTS[name]) for name in CHOICES]
-    if not all(isinstance(choice, str) for choice in choices) or callable(parameters.get("torque")):
+    if not all(isinstance(choice, str) for choice in choices) or _calls_back(parameters):
         return False
     if not backends()["native"].available:  # asked first: to look for a broken kernel would warn
         return False
@@ -28,3 +28,10 @@ def runs_natively(parameters: Mapping[str, Any]) -> bool:
         return chosen_library(*choices) is not None
     except OptionError:  # the run will say so itself
         return False
+
+
+def _calls_back(parameters: Mapping[str, Any]) -> bool:
+    """Whether loads are Python functions, as wrenches are: they turn with the motion."""
+    torque = parameters.get("torque")
+    loads = torque.values() if isinstance(torque, Mapping) else (torque,)
+    return any(map(callable, loads)) or parameters.get("wrenches", ()) != ()

@@ -177,7 +177,7 @@ def test_what_is_no_list_of_torques_is_refused(name: str, way: dict[str, Any]) -
 
 @pytest.mark.parametrize("name", RETURNED)
 def test_constant_torques_are_held_to_the_same(name: str, way: dict[str, Any]) -> None:
-    if RETURNED[name] is not None:
+    if RETURNED[name] is not None and name != "a mapping":  # which gives joints by name
         with pytest.raises(rg.StateError, match="torque"):
             run(RETURNED[name], way)  # type: ignore[arg-type]
 
@@ -216,10 +216,10 @@ def test_errors_of_progress_are_passed_on(error: BaseException, way: dict[str, A
 
 def test_linearise_holds_torques_to_the_same() -> None:
     mechanism = rg.load("rhombus")
-    for value in RETURNED.values():
+    for name, value in RETURNED.items():
         with pytest.raises(rg.OptionError, match=r"torque\(t, q, v\) returned"):
             rg.linearise(mechanism, [0.5, -0.5, 0.5], torque=lambda t, q, v, value=value: value)
-        if value is not None:
+        if value is not None and name != "a mapping":  # which gives joints by name
             with pytest.raises(rg.StateError, match="torque"):
                 rg.linearise(mechanism, [0.5, -0.5, 0.5], torque=value)
     plain = rg.linearise(mechanism, [0.5, -0.5, 0.5], torque=pure).A

@@ -1,0 +1,163 @@
+"""What a user applies, as one torque: torques on joints (array, function, by name), wrenches on frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..checks import check_choice, checked_vector, listed, real_array, shown
+from ..errors import NonFiniteError, OptionError
+from ..mechanism.frames import place_of
+from ..mechanism.joints import places_of, support
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+from .equations import Torque
+
+Load = float | ArrayLike | Callable[[float, Array, Array], ArrayLike]
+"""A number or an array, or a function (t, q, v) of one."""
+
+Torques = Torque | ArrayLike | Mapping[str, Load]
+"""Torques as `simulate` takes them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Wrench:
+    """A force and a moment on a frame: τ = Jᵀ F.
+
+    Parameters
+    ----------
+    frame : str
+        A frame, link or joint of the model; the force acts at the frame's origin.
+    force : array_like (6,) or callable (t, q, v) -> (6,)
+        Force, N, and moment, N m, about the frame's origin.
+    reference : {"world", "local"}
+        Whose axes the six numbers are given in: the world's, so that a constant force keeps its direction, or
+        the frame's own, so that it turns with the body.
+    """
+
+    frame: str
+    force: ArrayLike | Callable[[float, Array, Array], ArrayLike]
+    reference: Literal["world", "local"] = "world"
+
+    def __post_init__(self) -> None:
+        check_choice("Wrench: reference", self.reference, ("world", "local"))
+        if not callable(self.force):
+            checked_vector(self.force, 6, f"Wrench on {shown(self.frame)}: force", "6")
+
+
+def one_torque(
+    mechanism: Mechanism, torque: Torques | None, wrenches: Sequence[Wrench] = ()
+) -> Torque | Array | None:
+    """All loads as one torque: None, a constant (nv,), or a function (t, q, v) -> (nv,).
+
+    Parameters
+    ----------
+    torque : callable (t, q, v) -> (nv,), array_like (nv,), or mapping, optional
+        A mapping gives each joint, or one of its numbers such as "ball.rx", a number, or an array for a
+        joint of several, or a function (t, q, v) of one; the other joints get none.
+    wrenches : sequence of Wrench
+
+    Raises
+    ------
+    OptionError, StateError
+        For names that are no joints, and loads that are none.
+    ModelError
+        For a frame that the model does not have.
+    """
+    wrenches = listed(wrenches, "wrenches", "rg.Wrench(frame, force)", OptionError)
+    for wrench in wrenches:
+        if not isinstance(wrench, Wrench):
+            raise OptionError(f"wrenches: {shown(wrench)} is no Wrench; give rg.Wrench(frame, force)")
+    if not isinstance(torque, Mapping) and not wrenches:
+        return torque if torque is None or callable(torque) else mechanism.velocity(torque, "torque")
+    functions: dict[str, Any] = {}
+    numbers: Any = torque
+    if isinstance(torque, Mapping):
+        functions = {name: load for name, load in torque.items() if callable(load)}
+        numbers = {name: load for name, load in torque.items() if name not in functions}
+    places = places_of(mechanism.joints, functions, "v", "torque")
+    parts: list[_Part] = [_JointFunction(places[n], f, f"torque[{n!r}]") for n, f in functions.items()]
+    constant: Array = mechanism.tree.zero
+    if callable(torque):
+        parts.append(_JointFunction(list(range(mechanism.nv)), torque, "torque"))
+    elif torque is not None:
+        constant = mechanism.velocity(numbers, "torque")
+    parts += [_FrameLoad(mechanism, wrench) for wrench in wrenches]
+    return _Sum(constant, parts) if parts else constant
+
+
+_Part = Callable[[float, Array, Array, Array], None]
+"""Adds its share at (t, q, v) to τ (nv,)."""
+
+
+class _Sum:
+    """τ = constant + all parts."""
+
+    def __init__(self, constant: Array, parts: Sequence[_Part]) -> None:
+        self._constant, self._parts = constant, parts
+
+    def __call__(self, t: float, q: Array, v: Array) -> Array:
+        tau = self._constant.copy()
+        for part in self._parts:
+            part(t, q, v, tau)
+        return tau
+
+
+class _JointFunction:
+    """A torque on one joint, or on all, by a function of the user's, which is handed copies of the state."""
+
+    def __init__(self, place: list[int], supplied: Callable[..., Any], label: str) -> None:
+        self._place, self._supplied, self._label = place, supplied, label
+        self._size = len(place)
+
+    def __call__(self, t: float, q: Array, v: Array, tau: Array) -> None:
+        given = self._supplied(t, q.copy(), v.copy())
+        tau[self._place] += _returned(given, self._size, f"{self._label}(t, q, v)", t)
+
+
+class _FrameLoad:
+    """Jᵀ F of one wrench; J of the frame's body at the world's origin serves any point of it."""
+
+    def __init__(self, mechanism: Mechanism, wrench: Wrench) -> None:
+        self._tree = mechanism.tree
+        model = mechanism.model
+        self._label = f"Wrench on {wrench.frame!r}"
+        self._joint, place = place_of(model, wrench.frame, "Wrench")
+        self._offset = np.array(place.translation)
+        self._turn = np.array(place.rotation) if wrench.reference == "local" else None
+        self._columns = support(model, self._joint)
+        self._supplied = wrench.force if callable(wrench.force) else None
+        self._constant = np.zeros(6) if callable(wrench.force) else real_array(wrench.force)
+
+    def __call__(self, t: float, q: Array, v: Array, tau: Array) -> None:
+        F = self._constant
+        if self._supplied is not None:
+            given = self._supplied(t, q.copy(), v.copy())
+            F = _returned(given, 6, f"{self._label}: force(t, q, v)", t)
+        tree = self._tree
+        tree.jacobians(q)  # after the user's function, which may have used the mechanism
+        R, force, moment = tree.R[self._joint], F[:3], F[3:]
+        if self._turn is not None:
+            axes = R @ self._turn
+            force, moment = axes @ force, axes @ moment
+        point = tree.p[self._joint] + R @ self._offset
+        about_origin = np.concatenate([force, moment + np.cross(point, force)])
+        tau[self._columns] += tree.J[self._columns] @ about_origin
+
+
+def _returned(value: Any, size: int, label: str, t: float) -> Array:
+    """The finite load of `size` numbers that a function returned; a plain number where it is one."""
+    wanted = "one real number" if size == 1 else f"({size},) real numbers"
+    try:
+        array = real_array(value)
+    except TypeError as error:
+        raise OptionError(f"{label} returned {shown(value)}, expected {wanted}") from error
+    if array.shape != (size,) and not (size == 1 and array.ndim == 0):
+        raise OptionError(f"{label} returned shape {array.shape}, expected {wanted}")
+    if not np.all(np.isfinite(array)):
+        raise NonFiniteError(f"{label} returned {shown(value)} at t = {t:.6g} s")
+    return array
