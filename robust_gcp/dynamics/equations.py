@@ -11,16 +11,22 @@ from numpy.typing import ArrayLike
 
 from ..checks import check_mechanism, real_array, require_finite, shown
 from ..errors import NonFiniteError, OptionError
+from ..maps.classical import SingularityWarning
 from ..maps.explicit import ExplicitMap
 from ..maps.point import Point
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.partition import numerical_rank
 from ..mechanism.tolerances import STRUCTURAL
 from ..mechanism.tree import Array
+from ..warning import warn
 from .reduced_inertia import ReducedInertia
 
 Torque = Callable[[float, Array, Array], ArrayLike]
 CheckedTorque = Callable[[float, Array, Array], Array]
+
+
+UNBALANCED = 1e-6
+"""Share of the joint forces that constraint forces may leave: more than rounding beside a singularity."""
 
 
 @dataclass(slots=True)
@@ -164,12 +170,25 @@ class TorqueFunction:
 def constraint_forces(mechanism: Mechanism, q: Array, v: Array, a: Array, tau: Array | None) -> Array:
     """λ (nc,) with Kᵀ λ = M a + C − τ: the cut joints' reactions, N and N m.
 
-    Where rows of K are redundant, the λ of least norm, moments divided by the characteristic length.
+    Where rows of K are redundant, the λ of least norm, moments divided by the characteristic length. NaN,
+    with a warning, at a singular configuration whose reactions K cannot balance: they are limits from both
+    sides, which need not agree, and no λ there has their value.
     """
     residual = mechanism.tree.rnea(q, v, a).copy()
+    parts = [residual.copy(), mechanism.tree.rnea(q, v, mechanism.tree.zero).copy()]
     if tau is not None:
         residual -= tau
-    return _Split(mechanism, q).multipliers(residual)
+        parts.append(tau)
+    split = _Split(mechanism, q)
+    size = float(np.abs(mechanism.column_scale * np.array(parts)).max(initial=0.0))
+    if np.abs(split.free.T @ residual).max(initial=0.0) > UNBALANCED * size:
+        warn(
+            "multipliers: at a singular configuration no constraint forces balance the motion; "
+            "NaN is recorded there",
+            SingularityWarning,
+        )
+        return np.full(mechanism.nc, np.nan)
+    return split.multipliers(residual)
 
 
 class _Split:

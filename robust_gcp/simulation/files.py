@@ -97,7 +97,7 @@ def write_archive(
     }
     kept: dict[str, Any] = {name: values for name, values in arrays.items() if values is not None}
     kept |= {
-        f"crossing_{field.name}": np.array([getattr(c, field.name) for c in crossings])
+        f"crossing_{field.name}": np.array([_number(getattr(c, field.name)) for c in crossings])
         for field in fields(Crossing)
         if field.name != "kind"
     }
@@ -105,6 +105,11 @@ def write_archive(
     kept |= _fingerprint(mechanism, kept["q"], kept["v"])
     np.savez(path, meta=text, model=model, home=mechanism.home, **kept)
     return path
+
+
+def _number(value: Any) -> Any:
+    """A crossing's cluster as a number where it has none."""
+    return -1 if value is None else value
 
 
 def read_archive(
@@ -135,8 +140,19 @@ def read_archive(
             mechanism = _rebuilt(path, meta, model.tobytes(), home)
         places = [arrays.pop(f"crossing_{f.name}") for f in fields(Crossing) if f.name != "kind"]
         crossings = [
-            Crossing(float(when), y, q, kind, float(certificate), float(transversality))
-            for kind, when, y, q, certificate, transversality in zip(meta["crossings"], *places, strict=True)
+            Crossing(
+                float(when),
+                y,
+                q,
+                kind,
+                float(certificate),
+                float(transversality),
+                int(cluster) if cluster >= 0 else None,
+                int(corank),
+            )
+            for kind, when, y, q, certificate, transversality, cluster, corank in zip(
+                meta["crossings"], *places, strict=True
+            )
         ]
         _require_same(path, mechanism, arrays)
         return mechanism, arrays, crossings, meta["stats"]

@@ -87,6 +87,43 @@ def test_every_choice_of_coordinates_of_the_chain(names: tuple[str, str]) -> Non
     assert_same(run, reference)
 
 
+def lamp(names: tuple[str, str]) -> rg.Mechanism:
+    """Two parallelograms, the second on the first one's plate: mobility 2, both nearly flat."""
+    model = pin.Model()
+    arm = linkages.add_link(model, 0, 0.0, "p1", 1.0)
+    plate = linkages.add_link(model, arm, 1.0, "m1", 0.3)
+    upper = linkages.add_link(model, plate, 0.0, "p2", 1.0)
+    linkages.add_link(model, upper, 1.0, "m2", 0.3)
+    linkages.add_link(model, plate, 0.3, "r2", 1.0)
+    linkages.add_link(model, 0, 0.3, "r1", 1.0)
+    closures = [rg.PointClosure("m1_tip", "r1_tip"), rg.PointClosure("m2_tip", "r2_tip")]
+    return rg.Mechanism(model, closures, names, home=[0.3, -0.3, 0.25, -0.25, 0.25, 0.3])
+
+
+def test_a_lamp_crosses_at_the_same_times_in_all_coordinates() -> None:
+    first = lamp(("p1", "p2"))
+    v0 = first.lift(first.home, [-2.0, -2.2])
+    reference = rg.simulate(first, v0=v0, duration=0.2, step=1e-3)
+    assert [c.cluster for c in reference.crossings] == [0, 1]
+    assert_at_their_place(reference)
+    for names in (("r1", "r2"), ("m1", "m2"), ("p1", "m2")):
+        run = rg.simulate(lamp(names), v0=v0, duration=0.2, step=1e-3)
+        assert_same(run, reference)
+        for one, two in zip(run.crossings, reference.crossings, strict=True):
+            assert abs(one.time - two.time) < 1e-12
+
+
+def test_multipliers_are_nan_where_they_have_no_value() -> None:
+    """Flat and at rest no reaction balances the rhombus; a little beside it reactions do."""
+    rhombus = rg.load("rhombus")
+    mode = next(t for t in rg.analyse(rhombus, np.zeros(3)).modes if np.allclose(t, [1, -1, 1]))
+    with pytest.warns(rg.SingularityWarning, match="no constraint forces"):
+        run = rg.simulate(rhombus, np.zeros(3), mode=mode, duration=0.05, step=1e-2, record=("multipliers",))
+    assert run.multipliers is not None
+    assert np.all(np.isnan(run.multipliers[0]))
+    assert np.all(np.isfinite(run.multipliers[-1]))
+
+
 # --------------------------------------------------------------------------- any corank
 
 

@@ -148,7 +148,7 @@ def test_a_run_that_stops_tells_how_far_and_keeps_the_rows(tmp_path: Path, capsy
     # The kite's crank reaches no further than −π/3: a toggle, after some 0.76 s of falling.
     path = tmp_path / "named.csv"
     given = ["simulate", "kite", "--duration", "1", "--step", "5e-3", "--out", str(path)]
-    assert main(given) == 2
+    assert main([*given, "--on-toggle", "error"]) == 2
     out, err = capsys.readouterr()
     header, rows = read_csv(path)
     assert out == ""

@@ -289,6 +289,7 @@ class ClusterMap:
             Where others are left open: the mechanism has not the mobility that y claims.
         """
         if self._redundant:
+            self.counters.constraint_evaluations += 1
             allowed = max(LEFT_OPEN, self.options.largest_gap)
             self.mechanism.require_closed(q, allowed, when)
 
