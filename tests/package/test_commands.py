@@ -178,7 +178,7 @@ def test_a_run_that_stops_tells_how_far_and_keeps_the_rows(tmp_path: Path, capsy
         ("simulate rhombus --plot motion.jpg", "a figure is a .png or a .pdf file"),
         ("analyse rhombus --q 0 0", "q has shape (2,)"),
         ("analyse rhombus --q 0 0 1", "is open by"),
-        ("analyse no/such/folder", "neither a folder with robot.yaml nor"),
+        ("analyse no/such/folder", "neither a folder with robot.yaml or one robot"),
     ],
 )
 def test_bad_input_is_one_clear_line_and_exit_2(given: str, words: str, capsys: Capture) -> None:
