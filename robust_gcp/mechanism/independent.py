@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..errors import ClosureError, PartitionError
 from .assembly import assembled
 from .joints import in_v
+from .loop_graph import loop_groups
 from .loops import ClosedLoops
 from .partition import independent_rows, numerical_rank, spelled, triangular_blocks
 from .rank import singular_words
@@ -61,6 +62,23 @@ def best_at_home(loops: ClosedLoops, home: Array, name: str) -> tuple[Array, tup
     return home, names
 
 
+def motions(loops: ClosedLoops, q: Array) -> Array:
+    """Orthonormal basis of the instantaneous motions at q, (nv, differential mobility), dimensionless."""
+    K = loops.scaled(loops.K(q))
+    if not len(K):
+        return np.eye(loops.nv)
+    _, s, Vt = np.linalg.svd(K)
+    basis: Array = Vt[numerical_rank(s, STRUCTURAL) :].T
+    return basis
+
+
+def free_velocities(loops: ClosedLoops) -> NDArray[np.int64]:
+    """Velocities of joints that are in no loop and no coupling."""
+    tied = {j for group in loop_groups(loops.model, loops.closures) for j in group.joints}
+    free = [i for joint in loops.joints if joint.index not in tied for i in range(*joint.v.indices(loops.nv))]
+    return np.array(free, dtype=np.int64)
+
+
 def completed(
     loops: ClosedLoops, home: Array, wanted: Sequence[str], name: str
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -83,7 +101,7 @@ def completed(
     tuple of str, tuple of str
         All independent joints and components; those of the wanted ones that cannot serve.
     """
-    T = loops.motions(home)
+    T = motions(loops, home)
     kept: list[str] = []
     lost: list[str] = []
     rows: list[int] = []
@@ -96,7 +114,7 @@ def completed(
             lost.append(one)
     numbers = in_v(loops.joints)
     weight = np.array([1.0 if loops.joint_at(i).single else COMPONENT for i in range(loops.nv)])
-    weight[loops.free_velocities] = 1.0
+    weight[free_velocities(loops)] = 1.0
     rest = np.setdiff1d(np.arange(loops.nv), rows)
     Q = np.linalg.qr(T[rows].T)[0]
     left = (T[rest] - T[rest] @ Q @ Q.T) * weight[rest, None]
@@ -118,11 +136,11 @@ def regular_near(loops: ClosedLoops, home: Array, name: str) -> Array:
     if loops.nc == 0:
         return home
     rng = np.random.default_rng(1)
-    here = loops.motions(home)
+    here = motions(loops, home)
     least, found, best = here.shape[1], home, 0.0
     for _ in range(BESIDE):
         way = here @ rng.normal(0.0, 1.0, here.shape[1])
-        way[loops.free_velocities] = 0.0
+        way[free_velocities(loops)] = 0.0
         step = loops.units * way * (AWAY / max(float(np.abs(way).max(initial=0.0)), 1e-300))
         try:
             q = assembled(loops, loops.tree.integrate(home, step), np.arange(loops.nv), name, (0.0,))

@@ -6,7 +6,7 @@ All other files ask here. A number is called by its joint where the joint has on
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, NamedTuple
@@ -15,8 +15,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from ..checks import checked_vector, hint, shown
-from ..errors import ModelError, StateError
+from ..checks import hint, shown
+from ..errors import ModelError
 
 Array = NDArray[np.floating[Any]]
 
@@ -222,49 +222,6 @@ def in_q(joints: Sequence[Joint]) -> list[Component]:
 def in_v(joints: Sequence[Joint]) -> list[Component]:
     """What the entries of v are, (nv,)."""
     return [c for c in components_of(joints) if c.iv >= 0]
-
-
-def with_numbers(
-    joints: Sequence[Joint], start: Array, given: Mapping[str, Any], letter: str, what: str
-) -> Array:
-    """q or v with the numbers of some joints, or components of joints, replaced.
-
-    Parameters
-    ----------
-    start : ndarray (nq,) or (nv,)
-    given : dict
-        A number, or as many as the joint has in q (or v), by the joint's name or the component's.
-    letter : "q" or "v"
-    what : str
-        What to call it in errors.
-
-    Raises
-    ------
-    StateError
-        For a name that is not there, or numbers that are none or not as many.
-    """
-    made = start.copy()
-    for name, place in places_of(joints, given, letter, what).items():
-        values = given[name] if np.ndim(given[name]) else [given[name]]
-        made[place] = checked_vector(values, len(place), f"{what}[{name!r}]", f"n{letter}")
-    return made
-
-
-def places_of(joints: Sequence[Joint], names: Iterable[str], letter: str, what: str) -> dict[str, list[int]]:
-    """Where the numbers of some joints, or components of joints, are in q or v; see `with_numbers`."""
-    places: dict[str, list[int]] = {}
-    for joint in joints:
-        first, count = (joint.idx_q, joint.nq) if letter == "q" else (joint.idx_v, joint.nv)
-        for component in joint.components:
-            at = component.iq if letter == "q" else component.iv
-            if at >= 0:
-                places[component.name] = [at]
-        places[joint.name] = list(range(first, first + count))
-    for name in names:
-        if name not in places:
-            near = hint(name, places)
-            raise StateError(f"{what}: the model has no joint {name!r}, only {', '.join(places)}{near}")
-    return {name: places[name] for name in names}
 
 
 def support(model: pin.Model, joint: int) -> list[int]:

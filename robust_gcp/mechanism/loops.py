@@ -17,15 +17,13 @@ from .closures import (
 )
 from .constraint import ImplicitConstraint
 from .couplings import AnyClosure, CouplingClosure, Couplings
-from .joints import Joint, in_v, joint_named, with_numbers
-from .loop_graph import characteristic_length, loop_groups
+from .joints import Joint, in_v, joint_named
+from .loop_graph import characteristic_length
 from .memo import Memo
+from .named_numbers import Named, with_numbers
 from .partition import numerical_rank, ranked_choices
 from .tolerances import CLOSED, POLISHED, ROUNDED, STRUCTURAL
 from .tree import Array, Tree, require_depth_first
-
-Named = Mapping[str, float | Sequence[float]]
-"""Numbers by joint, or by component of a joint."""
 
 
 class ClosedLoops:
@@ -253,24 +251,6 @@ class ClosedLoops:
         single = [joint for joint in self.joints if joint.single]
         indices = np.array([joint.idx_v for joint in single], dtype=np.int64)
         return ranked_choices(kernel, indices, [joint.name for joint in single])
-
-    def motions(self, q: ArrayLike) -> Array:
-        """Orthonormal basis of the instantaneous motions at q, (nv, differential mobility), dimensionless."""
-        K = self.scaled(self.K(q))
-        if not len(K):
-            return np.eye(self.nv)
-        _, s, Vt = np.linalg.svd(K)
-        basis: Array = Vt[numerical_rank(s, STRUCTURAL) :].T
-        return basis
-
-    @property
-    def free_velocities(self) -> NDArray[np.int64]:
-        """Velocities of joints that are in no loop and no coupling."""
-        tied = {j for group in loop_groups(self.model, self.closures) for j in group.joints}
-        free = [
-            i for joint in self.joints if joint.index not in tied for i in range(*joint.v.indices(self.nv))
-        ]
-        return np.array(free, dtype=np.int64)
 
     def joint_at(self, i: int) -> Joint:
         """The joint that velocity i belongs to."""

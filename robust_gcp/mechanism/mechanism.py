@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..checks import check_model, check_text, checked_vector, listed, require_finite
-from ..errors import ModelError, PartitionError, StateError
+from ..checks import check_model, check_text, listed, require_finite
+from ..errors import ModelError
 from .assembly import assembled
-from .clusters import LoopCluster, loop_clusters
+from .coordinates import Coordinates
 from .couplings import AnyClosure
 from .forces import AppliedForces, Force
 from .formats.contents import FileContents, tell_left_out
@@ -22,14 +21,12 @@ from .formats.mjcf import read_mjcf
 from .formats.pin_constraints import with_named_frames
 from .formats.urdf import read_urdf
 from .independent import best_at_home, require_determined
-from .loops import ClosedLoops, Named
-from .partition import independent_rows
+from .named_numbers import Named
 from .recommended import Recommended
-from .tolerances import RANK
 from .tree import Array
 
 
-class Mechanism(ClosedLoops):
+class Mechanism(Coordinates):
     """A `pin.Model` with closed loops, seen in minimal coordinates.
 
     Use `load`, `Mechanism.from_urdf`, `Mechanism.from_mjcf` or `Mechanism.from_pinocchio`.
@@ -79,17 +76,11 @@ class Mechanism(ClosedLoops):
         self.recommended = Recommended()
         self.home = pin.neutral(self.model) if home is None else self.configuration(home, "home")
         if isinstance(independent, str) and independent == "auto":
-            self.home, self.independent = best_at_home(self, self.home, self.name)
+            self.home, chosen = best_at_home(self, self.home, self.name)
         else:
-            self.independent = _joints(independent, "independent")
+            chosen = _joints(independent, "independent")
+        self.choose(chosen)
         self.actuated, self.left_out = tuple(actuated), tuple(left_out)
-        self.iv_independent = self._velocities(self.independent)
-        self.m = len(self.iv_independent)
-        self.iv_dependent = np.setdiff1d(np.arange(self.nv), self.iv_independent)
-        chosen = set(self.iv_independent.tolist())
-        self.dependent = tuple(
-            j.name for j in self.joints if not chosen.issuperset(range(*j.v.indices(self.nv)))
-        )
         require_determined(self, self.independent, self.dependent, self.iv_dependent, self.home)
 
     @classmethod
@@ -202,59 +193,6 @@ class Mechanism(ClosedLoops):
         made.actuated, made.left_out = contents.actuated, tuple(contents.left_out)
         return made
 
-    @cached_property
-    def clusters(self) -> tuple[LoopCluster, ...]:
-        """The loop clusters, each with its own joints, closures and mobility; joints in none are free."""
-        return loop_clusters(self, self.independent, self.iv_independent)
-
-    def lift(self, q: ArrayLike, ydot: ArrayLike) -> Array:
-        """v = G(q) ẏ, (nv,): the velocity of the whole tree for velocities ẏ (m,) of the independent joints.
-
-        Raises
-        ------
-        StateError
-            At a configuration where K_d is singular: give v along a mode of `analyse` instead.
-        """
-        return self.G(q) @ checked_vector(ydot, self.m, "ydot", "m")
-
-    def G(self, q: ArrayLike) -> Array:
-        """∂γ/∂y at a closed q, (nv, m): v = G ẏ, with G = [I; −K_d⁻¹ K_i], Eq. (4).
-
-        Raises
-        ------
-        StateError
-            At a configuration where K_d is singular.
-        """
-        q = self.configuration(q)
-        G = np.zeros((self.nv, self.m))
-        G[self.iv_independent] = np.eye(self.m)
-        G[self.iv_dependent] = self._dependent(q, -self.K(q)[:, self.iv_independent])
-        return G
-
-    def g(self, q: ArrayLike, v: ArrayLike) -> Array:
-        """Ġ ẏ at a closed q with K v = 0, (nv,): a = G ÿ + g, with g = [0; K_d⁻¹ k], Eq. (4).
-
-        Raises
-        ------
-        StateError
-            As for `G`.
-        """
-        q = self.configuration(q)
-        g = np.zeros(self.nv)
-        g[self.iv_dependent] = self._dependent(q, self.k(q, v))
-        return g
-
-    def _dependent(self, q: Array, rhs: Array) -> Array:
-        """K_d⁻¹ rhs, in the least-squares sense over redundant rows."""
-        K = self.scaled(self.K(q))[:, self.iv_dependent]
-        rhs = (rhs.T / self.row_scale).T
-        u, _, rank, _ = np.linalg.lstsq(K, rhs, rcond=RANK)
-        if rank < len(self.iv_dependent):
-            raise StateError(
-                "K_d is singular at q, so ẏ does not determine v; take v along a mode of analyse"
-            )
-        return require_finite((self.column_scale[self.iv_dependent] * u.T).T, "K_d⁻¹ times it")
-
     def energy(self, q: ArrayLike, v: ArrayLike) -> float:
         """Kinetic energy, potential energy of gravity and of the springs together, J."""
         q, v = self.configuration(q), self.velocity(v)
@@ -262,27 +200,6 @@ class Mechanism(ClosedLoops):
         if self.applied is not None:
             energy += self.applied.energy(q)
         return float(require_finite(np.asarray(energy), "the energy"))
-
-    @cached_property
-    def iq_independent(self) -> NDArray[np.int64]:
-        """Where y is in q, (m,).
-
-        Raises
-        ------
-        PartitionError
-            Where an independent velocity is not the rate of a number in q.
-        """
-        owners = [self.joint_at(int(i)) for i in self.iv_independent]
-        lost = [joint for joint in owners if not joint.flat]
-        if lost:
-            raise PartitionError(
-                f"the independent velocities {', '.join(self.independent)} of {self.name!r} are not all "
-                f"rates of numbers in q: those of joint {lost[0].name!r} ({lost[0].type}) are velocities on "
-                "a group, on which the equations at a point are served so far (analyse, G) and no run; "
-                "choose joints with one number each, or base='fixed'"
-            )
-        places = zip(owners, self.iv_independent, strict=True)
-        return np.array([joint.idx_q + i - joint.idx_v for joint, i in places], dtype=np.int64)
 
     def assemble(self, q_guess: ArrayLike | Named, hold: Sequence[str] | None = None) -> Array:
         """Close the loops from a rough guess.
@@ -304,7 +221,7 @@ class Mechanism(ClosedLoops):
         ClosureError
             With each loop that stays open, and by how much.
         """
-        held = self._velocities(self.independent if hold is None else _joints(hold, "hold"))
+        held = self.velocities_named(self.independent if hold is None else _joints(hold, "hold"))
         free = np.setdiff1d(np.arange(self.nv), held)
         return assembled(self, self.configuration(q_guess, "q_guess"), free, "assemble")
 
@@ -338,17 +255,6 @@ class Mechanism(ClosedLoops):
         )
 
     # ----------------------------------------------------------------- construction
-
-    def _velocities(self, names: Sequence[str]) -> NDArray[np.int64]:
-        """Where the velocities of these joints and components of joints are in v."""
-        iv = [i for name in names for i in self.velocities_of(name)]
-        if len(set(iv)) != len(iv):
-            raise ModelError(f"a joint is named twice in {', '.join(map(repr, names))}")
-        return np.array(iv, dtype=np.int64)
-
-    def select_rows(self, K: Array) -> NDArray[np.int64]:
-        """As many rows of K as there are dependent velocities, the best conditioned at this K."""
-        return independent_rows(self.scaled(K)[:, self.iv_dependent], len(self.iv_dependent))
 
 
 def _joints(names: Any, what: str) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ import pinocchio as pin
 
 from ...errors import ModelError
 from .mjcf_left_out import SECTIONS, left_out_of
+from .mjcf_options import IN_FULL, check_compiler, gravity_of
 from .mjcf_parts import (
     SOLIDS,
     Defaults,
@@ -35,22 +36,12 @@ from .mjcf_parts import (
 )
 from .xml_text import require_shallow
 
-IN_FULL = "let MuJoCo write the model out in full (mujoco.mj_saveLastXML after loading it) and load that file"
 SILENT = ("asset", "contact", "custom", "size", "statistic", "visual")
 """Sections without a bearing on masses, joints and loops."""
 
 READ = ("compiler", "default", "equality", "keyframe", "option", "worldbody", "actuator", *SECTIONS, *SILENT)
 BODY_PARTS = ("body", "joint", "freejoint", "inertial", "geom", "site", "camera", "light")
 RESERVED = ("universe", "world")
-REFUSED_COMPILER = {
-    "settotalmass": ("-1", "give the masses in full"),
-    "boundmass": ("0", "give the masses in full"),
-    "boundinertia": ("0", "give the inertias in full"),
-    "balanceinertia": ("false", "give inertias that satisfy the triangle inequality"),
-    "inertiagrouprange": ("0 5", "give each body an <inertial>"),
-    "coordinate": ("local", IN_FULL),
-    "alignfree": ("false", "leave it out: it moves the frame of a floating body"),
-}
 
 
 EQUALITIES = ("connect", "weld", "joint", "tendon")
@@ -99,8 +90,8 @@ class _Reader:
                 )
 
     def read(self) -> Reduced:
-        self._check_compiler()
-        self._read_option()
+        check_compiler(self._compiler, self._name)
+        self._out.gravity = gravity_of(self._root, self._name)
         self._out.left_out = left_out_of(self._root, self._defaults, self._name)
         self._read_tendons()
         if self._base == "free":
@@ -123,30 +114,6 @@ class _Reader:
         return self._out
 
     # ----------------------------------------------------------------- sections
-
-    def _check_compiler(self) -> None:
-        for key, (harmless, remedy) in REFUSED_COMPILER.items():
-            value = self._compiler.get(key, harmless)
-            if value.split() != harmless.split() and not (value == "0" and harmless == "false"):
-                raise ModelError(f"{self._name}: compiler {key}={value!r} cannot be read; {remedy}")
-
-    def _read_option(self) -> None:
-        for option in self._root.findall("option"):
-            if option.get("gravity"):
-                self._out.gravity = vector(option, "gravity", 3, self._name)
-            for key in ("density", "viscosity", "wind"):
-                if words(option, key, self._name).any():
-                    raise ModelError(
-                        f"{self._name}: option {key} cannot be read; put drag into torque= and remove it"
-                    )
-            for switches in option.findall("flag"):
-                if switches.get("gravity") == "disable":
-                    self._out.gravity = np.zeros(3)
-                for key in ("equality", "spring", "damper", "passive", "constraint"):
-                    if switches.get(key) == "disable":
-                        raise ModelError(
-                            f"{self._name}: flag {key}='disable' cannot be read; remove the elements instead"
-                        )
 
     def _read_tendons(self) -> None:
         for tendon in (e for section in self._root.findall("tendon") for e in section.findall("fixed")):

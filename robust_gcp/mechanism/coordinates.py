@@ -1,0 +1,131 @@
+"""Closed loops seen in minimal coordinates: where y is in q and v, G and g."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..checks import checked_vector, require_finite
+from ..errors import ModelError, PartitionError, StateError
+from .clusters import LoopCluster, loop_clusters
+from .loops import ClosedLoops
+from .partition import independent_rows
+from .tolerances import RANK
+from .tree import Array
+
+
+class Coordinates(ClosedLoops):
+    """`ClosedLoops` with a choice of independent velocities.
+
+    Attributes
+    ----------
+    independent, dependent : tuple of str
+        Names of the joints y is made of, `joint.component` where it is one of several velocities of a
+        joint, and of all joints that are not independent as a whole.
+    iv_independent, iv_dependent : ndarray of int
+        Where their velocities are in v.
+    m : int
+        How many are independent.
+    """
+
+    name: str
+    independent: tuple[str, ...]
+
+    def choose(self, independent: tuple[str, ...]) -> None:
+        """Make these the independent joints and components; whether they can serve is not asked here."""
+        self.independent = independent
+        self.iv_independent = self.velocities_named(self.independent)
+        self.m = len(self.iv_independent)
+        self.iv_dependent = np.setdiff1d(np.arange(self.nv), self.iv_independent)
+        chosen = set(self.iv_independent.tolist())
+        self.dependent = tuple(
+            j.name for j in self.joints if not chosen.issuperset(range(*j.v.indices(self.nv)))
+        )
+
+    @cached_property
+    def clusters(self) -> tuple[LoopCluster, ...]:
+        """The loop clusters, each with its own joints, closures and mobility; joints in none are free."""
+        return loop_clusters(self, self.independent, self.iv_independent)
+
+    @cached_property
+    def iq_independent(self) -> NDArray[np.int64]:
+        """Where y is in q, (m,).
+
+        Raises
+        ------
+        PartitionError
+            Where an independent velocity is not the rate of a number in q.
+        """
+        owners = [self.joint_at(int(i)) for i in self.iv_independent]
+        lost = [joint for joint in owners if not joint.flat]
+        if lost:
+            raise PartitionError(
+                f"the independent velocities {', '.join(self.independent)} of {self.name!r} are not all "
+                f"rates of numbers in q: those of joint {lost[0].name!r} ({lost[0].type}) are velocities on "
+                "a group, on which the equations at a point are served so far (analyse, G) and no run; "
+                "choose joints with one number each, or base='fixed'"
+            )
+        places = zip(owners, self.iv_independent, strict=True)
+        return np.array([joint.idx_q + i - joint.idx_v for joint, i in places], dtype=np.int64)
+
+    def lift(self, q: ArrayLike, ydot: ArrayLike) -> Array:
+        """v = G(q) ẏ, (nv,): the velocity of the whole tree for velocities ẏ (m,) of the independent joints.
+
+        Raises
+        ------
+        StateError
+            At a configuration where K_d is singular: give v along a mode of `analyse` instead.
+        """
+        return self.G(q) @ checked_vector(ydot, self.m, "ydot", "m")
+
+    def G(self, q: ArrayLike) -> Array:
+        """∂γ/∂y at a closed q, (nv, m): v = G ẏ, with G = [I; −K_d⁻¹ K_i], Eq. (4).
+
+        Raises
+        ------
+        StateError
+            At a configuration where K_d is singular.
+        """
+        q = self.configuration(q)
+        G = np.zeros((self.nv, self.m))
+        G[self.iv_independent] = np.eye(self.m)
+        G[self.iv_dependent] = self._dependent(q, -self.K(q)[:, self.iv_independent])
+        return G
+
+    def g(self, q: ArrayLike, v: ArrayLike) -> Array:
+        """Ġ ẏ at a closed q with K v = 0, (nv,): a = G ÿ + g, with g = [0; K_d⁻¹ k], Eq. (4).
+
+        Raises
+        ------
+        StateError
+            As for `G`.
+        """
+        q = self.configuration(q)
+        g = np.zeros(self.nv)
+        g[self.iv_dependent] = self._dependent(q, self.k(q, v))
+        return g
+
+    def _dependent(self, q: Array, rhs: Array) -> Array:
+        """K_d⁻¹ rhs, in the least-squares sense over redundant rows."""
+        K = self.scaled(self.K(q))[:, self.iv_dependent]
+        rhs = (rhs.T / self.row_scale).T
+        u, _, rank, _ = np.linalg.lstsq(K, rhs, rcond=RANK)
+        if rank < len(self.iv_dependent):
+            raise StateError(
+                "K_d is singular at q, so ẏ does not determine v; take v along a mode of analyse"
+            )
+        return require_finite((self.column_scale[self.iv_dependent] * u.T).T, "K_d⁻¹ times it")
+
+    def velocities_named(self, names: Sequence[str]) -> NDArray[np.int64]:
+        """Where the velocities of these joints and components of joints are in v."""
+        iv = [i for name in names for i in self.velocities_of(name)]
+        if len(set(iv)) != len(iv):
+            raise ModelError(f"a joint is named twice in {', '.join(map(repr, names))}")
+        return np.array(iv, dtype=np.int64)
+
+    def select_rows(self, K: Array) -> NDArray[np.int64]:
+        """As many rows of K as there are dependent velocities, the best conditioned at this K."""
+        return independent_rows(self.scaled(K)[:, self.iv_dependent], len(self.iv_dependent))

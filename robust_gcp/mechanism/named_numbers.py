@@ -1,0 +1,58 @@
+"""Numbers of q and v by the names of joints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..checks import checked_vector, hint
+from ..errors import StateError
+from .joints import Array, Joint
+
+Named = Mapping[str, float | Sequence[float]]
+"""Numbers by joint, or by component of a joint."""
+
+
+def with_numbers(
+    joints: Sequence[Joint], start: Array, given: Mapping[str, Any], letter: str, what: str
+) -> Array:
+    """q or v with the numbers of some joints, or components of joints, replaced.
+
+    Parameters
+    ----------
+    start : ndarray (nq,) or (nv,)
+    given : dict
+        A number, or as many as the joint has in q (or v), by the joint's name or the component's.
+    letter : "q" or "v"
+    what : str
+        What to call it in errors.
+
+    Raises
+    ------
+    StateError
+        For a name that is not there, or numbers that are none or not as many.
+    """
+    made = start.copy()
+    for name, place in places_of(joints, given, letter, what).items():
+        values = given[name] if np.ndim(given[name]) else [given[name]]
+        made[place] = checked_vector(values, len(place), f"{what}[{name!r}]", f"n{letter}")
+    return made
+
+
+def places_of(joints: Sequence[Joint], names: Iterable[str], letter: str, what: str) -> dict[str, list[int]]:
+    """Where the numbers of some joints, or components of joints, are in q or v; see `with_numbers`."""
+    places: dict[str, list[int]] = {}
+    for joint in joints:
+        first, count = (joint.idx_q, joint.nq) if letter == "q" else (joint.idx_v, joint.nv)
+        for component in joint.components:
+            at = component.iq if letter == "q" else component.iv
+            if at >= 0:
+                places[component.name] = [at]
+        places[joint.name] = list(range(first, first + count))
+    for name in names:
+        if name not in places:
+            near = hint(name, places)
+            raise StateError(f"{what}: the model has no joint {name!r}, only {', '.join(places)}{near}")
+    return {name: places[name] for name in names}
