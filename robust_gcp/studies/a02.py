@@ -31,27 +31,15 @@ LADDER = (0.1, 0.05, 0.025, 0.02, 0.0125, 0.01, 0.005, 0.0025, 0.002, 0.001)
 
 @dataclass(frozen=True)
 class Result:
-    """One run.
+    """One run."""
 
-    Attributes
-    ----------
-    n : int
-        Loops.
-    step : float
-        s.
-    position, velocity : float
-        Largest error of B0, the tip of the first crank, m and m/s; infinite when the run stopped.
-    closure : float
-        max |φ|, m.
-    crossings : int
-    seconds, microseconds_per_step : float
-    """
-
-    n: int
-    step: float
+    n: int  # loops
+    step: float  # s
+    # position, velocity: largest error of B0, the tip of the first crank, m and m/s; infinite when the run
+    # stopped
     position: float
     velocity: float
-    closure: float
+    closure: float  # max |φ|, m
     crossings: int
     seconds: float
     microseconds_per_step: float

@@ -13,70 +13,38 @@ Kind = Literal["fixed", "adaptive"]
 
 @dataclass(frozen=True)
 class Scene:
-    """A motion to reproduce.
-
-    Attributes
-    ----------
-    name : str
-    mechanism : Mechanism
-    q0, v0 : ndarray (nq,), (nv,)
-        A closed start with K v0 = 0.
-    times : ndarray (401,)
-        Output times, equally spaced from 0, s. Fixed steps divide their spacing.
-    """
+    """A motion to reproduce."""
 
     name: str
     mechanism: Mechanism
+    # q0 (nq,), v0 (nv,): a closed start with K v0 = 0
     q0: Array
     v0: Array
-    times: Array
+    times: Array  # (401,): output times, equally spaced from 0, s. Fixed steps divide their spacing
 
 
 @dataclass
 class Outcome:
-    """One run of a contender.
+    """One run of a contender."""
 
-    Attributes
-    ----------
-    q, v : ndarray (n, nq), (n, nv)
-        In the spanning tree's joints at the first n of the scene's times; n < 401 when it stopped early.
-    seconds : float
-        Wall time of stepping alone: without imports, loading, or reading the state out afterwards.
-    rhs : int
-        Evaluations of the equations of motion (or of the engine's step) during these.
-    stopped : str
-        Why it ended before the last time; empty when it did not.
-    """
-
+    # q (n, nq), v (n, nv): in the spanning tree's joints at the first n of the scene's times; n < 401 when it
+    # stopped early
     q: Array
     v: Array
+    # wall time of stepping alone: without imports, loading, or reading the state out afterwards
     seconds: float
-    rhs: int
-    stopped: str = ""
+    rhs: int  # evaluations of the equations of motion (or of the engine's step) during these
+    stopped: str = ""  # why it ended before the last time; empty when it did not
 
 
 class Contender(Protocol):
-    """A method or tool that can run scenes.
+    """A method or tool that can run scenes."""
 
-    Attributes
-    ----------
-    name : str
-        Short and unique, as in legends: "bridge", "MuJoCo connect, tuned".
-    family : str
-        "ours", "implicit", "Pinocchio", "MuJoCo", "Exudyn": colours and panels.
-    stepper : str
-        "rk4", "DOP853", …, or the tool's own.
-    kind : {"fixed", "adaptive"}
-        What the ladder's settings mean: a step in s, or a relative tolerance.
-    tuning : str
-        One sentence: model and parameters, as printed in the report.
-    """
-
-    name: str
-    family: str
-    stepper: str
-    kind: Kind
-    tuning: str
+    name: str  # short and unique, as in legends: "bridge", "MuJoCo connect, tuned"
+    family: str  # "ours", "implicit", "Pinocchio", "MuJoCo", "Exudyn": colours and panels
+    stepper: str  # "rk4", "DOP853", …, or the tool's own
+    kind: Kind  # what the ladder's settings mean: a step in s, or a relative tolerance
+    tuning: str  # one sentence: model and parameters, as printed in the report
 
     def refuses(self, scene: Scene) -> str:
         """Why this contender cannot run this scene; empty when it can."""

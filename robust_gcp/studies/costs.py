@@ -49,28 +49,14 @@ PARTS: dict[str, tuple[Callable[..., Any], ...]] = {
 
 @dataclass(frozen=True)
 class Cost:
-    """What a scene's steps cost.
-
-    Attributes
-    ----------
-    scene : str
-    steps : int
-        Outputs after the first one.
-    calls : dict of str to int
-        Calls of each of `PARTS` during the steps.
-    stats : Stats
-        Of the whole run, its start included.
-    crossings : int
-    microseconds : float
-        Of a step, the least of some rounds.
-    """
+    """What a scene's steps cost."""
 
     scene: str
-    steps: int
-    calls: dict[str, int]
-    stats: Stats
+    steps: int  # outputs after the first one
+    calls: dict[str, int]  # calls of each of `PARTS` during the steps
+    stats: Stats  # of the whole run, its start included
     crossings: int
-    microseconds: float
+    microseconds: float  # of a step, the least of some rounds
 
 
 def measure(scene: Scene, rounds: int = 3) -> Cost:

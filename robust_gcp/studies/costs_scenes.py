@@ -19,16 +19,9 @@ RECORDS = ("a", "energy", "multipliers")
 
 @dataclass(frozen=True)
 class Scene:
-    """A mechanism and the arguments of `simulate`.
+    """A mechanism and the arguments of `simulate`."""
 
-    Attributes
-    ----------
-    name : str
-        In words, for the table.
-    make : callable () -> (Mechanism, dict)
-    """
-
-    name: str
+    name: str  # in words, for the table
     make: Callable[[], tuple[Mechanism, dict[str, Any]]]
 
 

@@ -27,40 +27,22 @@ MOST_STEPS = 100
 
 @dataclass(frozen=True)
 class Case:
-    """One random crossing and how it went.
+    """One random crossing and how it went."""
 
-    Attributes
-    ----------
-    lengths : tuple of float
-        l0, l1, l2, l3, m; a change-point linkage.
-    assembly : int
-    y, speed : float
-        Start, rad and rad/s.
-    step : float
-        s.
-    landing : bool
-        Whether the start was chosen so that a step ends within 1e-12 rad of the crossing.
-    crossings : int
-        Crossings logged.
-    nearest : float
-        Smallest distance of an accepted y from the crossing, rad.
-    floor, error : float
-        Largest error of q over the run, rad: of the same stepper on the closed form, and of the bridge.
-    failure : str
-        The message of an error, else empty.
-    """
-
-    lengths: tuple[float, float, float, float]
+    lengths: tuple[float, float, float, float]  # l0, l1, l2, l3, m; a change-point linkage
     assembly: int
+    # y, speed: start, rad and rad/s
     y: float
     speed: float
-    step: float
-    landing: bool
-    crossings: int = 0
-    nearest: float = np.inf
+    step: float  # s
+    landing: bool  # whether the start was chosen so that a step ends within 1e-12 rad of the crossing
+    crossings: int = 0  # crossings logged
+    nearest: float = np.inf  # smallest distance of an accepted y from the crossing, rad
+    # floor, error: largest error of q over the run, rad: of the same stepper on the closed form, and of the
+    # bridge
     floor: float = np.nan
     error: float = np.nan
-    failure: str = ""
+    failure: str = ""  # the message of an error, else empty
 
     @property
     def ratio(self) -> float:

@@ -91,26 +91,13 @@ BRIDGE: dict[str, Any] = {
 
 @dataclass
 class Case:
-    """One mechanism's fall by all methods.
-
-    Attributes
-    ----------
-    mechanism : Mechanism
-    t : ndarray (N + 1,)
-        s.
-    exact : dict of ndarray (N + 1, 3)
-        "q", "v", "a" of the joints from Jacobi elliptic functions; rad, s.
-    runs : dict of Trajectory
-        By method; classical GCP's is shorter than t if it had to stop.
-    stop : str
-        Why classical GCP stopped; empty if it reached the end.
-    """
+    """One mechanism's fall by all methods."""
 
     mechanism: Mechanism
-    t: Array
-    exact: dict[str, Array]
-    runs: dict[Method, Trajectory]
-    stop: str = ""
+    t: Array  # (N + 1,): s
+    exact: dict[str, Array]  # (N + 1, 3): "q", "v", "a" of the joints from Jacobi elliptic functions; rad, s
+    runs: dict[Method, Trajectory]  # by method; classical GCP's is shorter than t if it had to stop
+    stop: str = ""  # why classical GCP stopped; empty if it reached the end
 
     def deviation(self, method: Method) -> Array:
         """Return max |q − exact| over the joints at each time the run reached, (≤ N + 1,), rad."""

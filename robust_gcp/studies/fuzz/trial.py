@@ -40,25 +40,13 @@ HOME = "home"
 
 @dataclass(frozen=True)
 class Document:
-    """A sound file to spoil, with what stands beside it.
-
-    Attributes
-    ----------
-    label : str
-    file : {"robot.urdf", "robot.yaml", "robot.xml"}
-        What it is called in a model's folder.
-    text : str
-    beside : dict
-        The folder's other file, by name; without one the file is read alone.
-    independent : tuple of str, optional
-        Of a shipped model that is read alone, from its key frame `HOME`.
-    """
+    """A sound file to spoil, with what stands beside it."""
 
     label: str
-    file: str
+    file: str  # what it is called in a model's folder
     text: str
-    beside: dict[str, str]
-    independent: tuple[str, ...] = ()
+    beside: dict[str, str]  # the folder's other file, by name; without one the file is read alone
+    independent: tuple[str, ...] = ()  # of a shipped model that is read alone, from its key frame `HOME`
 
 
 @dataclass(frozen=True)

@@ -30,17 +30,12 @@ Exudyn's own least step, 1e-8 s, it would crawl for hours."""
 
 @dataclass
 class Implicit:
-    """Exudyn's generalised-alpha family.
-
-    Attributes
-    ----------
-    integration : dict
-        Settings under `timeIntegration` that differ from Exudyn's defaults.
-    """
+    """Exudyn's generalised-alpha family."""
 
     name: str
     tuning: str
     stepper: str
+    # settings under `timeIntegration` that differ from Exudyn's defaults
     integration: dict[str, Any] = field(default_factory=dict)
     family: str = "Exudyn"
     kind: Kind = "fixed"

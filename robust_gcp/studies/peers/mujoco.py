@@ -26,20 +26,13 @@ EVALUATIONS = {"Euler": 1, "implicitfast": 1, "RK4": 4}
 
 @dataclass
 class Connect:
-    """MuJoCo with `connect` constraints.
-
-    Attributes
-    ----------
-    stepper : str
-        MuJoCo's integrator.
-    time_constant : callable (step) -> float, optional
-        Makes the constraints as stiff as MuJoCo allows, with this time constant (`solref`), s; its
-        defaults when left out.
-    """
+    """MuJoCo with `connect` constraints."""
 
     name: str
     tuning: str
-    stepper: str
+    stepper: str  # MuJoCo's integrator
+    # (step) -> float: makes the constraints as stiff as MuJoCo allows, with this time constant (`solref`), s;
+    # its defaults when left out
     time_constant: Callable[[float], float] | None = None
     family: str = "MuJoCo"
     kind: Kind = "fixed"

@@ -19,29 +19,14 @@ Place = tuple[int, pin.SE3]
 
 @dataclass(frozen=True)
 class Joint:
-    """A hinge or slider with its body.
-
-    Attributes
-    ----------
-    name : str
-    parent : int
-        Index of the parent joint; 0 is the ground.
-    placement : pin.SE3
-        On the parent's body.
-    hinge : bool
-        Else a slider.
-    axis : ndarray (3,)
-        Unit vector in the joint's own axes.
-    inertia : pin.Inertia
-        Of the body, in the joint's own axes.
-    """
+    """A hinge or slider with its body."""
 
     name: str
-    parent: int
-    placement: pin.SE3
-    hinge: bool
-    axis: Array
-    inertia: pin.Inertia
+    parent: int  # index of the parent joint; 0 is the ground
+    placement: pin.SE3  # on the parent's body
+    hinge: bool  # else a slider
+    axis: Array  # (3,): unit vector in the joint's own axes
+    inertia: pin.Inertia  # of the body, in the joint's own axes
 
 
 def has_simple_joints(mechanism: Mechanism) -> bool:

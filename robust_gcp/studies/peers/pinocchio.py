@@ -27,25 +27,14 @@ Acceleration = Callable[[Array, Array], Array]
 
 @dataclass
 class ConstraintDynamics:
-    """`pin.constraintDynamics` with RK4.
-
-    Attributes
-    ----------
-    mu : float
-        Proximal regularisation of the constraint forces' equation.
-    accuracy : float
-        At which its iterations stop.
-    iterations : int
-        At most.
-    omega : callable (scene, step) -> float
-        Of the Baumgarte terms ω² and 2 ω (critical damping), 1/s.
-    """
+    """`pin.constraintDynamics` with RK4."""
 
     name: str
     tuning: str
-    mu: float
-    accuracy: float
-    iterations: int
+    mu: float  # proximal regularisation of the constraint forces' equation
+    accuracy: float  # at which its iterations stop
+    iterations: int  # at most
+    # (scene, step) -> float: of the Baumgarte terms ω² and 2 ω (critical damping), 1/s
     omega: Callable[[Scene, float], float]
     family: str = "Pinocchio"
     stepper: str = "rk4"

@@ -32,17 +32,10 @@ DIVISIONS = (2, 4, 8, 16)
 
 @dataclass(frozen=True)
 class Score:
-    """How a candidate did.
-
-    Attributes
-    ----------
-    name : str
-    regular, singular : float
-        Mean correct digits.
-    stopped, runs : int
-    """
+    """How a candidate did."""
 
     name: str
+    # regular, singular: mean correct digits
     regular: float
     singular: float
     stopped: int

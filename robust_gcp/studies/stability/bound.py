@@ -118,19 +118,11 @@ def governor(factor: float) -> Mechanism:
 
 @dataclass(frozen=True)
 class Bound:
-    """Largest stable step of RK4 at a start.
-
-    Attributes
-    ----------
-    name : str
-    eigenvalue : complex
-        The one that limits the step, 1/s.
-    predicted, measured : float
-        From all eigenvalues, and by bisection, s.
-    """
+    """Largest stable step of RK4 at a start."""
 
     name: str
-    eigenvalue: complex
+    eigenvalue: complex  # the one that limits the step, 1/s
+    # predicted, measured: from all eigenvalues, and by bisection, s
     predicted: float
     measured: float
 

@@ -20,27 +20,15 @@ Verdict = Literal["right", "stopped", "wrong"]
 
 @dataclass(frozen=True)
 class Setting:
-    """A column of a map: how a case is simulated.
-
-    Attributes
-    ----------
-    method : {"bridge", "projection", "classical", "closed_form"}
-    stepper : str
-        "rk4" or one of SciPy's.
-    step : float
-        Of rk4, else the spacing of the output, s.
-    rtol, atol : float
-        Of the adaptive steppers.
-    name : str
-        Heading of the column; made from the others when empty.
-    """
+    """A column of a map: how a case is simulated."""
 
     method: Method = "bridge"
-    stepper: str = "rk4"
-    step: float = 1e-3
+    stepper: str = "rk4"  # "rk4" or one of SciPy's
+    step: float = 1e-3  # of rk4, else the spacing of the output, s
+    # rtol, atol: of the adaptive steppers
     rtol: float = 1e-8
     atol: float = 1e-10
-    name: str = ""
+    name: str = ""  # heading of the column; made from the others when empty
 
     @property
     def label(self) -> str:
@@ -61,53 +49,30 @@ class Case:
 
     A cell is right when each figure that the case bounds is within its bound; stopped when a typed
     error came, or a warning told of it beforehand; else wrong.
-
-    Attributes
-    ----------
-    family, name : str
-        The map, and the row's short label, e.g. "k = 1e6".
-    build : callable () -> (mechanism, q0, v0)
-        May raise a RobustGcpError, which makes all cells of the row stopped ("refused").
-    duration : float
-        s.
-    settings : tuple of Setting
-    allowed : float, callable (Setting) -> float, or None
-        Largest error of q over the run, rad or m. None: the error is not judged.
-    reference : callable (t) -> q (len(t), nq), or None
-        The truth. None: errors are found by a second run, with half the step or a hundredth of the
-        tolerances (self-convergence).
-    energy_allowed : float, callable or None
-        Largest |energy error|, relative to `energy_scale`.
-    energy_scale : float or None
-        J; None: the range of the kinetic energy over the run.
-    closure_allowed : float
-        Largest max |φ| in characteristic lengths of the mechanism.
-    crossings : int or None
-        How many must be logged; None: any number.
-    mode_kept : callable (q (n, nq)) -> bool, or None
-        Whether the motion stayed on its operation mode.
-    torque : callable (t, q, v) -> (nv,), or None
-    more : mapping
-        Further arguments of `simulate`, such as mode or on_toggle.
-    note : str
-        What the row shows, for the report.
     """
 
+    # family, name: the map, and the row's short label, e.g. "k = 1e6"
     family: str
     name: str
+    # () -> (mechanism, q0, v0): may raise a RobustGcpError, which makes all cells of the row stopped
+    # ("refused")
     build: Callable[[], tuple[Mechanism, Array, Array]]
-    duration: float
+    duration: float  # s
     settings: tuple[Setting, ...]
-    allowed: Allowed | None
+    allowed: Allowed | None  # largest error of q over the run, rad or m. None: the error is not judged
+    # (t) -> q (len(t), nq), or None: the truth. None: errors are found by a second run, with half the step or
+    # a hundredth of the tolerances (self-convergence)
     reference: Callable[[Array], Array] | None = None
-    energy_allowed: Allowed | None = None
-    energy_scale: float | None = None
-    closure_allowed: float = 1e-9
-    crossings: int | None = None
+    energy_allowed: Allowed | None = None  # largest |energy error|, relative to `energy_scale`
+    energy_scale: float | None = None  # J; None: the range of the kinetic energy over the run
+    closure_allowed: float = 1e-9  # largest max |φ| in characteristic lengths of the mechanism
+    crossings: int | None = None  # how many must be logged; None: any number
+    # (q (n, nq)) -> bool, or None: whether the motion stayed on its operation mode
     mode_kept: Callable[[Array], bool] | None = None
-    torque: Torque | None = None
+    torque: Torque | None = None  # (t, q, v) -> (nv,), or None
+    # further arguments of `simulate`, such as mode or on_toggle
     more: Mapping[str, Any] = field(default_factory=dict)
-    note: str = ""
+    note: str = ""  # what the row shows, for the report
 
 
 Families = dict[str, Callable[[bool], list[Case]]]
@@ -115,36 +80,16 @@ Families = dict[str, Callable[[bool], list[Case]]]
 
 @dataclass
 class Cell:
-    """What came out of a case with a setting.
-
-    Attributes
-    ----------
-    verdict : {"right", "stopped", "wrong"}
-    error : float
-        Largest error of q, rad or m; NaN where it is unknown.
-    energy_drift : float
-        Largest |energy error| relative to the energy scale.
-    closure_error : float
-        Largest max |φ| in characteristic lengths.
-    crossings : int
-    mode_kept : bool or None
-        None where the case does not say how to tell.
-    reason : str
-        Why it stopped, or what is wrong; empty when right.
-    rhs : int
-        Right-hand sides evaluated.
-    seconds : float
-        Wall time of the run.
-    """
+    """What came out of a case with a setting."""
 
     case: Case
     setting: Setting
     verdict: Verdict
-    error: float = float("nan")
-    energy_drift: float = float("nan")
-    closure_error: float = float("nan")
+    error: float = float("nan")  # largest error of q, rad or m; NaN where it is unknown
+    energy_drift: float = float("nan")  # largest |energy error| relative to the energy scale
+    closure_error: float = float("nan")  # largest max |φ| in characteristic lengths
     crossings: int = 0
-    mode_kept: bool | None = None
-    reason: str = ""
-    rhs: int = 0
-    seconds: float = 0.0
+    mode_kept: bool | None = None  # None where the case does not say how to tell
+    reason: str = ""  # why it stopped, or what is wrong; empty when right
+    rhs: int = 0  # right-hand sides evaluated
+    seconds: float = 0.0  # wall time of the run

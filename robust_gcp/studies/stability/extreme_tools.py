@@ -41,27 +41,15 @@ Lengths = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Motion:
-    """A four-bar and how it starts.
+    """A four-bar and how it starts."""
 
-    Attributes
-    ----------
-    lengths : tuple of float
-        l0, l1, l2, l3, m.
-    y, speed : float
-        rad, rad/s.
-    assembly : int
-    masses : tuple of float
-        kg.
-    gravity : tuple of float
-        Along y and z, m/s².
-    """
-
-    lengths: Lengths
+    lengths: Lengths  # l0, l1, l2, l3, m
+    # y, speed: rad, rad/s
     y: float
     speed: float = 0.0
     assembly: int = 1
-    masses: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    gravity: tuple[float, float] = (0.0, -9.81)
+    masses: tuple[float, float, float] = (1.0, 1.0, 1.0)  # kg
+    gravity: tuple[float, float] = (0.0, -9.81)  # along y and z, m/s²
 
     @property
     def linkage(self) -> FourBar:
@@ -94,20 +82,11 @@ class Motion:
 
 @dataclass
 class Truth:
-    """The motion in closed form: by a fine method, and by the stepper that is judged.
-
-    Attributes
-    ----------
-    motion : Motion
-    duration : float
-        s.
-    mode : ndarray (3,) or None
-        Tangent of the mode that a start at rest takes.
-    """
+    """The motion in closed form: by a fine method, and by the stepper that is judged."""
 
     motion: Motion
-    duration: float
-    mode: Array | None = None
+    duration: float  # s
+    mode: Array | None = None  # (3,) or None: tangent of the mode that a start at rest takes
     _kept: dict[Any, Trajectory] = field(default_factory=dict)
 
     @cached_property

@@ -40,32 +40,19 @@ class Stiff:
 
 @dataclass(frozen=True)
 class Stride:
-    """What an implicit stepper needs for `TARGET`.
-
-    Attributes
-    ----------
-    name, stepper : str
-    bound : float
-        RK4's largest stable step at the start, s.
-    rtol, error : float
-        Loosest tolerance that meets the target, and the error of y there; NaN where none does.
-    mean, largest : float
-        Accepted steps, s.
-    rhs : int
-        Right-hand sides, those of the Jacobian among them.
-    rk4_rhs : float
-        What RK4 needs at its bound.
-    """
+    """What an implicit stepper needs for `TARGET`."""
 
     name: str
     stepper: str
-    bound: float
+    bound: float  # RK4's largest stable step at the start, s
+    # rtol, error: loosest tolerance that meets the target, and the error of y there; NaN where none does
     rtol: float
     error: float
+    # mean, largest: accepted steps, s
     mean: float
     largest: float
-    rhs: int
-    rk4_rhs: float
+    rhs: int  # right-hand sides, those of the Jacobian among them
+    rk4_rhs: float  # what RK4 needs at its bound
 
     @property
     def ratio(self) -> float:

@@ -28,18 +28,12 @@ TANGENT = np.array([1.0, -1.0, 1.0])
 
 @dataclass(frozen=True)
 class Servo:
-    """A ÿ = −B cos y − k (y − r(t)) − c (ẏ − ṙ(t)), r = r0 cos νt: a stiff drive follows a slow path.
+    """A ÿ = −B cos y − k (y − r(t)) − c (ẏ − ṙ(t)), r = r0 cos νt: a stiff drive follows a slow path."""
 
-    Attributes
-    ----------
-    k, c : float
-        N m/rad, N m s/rad.
-    r0, nu : float
-        rad, rad/s.
-    """
-
+    # k, c: N m/rad, N m s/rad
     k: float
     c: float
+    # r0, nu: rad, rad/s
     r0: float = 0.5
     nu: float = 4.0
 

@@ -61,15 +61,9 @@ def looks(contenders: Sequence[tuple[str, str]]) -> dict[str, Look]:
 
 @dataclass
 class Labels:
-    """Text at points of an axes, left out where it would cover what is there already.
+    """Text at points of an axes, left out where it would cover what is there already."""
 
-    Parameters
-    ----------
-    ax : Axes
-        With its final limits and scales; the figure is laid out.
-    """
-
-    ax: Axes
+    ax: Axes  # with its final limits and scales; the figure is laid out
 
     def __post_init__(self) -> None:
         self._boxes: list[tuple[float, float, float, float]] = []

@@ -33,48 +33,30 @@ LEAST, PATIENCE = 6, 3.0
 
 @dataclass
 class Point:
-    """A contender on a scene at one setting.
-
-    Attributes
-    ----------
-    scene, contender, family, stepper, kind : str
-    setting : float
-        Step, s, or relative tolerance.
-    seconds, fastest, slowest : float
-        Median and range of the timed runs, s.
-    repeats : int
-    rhs : int
-        Evaluations of the equations of motion, or of the engine's step.
-    error : float
-        Largest difference of a joint from the exact motion over the outputs, rad; a slide's in lengths.
-        Angles are compared as they are, full turns counted.
-    closure, closure_velocity : float
-        Largest |φ| and |K v| over the outputs, m and rad, per s.
-    energy : float
-        Largest difference of the energy from the exact motion's, over its largest kinetic energy.
-    lost : float or None
-        When the error passed `LOST` or the run stopped, s; None when it went well.
-    why : str
-        Why it was not timed or stopped; empty when it went well.
-    """
+    """A contender on a scene at one setting."""
 
     scene: str
     contender: str
     family: str
     stepper: str
     kind: str
-    setting: float
+    setting: float  # step, s, or relative tolerance
+    # seconds, fastest, slowest: median and range of the timed runs, s
     seconds: float = np.nan
     fastest: float = np.nan
     slowest: float = np.nan
     repeats: int = 0
-    rhs: int = 0
+    rhs: int = 0  # evaluations of the equations of motion, or of the engine's step
+    # largest difference of a joint from the exact motion over the outputs, rad; a slide's in lengths. Angles
+    # are compared as they are, full turns counted
     error: float = np.nan
+    # closure, closure_velocity: largest |φ| and |K v| over the outputs, m and rad, per s
     closure: float = np.nan
     closure_velocity: float = np.nan
+    # largest difference of the energy from the exact motion's, over its largest kinetic energy
     energy: float = np.nan
-    lost: float | None = None
-    why: str = ""
+    lost: float | None = None  # when the error passed `LOST` or the run stopped, s; None when it went well
+    why: str = ""  # why it was not timed or stopped; empty when it went well
 
     @property
     def timed(self) -> bool:

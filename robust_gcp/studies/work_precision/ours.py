@@ -23,27 +23,15 @@ FIXED = "rk4"
 
 @dataclass
 class Ours:
-    """`simulate` as a contender.
-
-    Parameters
-    ----------
-    name, family : str
-    method : str
-    stepper : str
-    tuning : str
-    newton_start : str
-        Of the classical method.
-    backend : str
-        Of `simulate`.
-    """
+    """`simulate` as a contender."""
 
     name: str
     family: str
     method: Method
     stepper: str
     tuning: str
-    newton_start: NewtonStart = "tangent"
-    backend: Literal["python", "native"] = "python"
+    newton_start: NewtonStart = "tangent"  # of the classical method
+    backend: Literal["python", "native"] = "python"  # of `simulate`
     kind: Kind = field(init=False)
 
     def __post_init__(self) -> None:

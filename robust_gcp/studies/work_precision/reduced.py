@@ -23,19 +23,11 @@ Shape = Callable[[float], tuple[Array, Array, Array]]
 
 @dataclass(frozen=True)
 class Reduced:
-    """A motion as a small system of its own, ẋ = f(t, x).
-
-    Attributes
-    ----------
-    x0 : ndarray
-    rate : callable (t, x) -> ẋ
-    read : callable x -> (q, v)
-        In the joints of the scene.
-    """
+    """A motion as a small system of its own, ẋ = f(t, x)."""
 
     x0: Array
-    rate: Callable[[float, Array], Array]
-    read: Callable[[Array], tuple[Array, Array]]
+    rate: Callable[[float, Array], Array]  # (t, x) -> ẋ
+    read: Callable[[Array], tuple[Array, Array]]  # x -> (q, v): in the joints of the scene
 
 
 class Weights(NamedTuple):
@@ -49,23 +41,12 @@ class Weights(NamedTuple):
 
 @dataclass(frozen=True)
 class Planar:
-    """Bodies in the plane whose centres are sums of phasors, c = c₀ + A e^{iθ}, θ = S q.
+    """Bodies in the plane whose centres are sums of phasors, c = c₀ + A e^{iθ}, θ = S q."""
 
-    Parameters
-    ----------
-    S : ndarray (na, nv)
-        Which joints make up each phasor's angle.
-    A : ndarray of complex (nb, na)
-        Arms of the bodies' centres, m.
-    spin : sequence of int (nb,)
-        The angle that each body turns with.
-    mass, moment : ndarray (nb,)
-        kg, and kg m² about the centre.
-    """
-
-    S: Array
-    A: np.ndarray
-    spin: tuple[int, ...]
+    S: Array  # (na, nv): which joints make up each phasor's angle
+    A: np.ndarray  # (nb, na): arms of the bodies' centres, m
+    spin: tuple[int, ...]  # the angle that each body turns with
+    # mass, moment: (nb,): kg, and kg m² about the centre
     mass: Array
     moment: Array
     gravity: float = GRAVITY
@@ -102,17 +83,10 @@ class Planar:
 
 @dataclass(frozen=True)
 class OneDof:
-    """½ m(y) ẏ² + V(y) = E, so that ÿ = −(½ m' ẏ² + V')/m.
+    """½ m(y) ẏ² + V(y) = E, so that ÿ = −(½ m' ẏ² + V')/m."""
 
-    Parameters
-    ----------
-    shape : callable
-        The exact γ and its derivatives.
-    weigh : callable (q, γ', γ'') -> Weights
-    """
-
-    shape: Shape
-    weigh: Callable[[Array, Array, Array], Weights]
+    shape: Shape  # the exact γ and its derivatives
+    weigh: Callable[[Array, Array, Array], Weights]  # by q, γ' and γ''
 
     def start(self, y: float, ydot: float) -> Reduced:
         """The motion from (y, ẏ)."""

@@ -21,21 +21,14 @@ QUADRATURE = 8
 
 @dataclass(frozen=True)
 class Reference:
-    """The motion at the output times.
+    """The motion at the output times."""
 
-    Attributes
-    ----------
-    q, v : ndarray (401, nq), (401, nv)
-    accuracy : float
-        Largest difference of two independent computations, rad (slides: m over the mechanism's length).
-    source : str
-        One sentence: how both were made.
-    """
-
+    # q (401, nq), v (401, nv)
     q: Array
     v: Array
+    # largest difference of two independent computations, rad (slides: m over the mechanism's length)
     accuracy: float
-    source: str
+    source: str  # one sentence: how both were made
 
 
 def integrate(

@@ -29,31 +29,15 @@ TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13)
 
 @dataclass(frozen=True)
 class Motion:
-    """A scene with its exact motion.
-
-    Attributes
-    ----------
-    scene : Scene
-    title : str
-        For figures and tables.
-    crosses : bool
-        Whether the motion passes singular configurations.
-    floor : Reduced
-        The exact reduced equations, which floors are integrated from.
-    solve : callable () -> Reference
-    steps : tuple of int
-        Steps in each output interval.
-    cap : float
-        Longest run that is timed, s.
-    """
+    """A scene with its exact motion."""
 
     scene: Scene
-    title: str
-    crosses: bool
-    floor: Reduced
+    title: str  # for figures and tables
+    crosses: bool  # whether the motion passes singular configurations
+    floor: Reduced  # the exact reduced equations, which floors are integrated from
     solve: Callable[[], Reference]
-    steps: tuple[int, ...] = STEPS
-    cap: float = 0.5
+    steps: tuple[int, ...] = STEPS  # steps in each output interval
+    cap: float = 0.5  # longest run that is timed, s
 
 
 def times_of(duration: float) -> Array:
