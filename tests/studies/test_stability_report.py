@@ -16,7 +16,7 @@ from robust_gcp.__main__ import main
 from robust_gcp.studies.stability import command, maps, report
 from robust_gcp.studies.stability.bound import Bound
 from robust_gcp.studies.stability.case import Case, Cell, Setting, Verdict
-from robust_gcp.studies.stability.families import families
+from robust_gcp.studies.stability.command import families
 from robust_gcp.studies.stability.steps import Stride
 
 Array = NDArray[np.float64]

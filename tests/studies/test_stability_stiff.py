@@ -11,10 +11,10 @@ import pytest
 import robust_gcp as rg
 from robust_gcp.maps.closed_form import pendulum
 from robust_gcp.studies.stability import stiff
-from robust_gcp.studies.stability.bound import SHARES, around
 from robust_gcp.studies.stability.case import Case, Cell
 from robust_gcp.studies.stability.judge import judge
 from robust_gcp.studies.stability.steps import TARGET, motions, stride
+from robust_gcp.studies.stability.stiff import SHARES, around
 from robust_gcp.studies.stability.truth import A, B, Servo, of_run
 
 

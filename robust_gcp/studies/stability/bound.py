@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import root
@@ -12,13 +12,12 @@ from scipy.optimize import root
 from ...dynamics.linearise import linearise
 from ...errors import SimulationError
 from ...examples.linkages import four_bar
-from ...mechanism.folders.loader import load
-from ...mechanism.forces import Force, JointDamper, JointSpring, PointSpring
+from ...mechanism.forces import JointDamper, JointSpring
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ...simulation.simulate import simulate
-from .case import Case, Setting
-from .truth import A, B, of_run, with_forces
+from .case import Start, at_rest
+from .truth import SHAFT, A, B, governor, with_forces
 
 STEPS = 60
 """Of a run of the bisection: few, so that the eigenvalues hardly change on the way."""
@@ -28,9 +27,6 @@ APART = 1e-6
 
 KICK = 1e-3
 """rad, or of the natural speed: the fast motion that a run starts with."""
-
-
-Start = tuple[Mechanism, Array, Array]
 
 
 @dataclass(frozen=True)
@@ -63,8 +59,7 @@ def _rhombus(k: float, c: float) -> Callable[[], Start]:
         bare = four_bar(1.0, 1.0, 1.0, 1.0, y=0.5)
         load = B * np.cos(0.5) / (k * B) if k else 0.0
         spring = JointSpring("q1", k * B, 0.5 + load + KICK)
-        forces: list[Force] = [spring, JointDamper("q1", c * np.sqrt(A * B))]
-        mechanism = with_forces(bare, forces)
+        mechanism = with_forces(bare, [spring, JointDamper("q1", c * np.sqrt(A * B))])
         speed = 0.0 if k else KICK * c * np.sqrt(B / A)  # runs out after KICK rad
         return mechanism, bare.home, mechanism.lift(bare.home, [speed])
 
@@ -73,47 +68,31 @@ def _rhombus(k: float, c: float) -> Callable[[], Start]:
 
 def _change_point() -> Start:
     bare = four_bar(4.0, 2.0, 3.0, 3.0, y=2.0)
-    mechanism = with_forces(bare, [JointSpring("q3", 1e6 * 9.81, float(bare.home[2]) + KICK)])
-    return mechanism, bare.home, np.zeros(3)
+    return at_rest(with_forces(bare, [JointSpring("q3", 1e6 * 9.81, float(bare.home[2]) + KICK)]))
 
 
 def _flyball_start() -> Start:
-    """IFToMM's A05: 30°, the shaft at 2π rad/s. It moves on, and its eigenvalues with it."""
-    mechanism = governor(1.0)
-    return mechanism, mechanism.home, np.array([2.0 * np.pi, 0.0, 0.0, 0.0])
+    """IFToMM's A05: 30°. It moves on, and its eigenvalues with it."""
+    mechanism = governor()
+    return mechanism, mechanism.home, SHAFT
 
 
 def _flyball(factor: float) -> Callable[[], Start]:
-    """Turning steadily at 2π rad/s: a state at rest relative to the shaft, the slider kicked off it."""
+    """Turning steadily: a state at rest relative to the shaft, the slider kicked off it."""
 
     def build() -> Start:
         mechanism = governor(factor)
-        v = np.array([2.0 * np.pi, 0.0, 0.0, 0.0])
         applied = mechanism.applied
         assert applied is not None
 
         def pull(angles: Array) -> Array:
             q = np.array([0.0, *angles])
-            return mechanism.tree.rnea(q, v, mechanism.tree.zero)[1:] - applied.tau(q, v)[1:]
+            return mechanism.tree.rnea(q, SHAFT, mechanism.tree.zero)[1:] - applied.tau(q, SHAFT)[1:]
 
         q = np.array([0.0, *root(pull, mechanism.home[1:], tol=1e-12).x])
-        return mechanism, q, v + np.array([0.0, 0.0, 0.0, KICK])
+        return mechanism, q, SHAFT + np.array([0.0, 0.0, 0.0, KICK])
 
     return build
-
-
-def governor(factor: float) -> Mechanism:
-    """The flyball governor A05, its spring-dampers `factor` times as stiff."""
-    original = load("flyball")
-    forces = [
-        replace(f, stiffness=factor * f.stiffness, damping=factor * f.damping)
-        for f in original.forces
-        if isinstance(f, PointSpring)
-    ]
-    return with_forces(original, forces)
-
-
-# --------------------------------------------------------------------------- bisection
 
 
 @dataclass(frozen=True)
@@ -168,33 +147,3 @@ def _end(mechanism: Mechanism, q0: Array, v0: Array, step: float) -> Array:
         warnings.simplefilter("ignore")
         run = simulate(mechanism, q0, v0, STEPS * step, step)
     return np.concatenate([run.y[-1], run.v[-1, mechanism.iv_independent]])
-
-
-# --------------------------------------------------------------------------- the family of a map
-
-SHARES = (0.5, 0.9, 0.98, 1.02, 1.1, 2.0, 10.0)
-"""Steps of the map's columns, in largest stable steps."""
-
-
-def around(quick: bool) -> list[Case]:
-    """RK4 with steps around the predicted bound: bounded inside, warned and growing outside."""
-    return [_around(system) for system in systems(quick)]
-
-
-def _around(system: System) -> Case:
-    mechanism, q0, v0 = system.build()
-    largest = linearise(mechanism, q0, v0).largest_stable_step
-    duration = 200.0 * largest
-    exact = of_run(
-        mechanism, duration, q0=q0, v0=v0, step=duration / 2000, stepper="DOP853", rtol=1e-9, atol=1e-9
-    )
-    return Case(
-        "RK4's bound",
-        system.name,
-        lambda: (mechanism, q0, v0),
-        duration,
-        tuple(Setting(step=s * largest, name=f"{s:g} h*") for s in SHARES),
-        3.0 * KICK,
-        exact,
-        note=f"h* = {largest:.3g} s",
-    )

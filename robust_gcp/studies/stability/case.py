@@ -6,9 +6,12 @@ function of `quick` (a short excerpt) that lists its cases.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+import functools
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
+
+import numpy as np
 
 from ...dynamics.equations import Torque
 from ...maps.choice import Method
@@ -16,6 +19,8 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 
 Verdict = Literal["right", "stopped", "wrong"]
+Start = tuple[Mechanism, Array, Array]
+"""Mechanism, q0 and v0."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +34,18 @@ class Setting:
     rtol: float = 1e-8
     atol: float = 1e-10
     name: str = ""  # heading of the column; made from the others when empty
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """As `simulate` takes it."""
+        return {name: getattr(self, name) for name in ("step", "method", "stepper", "rtol", "atol")}
+
+    @property
+    def finer(self) -> Setting:
+        """Half the step; a hundredth of the tolerances, as far as rounding permits."""
+        if self.stepper == "rk4":
+            return replace(self, step=0.5 * self.step)
+        return replace(self, rtol=max(1e-2 * self.rtol, 3e-14), atol=1e-2 * self.atol)
 
     @property
     def label(self) -> str:
@@ -56,7 +73,7 @@ class Case:
     name: str
     # () -> (mechanism, q0, v0): may raise a RobustGcpError, which makes all cells of the row stopped
     # ("refused")
-    build: Callable[[], tuple[Mechanism, Array, Array]]
+    build: Callable[[], Start]
     duration: float  # s
     settings: tuple[Setting, ...]
     allowed: Allowed | None  # largest error of q over the run, rad or m. None: the error is not judged
@@ -75,7 +92,29 @@ class Case:
     note: str = ""  # what the row shows, for the report
 
 
-Families = dict[str, Callable[[bool], list[Case]]]
+Family = Callable[[bool], list[Case]]
+Families = dict[str, Family]
+row = functools.partial(Case, "")
+"""A case whose family is told by `family`."""
+
+
+def family(name: str, into: Families) -> Callable[[Callable[[bool], Iterable[Case]]], Family]:
+    """Make a generator of rows the function that lists them as cases of a family, and enter it."""
+
+    def enter(rows: Callable[[bool], Iterable[Case]]) -> Family:
+        @functools.wraps(rows)
+        def cases(quick: bool) -> list[Case]:
+            return [replace(case, family=name) for case in rows(quick)]
+
+        into[name] = cases
+        return cases
+
+    return enter
+
+
+def at_rest(mechanism: Mechanism) -> Start:
+    """At home, without motion."""
+    return mechanism, mechanism.home, np.zeros(mechanism.nv)
 
 
 @dataclass

@@ -11,14 +11,19 @@ from ...drawing.figures import style as plots
 from ...errors import OptionError
 from ...printing import table
 from .. import pages
-from . import maps, report
-from .bound import Bound, measure, systems
-from .case import Case, Cell
-from .families import families
+from . import extreme_bodies, extreme_motion, extreme_starts, maps, report, stiff
+from .bound import measure, systems
+from .case import Cell, Families
 from .judge import judge_all
-from .steps import Stride, strides
+from .steps import strides
 
 PAGE = "stability.md"
+
+
+def families() -> Families:
+    """Name → function of `quick` that lists the family's cases, in the order of the report."""
+    modules = (stiff, extreme_bodies, extreme_motion, extreme_starts)
+    return {name: cases for module in modules for name, cases in module.FAMILIES.items()}
 
 
 def arguments(add_to: Arguments) -> None:
@@ -38,11 +43,10 @@ def run(args: argparse.Namespace) -> int:
     page = None if args.docs is None else args.docs / PAGE
     if page is not None and not page.is_file():
         raise OptionError(f"--docs {args.docs}: there is no {PAGE} to refresh")
-    cases = chosen(args.case, args.quick)
-    whole = args.case is None
-    cells = judge_all(cases)
-    bounds: list[Bound] = [measure(system) for system in systems(args.quick)] if whole else []
-    found: list[Stride] = strides(args.quick) if whole else []
+    known, whole = families(), args.case is None
+    cells = judge_all([case for name in args.case or known for case in known[name](args.quick)])
+    bounds = [measure(system) for system in systems(args.quick)] if whole else []
+    found = strides(args.quick) if whole else []
     paths = report.write(args.out, cells, bounds, found)
     paths += draw(args.out, cells)
     if page is not None:
@@ -55,19 +59,11 @@ def run(args: argparse.Namespace) -> int:
     return 1 if report.count(cells)["wrong"] else 0
 
 
-def chosen(names: Sequence[str] | None, quick: bool) -> list[Case]:
-    """The cases of the named families, or of all."""
-    known = families()
-    return [case for name in names or known for case in known[name](quick)]
-
-
 def draw(folder: Path, cells: Sequence[Cell]) -> list[Path]:
     """One map a family; the summary where there are several."""
     folder.mkdir(parents=True, exist_ok=True)
-    paths = []
-    for family in report.families_of(cells):
-        mine = [cell for cell in cells if cell.case.family == family]
-        paths.append(maps.draw_family(mine, folder / f"stability_{maps.slug(family)}.png"))
+    families = report.by_family(cells)
+    paths = [maps.draw_family(mine, folder / f"stability_{maps.slug(f)}.png") for f, mine in families.items()]
     if len(paths) > 1:
         paths.append(maps.draw_summary(cells, folder / "stability_summary.png"))
     return paths
@@ -75,11 +71,9 @@ def draw(folder: Path, cells: Sequence[Cell]) -> list[Path]:
 
 def _tell(cells: Sequence[Cell]) -> None:
     head = ["family", *(f" {verdict}" for verdict in report.VERDICTS)]
-    rows = []
-    for family in report.families_of(cells):
-        counted = report.count(cell for cell in cells if cell.case.family == family)
-        rows.append([family, *map(str, counted.values())])
-    rows.append(["all", *map(str, report.count(cells).values())])
+    counted = {family: report.count(mine) for family, mine in report.by_family(cells).items()}
+    counted["all"] = report.count(cells)
+    rows = [[family, *map(str, counts.values())] for family, counts in counted.items()]
     print(table(head, rows, None))
     for cell in cells:
         if cell.verdict == "wrong":

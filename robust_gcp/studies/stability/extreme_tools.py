@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from ...errors import RobustGcpError
 from ...examples.linkages import four_bar
@@ -16,7 +18,7 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ...simulation.simulate import simulate
 from ...simulation.trajectory import Trajectory
-from .case import Case, Setting
+from .case import Case, Setting, Start, row
 
 CHANGE_POINT = (4.0, 2.0, 3.0, 3.0)
 CRANK_ROCKER = (4.0, 1.0, 3.0, 3.5)
@@ -37,6 +39,7 @@ LEAST = 1e-11
 """rad: an error below is rounding."""
 
 Lengths = tuple[float, float, float, float]
+EXACT: dict[str, Any] = {"stepper": "DOP853", "rtol": 1e-13, "atol": 1e-13}
 
 
 @dataclass(frozen=True)
@@ -44,9 +47,8 @@ class Motion:
     """A four-bar and how it starts."""
 
     lengths: Lengths  # l0, l1, l2, l3, m
-    # y, speed: rad, rad/s
-    y: float
-    speed: float = 0.0
+    y: float  # rad
+    speed: float = 0.0  # rad/s
     assembly: int = 1
     masses: tuple[float, float, float] = (1.0, 1.0, 1.0)  # kg
     gravity: tuple[float, float] = (0.0, -9.81)  # along y and z, m/s²
@@ -56,13 +58,14 @@ class Motion:
         """The closed form."""
         return FourBar(*self.lengths, self.assembly)
 
-    def build(self, nudge: float = 0.0) -> tuple[Mechanism, Array, Array]:
+    def build(self, nudge: float = 0.0) -> Start:
         """The mechanism, q0 and v0, moved by a relative nudge."""
         y = self.y + nudge * max(1.0, abs(self.y))
-        plain = four_bar(*self.lengths, y=y, assembly=self.assembly, masses=self.masses)
-        model = plain.model.copy()
-        model.gravity.linear = np.array([0.0, *self.gravity])
-        mechanism = Mechanism(model, plain.closures, plain.independent, plain.home, plain.name)
+
+        def pull(model: pin.Model) -> None:
+            model.gravity.linear = np.array([0.0, *self.gravity])
+
+        mechanism = changed(four_bar(*self.lengths, y=y, assembly=self.assembly, masses=self.masses), pull)
         speed = self.speed * (1.0 + nudge)
         v0 = self.linkage.evaluate(y)[1] * speed if speed else np.zeros(3)
         return mechanism, mechanism.home, v0
@@ -70,14 +73,21 @@ class Motion:
     def kept(self, q: Array) -> bool:
         """Whether q (n, 3) lies on the mode of the start, to 1e-6 rad and what rounding of y makes of it."""
         linkage, roundings = self.linkage, 1e3 * rounding(self.lengths)
-        for row in q:
+        for pose in q:
             try:
-                on_mode, G, _ = linkage.evaluate(float(row[0]), near=row)
+                on_mode, G, _ = linkage.evaluate(float(pose[0]), near=pose)
             except RobustGcpError:  # at a dead point both assemblies meet
                 continue
-            if np.abs(on_mode - row).max() > 1e-6 + roundings * np.abs(G).max():
+            if np.abs(on_mode - pose).max() > 1e-6 + roundings * np.abs(G).max():
                 return False
         return True
+
+
+def changed(plain: Mechanism, change: Callable[[pin.Model], None]) -> Mechanism:
+    """The mechanism with its model changed."""
+    model = plain.model.copy()
+    change(model)
+    return Mechanism(model, plain.closures, plain.independent, plain.home, plain.name)
 
 
 @dataclass
@@ -86,21 +96,22 @@ class Truth:
 
     motion: Motion
     duration: float  # s
-    mode: Array | None = None  # (3,) or None: tangent of the mode that a start at rest takes
+    mode: Array | None = None  # (3,): tangent of the mode that a start at rest takes
     _kept: dict[Any, Trajectory] = field(default_factory=dict)
 
     @cached_property
-    def start(self) -> tuple[Mechanism, Array, Array]:
+    def start(self) -> Start:
         """Mechanism, q0 and v0."""
         return self.motion.build()
 
     def exact(self, t: Array) -> Array:
         """q at times t, (n, 3); NaN after the time up to which it is known."""
-        known = self._run((float(t[-1]), len(t)), t, "DOP853", 1e-13)
         q = np.full((len(t), 3), np.nan)
         if len(t) == 1:
             q[0] = self.start[1]
-        elif known is not None:
+            return q
+        known = self._simulate(0.0, float(t[-1]), step=float(t[1] - t[0]), **EXACT)
+        if known is not None:
             q[: len(known.q)] = known.q[: len(t)]
         return q
 
@@ -129,34 +140,18 @@ class Truth:
         return share * floor + SENSITIVE * self.sensitivity(setting) + least
 
     def _stepped(self, setting: Setting, nudge: float) -> Trajectory | None:
-        return self._simulate(
-            ("step", setting, nudge),
-            nudge,
-            duration=self.duration,
-            step=setting.step,
-            stepper=setting.stepper,
-            rtol=setting.rtol,
-            atol=setting.atol,
-        )
+        return self._simulate(nudge, self.duration, **setting.options)
 
-    def _run(self, key: tuple[float, int], t: Array, stepper: str, rtol: float) -> Trajectory | None:
-        if len(t) < 2:
-            return None
-        step = float(t[1] - t[0])
-        return self._simulate(
-            ("exact", *key), 0.0, duration=float(t[-1]), step=step, stepper=stepper, rtol=rtol, atol=rtol
-        )
-
-    def _simulate(self, key: Any, nudge: float, **arguments: Any) -> Trajectory | None:
+    def _simulate(self, nudge: float, duration: float, **options: Any) -> Trajectory | None:
         """A run on the closed form, or what there is of one that stopped; made once."""
+        key = (nudge, duration, *options.values())
         if key not in self._kept:
             try:
-                mechanism, q0, v0 = self.motion.build(nudge) if nudge else self.start
+                start = self.motion.build(nudge) if nudge else self.start
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore")
-                    self._kept[key] = simulate(
-                        mechanism, q0, v0, method="closed_form", mode=self.mode, **arguments
-                    )
+                    more = options | {"method": "closed_form", "mode": self.mode}
+                    self._kept[key] = simulate(*start, duration, **more)
             except RobustGcpError as error:
                 if error.trajectory is None:
                     return None
@@ -169,35 +164,13 @@ def rounding(lengths: Lengths) -> float:
     return float(np.finfo(float).eps) * max(lengths) / min(lengths)
 
 
-def four_bar_case(
-    family: str,
-    name: str,
-    motion: Motion,
-    duration: float,
-    settings: tuple[Setting, ...],
-    crossings: int | None = None,
-    mode: Array | None = None,
-    note: str = "",
+def four_bar_row(
+    name: str, motion: Motion, duration: float, settings: tuple[Setting, ...], mode: Array | None = None
 ) -> Case:
     """A row whose cells are right where they err no more than their stepper does on the closed form."""
     truth = Truth(motion, duration, mode)
-
-    def build() -> tuple[Mechanism, Array, Array]:
-        return truth.start
-
-    return Case(
-        family,
-        name,
-        build,
-        duration,
-        settings,
-        truth.allowed,
-        truth.exact,
-        crossings=crossings,
-        mode_kept=motion.kept,
-        more={} if mode is None else {"mode": mode},
-        note=note,
-    )
+    more: dict[str, Any] = {"mode_kept": motion.kept, "more": {} if mode is None else {"mode": mode}}
+    return row(name, lambda: truth.start, duration, settings, truth.allowed, truth.exact, **more)
 
 
 def columns(

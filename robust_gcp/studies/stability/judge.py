@@ -11,21 +11,17 @@ import numpy as np
 
 from ...errors import RobustGcpError, StateError
 from ...maps.classical import SingularityWarning
-from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
 from ...printing import along
 from ...simulation.coarse import CoarseStepWarning
 from ...simulation.simulate import simulate
 from ...simulation.stability import StabilityWarning
 from ...simulation.trajectory import Trajectory
-from .case import Allowed, Case, Cell, Setting
+from .case import Allowed, Case, Cell, Setting, Start
 
 MOST_CHECKED = 2000
 """Outputs of a long run at which error, energy and closure are looked at."""
 
 OURS = (SingularityWarning, StabilityWarning, CoarseStepWarning)
-
-Start = tuple[Mechanism, Array, Array]
 
 
 def judge(case: Case) -> list[Cell]:
@@ -82,23 +78,9 @@ def bound(allowed: Allowed, setting: Setting) -> float:
     return float(allowed(setting) if callable(allowed) else allowed)
 
 
-def _simulate(case: Case, setting: Setting, start: Start, finer: bool = False) -> Trajectory:
-    mechanism, q0, v0 = start
-    rk4 = setting.stepper == "rk4"
-    tolerance = 1e-2 if finer and not rk4 else 1.0
-    more: dict[str, Any] = {"torque": case.torque, **case.more}
-    return simulate(
-        mechanism,
-        q0,
-        v0,
-        case.duration,
-        setting.step * (0.5 if finer and rk4 else 1.0),
-        setting.method,
-        setting.stepper,
-        rtol=max(setting.rtol * tolerance, 3e-14),
-        atol=setting.atol * tolerance,
-        **more,
-    )
+def _simulate(case: Case, setting: Setting, start: Start) -> Trajectory:
+    more: dict[str, Any] = {"torque": case.torque, **setting.options, **case.more}
+    return simulate(*start, case.duration, **more)
 
 
 def _keep(cell: Cell, run: Trajectory) -> None:
@@ -141,19 +123,8 @@ def thinned(run: Trajectory) -> Trajectory:
         return run
     keep = np.unique(np.append(np.arange(0, n, -(-n // (MOST_CHECKED - 1))), n - 1))
 
-    def cut(values: Array | None) -> Array | None:
-        return None if values is None else values[keep]
-
-    return replace(
-        run,
-        t=run.t[keep],
-        q=run.q[keep],
-        v=run.v[keep],
-        a=cut(run.a),
-        energy=cut(run.energy),
-        multipliers=cut(run.multipliers),
-        work=cut(run.work),
-    )
+    values = {name: getattr(run, name) for name in ("t", "q", "v", "a", "energy", "multipliers", "work")}
+    return replace(run, **{name: value[keep] for name, value in values.items() if value is not None})
 
 
 def _faults(cell: Cell, run: Trajectory, start: Start) -> list[str]:
@@ -181,7 +152,7 @@ def _converged(case: Case, setting: Setting, run: Trajectory, start: Start) -> f
     """The error as the distance from a finer run: 16/15 of it for RK4 with half the step."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        finer = _simulate(case, setting, start, finer=True)
+        finer = _simulate(case, setting.finer, start)
     _, i, j = np.intersect1d(run.t, finer.t, return_indices=True)
     apart = float(np.abs(run.q[i] - finer.q[j]).max())
     return apart * (16.0 / 15.0 if setting.stepper == "rk4" else 1.0)

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...drawing.figures import style as plots
 from .case import Cell, Verdict
-from .report import MEANING, MOST_ROWS, SYMBOLS, VERDICTS, count, families_of, spelled
+from .report import MEANING, MOST_ROWS, SYMBOLS, VERDICTS, axes, by_family, count, spelled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,6 +33,9 @@ TILES = 40
 """Cells in a line of a mosaic, which a family of more than `MOST_ROWS` cases is drawn as."""
 
 
+Pair = tuple[float, float]
+
+
 def slug(family: str) -> str:
     """A file name from a family's name."""
     return re.sub(r"[^a-z0-9]+", "_", family.lower()).strip("_")
@@ -39,77 +43,77 @@ def slug(family: str) -> str:
 
 def draw_family(cells: Sequence[Cell], path: Path) -> Path:
     """Draw the map of one family; returns the path."""
-    if len({cell.case.name for cell in cells}) > MOST_ROWS:
+    names, labels = axes(cells)
+    if len(names) > MOST_ROWS:
         return _draw_mosaic(cells, path)
-    labels = list(dict.fromkeys(cell.setting.label for cell in cells))
-    names = list(dict.fromkeys(cell.case.name for cell in cells))
     margin = 0.35 + 0.07 * max(map(len, names))
     head = 0.75 if max(map(len, labels)) > 11 else 0.5
-    width = max(4.9, margin + CELL_WIDTH * len(labels))
-    height = head + CELL_HEIGHT * len(names) + 0.45
-    with plots.style():
-        figure_ = plots.new_figure(height, width)
-        ax = figure_.subplots()
+    size = head + CELL_HEIGHT * len(names) + 0.45, max(4.9, margin + CELL_WIDTH * len(labels))
+    with _grid(path, size, (len(labels), len(names)), cells[0].case.family, _told(cells)) as ax:
         for cell in cells:
             x, y = labels.index(cell.setting.label), names.index(cell.case.name)
             ax.add_patch(_box(x, y, cell.verdict))
             ax.text(x, y - 0.17, spelled(cell)[:24], **_CENTRED)
             ax.text(x, y + 0.24, _second(cell), **{**_CENTRED, "fontsize": 5.8})
-        ax.set_xlim(-0.5, len(labels) - 0.5)
-        ax.set_ylim(len(names) - 0.5, -0.5)
         ax.set_yticks(range(len(names)), names)
         ax.set_xticks(range(len(labels)), [_broken(label) for label in labels])
-        _bare(ax)
-        figure_.suptitle(cells[0].case.family, fontsize=9.5, x=0.01, ha="left")
-        figure_.supxlabel(_told(cells), fontsize=7, x=0.01, ha="left")
-        return plots.save(figure_, path, MAP_DPI)
+    return path
 
 
 def draw_summary(cells: Sequence[Cell], path: Path) -> Path:
     """Draw one bar a family, its cells by verdict; returns the path."""
-    names = families_of(cells)
-    with plots.style():
-        figure_ = plots.new_figure(0.9 + 0.24 * len(names))
-        ax = figure_.subplots()
-        for y, family in enumerate(names):
-            counted = count(cell for cell in cells if cell.case.family == family)
-            total, left = sum(counted.values()), 0.0
-            for verdict, number in counted.items():
-                share = number / total
+    families = by_family(cells)
+    title = f"{len(cells)} cells:  {_told(cells)}"
+    with _grid(path, (0.9 + 0.24 * len(families), plots.WIDTH), (1, len(families)), title, size=8) as ax:
+        for y, mine in enumerate(families.values()):
+            left = 0.0
+            for verdict, number in count(mine).items():
+                share = number / len(mine)
                 ax.barh(y, share, left=left, color=COLOURS[verdict], edgecolor="white", height=0.8)
                 if number:
                     ax.text(left + share / 2.0, y, f"{SYMBOLS[verdict]} {number}", **_CENTRED)
                 left += share
-        ax.set_yticks(range(len(names)), names)
-        ax.set_xticks([])
+        ax.set_yticks(range(len(families)), families)
         ax.set_xlim(0.0, 1.0)
-        ax.set_ylim(len(names) - 0.5, -0.5)
-        _bare(ax)
-        figure_.suptitle(f"{len(cells)} cells:  {_told(cells)}", fontsize=8, x=0.01, ha="left")
-        return plots.save(figure_, path, MAP_DPI)
+    return path
 
 
 def _draw_mosaic(cells: Sequence[Cell], path: Path) -> Path:
     """One tile a cell, line by line, with its symbol and the power of ten of its error."""
     lines = -(-len(cells) // TILES)
-    with plots.style():
-        figure_ = plots.new_figure(0.8 + 0.21 * lines, 8.4)
-        ax = figure_.subplots()
+    title = f"{cells[0].case.family}: a tile a case; in a right one the power of ten of its error"
+    with _grid(path, (0.8 + 0.21 * lines, 8.4), (TILES, lines), title, _told(cells)) as ax:
         for i, cell in enumerate(cells):
             y, x = divmod(i, TILES)
             ax.add_patch(_box(x, y, cell.verdict, 0.5))
             known = cell.verdict == "right" and cell.error > 0.0
             text = f"{math.floor(math.log10(cell.error))}" if known else SYMBOLS[cell.verdict]
             ax.text(x, y, text, **{**_CENTRED, "fontsize": 5.0})
-        ax.set_xlim(-0.5, TILES - 0.5)
-        ax.set_ylim(lines - 0.5, -0.5)
-        ax.set_xticks([])
-        ax.set_yticks([])
-        _bare(ax)
-        title = f"{cells[0].case.family}: a tile a case; in a right one the power of ten of its error"
-        figure_.suptitle(title, fontsize=9.5, x=0.01, ha="left")
-        figure_.supxlabel(_told(cells), fontsize=7, x=0.01, ha="left")
-        return plots.save(figure_, path, MAP_DPI)
+    return path
+
+
+@contextmanager
+def _grid(
+    path: Path,
+    inches: tuple[float, float],
+    cells: tuple[int, int],
+    title: str,
+    foot: str = "",
+    size: float = 9.5,
+) -> Iterator[Axes]:
+    """A bare axes of cells, counted from the top left, on a figure of this height and width; then saved."""
+    with plots.style():
+        figure = plots.new_figure(*inches)
+        ax = figure.subplots()
+        ax.set(xlim=(-0.5, cells[0] - 0.5), ylim=(cells[1] - 0.5, -0.5), xticks=[], yticks=[])
+        ax.grid(False)
+        ax.tick_params(length=0)
+        ax.spines[:].set_visible(False)
+        yield ax
+        figure.suptitle(title, fontsize=size, x=0.01, ha="left")
+        if foot:
+            figure.supxlabel(foot, fontsize=7, x=0.01, ha="left")
+        plots.save(figure, path, MAP_DPI)
 
 
 def _told(cells: Sequence[Cell]) -> str:
@@ -138,10 +142,3 @@ def _second(cell: Cell) -> str:
 def _broken(label: str) -> str:
     """A heading in short lines, numbers kept with their units."""
     return textwrap.fill(label.replace(" s", "\N{NO-BREAK SPACE}s"), 9, break_long_words=False)
-
-
-def _bare(ax: Axes) -> None:
-    ax.grid(False)
-    ax.tick_params(length=0)
-    for spine in ax.spines.values():
-        spine.set_visible(False)

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from ..pages import table, write_records
+from .. import pages
+from ..pages import table
 from .bound import Bound
 from .case import Cell, Verdict
 from .steps import Stride
@@ -24,21 +26,14 @@ MEANING: dict[Verdict, str] = {
 MOST_ROWS = 40
 """Cases of a family that are shown one by one; more are counted, and are in the CSV."""
 
-COLUMNS = (
-    "family", "case", "setting", "verdict", "error", "energy_drift", "closure_error", "crossings",
-    "mode_kept", "reason", "rhs", "seconds",
-)  # fmt: skip
-
 
 def record(cell: Cell) -> dict[str, Any]:
-    """Plain values, in the order of `COLUMNS`; what is not a finite number is None."""
-    values = (
-        cell.case.family, cell.case.name, cell.setting.label, cell.verdict, cell.error,
-        cell.energy_drift, cell.closure_error, cell.crossings, cell.mode_kept, cell.reason, cell.rhs,
-        round(cell.seconds, 4),
-    )  # fmt: skip
-    plain = [None if isinstance(v, float) and not math.isfinite(v) else v for v in values]
-    return dict(zip(COLUMNS, plain, strict=True))
+    """Plain values, in the order of the columns."""
+    names = [field.name for field in fields(cell)][2:]
+    judged = {name: getattr(cell, name) for name in names} | {"seconds": round(cell.seconds, 4)}
+    return pages.plain(
+        {"family": cell.case.family, "case": cell.case.name, "setting": cell.setting.label} | judged
+    )
 
 
 def write(
@@ -53,23 +48,19 @@ def write(
             {"name": b.name, "real": b.eigenvalue.real, "imag": b.eigenvalue.imag,
              "predicted": b.predicted, "measured": b.measured} for b in bounds
         ],
-        "strides": [
-            {k: None if isinstance(v, float) and math.isnan(v) else v for k, v in vars(s).items()}
-            for s in strides
-        ],
+        "strides": [pages.plain(vars(s)) for s in strides],
     }  # fmt: skip
     sections = blocks(cells, bounds, strides)
     text = "\n\n".join(f"## {name}\n\n{block}" for name, block in sections.items())
     page = folder / "stability.md"
     page.write_text(f"# Stability\n\n{text}\n", encoding="utf-8")
-    return [*write_records(folder / "stability", records, whole), page]
+    return [*pages.write_records(folder / "stability", records, whole), page]
 
 
 def blocks(cells: Sequence[Cell], bounds: Sequence[Bound], strides: Sequence[Stride]) -> dict[str, str]:
     """The report's tables by name: summary, one for each family, bounds, steps and reasons."""
     found = {"summary": summary(cells)}
-    for family in families_of(cells):
-        found[family] = family_table([cell for cell in cells if cell.case.family == family])
+    found |= {family: family_table(mine) for family, mine in by_family(cells).items()}
     if bounds:
         found["bounds"] = bound_table(bounds)
     if strides:
@@ -78,9 +69,18 @@ def blocks(cells: Sequence[Cell], bounds: Sequence[Bound], strides: Sequence[Str
     return found
 
 
-def families_of(cells: Iterable[Cell]) -> list[str]:
-    """Families in order of appearance."""
-    return list(dict.fromkeys(cell.case.family for cell in cells))
+def by_family(cells: Iterable[Cell]) -> dict[str, list[Cell]]:
+    """The cells of each family, in order of appearance."""
+    found: dict[str, list[Cell]] = {}
+    for cell in cells:
+        found.setdefault(cell.case.family, []).append(cell)
+    return found
+
+
+def axes(cells: Iterable[Cell]) -> tuple[list[str], list[str]]:
+    """Names of cases and labels of settings, in order of appearance."""
+    found = {cell.case.name: None for cell in cells}, {cell.setting.label: None for cell in cells}
+    return list(found[0]), list(found[1])
 
 
 def count(cells: Iterable[Cell]) -> dict[Verdict, int]:
@@ -92,21 +92,19 @@ def count(cells: Iterable[Cell]) -> dict[Verdict, int]:
 def summary(cells: Sequence[Cell]) -> str:
     """How many cells of each family have which colour."""
     rows = [["family", "cells", *(f"{SYMBOLS[v]} {MEANING[v]}" for v in VERDICTS)]]
-    for family in families_of(cells):
-        counted = count(cell for cell in cells if cell.case.family == family)
-        rows.append([family, str(sum(counted.values())), *map(str, counted.values())])
-    counted = count(cells)
-    rows.append(["**all**", f"**{len(cells)}**", *(f"**{n}**" for n in counted.values())])
+    for family, mine in by_family(cells).items():
+        rows.append([family, str(len(mine)), *map(str, count(mine).values())])
+    rows.append(["**all**", f"**{len(cells)}**", *(f"**{n}**" for n in count(cells).values())])
     return table(rows)
 
 
 def family_table(cells: Sequence[Cell]) -> str:
     """Cases down, settings across: symbol, error and, where it stopped, why; many cases are counted."""
-    if len({cell.case.name for cell in cells}) > MOST_ROWS:
+    names, labels = axes(cells)
+    if len(names) > MOST_ROWS:
         return _counted_table(cells)
-    labels = list(dict.fromkeys(cell.setting.label for cell in cells))
     rows = [["case", *labels]]
-    for name in dict.fromkeys(cell.case.name for cell in cells):
+    for name in names:
         mine = {cell.setting.label: cell for cell in cells if cell.case.name == name}
         rows.append([name, *(spelled(mine[label]) if label in mine else "" for label in labels)])
     return table(rows)
@@ -114,10 +112,13 @@ def family_table(cells: Sequence[Cell]) -> str:
 
 def _counted_table(cells: Sequence[Cell]) -> str:
     """What came out, how often, and the median and the largest error of it."""
-    kinds = Counter("right" if c.verdict == "right" else short_reason(c) for c in cells)
+
+    def outcome(cell: Cell) -> str:
+        return "right" if cell.verdict == "right" else short_reason(cell)
+
     rows = [["outcome", "cells", "median error", "largest error"]]
-    for kind, number in kinds.most_common():
-        mine = [c for c in cells if kind == ("right" if c.verdict == "right" else short_reason(c))]
+    for kind, number in Counter(map(outcome, cells)).most_common():
+        mine = [cell for cell in cells if outcome(cell) == kind]
         errors = sorted(c.error for c in mine if math.isfinite(c.error))
         shown = [f"{errors[len(errors) // 2]:.0e}", f"{errors[-1]:.0e}"] if errors else ["", ""]
         rows.append([f"{SYMBOLS[mine[0].verdict]} {kind}", str(number), *shown])

@@ -14,14 +14,14 @@ from ...maps.choice import MapChoice
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ...simulation.steppers import IMPLICIT
-from .bound import governor
 from .stiff import drive, driven
-from .truth import A, B, Servo, of_run
+from .truth import SHAFT, A, B, Servo, governor, of_run
 
 TARGET = 1e-5
 """rad: the largest error of y that counts as equal accuracy. RK4 may need less than its bound for it."""
 
 TOLERANCES = tuple(10.0**-e for e in range(3, 10))
+NAN = float("nan")
 MOST_STEPS = 20_000
 """Accepted steps after which an attempt is given up: it has no larger step than RK4."""
 
@@ -62,14 +62,13 @@ class Stride:
 
 def motions(quick: bool) -> list[Stiff]:
     """Springs, dampers, critically damped servos, and the flyball governor."""
-    found = []
+    rows = []
     for e in (8,) if quick else (2, 4, 6, 8):
         k, c = 10.0**e * B, 10.0**e * np.sqrt(A * B)
-        found += [_servo(f"servo k = 1e{e} B, critical", Servo(k, 2.0 * np.sqrt(k * A)))]
-        found += [_servo(f"spring k = 1e{e} B, undamped", Servo(k, 0.0))]
-        if not quick:
-            found += [_servo(f"damper c = 1e{e} √(AB)", Servo(0.0, c))]
-    return [*found, _flyball()]
+        rows += [(f"servo k = 1e{e} B, critical", Servo(k, 2.0 * np.sqrt(k * A)))]
+        rows += [(f"spring k = 1e{e} B, undamped", Servo(k, 0.0))]
+        rows += [] if quick else [(f"damper c = 1e{e} √(AB)", Servo(0.0, c))]
+    return [*(_servo(*row) for row in rows), _flyball()]
 
 
 def _servo(name: str, servo: Servo) -> Stiff:
@@ -77,10 +76,9 @@ def _servo(name: str, servo: Servo) -> Stiff:
 
 
 def _flyball() -> Stiff:
-    mechanism, duration = governor(1.0), 0.3
-    v0 = np.array([2.0 * np.pi, 0.0, 0.0, 0.0])
-    truth = of_run(mechanism, duration, v0=v0, step=1e-3, stepper="Radau", rtol=1e-11, atol=1e-12)
-    return Stiff("flyball governor", mechanism, v0, None, truth, duration)
+    mechanism, duration = governor(), 0.3
+    truth = of_run(mechanism, duration, v0=SHAFT, step=1e-3, stepper="Radau", rtol=1e-11, atol=1e-12)
+    return Stiff("flyball governor", mechanism, SHAFT, None, truth, duration)
 
 
 def stride(motion: Stiff, stepper: str) -> Stride:
@@ -95,8 +93,7 @@ def stride(motion: Stiff, stepper: str) -> Stride:
         if error <= TARGET:
             steps = np.diff(t)
             return Stride(motion.name, stepper, bound, rtol, error, steps.mean(), steps.max(), rhs, rk4)
-    nothing = float("nan")
-    return Stride(motion.name, stepper, bound, nothing, nothing, nothing, nothing, 0, rk4)
+    return Stride(motion.name, stepper, bound, NAN, NAN, NAN, NAN, 0, rk4)
 
 
 def _integrate(motion: Stiff, stepper: str, rtol: float) -> tuple[Array, Array, int]:
@@ -106,15 +103,8 @@ def _integrate(motion: Stiff, stepper: str, rtol: float) -> tuple[Array, Array, 
     mechanism, m = motion.mechanism, motion.mechanism.m
     begun = set_out(mechanism, v0=motion.v0, torque=motion.torque, choice=MapChoice(error_controlled=True))
     f, x = begun.equations, begun.x
-    solver = getattr(integrate, stepper)(
-        lambda t, x: f(t, x.copy()),
-        0.0,
-        x,
-        motion.duration,
-        rtol=rtol,
-        atol=1e-2 * rtol,
-        jac=ReducedJacobian(f),
-    )
+    options = {"rtol": rtol, "atol": 1e-2 * rtol, "jac": ReducedJacobian(f)}
+    solver = getattr(integrate, stepper)(lambda t, x: f(t, x.copy()), 0.0, x, motion.duration, **options)
     t, y = [0.0], [x[:m]]
     while solver.status == "running" and len(t) <= MOST_STEPS:
         solver.step()

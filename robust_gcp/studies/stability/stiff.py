@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import cache
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache, partial
 
 import numpy as np
 
 from ...dynamics.equations import Torque
+from ...dynamics.linearise import linearise
 from ...examples.linkages import four_bar
 from ...mechanism.forces import Force, JointDamper, JointSpring
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ...simulation.simulate import simulate
-from .bound import around, governor
-from .case import Case, Families, Setting
-from .truth import TANGENT, A, B, Servo, of_run, with_forces
+from .bound import KICK, System, systems
+from .case import Case, Families, Setting, Start, at_rest, family, row
+from .extreme_tools import EXACT
+from .truth import SHAFT, TANGENT, A, B, Servo, governor, of_run, with_forces
+
+FAMILIES: Families = {}
 
 RTOL, ATOL = 1e-6, 1e-8
 WITHIN = 100.0
@@ -26,6 +30,26 @@ LARGEST_FLOOR = 1e-3
 
 CLASSICAL_LOSS = 1e-7
 """rad: classical GCP warns from a conditioning of 1e-3 on, where g may be wrong by ε/1e-9 for a moment."""
+
+SHARES = (0.5, 0.9, 0.98, 1.02, 1.1, 2.0, 10.0)
+"""Steps of the columns about RK4's bound, in largest stable steps."""
+
+
+@family("RK4's bound", FAMILIES)
+def around(quick: bool) -> Iterator[Case]:
+    """RK4 with steps around the predicted bound: bounded inside, warned and growing outside."""
+    yield from map(_around, systems(quick))
+
+
+def _around(system: System) -> Case:
+    mechanism, q0, v0 = system.build()
+    largest = linearise(mechanism, q0, v0).largest_stable_step
+    duration = 200.0 * largest
+    fine = {"step": duration / 2000, "stepper": "DOP853", "rtol": 1e-9, "atol": 1e-9}
+    settings = tuple(Setting(step=s * largest, name=f"{s:g} h*") for s in SHARES)
+    exact = of_run(mechanism, duration, q0=q0, v0=v0, **fine)
+    note = f"h* = {largest:.3g} s"
+    return row(system.name, lambda: (mechanism, q0, v0), duration, settings, 3.0 * KICK, exact, note=note)
 
 
 # --------------------------------------------------------------------------- a stiff drive
@@ -42,7 +66,7 @@ def drive(servo: Servo) -> Torque:
     return lambda t, q, v: np.array([servo.drive(t), 0.0, 0.0])
 
 
-def _servo_case(family: str, name: str, servo: Servo, settings: Sequence[Setting]) -> Case:
+def _servo_case(name: str, servo: Servo, settings: Sequence[Setting]) -> Case:
     duration = 0.5
     mechanism = driven(servo)
     floors = cache(servo.floor)
@@ -53,18 +77,14 @@ def _servo_case(family: str, name: str, servo: Servo, settings: Sequence[Setting
         floor = floors(setting.step, duration)
         return 1.5 * floor + 1e-9 if floor <= LARGEST_FLOOR else 0.0
 
-    def kept(q: Array) -> bool:
-        return bool(np.abs(q - q[:, :1] * TANGENT).max() < 1e-6)
-
-    return Case(
-        family,
+    return row(
         name,
-        lambda: (mechanism, mechanism.home, np.zeros(3)),
+        lambda: at_rest(mechanism),
         duration,
         tuple(settings),
         allowed,
         cache_by_length(servo.exact),
-        mode_kept=kept,
+        mode_kept=lambda q: bool(np.abs(q - q[:, :1] * TANGENT).max() < 1e-6),
         energy_scale=max(B, servo.k * servo.r0**2, servo.c * servo.nu * servo.r0**2),
         torque=drive(servo),
     )
@@ -88,89 +108,65 @@ def _columns(*steppers: str, steps: Sequence[float] = (1e-3, 2e-4)) -> tuple[Set
     return fixed + tuple(Setting("bridge", s, 5e-3, RTOL, ATOL) for s in steppers)
 
 
-def springs(quick: bool) -> list[Case]:
+@family("stiff springs", FAMILIES)
+def springs(quick: bool) -> Iterator[Case]:
     """A spring on the crank whose rest moves slowly through q1 = 0, undamped."""
-    cases = []
     for exponent in (0, 4, 8) if quick else (-2, 0, 2, 4, 6, 8):
         # undamped, BDF and LSODA resolve every oscillation: at 1e8 that takes them minutes
         all_of_them = ("Radau", "BDF", "LSODA", "DOP853") if exponent < 8 else ("Radau", "DOP853")
         columns = _columns("Radau", steps=(1e-3,)) if quick else _columns(*all_of_them)
         if exponent == 8 and not quick:
             columns += (Setting(step=2e-5),)
-        servo = Servo(10.0**exponent * B, 0.0)
-        cases.append(_servo_case("stiff springs", f"k = 1e{exponent} B", servo, columns))
-    return cases
+        yield _servo_case(f"k = 1e{exponent} B", Servo(10.0**exponent * B, 0.0), columns)
 
 
-def dampers(quick: bool) -> list[Case]:
+@family("stiff dampers", FAMILIES)
+def dampers(quick: bool) -> Iterator[Case]:
     """A damper between the crank and a slowly moving hand, from soft to stiff."""
-    cases = []
     for exponent in (0, 4, 8) if quick else (-2, 0, 2, 4, 6, 8):
         radau = () if quick and exponent == 8 else ("Radau",)  # seconds: see `docs/stability.md`
         steppers = (*radau, "BDF", "LSODA", *(("DOP853",) if exponent <= 4 and not quick else ()))
         servo = Servo(0.0, 10.0**exponent * np.sqrt(A * B))
-        cases.append(_servo_case("stiff dampers", f"c = 1e{exponent} √(AB)", servo, _columns(*steppers)))
-    return cases
+        yield _servo_case(f"c = 1e{exponent} √(AB)", servo, _columns(*steppers))
 
 
-def servos(quick: bool) -> list[Case]:
+@family("stiff servos", FAMILIES)
+def servos(quick: bool) -> Iterator[Case]:
     """Spring and critical damper together, as a stiff position controller."""
-    cases = []
     for exponent in (2, 8) if quick else (0, 2, 4, 6, 8):
         k = 10.0**exponent * B
-        servo = Servo(k, 2.0 * np.sqrt(k * A))
         steppers = ("Radau", "BDF", "LSODA", *(("DOP853",) if exponent <= 6 and not quick else ()))
-        cases.append(_servo_case("stiff servos", f"k = 1e{exponent} B", servo, _columns(*steppers)))
-    return cases
+        yield _servo_case(f"k = 1e{exponent} B", Servo(k, 2.0 * np.sqrt(k * A)), _columns(*steppers))
 
 
 # --------------------------------------------------------------------------- across a singularity
 
 
-def across(quick: bool) -> list[Case]:
+@family("stiff across a singularity", FAMILIES)
+def across(quick: bool) -> Iterator[Case]:
     """Two swings about a spring's rest 0.1 rad behind q1 = π, from 0.4 rad before it."""
-    cases = []
     rows = [
-        ("rhombus", (1.0, 1.0, 1.0, 1.0), 1, "q1"),
-        ("change point", (4.0, 2.0, 3.0, 3.0), 1, "q1"),
-        ("change point", (4.0, 2.0, 3.0, 3.0), 1, "q3"),
+        ("rhombus", (1.0, 1.0, 1.0, 1.0), "q1"),
+        ("change point", (4.0, 2.0, 3.0, 3.0), "q1"),
+        ("change point", (4.0, 2.0, 3.0, 3.0), "q3"),
     ]
-    for name, lengths, assembly, joint in rows[1:2] if quick else rows:
+    for name, lengths, joint in rows[1:2] if quick else rows:
         for exponent in (4, 8) if quick else (0, 2, 4, 6, 8):
-            bare = four_bar(*lengths, y=np.pi - 0.4, assembly=assembly)
-            target = four_bar(*lengths, y=np.pi + 0.1, assembly=assembly).home
+            bare, target = (four_bar(*lengths, y=np.pi + off) for off in (-0.4, 0.1))
             k = 10.0**exponent * 9.81 * (lengths[1] / 2.0 + lengths[1] + lengths[3] / 2.0)
-            rest = float(target[list(bare.joint_names).index(joint)])
+            rest = float(target.home[list(bare.joint_names).index(joint)])
             mechanism = with_forces(bare, [JointSpring(joint, k, rest)])
-            cases.append(_across_case(f"{name}, k on {joint} = 1e{exponent}", mechanism))
-    return cases
+            yield _across_case(f"{name}, k on {joint} = 1e{exponent}", mechanism)
 
 
 def _across_case(name: str, mechanism: Mechanism) -> Case:
-    period = _period(mechanism)
-    duration = 2.0 * period
-    exact = of_run(
-        mechanism,
-        duration,
-        step=duration / 4000,
-        method="closed_form",
-        stepper="DOP853",
-        rtol=1e-13,
-        atol=1e-13,
-    )
+    duration = 2.0 * _period(mechanism)
+    exact = of_run(mechanism, duration, step=duration / 4000, method="closed_form", **EXACT)
 
     @cache
     def floor(setting: Setting) -> float:
         """Error of the same stepper on the closed form, rad."""
-        run = simulate(
-            mechanism,
-            duration=duration,
-            step=setting.step,
-            method="closed_form",
-            stepper=setting.stepper,
-            rtol=setting.rtol,
-            atol=setting.atol,
-        )
+        run = simulate(mechanism, duration=duration, **setting.options | {"method": "closed_form"})
         return float(np.abs(run.q - exact(run.t)).max())
 
     def allowed(setting: Setting) -> float:
@@ -185,15 +181,7 @@ def _across_case(name: str, mechanism: Mechanism) -> Case:
         Setting("projection", step=fine, name="RK4 T/400 projection"),
         Setting("classical", step=fine, name="RK4 T/400 classical"),
     )
-    return Case(
-        "stiff across a singularity",
-        name,
-        lambda: (mechanism, mechanism.home, np.zeros(3)),
-        duration,
-        settings,
-        allowed,
-        exact,
-    )
+    return row(name, lambda: at_rest(mechanism), duration, settings, allowed, exact)
 
 
 def _period(mechanism: Mechanism) -> float:
@@ -204,39 +192,22 @@ def _period(mechanism: Mechanism) -> float:
     return float(2.0 * np.pi * np.sqrt(0.5 / abs(run.a[0, 0])))
 
 
-# --------------------------------------------------------------------------- the flyball governor
-
-
-def flyball(quick: bool) -> list[Case]:
+@family("flyball governor", FAMILIES)
+def flyball(quick: bool) -> Iterator[Case]:
     """IFToMM's A05, its spring-dampers as they are and a hundred times softer and stiffer."""
-    cases = []
+    duration = 0.1 if quick else 0.3
     for factor in (1.0,) if quick else (1e-2, 1.0, 1e2):
         mechanism = governor(factor)
-        v0 = mechanism.lift(mechanism.home, [2.0 * np.pi, 0.0, 0.0, 0.0])
-        duration = 0.1 if quick else 0.3
+        v0 = mechanism.lift(mechanism.home, SHAFT)
         # where an explicit method is too slow for the truth, Radau at a tolerance that rounding permits
         stepper, rtol = ("DOP853", 1e-11) if factor <= 1.0 else ("Radau", 1e-9)
-        exact = of_run(mechanism, duration, v0=v0, step=1e-3, stepper=stepper, rtol=rtol, atol=0.1 * rtol)
-        cases.append(
-            Case(
-                "flyball governor",
-                f"λ = −{8117 * factor:.3g} 1/s",
-                lambda mechanism=mechanism, v0=v0: (mechanism, mechanism.home, v0),  # type: ignore[misc]
-                duration,
-                _columns("Radau", "BDF", "LSODA", *(("DOP853",) if factor <= 1.0 else ()),
-                         steps=(1e-4, 3e-4, 4e-4, 1e-3)),
-                lambda setting: WITHIN * RTOL,
-                exact,
-            )
-        )  # fmt: skip
-    return cases
+        options = {"step": 1e-3, "stepper": stepper, "rtol": rtol, "atol": 0.1 * rtol}
+        exact = of_run(mechanism, duration, v0=v0, **options)
+        steppers = ("Radau", "BDF", "LSODA", *(("DOP853",) if factor <= 1.0 else ()))
+        settings = _columns(*steppers, steps=(1e-4, 3e-4, 4e-4, 1e-3))
+        name = f"λ = −{8117 * factor:.3g} 1/s"
+        yield row(name, partial(_moving, mechanism, v0), duration, settings, WITHIN * RTOL, exact)
 
 
-FAMILIES: Families = {
-    "RK4's bound": around,
-    "stiff springs": springs,
-    "stiff dampers": dampers,
-    "stiff servos": servos,
-    "stiff across a singularity": across,
-    "flyball governor": flyball,
-}
+def _moving(mechanism: Mechanism, v0: Array) -> Start:
+    return mechanism, mechanism.home, v0

@@ -5,19 +5,20 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from ...maps.closed_form import parallelogram_pendulum
-from ...mechanism.forces import Force
+from ...mechanism.folders.loader import load
+from ...mechanism.forces import Force, PointSpring
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ...simulation.simulate import simulate
-from ...simulation.steppers import rk4_step
+from ..stepping import stepped
 
 A, B = parallelogram_pendulum(1.0, 1.0, 1.0, 1.0, 1.0)
 """A ÿ = −B cos y: the rhombus of rods of 1 kg and 1 m on its parallelogram mode, kg m² and N m."""
@@ -46,11 +47,11 @@ class Servo:
                 y = self.r0 - (B * math.cos(y) - A * self.r0 * self.nu**2) / self.k
         return y
 
-    def rate(self, t: float, x: Sequence[float]) -> list[float]:
+    def rate(self, t: float, x: Array) -> Array:
         """ẋ of x = (y, ẏ)."""
         y, speed = float(x[0]), float(x[1])
         moment = -B * math.cos(y) + self.drive(t) - self.k * (y - self.r0) - self.c * speed
-        return [speed, moment / A]
+        return np.array([speed, moment / A])
 
     def drive(self, t: float) -> float:
         """What moves the spring's rest from r0 to r(t) and the damper with it, N m."""
@@ -72,43 +73,39 @@ class Servo:
 
     def floor(self, step: float, duration: float) -> float:
         """Largest error of RK4 with this step on the scalar equation, rad; infinite where it grows."""
-
-        def rate(t: float, x: Array) -> Array:
-            return np.array(self.rate(t, x.tolist()))
-
         times = step * np.arange(round(duration / step) + 1)
-        x = np.array([self.y0, 0.0])
-        found = [x[0]]
-        for t in times[:-1].tolist():
-            x = rk4_step(rate, t, x, step, rate(t, x))
-            if not abs(x[0]) < 1e3:
-                return float("inf")
-            found.append(x[0])
-        return float(np.abs(np.array(found) - self.exact(times)[:, 0]).max())
+        states, _, stopped = stepped(self.rate, np.array([self.y0, 0.0]), times, "rk4", step)
+        if stopped or np.abs(states[:, 0]).max() >= 1e3:
+            return float("inf")
+        return float(np.abs(states[:, 0] - self.exact(times)[:, 0]).max())
 
 
 def of_run(mechanism: Mechanism, duration: float, **arguments: Any) -> Callable[[Array], Array]:
     """q(t) of a run, between its outputs by cubic Hermite interpolation; made when first asked for."""
-    made: list[CubicHermiteSpline] = []
 
-    def q(t: Array) -> Array:
-        if not made:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                run = simulate(mechanism, duration=duration, **arguments)
-            made.append(CubicHermiteSpline(run.t, run.q, run.v))
-        return np.asarray(made[0](t))
+    @cache
+    def run() -> CubicHermiteSpline:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            run = simulate(mechanism, duration=duration, **arguments)
+        return CubicHermiteSpline(run.t, run.q, run.v)
 
-    return q
+    return lambda t: np.asarray(run()(t))
 
 
 def with_forces(mechanism: Mechanism, forces: Sequence[Force]) -> Mechanism:
     """The same mechanism with these forces alone."""
-    return Mechanism.from_pinocchio(
-        mechanism.model,
-        list(mechanism.closures),
-        mechanism.independent,
-        home=mechanism.home,
-        name=mechanism.name,
-        forces=forces,
-    )
+    given = mechanism.model, list(mechanism.closures), mechanism.independent
+    return Mechanism.from_pinocchio(*given, home=mechanism.home, name=mechanism.name, forces=forces)
+
+
+SHAFT = np.array([2.0 * np.pi, 0.0, 0.0, 0.0])
+"""How the flyball governor starts in IFToMM's A05, rad/s."""
+
+
+def governor(factor: float = 1.0) -> Mechanism:
+    """The flyball governor A05, its spring-dampers `factor` times as stiff."""
+    original = load("flyball")
+    springs = (f for f in original.forces if isinstance(f, PointSpring))
+    stiffer = [replace(f, stiffness=factor * f.stiffness, damping=factor * f.damping) for f in springs]
+    return with_forces(original, stiffer)

@@ -9,8 +9,8 @@ import numpy as np
 from ...errors import SimulationError
 from ...mechanism.tree import Array
 from ..contender import Kind, Outcome, Scene
+from ..stepping import stepped
 from .reduced import Reduced
-from .stepping import stepped
 
 STEPPERS = ("rk4", "DOP853", "Radau", "LSODA")
 FAMILY = "floor"

@@ -11,7 +11,7 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.tolerances import STRUCTURAL
 from ...mechanism.tree import Array
 from ..contender import Kind, Outcome, Scene
-from .stepping import stepped
+from ..stepping import stepped
 
 RATES = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
 """What α = β is scanned over, in units of 1/(T/10): from slower than the motion to much faster."""

@@ -14,6 +14,7 @@ from ...errors import StateError
 from ...mechanism.forces import JointTorque
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
+from .. import pages
 from ..contender import Contender, Outcome, Scene
 from .references import Reference
 from .scenes import TOLERANCES, Motion
@@ -75,8 +76,7 @@ class Point:
 
     def record(self) -> dict[str, Any]:
         """Plain values; what is not finite becomes None."""
-        values = asdict(self)
-        return {k: None if isinstance(v, float) and not np.isfinite(v) else v for k, v in values.items()}
+        return pages.plain(asdict(self))
 
 
 def point_of(record: dict[str, Any]) -> Point:

@@ -1,4 +1,4 @@
-"""Any stepper on any first-order equations, as the contenders of this study need it."""
+"""Any stepper on any first-order equations, over given output times."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ...errors import SimulationError
-from ...mechanism.tree import Array
-from ...simulation.steppers import adaptive, rk4_step
+from ..errors import SimulationError
+from ..mechanism.tree import Array
+from ..simulation.steppers import adaptive, rk4_step
 
 
 def stepped(
