@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
@@ -14,9 +15,9 @@ from ..arguments import DEFAULT, Arguments, file, pathname, whole
 from ..errors import OptionError, RobustGcpError
 from ..examples.linkages import four_bar
 from ..maps.closed_form import FourBar
-from ..mechanism.mechanism import Mechanism
 from ..printing import along, table, write_json
 from ..simulation.simulate import simulate
+from ..simulation.trajectory import Trajectory
 
 ROUNDING = 1e-11
 """rad: below this a floor measures the rounding of the reference, not the stepper's error."""
@@ -31,17 +32,14 @@ class Case:
 
     lengths: tuple[float, float, float, float]  # l0, l1, l2, l3, m; a change-point linkage
     assembly: int
-    # y, speed: start, rad and rad/s
-    y: float
-    speed: float
+    y: float  # start, rad
+    speed: float  # rad/s
     step: float  # s
     landing: bool  # whether the start was chosen so that a step ends within 1e-12 rad of the crossing
     crossings: int = 0  # crossings logged
     nearest: float = np.inf  # smallest distance of an accepted y from the crossing, rad
-    # floor, error: largest error of q over the run, rad: of the same stepper on the closed form, and of the
-    # bridge
-    floor: float = np.nan
-    error: float = np.nan
+    floor: float = np.nan  # largest error of the same stepper on the closed form, rad
+    error: float = np.nan  # largest error of the bridge, rad
     failure: str = ""  # the message of an error, else empty
 
     @property
@@ -57,6 +55,12 @@ class Case:
     def record(self) -> dict[str, object]:
         """Plain values for JSON."""
         return asdict(self) | {"ratio": self.ratio, "good": self.good}
+
+    def simulate(self, duration: float, step: float, **options: Any) -> Trajectory:
+        """A run of this duration, s."""
+        mechanism = four_bar(*self.lengths, y=self.y, assembly=self.assembly)
+        v0 = FourBar(*self.lengths, self.assembly).evaluate(self.y)[1] * self.speed
+        return simulate(mechanism, v0=v0, duration=duration, step=step, **options)
 
 
 def random_crossings(count: int, seed: int) -> tuple[list[Case], float]:
@@ -90,10 +94,8 @@ def _draw(rng: np.random.Generator) -> Case:
         offset *= 1.0 if rng.random() < 0.5 else -1.0
         try:
             for assembly in (1, -1):
-                linkage = FourBar(*lengths, assembly)
-                for side in (offset, -offset):
-                    linkage.evaluate(center + side)
-                    linkage.evaluate(center + 1.5 * side)
+                for share in (1.0, 1.5, -1.0, -1.5):
+                    FourBar(*lengths, assembly).evaluate(center + share * offset)
         except OptionError:
             continue
         speed = -float(np.sign(offset)) * pace
@@ -103,57 +105,42 @@ def _draw(rng: np.random.Generator) -> Case:
         return _landed(case, center) if landing else case
 
 
-def _build(case: Case, y: float) -> Mechanism:
-    return four_bar(*case.lengths, y=y, assembly=case.assembly)
-
-
 def _landed(case: Case, center: float) -> Case:
     """The case with its start moved so that the fourth step of the closed form ends on the crossing."""
     duration = 4.0 * case.step
 
     def miss(y: float) -> float:
-        mechanism = _build(case, y)
-        v0 = _velocity(case, y)
-        run = simulate(mechanism, v0=v0, duration=duration, step=case.step, method="closed_form")
+        run = replace(case, y=y).simulate(duration, case.step, method="closed_form")
         return float(run.q[-1, 0]) - center
 
-    near = center - 1.3 * case.speed * duration
-    far = center - 0.7 * case.speed * duration
+    near, far = (center - share * case.speed * duration for share in (1.3, 0.7))
     try:
         if miss(near) * miss(far) < 0.0:
-            y = float(brentq(miss, near, far, xtol=1e-15, rtol=1e-14))
-            return Case(case.lengths, case.assembly, y, case.speed, case.step, True)
+            return replace(case, y=float(brentq(miss, near, far, xtol=1e-15, rtol=1e-14)))
     except RobustGcpError:
         pass
-    return Case(case.lengths, case.assembly, case.y, case.speed, case.step, False)
-
-
-def _velocity(case: Case, y: float) -> np.ndarray:
-    _, G, _ = FourBar(*case.lengths, case.assembly).evaluate(y)
-    return G * case.speed
+    return replace(case, landing=False)
 
 
 def _run(case: Case) -> Case:
     center = np.pi if abs(case.y - np.pi) < abs(case.y) else 0.0
-    mechanism = _build(case, case.y)
-    v0 = _velocity(case, case.y)
     reach = 2.0 * abs(case.y - center) / abs(case.speed)
     duration = case.step * max(8.0, np.ceil(reach / case.step))
-    output = duration / round(duration / case.step)
-    common = {"v0": v0, "duration": duration, "step": output}
+    step = duration / round(duration / case.step)
+    exactly = {"method": "closed_form", "stepper": "DOP853", "rtol": 1e-13, "atol": 1e-13}
     try:
-        exact = simulate(mechanism, **common, method="closed_form", stepper="DOP853", rtol=1e-13, atol=1e-13)
-        floor = simulate(mechanism, **common, method="closed_form")
-        ours = simulate(mechanism, **common)
+        exact, floor, ours = (
+            case.simulate(duration, step, **options) for options in (exactly, {"method": "closed_form"}, {})
+        )
     except RobustGcpError as error:
-        return Case(**{**asdict(case), "failure": f"{type(error).__name__}: {error}"})
-    result = {
-        "crossings": len(ours.crossings),
-        "nearest": float(np.abs(ours.q[:, 0] - center).min()),
-        "floor": float(np.abs(floor.q - exact.q).max()),
-        "error": float(np.abs(ours.q - exact.q).max()),
-    }
-    return Case(**{**asdict(case), **result})
+        return replace(case, failure=f"{type(error).__name__}: {error}")
+    return replace(
+        case,
+        crossings=len(ours.crossings),
+        nearest=float(np.abs(ours.q[:, 0] - center).min()),
+        floor=float(np.abs(floor.q - exact.q).max()),
+        error=float(np.abs(ours.q - exact.q).max()),
+    )
 
 
 def arguments(add_to: Arguments) -> None:

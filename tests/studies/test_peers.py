@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 import robust_gcp as rg
 from robust_gcp.errors import SimulationError
 from robust_gcp.studies import peers
-from robust_gcp.studies.contender import Contender, Scene
-from robust_gcp.studies.peers import outputs, parts, pinocchio
+from robust_gcp.studies.contender import Contender, Outputs, Scene, division
+from robust_gcp.studies.peers import parts, pinocchio
 
 Array = NDArray[np.float64]
 States = Callable[[rg.Mechanism, int], list[tuple[Array, Array]]]
@@ -108,14 +108,14 @@ def test_names_are_unique_and_the_tuning_is_stated() -> None:
 @pytest.mark.parametrize(("step", "count"), [(0.025, 1), (0.024, 1), (0.009, 3), (1.0, 1), (1e-4, 250)])
 def test_steps_divide_the_spacing_of_the_outputs(step: float, count: int) -> None:
     scene, _ = control("crank_rocker")
-    number, h = outputs.division(scene, step)
+    number, h = division(scene, step)
     assert number == count
     assert number * h == pytest.approx(0.025, rel=1e-14)
 
 
 def test_a_blown_up_state_is_not_kept() -> None:
     scene, _ = control("crank_rocker")
-    found = outputs.Outputs(scene)
+    found = Outputs(scene)
     assert found.put(scene.q0, scene.v0)
     for bad in (np.nan, np.inf, 1e9):
         assert not found.put(scene.q0, np.full(3, bad))
@@ -327,7 +327,7 @@ def test_mujoco_refuses_closures_of_frames(spatial: dict[str, rg.Mechanism]) -> 
 @pytest.mark.parametrize("name", MODELS)
 def test_exudyn_has_our_accelerations(name: str, closed_states: States) -> None:
     from robust_gcp.studies.peers import exudyn
-    from robust_gcp.studies.peers.exudyn_model import exu
+    from robust_gcp.studies.peers.exudyn_models import exu
 
     mechanism = rg.load(name)
     for q, v in states_of(mechanism, closed_states):
@@ -335,7 +335,7 @@ def test_exudyn_has_our_accelerations(name: str, closed_states: States) -> None:
         with exudyn.quiet():
             built: Any = (exudyn.PlanarBodies if name in MODELS[:2] else exudyn.KinematicTree)(scene)
             solver = exu.MainSolverImplicitSecondOrder()
-            settings = exudyn.generalised_alpha().settings(scene, 1, 5e-7, built.linear_solver)
+            settings = exudyn.DEFAULTS.settings(scene, 1, 5e-7, built.linear_solver)
             solver.InitializeSolver(built.mbs, settings)
             solver.SolveSteps(built.mbs, settings)
             solver.FinalizeSolver(built.mbs, settings)

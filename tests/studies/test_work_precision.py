@@ -52,7 +52,7 @@ def curves(folder: Path) -> verdicts.Curves:
 
 @pytest.fixture(scope="module")
 def antiparallelogram() -> tuple[scenes.Motion, Reference]:
-    motion = scenes.antiparallelogram()
+    motion = scenes.MOTIONS["antiparallelogram"]()
     return motion, motion.solve()
 
 
@@ -274,7 +274,7 @@ def test_methods_that_do_not_apply_say_why() -> None:
 
 def test_a_coarse_adaptive_run_keeps_count_of_turns() -> None:
     """Steps of several radians: the dependent joints are followed, not caught a turn off."""
-    motion = scenes.crank_rocker()
+    motion = scenes.MOTIONS["crank_rocker"]()
     times = motion.scene.times[::40]
     options: Any = {"stepper": "DOP853", "rtol": 1e-3, "atol": 1e-3}
     scene = motion.scene

@@ -6,6 +6,7 @@ Springs, dampers and drives are Exudyn's own.
 
 from __future__ import annotations
 
+import operator
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,11 +17,8 @@ import numpy as np
 
 from ...mechanism.forces import JointTorque, PointSpring
 from ...mechanism.tree import Array
-from ..contender import Contender, Kind, Outcome, Scene
-from .exudyn_model import ExudynModel, exu
-from .exudyn_planar import PlanarBodies, is_planar
-from .exudyn_tree import KinematicTree
-from .outputs import Outputs, division
+from ..contender import Contender, Kind, Outcome, Outputs, Scene, division
+from .exudyn_models import ExudynModel, KinematicTree, PlanarBodies, exu, is_planar
 from .parts import has_simple_joints
 
 SMALLEST = 1.0 / 16.0
@@ -81,11 +79,8 @@ class Implicit:
         integration.automaticStepSize = False
         integration.minimumStepSize = SMALLEST * step
         for path, value in self.integration.items():
-            *parents, last = path.split(".")
-            owner = integration
-            for parent in parents:
-                owner = getattr(owner, parent)
-            setattr(owner, last, value)
+            owner, _, name = path.rpartition(".")
+            setattr(operator.attrgetter(owner)(integration), name, value)
         settings.solution.file.write = False
         settings.solution.sensors.writePeriod = end / spacings
         solver, ignore = linear_solver
@@ -123,25 +118,20 @@ def quiet() -> Iterator[None]:
         exu.config.printToConsole, exu.config.suppressWarnings = before
 
 
-def generalised_alpha() -> Implicit:
-    """Exudyn's defaults, which nothing in the scan beat."""
-    return Implicit(
-        "Exudyn generalised-alpha",
-        "position constraints (index 3), spectral radius 0.9, modified Newton to 1e-8: Exudyn's defaults, "
-        "which no variant beat",
-        "generalised-alpha",
-    )
+DEFAULTS = Implicit(
+    "Exudyn generalised-alpha",
+    "position constraints (index 3), spectral radius 0.9, modified Newton to 1e-8: Exudyn's defaults, "
+    "which no variant beat",
+    "generalised-alpha",
+)
+INDEX_2 = Implicit(
+    "Exudyn trapezoidal, index 2",
+    "velocity constraints (index 2), which Exudyn offers with the trapezoidal rule alone; else its defaults",
+    "trapezoidal",
+    {"generalizedAlpha.useNewmark": True, "generalizedAlpha.useIndex2Constraints": True},
+)
 
 
 def contenders() -> list[Contender]:
-    """Generalised-alpha of index 3 and the trapezoidal rule of index 2."""
-    return [
-        generalised_alpha(),
-        Implicit(
-            "Exudyn trapezoidal, index 2",
-            "velocity constraints (index 2), which Exudyn offers with the trapezoidal rule alone; else its "
-            "defaults",
-            "trapezoidal",
-            {"generalizedAlpha.useNewmark": True, "generalizedAlpha.useIndex2Constraints": True},
-        ),
-    ]
+    """Generalised-alpha of index 3, Exudyn's defaults, and the trapezoidal rule of index 2."""
+    return [DEFAULTS, INDEX_2]

@@ -8,11 +8,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 
-from ...mechanism.closures import RevoluteClosure
 from ...mechanism.forces import JointDamper, JointSpring, PointSpring
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
-from .parts import Joint, Place, closure_places, frame_place, joints
+from .parts import Joint, Place, closure_places, frame_place, held_points, joints
 
 THIN = 1e-12
 """A slender rod has no moment about itself, which MuJoCo refuses: it gets this fraction of the largest."""
@@ -32,24 +31,19 @@ def mjcf(mechanism: Mechanism) -> str:
         bodies.append(_body(bodies[joint.parent], joint, mechanism))
     equality = ElementTree.SubElement(root, "equality")
     for closure, ends in zip(mechanism.closures, closure_places(mechanism), strict=True):
-        shifts = [np.zeros(3)]
-        if isinstance(closure, RevoluteClosure):  # two points on the axis
-            axis = np.asarray(closure.axis, dtype=float)
-            shifts.append(mechanism.length / float(np.linalg.norm(axis)) * axis)
-        for shift in shifts:
+        for shift in held_points(mechanism, closure):
             one, two = (_site(bodies, place, shift) for place in ends)
             ElementTree.SubElement(equality, "connect", site1=one, site2=two)
     springs = [force for force in mechanism.forces if isinstance(force, PointSpring)]
     if springs:
         tendons = ElementTree.SubElement(root, "tendon")
         for spring in springs:
-            tendon = ElementTree.SubElement(
-                tendons,
-                "spatial",
-                stiffness=repr(float(spring.stiffness)),
-                damping=repr(float(spring.damping)),
-                springlength=repr(float(spring.rest_length)),
-            )
+            numbers = {
+                "stiffness": spring.stiffness,
+                "damping": spring.damping,
+                "springlength": spring.rest_length,
+            }
+            tendon = ElementTree.SubElement(tendons, "spatial", {k: _text([x]) for k, x in numbers.items()})
             for frame in (spring.frame1, spring.frame2):
                 site = _site(bodies, frame_place(mechanism, frame), np.zeros(3))
                 ElementTree.SubElement(tendon, "site", site=site)
@@ -74,14 +68,8 @@ def _body(parent: ElementTree.Element, joint: Joint, mechanism: Mechanism) -> El
     axes[:, 0] *= np.linalg.det(axes)
     moments = np.maximum(moments, THIN * moments.max())
     moments[1] += max(0.0, moments[2] - moments[0] - moments[1])  # a lamina's triangle, lost by rounding
-    ElementTree.SubElement(
-        body,
-        "inertial",
-        mass=repr(float(inertia.mass)),
-        pos=_text(inertia.lever),
-        quat=_quaternion(axes),
-        diaginertia=_text(moments),
-    )
+    where = {"pos": _text(inertia.lever), "quat": _quaternion(axes)}
+    ElementTree.SubElement(body, "inertial", where, mass=_text([inertia.mass]), diaginertia=_text(moments))
     return body
 
 

@@ -14,11 +14,15 @@ from typing import Any
 import mujoco
 
 from ...mechanism.mechanism import Mechanism
-from ..contender import Contender, Kind, Outcome, Scene
-from . import tuning
+from ..contender import Contender, Kind, Outcome, Outputs, Scene, division
 from .mjcf_text import mjcf
-from .outputs import Outputs, division
 from .parts import constant_torques, has_simple_joints
+
+HARDEST = 0.9999
+"""Largest `solimp` that MuJoCo does not clip: 1 − d = 1e-4 of softness is left."""
+
+SHORTEST = 2.0
+"""Steps of the constraints' time constant; MuJoCo clips smaller ones (`refsafe`)."""
 
 EVALUATIONS = {"Euler": 1, "implicitfast": 1, "RK4": 4}
 """Forward dynamics in a step of each integrator."""
@@ -78,26 +82,24 @@ def compiled(mechanism: Mechanism, integrator: str, hard: bool) -> Any:
     model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
     if hard:
         model.opt.tolerance = 1e-15
-        model.eq_solimp[:, :2] = tuning.MUJOCO_HARDEST
+        model.eq_solimp[:, :2] = HARDEST
     return model
 
 
-def tuned() -> Connect:
-    """As stiff as MuJoCo allows, order 4."""
-    return Connect("MuJoCo connect, tuned", f"{STIFF}, RK4", "RK4", tuning.mujoco_time_constant)
-
-
 STIFF = (
-    f"connect with solimp {tuning.MUJOCO_HARDEST} (the hardest), solref = "
-    f"{tuning.MUJOCO_TIME_CONSTANT:g} steps at critical damping, tolerance 1e-15"
+    f"connect with solimp {HARDEST} (the hardest), solref = {SHORTEST:g} steps at critical damping, "
+    "tolerance 1e-15"
 )
 
 
 def contenders() -> list[Contender]:
     """MuJoCo's defaults, and stiff constraints with its integrators of order 4 and for stiff dampers."""
-    name, integrator = "MuJoCo connect, implicitfast", "implicitfast"
+
+    def stiff(name: str, integrator: str) -> Contender:
+        return Connect(name, f"{STIFF}, {integrator}", integrator, lambda step: SHORTEST * step)
+
     return [
         Connect("MuJoCo connect, defaults", "connect, semi-implicit Euler, no option touched", "Euler"),
-        tuned(),
-        Connect(name, f"{STIFF}, {integrator}", integrator, tuning.mujoco_time_constant),
+        stiff("MuJoCo connect, tuned", "RK4"),
+        stiff("MuJoCo connect, implicitfast", "implicitfast"),
     ]

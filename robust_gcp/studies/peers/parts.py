@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from ...mechanism.closures import closure_frames, frame_of
+from ...mechanism.closures import Closure, RevoluteClosure, closure_frames, frame_of
 from ...mechanism.forces import JointTorque
 from ...mechanism.joints import JointKind
 from ...mechanism.mechanism import Mechanism
@@ -51,6 +51,14 @@ def closure_places(mechanism: Mechanism) -> list[tuple[Place, Place]]:
     places = closure_frames(mechanism.model, mechanism.loops)
     half = len(places) // 2
     return list(zip(places[:half], places[half:], strict=True))
+
+
+def held_points(mechanism: Mechanism, closure: Closure) -> list[Array]:
+    """Where on its frames a closure holds points together: at the origin, and of a hinge on its axis too."""
+    if not isinstance(closure, RevoluteClosure):
+        return [np.zeros(3)]
+    axis = np.asarray(closure.axis, dtype=float)
+    return [np.zeros(3), mechanism.length / float(np.linalg.norm(axis)) * axis]
 
 
 def frame_place(mechanism: Mechanism, name: str) -> Place:

@@ -14,13 +14,11 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import SimulationError
-from ...mechanism.closures import Closure, RevoluteClosure
+from ...mechanism.closures import Closure
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
-from ..contender import Contender, Kind, Outcome, Scene
-from . import tuning
-from .outputs import Outputs, division
-from .parts import Place, closure_places
+from ..contender import Contender, Kind, Outcome, Outputs, Scene, division
+from .parts import Place, closure_places, held_points
 
 Acceleration = Callable[[Array, Array], Array]
 
@@ -114,69 +112,42 @@ def constraints(
     if closure.kind not in ("3d", "6d", "revolute"):
         raise ValueError(f"Pinocchio has no rigid constraint model for a closure of type {closure.kind!r}")
     kind = pin.ContactType.CONTACT_6D if closure.kind == "6d" else pin.ContactType.CONTACT_3D
-    shifts = [np.zeros(3)]
-    if isinstance(closure, RevoluteClosure):
-        axis = np.asarray(closure.axis, dtype=float)
-        shifts.append(mechanism.length / float(np.linalg.norm(axis)) * axis)
-    return [
-        pin.RigidConstraintModel(
-            kind,
-            mechanism.model,
-            joint1,
-            place1 * pin.SE3(np.eye(3), shift),
-            joint2,
-            place2 * pin.SE3(np.eye(3), shift),
-            pin.ReferenceFrame.LOCAL,
-        )
-        for shift in shifts
-    ]
+    found = []
+    for shift in held_points(mechanism, closure):
+        one, two = (place * pin.SE3(np.eye(3), shift) for place in (place1, place2))
+        ends = (joint1, one, joint2, two, pin.ReferenceFrame.LOCAL)
+        found.append(pin.RigidConstraintModel(kind, mechanism.model, *ends))
+    return found
 
 
 DEFAULTS = "Pinocchio, defaults"
 EXAMPLE = 10.0**0.5
 """ω of Pinocchio's own example of a closed chain, Kp = 10 and Kd = 2 √Kp, 1/s."""
 
+TURNS, LARGEST = 200.0, 0.5
+"""As `scan` chose them: ω in 1/duration, and its bound in 1/step; RK4 is stable with ω h < 2.8."""
 
-def tuned() -> ConstraintDynamics:
-    """Gains and mu that the scan chose."""
-    return ConstraintDynamics(
-        "Pinocchio, tuned",
-        f"critically damped Baumgarte terms, {tuning.OMEGA_RULE}; mu = 1e-8, at most 10 iterations to 1e-12; "
-        "RK4 in Python",
-        1e-8,
-        1e-12,
-        10,
-        tuning.omega,
-    )
+
+def tuned_omega(scene: Scene, step: float) -> float:
+    """Baumgarte's ω, 1/s, at critical damping."""
+    return min(TURNS / float(scene.times[-1]), LARGEST / step)
 
 
 def contenders() -> list[Contender]:
-    """Default settings, Pinocchio's own example, mu > 0 without gains, and tuned gains."""
+    """Default settings, Pinocchio's own example, mu > 0 without gains, and gains and mu that the scan chose."""
+    proximal = "mu = 1e-8, at most 10 iterations to 1e-12; RK4 in Python"
+    rule = f"omega = {TURNS:g} / duration, at most {LARGEST:g} / step"
+    example = (
+        "settings of Pinocchio's simulation-closed-kinematic-chains.py: Kp = 10, Kd = 2 √Kp, mu = 1e-10, "
+        "at most 10 iterations to 1e-8; RK4 in Python"
+    )
+    plain = "constraintDynamics as it comes: no Baumgarte terms, mu = 0, RK4 in Python"
+    gains = f"critically damped Baumgarte terms, {rule}; {proximal}"
     return [
+        ConstraintDynamics(DEFAULTS, plain, 0.0, 1e-12, 1, lambda scene, step: 0.0),
+        ConstraintDynamics("Pinocchio, example", example, 1e-10, 1e-8, 10, lambda scene, step: EXAMPLE),
         ConstraintDynamics(
-            DEFAULTS,
-            "constraintDynamics as it comes: no Baumgarte terms, mu = 0, RK4 in Python",
-            0.0,
-            1e-12,
-            1,
-            lambda scene, step: 0.0,
+            "Pinocchio, mu > 0", f"no Baumgarte terms, {proximal}", 1e-8, 1e-12, 10, lambda scene, step: 0.0
         ),
-        ConstraintDynamics(
-            "Pinocchio, example",
-            "settings of Pinocchio's simulation-closed-kinematic-chains.py: Kp = 10, Kd = 2 √Kp, mu = 1e-10, "
-            "at most 10 iterations to 1e-8; RK4 in Python",
-            1e-10,
-            1e-8,
-            10,
-            lambda scene, step: EXAMPLE,
-        ),
-        ConstraintDynamics(
-            "Pinocchio, mu > 0",
-            "no Baumgarte terms, mu = 1e-8, at most 10 iterations to 1e-12; RK4 in Python",
-            1e-8,
-            1e-12,
-            10,
-            lambda scene, step: 0.0,
-        ),
-        tuned(),
+        ConstraintDynamics("Pinocchio, tuned", gains, 1e-8, 1e-12, 10, tuned_omega),
     ]

@@ -8,9 +8,11 @@ of any joint over all outputs, between 0 (also for runs that stop) and 16.
 from __future__ import annotations
 
 import argparse
+import importlib
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -51,15 +53,8 @@ def scenes(names: Sequence[str], shifts: Sequence[float]) -> Iterator[tuple[Scen
             guess = mechanism.home.copy()
             guess[mechanism.iq_independent[0]] += shift
             q0 = mechanism.assemble(guess) if shift else mechanism.home
-            run = simulate(
-                mechanism,
-                q0,
-                duration=duration,
-                step=duration / 400,
-                stepper="DOP853",
-                rtol=1e-12,
-                atol=1e-13,
-            )
+            fine = {"stepper": "DOP853", "rtol": 1e-12, "atol": 1e-13}
+            run = simulate(mechanism, q0, duration=duration, step=duration / 400, **fine)
             yield Scene(name, mechanism, run.q[0], run.v[0], run.t), run.q
 
 
@@ -96,24 +91,26 @@ def score(
     return Score(contender.name, means[0], means[1], stopped, sum(group.size for group in found))
 
 
+def _tuned(package: str) -> Any:
+    """The contender that the scan is about; a dataclass of its adapter."""
+    made = importlib.import_module(f"{__package__}.{package}").contenders()
+    return next((c for c in made if c.name.endswith("tuned")), made[0])
+
+
 def pinocchio_candidates() -> list[Contender]:
     """Baumgarte's ω as a multiple of the scene's duration or of the step, and mu."""
-    from . import pinocchio
+    tuned = _tuned("pinocchio")
 
-    tuned = pinocchio.tuned()
+    def per_duration(n: float) -> Callable[[Scene, float], float]:
+        return lambda scene, step: min(n / float(scene.times[-1]), 0.5 / step)
 
-    def per_duration(n: float) -> Contender:
-        def omega(scene: Scene, step: float) -> float:
-            return min(n / float(scene.times[-1]), 0.5 / step)
+    def per_step(c: float) -> Callable[[Scene, float], float]:
+        return lambda scene, step: c / step
 
-        return replace(tuned, name=f"ω = {n:g}/T, at most 0.5/h", omega=omega)
-
-    def per_step(c: float) -> Contender:
-        return replace(tuned, name=f"ω = {c:g}/h", omega=lambda scene, step: c / step)
-
+    many, few = (100.0, 200.0, 500.0, 1000.0, 2000.0), (0.02, 0.05, 0.1, 0.3, 1.0)
     return [
-        *(per_duration(n) for n in (100.0, 200.0, 500.0, 1000.0, 2000.0)),
-        *(per_step(c) for c in (0.02, 0.05, 0.1, 0.3, 1.0)),
+        *(replace(tuned, name=f"ω = {n:g}/T, at most 0.5/h", omega=per_duration(n)) for n in many),
+        *(replace(tuned, name=f"ω = {c:g}/h", omega=per_step(c)) for c in few),
         *(replace(tuned, name=f"tuned, but mu = {mu:g}", mu=mu) for mu in (1e-6, 1e-10, 1e-12)),
         tuned,
     ]
@@ -121,37 +118,26 @@ def pinocchio_candidates() -> list[Contender]:
 
 def mujoco_candidates() -> list[Contender]:
     """The constraints' time constant in steps and in seconds, and the integrator."""
-    from . import mujoco
+    tuned = _tuned("mujoco")
 
-    tuned = mujoco.tuned()
-
-    def per_step(n: float) -> Contender:
-        return replace(tuned, name=f"RK4, solref = {n:g} h", time_constant=lambda step: n * step)
-
-    def fixed(seconds: float) -> Contender:
-        return replace(tuned, name=f"RK4, solref = {seconds:g} s", time_constant=lambda step: seconds)
+    def linear(name: str, per_step: float, seconds: float) -> Contender:
+        return replace(tuned, name=name, time_constant=lambda step: per_step * step + seconds)
 
     return [
-        *(per_step(n) for n in (2.0, 3.0, 4.0, 6.0, 10.0)),
-        *(fixed(seconds) for seconds in (0.02, 0.05)),
+        *(linear(f"RK4, solref = {n:g} h", n, 0.0) for n in (2.0, 3.0, 4.0, 6.0, 10.0)),
+        *(linear(f"RK4, solref = {seconds:g} s", 0.0, seconds) for seconds in (0.02, 0.05)),
         *(replace(tuned, name=f"{kind}, tuned", stepper=kind) for kind in ("Euler", "implicitfast")),
     ]
 
 
 def exudyn_candidates() -> list[Contender]:
     """Spectral radius, Newton's kind and tolerance."""
-    from . import exudyn
-
-    defaults = exudyn.generalised_alpha()
+    names = ("generalizedAlpha.spectralRadius", "newton.useModifiedNewton", "newton.relativeTolerance")
     return [
         replace(
-            defaults,
+            _tuned("exudyn"),
             name=f"ρ = {radius:g}, {'modified' if modified else 'full'} Newton to {tolerance:g}",
-            integration={
-                "generalizedAlpha.spectralRadius": radius,
-                "newton.useModifiedNewton": modified,
-                "newton.relativeTolerance": tolerance,
-            },
+            integration=dict(zip(names, (radius, modified, tolerance), strict=True)),
         )
         for radius in (0.6, 0.8, 0.9, 1.0)
         for modified in (True, False)

@@ -53,16 +53,10 @@ class Ours:
         """The step in s, or rtol = atol."""
         outputs = scene.times
         every, step = 1, float(outputs[1])
-        options: dict[str, Any] = {
-            "method": self.method,
-            "newton_start": self.newton_start,
-            "backend": self.backend,
-        }
+        options: dict[str, Any] = {"stepper": self.stepper, "rtol": setting, "atol": setting}
         if self.kind == "fixed":
-            every, step = round(step / setting), setting
-            options["stepper"] = FIXED
-        else:
-            options |= {"stepper": self.stepper, "rtol": setting, "atol": setting}
+            every, step, options = round(step / setting), setting, {"stepper": FIXED}
+        options |= {"method": self.method, "newton_start": self.newton_start, "backend": self.backend}
         stopped = ""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SingularityWarning)
@@ -81,6 +75,29 @@ def backend_names() -> tuple[str, ...]:
     return tuple(name for name, backend in backends().items() if backend.available)
 
 
+COMPILED = "bridge compiled, RK4"
+OURS: tuple[tuple[str, Method, str, tuple[tuple[Any, ...], ...]], ...] = (
+    ("bridge", "bridge", "no gains, no thresholds: the defaults", (
+        ("bridge, RK4", FIXED), ("bridge, DOP853", "DOP853"), ("bridge, Radau", "Radau"),
+        ("bridge, LSODA", "LSODA"), (COMPILED, FIXED, "tangent", "native"),
+    )),
+    ("closed form", "closed_form", "γ, G and g of the planar four-bar in closed form, M and C from Pinocchio",
+     (
+        ("closed form, RK4", FIXED), ("closed form, DOP853", "DOP853"),
+    )),
+    ("published", "projection", "rank threshold 1e-3, g = 0 at the singularity, as published", (
+        ("Eq. (7), RK4", FIXED), ("Eq. (7), DOP853", "DOP853"),
+    )),
+    ("published", "classical", "Newton on the dependent joints from the previous ones, as published", (
+        ("classical GCP, RK4", FIXED, "previous"),
+    )),
+    ("published", "classical", "Newton on the dependent joints from the tangent's prediction", (
+        ("classical GCP, tangent, RK4", FIXED), ("classical GCP, tangent, DOP853", "DOP853"),
+    )),
+)  # fmt: skip
+"""Family, method, tuning, and contenders: name, stepper, Newton's start and backend; the legend's order."""
+
+
 def contenders(exact: Callable[[Scene], np.ndarray]) -> list[Contender]:
     """Ours and the implicit equations, in the order of the legend.
 
@@ -89,25 +106,12 @@ def contenders(exact: Callable[[Scene], np.ndarray]) -> list[Contender]:
     exact : callable
         The exact q of a scene, (401, nq): what gains are tuned by.
     """
-    nothing = "no gains, no thresholds: the defaults"
     found: list[Contender] = []
-    for stepper, title in ((FIXED, "RK4"), ("DOP853", "DOP853"), ("Radau", "Radau"), ("LSODA", "LSODA")):
-        found.append(Ours(f"bridge, {title}", "bridge", "bridge", stepper, nothing))
-    if "native" in backend_names():
-        found.append(Ours("bridge compiled, RK4", "bridge", "bridge", FIXED, nothing, backend="native"))
-    text = "γ, G and g of the planar four-bar in closed form, M and C from Pinocchio"
-    for stepper, title in ((FIXED, "RK4"), ("DOP853", "DOP853")):
-        found.append(Ours(f"closed form, {title}", "closed form", "closed_form", stepper, text))
-    text = "rank threshold 1e-3, g = 0 at the singularity, as published"
-    for stepper, title in ((FIXED, "RK4"), ("DOP853", "DOP853")):
-        found.append(Ours(f"Eq. (7), {title}", "published", "projection", stepper, text))
-    text = "Newton on the dependent joints from the previous ones, as published"
-    name = "classical GCP, RK4"
-    found.append(Ours(name, "published", "classical", FIXED, text, "previous"))
-    text = "Newton on the dependent joints from the tangent's prediction"
-    for stepper, title in ((FIXED, "RK4"), ("DOP853", "DOP853")):
-        name = f"classical GCP, tangent, {title}"
-        found.append(Ours(name, "published", "classical", stepper, text, "tangent"))
+    for family, method, tuning, rows in OURS:
+        for name, stepper, *more in rows:
+            found.append(Ours(name, family, method, stepper, tuning, *more))
+    if "native" not in backend_names():
+        found = [c for c in found if c.name != COMPILED]
     found += [Implicit("KKT (2), RK4", FIXED), Implicit("KKT (2), DOP853", "DOP853")]
     found += [Implicit("KKT (2) Baumgarte, RK4", FIXED, (10.0, 10.0))]
     found += [TunedImplicit("KKT (2) Baumgarte tuned, RK4", FIXED, exact)]

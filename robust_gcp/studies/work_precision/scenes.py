@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -50,17 +52,25 @@ def _scene(name: str, mechanism: Mechanism, ydot: float, duration: float) -> Sce
     return Scene(name, mechanism, mechanism.home, v0, times_of(duration))
 
 
-def _four_bar(
-    name: str,
-    title: str,
-    lengths: tuple[float, float, float, float],
-    assembly: int,
-    y: float,
-    ydot: float,
-    duration: float,
-    crosses: bool = True,
-) -> Motion:
+FOUR_BARS = {
+    # γ curved, turning through six crossings on the crossed mode
+    "antiparallelogram": ("antiparallelogram", (2.0, 1.0, 2.0, 1.0), -1, (0.1, -2.0), 5.0, True),
+    # two curved modes cross at π
+    "change_point": ("change point 4, 2, 3, 3", (4.0, 2.0, 3.0, 3.0), 1, (2.5, 0.0), 5.0, True),
+    # driven from a short link, which turns fully: crossings at 0 and π
+    "kite": ("kite 2, 1, 1, 2", (2.0, 1.0, 1.0, 2.0), 1, (1.0, -3.0), 3.0, True),
+    # no singular configuration in the way: the control on which every tool is at home
+    "crank_rocker": ("crank-rocker (regular)", (4.0, 1.0, 3.5, 3.0), 1, (1.0, 4.0), 5.0, False),
+}
+"""Title, lengths, assembly, start (y, ẏ), duration, and whether the motion passes singular configurations."""
+
+PARALLELOGRAMS = {"rhombus": 1.0, "parallelogram": 2.0}
+"""The paper's examples, from rest at 0.2 rad: lengths of cranks in those of the coupler's."""
+
+
+def _four_bar(name: str) -> Motion:
     """γ in closed form, DOP853, the energy's quadrature."""
+    title, lengths, assembly, (y, ydot), duration, crosses = FOUR_BARS[name]
     system = reduced.four_bar(lengths, assembly)
     scene = _scene(name, four_bar(*lengths, y=y, assembly=assembly), ydot, duration)
 
@@ -70,52 +80,20 @@ def _four_bar(
     return Motion(scene, title, crosses, system.start(y, ydot), solve)
 
 
-def _pendulum(
-    name: str, title: str, scene: Scene, A: float, B: float, turns: Array, **more: object
-) -> Motion:
+def _pendulum(title: str, scene: Scene, A: float, B: float, turns: Array, **more: Any) -> Motion:
     start = float(scene.q0[0]), float(scene.v0[0])
     floor = reduced.cranks(A, B, turns).start(*start)
 
     def solve() -> Reference:
         return references.from_pendulum(scene.times, start, A, B, turns, floor)
 
-    return Motion(scene, title, True, floor, solve, **more)  # type: ignore[arg-type]
+    return Motion(scene, title, True, floor, solve, **more)
 
 
-def rhombus() -> Motion:
-    """The paper's first example: from rest at 0.2 rad."""
-    A, B = parallelogram_pendulum(1.0, 1.0, 1.0, 1.0, 1.0)
-    scene = _scene("rhombus", load("rhombus"), 0.0, 5.0)
-    return _pendulum("rhombus", "rhombus", scene, A, B, np.array([1.0, -1.0, 1.0]))
-
-
-def parallelogram() -> Motion:
-    """The paper's second example: from rest at 0.2 rad."""
-    A, B = parallelogram_pendulum(2.0, 2.0, 1.0, 1.0, 1.0)
-    scene = _scene("parallelogram", load("parallelogram"), 0.0, 5.0)
-    return _pendulum("parallelogram", "parallelogram", scene, A, B, np.array([1.0, -1.0, 1.0]))
-
-
-def antiparallelogram() -> Motion:
-    """Lengths 2, 1, 2, 1 on the crossed mode, turning: six crossings, γ curved."""
-    lengths = (2.0, 1.0, 2.0, 1.0)
-    return _four_bar("antiparallelogram", "antiparallelogram", lengths, -1, 0.1, -2.0, 5.0)
-
-
-def change_point() -> Motion:
-    """Lengths 4, 2, 3, 3: two curved modes cross at π."""
-    return _four_bar("change_point", "change point 4, 2, 3, 3", (4.0, 2.0, 3.0, 3.0), 1, 2.5, 0.0, 5.0)
-
-
-def kite() -> Motion:
-    """The kite's links driven from its short one, which turns fully: crossings at 0 and π."""
-    return _four_bar("kite", "kite 2, 1, 1, 2", (2.0, 1.0, 1.0, 2.0), 1, 1.0, -3.0, 3.0)
-
-
-def crank_rocker() -> Motion:
-    """No singular configuration in the way: the control on which every tool is at home."""
-    lengths = (4.0, 1.0, 3.5, 3.0)
-    return _four_bar("crank_rocker", "crank-rocker (regular)", lengths, 1, 1.0, 4.0, 5.0, False)
+def _parallelogram(name: str) -> Motion:
+    crank = PARALLELOGRAMS[name]
+    A, B = parallelogram_pendulum(crank, crank, 1.0, 1.0, 1.0)
+    return _pendulum(name, _scene(name, load(name), 0.0, 5.0), A, B, np.array([1.0, -1.0, 1.0]))
 
 
 def n_bars(n: int, duration: float, steps: tuple[int, ...] = STEPS, cap: float = 0.5) -> Motion:
@@ -125,7 +103,7 @@ def n_bars(n: int, duration: float, steps: tuple[int, ...] = STEPS, cap: float =
     turns = np.array([1.0, -1.0] * n + [1.0])
     A, B = (4 * n + 1) / 3.0, (3 * n + 1) / 2.0 * GRAVITY
     title = f"{n} four-bar{'s in a row' if n > 1 else ''} (A02)"
-    return _pendulum(name, title, scene, A, B, turns, steps=steps, cap=cap)
+    return _pendulum(title, scene, A, B, turns, steps=steps, cap=cap)
 
 
 def andrews() -> Motion:
@@ -181,15 +159,11 @@ def flyball() -> Motion:
 
 
 MOTIONS: dict[str, Callable[[], Motion]] = {
-    "rhombus": rhombus,
-    "parallelogram": parallelogram,
-    "antiparallelogram": antiparallelogram,
-    "change_point": change_point,
-    "kite": kite,
-    "crank_rocker": crank_rocker,
-    "n_four_bar_1": lambda: n_bars(1, 5.0),
-    "n_four_bar_5": lambda: n_bars(5, 5.0),
-    "n_four_bar_40": lambda: n_bars(40, 5.0, SLOW_STEPS, SLOW_CAP),
+    **{name: partial(_parallelogram, name) for name in PARALLELOGRAMS},
+    **{name: partial(_four_bar, name) for name in FOUR_BARS},
+    "n_four_bar_1": partial(n_bars, 1, 5.0),
+    "n_four_bar_5": partial(n_bars, 5, 5.0),
+    "n_four_bar_40": partial(n_bars, 40, 5.0, SLOW_STEPS, SLOW_CAP),
     "andrews": andrews,
     "bricard": bricard,
     "flyball": flyball,
