@@ -10,9 +10,8 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.__main__ import main
-from robust_gcp.studies.costs import PARTS, Cost, measure
+from robust_gcp.studies.costs import PARTS, SHARES, Cost, import_milliseconds, measure
 from robust_gcp.studies.costs_scenes import SCENES
-from robust_gcp.studies.import_time import SHARES, import_milliseconds
 
 RARE = ("zone_evaluations", "marching_steps", "bridges_built", "svds", "second_order", "refined_steps")
 CONSTRAINT = ("constraint_evaluations", "newton_iterations")

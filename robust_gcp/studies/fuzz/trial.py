@@ -135,15 +135,7 @@ def _read(document: Document, folder: Path) -> Mechanism:
 
 
 class JudgeProcess:
-    """A process that judges one file after the other, and is replaced when it hangs or dies.
-
-    Parameters
-    ----------
-    by : callable (document, text) -> Outcome
-        Called in the process.
-    patience : float
-        s on the clock until it counts as hung.
-    """
+    """A process in which `by` judges one file after the other; replaced when it hangs or dies."""
 
     def __init__(self, by: Judge = judge, patience: float = HUNG) -> None:
         self._context = multiprocessing.get_context("spawn")

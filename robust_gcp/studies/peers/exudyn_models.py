@@ -1,4 +1,4 @@
-"""Scenes as Exudyn's models: planar ones as rigid bodies, others as a kinematic tree with joints for closures.
+"""Scenes as Exudyn's models: planar ones as rigid bodies, others as a kinematic tree with closing joints.
 
 Exudyn's packages are untyped here: its stubs do not describe how its functions are called.
 """

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from ...mechanism.closures import Closure, RevoluteClosure, closure_frames, frame_of
+from ...mechanism.closures import RevoluteClosure, closure_frames, frame_of
 from ...mechanism.forces import JointTorque
 from ...mechanism.joints import JointKind
 from ...mechanism.mechanism import Mechanism
@@ -53,7 +53,7 @@ def closure_places(mechanism: Mechanism) -> list[tuple[Place, Place]]:
     return list(zip(places[:half], places[half:], strict=True))
 
 
-def held_points(mechanism: Mechanism, closure: Closure) -> list[Array]:
+def held_points(mechanism: Mechanism, closure: object) -> list[Array]:
     """Where on its frames a closure holds points together: at the origin, and of a hinge on its axis too."""
     if not isinstance(closure, RevoluteClosure):
         return [np.zeros(3)]

@@ -134,7 +134,7 @@ def tuned_omega(scene: Scene, step: float) -> float:
 
 
 def contenders() -> list[Contender]:
-    """Default settings, Pinocchio's own example, mu > 0 without gains, and gains and mu that the scan chose."""
+    """Default settings, Pinocchio's own example, mu > 0 without gains, and what the scan chose."""
     proximal = "mu = 1e-8, at most 10 iterations to 1e-12; RK4 in Python"
     rule = f"omega = {TURNS:g} / duration, at most {LARGEST:g} / step"
     example = (

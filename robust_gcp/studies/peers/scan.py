@@ -53,7 +53,7 @@ def scenes(names: Sequence[str], shifts: Sequence[float]) -> Iterator[tuple[Scen
             guess = mechanism.home.copy()
             guess[mechanism.iq_independent[0]] += shift
             q0 = mechanism.assemble(guess) if shift else mechanism.home
-            fine = {"stepper": "DOP853", "rtol": 1e-12, "atol": 1e-13}
+            fine: dict[str, Any] = {"stepper": "DOP853", "rtol": 1e-12, "atol": 1e-13}
             run = simulate(mechanism, q0, duration=duration, step=duration / 400, **fine)
             yield Scene(name, mechanism, run.q[0], run.v[0], run.t), run.q
 
