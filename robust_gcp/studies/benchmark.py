@@ -1,11 +1,13 @@
-"""What a right-hand side costs, part by part, against the number of loops."""
+"""What a right-hand side costs, part by part, and a step of the kernel, against the number of loops."""
 
 from __future__ import annotations
 
 import argparse
 import itertools
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -16,15 +18,23 @@ from ..maps.choice import MapChoice
 from ..maps.cluster.options import BridgeOptions
 from ..maps.march import same_branch
 from ..mechanism.folders.loader import load
+from ..mechanism.mechanism import Mechanism
 from ..native import backends
+from ..native.library import Library, library
+from ..native.workspace import Outputs, Workspace
 from ..printing import along, table, write_json
 from ..simulation.simulate import simulate
-from .benchmark_native import native_seconds, thread_gain
+
+Batch = Callable[[], tuple[float, float]]
+"""Does a batch of steps: seconds per step and Newton iterations per right-hand side."""
 
 SIZES = (1, 5, 10, 20, 40)
 SHARES = ("map", "M_and_C", "rest", "zone_test")
 ANGLE = 1.2
 """rad: cranks well away from flat, so that only the regular path is timed."""
+
+ROUNDS = 50
+"""Of each measurement in the kernel; the smallest counts, that is the one least disturbed."""
 
 
 def seconds_per_call(call: Callable[[], object], budget: float = 0.1) -> float:
@@ -42,17 +52,16 @@ def seconds_per_call(call: Callable[[], object], budget: float = 0.1) -> float:
     return min(rounds)
 
 
-def naive_seconds(n: int, budget: float = 0.1) -> float:
-    """The same right-hand side as one writes it first: one Jacobian a frame and dense solves, s.
+def naive(n: int) -> Callable[[], object]:
+    """The same right-hand side as one writes it first: one Jacobian a frame and dense solves.
 
     The yardstick of this machine: both times are quoted, and their ratio travels.
     """
     import pinocchio as pin
 
     mechanism = n_four_bar(n, ANGLE)
-    model, q = mechanism.model, mechanism.home
-    data = model.createData()
-    frames = [(model.getFrameId(c.frame1), model.getFrameId(c.frame2)) for c in mechanism.loops]
+    model, q, data = mechanism.model, mechanism.home, mechanism.model.createData()
+    frames = [[model.getFrameId(name) for name in (c.frame1, c.frame2)] for c in mechanism.loops]
     v = mechanism.lift(q, [1.0])
     dependent, independent = mechanism.iv_dependent, mechanism.iv_independent
     axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
@@ -61,25 +70,22 @@ def naive_seconds(n: int, budget: float = 0.1) -> float:
         pin.forwardKinematics(model, data, q, v, 0.0 * v)
         pin.computeJointJacobians(model, data, q)
         pin.updateFramePlacements(model, data)
-        K, k = [], []
-        for first, second in frames:
-            J1 = pin.getFrameJacobian(model, data, first, axes)
-            J2 = pin.getFrameJacobian(model, data, second, axes)
-            K.append((J1 - J2)[1:3])
-            a1 = pin.getFrameClassicalAcceleration(model, data, first, axes).linear
-            a2 = pin.getFrameClassicalAcceleration(model, data, second, axes).linear
-            k.append((a2 - a1)[1:3])
-        stacked, bias = np.vstack(K), np.concatenate(k)
-        G = np.zeros((model.nv, 1))
+        rows, bias = [], []
+        for ends in frames:
+            J1, J2 = (pin.getFrameJacobian(model, data, frame, axes) for frame in ends)
+            a1, a2 = (pin.getFrameClassicalAcceleration(model, data, frame, axes).linear for frame in ends)
+            rows.append((J1 - J2)[1:3])
+            bias.append((a2 - a1)[1:3])
+        K, k = np.vstack(rows), np.concatenate(bias)
+        G, g = np.zeros((model.nv, 1)), np.zeros(model.nv)
         G[independent] = 1.0
-        G[dependent] = np.linalg.solve(stacked[:, dependent], -stacked[:, independent])
-        g = np.zeros(model.nv)
-        g[dependent] = np.linalg.solve(stacked[:, dependent], bias)
+        G[dependent] = np.linalg.solve(K[:, dependent], -K[:, independent])
+        g[dependent] = np.linalg.solve(K[:, dependent], k)
         M = pin.crba(model, data, q)
         C = pin.nle(model, data, q, v)
         return np.linalg.solve(G.T @ M @ G, G.T @ (-C - M @ g))
 
-    return seconds_per_call(evaluate, budget)
+    return evaluate
 
 
 def measure(n: int, budget: float = 0.1) -> dict[str, float]:
@@ -89,71 +95,105 @@ def measure(n: int, budget: float = 0.1) -> dict[str, float]:
     start, equations = motion.start, motion.equations
     path, tree = start.path, mechanism.tree
     q, G = start.point.q, start.point.G[:, 0]
-    x = np.array([ANGLE, 1.0])
     sweep = itertools.cycle(ANGLE + 1e-4 * np.sin(np.arange(64)))
+    explicit, unit = MapChoice().over(start), np.ones(1)
+    here, there = start.point, path.step(start.point, start.point.y + 1e-3, start.point.ydot)
+    assert there is not None
+    zone = BridgeOptions().zone
 
-    def right_hand_side() -> object:
-        x[0] = next(sweep)
-        return equations(0.0, x.copy())
-
-    explicit = MapChoice().over(start)
-    unit = np.ones(1)
-
-    def solve_map() -> object:
-        return explicit.at(np.array([next(sweep)]), unit)
-
-    def constraint() -> object:
+    def constraint() -> np.ndarray:
         tree.jacobians(q)
         path.implicit.residual()
         return path.implicit.jacobian()
-
-    def bias() -> object:
-        tree.rnea(q, G, tree.zero)
-        return path.implicit.bias()
 
     def inertia() -> object:
         M = tree.crba(q)
         return tree.rnea(q, G, G), G @ (M @ G)
 
     K = constraint()
-    assert isinstance(K, np.ndarray)
     K_i = K[:, path.independent[0]]
-    factor = path.factor
 
     def solve() -> object:
-        factor.factor(K)
-        return factor.solve(K_i)
+        path.factor.factor(K)
+        return path.factor.solve(K_i)
 
-    here, there = start.point, path.step(start.point, start.point.y + 1e-3, start.point.ydot)
-    assert there is not None
-    zone = BridgeOptions().zone
-
-    def zone_test() -> object:
-        return there.conditioning < zone or not same_branch(here, there)
+    parts: dict[str, Callable[[], object]] = {
+        "rhs": lambda: equations(0.0, np.array([next(sweep), 1.0])),
+        "map": lambda: explicit.at(np.array([next(sweep)]), unit),
+        "M_and_C": inertia,
+        "zone_test": lambda: there.conditioning < zone or not same_branch(here, there),
+        "numpy_phi_K": constraint,
+        "numpy_solve": solve,
+        "numpy_bias": lambda: (tree.rnea(q, G, tree.zero), path.implicit.bias()),
+        "naive_rhs": naive(n),
+    }
+    times = {name: seconds_per_call(call, budget) for name, call in parts.items()}
 
     def steps(count: int) -> float:
-        return seconds_per_call(
-            lambda: simulate(mechanism, duration=count * 1e-4, step=1e-4, backend="python"), budget
-        )
+        run = partial(simulate, mechanism, duration=count * 1e-4, step=1e-4, backend="python")
+        return seconds_per_call(run, budget)
 
     few, many = 20, 120
-    rhs, whole = seconds_per_call(right_hand_side, budget), seconds_per_call(solve_map, budget)
-    masses = seconds_per_call(inertia, budget)
-    times = {
-        "rhs": rhs,
-        "rk4_step": (steps(many) - steps(few)) / (many - few),
-        "map": whole,
-        "M_and_C": masses,
-        "rest": max(rhs - whole - masses, 0.0),
-        "zone_test": seconds_per_call(zone_test, budget),
-        "numpy_phi_K": seconds_per_call(constraint, budget),
-        "numpy_solve": seconds_per_call(solve, budget),
-        "numpy_bias": seconds_per_call(bias, budget),
-        "naive_rhs": naive_seconds(n, budget),
-    }
+    times["rk4_step"] = (steps(many) - steps(few)) / (many - few)
+    times["rest"] = max(times["rhs"] - times["map"] - times["M_and_C"], 0.0)
     native = native_seconds(mechanism)
     per_rhs = {"native_newton": native.pop("native_newton")} if native else {}
-    return {"loops": n} | {name: 1e6 * value for name, value in (times | native).items()} | per_rhs
+    names = ("rhs", "rk4_step", "map", "M_and_C", "rest", *list(times)[3:8], *native)
+    return {"loops": n} | {name: 1e6 * (times | native)[name] for name in names} | per_rhs
+
+
+def batches(found: Library, mechanism: Mechanism, steps: int, h: float) -> tuple[Workspace, Batch]:
+    """A workspace, and the same batch of steps of h, s, from home at rest, again and again.
+
+    The batch raises a RuntimeError when the kernel stopped before the end.
+    """
+    motion = set_out(mechanism)
+    now, times = motion.equations.evaluate(0.0, motion.x), h * np.arange(steps + 1)
+    outputs = Outputs.room(steps, mechanism.nq, mechanism.nv)
+    workspace = Workspace(found, mechanism, motion.start.path)
+
+    def run() -> tuple[float, float]:
+        begun = time.perf_counter()
+        batch = workspace.run(times, motion.x, now, outputs, BridgeOptions().zone)
+        spent = time.perf_counter() - begun
+        if batch.steps < steps:
+            raise RuntimeError(f"the kernel stopped after {batch.steps} steps: {batch.reason.name}")
+        return spent / steps, batch.counts["newton_iterations"] / batch.counts["rhs"]
+
+    return workspace, run
+
+
+def native_seconds(mechanism: Mechanism, h: float = 1e-4) -> dict[str, float]:
+    """Seconds per RK4 step in the kernel and per right-hand side of Pinocchio's C++; empty without it."""
+    found = library()
+    if found is None:
+        return {}
+    workspace, run = batches(found, mechanism, max(20, 1000 // mechanism.nv), h)  # some ms
+    rounds = [run() for _ in range(ROUNDS)]
+    v = mechanism.lift(mechanism.home, np.ones(mechanism.m))
+    repeats = max(5, 2000 // mechanism.nv)
+    theirs = [workspace.time_pinocchio(mechanism.home, v, repeats) for _ in range(ROUNDS // 5)]
+    return {"native_step": min(rounds)[0], "native_newton": rounds[0][1], "pinocchio_rhs": min(theirs)}
+
+
+def thread_gain(mechanism: Mechanism, threads: int = 2, steps: int = 20_000, h: float = 1e-5) -> float:
+    """How many times the work of one thread `threads` threads do in the same time, best of rounds."""
+    found = library()
+    if found is None:
+        return float("nan")
+    runs = [batches(found, mechanism, steps, h)[1] for _ in range(threads)]
+
+    def seconds(workers: Sequence[Callable[[], object]]) -> float:
+        running = [threading.Thread(target=worker) for worker in workers]
+        begun = time.perf_counter()
+        for thread in running:
+            thread.start()
+        for thread in running:
+            thread.join()
+        return time.perf_counter() - begun
+
+    alone, together = (min(seconds(w) for _ in range(ROUNDS // 3)) for w in (runs[:1], runs))
+    return threads * alone / together
 
 
 def arguments(add_to: Arguments) -> None:
@@ -176,27 +216,25 @@ def run(args: argparse.Namespace) -> int:
     shares = [[f"{row['loops']:.0f}", *(f"{row[part] / row['rhs']:.1%}" for part in SHARES)] for row in rows]
     print(table([" loops", *(f" {part}" for part in SHARES)], shares, None))
     if len(rows) > 1:
-        sizes = np.log([row["loops"] for row in rows[-3:]])
-        slope = float(np.polyfit(sizes, np.log([row["rhs"] for row in rows[-3:]]), 1)[0])
-        print(f"cost grows as N^{slope:.2f} over the largest sizes")
-    _print_native(rows)
+        print(f"cost grows as N^{_exponent(rows[-3:], 'rhs'):.2f} over the largest sizes")
+    state = backends()["native"]
+    if state.available:
+        print("native_step: an RK4 step in the compiled kernel; pinocchio_rhs: computeJointJacobians, rnea")
+        print("twice and crba from C++; native_newton: Newton iterations per right-hand side")
+        if len(rows) > 1:
+            print(f"a step in the kernel costs N^{_exponent(rows, 'native_step'):.2f}")
+        crank_rocker = load("crank_rocker")
+        step = native_seconds(crank_rocker, 1e-3)["native_step"]
+        print(f"crank-rocker: {1e6 * step:.3g} µs a step of 1e-3 s")
+        print(f"two threads do {thread_gain(crank_rocker):.2f} times the work of one")
+    else:
+        print(f"no compiled kernel: {state.reason}")
     if args.out:
         write_json(args.out, rows)
     return 0
 
 
-def _print_native(rows: list[dict[str, float]]) -> None:
-    """The compiled kernel's share of the table, or why there is none."""
-    state = backends()["native"]
-    if not state.available:
-        print(f"no compiled kernel: {state.reason}")
-        return
-    print("native_step: an RK4 step in the compiled kernel; pinocchio_rhs: computeJointJacobians, rnea twice")
-    print("and crba from C++; native_newton: Newton iterations per right-hand side")
-    if len(rows) > 1:
-        sizes = np.log([row["loops"] for row in rows])
-        slope = float(np.polyfit(sizes, np.log([row["native_step"] for row in rows]), 1)[0])
-        print(f"a step in the kernel costs N^{slope:.2f}")
-    crank_rocker = native_seconds(load("crank_rocker"), h=1e-3)
-    print(f"crank-rocker: {1e6 * crank_rocker['native_step']:.3g} µs a step of 1e-3 s")
-    print(f"two threads do {thread_gain(load('crank_rocker')):.2f} times the work of one")
+def _exponent(rows: Sequence[dict[str, float]], name: str) -> float:
+    """p of cost ~ N^p."""
+    logs = np.log([[row["loops"], row[name]] for row in rows])
+    return float(np.polyfit(logs[:, 0], logs[:, 1], 1)[0])

@@ -8,7 +8,7 @@ import pytest
 import robust_gcp as rg
 from robust_gcp.examples.linkages import n_four_bar
 from robust_gcp.native.library import library
-from robust_gcp.studies.benchmark_native import Batches, native_seconds, thread_gain
+from robust_gcp.studies.benchmark import batches, native_seconds, thread_gain
 
 pytestmark = pytest.mark.skipif(not rg.backends()["native"].available, reason="no compiled kernel")
 
@@ -30,7 +30,7 @@ def test_a_batch_that_stops_early_is_no_measurement() -> None:
     """Falling into the zone of a singular configuration ends a batch."""
     found = library()
     assert found is not None
-    batches = Batches(found, n_four_bar(1, 0.2), 500, 1e-3)
+    _, run = batches(found, n_four_bar(1, 0.2), 500, 1e-3)
     with pytest.raises(RuntimeError, match="ZONE"):
-        batches.run()
-    assert np.isfinite(Batches(found, n_four_bar(1, 1.2), 5, 1e-3).run()[0])
+        run()
+    assert np.isfinite(batches(found, n_four_bar(1, 1.2), 5, 1e-3)[1]()[0])
