@@ -46,7 +46,7 @@ def workspace_bytes(model: pin.Model) -> int:
 
 
 def whole_bytes(model: pin.Model) -> int:
-    """What a whole `pin.Data` takes, as the compiled kernel makes one for several coordinates."""
+    """What a whole `pin.Data` takes."""
     nv, joints = int(model.nv), int(model.njoints)
     return 8 * (4 * nv**3 + 18 * nv * nv + 22 * nv * joints) + BODY * joints
 

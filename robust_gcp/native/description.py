@@ -12,7 +12,7 @@ from ..mechanism.forces import JointDamper, JointSpring, JointTorque, PointSprin
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.rows import ROTATION, Row, rows_of
 from ..mechanism.tree import Array
-from ..mechanism.workspace import memory_left, whole_bytes
+from ..mechanism.workspace import memory_left, workspace_bytes
 from .structures import Arrays, Description
 
 
@@ -44,8 +44,8 @@ def describe(mechanism: Mechanism, path: RegularPath, constant: ArrayLike | None
 def _described(mechanism: Mechanism, path: RegularPath, constant: ArrayLike | None, works: bool) -> Arrays:
     if mechanism.m == 0:
         raise NotNativeError("the mechanism has no degree of freedom")
-    if mechanism.m > 1 and whole_bytes(mechanism.model) > memory_left():
-        needed = whole_bytes(mechanism.model) / 1e9
+    if mechanism.m > 1 and workspace_bytes(mechanism.model) > memory_left():
+        needed = workspace_bytes(mechanism.model) / 1e9
         raise NotNativeError(f"the mechanism has {mechanism.nv} velocities, which take {needed:.3g} GB")
     description = Description(
         joints=mechanism.model.njoints - 1, nq=mechanism.nq, nv=mechanism.nv, m=mechanism.m, works=works

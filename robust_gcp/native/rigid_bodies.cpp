@@ -38,18 +38,42 @@ static Model build(const Description& d) {
     return model;
 }
 
+#if PINOCCHIO_MAJOR_VERSION == 4 && PINOCCHIO_MINOR_VERSION == 1
+// Data of which only what `rnea`, `crba` and `computeJointJacobians` read and write has its size: a whole one
+// holds four tensors of nv³ numbers. The algorithms of this version were looked through for that.
+static std::unique_ptr<Data> workspace(const Model& model) {
+    auto data = std::make_unique<Data>();
+    const auto joints = static_cast<std::size_t>(model.njoints);
+    for (const auto& joint : model.joints) data->joints.push_back(joint.createData());
+    data->liMi.assign(joints, pinocchio::SE3::Identity());
+    data->oMi.assign(joints, pinocchio::SE3::Identity());
+    for (auto* motions : {&data->v, &data->a_gf}) motions->assign(joints, pinocchio::Motion::Zero());
+    for (auto* forces : {&data->f, &data->h}) forces->assign(joints, pinocchio::Force::Zero());
+    data->oYcrb.assign(joints, pinocchio::Inertia::Zero());
+    data->J = data->Ag = Data::Matrix6x::Zero(6, model.nv);
+    data->M = Data::MatrixXs::Zero(model.nv, model.nv);
+    data->tau = Eigen::VectorXd::Zero(model.nv);
+    data->mass.assign(1, 0.0);  // of the whole, and its centre
+    data->com.assign(1, Eigen::Vector3d::Zero());
+    data->nvSubtree.assign(joints, 0);
+    for (std::size_t j = joints; j-- > 1;) {
+        data->nvSubtree[j] += model.nvs[j];
+        data->nvSubtree[model.parents[j]] += data->nvSubtree[j];
+    }
+    return data;
+}
+#else
+static std::unique_ptr<Data> workspace(const Model& model) { return std::make_unique<Data>(model); }
+#endif
+
 struct RigidBodies::Pinocchio {
     explicit Pinocchio(const Description& d) : model(build(d)) {
         if (d.m > 1) data();  // here, where running out of memory can be told
     }
 
-    // Made when first asked for, which one coordinate does not; without Pinocchio's nv³ second derivatives.
+    // Made when first asked for, which one coordinate does not.
     Data& data() {
-        if (made == nullptr) {
-            made = std::make_unique<Data>(model);
-            for (auto* unused : {&made->d2tau_dqdq, &made->d2tau_dvdv, &made->d2tau_dqdv, &made->d2tau_dadq})
-                unused->resize(0, 0, 0);
-        }
+        if (made == nullptr) made = workspace(model);
         return *made;
     }
 

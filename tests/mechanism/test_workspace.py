@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -103,6 +105,25 @@ def test_a_workspace_takes_what_is_said(monkeypatch: pytest.MonkeyPatch, lean: b
     # what the allocator had free already is not seen
     assert taken < 1.25 * memory.workspace_bytes(model) + 2e6
     assert taken > 0.5 * memory.workspace_bytes(model) - 5e6
+
+
+def test_the_kernel_takes_no_more() -> None:
+    """300 hinges in the kernel within what is said for Python's workspace; nv³ numbers would be 0.9 GB."""
+    if not rg.backends()["native"].available:
+        pytest.skip("the compiled kernel is not built")
+    mechanism = rg.Mechanism.from_pinocchio(row(300, True))
+    if not memory.is_lean(mechanism.model):
+        pytest.skip("this version of Pinocchio was not looked through")
+    script = (
+        "import resource, sys; sys.path[:0] = {path!r}; import numpy as np, robust_gcp as rg\n"
+        "from test_workspace import row\n"
+        "mechanism = rg.Mechanism.from_pinocchio(row(300, True))\n"
+        "peak = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024\n"
+        "before = peak(); run = rg.simulate(mechanism, duration=2e-3, step=1e-3, backend='native')\n"
+        "assert run.stats.native_steps == 2; print(peak() - before)"
+    ).format(path=[str(Path(__file__).parent)])
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert int(done.stdout) < 0.2e9
 
 
 def test_what_does_not_fit_is_refused_with_its_size(monkeypatch: pytest.MonkeyPatch) -> None:
