@@ -90,6 +90,10 @@ class NativeSteps:
                     ) from error
         return self._workspace
 
+    def release(self) -> None:
+        """Give the kernel's memory back, whoever still holds these steps, such as an error's traceback."""
+        self._path = self._workspace = None
+
     def take(
         self,
         explicit: ClusterMap | ClassicalMap,

@@ -131,7 +131,7 @@ class Workspace:
         self._anchor = np.zeros(self._size)
         self._before, self._safe = np.zeros(self._size + n + self._m), np.zeros(self._size + n)
         self._tables: tuple[CurveTable, Arrays] | None = None
-        self._failure: BaseException | None = None
+        self._raised: list[BaseException] = []
         self._request = Request()
         self._keep = Arrays(self._request)
         self._share(supplied)
@@ -154,33 +154,13 @@ class Workspace:
         self._supplied = supplied
 
     def _listen(self) -> None:
-        """A callback for the next batch."""
+        """A callback for the next batch, and where it leaves an exception."""
+        self._raised = []
         if self._supplied is not None:
-            answers = self._answers(self._supplied)
+            answers = _answers(self._supplied, self._shared, self._raised)
             next(answers)
             self._callback = TorqueCallback(answers.send)
             self._request.torque = self._callback
-
-    def _answers(self, supplied: CheckedTorque) -> Generator[int, float, None]:
-        """Takes a time, writes τ and gives 0; gives 1 after an exception, which cannot pass through C++.
-
-        A signal that arrives while the kernel works is handled by the first Python that runs after it.
-        In a function that would be its entry, outside any `try`, and ctypes would swallow what the
-        handler raises. A generator is resumed inside its `try`.
-        """
-        q, v, tau = self._shared
-        asked = False
-        try:
-            while True:
-                t = yield 0
-                asked = True
-                tau[:] = supplied(t, q, v)
-                asked = False
-        except BaseException as error:
-            if isinstance(error, GeneratorExit) and not asked:  # nobody will ask again
-                raise
-            self._failure = error
-        yield 1
 
     def run(
         self,
@@ -221,11 +201,10 @@ class Workspace:
         for name in ("q", "v", "a", "tau", "energy", "work"):
             array = getattr(outputs, name)
             setattr(r, f"{name}_out", None if array is None else array.ctypes.data)
-        self._failure = None
         self._listen()
         self._library.run(self._handle, ctypes.byref(r))
-        if r.reason == Reason.TORQUE and self._failure is None:
-            self._failure = KeyboardInterrupt()  # raised between two lines of the generator
+        if r.reason == Reason.TORQUE and not self._raised:
+            self._raised.append(KeyboardInterrupt())  # raised between two lines of the generator
         return self._batch(outputs.first(int(r.completed) // every))
 
     def time_pinocchio(self, q: Array, v: Array, repeats: int) -> float:
@@ -259,7 +238,7 @@ class Workspace:
             (self._point(self._before), self._before[-self._m :].copy()) if r.completed > 0 else None,
             safe,
             counts,
-            self._failure,
+            self._raised[0] if self._raised else None,
         )
 
     def _pack(self, point: Point, into: Array) -> None:
@@ -308,3 +287,28 @@ class Workspace:
         arrays.reals(before=inner[0], after=inner[1], zeros=np.array(bridge.zeros) - bridge.middle)
         self._tables = bridge, arrays
         return arrays
+
+
+def _answers(
+    supplied: CheckedTorque, shared: tuple[Array, Array, Array], raised: list[BaseException]
+) -> Generator[int, float, None]:
+    """Takes a time, writes τ and gives 0; gives 1 after an exception, which cannot pass through C++.
+
+    A signal that arrives while the kernel works is handled by the first Python that runs after it.
+    In a function that would be its entry, outside any `try`, and ctypes would swallow what the
+    handler raises. A generator is resumed inside its `try`. It knows nothing of the workspace, which
+    would otherwise outlive its run until the collector runs.
+    """
+    q, v, tau = shared
+    asked = False
+    try:
+        while True:
+            t = yield 0
+            asked = True
+            tau[:] = supplied(t, q, v)
+            asked = False
+    except BaseException as error:
+        if isinstance(error, GeneratorExit) and not asked:  # nobody will ask again
+            raise
+        raised.append(error)
+    yield 1

@@ -176,6 +176,8 @@ def simulate(
         stop.trajectory = run.trajectory(begun)
         raise stop from overflow
     finally:
+        if native is not None:
+            native.release()
         if stability is not None:
             stability.after(motion)
     finished = run.trajectory(begun)

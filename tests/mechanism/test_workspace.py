@@ -115,13 +115,13 @@ def test_the_kernel_takes_no_more() -> None:
     if not memory.is_lean(mechanism.model):
         pytest.skip("this version of Pinocchio was not looked through")
     script = (
-        "import resource, sys; sys.path[:0] = {path!r}; import numpy as np, robust_gcp as rg\n"
+        f"import resource, sys; sys.path[:0] = [{str(Path(__file__).parent)!r}]; import robust_gcp as rg\n"
         "from test_workspace import row\n"
         "mechanism = rg.Mechanism.from_pinocchio(row(300, True))\n"
         "peak = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024\n"
         "before = peak(); run = rg.simulate(mechanism, duration=2e-3, step=1e-3, backend='native')\n"
         "assert run.stats.native_steps == 2; print(peak() - before)"
-    ).format(path=[str(Path(__file__).parent)])
+    )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert int(done.stdout) < 0.2e9
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
 import json
 import os
@@ -12,7 +13,10 @@ import subprocess
 import sys
 import threading
 import time
+import weakref
+from contextlib import nullcontext
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,6 +24,7 @@ from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp.native import library, structures
+from robust_gcp.native.workspace import Workspace
 
 Array = NDArray[np.float64]
 
@@ -201,3 +206,34 @@ def test_reasons_and_kinds_have_the_same_numbers() -> None:
     kinds = {kind.name: int(kind) for kind in JointKind}
     theirs = enumeration("joints.h", "Kind")
     assert theirs == {name: kinds[name] for name in theirs}
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_a_run_gives_the_kernels_memory_back_when_it_ends(
+    monkeypatch: pytest.MonkeyPatch, fails: bool
+) -> None:
+    """At once, without the collector, whose turn might be when a signal is to be answered."""
+    alive: weakref.WeakSet[Workspace] = weakref.WeakSet()
+    made: list[int] = []
+    begin = Workspace.__init__
+
+    def noted(self: Workspace, *args: Any) -> None:
+        begin(self, *args)
+        alive.add(self)
+        made.append(1)
+
+    def torque(t: float, q: Array, v: Array) -> Array:
+        if fails and t > 0.05:
+            raise AlarmError
+        return gentle(t, q, v)
+
+    monkeypatch.setattr(Workspace, "__init__", noted)
+    mechanism = rg.load("rhombus")
+    gc.disable()
+    try:
+        with pytest.raises(AlarmError) if fails else nullcontext():
+            rg.simulate(mechanism, duration=0.1, torque=torque, backend="native")
+        assert made
+        assert not alive
+    finally:
+        gc.enable()
