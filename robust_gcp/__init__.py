@@ -10,6 +10,7 @@ from .dynamics.equations import implicit_dynamics
 from .dynamics.inverse import inverse_dynamics
 from .dynamics.linearise import Linearisation, linearise
 from .dynamics.loads import Wrench
+from .dynamics.motion import Motion
 from .errors import (
     BranchError,
     ClosureError,
@@ -92,6 +93,7 @@ __all__ = [
     "ModeCurve",
     "ModelError",
     "ModelWarning",
+    "Motion",
     "NativeBuildWarning",
     "NonFiniteError",
     "NotCertifiedError",

@@ -43,6 +43,8 @@ class Evaluation:
         Applied torques, springs and dampers; None where there are none.
     power : float
         Of all in tau that no potential energy accounts for, W.
+    drive : ndarray (nv,) or None
+        What prescribed motions take, a part of tau; NaN where nothing is prescribed.
     """
 
     point: Point
@@ -50,6 +52,7 @@ class Evaluation:
     ydd: Array
     tau: Array | None
     power: float = 0.0
+    drive: Array | None = None
 
     @property
     def a(self) -> Array:
@@ -78,7 +81,7 @@ class EquationsOfMotion:
         self._torque = torque_function(mechanism, torque)
         self._applied = mechanism.applied
         self._inertia = ReducedInertia(mechanism)
-        self.works = does_work(mechanism, torque)
+        self.works, self.driven = does_work(mechanism, torque), False
         self.calls = 0
         self._y, self._ydot = slice(0, self.m), slice(self.m, 2 * self.m)
 

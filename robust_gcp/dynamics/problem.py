@@ -13,7 +13,9 @@ from ..maps.point import Counters
 from ..maps.start import Start, begin
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from .driven import DrivenEquations, driven_start
 from .equations import EquationsOfMotion, Torque
+from .motion import Drive
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,7 @@ def set_out(
     torque: Torque | ArrayLike | None = None,
     choice: MapChoice | None = None,
     counters: Counters | None = None,
+    drive: Drive | None = None,
 ) -> Problem:
     """Check a start and make all that follows from it; the one way to a motion.
 
@@ -59,6 +62,8 @@ def set_out(
         Bridges with their usual options when left out.
     counters : Counters, optional
         Incremented as work is done.
+    drive : Drive, optional
+        Prescribed motions, over time from t = 0.
 
     Raises
     ------
@@ -68,12 +73,19 @@ def set_out(
     choice = MapChoice() if choice is None else choice
     counters = Counters() if counters is None else counters
     q = mechanism.home if q0 is None else q0
-    return over(begin(mechanism, q, v0, mode, choice.options, counters), torque, choice)
+    if drive is not None:
+        q = driven_start(mechanism, drive, 0.0, q0, v0, mode, choice, counters)
+    return over(begin(mechanism, q, v0, mode, choice.options, counters), torque, choice, drive)
 
 
-def over(start: Start, torque: Torque | ArrayLike | None, choice: MapChoice) -> Problem:
+def over(
+    start: Start, torque: Torque | ArrayLike | None, choice: MapChoice, drive: Drive | None = None
+) -> Problem:
     """The motion from a checked start, with a map and equations of its own."""
     mechanism, explicit = start.path.mechanism, choice.over(start)
-    equations = EquationsOfMotion(mechanism, explicit, torque)
+    if drive is None:
+        equations = EquationsOfMotion(mechanism, explicit, torque)
+    else:
+        equations = DrivenEquations(mechanism, explicit, torque, drive)
     x = np.concatenate([start.point.y, start.ydot, np.zeros(int(equations.works))])
     return Problem(mechanism, start, explicit, equations, x)

@@ -88,6 +88,12 @@ def state_columns(mechanism: Mechanism, q: Array, v: Array, a: Array | None) -> 
     return columns
 
 
+def driven_columns(mechanism: Mechanism, torques: Array) -> dict[str, Array]:
+    """What prescribed motions take, such as "drive.q1", as views into torques (N, nv)."""
+    driven = [c for c in in_v(mechanism.joints) if not np.isnan(torques[:, c.iv]).any()]
+    return {f"drive.{c.name}": torques[:, c.iv] for c in driven}
+
+
 class Named:
     """Access by name to a motion or to a sample of one, whose last dimensions are nq and nv."""
 

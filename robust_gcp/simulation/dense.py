@@ -16,7 +16,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from ..checks import real_array, shown
+from ..errors import OptionError
 from ..mechanism.tree import Array, Tree
 
 JUMP = 0.25
@@ -124,3 +127,15 @@ def _quintic(
     ds = h * v0 + x * (2.0 * b + x * (3.0 * c + x * (4.0 * d + x * 5.0 * B)))
     dds = 2.0 * b + x * (6.0 * c + x * (12.0 * d + x * 20.0 * B))
     return s, ds / h, dds / (h * h)
+
+
+def times_within(t: ArrayLike, known: Array) -> Array:
+    """Times (k,) or () as floats that lie within the motion, else an OptionError."""
+    try:
+        times = real_array(t)
+    except TypeError:
+        times = np.full(1, np.nan)
+    if times.ndim > 1 or not len(known) or not np.all((known[0] <= times) & (times <= known[-1])):
+        span = f"from {known[0]:g} to {known[-1]:g} s" if len(known) else "over no time"
+        raise OptionError(f"t = {shown(t)}: give a time, or a list of times, within the motion, {span}")
+    return times

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..dynamics.equations import Evaluation, constraint_forces
+from ..dynamics.equations import EquationsOfMotion, Evaluation, constraint_forces
 from ..maps.classical import SingularityWarning
 from ..maps.explicit import Crossing
 from ..mechanism.mechanism import Mechanism
@@ -28,8 +28,8 @@ class Record:
         s.
     items : sequence of {"a", "energy", "multipliers"}
         What to keep besides q and v.
-    works : bool
-        Whether the state ends with the work done.
+    equations : EquationsOfMotion
+        Tell whether the state ends with the work done, and whether motions are prescribed.
 
     Attributes
     ----------
@@ -40,14 +40,17 @@ class Record:
     work : ndarray or None
     """
 
-    def __init__(self, mechanism: Mechanism, times: Array, items: Sequence[str], works: bool) -> None:
+    def __init__(
+        self, mechanism: Mechanism, times: Array, items: Sequence[str], equations: EquationsOfMotion
+    ) -> None:
         n = len(times)
         self._mechanism, self._times = mechanism, times
         self._q, self._v = np.empty((n, mechanism.nq)), np.empty((n, mechanism.nv))
         self._a = np.empty((n, mechanism.nv)) if "a" in items else None
         self._energy = np.empty(n) if "energy" in items else None
         self._multipliers = np.empty((n, mechanism.nc)) if "multipliers" in items else None
-        self.work = np.empty(n) if works else None
+        self.work = np.empty(n) if equations.works else None
+        self._drive = np.empty((n, mechanism.nv)) if equations.driven else None
         self._crossings: list[Crossing] = []
         self._warned = False
         self.count = 0
@@ -64,6 +67,8 @@ class Record:
             self._multipliers[i] = constraint_forces(self._mechanism, now.point.q, now.v, now.a, now.tau)
         if self.work is not None:
             self.work[i] = x[-1]
+        if self._drive is not None:
+            self._drive[i] = now.drive
         self.count, self.last_state = i + 1, x
 
     @property
@@ -135,4 +140,5 @@ class Record:
             cut(self.work),
             self._crossings,
             stats,
+            cut(self._drive),
         )

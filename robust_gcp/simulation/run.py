@@ -77,7 +77,7 @@ class Run:
         self._motion, self._x, self._choice = motion, motion.x, choice
         self._torque, self._times, self._counters = torque, times, counters
         self._on_toggle, self._progress, self._native = on_toggle, progress, native
-        self._record = Record(motion.mechanism, times, record, motion.equations.works)
+        self._record = Record(motion.mechanism, times, record, motion.equations)
         self._repartitions: list[tuple[float, tuple[str, ...]]] = []
         self._calls = 0
         self._last: Evaluation | None = None

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..checks import check_between, check_choice, check_mechanism, check_positive, listed, shown
+from ..dynamics.driven import driving
 from ..dynamics.equations import Torque
 from ..dynamics.loads import Torques, Wrench, one_torque
+from ..dynamics.motion import Drive, Motion, checked_motions
 from ..dynamics.problem import set_out
 from ..errors import ClosureError, NonFiniteError, OptionError, SimulationError
 from ..maps.choice import METHODS, MapChoice, Method
@@ -46,6 +48,7 @@ def simulate(
     *,
     torque: Torques | None = None,
     wrenches: Sequence[Wrench] = (),
+    drive: Mapping[str, Motion] | None = None,
     record: Sequence[str] = (),
     mode: ArrayLike | None = None,
     rtol: float = 1e-8,
@@ -84,6 +87,11 @@ def simulate(
         theirs ("ball.rx"), each a number (an array for a joint of several) or a function (t, q, v) of it.
     wrenches : sequence of Wrench
         Forces and moments on frames.
+    drive : mapping of str to Motion, optional
+        Joints that move as prescribed, from t = 0 on; `traj["drive.q1"]` is the torque or force that it
+        takes. The other independent joints move freely. Where q0 is left out, home is led to where the
+        drives begin; where v0 is, the free joints start at rest. Joints that are not independent become so.
+        Steps are taken in Python; y is not changed on the way, and where it turns back the run stops.
     record : sequence of {"a", "energy", "multipliers"}
         What to compute besides q and v.
     mode : array_like (nv,) or (nv, m), optional
@@ -121,10 +129,10 @@ def simulate(
     check_mechanism(mechanism, Mechanism, "simulate")
     applied: Torque | ArrayLike | None = one_torque(mechanism, torque, wrenches)
     times = _times(*mechanism.recommended.run(duration, step))
-    v0 = mechanism.recommended.velocity(q0, mode) if v0 is None else v0
+    v0 = mechanism.recommended.velocity(q0, mode) if v0 is None and drive is None else v0
     check_choice("method", method, METHODS)
     if on_toggle is None:
-        on_toggle = "repartition" if method == "bridge" else "error"
+        on_toggle = "repartition" if method == "bridge" and drive is None else "error"
     check_choice("on_toggle", on_toggle, ("error", "repartition"))
     if on_toggle == "repartition" and method != "bridge":
         raise OptionError(f'on_toggle="repartition" goes with method="bridge", not with {method!r}')
@@ -146,12 +154,19 @@ def simulate(
     fixed = tableau == "rk4" or isinstance(tableau, Tableau)
     check_choice("backend", backend, BACKENDS)
     kernel = chosen_library(backend, stepper, method, newton_start)
+    drives = None
+    if drive is not None:
+        _check_drive_goes_with(backend, on_toggle)
+        motions, kernel = checked_motions(mechanism, drive, times), None
+        mechanism = driving(mechanism, tuple(motions), mechanism.home if q0 is None else q0)
+        drives = Drive(mechanism, motions)
     choice = MapChoice(method, options, newton_start, threshold, error_controlled=not fixed)
     counters = Counters()
     begun = time.perf_counter()
-    stability = StabilityCheck(mechanism, applied, float(times[1]), options) if tableau == "rk4" else None
+    checked = tableau == "rk4" and drives is None
+    stability = StabilityCheck(mechanism, applied, float(times[1]), options) if checked else None
     applied = applied if stability is None else stability.torque
-    motion = set_out(mechanism, q0, v0, mode, applied, choice, counters)
+    motion = set_out(mechanism, q0, v0, mode, applied, choice, counters, drives)
     if stability is not None:
         stability.before(motion)
     native = None if kernel is None else NativeSteps(kernel, applied, backend == "native")
@@ -184,6 +199,16 @@ def simulate(
     if fixed and method == "bridge":
         warn_if_coarse(finished)
     return finished
+
+
+def _check_drive_goes_with(backend: str, on_toggle: str) -> None:
+    """Refuse what prescribed motions do not go with."""
+    if backend == "native":
+        raise OptionError(
+            'backend="native": the compiled kernel knows no prescribed motion; use backend="auto" or "python"'
+        )
+    if on_toggle == "repartition":
+        raise OptionError('drive: driven joints stay independent; leave on_toggle out, or give "error"')
 
 
 def _times(duration: float, step: float) -> Array:

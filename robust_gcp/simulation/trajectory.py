@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import listed, real_array, shown
+from ..checks import listed, shown
 from ..errors import OptionError
 from ..maps.explicit import Crossing
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from .access import FrameMotion, Named, Sample, frame_motion, state_columns
-from .dense import Interpolant, sampled_accelerations
+from .access import FrameMotion, Named, Sample, driven_columns, frame_motion, state_columns
+from .dense import Interpolant, sampled_accelerations, times_within
 from .files import data_frame, write_archive, write_csv
 from .reactions import Reaction, closure_number, reaction, row_names
 from .stats import Stats
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-ARRAYS = ("t", "q", "v", "a", "energy", "multipliers", "work")
+ARRAYS = ("t", "q", "v", "a", "energy", "multipliers", "work", "drive_torque")
 """What a trajectory holds, one row a time; the first three always."""
 
 SHOWN = 7
@@ -56,6 +56,8 @@ class Trajectory(Named):
         Work done by torques, drives and dampers since the start, J; None without any.
     crossings : list of Crossing
     stats : Stats
+    drive_torque : ndarray (N + 1, nv) or None
+        What prescribed motions take, N m and N; NaN at joints that are not driven. `traj["drive.q1"]`.
     """
 
     mechanism: Mechanism
@@ -68,6 +70,7 @@ class Trajectory(Named):
     work: Array | None = None
     crossings: list[Crossing] = field(default_factory=list)
     stats: Stats = field(default_factory=Stats)
+    drive_torque: Array | None = None
 
     @property
     def y(self) -> Array:
@@ -150,7 +153,7 @@ class Trajectory(Named):
     # ----------------------------------------------------------------- by name and by time
 
     def columns(self) -> dict[str, Array]:
-        """Every number recorded, (N + 1,) each, by name: t, q.…, v.…, a.…, energy, work, lambda.….
+        """Every number recorded, (N + 1,) each, by name: t, q.…, v.…, a.…, energy, work, drive.…, lambda.….
 
         The numbers of a joint are called `q.joint` and `v.joint`, or `q.joint.component` where it has
         several, such as `q.ball.qw` and `v.ball.rx`; constraint forces by `reactions.row_names`.
@@ -160,6 +163,8 @@ class Trajectory(Named):
             columns["energy"] = self.energy
         if self.work is not None:
             columns["work"] = self.work
+        if self.drive_torque is not None:
+            columns |= driven_columns(self.mechanism, self.drive_torque)
         if self.multipliers is not None:
             names = row_names(self.mechanism)
             columns |= {f"lambda.{name}": self.multipliers[:, i] for i, name in enumerate(names)}
@@ -196,7 +201,7 @@ class Trajectory(Named):
         OptionError
             For times outside the motion.
         """
-        times = _times(t, self.t)
+        times = times_within(t, self.t)
         q, v, a = Interpolant(self.mechanism.tree, self.t, self.q, self.v, self._accelerations)(
             np.atleast_1d(times)
         )
@@ -279,18 +284,6 @@ class Trajectory(Named):
             when = [f"{t:.4g} s" for t, _ in self.stats.repartitions]
             lines.append(f"  coordinates changed at {_brief(when)}")
         return "\n".join(lines)
-
-
-def _times(t: ArrayLike, known: Array) -> Array:
-    """Times (k,) or () as floats that lie within the motion, else an OptionError."""
-    try:
-        times = real_array(t)
-    except TypeError:
-        times = np.full(1, np.nan)
-    if times.ndim > 1 or not len(known) or not np.all((known[0] <= times) & (times <= known[-1])):
-        span = f"from {known[0]:g} to {known[-1]:g} s" if len(known) else "over no time"
-        raise OptionError(f"t = {shown(t)}: give a time, or a list of times, within the motion, {span}")
-    return times
 
 
 def _brief(words: Sequence[str]) -> str:

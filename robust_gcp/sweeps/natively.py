@@ -31,7 +31,7 @@ def runs_natively(parameters: Mapping[str, Any]) -> bool:
 
 
 def _calls_back(parameters: Mapping[str, Any]) -> bool:
-    """Whether loads are Python functions, as wrenches are: they turn with the motion."""
+    """Whether loads are Python functions, as wrenches are: they turn with the motion; or motions are."""
     torque = parameters.get("torque")
     loads = torque.values() if isinstance(torque, Mapping) else (torque,)
-    return any(map(callable, loads)) or parameters.get("wrenches", ()) != ()
+    return any(map(callable, loads)) or bool(parameters.get("wrenches") or parameters.get("drive"))

@@ -1,0 +1,205 @@
+"""Prescribed motions: where a driven joint is at each time, how fast it moves, and how it accelerates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..checks import check_callable, real_array, shown
+from ..errors import NonFiniteError, OptionError
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+from .jet import rates
+
+LOOKED_AT = (0.0, 0.137, 0.389, 0.618, 0.911)
+"""Shares of a run at which given rates are compared with differences of the position."""
+
+NUDGE = 1e-5
+"""Step of these differences, s."""
+
+UNLIKE = 1e-3
+"""Relative difference at which a given rate is taken for wrong."""
+
+
+class Motion:
+    """A joint's position as a function of time: p(t), ṗ(t) and p̈(t).
+
+    Parameters
+    ----------
+    position : callable (t) -> float, number, (times, positions) or spline
+        rad or m. A function of NumPy's functions and of operators; a number is held; a table is joined by a
+        spline of degree five, with four continuous derivatives; a spline is one of scipy's, which
+        differentiates itself.
+    velocity, acceleration : callable (t) -> float, optional
+        Its first and second derivative. Where left out, the functions are differentiated to rounding.
+
+    Raises
+    ------
+    OptionError
+        For what is no motion.
+    """
+
+    def __init__(
+        self,
+        position: Any,
+        velocity: Callable[[float], float] | None = None,
+        acceleration: Callable[[float], float] | None = None,
+    ) -> None:
+        check_callable("Motion: velocity", velocity, "(t)")
+        check_callable("Motion: acceleration", acceleration, "(t)")
+        if acceleration is not None and velocity is None:
+            raise OptionError("Motion: an acceleration needs the velocity beside it; give both, or neither")
+        self.position, self.velocity, self.acceleration = position, velocity, acceleration
+        self.span: tuple[float, float] | None = None
+        if not callable(position):
+            self.position = _held(position) if np.ndim(position) == 0 else self._joined(position)
+        if hasattr(self.position, "derivative") and velocity is None:
+            self.velocity, self.acceleration = self.position.derivative(1), self.position.derivative(2)
+
+    def _joined(self, table: Any) -> Any:
+        """The spline through (times, positions)."""
+        from scipy.interpolate import make_interp_spline
+
+        try:
+            times, values = (real_array(part) for part in table)
+        except (TypeError, ValueError) as error:
+            raise OptionError(
+                f"Motion: position = {shown(table)} is no function, number or (times, positions)"
+            ) from error
+        sound = times.ndim == 1 and times.shape == values.shape and len(times) > 3
+        if not sound or not np.all(np.isfinite(values)) or not np.all(np.diff(times) > 0.0):
+            raise OptionError(
+                "Motion: a table is (times, positions) of one length, at least 4, finite, the times ascending"
+            )
+        self.span = float(times[0]), float(times[-1])
+        return make_interp_spline(times, values, k=5 if len(times) > 5 else 3)
+
+    def at(self, t: float) -> tuple[float, float, float]:
+        """p, ṗ and p̈ at time t, s.
+
+        Raises
+        ------
+        OptionError
+            Where it cannot be differentiated, with the remedy; outside the table.
+        NonFiniteError
+        """
+        if self.span is not None and not self.span[0] - 1e-12 <= t <= self.span[1] + 1e-12:
+            raise OptionError(
+                f"the table of a Motion ends: it lasts from {self.span[0]:g} to {self.span[1]:g} s, and the "
+                f"run asks for t = {t:g} s; give a longer one, or a shorter duration"
+            )
+        if self.velocity is None:
+            found = _derived(self.position, t, "position")
+        elif self.acceleration is None:
+            found = (_number(self.position, t, "position"), *_derived(self.velocity, t, "velocity")[:2])
+        else:
+            given = zip(("position", "velocity", "acceleration"), self._functions, strict=True)
+            one, two, three = (_number(f, t, name) for name, f in given)
+            found = one, two, three
+        if not np.all(np.isfinite(found)):
+            raise NonFiniteError(f"a Motion is not finite at t = {t:.6g} s: p, ṗ, p̈ = {found}")
+        return found
+
+    @property
+    def _functions(self) -> tuple[Any, Any, Any]:
+        return self.position, self.velocity, self.acceleration
+
+    def require_consistent(self, label: str, t0: float, t1: float) -> None:
+        """An OptionError where a given velocity or acceleration is not the derivative that it should be."""
+        if self.velocity is None:
+            return
+        for t in (t0 + share * (t1 - t0 - 2.0 * NUDGE) + NUDGE for share in LOOKED_AT):
+            before, here, after = self.at(t - NUDGE), self.at(t), self.at(t + NUDGE)
+            for i, what in enumerate(("velocity", "acceleration")):
+                slope = (after[i] - before[i]) / (2.0 * NUDGE)
+                sided = [(after[i] - here[i]) / NUDGE, (here[i] - before[i]) / NUDGE]
+                scale = abs(slope) + abs(here[i + 1]) + abs(here[i]) + 1e-6
+                if min(abs(s - here[i + 1]) for s in (slope, *sided)) > UNLIKE * scale:
+                    raise OptionError(
+                        f"drive[{label!r}]: the {what} given is {here[i + 1]:.6g} at t = {t:.4g} s, where "
+                        f"{('the position', 'the velocity')[i]} changes by {slope:.6g} a second; correct "
+                        "it, or leave it out"
+                    )
+
+
+class Drive:
+    """The prescribed motions of some independent joints.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Whose independent joints include the driven ones.
+    motions : mapping of str to Motion
+
+    Attributes
+    ----------
+    names : tuple of str
+    driven, free : ndarray of int
+        Which entries of y are prescribed, in the order of `names`, and which are not.
+    """
+
+    def __init__(self, mechanism: Mechanism, motions: Mapping[str, Motion]) -> None:
+        self.names = tuple(motions)
+        order = mechanism.iv_independent.tolist()
+        self.driven: NDArray[np.int64] = np.array(
+            [order.index(mechanism.joint(name).idx_v) for name in motions], dtype=np.int64
+        )
+        self.free: NDArray[np.int64] = np.setdiff1d(np.arange(mechanism.m), self.driven)
+        self._motions = list(motions.values())
+
+    def at(self, t: float) -> tuple[Array, Array, Array]:
+        """y, ẏ and ÿ of the driven joints at time t."""
+        p, r, s = np.array([motion.at(t) for motion in self._motions]).T
+        return p, r, s
+
+
+def checked_motions(mechanism: Mechanism, drive: Any, times: Array) -> dict[str, Motion]:
+    """What `simulate` was given as drive, or an OptionError that names the culprit."""
+    if not isinstance(drive, Mapping) or not drive:
+        raise OptionError(f"drive = {shown(drive)} must be {{joint: rg.Motion(position)}}")
+    for name, motion in drive.items():
+        joint = mechanism.joint(name)
+        if not joint.single:
+            raise OptionError(
+                f"drive: joint {name!r} ({joint.type}) has {joint.nq} numbers in q; only joints with one "
+                "number can be driven: replace it by a chain of hinges or slides"
+            )
+        if not isinstance(motion, Motion):
+            raise OptionError(f"drive[{name!r}] = {shown(motion)} is no Motion; give rg.Motion(position)")
+        motion.require_consistent(name, float(times[0]), float(times[-1]))
+    return dict(drive)
+
+
+def _held(value: Any) -> Callable[[Any], float]:
+    try:
+        number = float(real_array(value))
+    except TypeError as error:
+        raise OptionError(f"Motion: position = {shown(value)} is no number, function or table") from error
+    return lambda t: number
+
+
+def _number(f: Callable[[float], Any], t: float, what: str) -> float:
+    try:
+        value = real_array(f(t))
+        if value.size != 1:
+            raise TypeError
+    except TypeError as error:
+        raise OptionError(f"Motion: {what}(t) returned no number at t = {t:g} s") from error
+    return float(value.reshape(()))
+
+
+def _derived(f: Callable[[float], Any], t: float, what: str) -> tuple[float, float, float]:
+    try:
+        with np.errstate(all="ignore"):  # what is not finite is told by the caller
+            return rates(f, t)
+    except (TypeError, AttributeError, ValueError) as error:
+        _number(f, t, what)  # says so if the function itself is at fault
+        raise OptionError(
+            f"Motion: {what}(t) cannot be differentiated by itself ({error}); write it with operators and "
+            "NumPy's functions (np.sin instead of math.sin), or give "
+            + ("velocity= and acceleration=" if what == "position" else "acceleration=")
+            + ", or a table (times, positions)"
+        ) from error
