@@ -61,16 +61,10 @@ def measure(n: int, step: float, duration: float = 20.0) -> Result:
     exact, rate, _ = pendulum(t, np.pi / 2, -1.0, A, B)
     tip = np.exp(1j * angle) - np.exp(1j * exact)
     drift = speed * 1j * np.exp(1j * angle) - rate * 1j * np.exp(1j * exact)
-    return Result(
-        n,
-        step,
-        float(np.abs(tip).max()),
-        float(np.abs(drift).max()),
-        float(max(np.abs(mechanism.phi(q)).max() for q in run.q[::every])),
-        len(run.crossings),
-        seconds,
-        1e6 * seconds / (len(run.t) - 1),
-    )
+    position, velocity = (float(np.abs(off).max()) for off in (tip, drift))
+    closure = float(max(np.abs(mechanism.phi(q)).max() for q in run.q[::every]))
+    pace = 1e6 * seconds / (len(run.t) - 1)
+    return Result(n, step, position, velocity, closure, len(run.crossings), seconds, pace)
 
 
 def largest_step(n: int, threshold: float, duration: float = 20.0) -> Result:
@@ -101,24 +95,14 @@ def run(args: argparse.Namespace) -> int:
         fine.append(measure(n, args.step, args.duration))
         low.append(largest_step(n, LOW, args.duration))
         high.append(largest_step(n, HIGH, args.duration))
+    results = [*fine, *low, *high]
     header = [" N", " step [s]", " error [m]", " error [m/s]", " closure [m]", " crossings", " µs/step"]
-    rows = [
-        [
-            str(r.n),
-            f"{r.step:g}",
-            f"{r.position:.1e}",
-            f"{r.velocity:.1e}",
-            f"{r.closure:.1e}",
-            str(r.crossings),
-            f"{r.microseconds_per_step:.0f}",
-        ]
-        for r in (*fine, *low, *high)
-    ]
-    print(table(header, rows, None))
+    form = "{n}|{step:g}|{position:.1e}|{velocity:.1e}|{closure:.1e}|{crossings}|{microseconds_per_step:.0f}"
+    print(table(header, [form.format(**vars(r)).split("|") for r in results], None))
     if len(fine) > 2:
         logs = np.log([[r.n, r.microseconds_per_step] for r in fine])
         slope = float(np.polyfit(logs[-3:, 0], logs[-3:, 1], 1)[0])
         print(f"cost per step grows as N^{slope:.2f} over the largest sizes")
     if args.out:
-        write_json(args.out, [asdict(r) for r in (*fine, *low, *high)])
-    return 0 if all(np.isfinite(r.position) for r in (*fine, *low, *high)) else 1
+        write_json(args.out, [asdict(r) for r in results])
+    return 0 if all(np.isfinite(r.position) for r in results) else 1

@@ -140,35 +140,18 @@ def run_case(
 ) -> Case:
     """Simulate "rhombus" or "parallelogram" by every method, RK4, beside the exact motion.
 
-    Parameters
-    ----------
-    duration, step : float
-        s.
-    progress : callable (fraction), optional
-        Called as the runs go on.
+    `duration` and `step` are in s; `progress` is told the fraction that is done as the runs go on.
     """
-    mechanism = load(name)
+    mechanism, stop = load(name), ""
     runs: dict[Method, Trajectory] = {}
-    stop = ""
+    options: dict[str, Any] = {"newton_start": "previous", "record": ("a",)}
     for i, method in enumerate(METHODS):
-
-        def told(fraction: float, i: int = i) -> None:
-            assert progress is not None
-            progress((i + fraction) / len(METHODS))
-
+        if progress is not None:
+            options["progress"] = lambda fraction, i=i: progress((i + fraction) / len(METHODS))
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", SingularityWarning)  # classical GCP's, expected
-                runs[method] = simulate(
-                    mechanism,
-                    START,
-                    duration=duration,
-                    step=step,
-                    method=method,
-                    newton_start="previous",
-                    record=("a",),
-                    progress=None if progress is None else told,
-                )
+                runs[method] = simulate(mechanism, START, None, duration, step, method, **options)
         except SimulationError as error:
             if method != "classical" or error.trajectory is None:
                 raise

@@ -42,15 +42,18 @@ NUMBER = re.compile(r"-?\d+\.?\d*(?:[eE]-?\d+)?")
 
 def spoiled(text: str, of_xml: bool, rng: random.Random) -> str:
     """The text with one to three changes."""
-    if of_xml and rng.random() < 0.75:
-        try:
-            root = ElementTree.fromstring(text)
-        except (ElementTree.ParseError, ValueError):
-            return spoiled_text(text, rng)
-        for _ in range(rng.choice(CHANGES)):
-            _spoil_element(root, rng)
-        return ElementTree.tostring(root, encoding="unicode")
-    return spoiled_text(text, rng)
+    try:
+        return spoiled_xml(text, rng) if of_xml and rng.random() < 0.75 else spoiled_text(text, rng)
+    except (ElementTree.ParseError, ValueError):
+        return spoiled_text(text, rng)
+
+
+def spoiled_xml(text: str, rng: random.Random) -> str:
+    """The document with its elements and attributes changed."""
+    root = ElementTree.fromstring(text)
+    for _ in range(rng.choice(CHANGES)):
+        _spoil_element(root, rng)
+    return ElementTree.tostring(root, encoding="unicode")
 
 
 def spoiled_text(text: str, rng: random.Random) -> str:

@@ -58,7 +58,7 @@ _ARMS = np.array(
 )
 _MASS = np.array([0.04325, 0.00365, 0.02373, 0.00706, 0.0705, 0.00706, 0.05498])
 _MOMENT = np.array([2.194e-6, 4.41e-7, 5.255e-6, 5.667e-7, 1.169e-5, 5.667e-7, 1.912e-5])
-_BODIES = Planar(_S, _ARMS, (0, 1, 2, 4, 3, 6, 5), _MASS, _MOMENT, gravity=0.0)
+_BODIES = Planar(_S, _ARMS, np.array([0, 1, 2, 4, 3, 6, 5]), _MASS, _MOMENT, gravity=0.0)
 
 # E by way of K2, less E by way of K3, of K5 and K4, of K7 and K6
 _CLOSE = np.array(
@@ -108,13 +108,17 @@ def _stretch(gamma: float) -> tuple[float, float]:
     return float(length), float((line.conjugate() * along).real / length)
 
 
+def _placed(order: Array, *values: Array) -> tuple[Array, Array]:
+    """q and v with their numbers at these places."""
+    q, v = np.empty(len(order)), np.empty(len(order))
+    q[order], v[order] = values
+    return q, v
+
+
 def andrews_implicit(order: Array) -> Reduced:
     """All seven angles and the loops' index-1 equations [[M, Kᵀ], [K, 0]] [a; −λ] = [Q − h; k].
 
-    Parameters
-    ----------
-    order : ndarray of int (7,)
-        Where each of `ANDREWS_JOINTS` stands among the joints of the scene.
+    `order` (7,) tells where each of `ANDREWS_JOINTS` stands among the joints of the scene.
     """
     matrix, right = np.zeros((13, 13)), np.zeros(13)
 
@@ -130,9 +134,7 @@ def andrews_implicit(order: Array) -> Reduced:
         return np.concatenate([v, np.linalg.solve(matrix, right)[:7]])
 
     def read(x: Array) -> tuple[Array, Array]:
-        q, v = np.empty(7), np.empty(7)
-        q[order], v[order] = x[:7], x[7:]
-        return q, v
+        return _placed(order, x[:7], x[7:])
 
     return Reduced(np.concatenate([ANDREWS_START, np.zeros(7)]), rate, read)
 
@@ -160,10 +162,8 @@ def andrews_reduced(order: Array) -> Reduced:
         return w._replace(potential=potential, moment=pull * slope * float(G[2]) - DRIVE)
 
     def read(x: Array) -> tuple[Array, Array]:
-        found, G, _ = shape(float(x[0]))
-        q, v = np.empty(7), np.empty(7)
-        q[order], v[order] = found, G * x[1]
-        return q, v
+        q, G, _ = shape(float(x[0]))
+        return _placed(order, q, G * x[1])
 
     return Reduced(np.array([ANDREWS_START[0], 0.0]), OneDof(shape, weigh).rate, read)
 
@@ -263,10 +263,7 @@ def _coupler(alpha: float, s: float, dalpha: float, ds: float) -> tuple[float, f
 def flyball(order: Array, conserving: bool) -> Reduced:
     """The symmetric motion in (φ, α, s); `conserving` takes φ̇ from the angular momentum.
 
-    Parameters
-    ----------
-    order : ndarray of int (4,)
-        Where shaft, both rods and slider stand among the joints of the scene.
+    `order` (4,) tells where shaft, both rods and slider stand among the joints of the scene.
     """
     momentum = _spin_inertia(float(FLYBALL_START[1]))[0] * OMEGA
     swing = 2.0 * (_M * _CENTRE**2 + _ROD)
@@ -283,11 +280,8 @@ def flyball(order: Array, conserving: bool) -> Reduced:
         return np.array([spin, dalpha, ds, *rest])
 
     def read(x: Array) -> tuple[Array, Array]:
-        q, v = np.empty(4), np.empty(4)
         spin = momentum / _spin_inertia(x[1])[0] if conserving else x[3]
-        q[order] = x[0], x[1], x[1], x[2]
-        v[order] = spin, x[-2], x[-2], x[-1]
-        return q, v
+        return _placed(order, x[[0, 1, 1, 2]], np.array([spin, x[-2], x[-2], x[-1]]))
 
     speeds = [0.0, 0.0] if conserving else [OMEGA, 0.0, 0.0]
     return Reduced(np.concatenate([FLYBALL_START, speeds]), rate, read)

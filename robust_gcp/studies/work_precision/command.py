@@ -7,7 +7,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -33,39 +33,28 @@ QUICK_SCENES = ("antiparallelogram", "crank_rocker")
 QUICK_STEPS, QUICK_TOLERANCES = (1, 2, 4, 8), (1e-5, 1e-8, 1e-11)
 
 
+@dataclass
 class Study:
-    """Scenes, contenders and points of one run.
+    """Scenes, contenders and points of one run."""
 
-    Parameters
-    ----------
-    scenes : sequence of str
-    wanted : sequence of str
-        Parts of contenders' names or families; all when empty.
-    store : Store
-    repeats : int
-        Timed runs of each point.
-    quick : bool
-        A short ladder.
-    cap : float or None
-        Longest run, s; each scene's own when None.
-    """
+    scenes: Sequence[str]
+    wanted: Sequence[str]  # parts of contenders' names or families; all when empty
+    store: Store
+    repeats: int  # timed runs of each point
+    quick: bool  # a short ladder
+    cap: float | None = None  # longest run, s; each scene's own when None
+    references: dict[str, Reference] = field(default_factory=dict)
+    refused: dict[str, list[str]] = field(default_factory=dict)
 
-    def __init__(
-        self, scenes: Sequence[str], wanted: Sequence[str], store: Store, repeats: int, quick: bool,
-        cap: float | None = None,
-    ) -> None:  # fmt: skip
-        self.store, self._repeats, self._quick, self._cap = store, repeats, quick, cap
-        self.motions = {name: MOTIONS[name]() for name in scenes if name != COST}
-        self.references: dict[str, Reference] = {}
-        self.refused: dict[str, list[str]] = {}
-        sizes = cost.SIZES if COST in scenes else ()
+    def __post_init__(self) -> None:
+        self.motions = {name: MOTIONS[name]() for name in self.scenes if name != COST}
+        sizes = cost.SIZES if COST in self.scenes else ()
         self.costs = {motion.scene.name: motion for motion in map(cost.motion, sizes)}
         everyone = [*ours.contenders(self._exact), *peers.contenders()]
-        self.contenders = [c for c in everyone if _wanted(c, wanted)]
+        self.contenders = [c for c in everyone if _wanted(c, self.wanted)]
         if not self.contenders:
-            raise OptionError(
-                f"--method {' '.join(wanted)} fits none of {', '.join(c.name for c in everyone)}"
-            )
+            names = ", ".join(c.name for c in everyone)
+            raise OptionError(f"--method {' '.join(self.wanted)} fits none of {names}")
 
     def _exact(self, scene: Scene) -> Array:
         return self.reference(scene.name).q
@@ -73,16 +62,13 @@ class Study:
     def reference(self, name: str) -> Reference:
         """The scene's exact motion, from the store."""
         if name not in self.references:
-            motion = self.motions[name] if name in self.motions else self.costs[name]
-            self.references[name] = self.store.reference(motion)
+            self.references[name] = self.store.reference((self.motions | self.costs)[name])
         return self.references[name]
 
     def run(self) -> None:
         """Measure what is missing, with a bar; floors last, at the settings that ours were run at."""
         everything = self.motions | self.costs
-        floors = {
-            stepper: floor.Floor(stepper, lambda name: everything[name].floor) for stepper in floor.STEPPERS
-        }
+        floors = {s: floor.Floor(s, lambda name: everything[name].floor) for s in floor.STEPPERS}
         plan: list[tuple[Motion, Contender, list[float]]] = []
         for name, motion in everything.items():
             compared: dict[str, list[float]] = {}
@@ -109,9 +95,9 @@ class Study:
         name = motion.scene.name
         judge = Judge(motion.scene, self.reference(name))
         known = self.store.known(name, contender.name)
-        cap = motion.cap if self._cap is None else self._cap
+        cap = motion.cap if self.cap is None else self.cap
         if contender.family != floor.FAMILY:
-            return climb(contender, motion, judge, settings, known, self._repeats, cap)
+            return climb(contender, motion, judge, settings, known, self.repeats, cap)
         reached = {
             p.setting
             for p in self.store.points.values()
@@ -121,7 +107,7 @@ class Study:
         return climb(contender, motion, judge, settings, known, 1, np.inf)  # its time is of no interest
 
     def _settings(self, contender: Contender, motion: Motion) -> list[float]:
-        if not self._quick or motion.scene.name in self.costs:
+        if not self.quick or motion.scene.name in self.costs:
             return settings_of(contender, motion)
         if contender.kind == "adaptive":
             return list(QUICK_TOLERANCES)
@@ -179,12 +165,9 @@ def run(args: argparse.Namespace) -> int:
 def _single_threaded(args: argparse.Namespace) -> int:
     """The same command in a process whose BLAS has one thread: it reads that when it is loaded."""
     command = [sys.executable, "-m", "robust_gcp", "work-precision", "--out", str(args.out)]
-    for name in ("scene", "method"):
-        if getattr(args, name):
-            command += [f"--{name}", *getattr(args, name)]
-    for name in ("quick", "fresh"):
-        command += [f"--{name}"] if getattr(args, name) else []
-    for name in ("repeats", "cap", "docs"):
-        if getattr(args, name):
-            command += [f"--{name}", str(getattr(args, name))]
+    for name in ("scene", "method", "quick", "fresh", "repeats", "cap", "docs"):
+        given = getattr(args, name)
+        if given:
+            values = given if isinstance(given, (list, tuple)) else [] if given is True else [given]
+            command += [f"--{name}", *map(str, values)]
     return subprocess.run(command, env=os.environ | dict.fromkeys(THREADS, "1"), check=False).returncode

@@ -52,38 +52,42 @@ SMALL: dict[str, Any] = {
 
 def draw_scene(title: str, curves: Curves, reference: Reference, foot: str, path: Path) -> Path:
     """All panels of a scene; returns the path."""
-    with _style():
-        styles = _styles(curves)
-        handles = _handles(curves, styles, reference)
-        figure, grid = _laid_out(4, 1.95, handles, foot)
-        for row, (quantity, label) in zip(grid, QUANTITIES.items(), strict=False):
-            for ax, kind in zip(row, KINDS, strict=True):
-                _trajectory_panel(ax, curves, styles, reference, kind, quantity)
-                ax.set_xlabel(label)
+    with _scene(title, curves, reference, foot, path, (4, 1.95)) as (grid, styles):
         closure, velocity = "closure: max |φ|", "closure: max |K v|"
         _defect_panel(grid[2][0], curves, styles, lambda p: p.closure, closure, KINDS)
         _defect_panel(grid[2][1], curves, styles, lambda p: p.closure_velocity, velocity, KINDS)
         for ax, kind in zip(grid[3], KINDS, strict=True):
             label = f"energy error, {KINDS[kind]}"
             _defect_panel(ax, curves, styles, lambda p: p.energy, label, (kind,))
-        _titles(grid[0], title)
-        _write_labels(figure, [*grid[0], *grid[1]], curves, styles, reference)
-        return plots.save(figure, path)
+    return path
 
 
 def draw_story(title: str, curves: Curves, reference: Reference, foot: str, path: Path) -> Path:
     """One scene for a page: trajectory error against seconds, fixed steps and error control."""
+    with _scene(title, curves, reference, foot, path, (1, 3.2), PAGE_DPI) as (grid, _):
+        grid[0][1].set_ylabel("")
+    return path
+
+
+@contextmanager
+def _scene(
+    title: str, curves: Curves, reference: Reference, foot: str, path: Path, rows: tuple[int, float],
+    dpi: int = plots.DPI,
+) -> Iterator[tuple[list[list[Axes]], dict[str, Look]]]:  # fmt: skip
+    """Rows of panels; trajectory errors in the first, others are drawn into, then all is saved."""
     with _style():
-        styles = _styles(curves)
-        handles = _handles(curves, styles, reference)
-        figure, (axes,) = _laid_out(1, 3.2, handles, foot)
-        for ax, kind in zip(axes, KINDS, strict=True):
-            _trajectory_panel(ax, curves, styles, reference, kind, "seconds")
-            ax.set_xlabel(QUANTITIES["seconds"])
-        axes[1].set_ylabel("")
-        _titles(axes, title)
-        _write_labels(figure, axes, curves, styles, reference)
-        return plots.save(figure, path, PAGE_DPI)
+        styles = looks([(n, curve[0].family) for n, curve in curves.items() if any(p.timed for p in curve)])
+        figure, grid = _laid_out(*rows, _handles(curves, styles, reference), foot)
+        shown = [row for row, _ in zip(grid, QUANTITIES, strict=False)]
+        for row, (quantity, label) in zip(shown, QUANTITIES.items(), strict=False):
+            for ax, kind in zip(row, KINDS, strict=True):
+                _trajectory_panel(ax, curves, styles, reference, kind, quantity)
+                ax.set_xlabel(label)
+        yield grid, styles
+        grid[0][0].set_title(f"{title}: {KINDS['fixed']}", loc="left", pad=9)
+        grid[0][1].set_title(KINDS["adaptive"], loc="left", pad=9)
+        _write_labels(figure, [ax for row in shown for ax in row], curves, styles, reference)
+        plots.save(figure, path, dpi)
 
 
 def draw_cost(points: Sequence[Point], foot: str, path: Path) -> Path:
@@ -115,10 +119,6 @@ def draw_cost(points: Sequence[Point], foot: str, path: Path) -> Path:
 
 def _x(point: Point, quantity: str) -> float:
     return point.seconds if quantity == "seconds" else float(point.rhs)
-
-
-def _styles(curves: Curves) -> dict[str, Look]:
-    return looks([(name, curve[0].family) for name, curve in curves.items() if any(p.timed for p in curve)])
 
 
 def _trajectory_panel(
@@ -228,11 +228,6 @@ def _laid_out(rows: int, height: float, handles: Sequence[Any], foot: str) -> tu
     key.set_in_layout(False)
     figure.text(0.01, 0.05 / whole, textwrap.fill(foot, 160), fontsize=5.0, color="0.35", va="bottom")
     return figure, panels
-
-
-def _titles(top: Sequence[Axes], title: str) -> None:
-    top[0].set_title(f"{title}: {KINDS['fixed']}", loc="left", pad=9)
-    top[1].set_title(KINDS["adaptive"], loc="left", pad=9)
 
 
 def _write_labels(

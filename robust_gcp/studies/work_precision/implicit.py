@@ -23,26 +23,16 @@ SCAN_STEPS = 2
 
 
 class Equations:
-    """[[M, Kᵀ], [K, 0]] [a; −λ] = [τ − C; k − 2 α K v − β² φ] for the state (q, v).
+    """[[M, Kᵀ], [K, 0]] [a; −λ] = [τ − C; k − 2 α K v − β² φ] for the state (q, v); α and β in 1/s.
 
-    Solved directly into a matrix that is allocated once; by least norm where K has redundant rows or
-    the matrix is singular.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        With one number in q for each in v.
-    alpha, beta : float
-        1/s.
-    redundant : bool
-        Whether K is rank deficient everywhere.
+    Solved directly into a matrix that is allocated once; by least norm where K has redundant rows
+    everywhere, or the matrix is singular. The mechanism has one number in q for each in v.
     """
 
     def __init__(self, mechanism: Mechanism, alpha: float, beta: float, redundant: bool) -> None:
         n, c = mechanism.nv, mechanism.nc
         self._mechanism, self._gains, self._redundant = mechanism, (2.0 * alpha, beta**2), redundant
         self._matrix, self._right = np.zeros((n + c, n + c)), np.zeros(n + c)
-        self._stabilised = alpha > 0.0 or beta > 0.0
         self.calls = 0
 
     def __call__(self, t: float, x: Array) -> Array:
@@ -55,7 +45,7 @@ class Equations:
         matrix, right = self._matrix, self._right
         tree.jacobians(q)
         K = mechanism.implicit.jacobian()
-        residual = mechanism.implicit.residual() if self._stabilised else None
+        residual = mechanism.implicit.residual() if any(self._gains) else None
         matrix[n:, :n], matrix[:n, n:] = K, K.T
         right[:n] = -tree.rnea(q, v, tree.zero)
         right[n:] = mechanism.implicit.bias()
@@ -80,26 +70,17 @@ class Equations:
 
 
 class Implicit:
-    """Eq. (2) in all joints of the tree, with fixed gains.
-
-    Parameters
-    ----------
-    name, stepper : str
-    gains : (float, float)
-        α, β of Baumgarte, 1/s; critically damped where equal.
-    """
+    """Eq. (2) in all joints of the tree, with fixed gains α, β of Baumgarte, 1/s."""
 
     family = "implicit"
 
     def __init__(self, name: str, stepper: str, gains: tuple[float, float] = (0.0, 0.0)) -> None:
         self.name, self.stepper, self._gains = name, stepper, gains
         self.kind: Kind = "fixed" if stepper == "rk4" else "adaptive"
-        self.tuning = (
-            f"k − 2 α K v − β² φ with α = β = {gains[0]:g}/s (critically damped, the usual default)"
-            if any(gains)
-            else "no stabilisation; direct solve, least norm where singular"
-        )
-        self._redundant: dict[str, bool] = {}
+        self.tuning = "no stabilisation; direct solve, least norm where singular"
+        if any(gains):
+            equal = f"α = β = {gains[0]:g}/s (critically damped, the usual default)"
+            self.tuning = f"k − 2 α K v − β² φ with {equal}"
 
     def refuses(self, scene: Scene) -> str:
         """A tree has no closure to stabilise; joints with more numbers in q than in v are not covered."""
@@ -117,23 +98,15 @@ class Implicit:
 
     def run_with(self, scene: Scene, setting: float, gains: tuple[float, float]) -> Outcome:
         """A run with the given gains."""
-        if scene.name not in self._redundant:
-            s = np.linalg.svd(scene.mechanism.K(scene.q0), compute_uv=False)
-            self._redundant[scene.name] = bool(np.any(s <= STRUCTURAL * s.max(initial=0.0)))
-        rate = Equations(scene.mechanism, *gains, self._redundant[scene.name])
+        s = np.linalg.svd(scene.mechanism.K(scene.q0), compute_uv=False)
+        rate = Equations(scene.mechanism, *gains, bool(np.any(s <= STRUCTURAL * s.max(initial=0.0))))
         x, n = np.concatenate([scene.q0, scene.v0]), scene.mechanism.nv
         states, seconds, stopped = stepped(rate, x, scene.times, self.stepper, setting)
         return Outcome(states[:, :n], states[:, n:], seconds, rate.calls, stopped)
 
 
 class TunedImplicit(Implicit):
-    """Eq. (2) with the gains that err least on the very scene, found by a scan beforehand.
-
-    Parameters
-    ----------
-    exact : callable
-        The exact q of a scene, (401, nq).
-    """
+    """Eq. (2) with the gains that err least on the very scene, whose q is exact(scene): found by a scan."""
 
     def __init__(self, name: str, stepper: str, exact: Callable[[Scene], Array]) -> None:
         super().__init__(name, stepper)
@@ -154,15 +127,13 @@ class TunedImplicit(Implicit):
     def gains(self, scene: Scene) -> tuple[float, float]:
         """The best of the scan, kept for the scene."""
         if scene.name not in self._best:
-            exact = self._exact(scene)
-            scan = Implicit(self.name, "rk4")
+            exact, scan = self._exact(scene), Implicit(self.name, "rk4")
             step, unit = float(scene.times[1]) / SCAN_STEPS, 10.0 / float(scene.times[-1])
-            errors = {}
-            for factor in RATES:
-                gain = factor * unit
-                outcome = scan.run_with(scene, step, (gain, gain))
-                whole = len(outcome.q) == len(exact)
-                errors[gain] = float(np.abs(outcome.q - exact).max()) if whole else np.inf
-            best = min(errors, key=lambda gain: errors[gain])
+
+            def error(gain: float) -> float:
+                q = scan.run_with(scene, step, (gain, gain)).q
+                return float(np.abs(q - exact).max()) if len(q) == len(exact) else np.inf
+
+            best = min((factor * unit for factor in RATES), key=error)
             self._best[scene.name] = (best, best)
         return self._best[scene.name]

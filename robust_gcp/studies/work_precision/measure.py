@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
 
@@ -92,10 +92,6 @@ class Judge:
 
     scene: Scene
     reference: Reference
-    scale: Array = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.scale = self.scene.mechanism.units  # all scenes have hinges and slides alone: q has v's order
 
     @cached_property
     def _exact_energy(self) -> tuple[Array, float]:
@@ -106,7 +102,8 @@ class Judge:
 
     def errors(self, q: Array) -> Array:
         """Largest error over the joints at each output, (n,)."""
-        return np.asarray((np.abs(q - self.reference.q[: len(q)]) / self.scale).max(axis=1), dtype=float)
+        units = self.scene.mechanism.units  # all scenes have hinges and slides alone: q has v's order
+        return np.asarray((np.abs(q - self.reference.q[: len(q)]) / units).max(axis=1), dtype=float)
 
     def lost(self, outcome: Outcome) -> float | None:
         """When the run left the exact motion or stopped, s."""
@@ -119,29 +116,28 @@ class Judge:
 
     def judge(self, outcome: Outcome) -> dict[str, Any]:
         """The errors and the loss, as attributes of a point."""
-        mechanism, (q, v) = self.scene.mechanism, (outcome.q, outcome.v)
-        with np.errstate(over="ignore", invalid="ignore"):  # of lost runs
-            return self._judged(mechanism, q, v, outcome)
-
-    def _judged(self, mechanism: Mechanism, q: Array, v: Array, outcome: Outcome) -> dict[str, Any]:
+        mechanism, states = self.scene.mechanism, list(zip(outcome.q, outcome.v, strict=True))
         exact, scale = self._exact_energy
-        energy = np.array([_energy(mechanism, *state) for state in zip(q, v, strict=True)]) - exact[: len(q)]
-        for force in mechanism.forces:
-            if isinstance(force, JointTorque):
-                i = mechanism.joint(force.joint).idx_q
-                energy -= force.torque * (q[:, i] - self.reference.q[: len(q), i])
-        return {
-            "rhs": outcome.rhs,
-            "error": float(self.errors(q).max(initial=0.0)),
-            "closure": max((float(np.abs(mechanism.phi(x)).max(initial=0.0)) for x in q), default=0.0),
-            "closure_velocity": max(
-                (float(np.abs(mechanism.K(x) @ u).max(initial=0.0)) for x, u in zip(q, v, strict=True)),
-                default=0.0,
-            ),
-            "energy": float(np.abs(energy).max(initial=0.0)) / scale,
-            "lost": self.lost(outcome),
-            "why": outcome.stopped,
-        }
+        with np.errstate(over="ignore", invalid="ignore"):  # of lost runs
+            energy = np.array([_energy(mechanism, *state) for state in states]) - exact[: len(states)]
+            for force in mechanism.forces:
+                if isinstance(force, JointTorque):
+                    i = mechanism.joint(force.joint).idx_q
+                    energy -= force.torque * (outcome.q[:, i] - self.reference.q[: len(states), i])
+            return {
+                "rhs": outcome.rhs,
+                "error": float(self.errors(outcome.q).max(initial=0.0)),
+                "closure": _largest(mechanism.phi(q) for q, _ in states),
+                "closure_velocity": _largest(mechanism.K(q) @ v for q, v in states),
+                "energy": _largest([energy]) / scale,
+                "lost": self.lost(outcome),
+                "why": outcome.stopped,
+            }
+
+
+def _largest(vectors: Iterable[Array]) -> float:
+    """Largest magnitude of any component; 0 where there is none."""
+    return max((float(np.abs(vector).max(initial=0.0)) for vector in vectors), default=0.0)
 
 
 def _energy(mechanism: Mechanism, q: Array, v: Array) -> float:
@@ -168,10 +164,6 @@ def climb(
     A run that is predicted from the last one to take longer than `cap` is left out, and says so. The
     first setting is run once more beforehand, which prepares whatever is prepared once; a long first
     run, in which preparation weighs little, is itself the first that is timed.
-
-    Yields
-    ------
-    Point
     """
     warm, before, last = False, None, None
     for i, setting in enumerate(settings):
@@ -214,12 +206,8 @@ def _timed(
     """The point of a run that was made, which is repeated for the time."""
     found = judge.judge(outcome)
     times = [outcome.seconds]
-    wanted = repeats
-    if outcome.seconds > LONG:
-        wanted = min(repeats, 2)
-    if found["lost"] is not None:
-        wanted = 1
-    while len(times) < wanted:
+    wanted = min(repeats, 2) if outcome.seconds > LONG else repeats
+    while found["lost"] is None and len(times) < wanted:
         times.append(contender.run(motion.scene, setting).seconds)
     spread = statistics.median(times), min(times), max(times)
     return Point(*_names(contender, motion), setting, *spread, len(times), **found)

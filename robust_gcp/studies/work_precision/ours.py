@@ -99,13 +99,7 @@ OURS: tuple[tuple[str, Method, str, tuple[tuple[Any, ...], ...]], ...] = (
 
 
 def contenders(exact: Callable[[Scene], np.ndarray]) -> list[Contender]:
-    """Ours and the implicit equations, in the order of the legend.
-
-    Parameters
-    ----------
-    exact : callable
-        The exact q of a scene, (401, nq): what gains are tuned by.
-    """
+    """Ours and the implicit equations, in the order of the legend; gains are tuned by a scene's exact q."""
     found: list[Contender] = []
     for family, method, tuning, rows in OURS:
         for name, stepper, *more in rows:

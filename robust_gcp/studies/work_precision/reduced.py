@@ -6,10 +6,11 @@ Nothing here uses Pinocchio, a loop closure solved by the package, or K: lengths
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...maps.closed_form import FourBar
 from ...mechanism.tree import Array
@@ -45,15 +46,11 @@ class Planar:
 
     S: Array  # (na, nv): which joints make up each phasor's angle
     A: np.ndarray  # (nb, na): arms of the bodies' centres, m
-    spin: tuple[int, ...]  # the angle that each body turns with
+    spin: NDArray[np.int64]  # the angle that each body turns with
     # mass, moment: (nb,): kg, and kg m² about the centre
     mass: Array
     moment: Array
     gravity: float = GRAVITY
-    _spin: np.ndarray = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "_spin", np.array(self.spin))
 
     def weigh(self, q: Array, G: Array, Gp: Array) -> Weights:
         """m = Σ mass |c'|² + moment θ'², ½ m' = Σ mass c'·c'' + moment θ' θ'', V = Σ mass g Im c."""
@@ -61,7 +58,7 @@ class Planar:
         e = np.exp(1j * (self.S @ q))
         dc = self.A @ (1j * rate * e)
         ddc = self.A @ ((1j * bend - rate**2) * e)
-        turn, turning = rate[self._spin], bend[self._spin]
+        turn, turning = rate[self.spin], bend[self.spin]
         weight = self.gravity * self.mass
         return Weights(
             float(self.mass @ (dc.real**2 + dc.imag**2) + self.moment @ turn**2),
@@ -75,7 +72,7 @@ class Planar:
         e = np.exp(1j * (self.S @ q))
         J = (self.A * (1j * e)) @ self.S
         bias = -self.A @ ((self.S @ v) ** 2 * e)
-        turn = self.S[self._spin]
+        turn = self.S[self.spin]
         M = (J.conj().T * self.mass) @ J
         h = (J.conj().T @ (self.mass * bias)).real
         return M.real + (turn.T * self.moment) @ turn, h
@@ -113,7 +110,7 @@ def four_bar(lengths: tuple[float, float, float, float], assembly: int) -> OneDo
     S = np.array([[1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     A = np.array([[0.5 * l1, 0.0, 0.0], [l1, 0.5 * l2, 0.0], [0.0, 0.0, 0.5 * l3]], dtype=complex)
     moment = np.array([l1, l2, l3]) ** 2 / 12.0
-    bodies = Planar(S, A, (0, 1, 2), np.ones(3), moment)
+    bodies = Planar(S, A, np.arange(3), np.ones(3), moment)
     return OneDof(FourBar(*lengths, assembly).evaluate, bodies.weigh)
 
 

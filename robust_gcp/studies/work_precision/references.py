@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -65,15 +66,7 @@ def from_energy(times: Array, system: OneDof, start: tuple[float, float], geomet
 def from_two(
     times: Array, first: Reduced, second: Reduced, stepper: str, rtol: float, scale: Array, source: str
 ) -> Reference:
-    """DOP853 on one set of equations, against another stepper on another set.
-
-    Parameters
-    ----------
-    stepper, rtol
-        Of the second.
-    scale : ndarray (nq,)
-        What a difference in each joint is divided by.
-    """
+    """DOP853 on one set of equations, against this stepper on another; differences in units of `scale`."""
     _, q, v = integrate(first, times)
     _, other, _ = integrate(second, times, stepper, rtol, rtol * 1e-2)
     return Reference(q, v, float((np.abs(q - other) / scale).max()), source)
@@ -108,26 +101,21 @@ def arrival_times(system: OneDof, states: Array) -> Array:
         middle, half = 0.5 * (a + b), 0.5 * (b - a)
         return half * float(sum(wi * f(middle + half * x) for x, wi in zip(nodes, weights, strict=True)))
 
-    def direct(a: float, b: float) -> float:
-        return abs(integral(lambda x: 1.0 / speed(x), a, b))
-
     def from_turn(place: float, a: float, b: float) -> float:
         side = 1.0 if 0.5 * (a + b) > place else -1.0
         ends = (np.sqrt(max(side * (x - place), 0.0)) for x in (a, b))
         return abs(integral(lambda s: 2.0 * s / speed(place + side * s * s), *ends))
 
-    spans = np.empty(len(y) - 1)
-    for i in range(len(spans)):
-        a, b = float(y[i]), float(y[i + 1])
+    def span(i: int, a: float, b: float) -> float:
         if not turns:
-            spans[i] = direct(a, b)
-            continue
+            return abs(integral(lambda x: 1.0 / speed(x), a, b))
         k = int(np.argmin([abs(i - turn) for turn in turns]))
         place = places[k]
-        turns_here = i == turns[k] and ydot[i] != 0.0
-        spans[i] = (
-            from_turn(place, place, a) + from_turn(place, place, b) if turns_here else from_turn(place, a, b)
-        )
+        if i == turns[k] and ydot[i] != 0.0:
+            return from_turn(place, place, a) + from_turn(place, place, b)
+        return from_turn(place, a, b)
+
+    spans = [span(i, *map(float, ends)) for i, ends in enumerate(pairwise(y))]
     return np.concatenate([[0.0], np.cumsum(spans)])
 
 

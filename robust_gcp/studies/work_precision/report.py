@@ -47,29 +47,22 @@ def write(
         files = [out / f"work_precision_cost{suffix}" for suffix in plots.FORMATS]
         paths += [figures.draw_cost(points, foot, file) for file in files]
     tuning = [f"- **{c.name}**: {c.tuning}" for c in contenders]
-    sources = [f"- **{title}**: {r.source}; {r.accuracy:.0e}" for title, _, r in rows]
-    report = "\n\n".join(
-        [
-            "# Error against run time",
-            foot,
-            *lines,
-            text,
-            "## Contenders",
-            "\n".join([*tuning, *(f"- {sentence}" for sentence in missing)]),
-            "## Contenders that do not run a scene, and why",
-            "\n".join(f"- {name}: {'; '.join(reasons)}" for name, reasons in refused.items()),
-            "## References",
-            "\n".join(sources),
-        ]
-    )
-    for name, content in (
-        ("report.md", report),
-        ("table.md", f"{text}\n\n{foot}"),
-        ("verdicts.md", "\n\n".join(lines)),
-    ):
-        path = out / name
-        path.write_text(content + "\n", encoding="utf-8")
-        paths.append(path)
+    sections = {
+        "Contenders": [*tuning, *(f"- {sentence}" for sentence in missing)],
+        "Contenders that do not run a scene, and why": [
+            f"- {name}: {'; '.join(reasons)}" for name, reasons in refused.items()
+        ],
+        "References": [f"- **{title}**: {r.source}; {r.accuracy:.0e}" for title, _, r in rows],
+    }
+    told = [part for title, content in sections.items() for part in (f"## {title}", "\n".join(content))]
+    contents = {
+        "report.md": "\n\n".join(["# Error against run time", foot, *lines, text, *told]),
+        "table.md": f"{text}\n\n{foot}",
+        "verdicts.md": "\n\n".join(lines),
+    }
+    for name, content in contents.items():
+        (out / name).write_text(content + "\n", encoding="utf-8")
+        paths.append(out / name)
     paths += store.export(
         {
             "verdicts": lines,
@@ -84,12 +77,7 @@ def write(
 
 
 def _refresh(
-    root: Path,
-    rows: Sequence[tuple[str, verdicts.Curves, Reference]],
-    lines: Sequence[str],
-    text: str,
-    foot: str,
-    out: Path,
+    root: Path, rows: Sequence[verdicts.Row], lines: Sequence[str], text: str, foot: str, out: Path
 ) -> list[Path]:
     """The marked blocks of README.md and docs/work-precision.md, and the figures that they show."""
     written = []

@@ -15,7 +15,6 @@ import numpy as np
 
 from ... import __version__
 from ...errors import OptionError
-from ...mechanism.mechanism import Mechanism
 from .. import pages
 from .measure import Point, point_of
 from .references import Reference
@@ -66,35 +65,27 @@ def _commit() -> str:
 
 
 class Store:
-    """The points of a folder.
-
-    Parameters
-    ----------
-    folder : Path
-        Made when missing.
-    settings : dict
-        What must agree for points to be comparable, with the machine.
-    fresh : bool
-        Forget what is there.
+    """The points of a folder, made when missing.
 
     Raises
     ------
     OptionError
-        When the folder holds points of other settings, another version or another machine.
+        When the folder holds points of other settings, another version or another machine, which do not
+        compare; `fresh` forgets what is there.
     """
 
     def __init__(self, folder: Path, settings: dict[str, Any], fresh: bool = False) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         self.folder, self._path = folder, folder / "points.jsonl"
-        self.header: dict[str, Any] = {
-            "settings": settings,
-            "machine": machine(),
-            "begun": date.today().isoformat(),
-        }
+        begun = date.today().isoformat()
+        self.header: dict[str, Any] = {"settings": settings, "machine": machine(), "begun": begun}
         self.points: dict[tuple[str, str, float], Point] = {}
         if fresh or not self._path.exists():
             self._path.write_text(json.dumps(self.header) + "\n", encoding="utf-8")
-            return
+        else:
+            self._read()
+
+    def _read(self) -> None:
         first, *lines = self._path.read_text(encoding="utf-8").splitlines() or ["{}"]
         old = json.loads(first)
         for part in ("settings", "machine"):
@@ -106,7 +97,7 @@ class Store:
                         "different runs do not compare; give another --out, or start anew with --fresh"
                     )
         self.header["begun"] = old["begun"]
-        complete = []
+        complete = [first]
         for line in lines:
             try:
                 point = point_of(json.loads(line))
@@ -114,7 +105,7 @@ class Store:
                 break
             complete.append(line)
             self.points[point.key] = point
-        self._path.write_text("\n".join([first, *complete]) + "\n", encoding="utf-8")
+        self._path.write_text("\n".join(complete) + "\n", encoding="utf-8")
 
     def known(self, scene: str, contender: str) -> dict[float, Point]:
         """Finished points by setting."""
@@ -149,11 +140,6 @@ class Store:
 
 def _fingerprint(motion: Motion) -> str:
     """What the exact motion depends on."""
-    scene, mechanism = motion.scene, motion.scene.mechanism
-    return json.dumps(
-        [__version__, _commit(), scene.q0.tolist(), scene.v0.tolist(), scene.times[-1], _masses(mechanism)]
-    )
-
-
-def _masses(mechanism: Mechanism) -> list[float]:
-    return [float(inertia.mass) for inertia in mechanism.model.inertias]
+    scene = motion.scene
+    masses = [float(inertia.mass) for inertia in scene.mechanism.model.inertias]
+    return json.dumps([__version__, _commit(), scene.q0.tolist(), scene.v0.tolist(), scene.times[-1], masses])

@@ -35,6 +35,9 @@ class Reach(NamedTuple):
 Curves = dict[str, list[Point]]
 """Points of one scene by contender, coarse to fine."""
 
+Row = tuple[str, Curves, Reference]
+"""A scene's title, its curves and its exact motion."""
+
 
 def curves_of(points: Iterable[Point], scene: str) -> Curves:
     """The scene's points by contender, in the order of the ladder."""
@@ -65,27 +68,22 @@ def reach(curve: Sequence[Point], target: float) -> Reach | None:
     return None
 
 
+def _of(curves: Curves, families: Sequence[str], inside: bool) -> list[list[Point]]:
+    """Curves of these families, or of all others; no floor."""
+    shown = (curve for curve in curves.values() if curve[0].family != floor.FAMILY)
+    return [curve for curve in shown if (curve[0].family in families) == inside]
+
+
 def fastest(curves: Curves, target: float, families: Sequence[str], inside: bool) -> Reach | None:
     """The contender that is first below `target`, among these families or all others."""
-    found = [
-        reached
-        for curve in curves.values()
-        if (curve[0].family in families) == inside and curve[0].family != floor.FAMILY
-        if (reached := reach(curve, target)) is not None
-    ]
-    return min(found, key=lambda r: r.seconds, default=None)
+    found = (reach(curve, target) for curve in _of(curves, families, inside))
+    return min((r for r in found if r is not None), key=lambda r: r.seconds, default=None)
 
 
 def best_error(curves: Curves, families: Sequence[str], inside: bool) -> tuple[float, str] | None:
     """The smallest error of any good point of these families, or of all others."""
-    found = [
-        (p.error, p.contender)
-        for curve in curves.values()
-        if (curve[0].family in families) == inside and curve[0].family != floor.FAMILY
-        for p in curve
-        if p.good
-    ]
-    return min(found, default=None)
+    points = (p for curve in _of(curves, families, inside) for p in curve if p.good)
+    return min(((p.error, p.contender) for p in points), default=None)
 
 
 def order(curve: Sequence[Point], accuracy: float) -> float | None:
@@ -125,28 +123,25 @@ def verdict(title: str, curves: Curves, reference: Reference) -> str:
             continue
         text = f"to {target:.0e} the fastest is {overall.contender} ({overall.seconds:.3g} s)"
         if ours is None:
-            text += ", the bridge does not reach it"
-        elif overall.contender != ours.contender:
-            text += (
-                f", the bridge takes {ours.seconds / overall.seconds:.3g} times as long ({ours.contender})"
-            )
-        if ours is not None:
-            if peer is None:
-                text += ", no peer reaches it"
-            elif peer.contender != overall.contender:
-                text += (
-                    f", the best peer takes {peer.seconds / ours.seconds:.3g} times as long as the bridge "
-                )
-                text += f"({peer.contender})"
+            parts.append(f"{text}, the bridge does not reach it")
+            continue
+        if overall.contender != ours.contender:
+            ratio = ours.seconds / overall.seconds
+            text += f", the bridge takes {ratio:.3g} times as long ({ours.contender})"
+        if peer is None:
+            text += ", no peer reaches it"
+        elif peer.contender != overall.contender:
+            ratio = peer.seconds / ours.seconds
+            text += f", the best peer takes {ratio:.3g} times as long as the bridge ({peer.contender})"
         parts.append(text)
-    ratio = over_floor(curves, "bridge, RK4", reference.accuracy)
-    if ratio is not None:
-        stands = "on the floor" if ratio <= 1.05 else "above the floor"
-        parts.append(f"the bridge with RK4 is {stands} ({ratio:.3f} times)")
+    over = over_floor(curves, "bridge, RK4", reference.accuracy)
+    if over is not None:
+        stands = "on the floor" if over <= 1.05 else "above the floor"
+        parts.append(f"the bridge with RK4 is {stands} ({over:.3f} times)")
     return f"**{title}**: {'; '.join(parts)}."
 
 
-def table(rows: Sequence[tuple[str, Curves, Reference]]) -> str:
+def table(rows: Sequence[Row]) -> str:
     """The README's table: per scene seconds and evaluations to each target, ours and the best peer's."""
     heads = ["scene"]
     for target in TARGETS:
@@ -155,10 +150,9 @@ def table(rows: Sequence[tuple[str, Curves, Reference]]) -> str:
     for title, curves, reference in rows:
         line = [title]
         for target in TARGETS:
-            line.append(
-                _cell(fastest(curves, target, (OURS,), True), best_error(curves, (OURS,), True), False)
-            )
-            line.append(_cell(fastest(curves, target, OWN, False), best_error(curves, OWN, False), True))
+            for families, inside in (((OURS,), True), (OWN, False)):
+                first, best = fastest(curves, target, families, inside), best_error(curves, families, inside)
+                line.append(_cell(first, best, named=not inside))
         ratio = over_floor(curves, "bridge, RK4", reference.accuracy)
         line += ["–" if ratio is None else f"{ratio:.3f}", f"{reference.accuracy:.0e}"]
         lines.append(line)
