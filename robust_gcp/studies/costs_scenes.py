@@ -11,8 +11,9 @@ import pinocchio as pin
 
 from ..examples import linkages
 from ..mechanism.folders.loader import load
-from ..mechanism.forces import Force, JointDamper, JointSpring
+from ..mechanism.forces import JointDamper, JointSpring
 from ..mechanism.mechanism import Mechanism
+from .stability.truth import with_forces
 
 RECORDS = ("a", "energy", "multipliers")
 
@@ -33,10 +34,7 @@ def _pendulum() -> Mechanism:
 
 def _with_forces(mechanism: Mechanism) -> Mechanism:
     """A spring and a damper on the first joint."""
-    forces: list[Force] = [JointSpring("q1", 5.0, 0.2), JointDamper("q1", 0.1)]
-    return Mechanism.from_pinocchio(
-        mechanism.model, mechanism.closures, mechanism.independent, mechanism.home, forces=forces
-    )
+    return with_forces(mechanism, [JointSpring("q1", 5.0, 0.2), JointDamper("q1", 0.1)])
 
 
 def _brake(t: float, q: Any, v: Any) -> Any:
@@ -51,27 +49,21 @@ def _far(**more: Any) -> dict[str, Any]:
 
 def _rhombus(**more: Any) -> dict[str, Any]:
     """0.4 s of the fall through its first singular configuration."""
-    return {"q0": [0.2, -0.2, 0.2], "duration": 0.4, "step": 1e-3} | more
+    return _far(q0=[0.2, -0.2, 0.2], duration=0.4, **more)
 
 
 def _swinging() -> tuple[Mechanism, dict[str, Any]]:
     mechanism = linkages.swinging_four_bar(4.0, 2.0, 3.0, 3.0, 0.1, np.pi - 0.3)
     v0 = mechanism.lift(mechanism.home, [0.1, 3.0])
-    return mechanism, {"v0": v0, "duration": 0.2, "step": 1e-3}
+    return mechanism, _far(v0=v0, duration=0.2)
 
 
 def _toggling() -> tuple[Mechanism, dict[str, Any]]:
     """A crank-rocker driven through the turning point of its rocker, which is the coordinate."""
     driven = load("crank_rocker")
     q0 = driven.assemble([1.5, *driven.home[1:]])
-    mechanism = driven.with_independent(["q3"])
-    return mechanism, {
-        "q0": q0,
-        "v0": driven.lift(q0, [6.0]),
-        "duration": 0.4,
-        "step": 1e-3,
-        "on_toggle": "repartition",
-    }
+    start = {"q0": q0, "v0": driven.lift(q0, [6.0])}
+    return driven.with_independent(["q3"]), _far(**start, duration=0.4, on_toggle="repartition")
 
 
 SCENES = (

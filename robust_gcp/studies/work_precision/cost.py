@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,9 +24,7 @@ FITTED = 3
 def motion(n: int) -> Motion:
     """N four-bars for 400 steps."""
     made = n_bars(n, DURATION, (1,), CAP)
-    scene = made.scene
-    renamed = type(scene)(f"cost_{n}", scene.mechanism, scene.q0, scene.v0, scene.times)
-    return Motion(renamed, made.title, False, made.floor, made.solve, (1,), CAP)
+    return replace(made, scene=replace(made.scene, name=f"cost_{n}"), crosses=False)
 
 
 def enters(contender: Contender) -> bool:
