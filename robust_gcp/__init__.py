@@ -45,6 +45,7 @@ from .simulation.reactions import Reaction
 from .simulation.simulate import simulate
 from .simulation.stability import StabilityWarning
 from .simulation.stats import Stats
+from .simulation.stepwise import Simulation
 from .simulation.tableau import Tableau
 from .simulation.trajectory import Trajectory
 
@@ -109,6 +110,7 @@ __all__ = [
     "RobustGcpError",
     "RunRecord",
     "Sample",
+    "Simulation",
     "SimulationError",
     "SingularStartError",
     "SingularityWarning",

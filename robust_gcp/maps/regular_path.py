@@ -92,6 +92,10 @@ class RegularPath:
         self._none = np.ones(0)
         self.factor = self._factor()
 
+    def __deepcopy__(self, memo: object) -> RegularPath:
+        """Itself: it holds nothing of a motion, and views that must not be copied."""
+        return self
+
     def _factor(self) -> BlockFactor:
         """The factorisation of K_d; its structure is found once for each mechanism and choice of rows."""
         if self.nd == 0:

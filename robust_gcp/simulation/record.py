@@ -33,6 +33,7 @@ class Record:
 
     Attributes
     ----------
+    mechanism : Mechanism
     count : int
         Outputs kept so far.
     last_state : ndarray
@@ -44,7 +45,7 @@ class Record:
         self, mechanism: Mechanism, times: Array, items: Sequence[str], equations: EquationsOfMotion
     ) -> None:
         n = len(times)
-        self._mechanism, self._times = mechanism, times
+        self.mechanism, self._times = mechanism, times
         self._q, self._v = np.empty((n, mechanism.nq)), np.empty((n, mechanism.nv))
         self._a = np.empty((n, mechanism.nv)) if "a" in items else None
         self._energy = np.empty(n) if "energy" in items else None
@@ -62,9 +63,9 @@ class Record:
         if self._a is not None:
             self._a[i] = now.a
         if self._energy is not None:
-            self._energy[i] = self._mechanism.energy(now.point.q, now.v)
+            self._energy[i] = self.mechanism.energy(now.point.q, now.v)
         if self._multipliers is not None:
-            self._multipliers[i] = constraint_forces(self._mechanism, now.point.q, now.v, now.a, now.tau)
+            self._multipliers[i] = constraint_forces(self.mechanism, now.point.q, now.v, now.a, now.tau)
         if self.work is not None:
             self.work[i] = x[-1]
         if self._drive is not None:
@@ -97,12 +98,12 @@ class Record:
             assert outputs.tau is not None
             for j in range(n):
                 state = outputs.q[j], outputs.v[j], outputs.a[j], outputs.tau[j]
-                self._multipliers[i + 1 + j] = constraint_forces(self._mechanism, *state)
+                self._multipliers[i + 1 + j] = constraint_forces(self.mechanism, *state)
         self.count, self.last_state = i + n + 1, x
 
     def cross(self, crossings: Sequence[Crossing]) -> None:
         """Log what was passed, y in the run's first coordinates; the first gap bridged is warned of."""
-        own = self._mechanism.iq_independent
+        own = self.mechanism.iq_independent
         self._crossings += [replace(crossing, y=crossing.q[own]) for crossing in crossings]
         for crossing in crossings:
             if crossing.kind == "near miss" and not self._warned:
@@ -112,6 +113,21 @@ class Record:
                     "lengths, below geometric_tolerance: bridged as a crossing",
                     SingularityWarning,
                 )
+
+    @property
+    def crossings(self) -> list[Crossing]:
+        """Those logged so far."""
+        return list(self._crossings)
+
+    def grow(self, times: Array) -> None:
+        """Make room for more output times, the first of which are the present ones."""
+        more = len(times) - len(self._times)
+
+        for name in ("_q", "_v", "_a", "_energy", "_multipliers", "work", "_drive"):
+            values: Array | None = getattr(self, name)
+            if values is not None:
+                setattr(self, name, np.concatenate([values, np.empty((more, *values.shape[1:]))]))
+        self._times = times
 
     def rewind(self, i: int) -> None:
         """Forget what came at time i and later."""
@@ -130,7 +146,7 @@ class Record:
             return None if values is None else values[:n]
 
         return Trajectory(
-            self._mechanism,
+            self.mechanism,
             self._times[:n],
             self._q[:n],
             self._v[:n],

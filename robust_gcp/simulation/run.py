@@ -82,25 +82,31 @@ class Run:
         self._calls = 0
         self._last: Evaluation | None = None
         self._behind: Array = motion.x
+        self._recovery = Recovery(on_toggle, Checkpoint(0, self._x, motion.explicit.anchor))
 
     # --------------------------------------------------------------------- fixed steps
 
     def fixed_steps(self, take: FixedStep) -> None:
         """One step of a method from output to output, except where `Recovery` says otherwise."""
-        last, i = len(self._times) - 1, 0
-        recovery = Recovery(self._on_toggle, Checkpoint(0, self._x, self._motion.explicit.anchor))
+        self.advance(take, 0, len(self._times) - 1)
+
+    def advance(self, take: FixedStep, i: int, last: int, known: Evaluation | None = None) -> None:
+        """The steps from output i to output `last`; `known` is the evaluation at i where it was accepted."""
+        recovery = self._recovery
         while True:
             try:
-                now = self._evaluated(i, recovery)
-                if self._last is not None:
-                    self._cross(i, self._last.point, self._last.ydd, now)
-                self._accept(i, now)
-                recovery.accept(i, self._x, now.point)
+                now = self._evaluated(i, recovery) if known is None else known
+                if known is None:
+                    if self._last is not None:
+                        self._cross(i, self._last.point, self._last.ydd, now)
+                    self._accept(i, now)
+                    recovery.accept(i, self._x, now.point)
+                known = None
                 if recovery.changing and self._others_serve_better(now.point):
                     recovery.changed(self._repartition(i))
                     continue
                 if self._native is not None and not recovery.careful:
-                    i, now = self._natively(self._native, i, now, recovery)
+                    i, now = self._natively(self._native, i, last, now)
                 if i == last:
                     return
                 self._x = self._refined(i) if recovery.careful else self._stepped(take, i, now)
@@ -119,14 +125,13 @@ class Run:
         with self._cluster_map().following_true_curve():
             return self._motion.equations.evaluate(t, self._x)
 
-    def _natively(
-        self, native: NativeSteps, i: int, now: Evaluation, recovery: Recovery
-    ) -> tuple[int, Evaluation]:
-        """As many steps after time i as the kernel can take."""
+    def _natively(self, native: NativeSteps, i: int, last: int, now: Evaluation) -> tuple[int, Evaluation]:
+        """As many steps after output i, up to output `last`, as the kernel can take."""
+        recovery = self._recovery
         explicit, wanted = self._motion.explicit, self._record.wanted
         assert isinstance(explicit, ClusterMap | ClassicalMap)  # the kernel knows no other map
-        while i + 1 < len(self._times):
-            batch = native.take(explicit, now, self._x, self._times[i:], wanted)
+        while i < last:
+            batch = native.take(explicit, now, self._x, self._times[i : last + 1], wanted)
             if batch is None:
                 break
             self._count(batch)

@@ -49,6 +49,10 @@ class ClusterSpace:
         self.phi_size = self.loops.memo.once("size of the second derivative", self._curvature)
         self.evaluations = 0
 
+    def __deepcopy__(self, memo: object) -> ClusterSpace:
+        """Itself: it holds nothing of a motion, and views that must not be copied."""
+        return self
+
     def _scaled(self) -> ImplicitConstraint:
         loops = self.loops
         rows, scale = loops.implicit.rows, loops.row_scale

@@ -1,0 +1,176 @@
+"""`Simulation`: a mechanism that is simulated one step at a time, as controllers and games need it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..checks import check_choice, check_mechanism, check_positive, listed, shown
+from ..dynamics.problem import set_out
+from ..errors import ClosureError, OptionError, SimulationError
+from ..maps.choice import METHODS, MapChoice, Method
+from ..maps.explicit import Crossing
+from ..maps.point import Counters
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+from ..native.steps import BACKENDS, NativeSteps, chosen_library
+from .simulate import RECORDS
+from .stepped import HeldTorque, SteppedRun
+from .steppers import rk4_step
+from .trajectory import ARRAYS, Trajectory
+
+ROOM = 1024
+"""Outputs that there is room for at first; doubled when they are full."""
+
+
+class Simulation:
+    """A mechanism simulated by RK4, step by step, with torques held over each step.
+
+    The same digits as `simulate` with the same torques, through singular configurations too.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    q0, v0 : array_like (nq,), (nv,), optional
+        As in `simulate`: home, and at rest, when left out.
+    step : float
+        s.
+    method : {"bridge", "projection", "classical", "closed_form"}
+    backend : {"auto", "python", "native"}
+    mode : array_like, optional
+        As in `simulate`, where q0 is singular.
+    record : sequence of {"a", "energy", "multipliers"}
+        What `trajectory` holds besides q and v.
+
+    Raises
+    ------
+    OptionError, StateError, SimulationError
+        As `simulate` does for a start.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        q0: ArrayLike | None = None,
+        v0: ArrayLike | None = None,
+        step: float = 1e-3,
+        method: Method = "bridge",
+        backend: Literal["auto", "python", "native"] = "auto",
+        *,
+        mode: ArrayLike | None = None,
+        record: Sequence[str] = (),
+    ) -> None:
+        check_mechanism(mechanism, Mechanism, "Simulation")
+        check_positive("step", step)
+        check_choice("method", method, METHODS)
+        check_choice("backend", backend, BACKENDS)
+        record = listed(record, "record", f"any of {', '.join(RECORDS)}", OptionError)
+        for item in record:
+            check_choice("record", item, RECORDS)
+        self.mechanism, self._step = mechanism, float(step)
+        self._begun = time.perf_counter()
+        self._none = np.zeros(mechanism.nv)
+        self._held = HeldTorque(self._none)
+        choice, counters = MapChoice(method), Counters()
+        problem = set_out(mechanism, q0, v0, mode, self._held, choice, counters)
+        kernel = chosen_library(backend, "rk4", method, "tangent")
+        native = None if kernel is None else NativeSteps(kernel, self._held, backend == "native")
+        if native is not None:
+            native.prepare(mechanism, problem.start.path)
+        toggle = "repartition" if method == "bridge" else "error"
+        times = self._step * np.arange(ROOM)
+        self._run = SteppedRun(problem, choice, self._held, times, record, counters, toggle, None, native)
+        self._go_to(0, first=True)
+
+    def step(self, tau: ArrayLike | Mapping[str, Any] | None = None, n: int = 1) -> Simulation:
+        """Take n steps under the torque tau, which is held over all of them; returns itself.
+
+        Parameters
+        ----------
+        tau : array_like (nv,) or mapping {joint: torque}, optional
+            N m and N; none when left out.
+        n : int
+
+        Raises
+        ------
+        OptionError, StateError
+            For arguments that are none.
+        SimulationError
+            Where the motion must stop; `error.trajectory` holds it. Only `restore` leads on from there.
+        """
+        if isinstance(n, bool) or not _whole(n) or n < 1:
+            raise OptionError(f"n = {shown(n)} must be a number of steps, 1 or more")
+        held = self._none if tau is None else self.mechanism.velocity(tau, "tau")
+        run = self._run
+        if not np.array_equal(held, self._held.value):
+            self._held.value = held
+            run.under_new_forces()
+        last = run.at + int(n)
+        if last >= len(run.times):
+            run.grow(self._step * np.arange(max(2 * len(run.times), last + 1)))
+        self._go_to(last)
+        return self
+
+    def _go_to(self, last: int, first: bool = False) -> None:
+        run = self._run
+        try:
+            with np.errstate(over="ignore", invalid="ignore"):
+                run.advance(rk4_step, max(run.at, 0), last, None if first else run.last)
+        except (SimulationError, ClosureError) as error:
+            error.trajectory = self.trajectory
+            raise
+
+    @property
+    def t(self) -> float:
+        """s."""
+        return float(self._run.times[self._run.at])
+
+    @property
+    def q(self) -> Array:
+        """Configuration (nq,)."""
+        return self._run.last.point.q.copy()
+
+    @property
+    def v(self) -> Array:
+        """Velocity (nv,)."""
+        return self._run.last.v.copy()
+
+    @property
+    def y(self) -> Array:
+        """Independent coordinates (m,)."""
+        return self._run.last.point.q[self.mechanism.iq_independent]
+
+    @property
+    def crossings(self) -> list[Crossing]:
+        """Singular configurations passed so far."""
+        return self._run.crossings
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The motion so far; a copy."""
+        run = self._run.trajectory(self._begun)
+        for name in ARRAYS:
+            values = getattr(run, name)
+            setattr(run, name, None if values is None else values.copy())
+        return run
+
+    def save(self) -> dict[str, Any]:
+        """All that steps change, to be given to `restore` as often as one likes."""
+        return {**self._run.copied(), "tau": self._held.value.copy()}
+
+    def restore(self, state: Any) -> Simulation:
+        """Go back, to the last bit, to where `save` of this simulation gave the state; returns itself."""
+        if not isinstance(state, dict) or "tau" not in state:
+            raise OptionError(f"state = {shown(state)} is not what save() returned")
+        parts = dict(state)
+        self._held.value = parts.pop("tau").copy()
+        self._run.put_back(parts)
+        return self
+
+
+def _whole(n: Any) -> bool:
+    return isinstance(n, int | np.integer)

@@ -1,0 +1,129 @@
+"""One step at a time: the digits of a whole run, and the way back to a saved state."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import robust_gcp as rg
+
+START = [0.1, -0.1, 0.1], [-1.0, 1.0, -1.0]
+STEP = 2.0**-8
+"""Its multiples are exact."""
+
+TAU = [0.3, 0.1, -0.2]
+
+
+@pytest.fixture(params=["python", "native"])
+def backend(request: pytest.FixtureRequest) -> Any:
+    if request.param == "native" and not rg.backends()["native"].available:
+        pytest.skip(f"no compiled kernel: {rg.backends()['native'].reason}")
+    return request.param
+
+
+def same(a: rg.Trajectory, b: rg.Trajectory) -> None:
+    for name in ("t", "q", "v", "a", "energy", "multipliers"):
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
+    assert [c.time for c in a.crossings] == [c.time for c in b.crossings]
+    for c, d in zip(a.crossings, b.crossings, strict=True):
+        np.testing.assert_array_equal(c.q, d.q)
+
+
+@pytest.mark.parametrize("method", ["bridge", "projection", "closed_form"])
+@pytest.mark.parametrize("tau", [TAU, None])
+def test_the_digits_of_a_whole_run(backend: Any, method: Any, tau: Any) -> None:
+    """Through the flat position, step by step or some at a time."""
+    if backend == "native" and method != "bridge":
+        pytest.skip("not a method of the kernel's")
+    record = ("a", "energy", "multipliers")
+    run = rg.simulate(
+        rg.load("rhombus"), *START, 0.5, STEP, method, torque=tau, record=record, backend=backend
+    )
+    assert run.crossings or method == "closed_form"  # which passes through without a word
+    for sizes in ([1] * 128, [1, 7, 60, 60]):
+        sim = rg.Simulation(rg.load("rhombus"), *START, STEP, method, backend, record=record)
+        for n in sizes:
+            assert sim.step(tau, n=n) is sim
+        same(sim.trajectory, run)
+        assert sim.t == 0.5
+        np.testing.assert_array_equal(sim.q, run.q[-1])
+        np.testing.assert_array_equal(sim.v, run.v[-1])
+        np.testing.assert_array_equal(sim.y, run.y[-1])
+
+
+def test_torques_that_change_are_runs_one_after_the_other(backend: Any) -> None:
+    """Held over a step, by array or by name; the whole is made of pieces to rounding."""
+    mech = rg.load("crank_rocker")
+    sim = rg.Simulation(mech, step=STEP, backend=backend)
+    q, v = mech.home, np.zeros(mech.nv)
+    for k in range(20):
+        torque = 3.0 * np.sin(k)
+        sim.step({"q1": torque}, n=4)
+        piece = rg.simulate(mech, q, v, 4 * STEP, STEP, torque={"q1": torque}, backend=backend)
+        q, v = piece.q[-1], piece.v[-1]
+        np.testing.assert_allclose(sim.q, q, atol=1e-12)
+        np.testing.assert_allclose(sim.v, v, atol=1e-11)
+    work = sim.trajectory.work
+    assert work is not None
+    assert np.abs(sim.trajectory.energy_error()).max() < 1e-7
+
+
+def test_many_steps(backend: Any) -> None:
+    """Beyond the room that there is at first."""
+    sim = rg.Simulation(rg.load("crank_rocker"), step=STEP, backend=backend).step(n=1000).step(n=50)
+    run = rg.simulate(rg.load("crank_rocker"), duration=1050 * STEP, step=STEP, backend=backend)
+    np.testing.assert_array_equal(sim.trajectory.q, run.q)
+
+
+@pytest.mark.parametrize("before", [3, 23, 27, 60])
+def test_back_to_the_last_bit(backend: Any, before: int) -> None:
+    """From before, on and behind the bridge at the flat position, as often as one likes, in any order."""
+    sim = rg.Simulation(rg.load("rhombus"), *START, STEP, backend=backend, record=("a",))
+    sim.step(TAU, n=before)
+    early = sim.save()
+    sim.step(TAU, n=60)
+    late, there, path = sim.save(), sim.q, sim.trajectory
+    sim.step([1.0, 0.0, 0.0], n=20)
+    for _ in range(2):
+        assert sim.restore(early).t == before * STEP
+        sim.step(None, n=9)
+        sim.restore(early).step(TAU, n=60)
+        np.testing.assert_array_equal(sim.q, there)
+        np.testing.assert_array_equal(sim.trajectory.q, path.q)
+        np.testing.assert_array_equal(sim.trajectory.a, path.a)
+        assert [c.time for c in sim.crossings] == [c.time for c in path.crossings]
+    sim.restore(late)
+    np.testing.assert_array_equal(sim.q, there)
+    np.testing.assert_array_equal(sim.trajectory.q, path.q)
+
+
+def test_what_was_given_out_stays() -> None:
+    sim = rg.Simulation(rg.load("rhombus"), *START, STEP)
+    sim.step(n=5)
+    state, run, q = sim.save(), sim.trajectory, sim.q
+    kept = run.q.copy()
+    q[:] = 9.0
+    sim.step(TAU, n=5)
+    sim.restore(state).step(TAU)
+    np.testing.assert_array_equal(run.q, kept)
+    np.testing.assert_array_equal(sim.trajectory.q[:6], kept)
+
+
+def test_what_cannot_be_stepped_is_refused() -> None:
+    mech = rg.load("rhombus")
+    sim = rg.Simulation(mech, *START)
+    for n in (0, -1, 1.5, True, "two"):
+        with pytest.raises(rg.OptionError, match="n ="):
+            sim.step(n=n)  # type: ignore[arg-type]
+    for tau in ([1.0], {"q9": 1.0}, "much", [np.nan] * 3):
+        with pytest.raises(rg.StateError, match="tau"):
+            sim.step(tau)
+    assert sim.t == 0.0
+    with pytest.raises(rg.OptionError, match="save"):
+        sim.restore({"t": 0.0})
+    with pytest.raises(rg.OptionError, match="step"):
+        rg.Simulation(mech, step=0.0)
+    with pytest.raises(rg.OptionError, match="Mechanism"):
+        rg.Simulation("rhombus")  # type: ignore[arg-type]
