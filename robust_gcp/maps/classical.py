@@ -9,8 +9,8 @@ import numpy as np
 from ..errors import BranchError
 from ..mechanism.tree import Array
 from ..warning import warn
-from .explicit import Passage, Stretch
-from .point import Counters, Point
+from .explicit import Unaware
+from .point import Point
 from .regular_path import RegularPath
 
 NewtonStart = Literal["previous", "tangent"]
@@ -23,7 +23,7 @@ class SingularityWarning(RuntimeWarning):
     """A method without a certificate passed a singular configuration, or a gap was bridged."""
 
 
-class ClassicalMap:
+class ClassicalMap(Unaware):
     """G = [I; −K_d⁻¹ K_i], g = [0; K_d⁻¹ k] everywhere, q_d by Newton (Eq. 4).
 
     Kept as published, to compare against: beside a singularity it loses digits, and started from
@@ -40,11 +40,6 @@ class ClassicalMap:
     def __init__(self, path: RegularPath, start: Point, newton_start: NewtonStart) -> None:
         self.path, self.anchor, self.newton_start = path, start, newton_start
         self._warned = False
-
-    @property
-    def counters(self) -> Counters:
-        """What was computed so far."""
-        return self.path.counters
 
     def resume(self, anchor: Point, on_bridge: bool) -> None:
         """Go on from a point that was reached elsewhere; there are no bridges here."""
@@ -79,12 +74,3 @@ class ClassicalMap:
             )
         self.anchor = point
         return point
-
-    @property
-    def met(self) -> bool:
-        """Never: this map does not know of singularities."""
-        return False
-
-    def passed(self, before: Point, after: Point, stretch: Stretch) -> list[Passage]:
-        """Nothing: the classical map does not know of singularities."""
-        return []

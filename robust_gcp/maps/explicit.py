@@ -117,6 +117,26 @@ class ExplicitMap(Protocol):
         ...
 
 
+class Unaware:
+    """The part of a map that does not know of singular surfaces: none is met, none passed."""
+
+    path: RegularPath
+
+    @property
+    def met(self) -> bool:
+        """Never."""
+        return False
+
+    def passed(self, before: Point, after: Point, stretch: Stretch) -> list[Passage]:
+        """Nothing."""
+        return []
+
+    @property
+    def counters(self) -> Counters:
+        """What was computed so far."""
+        return self.path.counters
+
+
 def sign_changes(before: Point, after: Point) -> list[float]:
     """Where determinants of K_d's blocks change sign, as shares of the way, ascending; linearly."""
     return sorted(

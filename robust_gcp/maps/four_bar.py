@@ -12,8 +12,8 @@ from ..mechanism.joints import JointKind
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .closed_form import FourBar
-from .explicit import Passage, Stretch
-from .point import Counters, Point
+from .explicit import Unaware
+from .point import Point
 from .regular_path import RegularPath
 
 PARALLEL = 1e-12
@@ -99,7 +99,7 @@ def draw_four_bar(mechanism: Mechanism) -> Drawing:
     return Drawing((lengths[0], lengths[1], lengths[2], lengths[3]), sign, offset)
 
 
-class FourBarMap:
+class FourBarMap(Unaware):
     """q = γ(y), G and g in closed form, smooth through every change point; no Newton, no K_d.
 
     Parameters
@@ -124,11 +124,6 @@ class FourBarMap:
         theta = self._drawing.sign * start.q + self._drawing.offset
         apart = theta - self.linkage.evaluate(float(theta[0]))[0]
         self._turns = 2.0 * np.pi * np.round(apart / (2.0 * np.pi))
-
-    @property
-    def counters(self) -> Counters:
-        """What was computed so far."""
-        return self.path.counters
 
     def at(self, y: Array, ydot: Array) -> Point:
         """The point at y; ToggleError at a dead point, beyond it, or where a step may have passed it."""
@@ -156,15 +151,6 @@ class FourBarMap:
             )
         self.anchor = point
         return point
-
-    @property
-    def met(self) -> bool:
-        """Never: this map does not know of singularities."""
-        return False
-
-    def passed(self, before: Point, after: Point, stretch: Stretch) -> list[Passage]:
-        """Nothing: the closed form has no singularity to pass."""
-        return []
 
     def _interval_of(self, y: Array) -> tuple[int, int]:
         """Which of the intervals in reach y lies in; whole turns count as different ones at dead points."""

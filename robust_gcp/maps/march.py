@@ -1,13 +1,8 @@
-"""Following one branch in small steps, with a test that notices when Newton went elsewhere."""
+"""The test that notices when Newton went to another branch."""
 
 from __future__ import annotations
 
-import numpy as np
-
-from ..errors import BranchError
-from ..mechanism.tree import Array
 from .point import Point
-from .regular_path import RegularPath
 
 DETERMINANT_RATIO = 2.5
 """Largest change of a poorly conditioned block's determinant in one step; keeps a step from jumping
@@ -26,9 +21,6 @@ ROUNDING = 1e-12
 FARTHEST = 0.5
 """Largest rotation in one predicted step, rad, or slide in lengths. Between the two good sides of a
 crossing the links of a loop turn against each other by more than three joints can in such a step."""
-
-SMALLEST = 1e-9
-"""Smallest marching step relative to the whole way before the branch counts as lost."""
 
 
 def same_branch(before: Point, after: Point) -> bool:
@@ -52,45 +44,3 @@ def same_branch(before: Point, after: Point) -> bool:
         if rcond < POOR and not 1.0 / DETERMINANT_RATIO < b / a < DETERMINANT_RATIO:
             return False
     return True
-
-
-def march(path: RegularPath, start: Point, y: Array, ydot: Array, stop_below: float = 0.0) -> Point:
-    """Follow the branch along the straight line from `start` to y.
-
-    Parameters
-    ----------
-    stop_below : float
-        Conditioning at which to stop on the way.
-
-    Returns
-    -------
-    Point
-        At y, or the first one with conditioning below `stop_below`.
-
-    Raises
-    ------
-    BranchError
-        When steps of 1e-9 of the way do not hold the branch either: y has no point on it.
-    """
-    here, way = start, float(np.abs(y - start.y).max(initial=0.0))
-    h = 1.0
-    while True:
-        left = float(np.abs(y - here.y).max(initial=0.0))
-        last = h * way >= left
-        target = y if last else here.y + (y - here.y) * (h * way / left)
-        point = path.step(here, target, ydot)
-        path.counters.marching_steps += 1
-        if point is not None and same_branch(here, point):
-            here = point
-            if last or (stop_below > 0.0 and point.conditioning < stop_below):
-                return here
-            h *= 2.0
-            continue
-        h = 0.5 * min(h, left / way if way > 0.0 else 0.0)
-        if h < SMALLEST:
-            raise BranchError(
-                f"the dependent joints cannot be followed beyond y = {here.y}: no configuration near by "
-                f"closes the loops at y = {y} on this branch (conditioning of K_d {here.conditioning:.2g})",
-                here.y,
-                conditioning=here.conditioning,
-            )

@@ -13,7 +13,7 @@ from ..errors import ModelError, PartitionError, StateError
 from .clusters import LoopCluster, loop_clusters
 from .loops import ClosedLoops
 from .partition import independent_rows
-from .tolerances import RANK
+from .tolerances import COMPATIBLE, RANK
 from .tree import Array
 
 
@@ -92,7 +92,14 @@ class Coordinates(ClosedLoops):
         q = self.configuration(q)
         G = np.zeros((self.nv, self.m))
         G[self.iv_independent] = np.eye(self.m)
-        G[self.iv_dependent] = self._dependent(q, -self.K(q)[:, self.iv_independent])
+        K = self.K(q)
+        G[self.iv_dependent] = self._dependent(q, -K[:, self.iv_independent])
+        u = (G.T / self.column_scale).T
+        if np.abs(self.scaled(K) @ u).max(initial=0.0) > COMPATIBLE * np.abs(u).max(initial=1.0):
+            raise StateError(
+                f"the loops do not let {', '.join(self.independent)} move one by one at q: K has more "
+                "rows than dependent velocities can satisfy; analyse(mech, q) says what moves"
+            )
         return G
 
     def g(self, q: ArrayLike, v: ArrayLike) -> Array:

@@ -30,33 +30,46 @@ def workspace(model: pin.Model) -> pin.Data:
     ModelError
         Where it does not fit into the memory that is left, with how much it needs.
     """
-    require_memory(model)
+    require_memory(int(model.nv), int(model.njoints))
     return _lean(model) if is_lean(model) else pin.Data(model)
 
 
 def is_lean(model: pin.Model) -> bool:
     """Whether the workspace leaves out what nothing here uses."""
-    return model.nv >= LEAN_FROM and pin.__version__.startswith(LEAN_VERSIONS)
+    return _leaves_out(int(model.nv))
+
+
+def _leaves_out(nv: int) -> bool:
+    return nv >= LEAN_FROM and pin.__version__.startswith(LEAN_VERSIONS)
 
 
 def workspace_bytes(model: pin.Model) -> int:
     """What a workspace takes, measured to a few per cent: 32 nv³ bytes where it is a whole `pin.Data`."""
-    nv, joints = int(model.nv), int(model.njoints)
-    return 8 * (2 * nv * nv + 6 * nv * joints) + BODY * joints if is_lean(model) else whole_bytes(model)
+    return _bytes(int(model.nv), int(model.njoints))
 
 
 def whole_bytes(model: pin.Model) -> int:
     """What a whole `pin.Data` takes."""
-    nv, joints = int(model.nv), int(model.njoints)
+    return _whole(int(model.nv), int(model.njoints))
+
+
+def _bytes(nv: int, joints: int) -> int:
+    return 8 * (2 * nv * nv + 6 * nv * joints) + BODY * joints if _leaves_out(nv) else _whole(nv, joints)
+
+
+def _whole(nv: int, joints: int) -> int:
     return 8 * (4 * nv**3 + 18 * nv * nv + 22 * nv * joints) + BODY * joints
 
 
-def require_memory(model: pin.Model) -> None:
-    """A ModelError where a workspace for the model does not fit into the memory that is left."""
-    needed, left = workspace_bytes(model), memory_left()
+def require_memory(nv: int, joints: int) -> None:
+    """A ModelError where a workspace for so many velocities and joints does not fit into what is left.
+
+    A reader asks before it makes the model, which takes a minute for 20,000 joints.
+    """
+    needed, left = _bytes(nv, joints), memory_left()
     if needed > left:
         raise ModelError(
-            f"the model's {model.nv} velocities need a workspace of {needed / 1e9:.3g} GB in each thread "
+            f"the model's {nv} velocities need a workspace of {needed / 1e9:.3g} GB in each thread "
             f"that uses it, and {left / 1e9:.3g} GB are left; split the model into its independent parts, or "
             "use a machine with more memory"
         )

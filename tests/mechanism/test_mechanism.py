@@ -283,3 +283,14 @@ def test_constraint_models_of_pinocchio_close_loops_too(
         np.testing.assert_allclose(other.K(q), mech.K(q), atol=1e-14)
         np.testing.assert_allclose(other.k(q, v), mech.k(q, v), atol=1e-12)
     assert model == before
+
+
+def test_velocities_are_refused_that_the_loops_do_not_let() -> None:
+    """Two hinges in a row whose tip is pinned: K (2 × 2) is regular, nothing moves, and K G = 0 for no G."""
+    model = pin.Model()
+    first = linkages.add_link(model, 0, 0.0, "q1", 1.0)
+    linkages.add_link(model, first, 1.0, "q2", 1.0)
+    model.addFrame(pin.Frame("pin", 0, pin.SE3(np.eye(3), np.array([0.0, 1.0, 1.0])), pin.FrameType.OP_FRAME))
+    mechanism = rg.Mechanism(model, [rg.PointClosure("q2_tip", "pin")], ["q1"], home=[0.0, 0.5 * np.pi])
+    with pytest.raises(rg.StateError, match="q1"):
+        mechanism.lift(mechanism.home, [1.0])

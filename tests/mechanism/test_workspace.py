@@ -142,3 +142,17 @@ def test_the_size_of_a_whole_workspace_grows_with_the_third_power() -> None:
     small, large = row(50, True), row(100, True)
     assert 5.0 < memory.whole_bytes(large) / memory.whole_bytes(small) < 8.0
     assert memory.whole_bytes(large) > 32 * 100**3
+
+
+def test_a_file_that_does_not_fit_is_refused_unread(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its parser takes a minute for 20,000 joints."""
+    joints = "".join(
+        f'<link name="l{i}"/>'
+        f'<joint name="j{i}" type="{kind}"><parent link="base"/><child link="l{i}"/></joint>'
+        for i, kind in enumerate(["continuous", "fixed", "floating", "continuous"] * 10)
+    )
+    urdf = f'<robot name="row"><link name="base"/>{joints}</robot>'
+    monkeypatch.setattr(memory, "memory_left", lambda: 1e3)
+    monkeypatch.setattr(pin, "buildModelFromXML", lambda *_: pytest.fail("Pinocchio was asked"))
+    with pytest.raises(rg.ModelError, match="80 velocities need a workspace"):
+        rg.Mechanism.from_urdf(urdf)

@@ -11,6 +11,7 @@ import pinocchio as pin
 
 from ...errors import ModelError
 from ..forces import Force, JointDamper
+from ..workspace import require_memory
 from .contents import FileContents, check_base
 from .urdf_base import declare_world, set_base
 from .urdf_check import LIMITS, MOMENTS, MOVING, PRODUCTS, check_urdf
@@ -21,6 +22,9 @@ from .xml_text import parsed_xml
 
 UNLIMITED = "1e9"
 """Limit, rad or m, written for a joint that has none: nothing here enforces limits."""
+
+VELOCITIES = {"revolute": 1, "continuous": 1, "prismatic": 1, "planar": 3, "floating": 6}
+"""How many numbers the types of joints have in v; the others have none."""
 
 ENDLESS = {"lower": f"-{UNLIMITED}", "upper": UNLIMITED, "effort": UNLIMITED, "velocity": UNLIMITED}
 
@@ -58,6 +62,7 @@ def read_urdf(urdf: str | Path, base: str | None = None) -> FileContents:
     refuse_unknown_ties(root, name)
     left_out = left_out_of(root, name)
     set_base(root, base)
+    _require_memory(root)
     try:
         model = pin.buildModelFromXML(ElementTree.tostring(_reduced(root), encoding="unicode"))
     except (ValueError, RuntimeError) as error:
@@ -66,6 +71,12 @@ def read_urdf(urdf: str | Path, base: str | None = None) -> FileContents:
     contents = FileContents(model, closures, _dampers(root, name), left_out=left_out)
     contents.independent = _marked(root, name)
     return contents
+
+
+def _require_memory(root: Element) -> None:
+    """Refuse a tree whose workspace would not fit, before Pinocchio reads it."""
+    moving = [VELOCITIES.get(joint.get("type", ""), 0) for joint in root.findall("joint")]
+    require_memory(sum(moving), sum(map(bool, moving)))
 
 
 def _dampers(root: Element, name: str) -> list[Force]:

@@ -13,7 +13,6 @@ WIDE = 1e3
 """rad or m: limits at least that wide are written for joints without limits."""
 
 JOINT_PARTS = ("parent", "child", "origin", "axis", "limit", "dynamics", "mimic", "calibration")
-LINK_PARTS = ("inertial", "visual", "collision")
 PLAIN = (*LOOP_TAGS, "link", "joint", "material", "frame", "fixed_frame")
 """Elements below <robot> that are read, or have no bearing on the motion."""
 
