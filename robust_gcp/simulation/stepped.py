@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import copy
+from bisect import bisect_right
 from typing import Any
 
 from ..dynamics.equations import Evaluation, TorqueFunction
+from ..dynamics.problem import Problem
+from ..maps.choice import MapChoice
 from ..maps.explicit import Crossing
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from ..native.steps import NativeSteps
+from .recovery import Recovery
 from .run import Run
 
-FIXED = ("_choice", "_torque", "_native", "_progress", "_counters", "_on_toggle")
+FIXED = ("_choice", "_torque", "_held", "_native", "_progress", "_counters", "_on_toggle")
 """What of a run no step changes, or what counts on."""
 
 
@@ -37,7 +42,22 @@ class HeldTorque(TorqueFunction):
 
 
 class SteppedRun(Run):
-    """A run that goes on when asked to."""
+    """A run that goes on when asked to, under a torque that is held.
+
+    Where it has to go back over steps that were taken, the torques held then act again.
+
+    Parameters
+    ----------
+    held : HeldTorque
+        The torque of the run.
+    more
+        As for `Run`.
+    """
+
+    def __init__(self, held: HeldTorque, problem: Problem, choice: MapChoice, *more: Any) -> None:
+        super().__init__(problem, choice, held, *more)
+        self._held = held
+        self._changes, self._torques = [0], [held.value]
 
     @property
     def last(self) -> Evaluation:
@@ -60,21 +80,36 @@ class SteppedRun(Run):
         """Those passed so far."""
         return self._record.crossings
 
-    def under_new_forces(self) -> None:
-        """Look at the present state again, under forces that have jumped."""
+    def hold(self, torque: Array) -> None:
+        """Hold another torque from the last output on, and look at the state there again."""
         i = self.at
+        self._changes.append(i)
+        self._torques.append(torque)
+        self._held.value = torque
         self._last = self._motion.equations.at_point(float(self._times[i]), self.last.point)
         self._record.add(i, self._last, self._x)
+
+    def _evaluated(self, i: int, recovery: Recovery) -> Evaluation:
+        self._held.value = self._torques[bisect_right(self._changes, i) - 1]
+        return super()._evaluated(i, recovery)
+
+    def _natively(self, native: NativeSteps, i: int, last: int, now: Evaluation) -> tuple[int, Evaluation]:
+        if self._changes[-1] > i:  # over steps taken once more, one by one
+            return i, now
+        return super()._natively(native, i, last, now)
 
     def grow(self, times: Array) -> None:
         """Go on to more output times, the first of which are the present ones."""
         self._times = times
         self._record.grow(times)
 
+    def parts(self) -> dict[str, Any]:
+        """What steps change, by name."""
+        return {name: value for name, value in vars(self).items() if name not in FIXED}
+
     def copied(self, parts: dict[str, Any] | None = None) -> dict[str, Any]:
         """A copy of all that steps change, or of such a copy; what they do not change is shared."""
-        if parts is None:
-            parts = {name: value for name, value in vars(self).items() if name not in FIXED}
+        parts = self.parts() if parts is None else parts
         shared: list[Any] = [self._counters]
         for mechanism in {id(m): m for m in (self._record.mechanism, parts["_motion"].mechanism)}.values():
             shared += _unchanging(mechanism)
@@ -84,6 +119,7 @@ class SteppedRun(Run):
         """Go back to where these parts were copied."""
         for name, value in self.copied(parts).items():
             setattr(self, name, value)
+        self._held.value = self._torques[-1]
 
 
 def _unchanging(mechanism: Mechanism) -> list[Any]:

@@ -83,7 +83,7 @@ class Simulation:
             native.prepare(mechanism, problem.start.path)
         toggle = "repartition" if method == "bridge" else "error"
         times = self._step * np.arange(ROOM)
-        self._run = SteppedRun(problem, choice, self._held, times, record, counters, toggle, None, native)
+        self._run = SteppedRun(self._held, problem, choice, times, record, counters, toggle, None, native)
         self._go_to(0, first=True)
 
     def step(self, tau: ArrayLike | Mapping[str, Any] | None = None, n: int = 1) -> Simulation:
@@ -107,8 +107,7 @@ class Simulation:
         held = self._none if tau is None else self.mechanism.velocity(tau, "tau")
         run = self._run
         if not np.array_equal(held, self._held.value):
-            self._held.value = held
-            run.under_new_forces()
+            run.hold(held)
         last = run.at + int(n)
         if last >= len(run.times):
             run.grow(self._step * np.arange(max(2 * len(run.times), last + 1)))
@@ -160,15 +159,13 @@ class Simulation:
 
     def save(self) -> dict[str, Any]:
         """All that steps change, to be given to `restore` as often as one likes."""
-        return {**self._run.copied(), "tau": self._held.value.copy()}
+        return self._run.copied()
 
     def restore(self, state: Any) -> Simulation:
         """Go back, to the last bit, to where `save` of this simulation gave the state; returns itself."""
-        if not isinstance(state, dict) or "tau" not in state:
+        if not isinstance(state, dict) or state.keys() != self._run.parts().keys():
             raise OptionError(f"state = {shown(state)} is not what save() returned")
-        parts = dict(state)
-        self._held.value = parts.pop("tau").copy()
-        self._run.put_back(parts)
+        self._run.put_back(state)
         return self
 
 
