@@ -238,6 +238,10 @@ class ClusterMap:
                 raise refusal(self.mechanism, cluster, obstacle, self.anchor)
         try:
             found = tracker.at(wanted)
+        except ObstacleError as met:
+            if not self.error_controlled:
+                raise
+            raise refusal(self.mechanism, cluster, met.obstacle, self.anchor) from met
         except (LostError, np.linalg.LinAlgError) as lost:
             known = self._obstacle(tracker) or Obstacle("unknown", tracker.anchor.x, 0.1, np.nan, str(lost))
             if quality(tracker.anchor, cluster.chosen) < POOR:

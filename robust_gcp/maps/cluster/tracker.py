@@ -26,6 +26,9 @@ CORRECTION = 0.25
 MAX_BRIDGES = 16
 """Curves kept for reuse; a mechanism that turns over meets a new one each half turn."""
 
+DEEP = 0.3
+"""Share of the zone within which an undecided place stops a motion that is followed with error control."""
+
 MAX_STEPS = 400
 
 STAGES_AHEAD = 40.0
@@ -296,9 +299,9 @@ class Tracker:
 
     def _blocked(self, here: Jet, failure: NoBridgeError) -> bool:
         """Remember a place without a bridge; an error unless the caller controls its own."""
-        obstacle = judge(here, failure)
+        obstacle = judge(here, failure, self.options, self.zone)
         self.obstacles = [*self.obstacles[-MAX_STEPS:], obstacle]
-        if not self.careful:
+        if not self.careful or (obstacle.kind != "near miss" and here.nearest()[0] < DEEP * self.zone):
             raise ObstacleError(obstacle)
         return False
 
@@ -306,7 +309,8 @@ class Tracker:
         """The obstacle that this point is still at; an error unless the caller controls its own."""
         for obstacle in reversed(self.obstacles):
             if obstacle.covers(here.x):
-                if not self.careful:
+                undecided = obstacle.kind != "near miss" and here.nearest()[0] < DEEP * self.zone
+                if not self.careful or undecided:
                     raise ObstacleError(obstacle)
                 return obstacle
         return None
@@ -322,16 +326,17 @@ class Tracker:
             self.touched.append(bridge)
 
 
-def judge(here: Jet, failure: NoBridgeError) -> Obstacle:
+def judge(here: Jet, failure: NoBridgeError, options: BridgeOptions, zone: float) -> Obstacle:
     """What a place without a bridge is, by the singular configuration next to it."""
     delta = here.delta()
-    radius = 0.5 * delta if np.isfinite(delta) else 0.1
+    # looked at again only where it decides: half way to a near miss, deep in the zone of anything else
+    radius = max(0.9 * delta, 0.5 * DEEP * zone) if np.isfinite(delta) else 0.1
     if np.isfinite(failure.separation):
         return Obstacle("tangential", here.x, radius, np.nan, str(failure))
     found = place(here)
     if found.is_cone:
         return Obstacle("cone", here.x, radius, found.gap, CONE_WORDS)
-    if found.found and found.gap > 0.0:
+    if found.found and found.gap > options.largest_gap:
         return Obstacle("near miss", here.x, radius, found.gap, str(failure))
     return Obstacle("unknown", here.x, radius, np.nan, str(failure))
 
