@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..checks import check_mechanism, check_number
 from ..errors import NonFiniteError, OptionError
 from ..maps.choice import MapChoice
+from ..maps.grouped import GroupMap
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .differences import FORWARD, differences
@@ -41,7 +42,8 @@ class Linearisation:
     Attributes
     ----------
     A : ndarray (2m, 2m)
-        [[0, I], [∂ÿ/∂y, ∂ÿ/∂ẏ]], 1/s and 1/s².
+        [[0, I], [∂ÿ/∂y, ∂ÿ/∂ẏ]], 1/s and 1/s². Of joints on groups δy is w in q ⊕ w and ẏ the velocity u,
+        δẇ = δu + ½ [w, u].
     eigenvalues : ndarray of complex (2m,)
         1/s, fastest first.
     """
@@ -87,19 +89,22 @@ class ReducedJacobian:
     def __call__(self, t: float, x: Array) -> Array:
         """(n, n) for a state of n numbers."""
         m = self._equations.m
+        # on groups ẏ depends on y too
+        known = 0 if isinstance(self._equations.explicit, GroupMap) else m
         rest = x[2 * m :]
 
         def rate(state: Array) -> Array:
-            return self._equations(t, np.concatenate([state, rest]))[m:]
+            return self._equations(t, np.concatenate([state, rest]))[known:]
 
         base = rate(x[: 2 * m])
         speed = np.abs(x[m : 2 * m])
         # a force that ẏ does not change rounds to ε ÿ: ẏ is moved far enough to rise above that
-        pace = np.maximum(np.maximum(self._unit, speed), np.sqrt(self._unit * np.abs(base[:m])))
+        ydd = base[m - known : 2 * m - known]
+        pace = np.maximum(np.maximum(self._unit, speed), np.sqrt(self._unit * np.abs(ydd)))
         found = differences(rate, x[: 2 * m], np.concatenate([self._unit, pace]), self._central, base)
         jacobian = np.zeros((len(x), len(x)))
         jacobian[:m, m : 2 * m] = np.eye(m)
-        jacobian[m:, : 2 * m] = found
+        jacobian[known:, : 2 * m] = found
         return jacobian
 
 

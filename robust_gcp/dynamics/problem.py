@@ -7,10 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..errors import OptionError
 from ..maps.choice import MapChoice
 from ..maps.explicit import ExplicitMap
+from ..maps.grouped_start import begin_on_groups
 from ..maps.point import Counters
 from ..maps.start import Start, begin
+from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .driven import DrivenEquations, driven_start
@@ -30,7 +33,8 @@ class Problem:
     equations : EquationsOfMotion
         ẋ = f(t, x).
     x : ndarray
-        The first state: (y, ẏ), with the work done so far, 0 J, where something does work.
+        The first state: (y, u), with the work done so far, 0 J, where something does work. u = ẏ but on
+        groups, see `maps.grouped`.
     """
 
     mechanism: Mechanism
@@ -73,6 +77,14 @@ def set_out(
     choice = MapChoice() if choice is None else choice
     counters = Counters() if counters is None else counters
     q = mechanism.home if q0 is None else q0
+    groups = groups_of(mechanism)
+    if groups is not None:
+        if drive is not None:
+            raise OptionError(
+                f"prescribed motions: joint {groups.names[0]!r} is independent on a group, beside which no "
+                "joint is driven; give the torque instead"
+            )
+        return over(begin_on_groups(groups, q, v0, mode, choice.options, counters), torque, choice)
     if drive is not None:
         q = driven_start(mechanism, drive, 0.0, q0, v0, mode, choice, counters)
     return over(begin(mechanism, q, v0, mode, choice.options, counters), torque, choice, drive)
@@ -82,7 +94,7 @@ def over(
     start: Start, torque: Torque | ArrayLike | None, choice: MapChoice, drive: Drive | None = None
 ) -> Problem:
     """The motion from a checked start, with a map and equations of its own."""
-    mechanism, explicit = start.path.mechanism, choice.over(start)
+    mechanism, explicit = start.mechanism, choice.over(start)
     if drive is None:
         equations = EquationsOfMotion(mechanism, explicit, torque)
     else:

@@ -10,6 +10,8 @@ from .cluster.cluster_map import ClusterMap
 from .cluster.options import BridgeOptions
 from .explicit import ExplicitMap
 from .four_bar import FourBarMap
+from .grouped import GroupMap
+from .grouped_start import GroupStart
 from .projection import PROJECTION_THRESHOLD, ProjectionMap
 from .start import Start
 
@@ -42,6 +44,8 @@ class MapChoice:
 
     def over(self, start: Start) -> ExplicitMap:
         """The map on the mode of a start."""
+        if isinstance(start, GroupStart):
+            return GroupMap(start.groups, self.over(start.rest), start.first)
         if self.method == "classical":
             return ClassicalMap(start.path, start.point, self.newton_start)
         if self.method == "projection":

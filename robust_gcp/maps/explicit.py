@@ -22,7 +22,7 @@ class Crossing:
     time : float
         s.
     y : ndarray (m,)
-        Independent coordinates at the singular surface.
+        Independent coordinates at the singular surface; those on groups are left out.
     q : ndarray (nq,)
         Configuration there.
     kind : {"transversal", "near miss", "projected"}
@@ -96,7 +96,11 @@ class ExplicitMap(Protocol):
     """
 
     anchor: Point
-    path: RegularPath
+
+    @property
+    def path(self) -> RegularPath:
+        """What solves on regular ground."""
+        ...
 
     def at(self, y: Array, ydot: Array) -> Point:
         """The point at y, or an error that says why there is none."""

@@ -57,6 +57,16 @@ class Start:
     ydot: Array
     trackers: Mapping[int, Tracker] = field(default_factory=dict)
 
+    @property
+    def mechanism(self) -> Mechanism:
+        """Whose start it is."""
+        return self.path.mechanism
+
+    def afresh(self) -> Start:
+        """The same at a regular place, with a path of its own, so that nothing is counted or moved."""
+        path = type(self.path)(self.path.mechanism, self.path.rows, Counters())
+        return Start(path, self.point, self.ydot)
+
 
 def begin(
     mechanism: Mechanism,

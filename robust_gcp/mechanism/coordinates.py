@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..checks import checked_vector, require_finite
 from ..errors import ModelError, PartitionError, StateError
 from .clusters import LoopCluster, loop_clusters
+from .joints import Joint
 from .loops import ClosedLoops
 from .partition import independent_rows
 from .tolerances import COMPATIBLE, RANK
@@ -51,6 +52,24 @@ class Coordinates(ClosedLoops):
         return loop_clusters(self, self.independent, self.iv_independent)
 
     @cached_property
+    def group_joints(self) -> tuple[Joint, ...]:
+        """Joints in no loop whose velocities are all independent and no rates of numbers in q."""
+        chosen = set(self.iv_independent.tolist())
+        return tuple(
+            joint
+            for joint in self.joints
+            if not joint.flat
+            and chosen.issuperset(range(*joint.v.indices(self.nv)))
+            and not any(joint.name in cluster.joints for cluster in self.clusters)
+        )
+
+    @cached_property
+    def iq_numbers(self) -> NDArray[np.int64]:
+        """Where those of y are in q that are numbers in q: all but those of `group_joints`."""
+        on_groups = {joint.name for joint in self.group_joints}
+        return self._in_q([i for i in self.iv_independent if self.joint_at(int(i)).name not in on_groups])
+
+    @cached_property
     def iq_independent(self) -> NDArray[np.int64]:
         """Where y is in q, (m,).
 
@@ -59,16 +78,21 @@ class Coordinates(ClosedLoops):
         PartitionError
             Where an independent velocity is not the rate of a number in q.
         """
-        owners = [self.joint_at(int(i)) for i in self.iv_independent]
+        return self._in_q(self.iv_independent)
+
+    def _in_q(self, iv: Sequence[np.int64] | NDArray[np.int64]) -> NDArray[np.int64]:
+        """Where the numbers are in q whose rates these velocities are."""
+        owners = [self.joint_at(int(i)) for i in iv]
         lost = [joint for joint in owners if not joint.flat]
         if lost:
             raise PartitionError(
                 f"the independent velocities {', '.join(self.independent)} of {self.name!r} are not all "
                 f"rates of numbers in q: those of joint {lost[0].name!r} ({lost[0].type}) are velocities on "
-                "a group, on which the equations at a point are served so far (analyse, G) and no run; "
-                "choose joints with one number each, or base='fixed'"
+                "a group and have no coordinates y; read q and v instead. A run takes such a joint where all "
+                "its velocities are independent and it is in no loop; of others choose joints with one "
+                "number each"
             )
-        places = zip(owners, self.iv_independent, strict=True)
+        places = zip(owners, iv, strict=True)
         return np.array([joint.idx_q + i - joint.idx_v for joint, i in places], dtype=np.int64)
 
     def lift(self, q: ArrayLike, ydot: ArrayLike) -> Array:

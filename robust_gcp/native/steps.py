@@ -51,6 +51,24 @@ def chosen_library(backend: str, stepper: object, method: str, newton_start: str
     return found
 
 
+def without_groups(chosen: Library | None, mechanism: Mechanism, backend: str) -> Library | None:
+    """The kernel, or None for mechanisms with joints on groups, which it does not know.
+
+    Raises
+    ------
+    OptionError
+        In that case, for backend="native".
+    """
+    if chosen is None or not mechanism.group_joints:
+        return chosen
+    if backend == "native":
+        raise OptionError(
+            f'backend="native": joint {mechanism.group_joints[0].name!r} is independent on a group, which the '
+            'compiled kernel does not know; use backend="auto" or "python"'
+        )
+    return None
+
+
 class NativeSteps:
     """Takes a run's steps in the kernel as long as nothing rare happens.
 

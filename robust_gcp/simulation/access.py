@@ -160,7 +160,7 @@ class Sample(Named):
 
     @property
     def y(self) -> Array:
-        """Independent coordinates, (k, m) or (m,)."""
+        """Independent coordinates, (k, m) or (m,); a PartitionError where some are on groups."""
         return self.q[..., self.mechanism.iq_independent]
 
     def columns(self) -> dict[str, Array]:

@@ -103,7 +103,7 @@ class Record:
 
     def cross(self, crossings: Sequence[Crossing]) -> None:
         """Log what was passed, y in the run's first coordinates; the first gap bridged is warned of."""
-        own = self.mechanism.iq_independent
+        own = self.mechanism.iq_numbers
         self._crossings += [replace(crossing, y=crossing.q[own]) for crossing in crossings]
         for crossing in crossings:
             if crossing.kind == "near miss" and not self._warned:

@@ -24,6 +24,17 @@ from ..mechanism.tree import Array
 from ..native.steps import NativeSteps
 from ..native.structures import Reason
 from ..native.workspace import Batch
+from .charts import (
+    coordinate_choices,
+    in_new_chart,
+    map_of_rest,
+    numbers,
+    outgrown,
+    placed,
+    placed_between,
+    point_of_rest,
+    q_of_rest,
+)
 from .crossings import hermite, located
 from .record import Record
 from .recovery import Checkpoint, Recovery
@@ -99,6 +110,7 @@ class Run:
                 if known is None:
                     if self._last is not None:
                         self._cross(i, self._last.point, self._last.ydd, now)
+                    now, self._x = in_new_chart(self._motion.explicit, now, self._x)
                     self._accept(i, now)
                     recovery.accept(i, self._x, now.point)
                 known = None
@@ -197,15 +209,16 @@ class Run:
 
     def adaptive_steps(self, stepper: str, rtol: float, atol: float) -> None:
         """One of scipy's solvers, started anew after a change of coordinates; output at the times."""
-        times = self._times
+        times, begun = self._times, float(self._times[0])
         self._accept(0, self._motion.equations.evaluate(float(times[0]), self._x))
         i, changed_at = 0, -1
         while i + 1 < len(times):
             try:
                 jacobian = ReducedJacobian(self._motion.equations)
                 self._behind = self._x
+                ahead = np.concatenate([[begun], times[i + 1 :]])
                 for step in solver_steps(
-                    stepper, self._followed, self._x, times[i:], rtol, atol, jacobian=jacobian
+                    stepper, self._followed, self._x, ahead, rtol, atol, jacobian=jacobian
                 ):
                     self._look_behind(step)
                     for x in step.outputs:
@@ -215,6 +228,11 @@ class Run:
                         self._x = x
                         self._start_near(x)
                         self._accept(i, self._motion.equations.evaluate(float(times[i]), x))
+                    if outgrown(self._motion.explicit, step.x[: self._motion.mechanism.m]):
+                        self._start_near(step.x)
+                        begun, here = step.t1, self._motion.equations.evaluate(step.t1, step.x)
+                        _, self._x = in_new_chart(self._motion.explicit, here, step.x)
+                        break
             except ToggleError:
                 i = self._record.count - 1
                 if self._on_toggle == "error" or i == changed_at or self._last is None:
@@ -223,7 +241,7 @@ class Run:
                 self._x = self._record.last_state
                 self._record.forget_crossings(i)
                 self._repartition(i)
-                changed_at = i
+                changed_at, begun = i, float(times[i])
 
     def _followed(self, t: float, x: Array) -> Array:
         """ẋ for a solver, whose trial steps may be refused after they went far ahead."""
@@ -232,9 +250,13 @@ class Run:
 
     def _start_near(self, x: Array) -> None:
         """Follow the mode from the last output, if that is nearer to x than the last evaluation."""
+        if self._last is None:
+            return
         explicit, y = self._motion.explicit, x[: self._motion.mechanism.m]
-        if self._last is not None and _apart(y, self._last.point.y) < _apart(y, explicit.anchor.y):
-            explicit.anchor = self._last.point
+        rest, last = map_of_rest(explicit), point_of_rest(self._last.point)
+        y = numbers(explicit, y)
+        if _apart(y, last.y) < _apart(y, rest.anchor.y):
+            rest.anchor = last
 
     def _look_behind(self, step: SolverStep) -> None:
         """Log what an accepted step of a solver passed, whatever the outputs are."""
@@ -244,29 +266,30 @@ class Run:
             return
         self._start_near(behind)
         before, after = (explicit.at(x[:m], x[m : 2 * m]) for x in (behind, step.x))
-        stretch = Stretch(step.t0, step.t1, lambda t: step.between(t)[:m])
-        self._record.cross(located(explicit.passed(before, after, stretch), stretch))
+        stretch = Stretch(step.t0, step.t1, lambda t: numbers(explicit, step.between(t)[:m]))
+        crossings = located(explicit.passed(before, after, stretch), stretch)
+        self._record.cross(placed(explicit, crossings, lambda t: step.between(t)[:m]))
 
     # --------------------------------------------------------------------- changes of coordinates
 
     def _cluster_map(self) -> ClusterMap:
-        explicit = self._motion.explicit
+        explicit = map_of_rest(self._motion.explicit)
         assert isinstance(explicit, ClusterMap)  # no other map knows uncertified zones
         return explicit
 
     def _others_serve_better(self, point: Point) -> bool:
         """Whether other joints see more of the motion than the independent ones do."""
         mechanism = self._motion.mechanism
-        choices = mechanism.coordinate_choices(point.q)
-        return bool(choices) and set(choices[0][1]) != set(mechanism.independent)
+        choices = coordinate_choices(mechanism, point.q)
+        return bool(choices) and set(choices[0]) != set(mechanism.independent)
 
     def _repartition(self, i: int) -> Checkpoint:
         """Change to the best conditioned independent joints at the present state, which is returned."""
         old, x, t = self._motion, self._x, float(self._times[i])
         here, m = old.explicit.anchor, old.mechanism.m
         present = set(old.mechanism.independent)
-        others = (names for _, names in old.mechanism.coordinate_choices(here.q) if set(names) != present)
-        names = next(others, None)
+        choices = coordinate_choices(old.mechanism, here.q)
+        names = next((names for names in choices if set(names) != present), None)
         if names is None:
             raise self._cluster_map().refusal()
         mechanism = old.mechanism.with_independent(names)
@@ -292,8 +315,9 @@ class Run:
 
     def _watch(self, q: Array, i: int) -> None:
         """Refuse to go on where rows of φ are left open."""
-        if isinstance(self._motion.explicit, ClusterMap):
-            self._motion.explicit.require_closed(q, f"at t = {self._times[i]:.6g} s")
+        explicit, rest = self._motion.explicit, map_of_rest(self._motion.explicit)
+        if isinstance(rest, ClusterMap):
+            rest.require_closed(q_of_rest(explicit, q), f"at t = {self._times[i]:.6g} s")
 
     def _cross(self, i: int, before: Point, ydd: Array, now: Evaluation) -> None:
         """Log what was passed in the fixed step that ends at time i."""
@@ -301,9 +325,12 @@ class Run:
             return
         t0, t1 = float(self._times[i - 1]), float(self._times[i])
         ends = (before.y, before.ydot, ydd), (now.point.y, now.point.ydot, now.ydd)
-        stretch = hermite(t0, t1, *ends)
-        passages = self._motion.explicit.passed(before, now.point, stretch)
-        self._record.cross(located(passages, stretch))
+        explicit, mechanism = self._motion.explicit, self._motion.mechanism
+        stretch = hermite(t0, t1, *([numbers(explicit, part) for part in end] for end in ends))
+        crossings = located(explicit.passed(before, now.point, stretch), stretch)
+        start = before.q, before.G @ before.ydot, before.G @ ydd + before.g
+        end = now.point.q, now.v, now.a
+        self._record.cross(placed_between(mechanism, crossings, (t0, t1), start, end))
 
     def _report(self, i: int) -> None:
         if self._progress is not None:

@@ -15,7 +15,6 @@ from ..dynamics.reduced_inertia import ReducedInertia
 from ..errors import RobustGcpError
 from ..maps.choice import MapChoice
 from ..maps.cluster.options import BridgeOptions
-from ..maps.point import Counters
 from ..maps.start import Start
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
@@ -111,9 +110,8 @@ class StabilityCheck:
 
     def _beside(self, start: Start, torque: Torque | ArrayLike | None) -> Problem:
         """The same start with a path of its own, so that nothing of the run is counted or moved."""
-        path = type(start.path)(start.path.mechanism, start.path.rows, Counters())
         choice = MapChoice(options=self._options, error_controlled=True)
-        return over(Start(path, start.point, start.ydot), torque, choice)
+        return over(start.afresh(), torque, choice)
 
     def _limiting(self, motion: Problem) -> complex:
         if motion.mechanism.m > MANY:
@@ -154,11 +152,11 @@ class _Listener(TorqueFunction):
 
 def _answer(mechanism: Mechanism, heard: Sequence[Call], step: float) -> Array | None:
     """∂τ/∂(y, ẏ), (nv, 2m), by least squares and of least norm; None where no linear law fits."""
-    iq, iv = mechanism.iq_independent, mechanism.iv_independent
+    iv = mechanism.iv_independent
     moved, changed = [], []
     for (t0, q0, v0, tau0), (t1, q1, v1, tau1) in pairwise(heard):
         if t0 == t1:
-            moved.append(np.concatenate([q1[iq] - q0[iq], (v1[iv] - v0[iv]) * step]))
+            moved.append(np.concatenate([_apart(mechanism, q0, q1), (v1[iv] - v0[iv]) * step]))
             changed.append(tau1 - tau0)
     if not np.any(changed):
         return np.zeros((mechanism.nv, 2 * mechanism.m))
@@ -173,3 +171,11 @@ def _answer(mechanism: Mechanism, heard: Sequence[Call], step: float) -> Array |
             return None
     law[mechanism.m :] *= step
     return np.asarray(law.T)
+
+
+def _apart(mechanism: Mechanism, q0: Array, q1: Array) -> Array:
+    """From y at q0 to that at q1, (m,); on groups the constant velocity that leads there in one second."""
+    if mechanism.group_joints:
+        return np.asarray(mechanism.tree.difference(q0, q1)[mechanism.iv_independent])
+    iq = mechanism.iq_independent
+    return np.asarray(q1[iq] - q0[iq])

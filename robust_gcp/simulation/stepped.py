@@ -10,6 +10,7 @@ from ..dynamics.equations import Evaluation, TorqueFunction
 from ..dynamics.problem import Problem
 from ..maps.choice import MapChoice
 from ..maps.explicit import Crossing
+from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..native.steps import NativeSteps
@@ -127,4 +128,6 @@ def _unchanging(mechanism: Mechanism) -> list[Any]:
     loops = [cluster.loops for cluster in mechanism.clusters]
     trees = [each.tree for each in (mechanism, *loops)]
     applied = [] if mechanism.applied is None else [mechanism.applied]
-    return [mechanism, mechanism.clusters, *mechanism.clusters, *loops, *trees, *applied]
+    groups = groups_of(mechanism)
+    apart = [] if groups is None else [groups, *_unchanging(groups.rest)]
+    return [mechanism, mechanism.clusters, *mechanism.clusters, *loops, *trees, *applied, *apart]

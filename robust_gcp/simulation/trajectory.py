@@ -74,7 +74,7 @@ class Trajectory(Named):
 
     @property
     def y(self) -> Array:
-        """Independent coordinates, (N + 1, m)."""
+        """Independent coordinates, (N + 1, m); a PartitionError where some are on groups."""
         return self.q[:, self.mechanism.iq_independent]
 
     def closure_error(self) -> Array:

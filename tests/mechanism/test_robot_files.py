@@ -60,12 +60,12 @@ REFUSED: dict[str, tuple[type[Exception], str]] = {
 }
 ON_A_GROUP = (
     "agility_cassie/cassie.xml",
-    "drake_strandbeest/StrandbeestConstraints.urdf",
-    "grbda/tello_humanoid.urdf",
     "reachy_mini/reachy_mini.xml",
-    "toddlerbot/toddlerbot.xml",
 )
-"""Their coordinates are velocities of floating bases or balls, on which no run is served yet."""
+"""Among their coordinates are single velocities of balls, on which no run is served yet."""
+
+FLOATING = ("drake_strandbeest/StrandbeestConstraints.urdf", "grbda/tello_humanoid.urdf")
+"""They stand on nothing and fall."""
 
 RUNNING = (
     "gepetto/5bar_linkage_iso6d",
@@ -112,6 +112,17 @@ def test_files_that_cannot_load_are_refused_by_name(file: str) -> None:
     with pytest.raises(kind, match=message):
         rg.load(ROBOTS / file)
     assert time.perf_counter() - begun < 60.0
+
+
+@pytest.mark.parametrize("file", FLOATING)
+def test_floating_bases_fall_freely(file: str, robots: Any) -> None:
+    """From rest the base drops by g t²/2, as the loops stay closed and nothing turns."""
+    mech: rg.Mechanism = robots(file)
+    motion = rg.simulate(mech, duration=0.05, step=1e-3)
+    fall = motion.q[-1] - motion.q[0]
+    assert motion.closure_error().max() < 1e-10
+    np.testing.assert_allclose(fall[:3], 0.5 * 0.05**2 * mech.model.gravity.linear, atol=1e-12)
+    np.testing.assert_allclose(fall[3:], 0.0, atol=1e-10)
 
 
 @pytest.mark.parametrize("file", RUNNING)

@@ -1,0 +1,136 @@
+"""The explicit map of a mechanism with joints on groups: theirs is a chart, the rest has its own map."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ..mechanism.groups import Groups
+from ..mechanism.tree import Array
+from .explicit import ExplicitMap, Passage, Stretch
+from .point import Counters, Point
+from .regular_path import RegularPath
+
+OUTGROWN = 1.0
+"""|w| in a chart, rad or m, beyond which it is renewed: dexp⁻¹ is singular at a whole turn."""
+
+
+@dataclass(slots=True)
+class GroupPoint(Point):
+    """A point whose y holds, for joints on groups, w with q = origin ⊕ w.
+
+    `ydot` are the independent velocities u, in the axes of their joints: v = G u. Of w they are the rate at
+    w = 0 alone; see `GroupMap.rate`.
+
+    Attributes
+    ----------
+    rest : Point
+        Of the mechanism without the joints on groups.
+    origin : ndarray
+        Their numbers in q at w = 0.
+    """
+
+    rest: Point = field(kw_only=True)
+    origin: Array = field(kw_only=True)
+
+
+class GroupMap:
+    """q = γ(y), G and g, where y holds w for the joints on groups: q = origin ⊕ w.
+
+    Their rows of G are the identity and those of g are zero, as u are their velocities themselves. The chart
+    is renewed at outputs (`renewed`), so that w stays small.
+
+    Parameters
+    ----------
+    groups : Groups
+    rest : ExplicitMap
+        Of `groups.rest`.
+    start : GroupPoint
+    """
+
+    def __init__(self, groups: Groups, rest: ExplicitMap, start: GroupPoint) -> None:
+        self.groups, self.rest = groups, rest
+        self._anchor = start
+
+    @property
+    def anchor(self) -> Point:
+        """The point evaluated last; setting it takes its chart too."""
+        return self._anchor
+
+    @anchor.setter
+    def anchor(self, point: Point) -> None:
+        assert isinstance(point, GroupPoint)
+        self._anchor = point
+        self.rest.anchor = point.rest
+
+    @property
+    def path(self) -> RegularPath:
+        """That of the rest."""
+        return self.rest.path
+
+    @property
+    def counters(self) -> Counters:
+        """What was computed so far."""
+        return self.rest.counters
+
+    @property
+    def met(self) -> bool:
+        """Whether a singular surface was met so far."""
+        return self.rest.met
+
+    def at(self, y: Array, ydot: Array) -> GroupPoint:
+        """The point at y in the present chart, with velocities u = ydot."""
+        own = self.groups.rest_inputs
+        rest = self.rest.at(y[own], ydot[own])
+        self._anchor = joined(self.groups, rest, self._anchor.origin, y, ydot)
+        return self._anchor
+
+    def passed(self, before: Point, after: Point, stretch: Stretch) -> list[Passage]:
+        """Singular surfaces of the rest between two points; q, y and the stretch are its own."""
+        assert isinstance(before, GroupPoint)
+        assert isinstance(after, GroupPoint)
+        return self.rest.passed(before.rest, after.rest, stretch)
+
+    def rate(self, point: Point) -> Array:
+        """ẏ at a point: u for numbers in q, dexp⁻¹(w) u on groups."""
+        assert isinstance(point, GroupPoint)
+        inputs, rate = self.groups.inputs, point.ydot.copy()
+        rate[inputs] = self.groups.rate(point.origin, point.y[inputs], point.ydot[inputs])
+        return rate
+
+    def renewed(self, point: Point) -> GroupPoint:
+        """The same point as the origin of a new chart, which is taken."""
+        assert isinstance(point, GroupPoint)
+        y = point.y.copy()
+        y[self.groups.inputs] = 0.0
+        self.anchor = self._anchor = replace(point, y=y, origin=point.q[self.groups.iq].copy())
+        return self._anchor
+
+    def outgrown(self, y: Array) -> bool:
+        """Whether the chart ought to be renewed at y."""
+        return bool(np.abs(y[self.groups.inputs]).max(initial=0.0) > OUTGROWN)
+
+    def whole(self, rest: Array, y: Array) -> Array:
+        """q of the whole from that of the rest and y in the present chart."""
+        groups = self.groups
+        q = np.empty(groups.mechanism.nq)
+        q[groups.rest_iq] = rest
+        q[groups.iq] = groups.place(self._anchor.origin, y[groups.inputs])
+        return q
+
+
+def joined(groups: Groups, rest: Point, origin: Array, y: Array, u: Array) -> GroupPoint:
+    """The point of the whole from one of the rest; y holds w for the joints on groups."""
+    mechanism = groups.mechanism
+    q = np.empty(mechanism.nq)
+    q[groups.rest_iq] = rest.q
+    q[groups.iq] = groups.place(origin, y[groups.inputs]) if np.any(y[groups.inputs]) else origin
+    G, g = np.zeros((mechanism.nv, mechanism.m)), np.zeros(mechanism.nv)
+    G[np.ix_(groups.rest_iv, groups.rest_inputs)] = rest.G
+    G[groups.iv, groups.inputs] = 1.0
+    g[groups.rest_iv] = rest.g
+    return GroupPoint(
+        y.copy(), u.copy(), q, G, g, None, rest.det, rest.rcond,
+        rest.conditioning, rest.correction, rest.distance, rest.turn, rest=rest, origin=origin,
+    )  # fmt: skip

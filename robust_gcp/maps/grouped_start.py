@@ -1,0 +1,77 @@
+"""The first point of a motion with joints on groups: that of the rest, and a chart about q0."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..mechanism.groups import Groups
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+from .cluster.options import BridgeOptions
+from .grouped import GroupPoint, joined
+from .point import Counters
+from .start import Start, begin
+from .start_check import checked_mode, require_finite_energy
+
+
+@dataclass
+class GroupStart(Start):
+    """The start of a mechanism with joints on groups.
+
+    Attributes
+    ----------
+    groups : Groups
+    rest : Start
+        Of the mechanism without them.
+    first : GroupPoint
+        `point`, with its chart.
+    """
+
+    groups: Groups = field(kw_only=True)
+    rest: Start = field(kw_only=True)
+    first: GroupPoint = field(kw_only=True)
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The whole."""
+        return self.groups.mechanism
+
+    def afresh(self) -> GroupStart:
+        """See `Start.afresh`."""
+        return _started(self.groups, self.rest.afresh(), self.first)
+
+
+def begin_on_groups(
+    groups: Groups,
+    q0: ArrayLike,
+    v0: ArrayLike | None,
+    mode: ArrayLike | None,
+    options: BridgeOptions,
+    counters: Counters,
+) -> GroupStart:
+    """Check the start and put it on a mode; parameters and errors are those of `start.begin`."""
+    mechanism = groups.mechanism
+    q = mechanism.configuration(q0, "q0")
+    v = mechanism.tree.zero if v0 is None else mechanism.velocity(v0, "v0")
+    require_finite_energy(mechanism, v)
+    own = None if mode is None else _of_rest(groups, checked_mode(mechanism, mode))
+    rest = begin(groups.rest, q[groups.rest_iq], v[groups.rest_iv], own, options, counters)
+    u = v[mechanism.iv_independent]
+    y = np.zeros(mechanism.m)
+    y[groups.rest_inputs] = rest.point.y
+    point = joined(groups, rest.point, q[groups.iq], y, u)
+    return _started(groups, rest, point)
+
+
+def _started(groups: Groups, rest: Start, first: GroupPoint) -> GroupStart:
+    return GroupStart(rest.path, first, first.ydot, rest.trackers, groups=groups, rest=rest, first=first)
+
+
+def _of_rest(groups: Groups, mode: Array) -> Array:
+    """The tangent of a mode (nv, m) without the joints on groups: the span of their other rows."""
+    U = np.linalg.svd(mode[groups.rest_iv] / groups.rest.column_scale[:, None])[0]
+    tangent: Array = groups.rest.column_scale[:, None] * U[:, : groups.rest.m]
+    return tangent

@@ -1,0 +1,114 @@
+"""Joints whose velocities are all independent and no rates of numbers in q, such as a floating base."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from .closures import frame_of
+from .couplings import CouplingClosure
+from .mechanism import Mechanism
+from .tree import Array
+
+
+class Groups:
+    """A mechanism taken apart: its joints on groups, which no loop ties, and the rest with these held.
+
+    A closure is expressed in the frame of the lowest common ancestor of its bodies, so q = γ(y), G and g of
+    the rest do not depend on where the joints on groups are.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        With `group_joints`.
+
+    Attributes
+    ----------
+    mechanism, rest : Mechanism
+        The whole, and the rest as a mechanism of its own.
+    model : pin.Model
+        The joints on groups alone, side by side.
+    iq, iv : ndarray of int
+        Where their q and v are in those of the whole.
+    inputs : ndarray of int
+        Where their velocities are among the independent ones of the whole.
+    rest_iq, rest_iv, rest_inputs : ndarray of int
+        The same of the rest; `rest_inputs` are those of `rest.iv_independent`, in their order.
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.mechanism = mechanism
+        model, joints = mechanism.model, mechanism.group_joints
+        names = {joint.name for joint in joints}
+        self.model = pin.Model()
+        for joint in joints:
+            self.model.addJoint(0, model.joints[joint.index], pin.SE3.Identity(), joint.name)
+        self.iq = _places([(j.idx_q, j.nq) for j in joints])
+        self.iv = _places([(j.idx_v, j.nv) for j in joints])
+        others = [joint for joint in mechanism.joints if joint.name not in names]
+        self.rest_iq = _places([(j.idx_q, j.nq) for j in others])
+        self.rest_iv = _places([(j.idx_v, j.nv) for j in others])
+        position = {int(i): k for k, i in enumerate(mechanism.iv_independent)}
+        self.inputs = np.array([position[int(i)] for i in self.iv], dtype=np.int64)
+        self.rest_inputs = np.setdiff1d(np.arange(mechanism.m), self.inputs)
+        self.rest = Mechanism(
+            _held(mechanism, {joint.index for joint in joints}),
+            mechanism.closures,
+            tuple(n for n in mechanism.independent if n not in names and n.rpartition(".")[0] not in names),
+            mechanism.home[self.rest_iq],
+            mechanism.name,
+        )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The joints on groups."""
+        return tuple(joint.name for joint in self.mechanism.group_joints)
+
+    def place(self, origin: Array, w: Array) -> Array:
+        """origin ⊕ w, the numbers in q of the joints on groups after the motion w of constant velocity."""
+        return np.asarray(pin.integrate(self.model, origin, w))
+
+    def rate(self, origin: Array, w: Array, u: Array) -> Array:
+        """ẇ for which origin ⊕ w moves with the velocity u in its own axes: dexp⁻¹(w) u.
+
+        Source: Iserles, Munthe-Kaas, Nørsett, Zanna, Lie-group methods, Acta Numerica 9, 2000, section 3.
+        """
+        if not np.any(w):
+            return u
+        D = pin.dIntegrate(self.model, origin, w, pin.ArgumentPosition.ARG1)
+        return np.asarray(np.linalg.solve(D, u))
+
+
+def groups_of(mechanism: Mechanism) -> Groups | None:
+    """The mechanism taken apart, or None where all its coordinates are numbers in q."""
+    if not mechanism.group_joints:
+        return None
+    groups: Groups = mechanism.memo.once("groups", lambda: Groups(mechanism))
+    return groups
+
+
+def _held(mechanism: Mechanism, held: set[int]) -> pin.Model:
+    """The mechanism's model without these joints, which are held in their neutral position."""
+    model, part, still = mechanism.model, pin.Model(), pin.SE3.Identity()
+    part.name, part.gravity = model.name, model.gravity
+    carried = [(0, still)]  # by which joint of the part, and where on it
+    for j in range(1, model.njoints):
+        parent, on = carried[model.parents[j]]
+        place = on * model.jointPlacements[j]
+        if j in held:
+            carried.append((parent, place))
+            continue
+        index = int(part.addJoint(parent, model.joints[j], place, model.names[j]))
+        part.appendBodyToJoint(index, model.inertias[j], still)
+        carried.append((index, still))
+    cut = [c for c in mechanism.closures if not isinstance(c, CouplingClosure)]
+    for name in dict.fromkeys(name for c in cut for name in (c.frame1, c.frame2)):
+        frame = frame_of(model, name, "closure")
+        parent, on = carried[frame.parentJoint]
+        part.addFrame(pin.Frame(name, parent, on * frame.placement, pin.FrameType.OP_FRAME))
+    return part
+
+
+def _places(spans: list[tuple[int, int]]) -> NDArray[np.int64]:
+    return np.array([i for first, count in spans for i in range(first, first + count)], dtype=np.int64)
