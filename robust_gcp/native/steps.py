@@ -63,8 +63,8 @@ def without_groups(chosen: Library | None, mechanism: Mechanism, backend: str) -
         return chosen
     if backend == "native":
         raise OptionError(
-            f'backend="native": joint {mechanism.group_joints[0].name!r} is independent on a group, which the '
-            'compiled kernel does not know; use backend="auto" or "python"'
+            f'backend="native": joint {mechanism.group_joints[0].name!r} is independent on a group, '
+            'which the compiled kernel does not know; use backend="auto" or "python"'
         )
     return None
 

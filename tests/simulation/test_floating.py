@@ -356,7 +356,7 @@ class TestRefused:
     def test_driven_joints_beside_a_floating_base(self) -> None:
         mech = floating(pin.JointModelFreeFlyer(), REGULAR)
         with pytest.raises(rg.OptionError, match="'base' is independent on a group"):
-            rg.simulate(mech, duration=0.1, step=0.01, drive={"q1": lambda t: (1.2 + t, 1.0, 0.0)})
+            rg.simulate(mech, duration=0.1, step=0.01, drive={"q1": rg.Motion(lambda t: 1.2 + t)})
 
     def test_y_has_no_numbers_on_groups(self) -> None:
         motion = rg.simulate(floating(pin.JointModelFreeFlyer(), REGULAR), duration=0.02, step=0.01)
