@@ -45,7 +45,7 @@ class Tableau:
         try:
             sizes = [len(row) for row in self.a]
             numbers = np.array([*(x for row in self.a for x in row), *self.b], dtype=float)
-        except (TypeError, ValueError) as error:
+        except Exception as error:  # whatever an object of the user's raises when it is read
             raise OptionError(
                 f"Tableau: a = {shown(self.a)} and b = {shown(self.b)} must be rows of numbers and numbers"
             ) from error

@@ -154,5 +154,5 @@ def test_a_taken_port_and_other_bad_input_are_refused() -> None:
 
 def test_without_the_extra_the_remedy_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(rg.MissingExtraError, match=r"robust_gcp\[viz\]"):
+    with pytest.raises(rg.MissingExtraError, match=r"pip install meshcat, or .*\.\[viz\]"):
         rg.live(rg.load("rhombus"))

@@ -181,7 +181,7 @@ def test_without_the_extra_the_remedy_is_named(
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"layout": "stacked"}, "'overlay', 'side by side'"),
+        ({"layout": "stacked"}, "use one of overlay, side by side"),
         ({"labels": ["one"]}, "give 2 names"),
         ({"labels": "ab"}, "give 2 names"),
         ({"speed": 0.0}, "must be positive"),
@@ -213,7 +213,7 @@ def test_the_command_writes_the_page(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert [trail["name"] for trail in run["trails"]] == ["foot"]
     assert main([*given, "--replay", str(tmp_path / "beest.png")]) == 2
     out, err = capsys.readouterr()
-    assert out == "" and "end its name in .html" in err  # refused before anything was simulated
+    assert out == "" and "a replay is a .html or a .htm file" in err  # refused before anything was simulated
 
 
 # --------------------------------------------------------------------------- the browser

@@ -220,6 +220,8 @@ def test_linearise_holds_torques_to_the_same() -> None:
         with pytest.raises(rg.OptionError, match=r"torque\(t, q, v\) returned"):
             rg.linearise(mechanism, [0.5, -0.5, 0.5], torque=lambda t, q, v, value=value: value)
         if value is not None and name != "a mapping":  # which gives joints by name
+            if isinstance(value, dict):
+                continue  # by joint name
             with pytest.raises(rg.StateError, match="torque"):
                 rg.linearise(mechanism, [0.5, -0.5, 0.5], torque=value)
     plain = rg.linearise(mechanism, [0.5, -0.5, 0.5], torque=pure).A

@@ -33,7 +33,7 @@ HOLDERS = (
 
 INNER = (
     *("scaled", "select_rows", "close_loops", "polish", "require_closed", "require_proper"),
-    *("generic_configurations", "state", "of"),
+    *("generic_configurations", "state", "of", "joint_at", "from_contents"),
 )
 """Methods for the package's own solvers, which hand over what has been checked."""
 

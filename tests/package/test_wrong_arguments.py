@@ -72,7 +72,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def needed(name: str) -> list[str]:
     """What a command line must have."""
-    if name in ("simulate", "analyse", "modes"):
+    if name in ("simulate", "analyse", "assemble", "modes"):
         return ["rhombus"]
     return ["--out", "out"] if name in ("work-precision", "stability") else []
 

@@ -39,7 +39,7 @@ NEEDED = {
     "… recording λ": {"RNEA", *CONSTRAINT, "a", "multipliers", "SVD"},
     "… by DOP853": {"RNEA", *CONSTRAINT},
     "two coordinates, far from singular": {"RNEA", "CRBA", *CONSTRAINT},
-    "one closure row too many (Bricard)": {"RNEA", *CONSTRAINT},
+    "one closure row too many (Bricard)": {"RNEA", *CONSTRAINT, "svds"},
 }
 """Whatever is not named here must not run at all in these scenes."""
 

@@ -47,7 +47,7 @@ def model_names() -> list[str]:
 
 
 def load(
-    name_or_path: str | Path,
+    name_or_folder: str | Path,
     independent: Sequence[str] | Literal["auto"] | None = None,
     base: str | None = None,
     strict: bool = False,
@@ -68,7 +68,7 @@ def load(
 
     Parameters
     ----------
-    name_or_path : str or Path
+    name_or_folder : str or Path
     independent : sequence of str or "auto", optional
         Joints, or components of joints (`joint.x`), that serve as minimal coordinates. Left out: the motors
         of the file as far as they can serve, completed by the best conditioned ones; "auto": without them.
@@ -87,11 +87,11 @@ def load(
         found that closes them all; each is named.
     """
     check_base(base)
-    path = path_of(name_or_path, "load")
+    path = path_of(name_or_folder, "load")
     if path.suffix in READERS:
         contents = READERS[path.suffix](path, base)
         return _mechanism(contents, path, path.stem, {}, {}, independent, strict)
-    folder, path = _folder(path, name_or_path)
+    folder, path = _folder(path, name_or_folder)
     if path.suffix in READERS:
         contents = READERS[path.suffix](inside(folder, path.name), base)
         return _mechanism(contents, path, folder.name, {}, {}, independent, strict)

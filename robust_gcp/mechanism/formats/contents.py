@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import textwrap
-import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
@@ -11,6 +10,7 @@ import pinocchio as pin
 
 from ...checks import check_choice, hint
 from ...errors import ModelError, ModelWarning, OptionError
+from ...warning import warn
 from ..couplings import AnyClosure
 from ..forces import Force
 from ..tree import Array
@@ -94,5 +94,5 @@ def tell_left_out(left_out: Iterable[str], where: str, strict: bool) -> tuple[st
     brief = "; ".join(textwrap.shorten(part, 120, placeholder=" …)") for part in parts)
     if strict:
         raise ModelError(f"{where}: strict=True, and these parts of it are not simulated: {brief}")
-    warnings.warn(f"{where}: not simulated: {brief}", ModelWarning, stacklevel=3)
+    warn(f"{where}: not simulated: {brief}", ModelWarning)
     return parts
