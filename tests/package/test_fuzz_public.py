@@ -33,7 +33,16 @@ HOLDERS = (
 
 INNER = (
     *("scaled", "select_rows", "close_loops", "polish", "require_closed", "require_proper"),
-    *("generic_configurations", "state", "of", "joint_at", "from_contents"),
+    *(
+        "generic_configurations",
+        "state",
+        "of",
+        "joint_at",
+        "from_contents",
+        "velocities_of",
+        "choose",
+        "velocities_named",
+    ),
 )
 """Methods for the package's own solvers, which hand over what has been checked."""
 

@@ -75,7 +75,9 @@ def plot_modes(
     with style():
         space = mechanism if isinstance(mechanism, ConfigurationSpace) else trace_modes(mechanism)
         axes: list[TorusAxis] = []
-        for entry in chosen_coordinates(space.mechanism, coordinates or _telling_apart(space)):
+        for entry in chosen_coordinates(
+            space.mechanism, _telling_apart(space) if coordinates is None else coordinates
+        ):
             axes.append(TorusAxis(space, entry, axes))
         drawn = space.modes[:MOST_DRAWN]
         pieces = [(mode, rows) for mode in drawn for rows in pieces_of(mode)]

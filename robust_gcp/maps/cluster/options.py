@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...checks import check_between, check_number, check_positive
+from ...checks import check_between, check_number, check_positive, listed
 from ...errors import OptionError, SimulationError
 
 REACH_OF_ZONE = 5.0
@@ -43,10 +43,7 @@ class BridgeOptions:
     def __post_init__(self) -> None:
         """Refuse values that make no bridge (`OptionError`)."""
         check_between("BridgeOptions: zone", self.zone, 0.0, 0.5)
-        try:
-            nodes = tuple(self.nodes)
-        except TypeError as error:
-            raise OptionError(f"BridgeOptions: nodes = {self.nodes!r} must be a tuple of numbers") from error
+        nodes = tuple(listed(self.nodes, "BridgeOptions: nodes", "distances", OptionError))
         for i, node in enumerate(nodes):
             check_positive(f"BridgeOptions: nodes[{i}]", node)
         if len(nodes) < 2 or nodes[0] < 1.0 or any(b <= a for a, b in pairwise(nodes)):
