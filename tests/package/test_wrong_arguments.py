@@ -101,7 +101,7 @@ def test_every_option_refuses_wrong_words(
     name: str, option: str, word: str, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     ran: list[Any] = []
-    if not (name in ("simulate", "analyse") and option in BOTH_SIGNS):
+    if not (name in ("simulate", "analyse", "assemble") and option in BOTH_SIGNS):
         monkeypatch.setattr(MODULES[name], "run", lambda args: ran.append(args) or 0)
     err = refused([name, *needed(name), option, word], here, capsys)
     assert not ran
