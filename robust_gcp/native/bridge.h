@@ -1,6 +1,7 @@
 // A finished bridge for one coordinate: a polynomial through the singular surface; see line.py.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -18,11 +19,13 @@ class Bridge {
 
     bool contains(double y) const { return t_.left <= y - t_.origin && y - t_.origin <= t_.right; }
 
-    // Whether a step from y0 to y1 passes a singular surface; one that ends on it does, the next does not.
+    // Whether a step from y0 to y1 may pass a singular surface. Which of two steps that meet on it to rounding
+    // does is for the caller to say, so both are told of.
     bool passes(double y0, double y1) const {
+        const double slack = 1e-9 * (t_.right - t_.left);
         for (int i = 0; i < t_.surfaces; ++i) {
-            const double a = y0 - t_.origin - t_.zeros[i], b = y1 - t_.origin - t_.zeros[i];
-            if (a * b < 0.0 || (b == 0.0 && a != 0.0)) return true;
+            const double zero = t_.origin + t_.zeros[i];
+            if (std::min(y0, y1) - slack <= zero && zero <= std::max(y0, y1) + slack) return true;
         }
         return false;
     }

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp.dynamics.equations import EquationsOfMotion
-from robust_gcp.examples.linkages import n_four_bar, swinging_four_bar
+from robust_gcp.examples.linkages import four_bar, n_four_bar, swinging_four_bar
 from robust_gcp.maps.cluster.cluster_map import ClusterMap
 from robust_gcp.maps.cluster.options import BridgeOptions
 from robust_gcp.maps.point import Counters
@@ -463,3 +463,19 @@ def _resident() -> int:
     if not status.exists():
         pytest.skip("no /proc here")
     return int(status.read_text().split()[1]) * 4096
+
+
+@pytest.mark.parametrize("lengths", ((1.0, 1.0, 1.0, 1.0), (2.0, 1.0, 2.0, 1.0), (4.0, 2.0, 3.0, 3.0)))
+def test_a_crossing_on_an_output_is_listed_once(lengths: tuple[float, float, float, float]) -> None:
+    """Of two steps that meet on a singular place to rounding one passes it, whoever takes them."""
+    mechanism = four_bar(*lengths, y=np.pi - 0.09)
+    start = {"v0": mechanism.lift(mechanism.home, [4.0])}
+    (crossing,) = rg.simulate(mechanism, duration=0.04, step=1e-3, **start).crossings
+    step = crossing.time / 4.0
+    found = [
+        rg.simulate(mechanism, duration=9.0 * h, step=h, backend=backend, **start).crossings
+        for h in (step * (1.0 + change * 2.0**-50) for change in (-8, -2, -1, 0, 1, 2, 8))
+        for backend in ("python", "native")
+    ]
+    assert [len(crossings) for crossings in found] == [1] * len(found)
+    np.testing.assert_allclose([crossing.time for (crossing,) in found], 4.0 * step, rtol=1e-8)

@@ -237,19 +237,24 @@ class ClusterMap:
             if here < LAST_RESORT:
                 raise refusal(self.mechanism, cluster, obstacle, self.anchor)
         try:
-            found = tracker.at(wanted)
-        except ObstacleError as met:
-            if not self.error_controlled:
+            return tracker.at(wanted)
+        except (ObstacleError, LostError, np.linalg.LinAlgError) as stop:
+            if isinstance(stop, ObstacleError) and not self.error_controlled:
                 raise
-            raise refusal(self.mechanism, cluster, met.obstacle, self.anchor) from met
-        except (LostError, np.linalg.LinAlgError) as lost:
-            known = self._obstacle(tracker) or Obstacle("unknown", tracker.anchor.x, 0.1, np.nan, str(lost))
-            if quality(tracker.anchor, cluster.chosen) < POOR:
-                known = Obstacle("toggle", tracker.anchor.x, 0.1, np.nan, str(lost))
+            obstacle = self._told(cluster, tracker, stop)
             if not self.error_controlled:
-                raise ObstacleError(known) from lost
-            raise refusal(self.mechanism, cluster, known, self.anchor) from lost
-        return found
+                raise ObstacleError(obstacle) from stop
+            raise refusal(self.mechanism, cluster, obstacle, self.anchor) from stop
+
+    def _told(self, cluster: LoopCluster, tracker: Tracker, stop: Exception) -> Obstacle:
+        """What stopped a tracker: a toggle where the independent components are about to turn back."""
+        here, reason = tracker.anchor.x, str(stop)
+        known = stop.obstacle if isinstance(stop, ObstacleError) else self._obstacle(tracker)
+        known = known or Obstacle("unknown", here, 0.1, np.nan, reason)
+        undecided = known.kind == "unknown" or not isinstance(stop, ObstacleError)
+        if undecided and quality(tracker.anchor, cluster.chosen) < POOR:
+            return Obstacle("toggle", here, 0.1, np.nan, reason)
+        return known
 
     def _wanted(self, space: ClusterSpace, y: Array) -> Array:
         """y in the exponential coordinates of the cluster: its independent joints have one number each."""
