@@ -22,10 +22,10 @@ from typing import Any
 import numpy as np
 
 from ..analysis.local import analyse
-from ..analysis.second_order import transversality
 from ..arguments import Arguments, existing_file, folder, pathname
 from ..dynamics.equations import Evaluation, constraint_forces
 from ..errors import OptionError
+from ..maps.cluster.jet import null_pairing
 from ..mechanism.folders.loader import load
 from ..mechanism.forces import AppliedForces
 from ..mechanism.mechanism import Mechanism
@@ -41,7 +41,7 @@ PARTS: dict[str, tuple[Callable[..., Any], ...]] = {
     "CRBA": (Tree.crba,),
     "forces": (AppliedForces.at,),
     "SVD": (np.linalg.svd,),
-    "2nd order": (analyse, transversality),
+    "2nd order": (analyse, null_pairing),
     "energies": (Mechanism.energy,),
     "a": (Evaluation.a.fget,),  # type: ignore[attr-defined]
     "multipliers": (constraint_forces,),

@@ -23,6 +23,9 @@ STIFF = rg.Mechanism.from_pinocchio(
 )  # fmt: skip
 FAST = {"q0": [0.1, -0.1, 0.1], "v0": [-1.0, 1.0, -1.0], "duration": 0.2, "method": "classical"}
 RHOMBUS = rg.load("rhombus")
+DRIVEN = """<mujoco><worldbody><body><joint name="a" axis="0 1 0"/>
+<geom size=".1" mass="1" contype="0" conaffinity="0"/></body></worldbody>
+<actuator><motor joint="a"/></actuator></mujoco>"""
 
 CASES: dict[str, tuple[type[Warning], Callable[[], Any]]] = {
     "StabilityWarning": (rg.StabilityWarning, lambda: rg.simulate(STIFF, duration=0.02, step=0.01)),
@@ -55,6 +58,7 @@ CASES: dict[str, tuple[type[Warning], Callable[[], Any]]] = {
         rg.SingularityWarning,
         lambda: rg.simulate(GAP, duration=1.0, step=4e-3, backend="python"),
     ),
+    "ModelWarning": (rg.ModelWarning, lambda: rg.Mechanism.from_mjcf(DRIVEN)),
     "NativeBuildWarning": (rg.NativeBuildWarning, lambda: rg.simulate(RHOMBUS, duration=2e-3)),
     "NativeBuildWarning, in a sweep": (
         rg.NativeBuildWarning,

@@ -78,13 +78,15 @@ def test_a_crossing_costs_once(costs: dict[str, Cost]) -> None:
         assert cost.crossings == 1
         assert cost.stats.bridges_built == cost.stats.second_order == cost.calls["2nd order"] == 1
         for_reactions = cost.calls["multipliers"]  # one of K for each λ, whose rank it decides
-        assert 0 < cost.calls["SVD"] - for_reactions <= 4
+        # one for each point that a bridge is built from: six nodes, the steps to them, two held-out points
+        assert 0 < cost.calls["SVD"] - for_reactions <= 30
         assert cost.stats.zone_evaluations > 0
         assert cost.stats.refined_steps == 0
 
 
 def test_everything_on_is_everything(costs: dict[str, Cost]) -> None:
     everything = nonzero(costs["everything on"]) | {"CRBA", "refined_steps"}  # for m > 1; without a bridge
+    everything |= {"newton_iterations"}  # none where modes are straight and predictions exact
     assert everything == {*RARE, *CONSTRAINT, "force_evaluations", *PARTS}
 
 

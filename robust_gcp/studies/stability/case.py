@@ -38,7 +38,8 @@ class Setting:
     @property
     def options(self) -> dict[str, Any]:
         """As `simulate` takes it."""
-        return {name: getattr(self, name) for name in ("step", "method", "stepper", "rtol", "atol")}
+        named = {name: getattr(self, name) for name in ("step", "method", "stepper", "rtol", "atol")}
+        return {**named, "on_toggle": "error"}  # truths are functions of y, which ends where y turns back
 
     @property
     def finer(self) -> Setting:
