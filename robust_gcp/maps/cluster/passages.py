@@ -98,7 +98,12 @@ def between(a: Point, b: Point, stretch: Stretch, time: float, mechanism: Mechan
 
 
 def _on_patch(
-    tracker: Tracker, patch: Patch, before: Point, after: Point, stretch: Stretch, mechanism: Mechanism
+    tracker: Tracker,
+    patch: Patch[Tracker],
+    before: Point,
+    after: Point,
+    stretch: Stretch,
+    mechanism: Mechanism,
 ) -> list[Passage]:
     space, cluster = tracker.space, tracker.space.cluster
     kept = tracker.anchor, tracker.current, tracker.u

@@ -6,7 +6,7 @@ open bridges of their own: surfaces that overlap become nested lines.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -17,20 +17,38 @@ from .jet import jet as jet_at
 from .newton_form import NewtonForm
 from .options import BridgeOptions, NoBridgeError
 
-if TYPE_CHECKING:
-    from .tracker import Tracker
-
 SHRINKS = (1.0, 0.7, 0.5, 0.35)
 FAR_SIDE = (0.1, 0.02)
 """Newton's first correction at the first node beyond, and at the others, in half widths."""
 
 
-class Patch:
+class Follower(Protocol):
+    """What follows a cluster's mode from a solved point, as `tracker.Tracker` does."""
+
+    anchor: Jet
+
+    def at(self, y: Array) -> Jet:
+        """The point at y on the mode, which becomes the anchor."""
+        ...
+
+    def nested(self: F, anchor: Jet) -> F:
+        """Another one from this point, for zones half as wide."""
+        ...
+
+    def copy(self: F) -> F:
+        """Another one from the same point."""
+        ...
+
+
+F = TypeVar("F", bound=Follower)
+
+
+class Patch(Generic[F]):
     """A certified line y₀ + s d across a singular surface, moved along with y.
 
     Parameters
     ----------
-    tracker : Tracker
+    tracker : Follower
         Makes the trackers of the nodes.
     anchor : Jet
         A solved point beside the surface.
@@ -47,7 +65,7 @@ class Patch:
 
     kind: CrossingKind
 
-    def __init__(self, tracker: Tracker, anchor: Jet, d: Array, options: BridgeOptions, zone: float) -> None:
+    def __init__(self, tracker: F, anchor: Jet, d: Array, options: BridgeOptions, zone: float) -> None:
         self.space, self.options = anchor.space, options
         self.C, self.d, self.origin = anchor.C, d, anchor.y
         failures: list[NoBridgeError] = []
@@ -83,7 +101,7 @@ class Patch:
             tracker.at(foot + at * self.d)
         return self._interpolated(self.ss, self.nodes, s) if self.contains(s) else None
 
-    def inner(self, s: float) -> Tracker:
+    def inner(self, s: float) -> F:
         """The innermost node on the side of s."""
         half = len(self.ss) // 2
         return self.trackers[half if s > self.center else half - 1]
@@ -95,7 +113,7 @@ class Patch:
 
     # ----------------------------------------------------------------- building
 
-    def _build(self, tracker: Tracker, anchor: Jet, w: float, zone: float) -> None:
+    def _build(self, tracker: F, anchor: Jet, w: float, zone: float) -> None:
         space, d = self.space, self.d
         mu = anchor.roots(d)
         mu = mu[(np.abs(mu) < 3.0 * zone) & (np.abs(mu.imag) < 0.5 * np.abs(mu))].real
@@ -105,7 +123,7 @@ class Patch:
         side = -1.0 if center > 0.0 else 1.0
         for _ in range(4):
             ss: list[float] = []
-            trackers: list[Tracker] = []
+            trackers: list[F] = []
             here = tracker.nested(anchor)
             for factor in self.options.nodes:
                 s = center + side * factor * w

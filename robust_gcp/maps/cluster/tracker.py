@@ -107,10 +107,10 @@ class Tracker:
         self.anchor, self.options, self.zone, self.counters = anchor, options, zone, counters
         self.C = anchor.C
         self.bridges: list[Curve] = []
-        self.current: Curve | Patch | None = None
+        self.current: Curve | Patch[Tracker] | None = None
         self.u = 0.0
         self.careful = False
-        self.touched: list[Curve | Patch] = []
+        self.touched: list[Curve | Patch[Tracker]] = []
         self.obstacles: list[Obstacle] = []
         self.seen: Obstacle | None = None
 
@@ -321,7 +321,7 @@ class Tracker:
     def _keep(self, curve: Curve) -> None:
         self.bridges = [*self.bridges[-MAX_BRIDGES + 1 :], curve]
 
-    def _touch(self, bridge: Curve | Patch) -> None:
+    def _touch(self, bridge: Curve | Patch[Tracker]) -> None:
         if bridge not in self.touched:
             self.touched.append(bridge)
 
