@@ -28,6 +28,8 @@ DEFINES = ("-DBOOST_FUSION_INVOKE_MAX_ARITY=12", "-DBOOST_ALLOW_DEPRECATED_HEADE
 FLAGS = ("-std=c++17", "-O3", "-DNDEBUG", "-fno-math-errno", "-fPIC", "-fvisibility=hidden")
 """No -march, so that the library runs on any processor of its kind; no -ffast-math: digits count."""
 SANITIZED = ("-std=c++17", "-O1", "-fPIC", "-fsanitize=address")
+CHECKED = ("-DNDEBUG", "-Deigen_assert(x)=((x)?void(0):__builtin_abort())")
+"""Eigen's assertions without Pinocchio's, which want a whole `Data` where the lean one does."""
 UNDEFINED = ("-g", "-fsanitize=undefined", "-fno-omit-frame-pointer")
 """Only of the kernel's own code: in Pinocchio's templates it would cost minutes and gigabytes."""
 
@@ -76,7 +78,7 @@ def build(into: Path, log: list[str], sanitize: bool = False) -> Path:
     BuildError
     """
     command = [*compiler(), *(SANITIZED if sanitize else FLAGS), *DEFINES]
-    more = {"kernel.cpp": UNDEFINED} if sanitize else {}
+    more = {"kernel.cpp": UNDEFINED, "rigid_bodies.cpp": CHECKED} if sanitize else {}
     for folder in headers():
         command += ["-isystem", str(folder)]
     mac = sys.platform == "darwin"
