@@ -100,7 +100,7 @@ JOINTS: dict[str, Case] = {
         ("independent", "name the joints", "q1, q2, q3"),
     ),
     "of two numbers": (
-        lambda: rg.simulate(rg.Mechanism.from_pinocchio(endless(), [], ["wheel"])),
+        lambda: rg.simulate(rg.Mechanism.from_pinocchio(endless(), [], ["wheel"])).y,
         rg.PartitionError,
         ("'wheel'", "not all rates of numbers in q", "one number each"),
     ),

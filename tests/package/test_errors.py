@@ -12,6 +12,7 @@ import sys
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -146,8 +147,10 @@ def refused(deep: bool) -> None:
     rg.simulate(rg.load("rhombus"), q0=[0.0, 0.5, 0.0], duration=1e-3)
 
 
-def test_a_process_pool_hands_errors_over() -> None:
+def test_a_process_pool_hands_errors_over(monkeypatch: pytest.MonkeyPatch) -> None:
     """An error that cannot be unpickled breaks an executor's pool, and leaves multiprocessing's waiting."""
+    # spawned workers take over sys.path and find this file's functions from the checkout's root
+    monkeypatch.setattr(sys, "path", [*sys.path, str(Path(__file__).parents[2])])
     context = get_context("spawn")
     with ProcessPoolExecutor(1, context) as executor:
         with pytest.raises(rg.ClosureError, match="is open by") as closure:
