@@ -47,7 +47,6 @@ class ClusterSpace:
         self.D = self.loops.column_scale
         self.implicit = self.loops.memo.once("dimensionless constraint", self._scaled)
         self.phi_size = self.loops.memo.once("size of the second derivative", self._curvature)
-        self.evaluations = 0
 
     def __deepcopy__(self, memo: object) -> ClusterSpace:
         """Itself: it holds nothing of a motion, and views that must not be copied."""
@@ -104,7 +103,6 @@ class ClusterSpace:
 
     def linear(self, x: Array) -> tuple[Array, Array]:
         """φ (rows,) and K = ∂φ/∂x (rows, nv)."""
-        self.evaluations += 1
         phi = self.phi(x)
         K = self.implicit.jacobian()
         return phi, K if self.flat else K @ (self.turn(x) / self.D[:, None])
