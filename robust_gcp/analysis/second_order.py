@@ -1,12 +1,10 @@
-"""Second-order tools: φ'' on the kernel of K, and how clearly a mode leaves a singular point."""
+"""Second-order tools: φ'' on the kernel of K, and the left null space split by its forms."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ..mechanism.loops import ClosedLoops
-from ..mechanism.partition import numerical_rank
-from ..mechanism.tolerances import RANK_BESIDE
 from ..mechanism.tree import Array
 
 
@@ -30,49 +28,6 @@ def second_order_forms(mechanism: ClosedLoops, q: Array, left: Array, kernel: Ar
 def second_derivative(mechanism: ClosedLoops, q: Array, v: Array) -> Array:
     """φ''[v, v] = −k(q, v), dimensionless rows, (nc,)."""
     return -mechanism.k(q, v) / mechanism.row_scale
-
-
-def transversality(mechanism: ClosedLoops, q: Array, G: Array, rank: int) -> float:
-    """How clearly the mode with tangent space G leaves a singular q: 0 tangential, 1 orthogonal.
-
-    Near q* write q = q* ⊕ s w. Then φ/s has the range part K w and, on the left null space U,
-    ½ s Q_u(w, w). The mode through w = G is unique and smooth when the derivative of that system,
-    the rows K and Q_u(G, ·), has the mechanism's generic rank: a second-order certificate for any
-    corank.
-
-    Parameters
-    ----------
-    rank : int
-        Generic rank, nv − m.
-
-    Returns
-    -------
-    float
-        σ_rank/σ_1 of the stacked, row-normalised system.
-    """
-    K = mechanism.scaled(mechanism.K(q))
-    U, s, Vt = full_svd(K)
-    here = numerical_rank(s, RANK_BESIDE)
-    if here >= rank:
-        return 1.0
-    tangents = orthonormal(G / mechanism.column_scale[:, None])
-    left, kernel = U[:, here:], mechanism.column_scale[:, None] * Vt[here:].T
-    rows = []
-    for t in (mechanism.column_scale[:, None] * tangents).T:
-        plain = second_derivative(mechanism, q, t)
-        mixed = np.array(
-            [
-                0.5 * (second_derivative(mechanism, q, t + n) - plain - second_derivative(mechanism, q, n))
-                for n in kernel.T
-            ]
-        )
-        rows.append(left.T @ mixed.T)
-    stacked = np.vstack(rows)
-    needed = rank - here
-    sigma = np.linalg.svd(stacked, compute_uv=False)
-    if len(sigma) < needed or sigma[0] == 0.0:
-        return 0.0
-    return float(sigma[needed - 1] / max(sigma[0], 1.0))
 
 
 def curvature(mechanism: ClosedLoops, q: Array) -> float:

@@ -22,7 +22,7 @@ from ..mechanism.tree import Array
 from .cluster.cluster_map import ClusterMap
 from .cluster.options import BridgeOptions
 from .cluster.outward import started
-from .cluster.space import ClusterSpace
+from .cluster.space import space_of
 from .cluster.tracker import Tracker
 from .point import Counters, Point
 from .regular_path import RegularPath
@@ -187,7 +187,7 @@ def _beside(
     """Trackers of the clusters that are singular at q, each on the mode with this tangent (nv, m)."""
     trackers: dict[int, Tracker] = {}
     for cluster in mechanism.clusters:
-        space = ClusterSpace(cluster, q[cluster.iq])
+        space = space_of(mechanism, cluster, q[cluster.iq])
         x = space.x(q[cluster.iq])
         sigma = np.linalg.svd(space.K(x), compute_uv=False)
         if space.nd == 0 or sigma[space.nd - 1] > 10.0 * SINGULAR_START * sigma[0]:

@@ -34,9 +34,6 @@ RANK_NEARBY = 1e-6
 """Of K at a distance of 1e-2 from a configuration that may be singular: σ has grown to 1e-2 there where K is
 regular nearby, and to 1e-4 of a tangential meeting; what is smaller is redundant."""
 
-RANK_BESIDE = 1e-5
-"""Of K at a configuration found by iterating towards a singular one, which stops 1e-6 to 1e-8 away."""
-
 POLISHED = 1e-6
 """Singular directions of K that Newton's steps leave alone: φ ≤ `NEARLY_CLOSED` divided by more than that
 would move q by more than its input was rounded."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..errors import SimulationError, ToggleError
-from ..maps.cluster.tracker import ObstacleError
+from ..maps.cluster.obstacles import ObstacleError
 from ..maps.march import POOR
 from ..maps.point import Point
 from ..mechanism.tree import Array

@@ -17,7 +17,7 @@ from ..errors import BranchError, NonFiniteError, ToggleError
 from ..maps.choice import MapChoice
 from ..maps.classical import ClassicalMap
 from ..maps.cluster.cluster_map import ClusterMap
-from ..maps.cluster.tracker import ObstacleError
+from ..maps.cluster.obstacles import ObstacleError
 from ..maps.explicit import Stretch
 from ..maps.point import Counters, Point
 from ..mechanism.tree import Array

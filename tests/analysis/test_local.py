@@ -10,9 +10,11 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
-from robust_gcp.analysis.second_order import second_order_forms, transversality
+from robust_gcp.analysis.second_order import second_order_forms
 from robust_gcp.examples import linkages
 from robust_gcp.maps.closed_form import FourBar
+from robust_gcp.maps.cluster.jet import null_pairing
+from robust_gcp.maps.cluster.space import ClusterSpace
 from robust_gcp.mechanism.closures import Closure
 
 Array = NDArray[np.float64]
@@ -381,13 +383,20 @@ def test_forms_against_finite_differences(
 
 def test_transversality() -> None:
     """1 where K has its rank; between 0 and 1 at a crossing; 0 where the modes touch."""
+    a, b = np.array([1.0, -1.0, 1.0]), np.array([0.0, 1.0, 1.0])
+
+    def pairing(mechanism: rg.Mechanism, q: np.ndarray, tangent: np.ndarray) -> tuple[int, float]:
+        (cluster,) = mechanism.clusters
+        space = ClusterSpace(cluster, q)
+        way = tangent / space.D
+        return null_pairing(space, np.eye(space.rows), space.x(q), way, way[:, None] / np.linalg.norm(way))
+
     rhombus = rg.load("rhombus")
-    a, b = np.array([[1.0], [-1.0], [1.0]]), np.array([[0.0], [1.0], [1.0]])
-    assert transversality(rhombus, np.array([0.2, -0.2, 0.2]), a, 2) == 1.0
-    for G in (a, b):
-        crossing = transversality(rhombus, np.zeros(3), G, 2)
+    assert pairing(rhombus, np.array([0.2, -0.2, 0.2]), a) == (0, 1.0)
+    for tangent in (a, b):
+        corank, crossing = pairing(rhombus, np.zeros(3), tangent)
+        assert corank == 1
         assert 0.1 < crossing <= 1.0
-        assert transversality(rhombus, np.zeros(3), -3.0 * G, 2) == pytest.approx(crossing, rel=1e-12)
-    triangle = linkage(0.0, 1.0, 1.5, 2.5)  # Q(G, ·) = 0 on the motion that there is
-    turning = np.array([[1.0], [0.0], [1.0]])
-    assert transversality(triangle, np.zeros(3), turning, 2) < 1e-9
+        assert pairing(rhombus, np.zeros(3), -3.0 * tangent) == (1, pytest.approx(crossing, rel=1e-12))
+    triangle = linkage(0.0, 1.0, 1.5, 2.5)  # Q(w, ·) = 0 on the motion that there is
+    assert pairing(triangle, np.zeros(3), np.array([1.0, 0.0, 1.0]))[1] < 1e-9

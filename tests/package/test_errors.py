@@ -65,7 +65,7 @@ ARGUMENTS: dict[str, Any] = {
 
 def made(kind: type[BaseException]) -> BaseException:
     """One with every argument given."""
-    from robust_gcp.maps.cluster.tracker import Obstacle
+    from robust_gcp.maps.cluster.obstacles import Obstacle
 
     given: list[Any] = []
     named: dict[str, Any] = {}

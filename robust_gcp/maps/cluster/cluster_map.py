@@ -11,23 +11,21 @@ from ...errors import BranchError, SimulationError
 from ...mechanism.clusters import LoopCluster
 from ...mechanism.tree import Array
 from ..explicit import Passage, Stretch
-from ..march import POOR, same_branch
+from ..march import POOR
 from ..point import Counters, Point
 from ..regular_path import RegularPath
-from ..unrolled import regular_path
 from .chart import CHANGE, quality
 from .curve import Curve
+from .ground import RegularGround
 from .jet import Jet, LostError, jet
+from .obstacles import Obstacle, ObstacleError
 from .options import BridgeOptions
 from .passages import passages
+from .product import chart_coordinates, product
 from .refusal import refusal
-from .space import ClusterSpace
+from .space import space_of
 from .table import CurveTable, tabulated
-from .tracker import Obstacle, ObstacleError, Tracker
-
-PACE = 3.0
-"""Conditioning that a regular step needs, in units of how far it turns a joint: a step does not jump over
-a singular place."""
+from .tracker import Tracker
 
 ONE_TURN = 2.0 * np.pi
 """Largest rotation between evaluations, rad, or slide in lengths, that is followed in small steps."""
@@ -66,19 +64,21 @@ class ClusterMap:
         error_controlled: bool = False,
         trackers: Mapping[int, Tracker] | None = None,
     ) -> None:
-        self.path, self.options = path, options
+        self._ground, self.options = RegularGround(path, options.zone), options
         self.error_controlled = error_controlled
         self.mechanism = path.mechanism
         self.clusters = self.mechanism.clusters
-        taken = {int(i) for cluster in self.clusters for i in cluster.inputs}
-        self._free = np.array([i for i in range(self.mechanism.m) if i not in taken], dtype=np.int64)
-        self._redundant = self.mechanism.nc > path.nd
         self._trackers: list[Tracker] | None = None
         self._in_zone = False
         self.anchor = self._own = start
         self._table: tuple[Curve, RegularPath, CurveTable | None] | None = None
         if trackers:
             self._enter(start, trackers)
+
+    @property
+    def path(self) -> RegularPath:
+        """What solves on regular ground."""
+        return self._ground.path
 
     @property
     def counters(self) -> Counters:
@@ -106,7 +106,7 @@ class ClusterMap:
         """
         if self.anchor is not self._own:
             self._restart()
-        point = None if self._in_zone else self._regular(y, ydot)
+        point = None if self._in_zone else self._ground.step(self.anchor, y, ydot)
         if point is None:
             point = self._by_clusters(y, ydot)
         self.anchor = self._own = point
@@ -123,44 +123,16 @@ class ClusterMap:
 
     # --------------------------------------------------------------------- regular ground
 
-    def _regular(self, y: Array, ydot: Array) -> Point | None:
-        """One step of the regular path; None where it is not good enough."""
-        point = self.path.step(self.anchor, y, ydot)
-        if point is None:
-            return None
-        needed = max(self.options.zone, min(POOR, PACE * point.turn))
-        return point if point.conditioning >= needed and same_branch(self.anchor, point) else None
-
     def _restart(self) -> None:
         """Go on from a point that the caller put back: solved anew, with the present rows of K."""
         anchor = self.anchor
-        found = self._settled(anchor.q, anchor.y, anchor.ydot)
+        found = self._ground.settled(anchor.q, anchor.y, anchor.ydot)
         if found is not None:
             self._in_zone = False
             self.anchor = self._own = found
         else:
             self._enter(anchor, {})
             self._own = anchor
-
-    def _settled(self, q: Array, y: Array, ydot: Array) -> Point | None:
-        """The regular path's point at q, by other rows where these serve no more; None where K_d is poor."""
-        point = self.path.settle(q.copy(), y, ydot)
-        if point is not None and point.conditioning >= self.options.zone and self._same(point, q):
-            return point
-        if not self._redundant:
-            return None
-        rows = self.mechanism.select_rows(self.mechanism.K(q))
-        if np.array_equal(rows, self.path.rows):
-            return None
-        path = regular_path(self.mechanism, rows, self.counters)
-        point = path.settle(q.copy(), y, ydot)
-        if point is None or point.conditioning < self.options.zone or not self._same(point, q):
-            return None
-        self.path = path
-        return point
-
-    def _same(self, point: Point, q: Array) -> bool:
-        return self.path.size(self.mechanism.tree.difference(q, point.q)) < 1e-6
 
     # --------------------------------------------------------------------- by clusters
 
@@ -180,17 +152,9 @@ class ClusterMap:
                 self._trackers.append(old[c.index])
 
     def _jet(self, cluster: LoopCluster, q: Array) -> Jet:
-        space = self._space(cluster, q[cluster.iq])
+        space = space_of(self.mechanism, cluster, q[cluster.iq])
         self.counters.svds += 1
         return jet(space, space.x(q[cluster.iq]), space.chart(cluster.chosen))
-
-    def _space(self, cluster: LoopCluster, q: Array) -> ClusterSpace:
-        if cluster.loops.tree.vector_space:
-            space: ClusterSpace = self.mechanism.memo.once(
-                ("space", cluster.index), lambda: ClusterSpace(cluster, q)
-            )
-            return space
-        return ClusterSpace(cluster, q)
 
     def _by_clusters(self, y: Array, ydot: Array) -> Point:
         """The point at y as the product of the clusters' maps."""
@@ -209,9 +173,9 @@ class ClusterMap:
         if known is not None:
             return known
         jets = [self._tracked(c, t, y) for c, t in zip(self.clusters, self._trackers, strict=True)]
-        q, G, g = self._product(jets, y, ydot)
+        q, G, g = product(self.mechanism, jets, y, ydot)
         if all(tracker.current is None for tracker in self._trackers):
-            regular = self._settled(q, y, ydot)
+            regular = self._ground.settled(q, y, ydot)
             if regular is not None:
                 self._in_zone = False
                 return regular
@@ -219,14 +183,14 @@ class ClusterMap:
         obstructed = any(self._obstacle(t) is not None for t in self._trackers)
         conditioning = self.path.worst_conditioning(q) if obstructed else 0.0
         blocks = np.zeros(len(self.path.blocks))
-        curvature = self._product(jets, y, np.ones(1))[2] if len(y) == 1 else None
+        curvature = product(self.mechanism, jets, y, np.ones(1))[2] if len(y) == 1 else None
         return Point(y.copy(), ydot.copy(), q, G, g, curvature, blocks, blocks, conditioning)
 
     def _tracked(self, cluster: LoopCluster, tracker: Tracker, y: Array) -> Jet:
         """One cluster's point, or why there is none."""
         space = tracker.space
         tracker.careful = self.error_controlled
-        wanted = (y[cluster.inputs] / space.D[cluster.chosen]) if space.flat else self._wanted(space, y)
+        wanted = chart_coordinates(self.mechanism, space, y)
         here = quality(tracker.anchor, cluster.chosen)
         if here < CHANGE:
             obstacle = Obstacle(
@@ -256,38 +220,12 @@ class ClusterMap:
             return Obstacle("toggle", here, 0.1, np.nan, reason)
         return known
 
-    def _wanted(self, space: ClusterSpace, y: Array) -> Array:
-        """y in the exponential coordinates of the cluster: its independent joints have one number each."""
-        cluster = space.cluster
-        start = space.reference[cluster.iq.searchsorted(self.mechanism.iq_independent[cluster.inputs])]
-        return np.asarray((y[cluster.inputs] - start) / space.D[cluster.chosen])
-
     def _obstacle(self, tracker: Tracker) -> Obstacle | None:
         """What the tracker is at, where it has no bridge."""
         if tracker.current is not None:
             return None
         at = tracker.anchor.x
         return next((o for o in reversed(tracker.obstacles) if o.covers(at)), None)
-
-    def _product(self, jets: list[Jet], y: Array, ydot: Array) -> tuple[Array, Array, Array]:
-        """q, G and g of the whole from the clusters' points."""
-        mechanism = self.mechanism
-        q = mechanism.home.copy()
-        G, g = np.zeros((mechanism.nv, mechanism.m)), np.zeros(mechanism.nv)
-        q[mechanism.iq_independent] = y
-        G[mechanism.iv_independent[self._free], self._free] = 1.0
-        for cluster, found in zip(self.clusters, jets, strict=True):
-            space, rate = found.space, ydot[cluster.inputs] / found.space.D[cluster.chosen]
-            q[cluster.iq] = space.q(found.x)
-            turn = space.turn(found.x)
-            xdot = found.J @ rate
-            G[np.ix_(cluster.iv, cluster.inputs)] = turn @ found.J / space.D[cluster.chosen]
-            bend = np.einsum("i,j,ijn->n", rate, rate, found.bend)
-            g[cluster.iv] = turn @ bend + space.turn_rate(found.x, xdot) @ xdot
-        q[mechanism.iq_independent] = y
-        G[mechanism.iv_independent] = np.eye(mechanism.m)
-        g[mechanism.iv_independent] = 0.0
-        return q, G, g
 
     def require_closed(self, q: Array, when: str) -> None:
         """All rows of φ at an output, not only those that determine the dependent joints.
@@ -297,7 +235,7 @@ class ClusterMap:
         ClosureError
             Where others are left open: the mechanism has not the mobility that y claims.
         """
-        if self._redundant:
+        if self.mechanism.nc > self.path.nd:
             self.counters.constraint_evaluations += 1
             allowed = max(LEFT_OPEN, self.options.largest_gap)
             self.mechanism.require_closed(q, allowed, when)

@@ -8,15 +8,13 @@ K is regular, and one Hermite polynomial runs through them.
 from __future__ import annotations
 
 from copy import copy
-from math import acos
 
 import numpy as np
-import scipy
 
 from ...mechanism.tree import Array
 from ..explicit import CrossingKind
-from .jet import Jet, LostError, null_pairing, pencil_roots, solved
-from .newton_form import NewtonForm
+from .hermite_curve import HermiteCurve
+from .jet import Jet, LostError, null_pairing, pencil_roots, places_ahead, solved
 from .options import BridgeOptions, NoBridgeError
 from .space import ClusterSpace
 
@@ -58,6 +56,8 @@ class Curve:
         u of the singular places, ascending.
     corank : list of int
         How many singular values vanish at each.
+    through : HermiteCurve
+        The polynomial through the nodes.
     closure : float
         The certificate: max |φ| between the nodes, in lengths.
     transversality : float
@@ -102,7 +102,7 @@ class Curve:
         if best is None:
             raise min(failures, key=lambda failure: failure.residual)
         self.__dict__.update(best)
-        self._tabulate()
+        self._series = self.through.series(self.left, self.right)
 
     # ----------------------------------------------------------------- use
 
@@ -112,17 +112,8 @@ class Curve:
 
     def point(self, u: float) -> tuple[Array, Array, Array]:
         """x, dx/du and d²x/du² at u."""
-        n = self.space.nv
-        s = (u - self._middle) / self._half
-        if abs(s) <= 1.0:
-            values = np.cos(self._orders * acos(s)) @ self._table
-            return values[:n] + self.shift, values[n : 2 * n], values[2 * n :]
-        x, slope, bend = self._interpolated(u)
+        x, slope, bend = self._series.at(u) if self.contains(u) else self.through.at(u)
         return x + self.shift, slope, bend
-
-    def reaches(self, u: float) -> bool:
-        """Whether u lies between the outermost nodes, where the polynomial still holds."""
-        return bool(self.us[0] - 1e-9 <= u <= self.us[-1] + 1e-9)
 
     def contains(self, u: float) -> bool:
         """Whether the curve is used at u."""
@@ -135,16 +126,16 @@ class Curve:
 
     def inner(self, u: float) -> Jet:
         """The innermost node on u's side."""
-        half = len(self.nodes) // 2
-        node = self.nodes[half if u > self.center else half - 1]
+        nodes = self.through.nodes
+        node = nodes[len(nodes) // 2 - int(u <= self.center)]
         return Jet(node.space, node.x + self.shift, node.C, node.J, node.bend, node.P, node.sigma, node.svd)
 
     def parameter(self, C: Array, y: float, u: float) -> float | None:
         """u with Cᵀ x(u) = y, from a guess; None once it leaves the nodes."""
         c, width = C[:, 0], self.right - self.left
-        u = min(max(u, float(self.us[0])), float(self.us[-1]))
+        u = min(max(u, self.through.first), self.through.last)
         for _ in range(30):
-            if not self.reaches(u):
+            if not self.through.reaches(u, 1e-9):
                 return None
             x, slope, _ = self.point(u)
             du = (y - float(c @ x)) / float(c @ slope)
@@ -152,7 +143,7 @@ class Curve:
             u += du
             if abs(du) < 1e-15 + 4e-16 * abs(u):
                 break
-        return u if self.reaches(u) else None
+        return u if self.through.reaches(u, 1e-9) else None
 
     def jet(self, C: Array, u: float) -> Jet:
         """The point at u in the chart C: J = x'/y_u, Γ = x''/y_u² − J (C x''/y_u²)."""
@@ -161,7 +152,7 @@ class Curve:
         J = slope / pace
         second = bend / pace**2
         second = second - J * float(C[:, 0] @ second)
-        return Jet(self.space, x, C, J[:, None], second[None, None], self.nodes[0].P)
+        return Jet(self.space, x, C, J[:, None], second[None, None], self.through.nodes[0].P)
 
     def turned(self, shift: Array) -> Curve:
         """The same curve after whole turns of hinges, x + shift."""
@@ -172,15 +163,17 @@ class Curve:
     def passes(self, x: Array) -> float | None:
         """u of a configuration that lies on the curve; None of another."""
         u = self.u(x)
-        if self.us[0] <= u <= self.us[-1] and np.abs(self.point(u)[0] - x).max() < SAME_PLACE:
+        if self.through.reaches(u) and np.abs(self.point(u)[0] - x).max() < SAME_PLACE:
             return u
         return None
 
     # ----------------------------------------------------------------- building
 
     def _attempt(self, anchor: Jet, half_width: float, zone: float) -> None:
-        start = self.u(anchor.x)
-        low, high = (start + end for end in _ahead(anchor, zone, half_width))
+        start, ahead = self.u(anchor.x), places_ahead(anchor, 3.0 * zone, 2.0 * half_width)
+        if ahead is None:
+            raise NoBridgeError("no singular place lies ahead")
+        low, high = start + ahead[0], start + ahead[1]
         for _ in range(5):
             center, w = 0.5 * (low + high), half_width + 0.5 * (high - low)
             self._place_nodes(anchor, center, w)
@@ -206,18 +199,15 @@ class Curve:
         P = nodes[0].P
         for k, factor in enumerate(self.options.nodes):
             u = center - side * factor * w
-            guess = self._polynomial(us, nodes)(np.array([self._unit(us, u)]))[0]
+            guess = HermiteCurve(us, nodes).x(u)
             node, first = self._solve(guess, u, P)
             if first > FAR_SIDE[min(k, 1)] * w:
                 raise NoBridgeError("beyond the singular place the mode does not go on smoothly", first)
             P = node.P
             us.append(u)
             nodes.append(node)
-        order = np.argsort(us)
-        self.us = np.array(us)[order]
-        self.nodes = [nodes[i] for i in order]
         self.left, self.right = center - w, center + w
-        self._hermite = self._polynomial(us, nodes)
+        self.through = HermiteCurve(us, nodes)
 
     def _march(self, here: Jet, u: float) -> Jet:
         """Along the curve by short steps that stay on the mode."""
@@ -237,32 +227,12 @@ class Curve:
         y = self.C.T @ self.reference + u
         return solved(self.space, guess, self.C, y, P)
 
-    def _unit(self, us: list[float], u: float) -> float:
-        return (u - float(np.mean(us))) / (float(np.ptp(us)) / 2.0)
-
-    def _polynomial(self, us: list[float], nodes: list[Jet]) -> NewtonForm:
-        """The Hermite polynomial through x, J and Γ, of (u − mean) / half range."""
-        order = np.argsort(us)
-        half = float(np.ptp(us)) / 2.0
-        data = [[nodes[i].x, nodes[i].J[:, 0] * half, nodes[i].bend[0, 0] * half**2] for i in order]
-        return NewtonForm((np.array(us)[order] - float(np.mean(us))) / half, np.array(data))
-
-    def _interpolated(self, u: float) -> tuple[Array, Array, Array]:
-        x, slope, bend = self._sampled(np.array([u]))
-        return x[0], slope[0], bend[0]
-
-    def _sampled(self, u: Array) -> tuple[Array, Array, Array]:
-        """x, dx/du and d²x/du² by the polynomial, (len(u), nv) each."""
-        half = float(np.ptp(self.us)) / 2.0
-        x, slope, bend = self._hermite.with_derivatives((u - float(self.us.mean())) / half)
-        return x, slope / half, bend / half**2
-
     def _singular_places(self, center: float, w: float) -> list[float]:
         """u of all singular places between the inner nodes, to rounding: Newton by the pencil's roots."""
-        P = self.nodes[0].P
+        P = self.through.nodes[0].P
 
         def places(u: float) -> Array:
-            x, slope, _ = self._interpolated(u)
+            x, slope, _ = self.through.at(u)
             mu = pencil_roots(self.space, P, x, slope, self.C)
             return np.asarray(mu[np.abs(mu.imag) <= 0.5 * np.abs(mu) + 1e-6].real)
 
@@ -270,7 +240,7 @@ class Curve:
         for start in center + places(center):
             u = float(start)
             for _ in range(10):
-                if not self.us[0] <= u <= self.us[-1]:
+                if not self.through.reaches(u):
                     break
                 mu = places(u)
                 if not len(mu):
@@ -288,14 +258,14 @@ class Curve:
     def _certify(self) -> None:
         space, options = self.space, self.options
         samples = np.linspace(self.left, self.right, 15)[1:-1]
-        self.closure = max(space.residual(x) for x in self._sampled(samples)[0])
+        self.closure = max(space.residual(x) for x in self.through.sampled(samples)[0])
         allowed = options.closure_tolerance + space.noise(self.reference)
         if self.closure > max(allowed, options.geometric_tolerance):
             raise NoBridgeError("the interpolated mode does not close the loops", self.closure)
-        P = self.nodes[0].P
+        P = self.through.nodes[0].P
         pairs = []
         for u in self.roots:
-            x, slope, _ = self._interpolated(u)
+            x, slope, _ = self.through.at(u)
             pairs.append(null_pairing(space, P, x, slope, self.C))
         self.corank = [r for r, _ in pairs]
         self.transversality = min(t for _, t in pairs)
@@ -308,36 +278,13 @@ class Curve:
 
     def _held_out(self) -> float:
         """Error of Γ over the bridge, from solved points that the polynomial does not know."""
-        n, worst = len(self.us), 0.0
+        us, nodes, worst = self.through.us, self.through.nodes, 0.0
+        n = len(us)
         for inner, outer in ((n // 2 - 1, n // 2 - 2), (n // 2, n // 2 + 1)):
-            u = 0.5 * (self.us[inner] + self.us[outer])
-            x, _, bend = self._interpolated(u)
-            known, _ = self._solve(x, u, self.nodes[inner].P)
+            u = 0.5 * (us[inner] + us[outer])
+            x, _, bend = self.through.at(u)
+            known, _ = self._solve(x, u, nodes[inner].P)
             off = float(np.abs(known.bend[0, 0] - bend).max() / (1.0 + np.abs(known.bend[0, 0]).max()))
-            growth = float(np.prod(np.abs((self.us - self.center) / (self.us - u)))) ** 2
+            growth = float(np.prod(np.abs((us - self.center) / (us - u)))) ** 2
             worst = max(worst, off * min(growth, 1e3))
         return worst
-
-    def _tabulate(self) -> None:
-        """The same polynomial between the innermost nodes as Chebyshev series of x, x' and x''."""
-        self._middle, self._half = self.center, 0.5 * (self.right - self.left)
-        n = 3 * len(self.us)
-        self._orders = np.arange(n)
-        s = np.cos(np.pi * (self._orders + 0.5) / n)
-        values = np.hstack(self._sampled(self._middle + self._half * s))
-        self._table: Array = scipy.fft.dct(values, type=2, axis=0) / n
-        self._table[0] *= 0.5
-
-
-def _ahead(anchor: Jet, zone: float, half_width: float) -> tuple[float, float]:
-    """First-order range of the singular places that share a bridge, on the nearer side of the anchor."""
-    mu = anchor.roots(np.ones(1))
-    mu = mu[np.abs(mu) < 3.0 * zone]
-    if not len(mu):
-        raise NoBridgeError("no singular place lies ahead")
-    nearest = mu[np.argmin(np.abs(mu))].real
-    together = np.abs(mu) < abs(nearest) + 2.0 * half_width
-    side = mu.real[together & (mu.real * nearest > 0.0)]
-    if not len(side):
-        raise NoBridgeError("no singular place lies ahead")
-    return float(side.min()), float(side.max())

@@ -240,3 +240,23 @@ def null_pairing(space: ClusterSpace, P: Array, x: Array, way: Array, C: Array) 
     pairing = U[:, -r:].T @ rate @ Vt[-r:].T
     smallest = np.linalg.svd(pairing, compute_uv=False)[-1]
     return r, float(smallest / (space.phi_size * np.linalg.norm(way)))
+
+
+def places_ahead(anchor: Jet, within: float, together: float) -> tuple[float, float] | None:
+    """First-order range of the singular places on the nearer side of an anchor of mobility 1; None without.
+
+    Parameters
+    ----------
+    within : float
+        Farther ones are left out.
+    together : float
+        Those farther than this behind the nearest one are left out too.
+    """
+    mu = anchor.roots(np.ones(1))
+    mu = mu[np.abs(mu) < within]
+    if not len(mu):
+        return None
+    nearest = mu[np.argmin(np.abs(mu))].real
+    near = np.abs(mu) < abs(nearest) + together
+    side = mu.real[near & (mu.real * nearest > 0.0)]
+    return (float(side.min()), float(side.max())) if len(side) else None

@@ -8,9 +8,10 @@ from ...errors import NotCertifiedError
 from ...mechanism.tree import Array
 from ..point import Counters
 from .jet import Jet, LostError, jet, null_pairing, solve
+from .obstacles import ObstacleError
 from .options import BridgeOptions
 from .space import ClusterSpace
-from .tracker import REACH, ObstacleError, Tracker
+from .tracker import REACH, Tracker
 
 STEPS = (0.02, 0.01, 0.03, 0.005, 0.04, 0.0025)
 """First steps tried, dimensionless joint units."""

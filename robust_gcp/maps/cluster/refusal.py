@@ -9,7 +9,7 @@ from ...mechanism.clusters import LoopCluster
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.partition import spelled
 from ..point import Point
-from .tracker import Obstacle
+from .obstacles import Obstacle
 
 
 def refusal(mechanism: Mechanism, cluster: LoopCluster, obstacle: Obstacle, here: Point) -> SimulationError:

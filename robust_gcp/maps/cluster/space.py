@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from ...mechanism.clusters import LoopCluster
 from ...mechanism.constraint import ImplicitConstraint
+from ...mechanism.mechanism import Mechanism
 from ...mechanism.partition import numerical_rank
 from ...mechanism.tree import Array
 
@@ -137,3 +138,11 @@ class ClusterSpace:
     def rank(self, x: Array, tolerance: float = 1e-8) -> int:
         """Numerical rank of K at x."""
         return numerical_rank(np.linalg.svd(self.K(x), compute_uv=False), tolerance)
+
+
+def space_of(mechanism: Mechanism, cluster: LoopCluster, q: Array) -> ClusterSpace:
+    """The space of a cluster at its configuration q, made once where it does not depend on q."""
+    if not cluster.loops.tree.vector_space:
+        return ClusterSpace(cluster, q)
+    space: ClusterSpace = mechanism.memo.once(("space", cluster.index), lambda: ClusterSpace(cluster, q))
+    return space
