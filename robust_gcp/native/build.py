@@ -90,10 +90,10 @@ def build(into: Path, log: list[str], sanitize: bool = False) -> Path:
             for name, made in zip(SOURCES, objects, strict=True)
         ]
         with ThreadPoolExecutor(len(jobs)) as pool:
-            list(pool.map(lambda job: _call(job, log), jobs))
+            list(pool.map(lambda job: call(job, log), jobs))
         linked = Path(scratch) / library.name
         strip = [] if mac or sanitize else ["-s"]
-        _call([*command, *more.get("kernel.cpp", ()), "-shared", *strip, *objects, "-o", str(linked)], log)
+        call([*command, *more.get("kernel.cpp", ()), "-shared", *strip, *objects, "-o", str(linked)], log)
         into.mkdir(parents=True, exist_ok=True)
         # a new file, not new contents: a process that has the old library loaded keeps it
         staged = into / f".{library.name}.{os.getpid()}"
@@ -102,7 +102,8 @@ def build(into: Path, log: list[str], sanitize: bool = False) -> Path:
     return library
 
 
-def _call(command: list[str], log: list[str]) -> None:
+def call(command: list[str], log: list[str]) -> None:
+    """Run a command, which is appended to `log` with what it says; raises BuildError where it fails."""
     done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
     log += [f"$ {shlex.join(command)}", done.stdout + done.stderr]
     if done.returncode:

@@ -14,15 +14,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
-from robust_gcp.errors import SimulationError
+from robust_gcp.native.build import BuildError
 from robust_gcp.studies import peers
 from robust_gcp.studies.contender import Contender, Outputs, Scene, division
-from robust_gcp.studies.peers import parts, pinocchio
+from robust_gcp.studies.peers import compiled, parts, pinocchio
 
 Array = NDArray[np.float64]
 States = Callable[[rg.Mechanism, int], list[tuple[Array, Array]]]
@@ -34,6 +33,12 @@ MODELS = ("crank_rocker", "andrews", "bricard", "flyball")
 def needs(package: str) -> pytest.MarkDecorator:
     sentence = next((s for s in peers.missing() if package in s), "")
     return pytest.mark.skipif(find_spec(package) is None, reason=sentence)
+
+
+built = pytest.mark.skipif(
+    not compiled.path().exists(),
+    reason="Pinocchio's loop is not built: python -m robust_gcp.studies.peers.compiled",
+)
 
 
 def contender(name: str) -> Contender:
@@ -93,7 +98,7 @@ def orders(found: Array) -> Array:
 
 def test_the_tools_that_are_not_installed_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(peers, "find_spec", lambda package: package == "pinocchio" or None)
-    assert [c.family for c in peers.contenders()] == ["Pinocchio"] * 4
+    assert [c.family for c in peers.contenders()] == ["Pinocchio"] * 7
     mujoco, exudyn = peers.missing()
     assert mujoco.startswith("MuJoCo") and ".[bench]" in mujoco
     assert exudyn.startswith("Exudyn") and "pip install exudyn" in exudyn
@@ -148,42 +153,98 @@ def test_nothing_is_run_that_the_adapter_does_not_know() -> None:
     times = np.linspace(0.0, 0.1, 3)
     scene = Scene("stewart", stewart, stewart.home, np.zeros(stewart.nv), times)
     for peer in peers.contenders():
-        assert "adapter" in peer.refuses(scene)
+        if peer.family != "Pinocchio":
+            assert "adapter" in peer.refuses(scene)
+    coupled = rg.Mechanism.from_pinocchio(
+        rg.load("five_bar").model, [rg.CouplingClosure("q1", "q3", -1.0)], ["q1", "q2", "q4"]
+    )
+    scene = Scene("coupled", coupled, coupled.home, np.zeros(coupled.nv), times)
+    assert "closes points, frames and hinges" in contender("Pinocchio, tuned").refuses(scene)
+
+
+@built
+def test_what_the_adapters_know_is_run() -> None:
     for name in MODELS:
-        told = {peer.name: peer.refuses(control(name)[0]) for peer in peers.contenders()}
+        told = {peer.name: peer.refuses(control(name)[0]) for peer in peers.contenders(lambda _: np.zeros(0))}
         if name == "flyball":  # without loops there is one Pinocchio only
-            assert "no loop" in told.pop("Pinocchio, tuned")
-            told = {k: v for k, v in told.items() if k not in ("Pinocchio, example", "Pinocchio, mu > 0")}
+            others = [n for n in told if n.startswith("Pinocchio") and n != "Pinocchio, defaults"]
+            assert all("no loop" in told.pop(n) for n in others)
         assert not any(told.values())
+    assert "exact" in contender("Pinocchio, scanned").refuses(control("crank_rocker")[0])
 
 
 # --------------------------------------------------------------------------- Pinocchio
 
 
-@pytest.mark.parametrize("name", MODELS)
+def test_a_loop_that_cannot_be_built_is_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """No contender is run, and each says why: no such compiler, or no folder to write to."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("CXX", "no-such-compiler")
+    for cached in (compiled.library, compiled.why_not):
+        monkeypatch.setattr(compiled, cached.__name__, cached.__wrapped__)
+    monkeypatch.setattr(pinocchio, "why_not", compiled.why_not)
+    told = contender("Pinocchio, tuned").refuses(control("crank_rocker")[0])
+    assert told == "Pinocchio's loop in C++ is not there: CXX=no-such-compiler is not there"
+    assert compiled.main() == 1
+    monkeypatch.delenv("CXX")
+    (tmp_path / "robust_gcp").touch()
+    with pytest.raises(BuildError, match="XDG_CACHE_HOME names another folder"):
+        compiled.make()
+
+
+@built
+@pytest.mark.parametrize("name", [*MODELS, "stewart"])
 def test_pinocchio_has_our_accelerations(name: str, closed_states: States) -> None:
+    """Hinges about all axes, slides, a free-flyer; points, a hinge; springs on joints and lines, drives."""
     mechanism = rg.load(name)
-    settings = pin.ProximalSettings(1e-14, 1e-8, 20)
-    f = pinocchio.acceleration(mechanism, 0.0, settings)
+    how = compiled.Settings("constraintDynamics" if mechanism.closures else "aba", accuracy=1e-14)
+    loop = pinocchio.loop(mechanism)
     for q, v in states_of(mechanism, closed_states):
         a, _ = rg.implicit_dynamics(mechanism, q, v)
-        np.testing.assert_allclose(f(q, v), a, atol=1e-8 * np.abs(a).max())
+        np.testing.assert_allclose(loop.acceleration(q, v, how), a, atol=1e-8 * np.abs(a).max())
 
 
+@built
+def test_lcaba_is_right_to_its_regularisation(closed_states: States) -> None:
+    mechanism = rg.load("crank_rocker")
+    for q, v in closed_states(mechanism, 3):
+        a, _ = rg.implicit_dynamics(mechanism, q, v)
+        found = pinocchio.loop(mechanism).acceleration(q, v, compiled.Settings("lcaba"))
+        np.testing.assert_allclose(found, a, atol=1e-5 * np.abs(a).max())
+
+
+@built
 def test_pinocchio_closes_a_hinge_by_two_points() -> None:
     """Opened by δ about a normal of the axis, Baumgarte's terms alone pull back: −ω² φ − 2 ω φ̇."""
     mechanism = rg.load("bricard")
-    settings = pin.ProximalSettings(1e-14, 1e-8, 20)
-    free, held = (pinocchio.acceleration(mechanism, omega, settings) for omega in (0.0, 100.0))
     q, v = mechanism.home.copy(), np.zeros(5)
     q[4] += 1e-6
-    pull = held(q, v).copy() - free(q, v)
+    free, held = (
+        pinocchio.loop(mechanism).acceleration(q, v, compiled.Settings(omega=omega, accuracy=1e-14))
+        for omega in (0.0, 100.0)
+    )
+    pull = held - free
     wanted = -(100.0**2) * mechanism.phi(q)
     K = mechanism.K(q)
     # rank 4 of 5: compare where K can reach; the pull is of first order in φ, as are its errors
     np.testing.assert_allclose(K @ pull, K @ np.linalg.pinv(K, rcond=1e-4) @ wanted, atol=1e-3 * 1e-2)
 
 
+@built
+def test_gains_of_the_scan_err_least() -> None:
+    """No other rule with the same step errs less; finer steps than are scanned take the finest one's rule."""
+    scene, q = control("crank_rocker")
+    best = next(c for c in peers.contenders(lambda _: q) if c.name == "Pinocchio, scanned")
+    for name in ("Pinocchio, mu > 0", "Pinocchio, 0.2/h"):
+        for count in (1, 4):
+            ours, other = (
+                np.abs(c.run(scene, scene.times[1] / count).q - q).max() for c in (best, contender(name))
+            )
+            assert ours <= other
+    assert np.abs(best.run(scene, scene.times[1] / 32).q - q).max() < 1e-10
+
+
+@built
 @pytest.mark.parametrize("name", ["crank_rocker", "andrews", "bricard"])
 @pytest.mark.parametrize("peer", ["Pinocchio, mu > 0", "Pinocchio, tuned"])
 def test_pinocchio_has_order_four(name: str, peer: str) -> None:
@@ -196,29 +257,19 @@ def test_pinocchio_has_order_four(name: str, peer: str) -> None:
     assert found[-1] < 1e-6
 
 
+@built
 def test_pinocchio_steps_a_tree_with_springs() -> None:
     found = errors(contender("Pinocchio, defaults"), "flyball", (8, 16))
     assert found[-1] < 1e-8
 
 
+@built
 def test_pinocchio_with_its_defaults_stops_on_a_planar_loop() -> None:
     """mu = 0 with a row that is zero in every configuration: NaN at once, told and not raised."""
     scene, _ = control("crank_rocker")
     outcome = contender("Pinocchio, defaults").run(scene, 0.01)
     assert outcome.stopped == "the state left the finite numbers before t = 0.025 s"
     assert len(outcome.q) == 1
-
-
-def test_a_spring_that_gives_up_is_an_outcome(monkeypatch: pytest.MonkeyPatch) -> None:
-    scene, _ = control("andrews")
-
-    def refuse(q: Array, v: Array) -> Array:
-        raise SimulationError("the spring has no direction")
-
-    assert scene.mechanism.applied is not None
-    monkeypatch.setattr(scene.mechanism.applied, "tau", refuse)
-    outcome = contender("Pinocchio, mu > 0").run(scene, 1e-4)
-    assert outcome.stopped == "the spring has no direction before t = 0.00025 s"
 
 
 # --------------------------------------------------------------------------- MuJoCo
@@ -424,7 +475,7 @@ def test_the_scan_scores_digits(monkeypatch: pytest.MonkeyPatch) -> None:
     none = scan.score(bad, [(scene, q)], [(scene, q)], (4,))
     assert (none.regular, none.stopped) == (0.0, 2)
     names = {c.name for c in scan.pinocchio_candidates()}
-    assert len(names) == 14
+    assert len(names) == 15
     steps = [c.omega(scene, 1e-3) for c in scan.pinocchio_candidates()]  # type: ignore[attr-defined]
     assert steps[:2] == [100.0, 200.0]
     assert steps[5] == pytest.approx(20.0)

@@ -7,20 +7,23 @@ regular mechanisms first. Pinocchio is always there; the others come with the ex
 from __future__ import annotations
 
 import importlib
+from collections.abc import Callable
 from importlib.util import find_spec
 
-from ..contender import Contender
+from ...mechanism.tree import Array
+from ..contender import Contender, Scene
 
 TOOLS = {"pinocchio": "Pinocchio", "mujoco": "MuJoCo", "exudyn": "Exudyn"}
 """Packages, which are also the names of the modules here, and the names of the tools."""
 
 
-def contenders() -> list[Contender]:
-    """All contenders of the tools that are installed."""
+def contenders(exact: Callable[[Scene], Array] | None = None) -> list[Contender]:
+    """All contenders of the tools that are installed; gains are scanned by a scene's exact q, where given."""
     found: list[Contender] = []
     for package in TOOLS:
         if find_spec(package) is not None:
-            found += importlib.import_module(f"{__name__}.{package}").contenders()
+            made = importlib.import_module(f"{__name__}.{package}").contenders
+            found += made(exact) if package == "pinocchio" else made()
     return found
 
 

@@ -12,8 +12,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import mujoco
+import numpy as np
+from mujoco import rollout
 
 from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree import Array
 from ..contender import Contender, Kind, Outcome, Outputs, Scene, division
 from .mjcf_text import mjcf
 from .parts import constant_torques, has_simple_joints
@@ -23,6 +26,8 @@ HARDEST = 0.9999
 
 SHORTEST = 2.0
 """Steps of the constraints' time constant; MuJoCo clips smaller ones (`refsafe`)."""
+
+APPLIED = mujoco.mjtState.mjSTATE_QFRC_APPLIED
 
 EVALUATIONS = {"Euler": 1, "implicitfast": 1, "RK4": 4}
 """Forward dynamics in a step of each integrator."""
@@ -59,20 +64,31 @@ class Connect:
         data = mujoco.MjData(model)
         data.qpos[:], data.qvel[:] = scene.q0, scene.v0
         data.qfrc_applied[:] = constant_torques(scene.mechanism)
-        outputs, count, step = Outputs(scene), 0, mujoco.mj_step
+        start, applied = (
+            _state(model, data, kind) for kind in (mujoco.mjtState.mjSTATE_FULLPHYSICS, APPLIED)
+        )
+        outputs, steps = Outputs(scene), substeps * (len(scene.times) - 1)
         before = mujoco.get_mju_user_warning()
         mujoco.set_mju_user_warning(lambda message: None)  # else written to a file
         try:
             begun = time.perf_counter()
-            for _ in scene.times[1:]:
-                step(model, data, substeps)
-                count += EVALUATIONS[self.stepper] * substeps
-                if not outputs.put(data.qpos, data.qvel):
-                    break
+            states, _ = rollout.rollout(
+                model, data, start, applied[None, None], control_spec=APPLIED, nstep=steps
+            )
             seconds = time.perf_counter() - begun
         finally:
             mujoco.set_mju_user_warning(before)
-        return outputs.outcome(seconds, count)
+        for state in states[0, substeps - 1 :: substeps, 1:]:  # the first number is the time
+            if not outputs.put(state[: model.nq], state[model.nq : model.nq + model.nv]):
+                break
+        return outputs.outcome(seconds, EVALUATIONS[self.stepper] * steps)
+
+
+def _state(model: Any, data: Any, kind: int) -> Array:
+    """A part of the state as an array."""
+    found = np.empty(mujoco.mj_stateSize(model, kind))
+    mujoco.mj_getState(model, data, found, kind)
+    return found
 
 
 @functools.lru_cache(maxsize=16)

@@ -1,124 +1,85 @@
-"""Pinocchio's constrained dynamics on the spanning tree, with the classical Runge-Kutta method in Python.
+"""Pinocchio's constrained dynamics on the spanning tree, in a C++ loop of the classical Runge-Kutta method.
 
 Closures are rigid constraint models: CONTACT_3D for a point, CONTACT_6D for a frame, and for a cut hinge
-two points on its axis. Springs, dampers and drives enter through τ, as in this package's own methods.
+two points on its axis. Springs, dampers and drives are computed in the loop. A tree without loops is run by
+`aba`.
 """
 
 from __future__ import annotations
 
+import functools
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-import pinocchio as pin
 
-from ...errors import SimulationError
-from ...mechanism.closures import Closure
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ..contender import Contender, Kind, Outcome, Outputs, Scene, division
-from .parts import Place, closure_places, held_points
+from .compiled import Loop, Settings, knows, why_not
 
-Acceleration = Callable[[Array, Array], Array]
+Omega = Callable[[Scene, float], float]
+"""(scene, step) -> ω of the Baumgarte terms ω² and 2 ω (critical damping), 1/s."""
+
+ADAPTED = ("3d", "6d", "revolute")
+"""Closures that Pinocchio has rigid constraint models for."""
 
 
 @dataclass
 class ConstraintDynamics:
-    """`pin.constraintDynamics` with RK4."""
+    """`constraintDynamics`, or another of Pinocchio's algorithms, with RK4."""
 
     name: str
     tuning: str
-    mu: float  # proximal regularisation of the constraint forces' equation
-    accuracy: float  # at which its iterations stop
-    iterations: int  # at most
-    # (scene, step) -> float: of the Baumgarte terms ω² and 2 ω (critical damping), 1/s
-    omega: Callable[[Scene, float], float]
+    omega: Omega
+    how: Settings
     family: str = "Pinocchio"
     stepper: str = "rk4"
     kind: Kind = "fixed"
 
     def refuses(self, scene: Scene) -> str:
-        """Why not: only for joints with several numbers in q, or a repetition without loops."""
-        if not scene.mechanism.tree.vector_space:
-            return "the adapter steps q as a vector, and a joint here has more numbers in q than velocities"
-        if not scene.mechanism.closures and self.name != DEFAULTS:
+        """Why not: joints or closures that the loop has not, or a repetition without loops."""
+        mechanism = scene.mechanism
+        if not knows(mechanism):
+            return "the adapter knows hinges, slides, balls and free-flyers"
+        if any(closure.kind not in ADAPTED for closure in mechanism.closures):
+            return "the adapter closes points, frames and hinges"
+        if not mechanism.closures and self.name != DEFAULTS:
             return f"no loop to close, so it is the same as {DEFAULTS!r}"
-        return ""
+        why = why_not()
+        return why and f"Pinocchio's loop in C++ is not there: {why}"
+
+    def settings(self, scene: Scene, step: float) -> Settings:
+        """Algorithm and gains for a step, s."""
+        algorithm = self.how.algorithm if scene.mechanism.closures else "aba"
+        return replace(self.how, algorithm=algorithm, omega=self.omega(scene, step))
 
     def run(self, scene: Scene, setting: float) -> Outcome:
         """RK4 with the step nearest to `setting`, s."""
-        substeps, h = division(scene, setting)
-        settings = pin.ProximalSettings(self.accuracy, self.mu, self.iterations)
-        f = acceleration(scene.mechanism, self.omega(scene, h), settings)
-        outputs, count = Outputs(scene), 0
-        q, v = scene.q0.copy(), scene.v0.copy()
-        why = "the state left the finite numbers"
-        with np.errstate(all="ignore"):  # a run that blows up is an outcome, not an error
-            begun = time.perf_counter()
-            try:
-                for _ in scene.times[1:]:
-                    for _ in range(substeps):
-                        q, v = rk4(f, q, v, h)
-                    count += 4 * substeps
-                    if not outputs.put(q, v):
-                        break
-            except SimulationError as error:  # by the springs
-                why = str(error)
-            seconds = time.perf_counter() - begun
-        return outputs.outcome(seconds, count, why)
+        return timed(scene, setting, self.settings(scene, division(scene, setting)[1]))
 
 
-def rk4(f: Acceleration, q: Array, v: Array, h: float) -> tuple[Array, Array]:
-    """One step for q̈ = f(q, v) on a vector space; f's result is used up before its next call."""
-    half = 0.5 * h
-    a = f(q, v)
-    v2, slope = v + half * a, a.copy()
-    a = f(q + half * v, v2)
-    v3 = v + half * a
-    slope += 2.0 * a
-    a = f(q + half * v2, v3)
-    v4 = v + h * a
-    slope += 2.0 * a
-    slope += f(q + h * v3, v4)
-    return q + (h / 6.0) * (v + 2.0 * (v2 + v3) + v4), v + (h / 6.0) * slope
+def timed(scene: Scene, setting: float, how: Settings) -> Outcome:
+    """A run of the loop with these settings."""
+    substeps, h = division(scene, setting)
+    found, outputs = loop(scene.mechanism), len(scene.times) - 1
+    begun = time.perf_counter()
+    q, v = found.run(scene.q0, scene.v0, h, substeps, outputs, how)
+    seconds = time.perf_counter() - begun
+    kept = Outputs(scene)
+    for state in zip(q[1:], v[1:], strict=True):
+        kept.put(*state)
+    return kept.outcome(seconds, 4 * substeps * min(len(q), outputs))
 
 
-def acceleration(mechanism: Mechanism, omega: float, settings: pin.ProximalSettings) -> Acceleration:
-    """q̈(q, v) of the mechanism, a view that the next call overwrites; all memory is allocated here."""
-    model, data = mechanism.model, mechanism.model.createData()
-    models, datas = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
-    for closure, places in zip(mechanism.loops, closure_places(mechanism), strict=True):
-        for constraint in constraints(mechanism, closure, places):
-            constraint.setBaumgarteCorrectorParameters(
-                pin.BaumgarteCorrectorParameters(omega**2, 2.0 * omega)
-            )
-            models.append(constraint)
-            datas.append(constraint.createData())
-    pin.initConstraintDynamics(model, data, models, datas)
-    solve = pin.constraintDynamics
-    if mechanism.applied is None:
-        zero = np.zeros(model.nv)
-        return lambda q, v: solve(model, data, q, v, zero, models, datas, settings)
-    tau = mechanism.applied.tau
-    return lambda q, v: solve(model, data, q, v, tau(q, v), models, datas, settings)
+@functools.lru_cache(maxsize=16)
+def loop(mechanism: Mechanism) -> Loop:
+    """The compiled loop of a mechanism."""
+    return Loop(mechanism)
 
 
-def constraints(
-    mechanism: Mechanism, closure: Closure, places: tuple[Place, Place]
-) -> list[pin.RigidConstraintModel]:
-    """The rigid constraint models of a closure."""
-    (joint1, place1), (joint2, place2) = places
-    if closure.kind not in ("3d", "6d", "revolute"):
-        raise ValueError(f"Pinocchio has no rigid constraint model for a closure of type {closure.kind!r}")
-    kind = pin.ContactType.CONTACT_6D if closure.kind == "6d" else pin.ContactType.CONTACT_3D
-    found = []
-    for shift in held_points(mechanism, closure):
-        one, two = (place * pin.SE3(np.eye(3), shift) for place in (place1, place2))
-        ends = (joint1, one, joint2, two, pin.ReferenceFrame.LOCAL)
-        found.append(pin.RigidConstraintModel(kind, mechanism.model, *ends))
-    return found
-
+# --------------------------------------------------------------------------- gains
 
 DEFAULTS = "Pinocchio, defaults"
 EXAMPLE = 10.0**0.5
@@ -127,27 +88,84 @@ EXAMPLE = 10.0**0.5
 TURNS, LARGEST = 200.0, 0.5
 """As `scan` chose them: ω in 1/duration, and its bound in 1/step; RK4 is stable with ω h < 2.8."""
 
+CRITICAL = 0.2
+"""ω h of the rule that follows the step."""
 
-def tuned_omega(scene: Scene, step: float) -> float:
-    """Baumgarte's ω, 1/s, at critical damping."""
-    return min(TURNS / float(scene.times[-1]), LARGEST / step)
+PER_STEP, PER_DURATION = (0.0, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0), (20.0, 100.0, 500.0, 2000.0)
+MUS = (1e-6, 1e-8, 1e-10, 1e-12)
+MOST_SCANNED = 8
+"""Steps in an output interval up to which gains are scanned; finer ones take the rule that was best there."""
 
 
-def contenders() -> list[Contender]:
-    """Default settings, Pinocchio's own example, mu > 0 without gains, and what the scan chose."""
-    proximal = "mu = 1e-8, at most 10 iterations to 1e-12; RK4 in Python"
-    rule = f"omega = {TURNS:g} / duration, at most {LARGEST:g} / step"
+def per_duration(turns: float) -> Omega:
+    """ω = turns / duration, at most `LARGEST` / step."""
+    return lambda scene, step: min(turns / float(scene.times[-1]), LARGEST / step)
+
+
+def per_step(share: float) -> Omega:
+    """ω = share / step."""
+    return lambda scene, step: share / step
+
+
+@dataclass
+class Scanned(ConstraintDynamics):
+    """With the gains and the mu that err least on the very scene at the very step: found by a scan."""
+
+    # scene -> its exact q (n, nq)
+    exact: Callable[[Scene], Array] | None = None
+    _best: dict[tuple[str, int], tuple[Omega, float]] = field(default_factory=dict)
+
+    def refuses(self, scene: Scene) -> str:
+        """As without the scan, and scenes whose exact motion is not known."""
+        return super().refuses(scene) or ("" if self.exact else "no exact motion to scan by")
+
+    def settings(self, scene: Scene, step: float) -> Settings:
+        """The best settings at this step."""
+        substeps = min(division(scene, step)[0], MOST_SCANNED)
+        if (scene.name, substeps) not in self._best:
+            self._best[scene.name, substeps] = self._scan(scene, substeps)
+        omega, mu = self._best[scene.name, substeps]
+        return replace(self.how, omega=omega(scene, step), mu=mu)
+
+    def _scan(self, scene: Scene, substeps: int) -> tuple[Omega, float]:
+        assert self.exact is not None
+        q, setting = self.exact(scene), float(scene.times[1]) / substeps
+
+        def error(rule: tuple[Omega, float]) -> float:
+            found = timed(scene, setting, replace(self.how, omega=rule[0](scene, setting), mu=rule[1])).q
+            return float(np.abs(found - q).max()) if len(found) == len(q) else np.inf
+
+        return min(_rules(), key=error)
+
+
+def _rules() -> Iterator[tuple[Omega, float]]:
+    for mu in MUS:
+        yield from ((rule, mu) for rule in map(per_step, PER_STEP))
+        yield from ((rule, mu) for rule in map(per_duration, PER_DURATION))
+
+
+def contenders(exact: Callable[[Scene], Array] | None = None) -> list[Contender]:
+    """Defaults, Pinocchio's own example, mu > 0 without gains, two rules for gains, the best of a scan."""
+    how, none, rule = Settings(), per_step(0.0), f"omega = {TURNS:g} / duration, at most {LARGEST:g} / step"
+    plain = "constraintDynamics as it comes: no Baumgarte terms, mu = 0; aba for a tree"
     example = (
         "settings of Pinocchio's simulation-closed-kinematic-chains.py: Kp = 10, Kd = 2 √Kp, mu = 1e-10, "
-        "at most 10 iterations to 1e-8; RK4 in Python"
+        "at most 10 iterations to 1e-8"
     )
-    plain = "constraintDynamics as it comes: no Baumgarte terms, mu = 0, RK4 in Python"
-    gains = f"critically damped Baumgarte terms, {rule}; {proximal}"
+    proximal, gains = "mu = 1e-8, at most 10 iterations to 1e-12", "critically damped Baumgarte terms"
+    critical = f"{gains}, omega = {CRITICAL:g} / step; {proximal}"
+    scanned = (
+        f"{gains}, omega over {PER_STEP} / step and {PER_DURATION} / duration, mu over {MUS}: what errs "
+        f"least on the very scene, at each step down to {MOST_SCANNED} in an output interval"
+    )
     return [
-        ConstraintDynamics(DEFAULTS, plain, 0.0, 1e-12, 1, lambda scene, step: 0.0),
-        ConstraintDynamics("Pinocchio, example", example, 1e-10, 1e-8, 10, lambda scene, step: EXAMPLE),
+        ConstraintDynamics(DEFAULTS, plain, none, Settings(mu=0.0, iterations=1)),
         ConstraintDynamics(
-            "Pinocchio, mu > 0", f"no Baumgarte terms, {proximal}", 1e-8, 1e-12, 10, lambda scene, step: 0.0
+            "Pinocchio, example", example, lambda scene, step: EXAMPLE, Settings(mu=1e-10, accuracy=1e-8)
         ),
-        ConstraintDynamics("Pinocchio, tuned", gains, 1e-8, 1e-12, 10, tuned_omega),
+        ConstraintDynamics("Pinocchio, mu > 0", f"no Baumgarte terms, {proximal}", none, how),
+        ConstraintDynamics("Pinocchio, tuned", f"{gains}, {rule}; {proximal}", per_duration(TURNS), how),
+        ConstraintDynamics("Pinocchio, 0.2/h", critical, per_step(CRITICAL), how),
+        Scanned("Pinocchio, scanned", scanned, none, how, exact=exact),
+        ConstraintDynamics("Pinocchio lcaba", f"lcaba, {critical}", per_step(CRITICAL), Settings("lcaba")),
     ]

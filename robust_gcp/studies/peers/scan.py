@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,6 +23,7 @@ from ...mechanism.tree import Array
 from ...printing import along, table
 from ...simulation.simulate import simulate
 from ..contender import Contender, Scene
+from .pinocchio import per_duration, per_step
 
 REGULAR = ("crank_rocker", "andrews", "bricard")
 SINGULAR = ("rhombus", "parallelogram", "antiparallelogram", "change_point")
@@ -100,18 +101,12 @@ def _tuned(package: str) -> Any:
 def pinocchio_candidates() -> list[Contender]:
     """Baumgarte's ω as a multiple of the scene's duration or of the step, and mu."""
     tuned = _tuned("pinocchio")
-
-    def per_duration(n: float) -> Callable[[Scene, float], float]:
-        return lambda scene, step: min(n / float(scene.times[-1]), 0.5 / step)
-
-    def per_step(c: float) -> Callable[[Scene, float], float]:
-        return lambda scene, step: c / step
-
-    many, few = (100.0, 200.0, 500.0, 1000.0, 2000.0), (0.02, 0.05, 0.1, 0.3, 1.0)
+    many, few = (100.0, 200.0, 500.0, 1000.0, 2000.0), (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
+    mus = (1e-6, 1e-10, 1e-12)
     return [
         *(replace(tuned, name=f"ω = {n:g}/T, at most 0.5/h", omega=per_duration(n)) for n in many),
         *(replace(tuned, name=f"ω = {c:g}/h", omega=per_step(c)) for c in few),
-        *(replace(tuned, name=f"tuned, but mu = {mu:g}", mu=mu) for mu in (1e-6, 1e-10, 1e-12)),
+        *(replace(tuned, name=f"tuned, but mu = {mu:g}", how=replace(tuned.how, mu=mu)) for mu in mus),
         tuned,
     ]
 

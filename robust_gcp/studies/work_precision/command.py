@@ -50,7 +50,7 @@ class Study:
         self.motions = {name: MOTIONS[name]() for name in self.scenes if name != COST}
         sizes = cost.SIZES if COST in self.scenes else ()
         self.costs = {motion.scene.name: motion for motion in map(cost.motion, sizes)}
-        everyone = [*ours.contenders(self._exact), *peers.contenders()]
+        everyone = [*ours.contenders(self._exact), *peers.contenders(self._exact)]
         self.contenders = [c for c in everyone if _wanted(c, self.wanted)]
         if not self.contenders:
             names = ", ".join(c.name for c in everyone)

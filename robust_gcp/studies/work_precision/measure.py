@@ -23,7 +23,7 @@ LOST = 0.3
 """Path-wise error from which a run counts as failed: on another mode, or nowhere, rad."""
 
 LONG = 0.4
-"""s: a run this long is timed twice at the most, and needs no warm-up beforehand."""
+"""s: a run this long is timed twice at the most."""
 
 EXPECTED, COSTLIER = 1.6, 2.5
 """How much longer a run takes at the next tolerance, 100 times tighter: 100^(1/10), at most 100^(1/5)."""
@@ -161,9 +161,8 @@ def climb(
 ) -> Iterator[Point]:  # fmt: skip
     """The contender's points on a scene, coarse to fine; known ones are passed on.
 
-    A run that is predicted from the last one to take longer than `cap` is left out, and says so. The
-    first setting is run once more beforehand, which prepares whatever is prepared once; a long first
-    run, in which preparation weighs little, is itself the first that is timed.
+    A run that is predicted from the last one to take longer than `cap` is left out, and says so. The first
+    setting is run once more beforehand, which prepares whatever is prepared once.
     """
     warm, before, last = False, None, None
     for i, setting in enumerate(settings):
@@ -174,9 +173,9 @@ def climb(
                 why = f"not run: {predicted:.1f} s predicted, {allowed:.2g} s allowed"
                 point = Point(*_names(contender, motion), setting, why=why)
             else:
+                if not warm:
+                    contender.run(motion.scene, setting)
                 outcome = contender.run(motion.scene, setting)
-                if not warm and outcome.seconds < LONG and not outcome.stopped:
-                    outcome = contender.run(motion.scene, setting)
                 point = _timed(contender, motion, judge, setting, outcome, repeats)
                 warm = True
         else:

@@ -30,7 +30,7 @@ def write(
     refused: Mapping[str, Sequence[str]],
     docs: Path | None,
 ) -> list[Path]:
-    """Print verdicts and table, write everything; returns the paths."""
+    """Print the tables, write everything; returns the paths."""
     out, foot, points = store.folder, verdicts.footer(store.header), list(store.points.values())
     rows, paths = [], []
     for name, motion in motions.items():
@@ -39,8 +39,8 @@ def write(
             rows.append((motion.title, curves, reference(name)))
             files = [out / f"work_precision_{name}{suffix}" for suffix in plots.FORMATS]
             paths += [figures.draw_scene(*rows[-1], foot, file) for file in files]
-    lines = [verdicts.verdict(*row) for row in rows]
-    text = verdicts.table(rows)
+    text, told_seconds = verdicts.ratios(rows), verdicts.seconds(rows)
+    lines: list[str] = []
     costs = cost.costs_of(points)
     if costs:
         lines += [cost.verdict(costs, {p.contender: p.family for p in points})]
@@ -56,28 +56,26 @@ def write(
     }
     told = [part for title, content in sections.items() for part in (f"## {title}", "\n".join(content))]
     contents = {
-        "report.md": "\n\n".join(["# Error against run time", foot, *lines, text, *told]),
+        "report.md": "\n\n".join(["# Error against run time", foot, text, told_seconds, *lines, *told]),
         "table.md": f"{text}\n\n{foot}",
-        "verdicts.md": "\n\n".join(lines),
     }
     for name, content in contents.items():
         (out / name).write_text(content + "\n", encoding="utf-8")
         paths.append(out / name)
     paths += store.export(
         {
-            "verdicts": lines,
             "references": {title: {"source": r.source, "accuracy": r.accuracy} for title, _, r in rows},
             "contenders": {c.name: {"family": c.family, "tuning": c.tuning} for c in contenders},
         }
     )
-    print("\n".join([*lines, "", text, "", foot]))
+    print("\n".join([text, "", told_seconds, "", *lines, foot]))
     if docs is not None:
-        paths += _refresh(docs, rows, lines, text, foot, out)
+        paths += _refresh(docs, rows, [text, told_seconds, *lines], foot, out)
     return paths
 
 
 def _refresh(
-    root: Path, rows: Sequence[verdicts.Row], lines: Sequence[str], text: str, foot: str, out: Path
+    root: Path, rows: Sequence[verdicts.Row], tables: Sequence[str], foot: str, out: Path
 ) -> list[Path]:
     """The marked blocks of README.md and docs/work-precision.md, and the figures that they show."""
     written = []
@@ -90,11 +88,10 @@ def _refresh(
         path = root / "docs" / "figures" / drawn.name
         path.parent.mkdir(parents=True, exist_ok=True)
         written.append(Path(shutil.copyfile(drawn, path)))
+    measured = f"*Measured {foot}.*"
     blocks = {
-        root / "README.md": f"{text}\n\n*Measured {foot}.*",
-        root / "docs" / "work-precision.md": "\n".join(
-            ["", *(f"- {line}" for line in lines), "", text, "", f"*Measured {foot}.*", ""]
-        ),
+        root / "README.md": f"{tables[0]}\n\n{measured}",
+        root / "docs" / "work-precision.md": "\n\n".join([*tables, measured]),
     }
     for page, block in blocks.items():
         if page.exists() and pages.renew(page, {MARK: block}):

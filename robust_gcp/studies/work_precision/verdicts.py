@@ -12,8 +12,13 @@ from . import floor
 from .measure import Point
 from .references import Reference
 
-TARGETS = (1e-6, 1e-10)
-OURS = "bridge"
+TARGETS = (1e-4, 1e-6, 1e-8, 1e-10)
+"""rad: errors at which run times are compared."""
+
+SHOWN = (1e-6, 1e-10)
+"""Those that seconds are told for."""
+
+OURS, COMPILED, PYTHON = "bridge", "bridge compiled, RK4", "bridge, RK4"
 OWN = (OURS, "closed form", "published", "implicit", floor.FAMILY)
 """Families that come with this package; all others are peers."""
 
@@ -111,50 +116,49 @@ def over_floor(curves: Curves, contender: str, accuracy: float) -> float | None:
     return max(ratios, default=None)
 
 
-def verdict(title: str, curves: Curves, reference: Reference) -> str:
-    """One line, from the data alone."""
-    parts = []
-    for target in TARGETS:
-        ours = fastest(curves, target, (OURS,), True)
-        peer = fastest(curves, target, OWN, False)
-        overall = fastest(curves, target, (), False)
-        if overall is None:
-            parts.append(f"no contender reaches {target:.0e}")
-            continue
-        text = f"to {target:.0e} the fastest is {overall.contender} ({overall.seconds:.3g} s)"
-        if ours is None:
-            parts.append(f"{text}, the bridge does not reach it")
-            continue
-        if overall.contender != ours.contender:
-            ratio = ours.seconds / overall.seconds
-            text += f", the bridge takes {ratio:.3g} times as long ({ours.contender})"
-        if peer is None:
-            text += ", no peer reaches it"
-        elif peer.contender != overall.contender:
-            ratio = peer.seconds / ours.seconds
-            text += f", the best peer takes {ratio:.3g} times as long as the bridge ({peer.contender})"
-        parts.append(text)
-    over = over_floor(curves, "bridge, RK4", reference.accuracy)
-    if over is not None:
-        stands = "on the floor" if over <= 1.05 else "above the floor"
-        parts.append(f"the bridge with RK4 is {stands} ({over:.3f} times)")
-    return f"**{title}**: {'; '.join(parts)}."
-
-
-def table(rows: Sequence[Row]) -> str:
-    """The README's table: per scene seconds and evaluations to each target, ours and the best peer's."""
-    heads = ["scene"]
-    for target in TARGETS:
-        heads += [f"bridge to {target:.0e}", f"best peer to {target:.0e}"]
+def ratios(rows: Sequence[Row]) -> str:
+    """Run time of ours over the fastest peer's at each error; where we lose stands in the first column."""
+    heads = ["we lose at", "scene", *(f"to {target:.0e}" for target in TARGETS)]
     lines = [[*heads, "error / floor", "reference good to"]]
     for title, curves, reference in rows:
-        line = [title]
+        cells, lost = [], []
         for target in TARGETS:
+            ours, peer = fastest(curves, target, (OURS,), True), fastest(curves, target, OWN, False)
+            text, loses = _ratio(ours, peer, best_error(curves, OWN, False))
+            cells.append(text)
+            lost += [f"{target:.0e}"] if loses else []
+        floors = ((name, over_floor(curves, name, reference.accuracy)) for name in (COMPILED, PYTHON))
+        over = ", ".join(f"{ratio:.3f} ({_short(name)})" for name, ratio in floors if ratio is not None)
+        lines.append([", ".join(lost), title, *cells, over or "–", f"{reference.accuracy:.0e}"])
+    return pages.table(lines)
+
+
+def _ratio(ours: Reach | None, peer: Reach | None, best: tuple[float, str] | None) -> tuple[str, bool]:
+    """The cell, and whether the peer wins."""
+    if ours is None:
+        return ("not reached" if peer is None else f"not reached, {peer.contender} does"), peer is not None
+    if peer is None:
+        return "ours alone" + (f" (best {best[0]:.0e}, {best[1]})" if best else ""), False
+    ratio = ours.seconds / peer.seconds
+    return f"{ratio:.2g} ({peer.contender})", ratio > 1.0
+
+
+def _short(name: str) -> str:
+    return name.removeprefix("bridge").removesuffix("RK4").strip(", ") or "Python"
+
+
+def seconds(rows: Sequence[Row]) -> str:
+    """Per scene seconds and evaluations to two errors, ours and the best peer's."""
+    heads = ["scene"]
+    for target in SHOWN:
+        heads += [f"bridge to {target:.0e}", f"best peer to {target:.0e}"]
+    lines = [heads]
+    for title, curves, _ in rows:
+        line = [title]
+        for target in SHOWN:
             for families, inside in (((OURS,), True), (OWN, False)):
                 first, best = fastest(curves, target, families, inside), best_error(curves, families, inside)
                 line.append(_cell(first, best, named=not inside))
-        ratio = over_floor(curves, "bridge, RK4", reference.accuracy)
-        line += ["–" if ratio is None else f"{ratio:.3f}", f"{reference.accuracy:.0e}"]
         lines.append(line)
     return pages.table(lines)
 
