@@ -6,11 +6,14 @@ from typing import TYPE_CHECKING, Any
 from .analysis.configuration_space import ConfigurationSpace, ModeCurve
 from .analysis.local import LocalAnalysis, analyse
 from .analysis.space import trace_modes
+from .dynamics.derivatives import Derivatives, derivatives, forward_dynamics
+from .dynamics.discrete import step_jacobians
 from .dynamics.equations import implicit_dynamics
 from .dynamics.inverse import inverse_dynamics
 from .dynamics.linearise import Linearisation, linearise
 from .dynamics.loads import Wrench
 from .dynamics.motion import Motion
+from .dynamics.regressor import Regressor, regressor
 from .errors import (
     BranchError,
     ClosureError,
@@ -81,6 +84,7 @@ __all__ = [
     "ConfigurationSpace",
     "CouplingClosure",
     "Crossing",
+    "Derivatives",
     "Failure",
     "FrameClosure",
     "FrameMotion",
@@ -105,6 +109,7 @@ __all__ = [
     "PrismaticClosure",
     "Reaction",
     "Recommended",
+    "Regressor",
     "ReplayPage",
     "RevoluteClosure",
     "RobustGcpError",
@@ -124,6 +129,8 @@ __all__ = [
     "Wrench",
     "analyse",
     "backends",
+    "derivatives",
+    "forward_dynamics",
     "grid",
     "implicit_dynamics",
     "inverse_dynamics",
@@ -133,8 +140,10 @@ __all__ = [
     "load_trajectory",
     "model_names",
     "plot_modes",
+    "regressor",
     "replay",
     "simulate",
+    "step_jacobians",
     "sweep",
     "sweep_as_completed",
     "trace_modes",

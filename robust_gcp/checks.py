@@ -85,6 +85,13 @@ def check_number(name: str, value: Any) -> None:
         raise OptionError(f"{name} = {shown(value)} must be a number" + " below 1e300" * real)
 
 
+def check_finite(name: str, value: Any) -> None:
+    """Refuse what is not a finite number."""
+    check_number(name, value)
+    if not math.isfinite(value):
+        raise OptionError(f"{name} = {value} must be finite")
+
+
 def check_positive(name: str, value: Any) -> None:
     """Refuse what is not a positive, finite number."""
     check_number(name, value)

@@ -17,8 +17,8 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from ..checks import check_mechanism, check_number
-from ..errors import NonFiniteError, OptionError
+from ..checks import check_finite, check_mechanism
+from ..errors import NonFiniteError
 from ..maps.choice import MapChoice
 from ..maps.grouped import GroupMap
 from ..mechanism.mechanism import Mechanism
@@ -143,9 +143,7 @@ def linearise(
         As `simulate` does for a start, NonFiniteError where A is not finite.
     """
     check_mechanism(mechanism, Mechanism, "linearise")
-    check_number("t", t)
-    if not math.isfinite(t):
-        raise OptionError(f"t = {t} must be finite")
+    check_finite("t", t)
     applied = one_torque(mechanism, torque, wrenches)
     motion = set_out(mechanism, q, v, mode, applied, MapChoice(error_controlled=True))
     return linearise_motion(motion, t, central=True)

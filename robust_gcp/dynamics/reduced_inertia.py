@@ -37,7 +37,7 @@ class ReducedInertia:
         self._suspect = LOST * self._own * float(np.max(self._scale, initial=0.0)) ** 2
 
     def solve(self, q: Array, G: Array, force: Array) -> Array:
-        """ÿ (m,) for Gᵀ (τ − C − M g) = force (m,).
+        """ÿ for Gᵀ (τ − C − M g) = force, (m,) or several side by side, (m, k).
 
         Raises
         ------
@@ -60,7 +60,8 @@ class ReducedInertia:
         factor, info = scipy.linalg.lapack.dpotrf(inertia * size[:, None] * size, lower=1)
         if info > 0 or factor.diagonal().min(initial=1.0) ** 2 <= DEFINITE:
             raise self._singular()
-        ydd: Array = size * scipy.linalg.lapack.dpotrs(factor, size * force, lower=1)[0]
+        found: Array = scipy.linalg.lapack.dpotrs(factor, (size * force.T).T, lower=1)[0]
+        ydd: Array = (size * found.T).T
         return ydd
 
     def _matrix(self, q: Array, G: Array) -> Array:

@@ -65,6 +65,11 @@ class GroupMap:
         self.rest.anchor = point.rest
 
     @property
+    def origin(self) -> Array:
+        """Of the present chart: the groups' numbers in q at w = 0."""
+        return self._anchor.origin
+
+    @property
     def path(self) -> RegularPath:
         """That of the rest."""
         return self.rest.path

@@ -156,6 +156,7 @@ class Couplings:
         powers = np.arange(width, dtype=float)
         self._slopes = (self.coefficients * powers)[:, 1:]
         self._curvatures = (self.coefficients * powers * (powers - 1.0))[:, 2:]
+        self._thirds = (self.coefficients * powers * (powers - 1.0) * (powers - 2.0))[:, 3:]
 
     def residual(self, q: Array) -> Array:
         """q₁ − P(q₂) − Σ cᵢ qᵢ, (n,), rad or m."""
@@ -167,6 +168,11 @@ class Couplings:
     def slope(self, q: Array) -> Array:
         """P′(q₂), (n,)."""
         return _values(self._slopes, q[self.iq[:, 1]])
+
+    def slopes(self, q: Array) -> tuple[Array, Array, Array]:
+        """P′, P″ and P‴ at q₂, (n,) each."""
+        x = q[self.iq[:, 1]]
+        return _values(self._slopes, x), _values(self._curvatures, x), _values(self._thirds, x)
 
     def slope_rate(self, q: Array, v: Array) -> Array:
         """P″(q₂) v₂, (n,)."""

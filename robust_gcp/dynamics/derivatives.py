@@ -1,0 +1,250 @@
+"""First derivatives of the forward dynamics (3) by position, velocity and torques.
+
+With a = G u̇ + g, f = RNEA(q, v, a) − τ and M_r = Gᵀ M G, the equation Gᵀ f = 0 is differentiated:
+
+    ∂u̇/∂y = −M_r⁻¹ [fᵀ ∂G/∂y + Gᵀ ((RNEA_q − τ_q) G + (RNEA_v − τ_v) V_y + M A_y)],
+    ∂u̇/∂u = −M_r⁻¹ Gᵀ [(RNEA_v − τ_v) G + M A_u],    ∂u̇/∂τ = M_r⁻¹ Gᵀ.
+
+∂/∂y_j is along the velocity G e_j, so the same holds for floating bases.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..checks import check_callable, check_finite, check_mechanism, real_array, require_finite, shown
+from ..errors import OptionError
+from ..maps.point import Point
+from ..mechanism.force_slopes import ForceSlopes
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+from .differences import differences
+from .equations import CheckedTorque, Evaluation, torque_function
+from .loads import Torques, Wrench, one_torque
+from .map_rates import ClusterRates, MapRates
+from .problem import Problem, set_out
+from .reduced_inertia import ReducedInertia
+from .rigid_slopes import RigidSlopes
+
+TorqueSlopes = Callable[[float, Array, Array], tuple[ArrayLike, ArrayLike]]
+"""∂τ/∂q and ∂τ/∂v, (nv, nv) each, at (t, q, v); q along the velocities' components."""
+
+
+@dataclass(frozen=True)
+class Derivatives:
+    """First derivatives of the independent accelerations u̇.
+
+    Attributes
+    ----------
+    udot : ndarray (m,)
+        Eq. (3).
+    da_dy, da_dv : ndarray (m, m)
+        By the independent positions, along the velocities G e_j, and by the independent velocities.
+    da_dtau : ndarray (m, nv)
+        By the torques on all joints.
+    G : ndarray (nv, m)
+        v = G u.
+    dv_dy : ndarray (nv, m)
+        How v changes with the positions while u is held.
+    """
+
+    udot: Array
+    da_dy: Array
+    da_dv: Array
+    da_dtau: Array
+    G: Array
+    dv_dy: Array
+
+
+def forward_dynamics(
+    mechanism: Mechanism,
+    q: ArrayLike,
+    v: ArrayLike | None = None,
+    tau: Torques | None = None,
+    mode: ArrayLike | None = None,
+    t: float = 0.0,
+) -> Array:
+    """u̇ = (Gᵀ M G)⁻¹ Gᵀ (τ − C − M g), Eq. (3), at a state.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    q, v : array_like (nq,), (nv,)
+        Closed, and K v = 0; at rest when v is left out.
+    tau : optional
+        Torques as in `simulate`, besides the mechanism's own springs, dampers and drives.
+    mode : array_like, optional
+        As in `simulate`, where q is singular.
+    t : float
+        Time for the torques, s.
+
+    Returns
+    -------
+    ndarray (m,)
+        Of the independent velocities, in the order of `mechanism.independent`.
+
+    Raises
+    ------
+    StateError, SimulationError
+        As `simulate` does for a start, NonFiniteError where it is not finite.
+    """
+    check_mechanism(mechanism, Mechanism, "forward_dynamics")
+    check_finite("t", t)
+    motion = set_out(mechanism, q, v, mode, one_torque(mechanism, tau))
+    return require_finite(motion.equations.at_point(t, motion.start.point).ydd, "u̇")
+
+
+def derivatives(
+    mechanism: Mechanism,
+    q: ArrayLike,
+    v: ArrayLike | None = None,
+    tau: Torques | None = None,
+    mode: ArrayLike | None = None,
+    t: float = 0.0,
+    tau_slopes: TorqueSlopes | None = None,
+    wrenches: Sequence[Wrench] = (),
+) -> Derivatives:
+    """First derivatives of `forward_dynamics`, also at singular configurations on a mode.
+
+    Parameters
+    ----------
+    mechanism, q, v, tau, mode, t
+        As of `forward_dynamics`.
+    tau_slopes : callable (t, q, v) -> ((nv, nv), (nv, nv)), optional
+        ∂τ/∂q and ∂τ/∂v where tau is a function; by central differences when left out.
+    wrenches : sequence of Wrench
+        As in `simulate`; their slopes by central differences.
+
+    Raises
+    ------
+    StateError, SimulationError
+        As `simulate` does for a start; NotCertifiedError where modes do not part clearly at q.
+    ModelError
+        For ellipsoid joints.
+    """
+    check_mechanism(mechanism, Mechanism, "derivatives")
+    check_finite("t", t)
+    check_callable("tau_slopes", tau_slopes, "(t, q, v)")
+    applied = one_torque(mechanism, tau, wrenches)
+    motion = set_out(mechanism, q, v, mode, applied)
+    return PointDerivatives(motion, applied, tau_slopes).at_start(t)
+
+
+class PointDerivatives:
+    """`Derivatives` at points of a motion.
+
+    Parameters
+    ----------
+    motion : Problem
+    torque : callable, array_like (nv,) or None
+        The user's; what it was set out with.
+    tau_slopes : callable, optional
+        See `derivatives`.
+    """
+
+    def __init__(
+        self, motion: Problem, torque: object = None, tau_slopes: TorqueSlopes | None = None
+    ) -> None:
+        self.motion, self.mechanism = motion, motion.mechanism
+        self._torque = torque_function(self.mechanism, torque) if callable(torque) else None
+        self._tau_slopes = tau_slopes
+        self._inertia = ReducedInertia(self.mechanism)
+        memo = self.mechanism.memo
+        self._rigid: RigidSlopes = memo.once("rigid slopes", lambda: RigidSlopes(self.mechanism))
+        forces = self.mechanism.forces
+        self._forces = ForceSlopes(self.mechanism.tree, forces) if forces else None
+        self._clusters: list[ClusterRates] = memo.once(
+            "cluster rates", lambda: [ClusterRates(cluster) for cluster in self.mechanism.clusters]
+        )
+
+    def at_start(self, t: float) -> Derivatives:
+        """At the start of the motion."""
+        equations = self.motion.equations
+        return self.at(t, equations.at_point(t, self.motion.start.point))
+
+    def at(self, t: float, now: Evaluation) -> Derivatives:
+        """At an evaluated point."""
+        mechanism, point = self.mechanism, now.point
+        q, u = point.q, point.ydot
+        rates = self._map_rates(point, now.ydd)
+        G = rates.G
+        v, a = G @ u, G @ now.ydd + rates.g
+        force = mechanism.tree.rnea(q, v, a).copy()
+        if now.tau is not None:
+            force -= now.tau
+        by_q, by_v, M = self._rigid.at(q, v, a)
+        pulled_q, pulled_v = G.T @ by_q, G.T @ by_v
+        for slopes in self._slopes(t, q, v, G):
+            pulled_q, pulled_v = pulled_q - slopes[0], pulled_v - slopes[1]
+        bent = np.einsum("n,inj->ij", force, rates.bend)
+        rest = np.hstack(
+            [
+                -(bent + pulled_q @ G + pulled_v @ rates.V_y + G.T @ M @ rates.A_y),
+                -(pulled_v @ G + G.T @ M @ rates.A_u),
+                G.T,
+            ]
+        )
+        m = mechanism.m
+        found = require_finite(self._inertia.solve(q, G, rest), "the derivatives of u̇")
+        return Derivatives(now.ydd, found[:, :m], found[:, m : 2 * m], found[:, 2 * m :], G, rates.V_y)
+
+    def _slopes(self, t: float, q: Array, v: Array, G: Array) -> list[tuple[Array, Array]]:
+        """Gᵀ ∂τ/∂q and Gᵀ ∂τ/∂v of the mechanism's forces and of the user's torques."""
+        found = [] if self._forces is None else [self._forces.at(q, v, G)]
+        if self._tau_slopes is not None:
+            by_q, by_v = self._given(self._tau_slopes(t, q.copy(), v.copy()))
+            found.append((G.T @ by_q, G.T @ by_v))
+        elif self._torque is not None:
+            by_q, by_v = self._differences(self._torque, t, q, v)
+            found.append((G.T @ by_q, G.T @ by_v))
+        return found
+
+    def _given(self, slopes: object) -> tuple[Array, Array]:
+        """What `tau_slopes` returned, or an OptionError."""
+        nv = self.mechanism.nv
+        try:
+            by_q, by_v = (real_array(part) for part in slopes)  # type: ignore[attr-defined]
+        except (TypeError, ValueError) as error:
+            raise OptionError(
+                f"tau_slopes(t, q, v) returned {shown(slopes)}, expected ∂τ/∂q and ∂τ/∂v, ({nv}, {nv}) each"
+            ) from error
+        if by_q.shape != (nv, nv) or by_v.shape != (nv, nv):
+            raise OptionError(
+                f"tau_slopes(t, q, v) returned shapes {by_q.shape} and {by_v.shape}, expected ({nv}, {nv})"
+            )
+        return by_q, by_v
+
+    def _differences(self, torque: CheckedTorque, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """∂τ/∂q and ∂τ/∂v of a function by central differences, (nv, nv) each."""
+        tree, unit = self.mechanism.tree, self.mechanism.units
+
+        def moved(dq: Array) -> Array:
+            return torque(t, tree.integrate(q, dq), v)
+
+        by_q = differences(moved, np.zeros_like(v), unit, central=True)
+        by_v = differences(lambda w: torque(t, q, w), v, np.maximum(unit, np.abs(v)), central=True)
+        return by_q, by_v
+
+    def _map_rates(self, point: Point, udot: Array) -> MapRates:
+        """Of the whole: the clusters' side by side, the free joints' identity."""
+        mechanism, u = self.mechanism, point.ydot
+        nv, m = mechanism.nv, mechanism.m
+        G, g = point.G.copy(), point.g.copy()
+        bend = np.zeros((m, nv, m))
+        V_y, A_y, A_u = (np.zeros((nv, m)) for _ in range(3))
+        for rates in self._clusters:
+            cluster = rates.cluster
+            own, inputs = cluster.iv, cluster.inputs
+            if not len(inputs):
+                continue
+            here = np.ix_(own, inputs)
+            place = rates.rates.real(point.q[cluster.iq])
+            found = rates.at(place, u[inputs], udot[inputs])
+            G[here], g[own] = found.G, found.g
+            bend[np.ix_(inputs, own, inputs)] = found.bend
+            V_y[here], A_y[here], A_u[here] = found.V_y, found.A_y, found.A_u
+        return MapRates(G, g, bend, V_y, A_y, A_u)

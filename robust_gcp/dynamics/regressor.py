@@ -1,0 +1,111 @@
+"""The equations of motion as they are linear in masses, centres of mass and inertias."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from ..checks import check_mechanism, checked_vector, require_finite
+from ..mechanism.joints import in_v
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+from .problem import set_out
+
+OF_A_BODY = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+"""Mass, kg; first moments, kg m; second moments about the joint, kg m²; in Pinocchio's order."""
+
+
+@dataclass(frozen=True)
+class Regressor:
+    """Gᵀ (M a + C) = matrix · values, whatever the values.
+
+    Attributes
+    ----------
+    matrix : ndarray (m, n)
+        Gᵀ Y, with Y π = M a + C.
+    names : tuple of str (n,)
+        `joint.m`, `joint.mx`, …, `joint.Izz` of the body on each joint, in the joint's frame; then
+        `velocity.armature`, rotor inertia, kg m² or kg.
+    values : ndarray (n,)
+        π of the mechanism as it is.
+    """
+
+    matrix: Array
+    names: tuple[str, ...]
+    values: Array
+
+
+def inertial_names(mechanism: Mechanism) -> tuple[str, ...]:
+    """What the parameters are called, see `Regressor`."""
+    of_bodies = [f"{joint.name}.{short}" for joint in mechanism.joints for short in OF_A_BODY]
+    return (*of_bodies, *(f"{component.name}.armature" for component in in_v(mechanism.joints)))
+
+
+def inertial_values(mechanism: Mechanism) -> Array:
+    """The mechanism's own parameters, (n,)."""
+    bodies = [np.asarray(mechanism.model.inertias[j.index].toDynamicParameters()) for j in mechanism.joints]
+    return np.concatenate([*bodies, np.asarray(mechanism.model.armature)])
+
+
+class TorqueRegressor(threading.local):
+    """Y (nv, n) with Y π = RNEA(q, v, a); one workspace a thread.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self._model, self._data = mechanism.model, mechanism.model.createData()
+
+    def at(self, q: Array, v: Array, a: Array) -> Array:
+        """Y at (q, v, a)."""
+        Y = np.array(pin.computeJointTorqueRegressor(self._model, self._data, q, v, a))
+        return np.hstack([Y, np.diag(a)])
+
+
+def torque_regressor(mechanism: Mechanism) -> TorqueRegressor:
+    """That of a mechanism, made once."""
+    made: TorqueRegressor = mechanism.memo.once("torque regressor", lambda: TorqueRegressor(mechanism))
+    return made
+
+
+def regressor(
+    mechanism: Mechanism, q: ArrayLike, v: ArrayLike, udot: ArrayLike, mode: ArrayLike | None = None
+) -> Regressor:
+    """Gᵀ Y(q, v, G u̇ + g): the forces on the independent joints, by inertial parameters.
+
+    matrix · values is what `inverse_dynamics` gives where no springs, dampers or drives act. Least squares
+    over many states identifies the parameters that the motion tells apart.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    q, v : array_like (nq,), (nv,)
+        Closed, and K v = 0.
+    udot : array_like (m,)
+        Independent accelerations.
+    mode : array_like, optional
+        As in `simulate`, where q is singular.
+
+    Returns
+    -------
+    Regressor
+
+    Raises
+    ------
+    StateError, SimulationError
+        As `simulate` does for a start.
+    """
+    check_mechanism(mechanism, Mechanism, "regressor")
+    wanted = checked_vector(udot, mechanism.m, "udot", "m")
+    point = set_out(mechanism, q, v, mode).start.point
+    G = point.G
+    Y = torque_regressor(mechanism).at(point.q, G @ point.ydot, G @ wanted + point.g)
+    return Regressor(
+        require_finite(G.T @ Y, "the regressor"), inertial_names(mechanism), inertial_values(mechanism)
+    )
