@@ -8,6 +8,8 @@ import numpy as np
 
 from ..mechanism.groups import Groups
 from ..mechanism.tree import Array
+from .classical import ClassicalMap
+from .cluster.cluster_map import ClusterMap
 from .explicit import ExplicitMap, Passage, Stretch
 from .point import Counters, Point
 from .regular_path import RegularPath
@@ -112,6 +114,13 @@ class GroupMap:
         self.anchor = self._anchor = replace(point, y=y, origin=point.q[self.groups.iq].copy())
         return self._anchor
 
+    def resume(self, anchor: Point, on_bridge: bool) -> None:
+        """Go on from a point that the kernel reached; see `ClusterMap.resume`."""
+        assert isinstance(anchor, GroupPoint)
+        assert isinstance(self.rest, ClusterMap | ClassicalMap)  # the kernel knows no other map
+        self._anchor = anchor
+        self.rest.resume(anchor.rest, on_bridge)
+
     def outgrown(self, y: Array) -> bool:
         """Whether the chart ought to be renewed at y."""
         return bool(np.abs(y[self.groups.inputs]).max(initial=0.0) > OUTGROWN)
@@ -138,4 +147,17 @@ def joined(groups: Groups, rest: Point, origin: Array, y: Array, u: Array) -> Gr
     return GroupPoint(
         y.copy(), u.copy(), q, G, g, None, rest.det, rest.rcond,
         rest.conditioning, rest.correction, rest.distance, rest.turn, rest=rest, origin=origin,
+    )  # fmt: skip
+
+
+def taken_apart(groups: Groups, point: Point) -> GroupPoint:
+    """A point of the whole, whose y holds w = 0 for the joints on groups, with that of the rest."""
+    own, iv = groups.rest_inputs, groups.rest_iv
+    rest = Point(
+        point.y[own], point.ydot[own], point.q[groups.rest_iq], point.G[np.ix_(iv, own)], point.g[iv], None,
+        point.det, point.rcond, point.conditioning,
+    )  # fmt: skip
+    return GroupPoint(
+        point.y, point.ydot, point.q, point.G, point.g, None, point.det, point.rcond,
+        point.conditioning, rest=rest, origin=point.q[groups.iq],
     )  # fmt: skip

@@ -9,12 +9,14 @@
 #include "cells.h"
 #include "closures.h"
 #include "lu.h"
+#include "parts.h"
 
 namespace rg {
 
 class Blocks {
   public:
-    Blocks(const Description& d, Closures& closures) : values_(closures.values) {
+    // Those of one part; det and rcond are told by their numbers in the description.
+    Blocks(const Description& d, Closures& closures, const Parts& parts, int part) : values_(closures.values) {
         const int zero = static_cast<int>(closures.entries.size());
         std::vector<int> block_of_row(d.rows, -1), block_of_v(d.nv, -1), place_of_v(d.nv, -1);
         for (int b = 0; b < d.blocks; ++b)
@@ -25,7 +27,9 @@ class Blocks {
             }
         for (int i = 0; i < d.m; ++i) place_of_v[d.independent[i]] = i;
         for (int b = 0; b < d.blocks; ++b) {
+            if (parts.of_velocity[d.block_columns[d.block_start[b]]] != part) continue;
             Block block;
+            block.number = b;
             block.n = d.block_start[b + 1] - d.block_start[b];
             block.rows.assign(d.block_rows + d.block_start[b], d.block_rows + d.block_start[b + 1]);
             block.columns.assign(d.block_columns + d.block_start[b], d.block_columns + d.block_start[b + 1]);
@@ -51,8 +55,6 @@ class Blocks {
         }
         left_.resize(widest_);
     }
-
-    int count() const { return static_cast<int>(blocks_.size()); }
 
     // Factorise K_d; false where a block is exactly singular or not finite.
     bool factor() {
@@ -102,7 +104,7 @@ class Blocks {
     double measure(double* det, double* rcond) {
         double worst = 1.0;
         for (Block& b : blocks_) {
-            *det++ = b.det;
+            det[b.number] = b.det;
             double value = std::fabs(b.det);
             if (b.n == 1) {
                 value = std::min(value, 1.0);
@@ -113,7 +115,7 @@ class Blocks {
             } else {
                 value = std::min(b.lu.rcond() / b.reference, 1.0);
             }
-            *rcond++ = value;
+            rcond[b.number] = value;
             if (!(value >= worst)) worst = value;
         }
         return worst;
@@ -124,7 +126,7 @@ class Blocks {
         int row, other, entry;  // local row; velocity or independent coordinate; value
     };
     struct Block {
-        int n = 0;
+        int n = 0, number = 0;
         std::vector<int> rows, columns, at;
         std::vector<Link> known, given;
         double e[4] = {}, det = 0.0, inverse = 0.0, reference = 1.0;

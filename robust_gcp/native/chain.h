@@ -14,6 +14,7 @@ namespace rg {
 struct Body {
     int parent = 0, kind = HINGE, q = 0, first = 0, count = 1;  // first, count: its freedoms
     bool aligned = false;                                       // placed without a rotation
+    bool held = false;                                          // in its neutral position
     Axes placed;
     Vec at;
     double mass = 0.0;
@@ -29,11 +30,13 @@ inline Vec times_inertia(const double* I, const Vec& w) {
 struct Chain {
     std::vector<Body> bodies;        // 0 is the ground
     std::vector<Freedom> freedoms;   // by index in v
-    std::vector<int> loop, free;     // joints that carry cut points, and the others, parents first
+    std::vector<int> number_at;      // by index in v, in q; of use where v is the rate of q
+    std::vector<int> all;            // joints, parents first
     Vec gravity;
     // state
     Cells<Axes> axes;
-    Cells<Vec> p, r;           // origins, and those seen from the parent's origin
+    Cells<Vec> p, r;                // origins, and those seen from the parent's origin
+    Cells<double> cosine, sine;     // of hinges
     Cells<Vec> omega, u, alpha, a;  // u: velocity of the origin
 
     explicit Chain(const Description& d) : gravity{d.gravity[0], d.gravity[1], d.gravity[2]} {
@@ -52,6 +55,7 @@ struct Chain {
             b.centre = {i[1], i[2], i[3]};
             for (int k = 0; k < 6; ++k) b.inertia[k] = i[4 + k];
             b.q = q;
+            for (int i = 0; i < NUMBERS[b.kind].v; ++i) number_at.push_back(q + i);
             b.first = static_cast<int>(freedoms.size());
             const Numbers& numbers = NUMBERS[b.kind];
             q += numbers.q;
@@ -61,25 +65,40 @@ struct Chain {
         const std::size_t n = bodies.size();
         axes.resize(n);
         for (auto* vectors : {&p, &r, &omega, &u, &alpha, &a}) vectors->resize(n);
-        std::vector<bool> used(n, false);
-        for (int i = 0; i < 2 * d.closures; ++i)
-            for (int j = d.closure_joint[i]; j > 0; j = bodies[j].parent) used[j] = true;
-        for (int j = 1; j < static_cast<int>(n); ++j) (used[j] ? loop : free).push_back(j);
+        for (auto* numbers : {&cosine, &sine}) numbers->resize(n);
+        for (int j = 1; j < static_cast<int>(n); ++j) all.push_back(j);
     }
 
     void place(const std::vector<int>& joints, const double* q) {
-        for (int j : joints) place(j, q + bodies[j].q);
+        for (int j : joints) {
+            if (bodies[j].kind == HINGE) {
+                cosine[j] = std::cos(q[bodies[j].q]);
+                sine[j] = std::sin(q[bodies[j].q]);
+            }
+            put(j, q);
+        }
     }
 
-    // Velocities, and accelerations where all joints' accelerations are zero, for velocities v.
-    void move(const std::vector<int>& joints, const double* v) {
+    // The same joint after `place` of another chain with these numbers in q.
+    void place_like(const Chain& other, int j, const double* q) {
+        cosine[j] = other.cosine[j];
+        sine[j] = other.sine[j];
+        put(j, q);
+    }
+
+    // Velocities, and accelerations where all joints' accelerations are zero, for velocities v, as seen from
+    // the body `still`; −1: the ground.
+    void move(const std::vector<int>& joints, const double* v, int still = -1) {
+        const Vec none;
         for (int j : joints) {
             const Body& b = bodies[j];
-            const Vec &w = omega[b.parent], &arm = r[j];
-            u[j] = u[b.parent] + cross(w, arm);
-            a[j] = a[b.parent] + cross(alpha[b.parent], arm) + centripetal(w, arm);
+            const bool carried = b.parent != still;
+            const Vec w = carried ? omega[b.parent] : none, turning = carried ? alpha[b.parent] : none;
+            const Vec& arm = r[j];
+            u[j] = (carried ? u[b.parent] : none) + cross(w, arm);
+            a[j] = (carried ? a[b.parent] : none) + cross(turning, arm) + centripetal(w, arm);
             omega[j] = w;
-            alpha[j] = alpha[b.parent];
+            alpha[j] = turning;
             if (is_hinge(b.kind)) {
                 const Vec turn = v[b.first] * axes[j].z;
                 omega[j] += turn;
@@ -97,11 +116,15 @@ struct Chain {
     }
 
   private:
-    void place(int j, const double* q) {
+    void put(int j, const double* q) {
         const Body& b = bodies[j];
         const Axes& parent = axes[b.parent];
+        const Axes base = b.aligned ? parent : parent.turn(b.placed);
         r[j] = parent.turn(b.at);
-        axes[j] = moved(b.kind, q, b.aligned ? parent : parent.turn(b.placed), r[j]);
+        if (b.kind == HINGE)
+            axes[j] = base.about_z(cosine[j], sine[j]);
+        else
+            axes[j] = b.held ? base : moved(b.kind, q + b.q, base, r[j]);
         p[j] = p[b.parent] + r[j];
     }
 };

@@ -9,6 +9,7 @@
 #include "cells.h"
 #include "chain.h"
 #include "couplings.h"
+#include "parts.h"
 
 namespace rg {
 
@@ -38,8 +39,9 @@ class Closures {
     std::vector<Entry> entries;
     Cells<double> phi, k, values;  // values: one an entry
 
-    Closures(const Description& d, Chain& chain) : chain_(chain) {
-        for (int c = 0; c < d.closures; ++c) {
+    // Those of one part; rows are numbered as in the description.
+    Closures(const Description& d, Chain& chain, const Part& part) : chain_(chain) {
+        for (int c : part.closures) {
             Loop loop;
             for (int side = 0; side < 2; ++side) {
                 loop.joint[side] = d.closure_joint[2 * c + side];
@@ -60,7 +62,7 @@ class Closures {
                 }
             loops_.push_back(loop);
         }
-        couplings_ = Couplings(d, entries);
+        couplings_ = Couplings(d, part.couplings, entries);
         phi.resize(d.rows);
         k.resize(d.rows);
         values.resize(entries.size() + 1);  // the last one stays zero

@@ -19,8 +19,9 @@ class Couplings {
     Couplings() = default;
 
     // Appends the entries of its rows: of each that of the second joint, of further ones, of the first.
-    Couplings(const Description& d, std::vector<Entry>& entries) : first_(entries.size()) {
-        for (int c = 0; c < d.couplings; ++c) {
+    Couplings(const Description& d, const std::vector<int>& which, std::vector<Entry>& entries)
+        : first_(entries.size()) {
+        for (int c : which) {
             const std::int32_t* at = d.coupling_at + 5 * c;
             Tie tie;
             tie.row = at[0], tie.q1 = at[1], tie.q2 = at[3], tie.v2 = at[4];

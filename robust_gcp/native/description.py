@@ -9,6 +9,7 @@ from ..maps.regular_path import RegularPath
 from ..mechanism.closures import closure_frames, frame_of
 from ..mechanism.couplings import CouplingClosure, Couplings
 from ..mechanism.forces import JointDamper, JointSpring, JointTorque, PointSpring
+from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.rows import ROTATION, Row, rows_of
 from ..mechanism.tree import Array
@@ -25,6 +26,8 @@ def describe(mechanism: Mechanism, path: RegularPath, constant: ArrayLike | None
 
     Parameters
     ----------
+    path : RegularPath
+        Of the mechanism, or of what is left of it without joints on groups.
     constant : array_like (nv,) or None
         A constant torque that acts besides the mechanism's forces.
     works : bool
@@ -52,16 +55,27 @@ def _described(mechanism: Mechanism, path: RegularPath, constant: ArrayLike | No
     )
     arrays = Arrays(description)
     turns = _tree(mechanism, arrays)
-    scale = np.ones(mechanism.nv)
-    scale[path.dependent] = mechanism.column_scale[path.dependent]
-    arrays.integers(independent=mechanism.iv_independent, independent_q=mechanism.iq_independent)
-    arrays.reals(size=1.0 / mechanism.column_scale, turn=1.0 / mechanism.units, scale=scale)
+    rest = path.mechanism
+    column_scale, scale = mechanism.column_scale.copy(), np.ones(mechanism.nv)
+    own = _velocities_of_rest(mechanism)
+    column_scale[own] = rest.column_scale
+    scale[own[path.dependent]] = rest.column_scale[path.dependent]
+    in_q: NDArray[np.int64] = np.full(mechanism.m, -1)
+    in_q[np.isin(mechanism.iv_independent, own)] = mechanism.iq_numbers
+    arrays.integers(independent=mechanism.iv_independent, independent_q=in_q)
+    arrays.reals(size=1.0 / column_scale, turn=1.0 / mechanism.units, scale=scale)
     arrays.reals(own=[mechanism.joint_inertia])
     _closures(mechanism, path, turns, arrays)
     _couplings(mechanism, path, arrays)
-    _blocks(path, arrays)
+    _blocks(mechanism, path, arrays)
     _forces(mechanism, constant, turns, arrays)
     return arrays
+
+
+def _velocities_of_rest(mechanism: Mechanism) -> NDArray[np.int64]:
+    """Where the velocities are in v of all joints but those on groups."""
+    groups = groups_of(mechanism)
+    return np.arange(mechanism.nv) if groups is None else groups.rest_iv
 
 
 def _tree(mechanism: Mechanism, arrays: Arrays) -> list[Array]:
@@ -111,7 +125,8 @@ def _closures(mechanism: Mechanism, path: RegularPath, turns: list[Array], array
         local.append([turns[joint].T @ place.rotation for joint, place in ends])
     full = rows_of(closures)
     chosen = [
-        full[row] if row < len(full) else Row(-1, "", ROTATION) for row in mechanism.implicit.rows[path.rows]
+        full[row] if row < len(full) else Row(-1, "", ROTATION)
+        for row in path.mechanism.implicit.rows[path.rows]
     ]
     arrays.structure.closures, arrays.structure.rows = len(closures), len(chosen)
     arrays.integers(
@@ -122,7 +137,7 @@ def _closures(mechanism: Mechanism, path: RegularPath, turns: list[Array], array
     )
     arrays.reals(
         closure_point=points,
-        row_weight=1.0 / mechanism.row_scale[path.rows],
+        row_weight=1.0 / path.mechanism.row_scale[path.rows],
         terms=[
             [weight, *(local[row.closure][0] @ u), *(local[row.closure][1] @ n)]
             for row in chosen
@@ -135,7 +150,9 @@ def _couplings(mechanism: Mechanism, path: RegularPath, arrays: Arrays) -> None:
     """The couplings whose rows the path has chosen."""
     first = len(rows_of(mechanism.loops))
     rows = {
-        int(full) - first: row for row, full in enumerate(mechanism.implicit.rows[path.rows]) if full >= first
+        int(full) - first: row
+        for row, full in enumerate(path.mechanism.implicit.rows[path.rows])
+        if full >= first
     }
     given = mechanism.closures[len(mechanism.loops) :]
     ties = Couplings(mechanism.joints, [c for c in given if isinstance(c, CouplingClosure)])
@@ -156,15 +173,16 @@ def _couplings(mechanism: Mechanism, path: RegularPath, arrays: Arrays) -> None:
     )
 
 
-def _blocks(path: RegularPath, arrays: Arrays) -> None:
+def _blocks(mechanism: Mechanism, path: RegularPath, arrays: Arrays) -> None:
     """The order of substitution."""
     blocks = path.blocks
     none: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
+    dependent = _velocities_of_rest(mechanism)[path.dependent]
     arrays.structure.blocks = len(blocks)
     arrays.integers(
         block_start=np.cumsum([0, *(len(block.rows) for block in blocks)]),
         block_rows=np.concatenate([none, *(block.rows for block in blocks)]),
-        block_columns=np.concatenate([none, *(path.dependent[block.columns] for block in blocks)]),
+        block_columns=np.concatenate([none, *(dependent[block.columns] for block in blocks)]),
     )
     arrays.reals(reference=path.factor.reference)
 

@@ -27,7 +27,6 @@ class Forces {
     }
 
     bool some() const { return some_; }
-    bool need_placements() const { return !lines_.empty(); }
 
     // τ (nv,) and the power of dampers and drives; false where a point spring has no direction.
     bool at(const Chain& chain, const double* q, const double* v, double* tau, double& power) const {

@@ -10,11 +10,12 @@
 #include "cells.h"
 #include "forces.h"
 #include "path.h"
+#include "sweep.h"
 
 namespace rg {
 
 // As in reduced_inertia.py, which also takes the cases that are handed back here.
-constexpr double LOST = 1e-13, CANCELLED = 1e-6, DEFINITE = 1e-11;
+constexpr double LOST = 1e-13, DEFINITE = 1e-11;
 
 class Motion {
   public:
@@ -23,38 +24,22 @@ class Motion {
     std::int64_t force_evaluations = 0;
 
     Motion(const Description& d, Path& path)
-        : v(d.nv), tau(d.nv), ydd(d.m), path_(path), forces_(d),
-          own_(*d.own), size_(d.size, d.size + d.nv), armature_(d.armature, d.armature + d.nv),
-          bias_(d.nv), order_(d.nv) {
-        if (d.m == 1) return;
-        M_.resize(static_cast<std::size_t>(d.nv) * d.nv);
-        MG_.resize(static_cast<std::size_t>(d.nv) * d.m);
-        reduced_.resize(static_cast<std::size_t>(d.m) * d.m);
-        unit_.resize(d.m);
-    }
+        : v(d.nv), tau(d.nv), ydd(d.m), path_(path), sweep_(d, path), forces_(d),
+          own_(*d.own), size_(d.size, d.size + d.nv), armature_(d.armature, d.armature + d.nv) {}
 
-    // ÿ at a point whose placements (m = 1: velocities too) the chain holds.
+    // ÿ at a point whose placements (m = 1: velocities too) the path's chain holds.
     Reason evaluate(double t, Point& point, const Request& r) {
-        const int m = path_.layout.m, nv = path_.layout.nv;
-        const double *G = point.G(), *ydot = point.ydot();
-        if (m == 1) {
-            for (int i = 0; i < nv; ++i) v[i] = G[i] * ydot[0];
-        } else {
-            for (int i = 0; i < nv; ++i) {
-                v[i] = 0.0;
-                for (int j = 0; j < m; ++j) v[i] += G[i * m + j] * ydot[j];
-            }
-        }
-        const Reason acted = act(t, point, r);
+        path_.velocity(point, v.data());
+        const Chain& chain = sweep_.place(point);
+        const Reason acted = act(t, chain, point, r);
         if (acted != DONE) return acted;
-        return m == 1 ? by_virtual_power(point) : by_inertia(point);
+        return by_virtual_power() ? one_coordinate(point) : several(chain, point);
     }
 
     // Kinetic and potential energy at the point evaluated last, J.
     double energy(Point& point) {
-        if (path_.layout.m > 1) place_all(point);
+        const Chain& chain = sweep_.place(point);
         double potential = 0.0;
-        const Chain& chain = path_.chain;
         for (std::size_t j = 1; j < chain.bodies.size(); ++j) {
             const Body& b = chain.bodies[j];
             potential -= b.mass * dot(chain.gravity, chain.p[j] + chain.axes[j].turn(b.centre));
@@ -63,15 +48,14 @@ class Motion {
     }
 
   private:
-    Reason act(double t, Point& point, const Request& r) {
+    bool by_virtual_power() const { return path_.layout.m == 1 && !path_.on_groups; }
+
+    Reason act(double t, const Chain& chain, Point& point, const Request& r) {
         power = 0.0;
         acting_ = forces_.some() || r.torque != nullptr;
         if (!acting_) return DONE;
         ++force_evaluations;
-        if (forces_.some()) {
-            if (path_.layout.m > 1 && forces_.need_placements()) place_all(point);
-            if (!forces_.at(path_.chain, point.q(), v.data(), tau.data(), power)) return FORCE;
-        }
+        if (forces_.some() && !forces_.at(chain, point.q(), v.data(), tau.data(), power)) return FORCE;
         if (r.torque != nullptr) {
             if (!forces_.some()) std::fill(tau.begin(), tau.end(), 0.0);
             std::copy(point.q(), point.q() + path_.layout.nq, r.torque_q);
@@ -87,14 +71,9 @@ class Motion {
         return DONE;
     }
 
-    void place_all(Point& point) {
-        if (path_.layout.blocks == 0) path_.chain.place(path_.chain.loop, point.q());
-        path_.chain.place(path_.chain.free, point.q());
-    }
-
     // One coordinate: each body's momentum and inertia force times its velocity at ẏ = 1, with no pass
     // back along the chain (Kane's form). Of the acceleration, γ'' ẏ² is what `move` left out.
-    Reason by_virtual_power(Point& point) {
+    Reason one_coordinate(Point& point) {
         Chain& c = path_.chain;
         const double *G = point.G(), *bend = point.curvature();
         double mass = 0.0, bent = 0.0, weight = 0.0;
@@ -123,7 +102,7 @@ class Motion {
             bent += b.mass * dot(velocity, acceleration) + dot(moment, axes.local(alpha));
             weight += b.mass * dot(c.gravity, velocity);
         }
-        if (!(mass > LOST * alone(G, 0))) return INERTIA;
+        if (!(mass > LOST * alone(path_.parts.all_velocities, G, 0))) return INERTIA;
         const double speed = point.ydot()[0];
         double force = weight - speed * speed * bent;
         if (acting_)
@@ -133,110 +112,30 @@ class Motion {
         return DONE;
     }
 
-    // Several coordinates: Pinocchio's rnea and crba, then Gᵀ M G by Cholesky.
-    Reason by_inertia(Point& point) {
-        const int m = path_.layout.m, nv = path_.layout.nv;
-        const double* G = point.G();
-        path_.rigid.rnea(point.q(), v.data(), point.g(), bias_.data());
-        path_.rigid.crba(point.q(), M_.data());
-        if (acting_)
-            for (int i = 0; i < nv; ++i) bias_[i] -= tau[i];
-        kinetic_ = 0.0;
-        for (int i = 0; i < nv; ++i) {
-            double momentum = 0.0;
-            for (int k = 0; k < nv; ++k) momentum += M_[i * nv + k] * v[k];
-            kinetic_ += 0.5 * momentum * v[i];
-        }
-        for (int i = 0; i < m; ++i) {
-            ydd[i] = 0.0;
-            for (int k = 0; k < nv; ++k) ydd[i] -= G[k * m + i] * bias_[k];
-        }
-        path_.layout.blocks == 0 ? select(G) : project(G);
-        return solve(G) ? DONE : INERTIA;
+    // Several coordinates. Where digits were lost Python looks at it.
+    Reason several(const Chain& chain, Point& point) {
+        sweep_.form(chain, point, v.data(), acting_ ? tau.data() : nullptr);
+        kinetic_ = sweep_.kinetic;
+        bool good = true;
+        sweep_.diagonal([&](const Part& part, int input, double inertia) {
+            good = good && inertia > LOST * alone(part.velocities, point.G(), input);
+        });
+        return good && sweep_.solve(DEFINITE, ydd.data()) ? DONE : INERTIA;
     }
 
-    // Gᵀ M G.
-    void project(const double* G) {
-        const int m = path_.layout.m, nv = path_.layout.nv;
-        std::fill(MG_.begin(), MG_.end(), 0.0);
-        for (int i = 0; i < nv; ++i)
-            for (int k = 0; k < nv; ++k) {
-                const double inertia = M_[i * nv + k];
-                if (inertia == 0.0) continue;
-                for (int j = 0; j < m; ++j) MG_[i * m + j] += inertia * G[k * m + j];
-            }
-        std::fill(reduced_.begin(), reduced_.end(), 0.0);
-        for (int k = 0; k < nv; ++k)
-            for (int i = 0; i < m; ++i) {
-                if (G[k * m + i] == 0.0) continue;
-                for (int j = 0; j <= i; ++j) reduced_[i * m + j] += G[k * m + i] * MG_[k * m + j];
-            }
-    }
-
-    // The same where there is no loop, so that G only puts the joints in order.
-    void select(const double* G) {
-        const int m = path_.layout.m, nv = path_.layout.nv;
-        for (int k = 0; k < nv; ++k) order_[k] = static_cast<int>(std::find(G + k * m, G + k * m + m, 1.0) - G) - k * m;
-        for (int i = 0; i < nv; ++i)
-            for (int j = 0; j < nv; ++j) reduced_[order_[i] * m + order_[j]] = M_[i * nv + j];
-    }
-
-    // What the joints' motions in column j of G would have as inertia one by one.
-    double alone(const double* G, int j) const {
+    // What the joints' motions in column j of G would have as inertia one by one; others do not move.
+    double alone(const std::vector<int>& velocities, const double* G, int j) const {
         const int m = path_.layout.m;
         double pace = 0.0;
-        for (std::size_t i = 0; i < size_.size(); ++i) pace = std::max(pace, std::fabs(G[i * m + j] * size_[i]));
+        for (int i : velocities) pace = std::max(pace, std::fabs(G[i * m + j] * size_[i]));
         return own_ * pace * pace;
     }
 
-    // Size of the products that make up Gᵀ M G of column j: |Σ g_i M_ik g_k| ≤ (Σ √M_ii |g_i|)².
-    double products(const double* G, int j) const {
-        const int m = path_.layout.m, nv = path_.layout.nv;
-        double sum = 0.0;
-        for (int i = 0; i < nv; ++i)
-            if (G[i * m + j] != 0.0) sum += std::sqrt(std::max(M_[i * nv + i], 0.0)) * std::fabs(G[i * m + j]);
-        return sum * sum;
-    }
-
-    // ÿ by Cholesky with a unit diagonal; false where digits were lost, which Python looks at.
-    bool solve(const double* G) {
-        const int m = path_.layout.m;
-        double* L = reduced_.data();
-        for (int j = 0; j < m; ++j) {
-            const double inertia = L[j * m + j];
-            if (!(inertia > CANCELLED * products(G, j) && inertia > LOST * alone(G, j))) return false;
-            unit_[j] = 1.0 / std::sqrt(inertia);
-        }
-        for (int i = 0; i < m; ++i) {
-            ydd[i] *= unit_[i];
-            for (int j = 0; j <= i; ++j) L[i * m + j] *= unit_[i] * unit_[j];
-        }
-        for (int j = 0; j < m; ++j) {
-            for (int k = 0; k < j; ++k) L[j * m + j] -= L[j * m + k] * L[j * m + k];
-            if (!(L[j * m + j] > DEFINITE)) return false;
-            L[j * m + j] = std::sqrt(L[j * m + j]);
-            for (int i = j + 1; i < m; ++i) {
-                for (int k = 0; k < j; ++k) L[i * m + j] -= L[i * m + k] * L[j * m + k];
-                L[i * m + j] /= L[j * m + j];
-            }
-        }
-        for (int i = 0; i < m; ++i) {
-            for (int k = 0; k < i; ++k) ydd[i] -= L[i * m + k] * ydd[k];
-            ydd[i] /= L[i * m + i];
-        }
-        for (int i = m - 1; i >= 0; --i) {
-            for (int k = i + 1; k < m; ++k) ydd[i] -= L[k * m + i] * ydd[k];
-            ydd[i] /= L[i * m + i];
-        }
-        for (int i = 0; i < m; ++i) ydd[i] *= unit_[i];
-        return true;
-    }
-
     Path& path_;
+    Sweep sweep_;
     Forces forces_;
     double own_;
-    Cells<double> size_, armature_, bias_, M_, MG_, reduced_, unit_;
-    std::vector<int> order_;
+    Cells<double> size_, armature_;
     Cells<Vec> turned_, shifted_;
     double kinetic_ = 0.0;
     bool acting_ = false;

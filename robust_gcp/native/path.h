@@ -5,13 +5,16 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <vector>
 
 #include "abi.h"
-#include "cells.h"
 #include "blocks.h"
+#include "cells.h"
 #include "chain.h"
 #include "closures.h"
+#include "groups.h"
+#include "parts.h"
 #include "point.h"
 #include "rigid_bodies.h"
 
@@ -24,40 +27,62 @@ constexpr double DETERMINANT_RATIO = 2.5, POOR = 0.3, CORRECTION = 0.25, ROUNDIN
 
 class Path {
   public:
-    Chain chain;
-    Closures closures;
-    Blocks blocks;
+    Chain chain;  // as if joints on groups stood still
+    const Parts parts;
     RigidBodies rigid;
     const Layout layout;
+    const bool on_groups;
     std::int64_t newton_iterations = 0, evaluations = 0;
 
     explicit Path(const Description& d)
         : chain(d),
-          closures(d, chain),
-          blocks(d, closures),
+          parts(d, chain),
           rigid(d),
           layout(d),
-          flat_(d.nq == d.nv),
+          on_groups(std::any_of(parts.list.begin(), parts.list.end(), [](const Part& p) { return p.on_group; })),
           independent_(d.independent, d.independent + d.m),
           independent_q_(d.independent_q, d.independent_q + d.m),
+          input_(d.nv, -1),
           size_(d.size, d.size + d.nv),
           turn_(d.turn, d.turn + d.nv),
           scale_(d.scale, d.scale + d.nv),
           step_(d.nv),
           u_(d.nv),
           v_(d.nv) {
-        std::vector<bool> chosen(d.nv, false);
-        for (int v : independent_) chosen[v] = true;
-        for (int v = 0; v < d.nv; ++v)
-            if (!chosen[v]) dependent_.push_back(v);
+        for (int k = 0; k < d.m; ++k) input_[independent_[k]] = k;
+        for (std::size_t i = 0; i < parts.list.size(); ++i) {
+            const Part& part = parts.list[i];
+            for (int j : part.joints) chain.bodies[j].held = part.on_group;
+            loops_.emplace_back(part.tied() ? new Loops(d, chain, parts, static_cast<int>(i)) : nullptr);
+        }
     }
 
-    // The point at y from the anchor in one predicted step.
-    Reason step(Point& anchor, const double* y, const double* ydot, Point& point) {
-        predict(anchor, y, point);
+    // The point at y from the anchor in one predicted step. Joints on groups are at origin ⊕ w, where
+    // `origin` is a whole q and y has w for them.
+    Reason step(Point& anchor, const double* origin, const double* y, const double* ydot, Point& point) {
         std::copy(y, y + layout.m, point.y());
         std::copy(ydot, ydot + layout.m, point.ydot());
-        if (!close(point)) return NEWTON;
+        point.distance = point.turn = point.correction = 0.0;
+        point.conditioning() = 1.0;
+        for (std::size_t i = 0; i < loops_.size(); ++i) {
+            const Part& part = parts.list[i];
+            if (part.on_group)
+                on_group(part, origin, point);
+            else
+                predict(part, anchor, point);
+        }
+        std::int64_t iterations = 0, looked = 0;
+        for (std::size_t i = 0; i < loops_.size(); ++i) {
+            if (loops_[i] == nullptr) {
+                chain.place(parts.list[i].joints, point.q());
+                continue;
+            }
+            if (!close(parts.list[i], *loops_[i], point)) return NEWTON;
+            iterations = std::max(iterations, loops_[i]->iterations);
+            looked = std::max(looked, loops_[i]->evaluations);
+        }
+        newton_iterations += iterations;
+        evaluations += looked;
         derivatives(point);
         if (!(point.correction > 0.0)) point.distance = point.turn = 0.0;
         return DONE;
@@ -84,141 +109,184 @@ class Path {
 
     // All placements and, for v = G at m = 1, all velocities and accelerations at q̈ = 0.
     void survey(Point& point) {
-        chain.place(chain.loop, point.q());
-        chain.place(chain.free, point.q());
-        if (layout.m == 1) {
-            chain.move(chain.loop, point.G());
-            chain.move(chain.free, point.G());
+        chain.place(chain.all, point.q());
+        if (layout.m == 1) chain.move(chain.all, point.G());
+    }
+
+    // v = G u.
+    void velocity(Point& point, double* v) const { product(point, point.ydot(), v); }
+
+    // G times numbers (m,).
+    void product(Point& point, const double* u, double* v) const {
+        for (const Part& part : parts.list) product(part, point, u, v);
+    }
+
+    // ẏ of joints on groups, whose y is w in a chart; of others it is u.
+    void rate_on_groups(Point& point, double* rate) const {
+        double w[6], u[6], turned[6];
+        for (const Part& part : parts.list) {
+            if (!part.on_group) continue;
+            const Body& b = chain.bodies[part.joints[0]];
+            for (int i = 0; i < b.count; ++i) {
+                w[i] = point.y()[input_[b.first + i]];
+                u[i] = point.ydot()[input_[b.first + i]];
+            }
+            rate_in_chart(b.kind, w, u, turned);
+            for (int i = 0; i < b.count; ++i) rate[input_[b.first + i]] = turned[i];
         }
     }
 
   private:
-    void predict(Point& anchor, const double* y, Point& point) {
-        const int m = layout.m, nv = layout.nv;
-        const double *G = anchor.G(), *from = anchor.y(), *ydot = anchor.ydot();
+    // The closures and couplings of a part, and its share of K_d.
+    struct Loops {
+        Loops(const Description& d, Chain& chain, const Parts& parts, int number)
+            : closures(d, chain, parts.list[number]), blocks(d, closures, parts, number) {
+            for (int i : parts.list[number].velocities)
+                if (std::find(d.independent, d.independent + d.m, i) == d.independent + d.m)
+                    dependent.push_back(i);
+            for (int j : parts.list[number].joints) {
+                const Numbers& numbers = NUMBERS[chain.bodies[j].kind];
+                flat = flat && numbers.q == numbers.v;
+            }
+        }
+
+        Closures closures;
+        Blocks blocks;  // refers to `closures`
+        std::vector<int> dependent;
+        bool flat = true;  // v is the rate of q
+        std::int64_t iterations = 0, evaluations = 0;
+    };
+
+    void product(const Part& part, Point& point, const double* u, double* v) const {
+        const int m = layout.m;
+        const double* G = point.G();
+        for (int i : part.velocities) {
+            v[i] = 0.0;
+            for (int k : part.inputs) v[i] += G[i * m + k] * u[k];
+        }
+    }
+
+    void on_group(const Part& part, const double* origin, Point& point) {
+        double w[6];
+        const Body& b = chain.bodies[part.joints[0]];
+        for (int i = 0; i < b.count; ++i) w[i] = point.y()[input_[b.first + i]];
+        integrate_joint(b.kind, origin + b.q, w, point.q() + b.q);
+    }
+
+    void predict(const Part& part, Point& anchor, Point& point) {
+        const int m = layout.m;
+        const double *G = anchor.G(), *from = anchor.y(), *ydot = anchor.ydot(), *y = point.y();
+        const double* bend = m == 1 ? anchor.curvature() : anchor.g();
         double weight = 0.0;
         if (m == 1) {
-            const double delta = y[0] - from[0];
-            weight = 0.5 * delta * delta;
-            const double* bend = anchor.curvature();
-            for (int i = 0; i < nv; ++i) step_[i] = G[i] * delta + weight * bend[i];
+            weight = 0.5 * (y[0] - from[0]) * (y[0] - from[0]);
         } else {
             double speed = 0.0, along = 0.0;
-            for (int j = 0; j < m; ++j) {
-                speed += ydot[j] * ydot[j];
-                along += (y[j] - from[j]) * ydot[j];
+            for (int k : part.inputs) {
+                speed += ydot[k] * ydot[k];
+                along += (y[k] - from[k]) * ydot[k];
             }
             if (speed > 0.0) {
                 along /= speed;
                 weight = 0.5 * along * along;
             }
-            const double* bend = anchor.g();
-            for (int i = 0; i < nv; ++i) {
-                double sum = 0.0;
-                for (int j = 0; j < m; ++j) sum += G[i * m + j] * (y[j] - from[j]);
-                step_[i] = sum + weight * bend[i];
-            }
         }
-        point.distance = point.turn = 0.0;
-        for (int i = 0; i < nv; ++i) {
-            point.distance = std::max(point.distance, std::fabs(step_[i] * size_[i]));
-            point.turn = std::max(point.turn, std::fabs(step_[i] * turn_[i]));
+        for (int i : part.velocities) {
+            double sum = weight * bend[i];
+            for (int k : part.inputs) sum += G[i * m + k] * (y[k] - from[k]);
+            step_[i] = sum;
+            point.distance = std::max(point.distance, std::fabs(sum * size_[i]));
+            point.turn = std::max(point.turn, std::fabs(sum * turn_[i]));
         }
-        const double* q = anchor.q();
-        if (flat_) {
-            for (int i = 0; i < nv; ++i) point.q()[i] = q[i] + step_[i];
-        } else {
-            rigid.integrate(q, step_.data(), point.q());
+        for (int j : part.joints) {
+            const Body& b = chain.bodies[j];
+            integrate_joint(b.kind, anchor.q() + b.q, step_.data() + b.first, point.q() + b.q);
         }
-        for (int j = 0; j < m; ++j) point.q()[independent_q_[j]] = y[j];
+        for (int k : part.inputs) point.q()[independent_q_[k]] = y[k];
     }
 
     // Newton on the dependent joints; leaves the chain placed and K evaluated at the result.
-    bool close(Point& point) {
-        point.correction = 0.0;
+    bool close(const Part& part, Loops& loops, Point& point) {
         double* q = point.q();
-        if (layout.blocks == 0) return true;
         const double infinite = std::numeric_limits<double>::infinity();
         double last_size = infinite, last_step = infinite;
+        loops.iterations = loops.evaluations = 0;
         for (int iteration = 0; iteration < MAX_NEWTON; ++iteration) {
-            chain.place(chain.loop, q);
-            const double size = closures.residual(q);
-            ++evaluations;
+            chain.place(part.joints, q);
+            const double size = loops.closures.residual(q);
+            ++loops.evaluations;
             if (!std::isfinite(size)) return false;
-            closures.jacobian();
+            loops.closures.jacobian();
             if (size <= CONVERGED || (size <= STAGNANT && size >= 0.25 * last_size)) return true;
-            blocks.factor();
-            const double step = blocks.solve(closures.phi.data(), u_.data());
+            loops.blocks.factor();
+            const double step = loops.blocks.solve(loops.closures.phi.data(), u_.data());
             if (iteration == 0)
-                point.correction = step;
+                point.correction = std::max(point.correction, step);
             else if (!(step <= 0.5 * last_step) && size > STAGNANT)
                 return false;
             last_size = size;
             last_step = step;
-            if (flat_) {
-                for (int v : dependent_) q[v] -= u_[v] * scale_[v];
-            } else {
-                std::fill(step_.begin(), step_.end(), 0.0);
-                for (int v : dependent_) step_[v] = -u_[v] * scale_[v];
-                moved_.resize(layout.nq);
-                rigid.integrate(q, step_.data(), moved_.data());
-                std::copy(moved_.begin(), moved_.end(), q);
-            }
-            ++newton_iterations;
+            correct(part, loops, q);
+            ++loops.iterations;
         }
         return false;
     }
 
-    // G = [I; −K_d⁻¹ K_i] and g = [0; K_d⁻¹ k] where `close` has ended.
-    void derivatives(Point& point) {
-        const int m = layout.m, nv = layout.nv;
-        double *G = point.G(), *g = point.g();
-        std::fill(G, g + nv, 0.0);
-        for (int j = 0; j < m; ++j) G[independent_[j] * m + j] = 1.0;
-        point.conditioning() = 1.0;
-        if (layout.blocks == 0) {
-            if (m == 1) {
-                std::fill(point.curvature(), point.curvature() + nv, 0.0);
-                survey(point);
-            }
+    void correct(const Part& part, const Loops& loops, double* q) {
+        if (loops.flat) {
+            for (int i : loops.dependent) q[chain.number_at[i]] -= u_[i] * scale_[i];
             return;
         }
-        blocks.factor();
-        point.conditioning() = blocks.measure(point.det(), point.rcond());
-        const double* v = G;
-        for (int j = 0; j < m; ++j) {
-            blocks.solve_given(j, u_.data());
-            for (int i : dependent_) G[i * m + j] = scale_[i] * u_[i];
-        }
-        const double* ydot = point.ydot();
-        if (m > 1) {
-            for (int i = 0; i < nv; ++i) {
-                v_[i] = 0.0;
-                for (int j = 0; j < m; ++j) v_[i] += G[i * m + j] * ydot[j];
-            }
-            v = v_.data();
-        }
-        chain.move(chain.loop, v);
-        if (m == 1) {
-            chain.place(chain.free, point.q());
-            chain.move(chain.free, v);
-        }
-        closures.bias(v);
-        blocks.solve(closures.k.data(), u_.data());
-        if (m == 1) {
-            double* bend = point.curvature();
-            std::fill(bend, bend + nv, 0.0);
-            for (int i : dependent_) bend[i] = scale_[i] * u_[i];
-            const double square = ydot[0] * ydot[0];
-            for (int i = 0; i < nv; ++i) g[i] = bend[i] * square;
-        } else {
-            for (int i : dependent_) g[i] = scale_[i] * u_[i];
+        for (int i : part.velocities) step_[i] = 0.0;
+        for (int i : loops.dependent) step_[i] = -u_[i] * scale_[i];
+        for (int j : part.joints) {
+            const Body& b = chain.bodies[j];
+            integrate_joint(b.kind, q + b.q, step_.data() + b.first, q + b.q);
         }
     }
 
-    bool flat_;
-    std::vector<int> independent_, independent_q_, dependent_;
-    Cells<double> size_, turn_, scale_, step_, u_, v_, moved_;
+    // G = [I; −K_d⁻¹ K_i] and g = [0; K_d⁻¹ k] where `close` has ended. Entries that are always zero stay so.
+    void derivatives(Point& point) {
+        const int m = layout.m;
+        double *G = point.G(), *g = point.g();
+        for (int k = 0; k < m; ++k) G[independent_[k] * m + k] = 1.0;
+        for (std::size_t i = 0; i < loops_.size(); ++i) {
+            if (loops_[i] == nullptr) continue;
+            const Part& part = parts.list[i];
+            Blocks& blocks = loops_[i]->blocks;
+            blocks.factor();
+            const double conditioning = blocks.measure(point.det(), point.rcond());
+            if (!(conditioning >= point.conditioning())) point.conditioning() = conditioning;  // keeps a NaN
+            for (int k : part.inputs) {
+                blocks.solve_given(k, u_.data());
+                for (int v : loops_[i]->dependent) G[v * m + k] = scale_[v] * u_[v];
+            }
+            if (m > 1) {
+                product(part, point, point.ydot(), v_.data());
+                chain.move(part.joints, v_.data(), part.root);
+                bend(*loops_[i], v_.data(), g);
+            }
+        }
+        if (m > 1) return;
+        double* curvature = point.curvature();
+        chain.move(chain.all, G);
+        for (auto& loops : loops_)
+            if (loops != nullptr) bend(*loops, G, curvature);
+        const double square = point.ydot()[0] * point.ydot()[0];
+        for (int i = 0; i < layout.nv; ++i) g[i] = curvature[i] * square;
+    }
+
+    // g = [0; K_d⁻¹ k] for velocities v, with which the chain moves.
+    void bend(Loops& loops, const double* v, double* g) {
+        loops.closures.bias(v);
+        loops.blocks.solve(loops.closures.k.data(), u_.data());
+        for (int i : loops.dependent) g[i] = scale_[i] * u_[i];
+    }
+
+    std::vector<std::unique_ptr<Loops>> loops_;  // by part; none where nothing is tied
+    std::vector<int> independent_, independent_q_;
+    std::vector<int> input_;  // by velocity, −1 where it is dependent
+    Cells<double> size_, turn_, scale_, step_, u_, v_;
 };
 
 }  // namespace rg

@@ -67,11 +67,9 @@ static std::unique_ptr<Data> workspace(const Model& model) { return std::make_un
 #endif
 
 struct RigidBodies::Pinocchio {
-    explicit Pinocchio(const Description& d) : model(build(d)) {
-        if (d.m > 1) data();  // here, where running out of memory can be told
-    }
+    explicit Pinocchio(const Description& d) : model(build(d)) {}
 
-    // Made when first asked for, which one coordinate does not.
+    // Made when first asked for, which steps do not.
     Data& data() {
         if (made == nullptr) made = workspace(model);
         return *made;
@@ -86,26 +84,6 @@ struct RigidBodies::Pinocchio {
 
 RigidBodies::RigidBodies(const Description& d) : pinocchio_(new Pinocchio(d)) {}
 RigidBodies::~RigidBodies() = default;
-
-void RigidBodies::rnea(const double* q, const double* v, const double* a, double* tau) {
-    Pinocchio& p = *pinocchio_;
-    pinocchio::rnea(p.model, p.data(), p.q(q), p.v(v), p.v(a));
-    Eigen::Map<Eigen::VectorXd>(tau, p.model.nv) = p.data().tau;
-}
-
-void RigidBodies::crba(const double* q, double* M) {
-    Pinocchio& p = *pinocchio_;
-    pinocchio::crba(p.model, p.data(), p.q(q), pinocchio::Convention::WORLD);
-    const int n = p.model.nv;
-    for (int i = 0; i < n; ++i)
-        for (int j = i; j < n; ++j) M[i * n + j] = M[j * n + i] = p.data().M(i, j);
-}
-
-void RigidBodies::integrate(const double* q, const double* dv, double* moved) {
-    Pinocchio& p = *pinocchio_;
-    Eigen::Map<Eigen::VectorXd> result(moved, p.model.nq);
-    pinocchio::integrate(p.model, p.q(q), p.v(dv), result);
-}
 
 void RigidBodies::right_hand_side(const double* q, const double* v) {
     Pinocchio& p = *pinocchio_;

@@ -9,6 +9,7 @@ struct Vec {
     double x = 0.0, y = 0.0, z = 0.0;
 
     double operator[](int axis) const { return axis == 0 ? x : axis == 1 ? y : z; }
+    double& operator[](int axis) { return axis == 0 ? x : axis == 1 ? y : z; }
 };
 
 inline Vec operator+(const Vec& a, const Vec& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }

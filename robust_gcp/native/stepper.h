@@ -18,7 +18,10 @@ class alignas(CACHE_LINE) Stepper {
     explicit Stepper(const Description& d)
         : path(d), motion_(d, path), works_(d.works), n_(2 * d.m + d.works),
           independent_(d.m > 0 ? d.independent[0] : 0), independent_q_(d.m > 0 ? d.independent_q[0] : 0),
-          slots_(SLOTS, Point(path.layout)), x_(n_), stage_(n_), sum_(n_), rate_(n_) {}
+          slots_(SLOTS, Point(path.layout)), x_(n_), stage_(n_), sum_(n_), rate_(n_) {
+        for (int k = 0; k < d.m; ++k)
+            if (d.independent_q[k] < 0) on_groups_.push_back(k);
+    }
 
     Path path;
 
@@ -56,6 +59,7 @@ class alignas(CACHE_LINE) Stepper {
             before_x.swap(x_);
             accepted_ = anchor_;
             x_ = sum_;
+            for (int k : on_groups_) accepted_->y()[k] = x_[k] = 0.0;  // a new chart about the point
             on_bridge = bridge_ != nullptr;
             before_ydd.swap(last_ydd);
             last_ydd = motion_.ydd;
@@ -129,6 +133,7 @@ class alignas(CACHE_LINE) Stepper {
     void rate(Point& point, Cells<double>& rate) {
         const int m = path.layout.m;
         std::copy(point.ydot(), point.ydot() + m, rate.begin());
+        path.rate_on_groups(point, rate.data());
         std::copy(motion_.ydd.begin(), motion_.ydd.end(), rate.begin() + m);
         if (works_) rate[2 * m] = motion_.power;
     }
@@ -157,7 +162,7 @@ class alignas(CACHE_LINE) Stepper {
 
     Reason evaluate_regular(const Request& r, double t, Point& point) {
         const double *y = stage_.data(), *ydot = y + path.layout.m;
-        if (Reason reason = path.step(*anchor_, y, ydot, point)) return reason;
+        if (Reason reason = path.step(*anchor_, accepted_->q(), y, ydot, point)) return reason;
         if (!(point.conditioning() >= r.zone)) return ZONE;
         if (r.same_branch && !path.same_branch(*anchor_, point)) return BRANCH;
         anchor_ = &point;
@@ -186,12 +191,9 @@ class alignas(CACHE_LINE) Stepper {
         if (r.energy_out) r.energy_out[row] = motion_.energy(point);
         if (r.work_out && works_) r.work_out[row] = x_[2 * l.m];
         if (!r.a_out) return;
-        const double *G = point.G(), *g = point.g();
-        for (int i = 0; i < l.nv; ++i) {
-            double a = 0.0;
-            for (int j = 0; j < l.m; ++j) a += G[i * l.m + j] * motion_.ydd[j];
-            r.a_out[row * l.nv + i] = a + g[i];
-        }
+        double* a = r.a_out + row * l.nv;
+        path.product(point, motion_.ydd.data(), a);
+        for (int i = 0; i < l.nv; ++i) a[i] += point.g()[i];
     }
 
     void write(double* to, const Point* point, const Cells<double>& x) const {
@@ -202,6 +204,7 @@ class alignas(CACHE_LINE) Stepper {
 
     Motion motion_;
     int works_, n_, independent_, independent_q_;
+    std::vector<int> on_groups_;  // which of y belong to joints on groups
     std::vector<Point> slots_;
     Cells<double> x_, stage_, sum_, rate_;
     Point *anchor_ = nullptr, *accepted_ = nullptr, *before_ = nullptr, *safe_ = nullptr;

@@ -10,6 +10,7 @@ from ..dynamics.equations import Evaluation, Torque, does_work, torque_function
 from ..errors import OptionError
 from ..maps.classical import DIGITS_LOST, ClassicalMap
 from ..maps.cluster.cluster_map import ClusterMap
+from ..maps.grouped import GroupMap
 from ..maps.regular_path import RegularPath
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
@@ -49,24 +50,6 @@ def chosen_library(backend: str, stepper: object, method: str, newton_start: str
     if found is None:
         raise OptionError(f'backend="native": {why}; use backend="auto" or "python"')
     return found
-
-
-def without_groups(chosen: Library | None, mechanism: Mechanism, backend: str) -> Library | None:
-    """The kernel, or None for mechanisms with joints on groups, which it does not know.
-
-    Raises
-    ------
-    OptionError
-        In that case, for backend="native".
-    """
-    if chosen is None or not mechanism.group_joints:
-        return chosen
-    if backend == "native":
-        raise OptionError(
-            f'backend="native": joint {mechanism.group_joints[0].name!r} is independent on a group, '
-            'which the compiled kernel does not know; use backend="auto" or "python"'
-        )
-    return None
 
 
 class NativeSteps:
@@ -114,7 +97,7 @@ class NativeSteps:
 
     def take(
         self,
-        explicit: ClusterMap | ClassicalMap,
+        explicit: ClusterMap | ClassicalMap | GroupMap,
         now: Evaluation,
         x: Array,
         times: Array,
@@ -129,13 +112,15 @@ class NativeSteps:
         wanted : sequence of str
             Outputs besides q and v.
         """
-        if isinstance(explicit, ClusterMap):
-            if not explicit.for_kernel:
+        grouped = isinstance(explicit, GroupMap)
+        followed = explicit.rest if isinstance(explicit, GroupMap) else explicit
+        if isinstance(followed, ClusterMap):
+            bridge, zone, same_branch = followed.table(), followed.options.zone, True
+            if not followed.for_kernel or (grouped and bridge is not None):
                 return None
-            bridge, zone, same_branch = explicit.table(), explicit.options.zone, True
         else:
             bridge, zone, same_branch = None, DIGITS_LOST, False
-        mechanism = explicit.path.mechanism
+        mechanism = explicit.groups.mechanism if isinstance(explicit, GroupMap) else followed.path.mechanism
         workspace = self.prepare(mechanism, explicit.path)
         if workspace is None:
             return None

@@ -13,8 +13,10 @@ from numpy.typing import ArrayLike
 
 from ..dynamics.equations import CheckedTorque, Evaluation
 from ..maps.cluster.table import CurveTable
+from ..maps.grouped import taken_apart
 from ..maps.point import Point
 from ..maps.regular_path import RegularPath
+from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .description import NotNativeError, describe
@@ -92,7 +94,7 @@ class Workspace:
     library : Library
     mechanism : Mechanism
     path : RegularPath
-        Its rows and blocks are taken over.
+        Its rows and blocks are taken over; that of the rest where there are joints on groups.
     torque : callable, array_like (nv,) or None
         A callable is called with shared buffers, in the thread that runs the batch.
     works : bool
@@ -112,7 +114,7 @@ class Workspace:
         torque: CheckedTorque | ArrayLike | None = None,
         works: bool = False,
     ) -> None:
-        self._library, self.path = library, path
+        self._library, self.path, self._groups = library, path, groups_of(mechanism)
         supplied = torque if callable(torque) else None
         self._acts = mechanism.applied is not None or torque is not None
         arrays = describe(mechanism, path, None if callable(torque) else torque, works)
@@ -259,7 +261,7 @@ class Workspace:
         y, ydot, q, G, g, bend, det, rcond, _ = self._slices
         one = np.ones(0)
         looped = bool(self.path.blocks)
-        return Point(
+        point = Point(
             flat[y],
             flat[ydot],
             flat[q],
@@ -270,6 +272,7 @@ class Workspace:
             flat[rcond] if looped else one,
             float(flat[-1]),
         )
+        return point if self._groups is None else taken_apart(self._groups, point)
 
     def _table(self, bridge: CurveTable) -> Arrays:
         """The curve's series and the points where it is left, made once for each curve."""

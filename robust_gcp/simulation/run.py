@@ -19,6 +19,7 @@ from ..maps.classical import ClassicalMap
 from ..maps.cluster.cluster_map import ClusterMap
 from ..maps.cluster.obstacles import ObstacleError
 from ..maps.explicit import Stretch
+from ..maps.grouped import GroupMap
 from ..maps.point import Counters, Point
 from ..mechanism.tree import Array
 from ..native.steps import NativeSteps
@@ -141,7 +142,7 @@ class Run:
         """As many steps after output i, up to output `last`, as the kernel can take."""
         recovery = self._recovery
         explicit, wanted = self._motion.explicit, self._record.wanted
-        assert isinstance(explicit, ClusterMap | ClassicalMap)  # the kernel knows no other map
+        assert isinstance(explicit, ClusterMap | ClassicalMap | GroupMap)  # the kernel knows no other map
         while i < last:
             batch = native.take(explicit, now, self._x, self._times[i : last + 1], wanted)
             if batch is None:

@@ -23,7 +23,7 @@ from ..maps.point import Counters
 from ..maps.projection import PROJECTION_THRESHOLD
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from ..native.steps import BACKENDS, NativeSteps, chosen_library, without_groups
+from ..native.steps import BACKENDS, NativeSteps, chosen_library
 from .coarse import warn_if_coarse
 from .run import Run
 from .stability import StabilityCheck
@@ -154,7 +154,6 @@ def simulate(
     fixed = tableau == "rk4" or isinstance(tableau, Tableau)
     check_choice("backend", backend, BACKENDS)
     kernel = chosen_library(backend, stepper, method, newton_start)
-    kernel = without_groups(kernel, mechanism, backend)
     drives = None
     if drive is not None:
         _check_drive_goes_with(backend, on_toggle)

@@ -17,7 +17,7 @@ from ..maps.explicit import Crossing
 from ..maps.point import Counters
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from ..native.steps import BACKENDS, NativeSteps, chosen_library, without_groups
+from ..native.steps import BACKENDS, NativeSteps, chosen_library
 from .simulate import RECORDS
 from .stepped import HeldTorque, SteppedRun
 from .steppers import rk4_step
@@ -77,7 +77,7 @@ class Simulation:
         self._held = HeldTorque(self._none)
         choice, counters = MapChoice(method), Counters()
         problem = set_out(mechanism, q0, v0, mode, self._held, choice, counters)
-        kernel = without_groups(chosen_library(backend, "rk4", method, "tangent"), mechanism, backend)
+        kernel = chosen_library(backend, "rk4", method, "tangent")
         native = None if kernel is None else NativeSteps(kernel, self._held, backend == "native")
         if native is not None:
             native.prepare(mechanism, problem.start.path)

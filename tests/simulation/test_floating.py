@@ -363,9 +363,3 @@ class TestRefused:
         assert "base" in str(motion)
         with pytest.raises(rg.PartitionError, match="have no coordinates y"):
             _ = motion.y
-
-    def test_the_kernel_names_the_joint(self) -> None:
-        if not rg.backends()["native"].available:
-            pytest.skip("no compiled kernel")
-        with pytest.raises(rg.OptionError, match="'base' is independent on a group"):
-            rg.simulate(floating(pin.JointModelFreeFlyer()), duration=0.1, backend="native")
