@@ -189,7 +189,7 @@ def _beside(
     for cluster in mechanism.clusters:
         space = space_of(mechanism, cluster, q[cluster.iq])
         x = space.x(q[cluster.iq])
-        sigma = np.linalg.svd(space.K(x), compute_uv=False)
+        sigma = space.factors(x)[1]
         if space.nd == 0 or sigma[space.nd - 1] > 10.0 * SINGULAR_START * sigma[0]:
             continue
         own = np.linalg.solve(space.turn(x), tangent[cluster.iv][:, cluster.inputs])

@@ -14,7 +14,7 @@ import numpy as np
 from ...mechanism.tree import Array
 from ..explicit import CrossingKind
 from .hermite_curve import HermiteCurve
-from .jet import Jet, LostError, null_pairing, pencil_roots, places_ahead, solved
+from .jet import Jet, LostError, null_pairing, own_separation, pencil_roots, places_ahead, solved
 from .options import BridgeOptions, NoBridgeError
 from .space import ClusterSpace
 
@@ -269,6 +269,10 @@ class Curve:
             pairs.append(null_pairing(space, P, x, slope, self.C))
         self.corank = [r for r, _ in pairs]
         self.transversality = min(t for _, t in pairs)
+        if self.transversality < options.transversality and len(self.roots) == 1:
+            (root,) = self.roots
+            ends = [(self.through.at(u)[0], u - root) for u in (self.left, self.right)]
+            self.transversality = own_separation(space, P, *self.through.at(root)[:2], self.C, ends)
         if self.transversality < options.transversality:
             words = "the modes part at higher than second order"
             raise NoBridgeError(words, self.closure, self.transversality)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -29,7 +29,7 @@ class LostError(SimulationError):
 
 @dataclass(frozen=True)
 class Svd:
-    """K = U S Vᵀ in full."""
+    """K · balance = U S Vᵀ in full."""
 
     U: Array
     s: Array
@@ -52,7 +52,7 @@ class Jet:
     P : ndarray (nd, rows)
         Combinations of the rows of φ that determine the dependent velocities hereabouts.
     sigma : float
-        Smallest of K's nd leading singular values; 0 on a bridge.
+        Smallest of the nd leading singular values of K · balance; 0 on a bridge.
     svd : Svd or None
         None on a bridge.
     """
@@ -136,7 +136,7 @@ class Jet:
             if not len(mu):
                 return far
             return float(np.abs(mu).min() * np.linalg.norm(self.J[:, 0])), np.ones(1)
-        u, v = svd.U[:, space.nd - 1], svd.Vt[space.nd - 1]
+        u, v = svd.U[:, space.nd - 1], space.balance * svd.Vt[space.nd - 1]
         gradient = (u @ space.second(self.x, v)) @ self.J  # of σ_min by y
         way = np.linalg.solve(self.J.T @ self.J, gradient)  # steepest by arc length
         rate = float(np.sqrt(max(float(gradient @ way), 0.0)))
@@ -147,7 +147,7 @@ class Jet:
         if svd is None or space.nd == 0:
             return np.inf, np.zeros(space.nv)
         u = svd.U[:, space.nd - 1]
-        rows = np.array([u @ space.second(self.x, w) for w in svd.Vt[space.nd - 1 :]])
+        rows = np.array([u @ space.second(self.x, w) for w in space.balance * svd.Vt[space.nd - 1 :]])
         target = np.zeros(len(rows))
         target[0] = -svd.s[space.nd - 1]
         dx = np.linalg.lstsq(rows, target, rcond=1e-8)[0]
@@ -157,10 +157,10 @@ class Jet:
 def jet(space: ClusterSpace, x: Array, C: Array) -> Jet:
     """The jet at a closed x where K is regular: B = [P K; Cᵀ], J = B⁻¹ [0; I], Γ = −B⁻¹ [P φ''[J, J]; 0]."""
     nd, m = space.nd, space.m
-    U, s, Vt = np.linalg.svd(space.K(x))
+    U, s, Vt = space.factors(x)
     P = U[:, :nd].T
-    B = np.vstack([s[:nd, None] * Vt[:nd], C.T])
-    inverse = np.linalg.inv(B)
+    B = np.vstack([s[:nd, None] * Vt[:nd], C.T * space.balance])
+    inverse = space.balance[:, None] * np.linalg.inv(B)
     J = inverse[:, nd:]
     bend = np.zeros((m, m, space.nv))
     for i in range(m):
@@ -188,11 +188,11 @@ def solve(space: ClusterSpace, x: Array, C: Array, y: Array, P: Array) -> tuple[
         except np.linalg.LinAlgError as singular:
             raise LostError("K is singular on the way") from singular
         x = x - dx
-        size = float(np.abs(dx).max(initial=0.0))
+        if iteration == 0:
+            first = float(np.abs(dx).max(initial=0.0))
+        size = float(np.abs(dx / space.balance).max(initial=0.0))  # rounding of φ turns short links far
         if not size < 1e3:
             break
-        if iteration == 0:
-            first = size
         if size < CONVERGED or (size < STAGNANT and size > 0.3 * last):
             return x, first
         last = size
@@ -214,13 +214,20 @@ def pencil_roots(space: ClusterSpace, P: Array, x: Array, way: Array, C: Array) 
     """
     from scipy.linalg import eig
 
-    nd = space.nd
-    B = np.vstack([P @ space.K(x), C.T])
-    rate = np.zeros_like(B)
-    rate[:nd] = P @ space.second(x, way)
+    B, rate = _pencil(space, P, x, way, C)
     alpha, beta = eig(B, -rate, right=False, homogeneous_eigvals=True)
     finite = np.abs(beta) > 1e-9 * np.abs(alpha) + 1e-300
     return np.asarray(alpha[finite] / beta[finite])
+
+
+def _pencil(space: ClusterSpace, P: Array, x: Array, way: Array, C: Array) -> tuple[Array, Array]:
+    """B and B' along `way`, columns balanced: [P K; Cᵀ] and [P φ''[way]; 0]."""
+    chart = C.T * space.balance
+    chart = chart / np.maximum(1.0, np.linalg.norm(chart, axis=1))[:, None]
+    B = np.vstack([(P @ space.K(x)) * space.balance, chart])
+    rate = np.zeros_like(B)
+    rate[: space.nd] = (P @ space.second(x, way)) * space.balance
+    return B, rate
 
 
 def null_pairing(space: ClusterSpace, P: Array, x: Array, way: Array, C: Array) -> tuple[int, float]:
@@ -229,17 +236,42 @@ def null_pairing(space: ClusterSpace, P: Array, x: Array, way: Array, C: Array) 
     U_rᵀ B' V_r on the r null vectors is regular where the modes part at second order; returned is its
     smallest singular value against |φ''| and |way|; 1 where nothing is singular.
     """
-    nd = space.nd
-    B = np.vstack([P @ space.K(x), C.T])
+    B, rate = _pencil(space, P, x, way, C)
     U, s, Vt = np.linalg.svd(B)
     r = int(np.sum(s < 1e-6))
     if r == 0:
         return 0, 1.0
-    rate = np.zeros_like(B)
-    rate[:nd] = P @ space.second(x, way)
     pairing = U[:, -r:].T @ rate @ Vt[-r:].T
     smallest = np.linalg.svd(pairing, compute_uv=False)[-1]
     return r, float(smallest / (space.phi_size * np.linalg.norm(way)))
+
+
+def own_separation(
+    space: ClusterSpace, P: Array, x: Array, way: Array, C: Array, beside: Sequence[tuple[Array, float]]
+) -> float:
+    """Transversality at a singular x of a mode, against the second-order form there instead of all of φ''.
+
+    Between links of very different lengths the form that parts the modes is small, and parts them well. It
+    counts if σ_min of [P K; Cᵀ] grows along the mode as the form says it does.
+
+    Parameters
+    ----------
+    beside : sequence of (ndarray (nv,), float)
+        Other points of the mode, and by how much the parameter of `way` differs there.
+    """
+    B, rate = _pencil(space, P, x, way, C)
+    U, s, Vt = np.linalg.svd(B)
+    r = max(1, int(np.sum(s < 1e-6)))
+    left, V = U[: space.nd, -r:], Vt[-r:] * space.balance
+    pairing = U[:, -r:].T @ rate @ Vt[-r:].T
+    smallest = float(np.linalg.svd(pairing, compute_uv=False)[-1])
+    for near, distance in beside:
+        grown = np.linalg.svd(_pencil(space, P, near, way, C)[0], compute_uv=False)[-1]
+        if not 0.3 * grown < smallest * abs(distance) < 3.0 * grown:
+            return 0.0
+    form = max(float(np.abs(left.T @ P @ space.second(x, v) @ V.T).max()) for v in V)
+    length = float(np.linalg.norm(way / space.balance))
+    return smallest / max(form * length, float(np.abs(pairing).max()))
 
 
 def places_ahead(anchor: Jet, within: float, together: float) -> tuple[float, float] | None:

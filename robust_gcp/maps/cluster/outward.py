@@ -68,7 +68,7 @@ def _way(space: ClusterSpace, x: Array, T: Array) -> Array:
     m = T.shape[1]
     if m == 1:
         return np.ones(1)
-    P = np.linalg.svd(space.K(x + 1e-3 * T @ np.ones(m)))[0][:, : space.nd].T
+    P = space.factors(x + 1e-3 * T @ np.ones(m))[0][:, : space.nd].T
     rng = np.random.default_rng(7)
     tried = rng.normal(size=(40, m))
     tried = np.vstack([np.eye(m), tried / np.linalg.norm(tried, axis=1)[:, None]])
@@ -79,7 +79,7 @@ def _way(space: ClusterSpace, x: Array, T: Array) -> Array:
 def _outward(space: ClusterSpace, x: Array, T: Array, way: Array, step: float, reach: float) -> Jet:
     """A solved point of the mode at least `reach` from the singular set, or as far as can be had."""
     guess = x + step * (T @ way)
-    P = np.linalg.svd(space.K(guess))[0][:, : space.nd].T
+    P = space.factors(guess)[0][:, : space.nd].T
     closed, _ = solve(space, guess, T, T.T @ x + step * way, P)
     if float(np.linalg.norm(closed - guess)) > OFF * step:
         raise LostError("Newton leaves the tangent")

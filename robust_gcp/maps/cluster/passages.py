@@ -140,7 +140,7 @@ def _on_patch(
                 _, x, P = roots(t)
                 q = between(before, after, stretch, t, mechanism)
                 q[cluster.iq] = space.q(x)
-                sigma = np.linalg.svd(P @ space.K(x), compute_uv=False)
+                sigma = np.linalg.svd((P @ space.K(x)) * space.balance, compute_uv=False)
                 corank = max(1, int(np.sum(sigma[: space.nd] < 1e-6)))
                 certificate = patch.kind, patch.closure, patch.transversality
                 found.append(_passage(q, t, certificate, cluster, corank, mechanism))

@@ -56,6 +56,7 @@ def place(near: Jet, iterations: int = 15) -> Place:
     Square where the place is isolated, least norm along a surface of such places.
     """
     space, x = near.space, near.x
+    balance = space.balance
     nd, size = space.nd, np.inf
     for _ in range(iterations):
         phi, K = space.linear(x)
@@ -63,8 +64,10 @@ def place(near: Jet, iterations: int = 15) -> Place:
         u, N = U[:, nd - 1], Vt[nd - 1 :]
         bending = np.array([u @ space.second(x, w) for w in N])
         residual = np.concatenate([U[:, : nd - 1].T @ phi, N @ (K.T @ u)])
-        rows = np.vstack([s[: nd - 1, None] * Vt[: nd - 1], bending])
-        dx = -np.linalg.lstsq(rows, residual, rcond=1e-6)[0]
+        rows = np.vstack([s[: nd - 1, None] * Vt[: nd - 1], bending]) * balance
+        sizes = np.abs(rows).max(axis=1)  # some are small between links of very different lengths
+        weights = 1.0 / np.where(sizes > 1e-12, sizes, 1.0)
+        dx = -balance * np.linalg.lstsq(weights[:, None] * rows, weights * residual, rcond=1e-6)[0]
         size = float(np.linalg.norm(dx))
         x = x + dx * min(1.0, 0.5 / size if size > 0.0 else 1.0)
         if size < 1e-14:

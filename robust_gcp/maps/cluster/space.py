@@ -8,8 +8,10 @@ from numpy.typing import NDArray
 from ...mechanism.clusters import LoopCluster
 from ...mechanism.constraint import ImplicitConstraint
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.partition import numerical_rank
 from ...mechanism.tree import Array
+
+WIDEST = 10.0
+"""Largest unit of a joint, in radians or characteristic lengths: K changes with the angle of any joint."""
 
 RATE_STEP = 1e-2
 """Step of the eighth-order difference of the exponential map's rate: it errs by rounding."""
@@ -34,7 +36,10 @@ class ClusterSpace:
     nv, nd, m, rows : int
         Velocities, dependent velocities, mobility, rows of φ.
     D : ndarray (nv,)
-        Columns' units (`ClosedLoops.column_scale`).
+        Joints' units: `ClosedLoops.column_scale`, but no more than `WIDEST`. A link that is much shorter than
+        others hardly moves them, and yet its own pose, on which K depends, changes with its angle.
+    balance : ndarray (nv,)
+        column_scale / D, 1 but for very short links: K · balance has columns of size one.
     """
 
     def __init__(self, cluster: LoopCluster, reference: Array) -> None:
@@ -45,7 +50,8 @@ class ClusterSpace:
         self.nv, self.m = self.tree.nv, cluster.m
         self.nd = self.nv - self.m
         self.rows = self.loops.nc
-        self.D = self.loops.column_scale
+        self.D = np.minimum(self.loops.column_scale, WIDEST * self.loops.units)
+        self.balance = self.loops.column_scale / self.D
         self.implicit = self.loops.memo.once("dimensionless constraint", self._scaled)
         self.phi_size = self.loops.memo.once("size of the second derivative", self._curvature)
 
@@ -56,13 +62,14 @@ class ClusterSpace:
     def _scaled(self) -> ImplicitConstraint:
         loops = self.loops
         rows, scale = loops.implicit.rows, loops.row_scale
-        return ImplicitConstraint(self.tree, loops.closures, rows, scale, loops.column_scale)
+        return ImplicitConstraint(self.tree, loops.closures, rows, scale, self.D)
 
     def _curvature(self) -> float:
-        """Largest entry of φ'' at generic configurations: what a second-order form is compared with."""
+        """Largest entry of φ'', balanced, at generic configurations: what forms are compared with."""
         sizes = [0.0]
         for q in self.loops.generic_configurations()[:2]:
-            sizes += [float(np.abs(self._rate(q, self.D * e)).max(initial=0.0)) for e in np.eye(self.nv)]
+            rates = [self._rate(q, self.D * e) * self.balance for e in np.eye(self.nv)]
+            sizes += [float(np.abs(rate).max(initial=0.0)) for rate in rates]
         return max(sizes) or 1.0
 
     # ----------------------------------------------------------------- coordinates
@@ -135,9 +142,10 @@ class ClusterSpace:
         self.implicit.jacobian()
         return self.implicit.jacobian_rate(v)
 
-    def rank(self, x: Array, tolerance: float = 1e-8) -> int:
-        """Numerical rank of K at x."""
-        return numerical_rank(np.linalg.svd(self.K(x), compute_uv=False), tolerance)
+    def factors(self, x: Array) -> tuple[Array, Array, Array]:
+        """U, s and Vᵀ of K · balance."""
+        U, s, Vt = np.linalg.svd(self.K(x) * self.balance)
+        return U, s, Vt
 
 
 def space_of(mechanism: Mechanism, cluster: LoopCluster, q: Array) -> ClusterSpace:
