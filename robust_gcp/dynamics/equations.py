@@ -13,7 +13,6 @@ from ..checks import check_mechanism, real_array, require_finite, shown
 from ..errors import NonFiniteError, OptionError
 from ..maps.classical import SingularityWarning
 from ..maps.explicit import ExplicitMap
-from ..maps.grouped import GroupMap
 from ..maps.point import Point
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.partition import numerical_rank
@@ -64,8 +63,8 @@ class Evaluation:
 class EquationsOfMotion:
     """ÿ = (Gᵀ M G)⁻¹ Gᵀ (τ − C − M g), Eq. (3).
 
-    The state is x = (y, ẏ) or, where torques, dampers or drives do work, (y, ẏ, W). Of joints on groups y
-    holds w in the map's chart, and velocities u in place of ẏ: ẇ = dexp⁻¹(w) u.
+    The state is x = (y, ẏ) or, where torques, dampers or drives do work, (y, ẏ, W). Of joints in
+    charts y holds w, and velocities u in place of ẏ: ẇ = dexp⁻¹(w) u.
 
     Parameters
     ----------
@@ -119,8 +118,7 @@ class EquationsOfMotion:
     def derivative(self, evaluation: Evaluation) -> Array:
         """ẋ from an evaluation."""
         rate = np.empty(2 * self.m + self.works)
-        explicit, point = self.explicit, evaluation.point
-        rate[self._y] = explicit.rate(point) if isinstance(explicit, GroupMap) else point.ydot
+        rate[self._y] = self.explicit.rate(evaluation.point)
         rate[self._ydot] = evaluation.ydd
         if self.works:
             rate[-1] = evaluation.power

@@ -20,7 +20,6 @@ from numpy.typing import ArrayLike, NDArray
 from ..checks import check_finite, check_mechanism
 from ..errors import NonFiniteError
 from ..maps.choice import MapChoice
-from ..maps.grouped import GroupMap
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .differences import FORWARD, differences
@@ -89,8 +88,8 @@ class ReducedJacobian:
     def __call__(self, t: float, x: Array) -> Array:
         """(n, n) for a state of n numbers."""
         m = self._equations.m
-        # on groups ẏ depends on y too
-        known = 0 if isinstance(self._equations.explicit, GroupMap) else m
+        # in charts ẏ depends on y too
+        known = m if len(self._equations.mechanism.numbers) == m else 0
         rest = x[2 * m :]
 
         def rate(state: Array) -> Array:

@@ -55,7 +55,9 @@ class ClassicalMap(Unaware):
         """
         if self.newton_start == "previous":
             # beside a crossing the last q_d is a poor guess: Newton wanders before it contracts
-            point = self.path.settle(self.anchor.q.copy(), y, ydot, contracting=False)
+            point = self.path.settle(
+                self.anchor.q.copy(), y, ydot, contracting=False, origin=self.anchor.origin
+            )
         else:
             point = self.path.step(self.anchor, y, ydot)
         if point is None or not np.all(np.isfinite(point.g)):

@@ -120,8 +120,46 @@ class ExplicitMap(Protocol):
         """What was computed so far."""
         ...
 
+    def rate(self, point: Point) -> Array:
+        """ẏ at a point; `point.ydot` where y are numbers in q."""
+        ...
 
-class Unaware:
+    def renewed(self, point: Point) -> Point:
+        """The same point as the origin of a new chart, which is taken; itself where y are numbers in q."""
+        ...
+
+    def outgrown(self, point: Point) -> bool:
+        """Whether the chart ought to be renewed at a point."""
+        ...
+
+
+OUTGROWN = 1.0
+"""|w| in a chart, rad or m, beyond which it is renewed: dexp⁻¹ is singular at a whole turn."""
+
+
+class Charted:
+    """The part of a map that its regular path answers for: charts of joints in loops."""
+
+    path: RegularPath
+    anchor: Point
+
+    def rate(self, point: Point) -> Array:
+        """See `ExplicitMap.rate`."""
+        return self.path.rate(point)
+
+    def renewed(self, point: Point) -> Point:
+        """See `ExplicitMap.renewed`."""
+        new = self.path.renewed(point)
+        if new is not point:
+            self.anchor = new
+        return new
+
+    def outgrown(self, point: Point) -> bool:
+        """See `ExplicitMap.outgrown`."""
+        return self.path.away(point) > OUTGROWN
+
+
+class Unaware(Charted):
     """The part of a map that does not know of singular surfaces: none is met, none passed."""
 
     path: RegularPath

@@ -10,12 +10,9 @@ from ..mechanism.groups import Groups
 from ..mechanism.tree import Array
 from .classical import ClassicalMap
 from .cluster.cluster_map import ClusterMap
-from .explicit import ExplicitMap, Passage, Stretch
+from .explicit import OUTGROWN, ExplicitMap, Passage, Stretch
 from .point import Counters, Point
 from .regular_path import RegularPath
-
-OUTGROWN = 1.0
-"""|w| in a chart, rad or m, beyond which it is renewed: dexp⁻¹ is singular at a whole turn."""
 
 
 @dataclass(slots=True)
@@ -29,12 +26,9 @@ class GroupPoint(Point):
     ----------
     rest : Point
         Of the mechanism without the joints on groups.
-    origin : ndarray
-        Their numbers in q at w = 0.
     """
 
     rest: Point = field(kw_only=True)
-    origin: Array = field(kw_only=True)
 
 
 class GroupMap:
@@ -90,7 +84,7 @@ class GroupMap:
         """The point at y in the present chart, with velocities u = ydot."""
         own = self.groups.rest_inputs
         rest = self.rest.at(y[own], ydot[own])
-        self._anchor = joined(self.groups, rest, self._anchor.origin, y, ydot)
+        self._anchor = joined(self.groups, rest, _origin(self._anchor), y, ydot)
         return self._anchor
 
     def passed(self, before: Point, after: Point, stretch: Stretch) -> list[Passage]:
@@ -100,18 +94,21 @@ class GroupMap:
         return self.rest.passed(before.rest, after.rest, stretch)
 
     def rate(self, point: Point) -> Array:
-        """ẏ at a point: u for numbers in q, dexp⁻¹(w) u on groups."""
+        """ẏ at a point: that of the rest, and dexp⁻¹(w) u on groups."""
         assert isinstance(point, GroupPoint)
-        inputs, rate = self.groups.inputs, point.ydot.copy()
-        rate[inputs] = self.groups.rate(point.origin, point.y[inputs], point.ydot[inputs])
+        groups, rate = self.groups, point.ydot.copy()
+        rate[groups.rest_inputs] = self.rest.rate(point.rest)
+        w, u = point.y[groups.inputs], point.ydot[groups.inputs]
+        rate[groups.inputs] = groups.rate(_origin(point), w, u)
         return rate
 
     def renewed(self, point: Point) -> GroupPoint:
         """The same point as the origin of a new chart, which is taken."""
         assert isinstance(point, GroupPoint)
-        y = point.y.copy()
-        y[self.groups.inputs] = 0.0
-        self.anchor = self._anchor = replace(point, y=y, origin=point.q[self.groups.iq].copy())
+        groups, rest = self.groups, self.rest.renewed(point.rest)
+        y = np.zeros_like(point.y)
+        y[groups.rest_inputs] = rest.y
+        self.anchor = self._anchor = replace(point, y=y, origin=point.q[groups.iq].copy(), rest=rest)
         return self._anchor
 
     def resume(self, anchor: Point, on_bridge: bool) -> None:
@@ -121,16 +118,18 @@ class GroupMap:
         self._anchor = anchor
         self.rest.resume(anchor.rest, on_bridge)
 
-    def outgrown(self, y: Array) -> bool:
-        """Whether the chart ought to be renewed at y."""
-        return bool(np.abs(y[self.groups.inputs]).max(initial=0.0) > OUTGROWN)
+    def outgrown(self, point: Point) -> bool:
+        """Whether the chart ought to be renewed at a point."""
+        assert isinstance(point, GroupPoint)
+        w = point.y[self.groups.inputs]
+        return bool(np.abs(w).max(initial=0.0) > OUTGROWN) or self.rest.outgrown(point.rest)
 
     def whole(self, rest: Array, y: Array) -> Array:
         """q of the whole from that of the rest and y in the present chart."""
         groups = self.groups
         q = np.empty(groups.mechanism.nq)
         q[groups.rest_iq] = rest
-        q[groups.iq] = groups.place(self._anchor.origin, y[groups.inputs])
+        q[groups.iq] = groups.place(_origin(self._anchor), y[groups.inputs])
         return q
 
 
@@ -161,3 +160,8 @@ def taken_apart(groups: Groups, point: Point) -> GroupPoint:
         point.y, point.ydot, point.q, point.G, point.g, None, point.det, point.rcond,
         point.conditioning, rest=rest, origin=point.q[groups.iq],
     )  # fmt: skip
+
+
+def _origin(point: GroupPoint) -> Array:
+    assert point.origin is not None
+    return point.origin

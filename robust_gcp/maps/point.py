@@ -31,6 +31,9 @@ class Point:
         Length of the predicted step, dimensionless.
     turn : float
         Largest rotation in the predicted step, rad, or slide in characteristic lengths.
+    origin : ndarray or None
+        Where y holds w of joints in a chart, q = origin ⊕ w: their numbers in q at w = 0. Their ẏ are
+        velocities in their own axes, u, and ẇ is `ExplicitMap.rate`.
     """
 
     y: Array
@@ -45,6 +48,7 @@ class Point:
     correction: float = 0.0
     distance: float = 0.0
     turn: float = 0.0
+    origin: Array | None = None
 
 
 @dataclass(slots=True)

@@ -7,7 +7,7 @@ import numpy as np
 from ..errors import BranchError, NonFiniteError
 from ..mechanism.partition import numerical_rank
 from ..mechanism.tree import Array
-from .explicit import Passage, Stretch, sign_changes
+from .explicit import Charted, Passage, Stretch, sign_changes
 from .point import Counters, Point
 from .regular_path import RegularPath
 
@@ -18,7 +18,7 @@ At distance δ from a crossing classical GCP loses ε/δ³ of g and the projecti
 order of δ on a curved mode; 1e-3 keeps the loss near 1e-7 of g for a step or two."""
 
 
-class ProjectionMap:
+class ProjectionMap(Charted):
     """Classical GCP with G from the kernel of K beside singular configurations, Eq. (7).
 
     With N an orthonormal basis of ker K (rank by relative singular values) and G⁻ the map's last G,

@@ -72,11 +72,12 @@ class RegularPath:
         self.rows = rows
         self.dependent = mechanism.iv_dependent
         self.independent = mechanism.iv_independent
-        self.iq = mechanism.iq_independent
+        self.iq, self.numbers = mechanism.iq_numbers, mechanism.numbers
         self.m, self.nd = mechanism.m, len(self.dependent)
         self._column_scale = mechanism.column_scale[self.dependent]
         scale = np.ones(mechanism.nv)
         scale[self.dependent] = self._column_scale
+        self._scale = scale
         self.implicit = ImplicitConstraint(
             self.tree,
             mechanism.closures,
@@ -157,13 +158,15 @@ class RegularPath:
         K = self._constraint(q)[1] if self.nd else np.zeros((0, self.tree.nv))
         return Closed(q, K, 0.0, self.tree.placed)
 
-    def close(self, q: Array, contracting: bool = True) -> Closed | None:
+    def close(self, q: Array, contracting: bool = True, origin: Array | None = None) -> Closed | None:
         """Newton on the dependent joints from q (overwritten).
 
         Parameters
         ----------
         contracting : bool
             Give up as soon as a step is not half of the one before: from a good prediction it is.
+        origin : ndarray, optional
+            Of the chart that y is kept in; see `Point`.
 
         Returns
         -------
@@ -181,7 +184,7 @@ class RegularPath:
                 return Closed(q, K, correction, self.tree.placed)
             if not np.isfinite(size):
                 return None
-            self.factor.factor(K)
+            self.factor.factor(self._turned(q, K, origin))
             u = self.factor.solve(phi)
             step = float(np.abs(u).max())
             if iteration == 0:
@@ -189,7 +192,7 @@ class RegularPath:
             elif contracting and not step <= 0.5 * last_step and size > STAGNANT:
                 return None
             last_size, last_step = size, step
-            q = self._move(q, -u * self._column_scale)
+            q = self._move(q, -u * self._column_scale, origin)
             self.counters.newton_iterations += 1
         return None
 
@@ -238,16 +241,37 @@ class RegularPath:
             place[self.iq] = y
             return self.derivatives(self.closed_at(place), y, ydot)
         q, dv = self.predict(anchor, y)
-        point = self.settle(q, y, ydot)
+        point = self.settle(q, y, ydot, origin=anchor.origin)
         if point is not None and point.correction > 0.0:
             point.distance, point.turn = self.size(dv), self.turn(dv)
         return point
 
-    def settle(self, q: Array, y: Array, ydot: Array, contracting: bool = True) -> Point | None:
-        """The point at y that Newton finds from the guess q (overwritten), or None when it is lost."""
+    def settle(
+        self, q: Array, y: Array, ydot: Array, contracting: bool = True, origin: Array | None = None
+    ) -> Point | None:
+        """The point at y that Newton finds from the guess q (overwritten), or None when it is lost.
+
+        `origin` is that of the chart that y is in; see `Point`.
+        """
         q[self.iq] = y
         closed = self.close(q, contracting)
         return None if closed is None else self.derivatives(closed, y, ydot)
+
+    def rate(self, point: Point) -> Array:
+        """ẏ at a point, which differs from its independent velocities in charts alone."""
+        return point.ydot
+
+    def renewed(self, point: Point) -> Point:
+        """The same point as the origin of a new chart; itself where y are numbers in q."""
+        return point
+
+    def away(self, point: Point) -> float:
+        """Largest entry of w at a point, rad or m: how far it is from the origin of its chart."""
+        return 0.0
+
+    def _turned(self, q: Array, K: Array, origin: Array | None) -> Array:
+        """K by what Newton moves: the joints' velocities."""
+        return K
 
     def _constraint(self, q: Array) -> tuple[Array, Array]:
         """φ and K of the selected rows, dimensionless; K is a new array."""
@@ -259,7 +283,7 @@ class RegularPath:
         self.tree.rnea(q, v, self.tree.zero)
         return self._column_scale * self.factor.solve(self.implicit.bias())
 
-    def _move(self, q: Array, dv_dependent: Array) -> Array:
+    def _move(self, q: Array, dv_dependent: Array, origin: Array | None) -> Array:
         if self.tree.vector_space:
             q[self.dependent] += dv_dependent
             return q

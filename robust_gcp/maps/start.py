@@ -102,7 +102,7 @@ def begin(
     require_finite_energy(mechanism, v)
     require_compatible(mechanism, q, v)
     ydot = v[mechanism.iv_independent]
-    y = q[mechanism.iq_independent]
+    y = mechanism.y_about(q)
     path = regular_path(mechanism, mechanism.select_rows(mechanism.K(q)), counters)
     if path.nd == 0 or path.worst_conditioning(q) > SINGULAR_START:
         point = path.derivatives(path.closed_at(q), y, ydot)
@@ -130,7 +130,7 @@ def begin(
     require_velocity_in_mode(mechanism, v, G)
     blocks = np.zeros(len(path.blocks))
     curvature = np.zeros(mechanism.nv) if mechanism.m == 1 else None
-    point = Point(y, ydot, q, G, np.zeros(mechanism.nv), curvature, blocks, blocks, 0.0)
+    point = path.renewed(Point(y, ydot, q, G, np.zeros(mechanism.nv), curvature, blocks, blocks, 0.0))
     trackers = _beside(mechanism, q, G, options, counters)
     return Start(path, ClusterMap(path, point, options, trackers=trackers).at(y, ydot), ydot, trackers)
 
@@ -157,7 +157,7 @@ def _pick(mechanism: Mechanism, picture: LocalAnalysis, v: Array, mode: ArrayLik
     )
     raise SingularStartError(
         f"{len(bases)} modes meet at q0 and {why}: choose one with mode=..., of {listed}",
-        picture.q[mechanism.iq_independent],
+        picture.q[mechanism.iq_numbers],
     )
 
 

@@ -19,6 +19,7 @@ from ..mechanism.closures import PointClosure
 from ..mechanism.joints import JointKind
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from .charted_path import ChartedPath
 from .point import Counters, Point
 from .regular_path import RegularPath
 from .unrolled_source import Generator
@@ -71,7 +72,9 @@ class UnrolledPath(RegularPath):
             point.distance, point.turn = distance, turn
         return point
 
-    def settle(self, q: Array, y: Array, ydot: Array, contracting: bool = True) -> Point | None:
+    def settle(
+        self, q: Array, y: Array, ydot: Array, contracting: bool = True, origin: Array | None = None
+    ) -> Point | None:
         """See `RegularPath.settle`."""
         q[self.iq] = y
         return self._solved(q.tolist(), y, ydot, contracting)
@@ -96,6 +99,8 @@ def regular_path(
     mechanism: Mechanism, rows: NDArray[np.int64], counters: Counters | None = None
 ) -> RegularPath:
     """The fastest regular path for this mechanism: unrolled where it is small and simple enough."""
+    if mechanism.chart_joints:
+        return ChartedPath(mechanism, rows, counters)
     key = ("can be unrolled", *rows.tolist())
     simple = mechanism.memo.once(key, lambda: can_unroll(RegularPath(mechanism, rows)))
     return (UnrolledPath if simple else RegularPath)(mechanism, rows, counters)

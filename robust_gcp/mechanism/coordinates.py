@@ -64,10 +64,38 @@ class Coordinates(ClosedLoops):
         )
 
     @cached_property
+    def chart_joints(self) -> tuple[Joint, ...]:
+        """Joints in loops with independent velocities that are no rates of numbers in q.
+
+        Such as the ball of a rod that spins idly: one velocity is independent, two are dependent.
+        """
+        chosen = set(self.iv_independent.tolist())
+        free = {joint.name for joint in self.group_joints}
+        return tuple(
+            joint
+            for joint in self.joints
+            if not joint.flat
+            and not chosen.isdisjoint(range(*joint.v.indices(self.nv)))
+            and joint.name not in free
+        )
+
+    @cached_property
+    def numbers(self) -> NDArray[np.int64]:
+        """Positions of those of y that are numbers in q: all but those of `group_joints`, `chart_joints`."""
+        return np.array(
+            [k for k, i in enumerate(self.iv_independent) if self.joint_at(int(i)).flat], dtype=int
+        )
+
+    @cached_property
     def iq_numbers(self) -> NDArray[np.int64]:
-        """Where those of y are in q that are numbers in q: all but those of `group_joints`."""
-        on_groups = {joint.name for joint in self.group_joints}
-        return self._in_q([i for i in self.iv_independent if self.joint_at(int(i)).name not in on_groups])
+        """Where these are in q."""
+        return self._in_q(self.iv_independent[self.numbers])
+
+    def y_about(self, q: Array) -> Array:
+        """y at q, (m,); 0 for those that are no numbers in q, whose charts are about q."""
+        y = np.zeros(self.m)
+        y[self.numbers] = q[self.iq_numbers]
+        return y
 
     @cached_property
     def iq_independent(self) -> NDArray[np.int64]:
@@ -88,9 +116,7 @@ class Coordinates(ClosedLoops):
             raise PartitionError(
                 f"the independent velocities {', '.join(self.independent)} of {self.name!r} are not all "
                 f"rates of numbers in q: those of joint {lost[0].name!r} ({lost[0].type}) are velocities on "
-                "a group and have no coordinates y; read q and v instead. A run takes such a joint where all "
-                "its velocities are independent and it is in no loop; of others choose joints with one "
-                "number each"
+                "a group and have no coordinates y; read q and v instead"
             )
         places = zip(owners, iv, strict=True)
         return np.array([joint.idx_q + i - joint.idx_v for joint, i in places], dtype=np.int64)

@@ -8,18 +8,18 @@ from math import factorial
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from .closures import frame_of
 from .columns import with_simple_joints
 from .couplings import CouplingClosure
+from .joint_charts import JointCharts, places
 from .joints import joints_of
 from .mechanism import Mechanism
 from .motions import motion_cross
 from .tree import Array
 
 
-class Groups:
+class Groups(JointCharts):
     """A mechanism taken apart: its joints on groups, which no loop ties, and the rest with these held.
 
     A closure is expressed in the frame of the lowest common ancestor of its bodies, so q = γ(y), G and g of
@@ -46,16 +46,12 @@ class Groups:
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
-        model, joints = mechanism.model, mechanism.group_joints
+        joints = mechanism.group_joints
         names = {joint.name for joint in joints}
-        self.model = pin.Model()
-        for joint in joints:
-            self.model.addJoint(0, model.joints[joint.index], pin.SE3.Identity(), joint.name)
-        self.iq = _places([(j.idx_q, j.nq) for j in joints])
-        self.iv = _places([(j.idx_v, j.nv) for j in joints])
+        super().__init__(mechanism.model, joints)
         others = [joint for joint in mechanism.joints if joint.name not in names]
-        self.rest_iq = _places([(j.idx_q, j.nq) for j in others])
-        self.rest_iv = _places([(j.idx_v, j.nv) for j in others])
+        self.rest_iq = places([(j.idx_q, j.nq) for j in others])
+        self.rest_iv = places([(j.idx_v, j.nv) for j in others])
         position = {int(i): k for k, i in enumerate(mechanism.iv_independent)}
         self.inputs = np.array([position[int(i)] for i in self.iv], dtype=np.int64)
         self.rest_inputs = np.setdiff1d(np.arange(mechanism.m), self.inputs)
@@ -71,20 +67,6 @@ class Groups:
     def names(self) -> tuple[str, ...]:
         """The joints on groups."""
         return tuple(joint.name for joint in self.mechanism.group_joints)
-
-    def place(self, origin: Array, w: Array) -> Array:
-        """origin ⊕ w, the numbers in q of the joints on groups after the motion w of constant velocity."""
-        return np.asarray(pin.integrate(self.model, origin, w))
-
-    def rate(self, origin: Array, w: Array, u: Array) -> Array:
-        """ẇ for which origin ⊕ w moves with the velocity u in its own axes: dexp⁻¹(w) u.
-
-        Source: Iserles, Munthe-Kaas, Nørsett, Zanna, Lie-group methods, Acta Numerica 9, 2000, section 3.
-        """
-        if not np.any(w):
-            return u
-        D = pin.dIntegrate(self.model, origin, w, pin.ArgumentPosition.ARG1)
-        return np.asarray(np.linalg.solve(D, u))
 
     def place_slopes(self, origin: Array, w: Array) -> tuple[Array, Array]:
         """∂(origin ⊕ w) by origin and by w, (n, n) each, all in the joints' own axes."""
@@ -162,7 +144,3 @@ def _held(mechanism: Mechanism, held: set[int]) -> pin.Model:
         parent, on = carried[frame.parentJoint]
         part.addFrame(pin.Frame(name, parent, on * frame.placement, pin.FrameType.OP_FRAME))
     return part
-
-
-def _places(spans: list[tuple[int, int]]) -> NDArray[np.int64]:
-    return np.array([i for first, count in spans for i in range(first, first + count)], dtype=np.int64)

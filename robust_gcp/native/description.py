@@ -47,6 +47,8 @@ def describe(mechanism: Mechanism, path: RegularPath, constant: ArrayLike | None
 def _described(mechanism: Mechanism, path: RegularPath, constant: ArrayLike | None, works: bool) -> Arrays:
     if mechanism.m == 0:
         raise NotNativeError("the mechanism has no degree of freedom")
+    if mechanism.chart_joints:
+        raise NotNativeError(f"joint {mechanism.chart_joints[0].name!r} is independent on a group, in a loop")
     if mechanism.m > 1 and workspace_bytes(mechanism.model) > memory_left():
         needed = workspace_bytes(mechanism.model) / 1e9
         raise NotNativeError(f"the mechanism has {mechanism.nv} velocities, which take {needed:.3g} GB")

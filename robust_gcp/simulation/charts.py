@@ -39,15 +39,10 @@ def numbers(explicit: ExplicitMap, y: Array) -> Array:
 
 def in_new_chart(explicit: ExplicitMap, now: Evaluation, x: Array) -> tuple[Evaluation, Array]:
     """The present evaluation and state in a chart about it."""
-    if not isinstance(explicit, GroupMap):
-        return now, x
     point = explicit.renewed(now.point)
+    if point is now.point:
+        return now, x
     return replace(now, point=point), np.concatenate([point.y, x[len(point.y) :]])
-
-
-def outgrown(explicit: ExplicitMap, y: Array) -> bool:
-    """Whether a solver has to begin anew at y in a new chart."""
-    return isinstance(explicit, GroupMap) and bool(np.all(np.isfinite(y))) and explicit.outgrown(y)
 
 
 def placed(explicit: ExplicitMap, crossings: list[Crossing], y: Callable[[float], Array]) -> list[Crossing]:

@@ -30,7 +30,6 @@ from .charts import (
     in_new_chart,
     map_of_rest,
     numbers,
-    outgrown,
     placed,
     placed_between,
     point_of_rest,
@@ -229,7 +228,8 @@ class Run:
                         self._x = x
                         self._start_near(x)
                         self._accept(i, self._motion.equations.evaluate(float(times[i]), x))
-                    if outgrown(self._motion.explicit, step.x[: self._motion.mechanism.m]):
+                    explicit = self._motion.explicit
+                    if np.all(np.isfinite(step.x)) and explicit.outgrown(explicit.anchor):
                         self._start_near(step.x)
                         begun, here = step.t1, self._motion.equations.evaluate(step.t1, step.x)
                         _, self._x = in_new_chart(self._motion.explicit, here, step.x)
@@ -256,7 +256,7 @@ class Run:
         explicit, y = self._motion.explicit, x[: self._motion.mechanism.m]
         rest, last = map_of_rest(explicit), point_of_rest(self._last.point)
         y = numbers(explicit, y)
-        if _apart(y, last.y) < _apart(y, rest.anchor.y):
+        if last.origin is rest.anchor.origin and _apart(y, last.y) < _apart(y, rest.anchor.y):
             rest.anchor = last
 
     def _look_behind(self, step: SolverStep) -> None:

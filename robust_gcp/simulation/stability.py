@@ -175,7 +175,7 @@ def _answer(mechanism: Mechanism, heard: Sequence[Call], step: float) -> Array |
 
 def _apart(mechanism: Mechanism, q0: Array, q1: Array) -> Array:
     """From y at q0 to that at q1, (m,); on groups the constant velocity that leads there in one second."""
-    if mechanism.group_joints:
+    if len(mechanism.numbers) < mechanism.m:
         return np.asarray(mechanism.tree.difference(q0, q1)[mechanism.iv_independent])
     iq = mechanism.iq_independent
     return np.asarray(q1[iq] - q0[iq])

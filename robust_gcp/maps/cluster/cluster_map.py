@@ -10,7 +10,7 @@ import numpy as np
 from ...errors import BranchError, SimulationError
 from ...mechanism.clusters import LoopCluster
 from ...mechanism.tree import Array
-from ..explicit import Passage, Stretch
+from ..explicit import Charted, Passage, Stretch
 from ..march import POOR
 from ..point import Counters, Point
 from ..regular_path import RegularPath
@@ -22,6 +22,7 @@ from .obstacles import Obstacle, ObstacleError
 from .options import BridgeOptions
 from .passages import passages
 from .product import chart_coordinates, product
+from .reference import in_charts, is_far, reference
 from .refusal import refusal
 from .space import space_of
 from .table import CurveTable, tabulated
@@ -37,7 +38,7 @@ LAST_RESORT = 2e-2
 """Share of the best chart's quality below which a motion that is followed with error control stops."""
 
 
-class ClusterMap:
+class ClusterMap(Charted):
     """q = γ(y), G and g on one mode, with full accuracy through singular configurations.
 
     On regular ground all clusters are solved at once (`RegularPath`). Where K_d is poorly conditioned γ is
@@ -126,7 +127,7 @@ class ClusterMap:
     def _restart(self) -> None:
         """Go on from a point that the caller put back: solved anew, with the present rows of K."""
         anchor = self.anchor
-        found = self._ground.settled(anchor.q, anchor.y, anchor.ydot)
+        found = self._ground.settled(anchor.q, anchor.y, anchor.ydot, anchor.origin)
         if found is not None:
             self._in_zone = False
             self.anchor = self._own = found
@@ -144,17 +145,43 @@ class ClusterMap:
         for c in self.clusters:
             if c.index in known:
                 self._trackers.append(known[c.index].copy())
-            elif old is None:
-                found, reach = self._jet(c, anchor.q), self.options.reach
-                self._trackers.append(Tracker(found, self.options, reach, self.counters))
+            elif old is None or not old[c.index].space.flat:
+                self._trackers.append(self._tracker(c, anchor, None if old is None else old[c.index]))
             else:
-                old[c.index].place_at(self._jet(c, anchor.q))
+                old[c.index].place_at(self._jet(c, anchor))
                 self._trackers.append(old[c.index])
 
-    def _jet(self, cluster: LoopCluster, q: Array) -> Jet:
-        space = space_of(self.mechanism, cluster, q[cluster.iq])
+    def _tracker(self, cluster: LoopCluster, anchor: Point, before: Tracker | None) -> Tracker:
+        """A tracker on the mode, in coordinates that serve at the anchor; it goes on telling of curves met."""
+        tracker = Tracker(self._jet(cluster, anchor), self.options, self.options.reach, self.counters)
+        if before is not None:
+            tracker.touched = [bridge for bridge in before.touched if isinstance(bridge, Curve)]
+        return tracker
+
+    def _jet(self, cluster: LoopCluster, anchor: Point) -> Jet:
+        space = space_of(self.mechanism, cluster, reference(self.mechanism, cluster, anchor))
         self.counters.svds += 1
-        return jet(space, space.x(q[cluster.iq]), space.chart(cluster.chosen))
+        return jet(space, space.x(anchor.q[cluster.iq]), space.chart(cluster.chosen))
+
+    def renewed(self, point: Point) -> Point:
+        """See `ExplicitMap.renewed`; not on a bridge, which is in coordinates of its own."""
+        turning = [t for t in self._trackers or [] if self._in_zone and not t.space.flat]
+        if any(tracker.current is not None for tracker in turning):
+            return point
+        new = super().renewed(point)
+        if new is not point:
+            self._own = new
+        for tracker in turning:
+            cluster = tracker.space.cluster
+            if in_charts(self.mechanism, cluster) or is_far(tracker.anchor):
+                assert self._trackers is not None
+                self._trackers[cluster.index] = self._tracker(cluster, new, tracker)
+        return new
+
+    def outgrown(self, point: Point) -> bool:
+        """See `ExplicitMap.outgrown`."""
+        trackers = self._trackers if self._in_zone else None
+        return super().outgrown(point) or any(is_far(tracker.anchor) for tracker in trackers or [])
 
     def _by_clusters(self, y: Array, ydot: Array) -> Point:
         """The point at y as the product of the clusters' maps."""
@@ -175,7 +202,7 @@ class ClusterMap:
         jets = [self._tracked(c, t, y) for c, t in zip(self.clusters, self._trackers, strict=True)]
         q, G, g = product(self.mechanism, jets, y, ydot)
         if all(tracker.current is None for tracker in self._trackers):
-            regular = self._ground.settled(q, y, ydot)
+            regular = self._ground.settled(q, y, ydot, self.anchor.origin)
             if regular is not None:
                 self._in_zone = False
                 return regular
@@ -184,7 +211,9 @@ class ClusterMap:
         conditioning = self.path.worst_conditioning(q) if obstructed else 0.0
         blocks = np.zeros(len(self.path.blocks))
         curvature = product(self.mechanism, jets, y, np.ones(1))[2] if len(y) == 1 else None
-        return Point(y.copy(), ydot.copy(), q, G, g, curvature, blocks, blocks, conditioning)
+        point = Point(y.copy(), ydot.copy(), q, G, g, curvature, blocks, blocks, conditioning)
+        point.origin = self.anchor.origin
+        return point
 
     def _tracked(self, cluster: LoopCluster, tracker: Tracker, y: Array) -> Jet:
         """One cluster's point, or why there is none."""

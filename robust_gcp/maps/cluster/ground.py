@@ -44,23 +44,23 @@ class RegularGround:
         needed = max(self._zone, min(POOR, PACE * point.turn))
         return point if point.conditioning >= needed and same_branch(anchor, point) else None
 
-    def settled(self, q: Array, y: Array, ydot: Array) -> Point | None:
+    def settled(self, q: Array, y: Array, ydot: Array, origin: Array | None) -> Point | None:
         """The point at a solved q, by other rows where the present ones fail; None where K_d is poor."""
         mechanism = self.path.mechanism
-        point = self._at(self.path, q, y, ydot)
+        point = self._at(self.path, q, y, ydot, origin)
         if point is not None or mechanism.nc == self.path.nd:
             return point
         rows = mechanism.select_rows(mechanism.K(q))
         if np.array_equal(rows, self.path.rows):
             return None
         path = regular_path(mechanism, rows, self.path.counters)
-        point = self._at(path, q, y, ydot)
+        point = self._at(path, q, y, ydot, origin)
         if point is not None:
             self.path = path
         return point
 
-    def _at(self, path: RegularPath, q: Array, y: Array, ydot: Array) -> Point | None:
-        point = path.settle(q.copy(), y, ydot)
+    def _at(self, path: RegularPath, q: Array, y: Array, ydot: Array, origin: Array | None) -> Point | None:
+        point = path.settle(q.copy(), y, ydot, origin=origin)
         if point is None or point.conditioning < self._zone:
             return None
         moved = path.size(path.tree.difference(q, point.q))

@@ -84,7 +84,7 @@ def _passage(
     corank: int,
     mechanism: Mechanism,
 ) -> Passage:
-    return Passage(q[mechanism.iq_independent], q, *certificate, time, cluster.index, corank)
+    return Passage(q[mechanism.iq_numbers], q, *certificate, time, cluster.index, corank)
 
 
 def between(a: Point, b: Point, stretch: Stretch, time: float, mechanism: Mechanism) -> Array:

@@ -9,15 +9,18 @@ import numpy as np
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from .jet import Jet
+from .reference import in_charts
 from .space import ClusterSpace
 
 
 def chart_coordinates(mechanism: Mechanism, space: ClusterSpace, y: Array) -> Array:
-    """The mechanism's y (m,) in the chart of one cluster, whose independent joints have one number each."""
+    """The mechanism's y (m,) in the chart of one cluster; w in charts is x of the cluster already."""
     cluster = space.cluster
     own = y[cluster.inputs]
     if not space.flat:
-        own = own - space.reference[cluster.iq.searchsorted(mechanism.iq_independent[cluster.inputs])]
+        q = mechanism.home.copy()
+        q[cluster.iq] = space.reference
+        own = own - mechanism.y_about(q)[cluster.inputs]
     return np.asarray(own / space.D[cluster.chosen])
 
 
@@ -27,13 +30,22 @@ def product(mechanism: Mechanism, jets: Sequence[Jet], y: Array, ydot: Array) ->
     G, g = np.zeros((mechanism.nv, mechanism.m)), np.zeros(mechanism.nv)
     for found in jets:
         space, cluster = found.space, found.space.cluster
-        rate = ydot[cluster.inputs] / space.D[cluster.chosen]
+        u = ydot[cluster.inputs]
         q[cluster.iq] = space.q(found.x)
-        turn, xdot = space.turn(found.x), found.J @ rate
-        G[np.ix_(cluster.iv, cluster.inputs)] = turn @ found.J / space.D[cluster.chosen]
+        turn = space.turn(found.x)
+        along = turn @ found.J  # v = along · rate of the chart
+        charted = in_charts(mechanism, cluster)
+        if charted:  # u are velocities: u = along[chosen] · rate
+            to_rate = np.linalg.inv(along[cluster.chosen])
+            rate, own = to_rate @ u, along @ to_rate
+        else:
+            rate, own = u / space.D[cluster.chosen], along / space.D[cluster.chosen]
+        xdot = found.J @ rate
         bend = np.einsum("i,j,ijn->n", rate, rate, found.bend)
-        g[cluster.iv] = turn @ bend + space.turn_rate(found.x, xdot) @ xdot
-    q[mechanism.iq_independent] = y
+        left = turn @ bend + space.turn_rate(found.x, xdot) @ xdot
+        G[np.ix_(cluster.iv, cluster.inputs)] = own
+        g[cluster.iv] = left - own @ left[cluster.chosen] if charted else left
+    q[mechanism.iq_numbers] = y[mechanism.numbers]
     G[mechanism.iv_independent] = np.eye(mechanism.m)
     g[mechanism.iv_independent] = 0.0
     return q, G, g

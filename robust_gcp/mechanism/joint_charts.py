@@ -1,0 +1,92 @@
+"""Charts of joints whose velocities are no rates of numbers in q: q = origin ⊕ w.
+
+In such a chart w takes the place of y. It is renewed between steps, so that w stays small, and the velocity
+in the joint's own axes, u, takes the place of ẏ: ẇ = dexp⁻¹(w) u.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from .coordinates import Coordinates
+from .joints import Joint
+from .tree import Array
+
+
+class JointCharts:
+    """Some joints of a mechanism, side by side.
+
+    Parameters
+    ----------
+    model : pin.Model
+    joints : sequence of Joint
+
+    Attributes
+    ----------
+    model : pin.Model
+        These joints alone.
+    iq, iv : ndarray of int
+        Where their q and v are in those of the whole.
+    """
+
+    def __init__(self, model: pin.Model, joints: Sequence[Joint]) -> None:
+        self.model = pin.Model()
+        for joint in joints:
+            self.model.addJoint(0, model.joints[joint.index], pin.SE3.Identity(), joint.name)
+        self.iq = places([(j.idx_q, j.nq) for j in joints])
+        self.iv = places([(j.idx_v, j.nv) for j in joints])
+
+    def place(self, origin: Array, w: Array) -> Array:
+        """origin ⊕ w, the numbers in q after the motion w of constant velocity."""
+        return np.asarray(pin.integrate(self.model, origin, w))
+
+    def apart(self, origin: Array, q: Array) -> Array:
+        """w with q = origin ⊕ w."""
+        return np.asarray(pin.difference(self.model, origin, q))
+
+    def turn(self, origin: Array, w: Array) -> Array:
+        """D = dexp(w): origin ⊕ w moves with the velocity D ẇ in its own axes."""
+        return np.asarray(pin.dIntegrate(self.model, origin, w, pin.ArgumentPosition.ARG1))
+
+    def rate(self, origin: Array, w: Array, v: Array) -> Array:
+        """ẇ for which origin ⊕ w moves with the velocity v in its own axes: dexp⁻¹(w) v.
+
+        Source: Iserles, Munthe-Kaas, Nørsett, Zanna, Lie-group methods, Acta Numerica 9, 2000, section 3.
+        """
+        return np.asarray(np.linalg.solve(self.turn(origin, w), v)) if np.any(w) else v
+
+
+class LoopCharts(JointCharts):
+    """`Coordinates.chart_joints`: joints in loops with some velocities independent, the others dependent.
+
+    Attributes
+    ----------
+    inputs : ndarray of int
+        Positions in y of their independent velocities.
+    own : ndarray of int
+        Positions of the same in w.
+    """
+
+    def __init__(self, mechanism: Coordinates) -> None:
+        super().__init__(mechanism.model, mechanism.chart_joints)
+        position = {int(i): k for k, i in enumerate(mechanism.iv_independent)}
+        own = [k for k, i in enumerate(self.iv) if int(i) in position]
+        self.own = np.array(own, dtype=np.int64)
+        self.inputs = np.array([position[int(self.iv[k])] for k in own], dtype=np.int64)
+
+
+def loop_charts(mechanism: Coordinates) -> LoopCharts | None:
+    """The charts that a mechanism's loops need; None where all their coordinates are numbers in q."""
+    if not mechanism.chart_joints:
+        return None
+    charts: LoopCharts = mechanism.memo.once("loop charts", lambda: LoopCharts(mechanism))
+    return charts
+
+
+def places(spans: list[tuple[int, int]]) -> NDArray[np.int64]:
+    """All the indices in spans of (first, count)."""
+    return np.array([i for first, count in spans for i in range(first, first + count)], dtype=np.int64)
