@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
+from ..errors import OptionError
 from .classical import ClassicalMap, NewtonStart
 from .cluster.cluster_map import ClusterMap
 from .cluster.options import BridgeOptions
@@ -48,6 +49,12 @@ class MapChoice:
             return GroupMap(start.groups, self.over(start.rest), start.first)
         if self.method == "classical":
             return ClassicalMap(start.path, start.point, self.newton_start)
+        if self.method == "projection" and start.mechanism.chart_joints:
+            raise OptionError(
+                'method="projection": Eq. (7) is written for coordinates that are numbers in q; joint '
+                f"{start.mechanism.chart_joints[0].name!r} has independent velocities that are none; use "
+                'method="bridge" or "classical"'
+            )
         if self.method == "projection":
             return ProjectionMap(start.path, start.point, self.threshold)
         if self.method == "closed_form":

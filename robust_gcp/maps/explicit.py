@@ -137,24 +137,28 @@ OUTGROWN = 1.0
 """|w| in a chart, rad or m, beyond which it is renewed: dexp⁻¹ is singular at a whole turn."""
 
 
+class _OnPath(Protocol):
+    anchor: Point
+
+    @property
+    def path(self) -> RegularPath: ...
+
+
 class Charted:
     """The part of a map that its regular path answers for: charts of joints in loops."""
 
-    path: RegularPath
-    anchor: Point
-
-    def rate(self, point: Point) -> Array:
+    def rate(self: _OnPath, point: Point) -> Array:
         """See `ExplicitMap.rate`."""
         return self.path.rate(point)
 
-    def renewed(self, point: Point) -> Point:
+    def renewed(self: _OnPath, point: Point) -> Point:
         """See `ExplicitMap.renewed`."""
         new = self.path.renewed(point)
         if new is not point:
             self.anchor = new
         return new
 
-    def outgrown(self, point: Point) -> bool:
+    def outgrown(self: _OnPath, point: Point) -> bool:
         """See `ExplicitMap.outgrown`."""
         return self.path.away(point) > OUTGROWN
 

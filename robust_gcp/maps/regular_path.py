@@ -269,6 +269,10 @@ class RegularPath:
         """Largest entry of w at a point, rad or m: how far it is from the origin of its chart."""
         return 0.0
 
+    def y_of(self, point: Point, q: Array) -> Array:
+        """y of another configuration in the chart of a point."""
+        return q[self.iq]
+
     def _turned(self, q: Array, K: Array, origin: Array | None) -> Array:
         """K by what Newton moves: the joints' velocities."""
         return K

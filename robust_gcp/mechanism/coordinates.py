@@ -82,9 +82,8 @@ class Coordinates(ClosedLoops):
     @cached_property
     def numbers(self) -> NDArray[np.int64]:
         """Positions of those of y that are numbers in q: all but those of `group_joints`, `chart_joints`."""
-        return np.array(
-            [k for k, i in enumerate(self.iv_independent) if self.joint_at(int(i)).flat], dtype=int
-        )
+        flat = [k for k, i in enumerate(self.iv_independent) if self.joint_at(int(i)).flat]
+        return np.array(flat, dtype=np.int64)
 
     @cached_property
     def iq_numbers(self) -> NDArray[np.int64]:

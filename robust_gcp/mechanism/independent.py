@@ -13,7 +13,7 @@ from ..errors import ClosureError, PartitionError
 from .assembly import assembled
 from .joints import in_v
 from .loop_graph import loop_groups
-from .loops import ClosedLoops
+from .loops import COMPONENT, ClosedLoops
 from .partition import independent_rows, numerical_rank, spelled, triangular_blocks
 from .rank import singular_words
 from .tolerances import CLOSED, DETERMINES, RANK, STRUCTURAL
@@ -23,9 +23,6 @@ log = logging.getLogger(__name__)
 
 SERVES = 1e-3
 """σ_min of the chosen rows of the motions below which a joint does not serve beside the others."""
-
-COMPONENT = 0.1
-"""Weight of one component of a ball beside the number of a hinge, where both would serve."""
 
 BESIDE, AWAY = 6, 0.5
 """Configurations tried beside a singular one, and how far away they are, rad or characteristic lengths."""

@@ -25,6 +25,9 @@ from .partition import numerical_rank, ranked_choices
 from .tolerances import CLOSED, POLISHED, ROUNDED, STRUCTURAL
 from .tree import Array, Tree, require_depth_first
 
+COMPONENT = 0.1
+"""Weight of one component of a ball beside the number of a hinge, where both would serve."""
+
 
 class ClosedLoops:
     """A `pin.Model` and the closures that close its loops.
@@ -240,6 +243,8 @@ class ClosedLoops:
     def coordinate_choices(self, q: ArrayLike) -> list[tuple[float, tuple[str, ...]]]:
         """Sets of joints that parametrise the motion at a regular q, best conditioned first.
 
+        Joints with one number each where these suffice, else single velocities of the others too.
+
         Returns
         -------
         list of (float, tuple of str)
@@ -250,7 +255,13 @@ class ClosedLoops:
         kernel = Vt[numerical_rank(s, STRUCTURAL) :].T
         single = [joint for joint in self.joints if joint.single]
         indices = np.array([joint.idx_v for joint in single], dtype=np.int64)
-        return ranked_choices(kernel, indices, [joint.name for joint in single])
+        found = ranked_choices(kernel, indices, [joint.name for joint in single])
+        if found or len(single) == len(self.joints):
+            return found
+        weight = np.full((self.nv, 1), COMPONENT)
+        weight[indices] = 1.0
+        numbers = [c.name for c in in_v(self.joints)]
+        return ranked_choices(kernel, np.arange(self.nv), numbers, weight=weight)
 
     def joint_at(self, i: int) -> Joint:
         """The joint that velocity i belongs to."""

@@ -103,7 +103,7 @@ def spelled(choices: Sequence[Sequence[str]]) -> str:
 
 
 def ranked_choices(
-    kernel: Array, candidates: Index, names: list[str], limit: int = 5
+    kernel: Array, candidates: Index, names: list[str], limit: int = 5, weight: Array | float = 1.0
 ) -> list[tuple[float, tuple[str, ...]]]:
     """Sets of joints that parametrise the directions `kernel`, best conditioned first.
 
@@ -116,6 +116,8 @@ def ranked_choices(
         Orthonormal basis of the instantaneous motions.
     candidates : ndarray of int
         Velocity indices that may be chosen, in the order of `names`.
+    weight : float or ndarray (len(candidates), 1)
+        Of each where there are too many sets to examine one by one.
     """
     m = kernel.shape[1]
     if m == 0 or m > len(candidates):
@@ -123,7 +125,7 @@ def ranked_choices(
     if comb(len(candidates), m) <= MAX_ENUMERATED:
         sets: list[tuple[int, ...]] = list(combinations(range(len(candidates)), m))
     else:
-        _, _, pivots = scipy.linalg.qr(kernel[candidates].T, mode="economic", pivoting=True)
+        _, _, pivots = scipy.linalg.qr((weight * kernel[candidates]).T, mode="economic", pivoting=True)
         sets = [tuple(sorted(int(p) for p in pivots[:m]))]
     scored = []
     for chosen in sets:

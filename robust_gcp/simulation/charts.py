@@ -1,4 +1,4 @@
-"""What a run does for joints on groups, whose y is w in a chart: see `maps.grouped`. For others, nothing."""
+"""What a run does for joints whose y is w in a chart; see `maps.grouped`, `maps.charted_path`."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from ..dynamics.equations import Evaluation
-from ..maps.explicit import Crossing, ExplicitMap
+from ..maps.explicit import Crossing, ExplicitMap, Stretch
 from ..maps.grouped import GroupMap, GroupPoint
 from ..maps.point import Point
 from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from .crossings import hermite
 from .dense import Interpolant
 
 
@@ -43,6 +44,31 @@ def in_new_chart(explicit: ExplicitMap, now: Evaluation, x: Array) -> tuple[Eval
     if point is now.point:
         return now, x
     return replace(now, point=point), np.concatenate([point.y, x[len(point.y) :]])
+
+
+def stretch_between(
+    explicit: ExplicitMap, mechanism: Mechanism, times: tuple[float, float], *ends: tuple[Point, Array]
+) -> Stretch:
+    """y of the rest on a step, from the points and ÿ at its ends.
+
+    In charts by the motion on the group that these determine, as there ẏ are not the velocities.
+    """
+    if not map_of_rest(explicit).path.mechanism.chart_joints:
+        points = ((point.y, point.ydot, ydd) for point, ydd in ends)
+        return hermite(*times, *([numbers(explicit, part) for part in end] for end in points))
+    states = [motion_at(point, ydd) for point, ydd in ends]
+    between = Interpolant(mechanism.tree, np.array(times), *map(np.array, zip(*states, strict=True)))
+    path, here = map_of_rest(explicit).path, point_of_rest(ends[0][0])
+
+    def y(t: float) -> Array:
+        return path.y_of(here, q_of_rest(explicit, between(np.array([t]))[0][0]))
+
+    return Stretch(*times, y)
+
+
+def motion_at(point: Point, ydd: Array) -> tuple[Array, Array, Array]:
+    """q, v and a at a point with the acceleration ÿ."""
+    return point.q, point.G @ point.ydot, point.G @ ydd + point.g
 
 
 def placed(explicit: ExplicitMap, crossings: list[Crossing], y: Callable[[float], Array]) -> list[Crossing]:

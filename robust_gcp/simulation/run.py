@@ -29,13 +29,15 @@ from .charts import (
     coordinate_choices,
     in_new_chart,
     map_of_rest,
+    motion_at,
     numbers,
     placed,
     placed_between,
     point_of_rest,
     q_of_rest,
+    stretch_between,
 )
-from .crossings import hermite, located
+from .crossings import located
 from .record import Record
 from .recovery import Checkpoint, Recovery
 from .stats import Stats
@@ -325,13 +327,12 @@ class Run:
         if not self._motion.explicit.met:
             return
         t0, t1 = float(self._times[i - 1]), float(self._times[i])
-        ends = (before.y, before.ydot, ydd), (now.point.y, now.point.ydot, now.ydd)
         explicit, mechanism = self._motion.explicit, self._motion.mechanism
-        stretch = hermite(t0, t1, *([numbers(explicit, part) for part in end] for end in ends))
+        ends = (before, ydd), (now.point, now.ydd)
+        stretch = stretch_between(explicit, mechanism, (t0, t1), *ends)
         crossings = located(explicit.passed(before, now.point, stretch), stretch)
-        start = before.q, before.G @ before.ydot, before.G @ ydd + before.g
-        end = now.point.q, now.v, now.a
-        self._record.cross(placed_between(mechanism, crossings, (t0, t1), start, end))
+        states = (motion_at(*end) for end in ends)
+        self._record.cross(placed_between(mechanism, crossings, (t0, t1), *states))
 
     def _report(self, i: int) -> None:
         if self._progress is not None:

@@ -58,16 +58,11 @@ REFUSED: dict[str, tuple[type[Exception], str]] = {
     "gepetto/disney_robot": (rg.ModelError, "'left_spherical_free_foot', which the URDF does not have"),
     "gepetto/kangaroo_like_2legs": (rg.ClosureError, r"home: the loop closedloop\d+_.* is open by .* m \("),
 }
-ON_A_GROUP = (
-    "agility_cassie/cassie.xml",
-    "reachy_mini/reachy_mini.xml",
-)
-"""Among their coordinates are single velocities of balls, on which no run is served yet."""
-
 FLOATING = ("drake_strandbeest/StrandbeestConstraints.urdf", "grbda/tello_humanoid.urdf")
 """They stand on nothing and fall."""
 
 RUNNING = (
+    "agility_cassie/cassie.xml",
     "gepetto/5bar_linkage_iso6d",
     "grbda/four_bar.urdf",
     "grbda/parallel_chains/depth10/loop_size5.urdf",
@@ -75,8 +70,13 @@ RUNNING = (
     "grbda/parallel_chains/depth5/loop_size3.urdf",
     "grbda/six_bar.urdf",
     "newton_boxes_fourbar",
+    "reachy_mini/reachy_mini.xml",
     "reachy_mini/robot_no_collision.urdf",
 )
+
+
+STIFF = ("agility_cassie/cassie.xml",)
+"""Their dampers allow no steps of 2 ms."""
 
 
 @pytest.fixture(scope="module")
@@ -130,18 +130,13 @@ def test_files_run(file: str, robots: Any) -> None:
     """0.3 s from home at rest: loops stay closed, the energy error falls with h⁴ or is rounding."""
     mech: rg.Mechanism = robots(file)
     errors = []
-    for step in (2e-3, 1e-3):
+    largest = 1e-3 if file in STIFF else 2e-3
+    for step in (largest, 0.5 * largest):
         trajectory = rg.simulate(mech, duration=0.3, step=step)
         assert trajectory.closure_error().max() < 1e-10
         errors.append(float(np.abs(trajectory.energy_error()).max()))
     size = abs(mech.energy(mech.home, np.zeros(mech.nv)))
     assert errors[1] < 1e-12 * max(size, 1.0) or np.log2(errors[0] / errors[1]) > 3.5
-
-
-@pytest.mark.parametrize("file", ON_A_GROUP)
-def test_runs_on_groups_are_refused_by_name(file: str, robots: Any) -> None:
-    with pytest.raises(rg.PartitionError, match="velocities on a group"):
-        rg.simulate(robots(file), duration=0.01)
 
 
 def test_a_fixed_base_runs_what_a_floating_one_does_not() -> None:

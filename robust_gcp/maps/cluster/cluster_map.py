@@ -152,7 +152,7 @@ class ClusterMap(Charted):
                 self._trackers.append(old[c.index])
 
     def _tracker(self, cluster: LoopCluster, anchor: Point, before: Tracker | None) -> Tracker:
-        """A tracker on the mode, in coordinates that serve at the anchor; it goes on telling of curves met."""
+        """A tracker on the mode, in coordinates that serve at the anchor; it still tells of curves met."""
         tracker = Tracker(self._jet(cluster, anchor), self.options, self.options.reach, self.counters)
         if before is not None:
             tracker.touched = [bridge for bridge in before.touched if isinstance(bridge, Curve)]

@@ -1,4 +1,4 @@
-"""What exponential coordinates of clusters with balls are about, and when they ought to be about another place.
+"""What exponential coordinates of clusters with balls are about, and when another place serves better.
 
 Where y of a cluster is in a chart (`Coordinates.chart_joints`) both have the same origin, so that w of these
 joints is x of the cluster.
