@@ -63,7 +63,7 @@ class GroupMap:
     @property
     def origin(self) -> Array:
         """Of the present chart: the groups' numbers in q at w = 0."""
-        return self._anchor.origin
+        return _origin(self._anchor)
 
     @property
     def path(self) -> RegularPath:
