@@ -43,6 +43,7 @@ from .mechanism.recommended import Recommended
 from .native import Backend, NativeBuildWarning, backends
 from .simulation.access import FrameMotion, Sample
 from .simulation.coarse import CoarseStepWarning
+from .simulation.events import Event
 from .simulation.load import load_trajectory
 from .simulation.reactions import Reaction
 from .simulation.simulate import simulate
@@ -85,6 +86,7 @@ __all__ = [
     "CouplingClosure",
     "Crossing",
     "Derivatives",
+    "Event",
     "Failure",
     "FrameClosure",
     "FrameMotion",

@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 from ..errors import OptionError, SimulationError, StateError
 from ..maps.choice import MapChoice
 from ..maps.explicit import ExplicitMap
+from ..maps.point import Point
 from ..maps.start import begin
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.partition import spelled
@@ -64,11 +65,19 @@ class DrivenEquations(EquationsOfMotion):
 
     def evaluate(self, t: float, x: Array) -> Evaluation:
         """Point, velocity, ÿ and the torques on the driven joints at time t."""
-        tree, m, driven, free = self.mechanism.tree, self.m, self._drive.driven, self._drive.free
-        y, ydot, ydd = x[:m].copy(), x[m : 2 * m].copy(), np.empty(m)
-        y[driven], ydot[driven], ydd[driven] = self._drive.at(t)
-        point = self.explicit.at(y, ydot)
-        q, G = point.q, point.G
+        m, driven = self.m, self._drive.driven
+        y, ydot = x[:m].copy(), x[m : 2 * m].copy()
+        y[driven], ydot[driven], ydd = self._drive.at(t)
+        return self._driven_at(t, self.explicit.at(y, ydot), ydd)
+
+    def at_point(self, t: float, point: Point) -> Evaluation:
+        """The same at a point that is known, which moves as prescribed."""
+        return self._driven_at(t, point, self._drive.at(t)[2])
+
+    def _driven_at(self, t: float, point: Point, prescribed: Array) -> Evaluation:
+        tree, driven, free = self.mechanism.tree, self._drive.driven, self._drive.free
+        q, G, ydot, ydd = point.q, point.G, point.ydot, np.empty(self.m)
+        ydd[driven] = prescribed
         v = G.dot(ydot)
         tau, power = self._act(t, q, v)
         tau = np.zeros(self.mechanism.nv) if tau is None else tau.copy()
@@ -112,7 +121,6 @@ def driving(mechanism: Mechanism, names: tuple[str, ...], q: ArrayLike) -> Mecha
 def driven_start(
     mechanism: Mechanism,
     drive: Drive,
-    t: float,
     q0: ArrayLike | None,
     v0: ArrayLike | None,
     mode: ArrayLike | None,
@@ -128,7 +136,7 @@ def driven_start(
     OptionError
         Where home cannot be led there.
     """
-    position, velocity, _ = drive.at(t)
+    position, velocity, _ = drive.at(drive.start)
     unit = mechanism.units[mechanism.iv_independent[drive.driven]]
     if v0 is not None:
         given = mechanism.velocity(v0, "v0")[mechanism.iv_independent[drive.driven]]

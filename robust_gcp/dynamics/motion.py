@@ -133,6 +133,8 @@ class Drive:
     mechanism : Mechanism
         Whose independent joints include the driven ones.
     motions : mapping of str to Motion
+    start : float
+        When they begin, s.
 
     Attributes
     ----------
@@ -141,8 +143,8 @@ class Drive:
         Which entries of y are prescribed, in the order of `names`, and which are not.
     """
 
-    def __init__(self, mechanism: Mechanism, motions: Mapping[str, Motion]) -> None:
-        self.names = tuple(motions)
+    def __init__(self, mechanism: Mechanism, motions: Mapping[str, Motion], start: float = 0.0) -> None:
+        self.names, self.start = tuple(motions), start
         order = mechanism.iv_independent.tolist()
         self.driven: NDArray[np.int64] = np.array(
             [order.index(mechanism.joint(name).idx_v) for name in motions], dtype=np.int64

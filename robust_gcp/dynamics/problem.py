@@ -67,7 +67,7 @@ def set_out(
     counters : Counters, optional
         Incremented as work is done.
     drive : Drive, optional
-        Prescribed motions, over time from t = 0.
+        Prescribed motions, from their start on.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def set_out(
             )
         return over(begin_on_groups(groups, q, v0, mode, choice.options, counters), torque, choice)
     if drive is not None:
-        q = driven_start(mechanism, drive, 0.0, q0, v0, mode, choice, counters)
+        q = driven_start(mechanism, drive, q0, v0, mode, choice, counters)
     return over(begin(mechanism, q, v0, mode, choice.options, counters), torque, choice, drive)
 
 

@@ -38,6 +38,18 @@ def numbers(explicit: ExplicitMap, y: Array) -> Array:
     return y[explicit.groups.rest_inputs] if isinstance(explicit, GroupMap) else y
 
 
+def coordinates(explicit: ExplicitMap, mechanism: Mechanism, q: Array, v: Array) -> tuple[Array, Array]:
+    """y in the present chart and u of a configuration and its velocity."""
+    rest, u = map_of_rest(explicit), v[mechanism.iv_independent]
+    own = rest.path.y_of(rest.anchor, q_of_rest(explicit, q))
+    if not isinstance(explicit, GroupMap):
+        return own, u
+    groups, y = explicit.groups, np.empty(mechanism.m)
+    y[groups.rest_inputs] = own
+    y[groups.inputs] = groups.apart(explicit.origin, q[groups.iq])
+    return y, u
+
+
 def in_new_chart(explicit: ExplicitMap, now: Evaluation, x: Array) -> tuple[Evaluation, Array]:
     """The present evaluation and state in a chart about it."""
     point = explicit.renewed(now.point)

@@ -16,12 +16,12 @@ class CoarseStepWarning(RuntimeWarning):
     """A fixed step took a joint so far that crossings in it may be missing and its error is large."""
 
 
-def warn_if_coarse(run: Trajectory) -> None:
-    """Warn once when a step of a run with closed loops took a joint further than `FARTHEST`."""
+def warn_if_coarse(run: Trajectory, step: float) -> None:
+    """Warn once when a step (s) of a run with closed loops took a joint further than `FARTHEST`."""
     if run.mechanism.nc == 0 or len(run.t) < 2:
         return
     pace = np.abs(run.v[:-1] / run.mechanism.units).max(axis=1)
-    steps = np.diff(run.t)
+    steps = np.minimum(np.diff(run.t), step)
     i = int(np.argmax(pace * steps))
     if not pace[i] * steps[i] > FARTHEST:
         return

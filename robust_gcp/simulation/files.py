@@ -77,7 +77,7 @@ def data_frame(columns: Mapping[str, Array]) -> DataFrame:
 
 def write_archive(
     path: str | Path, mechanism: Mechanism, arrays: Mapping[str, Array | None], crossings: Sequence[Crossing],
-    stats: Mapping[str, Any],
+    stats: Mapping[str, Any], ended_by: int | None,
 ) -> Path:  # fmt: skip
     """Write a trajectory; see `Trajectory.save`."""
     path = path_given("path", path)
@@ -94,6 +94,7 @@ def write_archive(
         "forces": [_as_plain(f) for f in mechanism.forces],
         "crossings": [c.kind for c in crossings],
         "stats": stats,
+        "ended_by": ended_by,
     }
     kept: dict[str, Any] = {name: values for name, values in arrays.items() if values is not None}
     kept |= {
@@ -114,7 +115,7 @@ def _number(value: Any) -> Any:
 
 def read_archive(
     path: str | Path, mechanism: Mechanism | None
-) -> tuple[Mechanism, dict[str, Array], list[Crossing], dict[str, Any]]:
+) -> tuple[Mechanism, dict[str, Array], list[Crossing], dict[str, Any], int | None]:
     """What `write_archive` was given; the mechanism is rebuilt unless one is given.
 
     Raises
@@ -155,7 +156,7 @@ def read_archive(
             )
         ]
         _require_same(path, mechanism, arrays)
-        return mechanism, arrays, crossings, meta["stats"]
+        return mechanism, arrays, crossings, meta["stats"], meta.get("ended_by")
     except (KeyError, TypeError) as error:
         raise OptionError(f"{path} is damaged: {error}") from error
 

@@ -26,11 +26,16 @@ def load_trajectory(path: str | Path, mechanism: Mechanism | None = None) -> Tra
     OptionError
         For another kind of file, a damaged one, or a mechanism that is not the one that moved.
     """
-    mechanism, arrays, crossings, stats = read_archive(path, mechanism)
+    mechanism, arrays, crossings, stats, ended_by = read_archive(path, mechanism)
     changes = [(float(t), tuple(names)) for t, names in stats.pop("repartitions")]
     kept = {name: arrays.get(name) for name in ARRAYS}
     t, q, v = (arrays[name] for name in ("t", "q", "v"))
-    rest = {name: kept[name] for name in ARRAYS[3:]}
-    return Trajectory(
-        mechanism, t, q, v, **rest, crossings=crossings, stats=Stats(**stats, repartitions=changes)
-    )
+    found = Trajectory(mechanism, t, q, v, crossings=crossings, stats=Stats(**stats, repartitions=changes))
+    for name in ARRAYS[3:]:
+        setattr(found, name, kept[name])
+    for k in range(sum(name.startswith("t_event_") for name in arrays)):
+        found.t_events.append(arrays[f"t_event_{k}"])
+        found.q_events.append(arrays[f"q_event_{k}"])
+        found.v_events.append(arrays[f"v_event_{k}"])
+    found.ended_by = ended_by
+    return found

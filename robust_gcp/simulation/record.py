@@ -14,6 +14,8 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..native.workspace import Outputs
 from ..warning import warn
+from .events import Events
+from .schedule import Schedule
 from .stats import Stats
 from .trajectory import Trajectory
 
@@ -24,8 +26,8 @@ class Record:
     Parameters
     ----------
     mechanism : Mechanism
-    times : ndarray (N + 1,)
-        s.
+    schedule : Schedule
+        Steps and outputs.
     items : sequence of {"a", "energy", "multipliers"}
         What to keep besides q and v.
     equations : EquationsOfMotion
@@ -36,16 +38,18 @@ class Record:
     mechanism : Mechanism
     count : int
         Outputs kept so far.
+    at : int
+        The last step's end that was accepted, kept or not; -1 before the start.
     last_state : ndarray
-        The state at the last one.
+        The state there.
     work : ndarray or None
     """
 
     def __init__(
-        self, mechanism: Mechanism, times: Array, items: Sequence[str], equations: EquationsOfMotion
+        self, mechanism: Mechanism, schedule: Schedule, items: Sequence[str], equations: EquationsOfMotion
     ) -> None:
-        n = len(times)
-        self.mechanism, self._times = mechanism, times
+        n = len(schedule.outputs)
+        self.mechanism, self._schedule, self._t = mechanism, schedule, schedule.outputs
         self._q, self._v = np.empty((n, mechanism.nq)), np.empty((n, mechanism.nv))
         self._a = np.empty((n, mechanism.nv)) if "a" in items else None
         self._energy = np.empty(n) if "energy" in items else None
@@ -54,23 +58,38 @@ class Record:
         self._drive = np.empty((n, mechanism.nv)) if equations.driven else None
         self._crossings: list[Crossing] = []
         self._warned = False
-        self.count = 0
+        self.count, self.at = 0, -1
         self.last_state: Array = np.zeros(0)
 
     def add(self, i: int, now: Evaluation, x: Array) -> None:
-        """Keep the evaluation at time i and state x."""
-        self._q[i], self._v[i] = now.point.q, now.v
+        """Accept the evaluation at the end of step i and state x, and keep it if it is an output."""
+        row = int(self._schedule.row[i])
+        if row >= 0:
+            self.keep(row, now, x)
+        self.at, self.last_state = i, x
+
+    def keep(self, row: int, now: Evaluation, x: Array) -> None:
+        """Keep an evaluation and its state as an output."""
+        self._q[row], self._v[row] = now.point.q, now.v
         if self._a is not None:
-            self._a[i] = now.a
+            self._a[row] = now.a
         if self._energy is not None:
-            self._energy[i] = self.mechanism.energy(now.point.q, now.v)
+            self._energy[row] = self.mechanism.energy(now.point.q, now.v)
         if self._multipliers is not None:
-            self._multipliers[i] = constraint_forces(self.mechanism, now.point.q, now.v, now.a, now.tau)
+            self._multipliers[row] = constraint_forces(self.mechanism, now.point.q, now.v, now.a, now.tau)
         if self.work is not None:
-            self.work[i] = x[-1]
+            self.work[row] = x[-1]
         if self._drive is not None:
-            self._drive[i] = now.drive
-        self.count, self.last_state = i + 1, x
+            self._drive[row] = now.drive
+        self.count = row + 1
+
+    def end(self, t: float, now: Evaluation, x: Array) -> None:
+        """The run ends at time t, before its outputs do: keep the state there as the last."""
+        if self.count == 0 or self._t[self.count - 1] < t:
+            self._room(1)
+            self._t = np.append(self._t[: self.count], t)
+            self.keep(self.count, now, x)
+        self._crossings = [c for c in self._crossings if c.time <= t]
 
     @property
     def wanted(self) -> tuple[str, ...]:
@@ -80,9 +99,11 @@ class Record:
         return (*names, "a", "tau") if self._multipliers is not None else tuple(names)
 
     def extend(self, i: int, outputs: Outputs, x: Array) -> None:
-        """Keep the outputs of a batch after time i; x is the state at the last one."""
+        """Accept the steps of a batch after time i, and keep outputs; x is the state at the last one."""
         n = len(outputs.q)
-        kept = slice(i + 1, i + 1 + n)
+        rows = self._schedule.row[i + 1 : i + 1 + n]
+        first, chosen = int(self._schedule.first[i + 1]), np.flatnonzero(rows >= 0)
+        kept = slice(first, first + len(chosen))
         pairs = [
             (self._q, outputs.q),
             (self._v, outputs.v),
@@ -92,14 +113,14 @@ class Record:
         ]
         for mine, given in pairs:
             if mine is not None and given is not None:
-                mine[kept] = given
+                mine[kept] = given if len(chosen) == n else given[chosen]
         if self._multipliers is not None:
             assert outputs.a is not None
             assert outputs.tau is not None
-            for j in range(n):
+            for row, j in enumerate(chosen.tolist(), start=first):
                 state = outputs.q[j], outputs.v[j], outputs.a[j], outputs.tau[j]
-                self._multipliers[i + 1 + j] = constraint_forces(self.mechanism, *state)
-        self.count, self.last_state = i + n + 1, x
+                self._multipliers[row] = constraint_forces(self.mechanism, *state)
+        self.count, self.at, self.last_state = first + len(chosen), i + n, x
 
     def cross(self, crossings: Sequence[Crossing]) -> None:
         """Log what was passed, y in the run's first coordinates; the first gap bridged is warned of."""
@@ -119,26 +140,28 @@ class Record:
         """Those logged so far."""
         return list(self._crossings)
 
-    def grow(self, times: Array) -> None:
-        """Make room for more output times, the first of which are the present ones."""
-        more = len(times) - len(self._times)
+    def grow(self, schedule: Schedule) -> None:
+        """Go on to a schedule that begins with the present one."""
+        self._room(len(schedule.outputs) - len(self._t))
+        self._schedule, self._t = schedule, schedule.outputs
 
+    def _room(self, more: int) -> None:
+        """Make room for more outputs."""
         for name in ("_q", "_v", "_a", "_energy", "_multipliers", "work", "_drive"):
             values: Array | None = getattr(self, name)
             if values is not None:
                 setattr(self, name, np.concatenate([values, np.empty((more, *values.shape[1:]))]))
-        self._times = times
 
     def rewind(self, i: int) -> None:
-        """Forget what came at time i and later."""
-        self.count = i
+        """Forget what came at the end of step i and later."""
+        self.count, self.at = int(self._schedule.first[i]), i - 1
         self.forget_crossings(i)
 
     def forget_crossings(self, i: int) -> None:
-        """Forget those after time i."""
-        self._crossings = [c for c in self._crossings if c.time <= self._times[i]]
+        """Forget those after the end of step i."""
+        self._crossings = [c for c in self._crossings if c.time <= self._schedule.times[i]]
 
-    def trajectory(self, stats: Stats) -> Trajectory:
+    def trajectory(self, stats: Stats, events: Events) -> Trajectory:
         """What is kept so far."""
         n = self.count
 
@@ -147,7 +170,7 @@ class Record:
 
         return Trajectory(
             self.mechanism,
-            self._times[:n],
+            self._t[:n],
             self._q[:n],
             self._v[:n],
             cut(self._a),
@@ -157,4 +180,8 @@ class Record:
             self._crossings,
             stats,
             cut(self._drive),
+            [np.array(times) for times in events.t],
+            [np.array(q).reshape(-1, self.mechanism.nq) for q in events.q],
+            [np.array(v).reshape(-1, self.mechanism.nv) for v in events.v],
+            events.ended_by,
         )

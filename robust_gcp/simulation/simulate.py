@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Literal
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,19 +23,21 @@ from ..maps.cluster.options import BridgeOptions
 from ..maps.point import Counters
 from ..maps.projection import PROJECTION_THRESHOLD
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
 from ..native.steps import BACKENDS, NativeSteps, chosen_library
+from ..printing import progress_bar
+from .adaptive import AdaptiveRun
 from .coarse import warn_if_coarse
+from .events import EventFunction, checked_events
+from .fixed import FixedRun
 from .run import Run
+from .schedule import Schedule, last_output, planned
 from .stability import StabilityCheck
+from .stepped import HeldRun, HeldTorque
 from .steppers import check_stepper, rk4_step
 from .tableau import Tableau
 from .trajectory import Trajectory
 
 RECORDS = ("a", "energy", "multipliers")
-
-MAX_OUTPUTS = 100_000_000
-"""Most outputs of a run: q and v of a four-bar alone then take 5 GB."""
 
 
 def simulate(
@@ -49,6 +52,10 @@ def simulate(
     torque: Torques | None = None,
     wrenches: Sequence[Wrench] = (),
     drive: Mapping[str, Motion] | None = None,
+    events: EventFunction | Sequence[EventFunction] | None = None,
+    t0: float = 0.0,
+    outputs: ArrayLike | None = None,
+    hold: bool = False,
     record: Sequence[str] = (),
     mode: ArrayLike | None = None,
     rtol: float = 1e-8,
@@ -57,7 +64,7 @@ def simulate(
     newton_start: NewtonStart = "tangent",
     threshold: float = PROJECTION_THRESHOLD,
     options: BridgeOptions | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Callable[[float], None] | bool | None = None,
     backend: Literal["auto", "python", "native"] = "auto",
 ) -> Trajectory:
     """Simulate a mechanism in minimal coordinates.
@@ -92,6 +99,19 @@ def simulate(
         takes. The other independent joints move freely. Where q0 is left out, home is led to where the
         drives begin; where v0 is, the free joints start at rest. Joints that are not independent become so.
         Steps are taken in Python; y is not changed on the way, and where it turns back the run stops.
+    events : callable (t, q, v) -> float, or sequence of such, optional
+        Functions whose zeros are found, as scipy's solve_ivp finds them: `traj.t_events`, `q_events` and
+        `v_events`. Attributes, or an `Event`, say which directions count and whether the run ends there;
+        the state there is then the last of the trajectory. A zero at the very start ends nothing.
+    t0 : float
+        Time at the start, s, for torques, motions, events and the record.
+    outputs : array_like (n,), optional
+        Increasing times to record, s; every step when left out. Steps stay where they are: what lies within
+        one is computed from the polynomial through its ends, to the order of the stepper, loops closed. The
+        torque function is asked there once more. The duration is to the last of them when left out.
+    hold : bool
+        Whether torque functions, those of wrenches too, are called once a step, with the state at its start,
+        and held over it, as a digital controller does. For fixed steps.
     record : sequence of {"a", "energy", "multipliers"}
         What to compute besides q and v.
     mode : array_like (nv,) or (nv, m), optional
@@ -108,9 +128,10 @@ def simulate(
         Rank tolerance of method="projection".
     options : BridgeOptions, optional
         Choices of method="bridge".
-    progress : callable (fraction), optional
-        Called after each output with the fraction of the duration that is done; the compiled kernel
-        makes some outputs at once, and the calls follow.
+    progress : bool or callable (fraction), optional
+        True shows a bar on a terminal's stderr, elsewhere a line where the run takes more than two seconds.
+        A function is called after each step with the fraction of the duration that is done; the compiled
+        kernel takes some steps at once, and the calls follow.
     backend : {"auto", "python", "native"}
         "native" takes the regular steps of "rk4" in the compiled kernel (see `backends`) for the
         methods "bridge" and "classical"; "auto" does so where it can; the results are the same to rounding.
@@ -128,7 +149,10 @@ def simulate(
     """
     check_mechanism(mechanism, Mechanism, "simulate")
     applied: Torque | ArrayLike | None = one_torque(mechanism, torque, wrenches)
-    times = _times(*mechanism.recommended.run(duration, step))
+    tableau = check_stepper(stepper)
+    fixed = tableau == "rk4" or isinstance(tableau, Tableau)
+    duration = last_output(outputs, t0) if duration is None else duration
+    schedule, step = planned(t0, *mechanism.recommended.run(duration, step), outputs, fixed)
     v0 = mechanism.recommended.velocity(q0, mode) if v0 is None and drive is None else v0
     check_choice("method", method, METHODS)
     if on_toggle is None:
@@ -137,68 +161,92 @@ def simulate(
     if on_toggle == "repartition" and method != "bridge":
         raise OptionError(f'on_toggle="repartition" goes with method="bridge", not with {method!r}')
     check_choice("newton_start", newton_start, ("tangent", "previous"))
-    if isinstance(record, str):
-        record = (record,)
-    record = listed(record, "record", f"any of {', '.join(RECORDS)}", OptionError)
-    for item in record:
-        check_choice("record", item, RECORDS)
-    if progress is not None and not callable(progress):
-        raise OptionError(f"progress = {shown(progress)} must be callable, progress(fraction)")
+    record = checked_record(record)
+    if not (progress is None or isinstance(progress, bool) or callable(progress)):
+        raise OptionError(f"progress = {shown(progress)} must be True, or callable, progress(fraction)")
+    if not isinstance(hold, bool):
+        raise OptionError(f"hold = {shown(hold)} must be True or False")
+    if hold and not fixed:
+        raise OptionError(f"hold=True goes with fixed steps, not with {stepper!r}; use rk4 or a Tableau")
     check_positive("rtol", rtol)
     check_positive("atol", atol)
     check_between("threshold", threshold, 0.0, 1.0)
     options = BridgeOptions() if options is None else options
     if not isinstance(options, BridgeOptions):
         raise OptionError(f"options = {options!r} must be a BridgeOptions, such as BridgeOptions(zone=0.05)")
-    tableau = check_stepper(stepper)
-    fixed = tableau == "rk4" or isinstance(tableau, Tableau)
     check_choice("backend", backend, BACKENDS)
     kernel = chosen_library(backend, stepper, method, newton_start)
+    asked = checked_events(events)
     drives = None
     if drive is not None:
         _check_drive_goes_with(backend, on_toggle)
-        motions, kernel = checked_motions(mechanism, drive, times), None
+        motions, kernel = checked_motions(mechanism, drive, schedule.times), None
         mechanism = driving(mechanism, tuple(motions), mechanism.home if q0 is None else q0)
-        drives = Drive(mechanism, motions)
+        drives = Drive(mechanism, motions, t0)
     choice = MapChoice(method, options, newton_start, threshold, error_controlled=not fixed)
     counters = Counters()
     begun = time.perf_counter()
-    checked = tableau == "rk4" and drives is None
-    stability = StabilityCheck(mechanism, applied, float(times[1]), options) if checked else None
-    applied = applied if stability is None else stability.torque
+    held = HeldTorque.of(mechanism, applied) if hold else None
+    stability = None
+    if tableau == "rk4" and drives is None:
+        stability = StabilityCheck(mechanism, applied if held is None else None, step, options)
+        applied = stability.torque
+    applied = applied if held is None else held
     motion = set_out(mechanism, q0, v0, mode, applied, choice, counters, drives)
     if stability is not None:
         stability.before(motion)
     native = None if kernel is None else NativeSteps(kernel, applied, backend == "native")
     if native is not None:
         native.prepare(mechanism, motion.start.path)
-    run = Run(motion, choice, applied, times, record, counters, on_toggle, progress, native)
-    try:
-        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite ends in an error of ours
-            if isinstance(stepper, Tableau):
-                run.fixed_steps(stepper.step)
-            elif fixed:
-                run.fixed_steps(rk4_step)
-            else:
-                run.adaptive_steps(stepper, rtol, atol)
-    except (SimulationError, ClosureError) as error:
-        error.trajectory = run.trajectory(begun)
-        raise
-    except OverflowError as overflow:
-        stop = NonFiniteError(
-            "the state left the finite numbers; use a smaller step, and check v0 and torque"
-        )
-        stop.trajectory = run.trajectory(begun)
-        raise stop from overflow
-    finally:
-        if native is not None:
-            native.release()
-        if stability is not None:
-            stability.after(motion)
+    take = tableau.step if isinstance(tableau, Tableau) else rk4_step
+    with _reporting(progress, schedule, mechanism.name) as report:
+        parts = motion, choice, applied, schedule, record, counters, on_toggle, report, asked
+        run: Run
+        if not fixed:
+            run = AdaptiveRun(str(stepper), rtol, atol, *parts)
+        else:
+            run = FixedRun(take, native, *parts) if held is None else HeldRun(held, take, native, *parts)
+        try:
+            with np.errstate(over="ignore", invalid="ignore"):  # what is not finite ends in an error of ours
+                run.go()
+        except (SimulationError, ClosureError) as error:
+            error.trajectory = run.trajectory(begun)
+            raise
+        except OverflowError as overflow:
+            stop = NonFiniteError(
+                "the state left the finite numbers; use a smaller step, and check v0 and torque"
+            )
+            stop.trajectory = run.trajectory(begun)
+            raise stop from overflow
+        finally:
+            if native is not None:
+                native.release()
+            if stability is not None:
+                stability.after(motion)
     finished = run.trajectory(begun)
     if fixed and method == "bridge":
-        warn_if_coarse(finished)
+        warn_if_coarse(finished, step)
     return finished
+
+
+def checked_record(record: Any) -> list[str]:
+    """What to record besides q and v, or an OptionError."""
+    if isinstance(record, str):
+        record = (record,)
+    items = listed(record, "record", f"any of {', '.join(RECORDS)}", OptionError)
+    for item in items:
+        check_choice("record", item, RECORDS)
+    return items
+
+
+def _reporting(
+    progress: Callable[[float], None] | bool | None, schedule: Schedule, name: str
+) -> AbstractContextManager[Callable[[float], None] | None]:
+    """What is told of the work done, while it lasts."""
+    if isinstance(progress, bool):
+        span = float(schedule.times[-1] - schedule.times[0])
+        return progress_bar(span, f"simulating {name}") if progress else nullcontext()
+    return nullcontext(progress)
 
 
 def _check_drive_goes_with(backend: str, on_toggle: str) -> None:
@@ -209,20 +257,3 @@ def _check_drive_goes_with(backend: str, on_toggle: str) -> None:
         )
     if on_toggle == "repartition":
         raise OptionError('drive: driven joints stay independent; leave on_toggle out, or give "error"')
-
-
-def _times(duration: float, step: float) -> Array:
-    """Output times; the last interval is shorter when the step does not divide the duration."""
-    check_positive("duration", duration)
-    check_positive("step", step)
-    if step > duration * (1.0 + 1e-12):
-        raise OptionError(f"step = {step} s is longer than the duration = {duration} s")
-    if duration / step > MAX_OUTPUTS:
-        raise OptionError(
-            f"step = {step} s and duration = {duration} s make {duration / step:.3g} outputs, more than "
-            f"{MAX_OUTPUTS:.0e}; use a larger step, or several runs one after the other"
-        )
-    count = max(1, int(np.ceil(duration / step - 1e-9)))
-    times = step * np.arange(count + 1)
-    times[-1] = duration
-    return times

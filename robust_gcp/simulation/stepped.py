@@ -6,18 +6,19 @@ import copy
 from bisect import bisect_right
 from typing import Any
 
-from ..dynamics.equations import Evaluation, TorqueFunction
-from ..dynamics.problem import Problem
-from ..maps.choice import MapChoice
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..dynamics.equations import CheckedTorque, Evaluation, Torque, TorqueFunction, torque_function
 from ..maps.explicit import Crossing
 from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..native.steps import NativeSteps
-from .recovery import Recovery
-from .run import Run
+from .fixed import FixedRun
+from .schedule import Schedule
 
-FIXED = ("_choice", "_torque", "_held", "_native", "_progress", "_counters", "_on_toggle")
+FIXED = ("_choice", "_torque", "_held", "_take", "_native", "_progress", "_counters", "_on_toggle")
 """What of a run no step changes, or what counts on."""
 
 
@@ -27,11 +28,23 @@ class HeldTorque(TorqueFunction):
     Attributes
     ----------
     value : ndarray (nv,)
+    asked : callable (t, q, v) or None
+        Where the next one comes from.
     """
 
     def __init__(self, value: Array) -> None:
         super().__init__(lambda t, q, v: self.value, len(value))
         self.value = value
+        self.asked: CheckedTorque | None = None
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, torque: Torque | ArrayLike | None) -> HeldTorque | None:
+        """What a function of the user's says once a step; None where there is none."""
+        if not callable(torque):
+            return None
+        held = cls(mechanism.tree.zero)
+        held.asked = torque_function(mechanism, torque)
+        return held
 
     def __call__(self, t: float, q: Array, v: Array) -> Array:
         """The torque held, whatever the state."""
@@ -42,7 +55,7 @@ class HeldTorque(TorqueFunction):
         return self
 
 
-class SteppedRun(Run):
+class SteppedRun(FixedRun):
     """A run that goes on when asked to, under a torque that is held.
 
     Where it has to go back over steps that were taken, the torques held then act again.
@@ -52,11 +65,11 @@ class SteppedRun(Run):
     held : HeldTorque
         The torque of the run.
     more
-        As for `Run`.
+        As for `FixedRun`.
     """
 
-    def __init__(self, held: HeldTorque, problem: Problem, choice: MapChoice, *more: Any) -> None:
-        super().__init__(problem, choice, held, *more)
+    def __init__(self, held: HeldTorque, *more: Any, **options: Any) -> None:
+        super().__init__(*more, **options)
         self._held = held
         self._changes, self._torques = [0], [held.value]
 
@@ -69,12 +82,7 @@ class SteppedRun(Run):
     @property
     def at(self) -> int:
         """The number of the last output."""
-        return self._record.count - 1
-
-    @property
-    def times(self) -> Array:
-        """Output times that there is room for, s."""
-        return self._times
+        return self._record.at
 
     @property
     def crossings(self) -> list[Crossing]:
@@ -82,17 +90,19 @@ class SteppedRun(Run):
         return self._record.crossings
 
     def hold(self, torque: Array) -> None:
-        """Hold another torque from the last output on, and look at the state there again."""
+        """Hold a torque from the last output on, and look at the state there again if it is another."""
+        if np.array_equal(torque, self._held.value):
+            return
         i = self.at
         self._changes.append(i)
         self._torques.append(torque)
         self._held.value = torque
-        self._last = self._motion.equations.at_point(float(self._times[i]), self.last.point)
+        self._last = self._motion.equations.at_point(float(self.times[i]), self.last.point)
         self._record.add(i, self._last, self._x)
 
-    def _evaluated(self, i: int, recovery: Recovery) -> Evaluation:
+    def _evaluated(self, i: int) -> Evaluation:
         self._held.value = self._torques[bisect_right(self._changes, i) - 1]
-        return super()._evaluated(i, recovery)
+        return super()._evaluated(i)
 
     def _natively(self, native: NativeSteps, i: int, last: int, now: Evaluation) -> tuple[int, Evaluation]:
         if self._changes[-1] > i:  # over steps taken once more, one by one
@@ -101,8 +111,8 @@ class SteppedRun(Run):
 
     def grow(self, times: Array) -> None:
         """Go on to more output times, the first of which are the present ones."""
-        self._times = times
-        self._record.grow(times)
+        self._schedule = Schedule.every(times)
+        self._record.grow(self._schedule)
 
     def parts(self) -> dict[str, Any]:
         """What steps change, by name."""
@@ -111,7 +121,7 @@ class SteppedRun(Run):
     def copied(self, parts: dict[str, Any] | None = None) -> dict[str, Any]:
         """A copy of all that steps change, or of such a copy; what they do not change is shared."""
         parts = self.parts() if parts is None else parts
-        shared: list[Any] = [self._counters]
+        shared: list[Any] = [self._counters, parts["_schedule"]]
         for mechanism in {id(m): m for m in (self._record.mechanism, parts["_motion"].mechanism)}.values():
             shared += _unchanging(mechanism)
         return copy.deepcopy(parts, {id(part): part for part in shared})
@@ -121,6 +131,25 @@ class SteppedRun(Run):
         for name, value in self.copied(parts).items():
             setattr(self, name, value)
         self._held.value = self._torques[-1]
+
+
+class HeldRun(SteppedRun):
+    """A run that asks a function for the torque at the start of each step, and holds it over the step."""
+
+    def go(self) -> None:
+        """Step by step; steps that are taken once more have the torque that they had."""
+        ask, motion = self._held.asked, self._motion
+        assert ask is not None  # `HeldTorque.of` gave it
+        start, times = motion.start, self.times.tolist()
+        self._held.value = ask(times[0], start.point.q, start.point.G.dot(start.ydot))
+        self._torques = [self._held.value]
+        self.advance(0, 0)
+        for i in range(len(times) - 1):
+            if i > 0:
+                self.hold(ask(times[i], self.last.point.q, self.last.v))
+            self.advance(i, i + 1, self.last)
+            if self._ended:
+                return
 
 
 def _unchanging(mechanism: Mechanism) -> list[Any]:

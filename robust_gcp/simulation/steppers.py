@@ -34,6 +34,24 @@ class NoProgressError(SimulationError):
     """An adaptive solver could not go on; the last refusal of the right-hand side, if any, is its cause."""
 
 
+class Between:
+    """States within a solver's last step; its interpolant costs evaluations, so it is made when asked for."""
+
+    def __init__(self, solver: Any) -> None:
+        self._solver = solver
+        self._dense: Any = None
+
+    def dense(self) -> Callable[[float], Array]:
+        """The interpolant itself."""
+        self._dense = self._dense or self._solver.dense_output()
+        dense: Callable[[float], Array] = self._dense
+        return dense
+
+    def __call__(self, t: float) -> Array:
+        """The state at a time within the step."""
+        return np.asarray(self.dense()(t))
+
+
 @dataclass(frozen=True)
 class SolverStep:
     """An accepted step of an adaptive solver.
@@ -54,7 +72,11 @@ class SolverStep:
     t1: float
     x: Array
     outputs: list[Array]
-    between: Callable[[float], Array]
+    between: Between
+
+    def dense(self) -> Callable[[float], Array]:
+        """The same for ever, while `between` is of the solver's last step alone."""
+        return self.between.dense()
 
 
 def rk4_step(f: RightHandSide, t: float, x: Array, h: float, k1: Array) -> Array:
@@ -158,23 +180,11 @@ def solver_steps(
         if solver.t_old is None or solver.t_old == begun:
             continue
         begun = solver.t_old
-        between, outputs = _Between(solver), []
+        between, outputs = Between(solver), []
         while i < len(times) and (times[i] <= solver.t or solver.status == "finished"):
             outputs.append(solver.y.copy() if times[i] == solver.t else between(float(times[i])))
             i += 1
         yield SolverStep(float(begun), float(solver.t), solver.y.copy(), outputs, between)
-
-
-class _Between:
-    """States within a solver's last step; its interpolant costs evaluations, so it is made when asked for."""
-
-    def __init__(self, solver: Any) -> None:
-        self._solver = solver
-        self._dense: Any = None
-
-    def __call__(self, t: float) -> Array:
-        self._dense = self._dense or self._solver.dense_output()
-        return np.asarray(self._dense(t))
 
 
 class _KeptJacobian:

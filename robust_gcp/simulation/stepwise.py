@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import check_choice, check_mechanism, check_positive, listed, shown
+from ..checks import check_choice, check_mechanism, check_positive, shown
 from ..dynamics.problem import set_out
 from ..errors import ClosureError, OptionError, SimulationError
 from ..maps.choice import METHODS, MapChoice, Method
@@ -18,7 +18,8 @@ from ..maps.point import Counters
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..native.steps import BACKENDS, NativeSteps, chosen_library
-from .simulate import RECORDS
+from .schedule import Schedule
+from .simulate import checked_record
 from .stepped import HeldTorque, SteppedRun
 from .steppers import rk4_step
 from .trajectory import ARRAYS, Trajectory
@@ -68,9 +69,7 @@ class Simulation:
         check_positive("step", step)
         check_choice("method", method, METHODS)
         check_choice("backend", backend, BACKENDS)
-        record = listed(record, "record", f"any of {', '.join(RECORDS)}", OptionError)
-        for item in record:
-            check_choice("record", item, RECORDS)
+        record = checked_record(record)
         self.mechanism, self._step = mechanism, float(step)
         self._begun = time.perf_counter()
         self._none = np.zeros(mechanism.nv)
@@ -82,8 +81,10 @@ class Simulation:
         if native is not None:
             native.prepare(mechanism, problem.start.path)
         toggle = "repartition" if method == "bridge" else "error"
-        times = self._step * np.arange(ROOM)
-        self._run = SteppedRun(self._held, problem, choice, times, record, counters, toggle, None, native)
+        plan = Schedule.every(self._step * np.arange(ROOM))
+        self._run = SteppedRun(
+            self._held, rk4_step, native, problem, choice, self._held, plan, record, counters, toggle
+        )
         self._go_to(0, first=True)
 
     def step(self, tau: ArrayLike | Mapping[str, Any] | None = None, n: int = 1) -> Simulation:
@@ -106,8 +107,7 @@ class Simulation:
             raise OptionError(f"n = {shown(n)} must be a number of steps, 1 or more")
         held = self._none if tau is None else self.mechanism.velocity(tau, "tau")
         run = self._run
-        if not np.array_equal(held, self._held.value):
-            run.hold(held)
+        run.hold(held)
         last = run.at + int(n)
         if last >= len(run.times):
             run.grow(self._step * np.arange(max(2 * len(run.times), last + 1)))
@@ -118,7 +118,7 @@ class Simulation:
         run = self._run
         try:
             with np.errstate(over="ignore", invalid="ignore"):
-                run.advance(rk4_step, max(run.at, 0), last, None if first else run.last)
+                run.advance(max(run.at, 0), last, None if first else run.last)
         except (SimulationError, ClosureError) as error:
             error.trajectory = self.trajectory
             raise

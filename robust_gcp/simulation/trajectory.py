@@ -21,6 +21,7 @@ from .dense import Interpolant, sampled_accelerations, times_within
 from .files import data_frame, write_archive, write_csv
 from .reactions import Reaction, closure_number, reaction, row_names
 from .stats import Stats
+from .summary import told
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,9 +30,6 @@ if TYPE_CHECKING:
 
 ARRAYS = ("t", "q", "v", "a", "energy", "multipliers", "work", "drive_torque")
 """What a trajectory holds, one row a time; the first three always."""
-
-SHOWN = 7
-"""Names or times in the summary of a motion."""
 
 
 @dataclass(repr=False)
@@ -58,6 +56,12 @@ class Trajectory(Named):
     stats : Stats
     drive_torque : ndarray (N + 1, nv) or None
         What prescribed motions take, N m and N; NaN at joints that are not driven. `traj["drive.q1"]`.
+    t_events : list of ndarray (k,)
+        When each event happened, s, in the order that `simulate` was given them.
+    q_events, v_events : list of ndarray (k, nq), (k, nv)
+        Configuration and velocity then.
+    ended_by : int or None
+        Number of the terminal event that ended the run, whose time is the last in t.
     """
 
     mechanism: Mechanism
@@ -71,6 +75,10 @@ class Trajectory(Named):
     crossings: list[Crossing] = field(default_factory=list)
     stats: Stats = field(default_factory=Stats)
     drive_torque: Array | None = None
+    t_events: list[Array] = field(default_factory=list)
+    q_events: list[Array] = field(default_factory=list)
+    v_events: list[Array] = field(default_factory=list)
+    ended_by: int | None = None
 
     @property
     def y(self) -> Array:
@@ -91,7 +99,7 @@ class Trajectory(Named):
         """Energy minus its start and minus the work of torques, drives and dampers, (N + 1,), J."""
         energy = self._energy
         drift = energy - energy[0]
-        return drift if self.work is None else drift - self.work
+        return drift if self.work is None else drift - (self.work - self.work[0])
 
     @cached_property
     def _energy(self) -> Array:
@@ -261,33 +269,16 @@ class Trajectory(Named):
     def save(self, path: str | Path) -> Path:
         """Write everything to a .npz file, which `load_trajectory` reads back; returns the path.
 
-        Stored: t, q, v and whatever else was recorded, crossings, stats, and the mechanism (tree, closures,
-        forces, coordinates). Not stored: the torque function, options of the run, and shapes for replay.
+        Stored: t, q, v and whatever else was recorded, crossings, events, stats, and the mechanism (tree,
+        closures, forces, coordinates). Not stored: the torque function, options of the run, and shapes
+        for replay.
         """
         arrays = {name: getattr(self, name) for name in ARRAYS}
-        return write_archive(path, self.mechanism, arrays, self.crossings, asdict(self.stats))
+        for what in "tqv":
+            found = getattr(self, f"{what}_events")
+            arrays |= {f"{what}_event_{k}": values for k, values in enumerate(found)}
+        return write_archive(path, self.mechanism, arrays, self.crossings, asdict(self.stats), self.ended_by)
 
     def __repr__(self) -> str:
         """A summary in a few lines."""
-        m, n = self.mechanism, len(self.t)
-        span = f"{n} times from {self.t[0]:g} to {self.t[-1]:g} s" if n else "no times"
-        recorded = [name for name in ARRAYS if getattr(self, name) is not None]
-        lines = [
-            f"Trajectory of {m.name!r}: {span}",
-            f"  {len(m.joint_names)} joints: {_brief(m.joint_names)}; independent: {_brief(m.independent)}",
-            f"  recorded: {', '.join(recorded)}",
-        ]
-        if self.crossings:
-            when = [f"{c.time:.4g} s" for c in self.crossings]
-            lines.append(f"  {len(when)} crossings: {_brief(when)}")
-        if self.stats.repartitions:
-            when = [f"{t:.4g} s" for t, _ in self.stats.repartitions]
-            lines.append(f"  coordinates changed at {_brief(when)}")
-        return "\n".join(lines)
-
-
-def _brief(words: Sequence[str]) -> str:
-    """All of a few words, the first of many."""
-    if len(words) <= SHOWN:
-        return ", ".join(words) or "none"
-    return ", ".join(words[: SHOWN - 1]) + f", … {words[-1]}"
+        return told(self, [name for name in ARRAYS if getattr(self, name) is not None])

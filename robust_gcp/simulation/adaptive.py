@@ -1,0 +1,131 @@
+"""A run with one of scipy's solvers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..dynamics.equations import Evaluation
+from ..dynamics.linearise import ReducedJacobian
+from ..errors import NonFiniteError, ToggleError
+from ..maps.explicit import Stretch
+from ..mechanism.tree import Array
+from .charts import in_new_chart, map_of_rest, numbers, placed, point_of_rest
+from .crossings import located
+from .events import Zero
+from .run import Run
+from .steppers import SolverStep, solver_steps
+from .within import SolverSteps
+
+
+class AdaptiveRun(Run):
+    """A run with one of scipy's solvers.
+
+    Parameters
+    ----------
+    stepper : str
+    rtol, atol : float
+    more, options
+        As for `Run`.
+    """
+
+    def __init__(self, stepper: str, rtol: float, atol: float, *more: Any, **options: Any) -> None:
+        super().__init__(*more, **options)
+        self._solver = stepper, rtol, atol
+        self._behind: Array = self._x
+
+    def go(self) -> None:
+        """The solver, started anew after a change of coordinates; output at the times."""
+        stepper, rtol, atol = self._solver
+        times, begun = self.times, float(self.times[0])
+        self._begin(0, self._motion.equations.evaluate(begun, self._x))
+        i, changed_at = 0, -1
+        while i + 1 < len(times):
+            try:
+                jacobian = ReducedJacobian(self._motion.equations)
+                self._behind = self._x
+                ahead = np.concatenate([[begun], times[i + 1 :]])
+                for step in solver_steps(
+                    stepper, self._followed, self._x, ahead, rtol, atol, jacobian=jacobian
+                ):
+                    self._look_behind(step)
+                    within, zeros = self._zeros(step)
+                    end = zeros[-1].t if zeros and zeros[-1].ends else np.inf
+                    for x in step.outputs:
+                        if times[i + 1] > end:
+                            break
+                        i += 1
+                        if not np.all(np.isfinite(x)):
+                            raise NonFiniteError(f"{stepper} left the finite numbers at t = {times[i]:.6g} s")
+                        self._x = x
+                        self._start_near(x)
+                        self._accept(i, self._motion.equations.evaluate(float(times[i]), x))
+                    for zero in zeros:
+                        self._keep_zero(zero, within)
+                    if end < np.inf:
+                        return
+                    explicit = self._motion.explicit
+                    if np.all(np.isfinite(step.x)) and explicit.outgrown(explicit.anchor):
+                        self._start_near(step.x)
+                        begun, here = step.t1, self._motion.equations.evaluate(step.t1, step.x)
+                        _, self._x = in_new_chart(self._motion.explicit, here, step.x)
+                        break
+            except ToggleError:
+                i = self._record.at
+                if self._on_toggle == "error" or i == changed_at or self._last is None:
+                    raise
+                self._motion.explicit.anchor = self._last.point
+                self._x = self._record.last_state
+                self._record.forget_crossings(i)
+                self._events.forget(float(times[i]))
+                self._begin(i, self._last)
+                self._repartition(i)
+                changed_at, begun = i, float(times[i])
+
+    def _begin(self, i: int, now: Evaluation) -> None:
+        """Accept the evaluation at time i, and look for events from there on."""
+        self._accept(i, now)
+        if self._events:
+            self._events.begin(float(self.times[i]), now.point.q, now.v)
+
+    def _zeros(self, step: SolverStep) -> tuple[SolverSteps, list[Zero]]:
+        """The motion within a step, and the events there."""
+        explicit, m, x = self._motion.explicit, self._motion.mechanism.m, step.x
+        within = SolverSteps(explicit, m, (step.t0, step.t1), (step.between,), self._start_near)
+        if not self._events or not np.all(np.isfinite(x)):
+            return within, []
+        self._start_near(x)
+        point = explicit.at(x[:m], x[m : 2 * m])
+        return within, self._events.zeros(point.q, point.G.dot(point.ydot), within)
+
+    def _followed(self, t: float, x: Array) -> Array:
+        """ẋ for a solver, whose trial steps may be refused after they went far ahead."""
+        self._start_near(x)
+        return self._motion.equations(t, x)
+
+    def _start_near(self, x: Array) -> None:
+        """Follow the mode from the last output, if that is nearer to x than the last evaluation."""
+        if self._last is None:
+            return
+        explicit, y = self._motion.explicit, x[: self._motion.mechanism.m]
+        rest, last = map_of_rest(explicit), point_of_rest(self._last.point)
+        y = numbers(explicit, y)
+        if last.origin is rest.anchor.origin and _apart(y, last.y) < _apart(y, rest.anchor.y):
+            rest.anchor = last
+
+    def _look_behind(self, step: SolverStep) -> None:
+        """Log what an accepted step of a solver passed, whatever the outputs are."""
+        behind, self._behind = self._behind, step.x
+        explicit, m = self._motion.explicit, self._motion.mechanism.m
+        if not explicit.met or not np.all(np.isfinite(step.x)):
+            return
+        self._start_near(behind)
+        before, after = (explicit.at(x[:m], x[m : 2 * m]) for x in (behind, step.x))
+        stretch = Stretch(step.t0, step.t1, lambda t: numbers(explicit, step.between(t)[:m]))
+        crossings = located(explicit.passed(before, after, stretch), stretch)
+        self._record.cross(placed(explicit, crossings, lambda t: step.between(t)[:m]))
+
+
+def _apart(a: Array, b: Array) -> float:
+    return float(np.abs(a - b).max(initial=0.0))

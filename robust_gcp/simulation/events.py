@@ -1,0 +1,230 @@
+"""Events: zeros of functions of the motion, as scipy's solve_ivp knows them.
+
+A function g(t, q, v) is looked at wherever a step ends. Where its sign changes over a step, the zero is found
+on the motion between: for fixed steps on the polynomial of `dense`, for a solver of scipy's on its own dense
+output. So the time of an event has an error of the stepper's order, the fourth with RK4. Two zeros within one
+step show no change of sign, and are not seen; nor does solve_ivp see them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import scipy
+
+from ..checks import check_callable, check_number, listed, real_array, shown
+from ..errors import NonFiniteError, OptionError
+from ..mechanism.tree import Array
+
+EventFunction = Callable[[float, Array, Array], float]
+
+AT_START = 1e-9
+"""Share of a run's first step within which a zero is one of the start."""
+
+RTOL = 4.0 * float(np.finfo(float).eps)
+"""Of the times of events: as close as brentq takes them."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """A function of the motion whose zeros `simulate` finds.
+
+    A plain function serves too, as in solve_ivp, with attributes `terminal` and `direction` if need be.
+
+    Parameters
+    ----------
+    function : callable (t, q, v) -> float
+        Continuous. It is called more than once a step, and may not remember.
+    terminal : bool or int
+        Whether the run ends there; a number: at how many of them.
+    direction : float
+        Positive for zeros on the way up only, negative for those on the way down, 0 for all.
+
+    Raises
+    ------
+    OptionError
+        For arguments that are none.
+    """
+
+    function: EventFunction
+    terminal: bool | int = False
+    direction: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the arguments."""
+        check_callable("Event", self.function, "(t, q, v)")
+        if self.function is None:
+            raise OptionError("Event: give a function (t, q, v)")
+        whole = isinstance(self.terminal, bool | int | np.integer | np.bool_)
+        if not whole or self.terminal < 0:
+            raise OptionError(
+                f"Event: terminal = {shown(self.terminal)} must be True, False or a number of events"
+            )
+        check_number("Event: direction", self.direction)
+
+    def __call__(self, t: float, q: Array, v: Array) -> float:
+        """Its value."""
+        return self.function(t, q, v)
+
+
+class Between(Protocol):
+    """The motion within a step."""
+
+    @property
+    def t0(self) -> float:
+        """Where it begins, s."""
+        ...
+
+    @property
+    def t1(self) -> float:
+        """Where it ends, s."""
+        ...
+
+    def state(self, t: float) -> tuple[Array, Array]:
+        """q and v at a time of the step."""
+        ...
+
+
+@dataclass(frozen=True)
+class Zero:
+    """A zero of event number k at time t, s; `ends` where the run is over with it."""
+
+    t: float
+    k: int
+    ends: bool
+
+
+class Events:
+    """The events of a run, and what was found of them.
+
+    Parameters
+    ----------
+    asked : sequence of Event
+    start, step : float
+        Of the run, s.
+
+    Attributes
+    ----------
+    t, q, v : list of list
+        What was found, for each event.
+    ended_by : int or None
+        Which terminal event ended the run.
+    """
+
+    def __init__(self, asked: Sequence[Event], start: float, step: float) -> None:
+        self._asked, self._start, self._soon = list(asked), start, start + AT_START * step
+        self.t: list[list[float]] = [[] for _ in asked]
+        self.q: list[list[Array]] = [[] for _ in asked]
+        self.v: list[list[Array]] = [[] for _ in asked]
+        self.ended_by: int | None = None
+        self._left = start
+        self._values: Array = np.zeros(0)
+
+    def __bool__(self) -> bool:
+        """Whether any are asked for."""
+        return bool(self._asked)
+
+    def begin(self, t: float, q: Array, v: Array) -> None:
+        """Take note of the state from which the next step begins."""
+        self._left, self._values = t, self._at(t, q, v)
+
+    def first_met(self, t: Array, q: Array, v: Array) -> int | None:
+        """The first of the rows at these ends of steps in whose step there is an event."""
+        left, before = self._left, self._values
+        for j, when in enumerate(t.tolist()):
+            after = self._at(when, q[j], v[j])
+            if self._changed(left, before, after):
+                return j
+            left, before = when, after
+        return None
+
+    def zeros(self, q: Array, v: Array, step: Between) -> list[Zero]:
+        """Those in the step to q and v, by time, up to one that ends the run; the next step begins there.
+
+        A zero at the start of a run ends nothing: a run may begin where another ended.
+        """
+        left, before, after = self._left, self._values, self._at(step.t1, q, v)
+        self._left, self._values = step.t1, after
+        times = [(self._zero(k, before, after, step), k) for k in self._changed(left, before, after)]
+        found = []
+        for t, k in sorted(times):
+            limit, so_far = int(self._asked[k].terminal), sum(when > self._soon for when in self.t[k])
+            ends = t > self._soon and 0 < limit <= so_far + 1
+            found.append(Zero(t, k, ends))
+            if ends:
+                break
+        return found
+
+    def add(self, zero: Zero, q: Array, v: Array) -> None:
+        """Keep a zero and the state there."""
+        self.t[zero.k].append(zero.t)
+        self.q[zero.k].append(q)
+        self.v[zero.k].append(v)
+        if zero.ends:
+            self.ended_by = zero.k
+
+    def forget(self, t: float) -> None:
+        """Forget what was found after time t."""
+        for k, times in enumerate(self.t):
+            kept = sum(when <= t for when in times)
+            del self.t[k][kept:], self.q[k][kept:], self.v[k][kept:]
+
+    def _at(self, t: float, q: Array, v: Array) -> Array:
+        return np.array([_value(event, k, t, q, v) for k, event in enumerate(self._asked)])
+
+    def _changed(self, left: float, before: Array, after: Array) -> list[int]:
+        """Which functions became or passed zero, in a direction that counts, after the time `left`."""
+        found = []
+        for k, (a, b) in enumerate(zip(before.tolist(), after.tolist(), strict=True)):
+            rises, falls = a < 0.0 <= b, a > 0.0 >= b
+            if a == 0.0 and left == self._start:
+                rises, falls = b > 0.0, b < 0.0
+            way = self._asked[k].direction
+            if (rises and way >= 0.0) or (falls and way <= 0.0):
+                found.append(k)
+        return found
+
+    def _zero(self, k: int, before: Array, after: Array, step: Between) -> float:
+        ends = {step.t0: float(before[k]), step.t1: float(after[k])}
+
+        def value(t: float) -> float:
+            return ends[t] if t in ends else _value(self._asked[k], k, t, *step.state(t))
+
+        xtol = 4.0 * float(np.spacing(max(abs(step.t0), abs(step.t1))))
+        return float(scipy.optimize.brentq(value, step.t0, step.t1, xtol=xtol, rtol=RTOL))
+
+
+def _value(event: Event, k: int, t: float, q: Array, v: Array) -> float:
+    """What an event says at one time, a finite number."""
+    given = event(t, q.copy(), v.copy())
+    try:
+        value = real_array(given)
+        if value.size != 1:
+            raise TypeError
+    except TypeError as error:
+        raise OptionError(
+            f"events[{k}](t, q, v) returned {shown(given)}, expected one real number"
+        ) from error
+    number = float(value.reshape(()))
+    if not np.isfinite(number):
+        raise NonFiniteError(f"events[{k}](t, q, v) returned {number} at t = {t:.6g} s")
+    return number
+
+
+def checked_events(events: Any) -> list[Event]:
+    """What `simulate` was given as events, or an OptionError."""
+    if events is None:
+        return []
+    if callable(events):
+        events = [events]
+    found = []
+    for k, event in enumerate(listed(events, "events", "functions (t, q, v)", OptionError)):
+        if not callable(event):
+            raise OptionError(f"events[{k}] = {shown(event)} must be a function (t, q, v)")
+        ready = isinstance(event, Event)
+        terminal, direction = getattr(event, "terminal", False), getattr(event, "direction", 0.0)
+        found.append(event if ready else Event(event, False if terminal is None else terminal, direction))
+    return found

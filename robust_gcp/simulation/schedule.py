@@ -1,0 +1,137 @@
+"""When a run steps, and which times it tells of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..checks import check_number, check_positive, real_array, shown
+from ..errors import OptionError
+from ..mechanism.tree import Array
+
+MAX_OUTPUTS = 100_000_000
+"""Most steps of a run: q and v of a four-bar alone then take 5 GB."""
+
+SAME = 1e-9
+"""Share of a step within which an output is at the end of one."""
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """Steps and outputs of a run.
+
+    Attributes
+    ----------
+    times : ndarray (N + 1,)
+        The start and the ends of the steps, s.
+    outputs : ndarray (n,)
+        Increasing, within the steps, s.
+    row : ndarray of int (N + 1,)
+        Which output each of `times` is, -1 where it is none.
+    first : ndarray of int (N + 1,)
+        How many outputs come before each of `times`.
+    """
+
+    times: Array
+    outputs: Array
+    row: NDArray[np.int64]
+    first: NDArray[np.int64]
+
+    @classmethod
+    def every(cls, times: Array) -> Schedule:
+        """An output at the end of each step, and at the start."""
+        all_rows = np.arange(len(times))
+        return cls(times, times, all_rows, all_rows)
+
+    @classmethod
+    def at(cls, times: Array, outputs: Array) -> Schedule:
+        """These outputs, each at the end of a step or within one."""
+        width = SAME * np.diff(times, prepend=2.0 * times[0] - times[1])
+        first = np.searchsorted(outputs, times - width)
+        row = np.where(np.searchsorted(outputs, times + width, side="right") > first, first, -1)
+        return cls(times, outputs, row, first)
+
+    @cached_property
+    def _interrupted(self) -> NDArray[np.int64]:
+        """The numbers of the steps, by their ends, that have outputs within."""
+        taken = self.first + (self.row >= 0)
+        return np.flatnonzero(self.first[1:] > taken[:-1]) + 1
+
+    def within(self, i: int) -> range:
+        """The outputs between the step's ends i − 1 and i."""
+        return range(int(self.first[i - 1] + (self.row[i - 1] >= 0)), int(self.first[i]))
+
+    def free_until(self, i: int) -> int:
+        """The last end of a step after i before one that has outputs within; i itself where that is next."""
+        k = np.searchsorted(self._interrupted, i, side="right")
+        return int(self._interrupted[k]) - 1 if k < len(self._interrupted) else len(self.times) - 1
+
+
+def planned(
+    t0: float, duration: float, step: float, outputs: ArrayLike | None, fixed: bool
+) -> tuple[Schedule, float]:
+    """The schedule that `simulate` was asked for, and the step.
+
+    Parameters
+    ----------
+    fixed : bool
+        Whether steps have this length; else a solver chooses its own, and only outputs matter.
+
+    Raises
+    ------
+    OptionError
+    """
+    check_number("t0", t0)
+    if not np.isfinite(t0):
+        raise OptionError(f"t0 = {t0} must be finite")
+    check_positive("duration", duration)
+    check_positive("step", step)
+    if step > duration * (1.0 + 1e-12):
+        raise OptionError(f"step = {step} s is longer than the duration = {duration} s")
+    if duration / step > MAX_OUTPUTS:
+        raise OptionError(
+            f"step = {step} s and duration = {duration} s make {duration / step:.3g} outputs, more than "
+            f"{MAX_OUTPUTS:.0e}; use a larger step, or several runs one after the other"
+        )
+    end = t0 + duration
+    if not t0 + step > t0 or not end - step < end:
+        raise OptionError(f"t0 = {t0} s is so large that a step of {step} s after it is lost in rounding")
+    if outputs is not None and not fixed:
+        asked = _checked(outputs, t0, end)
+        return Schedule.at(np.unique(np.concatenate([[t0], asked, [end]])), asked), step
+    count = max(1, int(np.ceil(duration / step - 1e-9)))
+    times = t0 + step * np.arange(count + 1)
+    times[-1] = end
+    return Schedule.every(times) if outputs is None else Schedule.at(times, _checked(outputs, t0, end)), step
+
+
+def last_output(outputs: ArrayLike | None, t0: float) -> float | None:
+    """The duration that outputs ask for, s; None where they say nothing."""
+    if outputs is None:
+        return None
+    last = float(_times(outputs)[-1]) - t0
+    return last if last > 0.0 else None
+
+
+def _times(outputs: ArrayLike) -> Array:
+    try:
+        times = real_array(outputs)
+    except TypeError:
+        times = np.full(1, np.nan)
+    increasing = times.ndim == 1 and len(times) > 0 and np.all(np.isfinite(times))
+    if not increasing or not np.all(np.diff(times) > 0.0):
+        raise OptionError(f"outputs = {shown(outputs)}: give increasing times, s, at least one")
+    return times
+
+
+def _checked(outputs: ArrayLike, t0: float, end: float) -> Array:
+    times = _times(outputs)
+    slack = SAME * (end - t0)
+    if times[0] < t0 - slack or times[-1] > end + slack:
+        raise OptionError(
+            f"outputs from {times[0]:g} to {times[-1]:g} s lie outside the run, from {t0:g} to {end:g} s"
+        )
+    return np.clip(times, t0, end)
