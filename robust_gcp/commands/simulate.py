@@ -33,6 +33,7 @@ from ..mechanism.mechanism import Mechanism
 from ..native.library import NativeBuildWarning
 from ..printing import clean_warnings, complain, fixed, progress_bar, table, telling
 from ..simulation.coarse import CoarseStepWarning
+from ..simulation.schedule import last_output
 from ..simulation.simulate import RECORDS, simulate
 from ..simulation.stability import StabilityWarning
 from ..simulation.steppers import SCIPY_STEPPERS
@@ -69,6 +70,8 @@ def arguments(add_to: Arguments) -> None:
     add_to.add("--on-toggle", choices=("repartition", "error"), default=None, help=text)
 
     add_to.heading("output")
+    text = "times to record, s, ascending; default: every step"
+    add_to.add("--outputs", finite, nargs="+", type=number, metavar="T", help=text)
     text = f"write also any of {','.join(RECORDS)}"
     add_to.add("--record", type=names, default=[], metavar="LIST", help=text)
     add_to.add(
@@ -107,7 +110,8 @@ def run(args: argparse.Namespace) -> int:
     if csv is not None:
         csv.parent.mkdir(parents=True, exist_ok=True)
     stop: SimulationError | None = None
-    duration, step = mechanism.recommended.run(args.duration, args.step)
+    duration = last_output(args.outputs, 0.0) if args.duration is None else args.duration
+    duration, step = mechanism.recommended.run(duration, args.step)
     with clean_warnings(OURS), progress_bar(duration, mechanism.name) as progress:
         try:
             trajectory = simulate(
@@ -118,6 +122,7 @@ def run(args: argparse.Namespace) -> int:
                 step,
                 args.method,
                 args.stepper,
+                outputs=args.outputs,
                 record=args.record,
                 mode=mode,
                 rtol=args.rtol,

@@ -132,13 +132,12 @@ class Events:
         self._left, self._values = t, self._at(t, q, v)
 
     def first_met(self, t: Array, q: Array, v: Array) -> int | None:
-        """The first of the rows at these ends of steps in whose step there is an event."""
-        left, before = self._left, self._values
+        """The first row whose step, ending at its time, has an event; the next step begins before it."""
         for j, when in enumerate(t.tolist()):
             after = self._at(when, q[j], v[j])
-            if self._changed(left, before, after):
+            if self._changed(self._left, self._values, after):
                 return j
-            left, before = when, after
+            self._left, self._values = when, after
         return None
 
     def zeros(self, q: Array, v: Array, step: Between) -> list[Zero]:

@@ -156,9 +156,13 @@ class FixedRun(Run):
         self._stride = 1
         return take(i + max(j, 1))
 
+    def _looked_for(self, i: int) -> bool:
+        """Whether outputs or events may lie within the step that ends at time i."""
+        return bool(self._events) or bool(self._schedule.within(i))
+
     def _look_within(self, i: int, before: Evaluation, now: Evaluation) -> None:
         """Keep outputs and events within the step that ends at time i, which the map is put back to."""
-        if not self._events and not self._schedule.within(i):
+        if not self._looked_for(i):
             return
         times = float(self.times[i - 1]), float(self.times[i])
         explicit, mechanism = self._motion.explicit, self._motion.mechanism
@@ -205,7 +209,7 @@ class FixedRun(Run):
         bridged, x, times = self._cluster_map(), self._x, self.times[i : i + 2]
         tolerances = REFINED_RTOL, REFINED_ATOL, REFINED_EFFORT
         ends, dense = [float(times[0])], []
-        looks = bool(self._events) or bool(self._schedule.within(i + 1))
+        looks = self._looked_for(i + 1)
         with bridged.following_true_curve():
             try:
                 for step in solver_steps("DOP853", self._motion.equations, x, times, *tolerances):

@@ -85,10 +85,10 @@ class Record:
 
     def end(self, t: float, now: Evaluation, x: Array) -> None:
         """The run ends at time t, before its outputs do: keep the state there as the last."""
-        if self.count == 0 or self._t[self.count - 1] < t:
-            self._room(1)
-            self._t = np.append(self._t[: self.count], t)
-            self.keep(self.count, now, x)
+        before = int(np.searchsorted(self._t[: self.count], t))
+        self._room(1)
+        self._t = np.append(self._t[:before], t)
+        self.keep(before, now, x)
         self._crossings = [c for c in self._crossings if c.time <= t]
 
     @property

@@ -99,13 +99,18 @@ def planned(
     end = t0 + duration
     if not t0 + step > t0 or not end - step < end:
         raise OptionError(f"t0 = {t0} s is so large that a step of {step} s after it is lost in rounding")
-    if outputs is not None and not fixed:
-        asked = _checked(outputs, t0, end)
-        return Schedule.at(np.unique(np.concatenate([[t0], asked, [end]])), asked), step
     count = max(1, int(np.ceil(duration / step - 1e-9)))
     times = t0 + step * np.arange(count + 1)
     times[-1] = end
-    return Schedule.every(times) if outputs is None else Schedule.at(times, _checked(outputs, t0, end)), step
+    if outputs is None:
+        return Schedule.every(times), step
+    asked = _checked(outputs, t0, end)
+    if not fixed:  # a change of coordinates goes back to the last of the times: not too far
+        k, last = np.searchsorted(asked, times), len(asked) - 1
+        before, after = asked[np.clip(k - 1, 0, last)], asked[np.clip(k, 0, last)]
+        gap = np.minimum(np.abs(times - before), np.abs(times - after))
+        times = np.unique(np.concatenate([times[gap > SAME * step], asked]))
+    return Schedule.at(times, asked), step
 
 
 def last_output(outputs: ArrayLike | None, t0: float) -> float | None:

@@ -100,9 +100,21 @@ class SteppedRun(FixedRun):
         self._last = self._motion.equations.at_point(float(self.times[i]), self.last.point)
         self._record.add(i, self._last, self._x)
 
+    def _torque_from(self, i: int) -> Array:
+        """What is held from time i on."""
+        return self._torques[bisect_right(self._changes, i) - 1]
+
     def _evaluated(self, i: int) -> Evaluation:
-        self._held.value = self._torques[bisect_right(self._changes, i) - 1]
+        self._held.value = self._torque_from(i)
         return super()._evaluated(i)
+
+    def _look_within(self, i: int, before: Evaluation, now: Evaluation) -> None:
+        """As ever, under the torque of the step before time i, not of the one after it."""
+        after, self._held.value = self._held.value, self._torque_from(i - 1)
+        if self._looked_for(i) and not np.array_equal(after, self._held.value):
+            now = self._motion.equations.at_point(float(self.times[i]), now.point)
+        super()._look_within(i, before, now)
+        self._held.value = after
 
     def _natively(self, native: NativeSteps, i: int, last: int, now: Evaluation) -> tuple[int, Evaluation]:
         if self._changes[-1] > i:  # over steps taken once more, one by one
