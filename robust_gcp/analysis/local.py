@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
 from typing import Literal
@@ -70,7 +71,7 @@ class LocalAnalysis:
         """δ_loc: the largest dimension of a mode through q; None where it is not certified."""
         if self.kind == "not certified":
             return None
-        return max((1 if t.ndim == 1 else t.shape[1] for t in self.modes), default=0)
+        return max(map(_dimension, self.modes), default=0)
 
 
 def analyse(mechanism: ClosedLoops, q: ArrayLike, rank_tolerance: float = RANK) -> LocalAnalysis:
@@ -140,7 +141,16 @@ def analyse(mechanism: ClosedLoops, q: ArrayLike, rank_tolerance: float = RANK) 
     generic = rank + len(forms)
     decoupled = rank_two_forms(forms)
     forms = forms if decoupled is None else decoupled
-    kind, modes, words = _factored(forms, kernel) if decoupled or len(forms) == 1 else _coupled(forms, kernel)
+    if decoupled or len(forms) == 1:
+
+        def moves(T: Array, conditions: int) -> bool:
+            return _seen_to_move(mechanism, q, kernel @ T, rank + conditions, rank_tolerance)
+
+        kind, modes, words = _factored(forms, kernel, moves)
+    else:
+        kind, modes, words = _coupled(forms, kernel)
+    if modes:
+        generic = rank + kernel.shape[1] - min(_dimension(mode) for mode in modes)
     if modes and flat.shape[1]:
         # what second order leaves flat must be redundant along every mode
         nearby = [rank_along(mechanism, q, t.reshape(len(kernel), -1), rank_tolerance) for t in modes]
@@ -148,13 +158,19 @@ def analyse(mechanism: ClosedLoops, q: ArrayLike, rank_tolerance: float = RANK) 
             words = f"rank {max(nearby)} nearby, of which second order explains {generic} only"
             return answer("not certified", max(nearby), (), words, tuple(forms))
     if modes and kind == "singular":
-        m = kernel.shape[1] - len(forms)
-        words = f"rank {rank} against {generic} nearby: {len(modes)} modes of dimension {m} meet here"
+        sizes = " and ".join(str(m) for m in sorted({_dimension(mode) for mode in modes}))
+        words = f"rank {rank} against {generic} nearby: {len(modes)} modes of dimension {sizes} meet here"
     return answer(kind, generic if modes else rank + len(forms), modes, words, tuple(forms))
 
 
-def _factored(forms: list[Array], kernel: Array) -> tuple[Kind, tuple[Array, ...], str]:
-    """Factor each form into two hyperplanes and combine them into modes."""
+def _factored(
+    forms: list[Array], kernel: Array, moves: Callable[[Array, int], bool]
+) -> tuple[Kind, tuple[Array, ...], str]:
+    """Factor each form into two hyperplanes and combine them into modes.
+
+    Where hyperplanes of several forms coincide, redundant loops ask for one thing twice, and second order
+    does not say whether there is a motion: `moves` (basis, conditions) looks.
+    """
     planes: list[list[Array]] = []
     for form in forms:
         values, vectors = np.linalg.eigh(form)
@@ -176,21 +192,40 @@ def _factored(forms: list[Array], kernel: Array) -> tuple[Kind, tuple[Array, ...
     if 2 ** len(planes) > MAX_COMBINATIONS:
         words = f"{len(planes)} loops are singular at once: too many combinations of modes to list"
         return "not certified", (), words
-    modes: list[Array] = []
+    spaces: list[tuple[Array, int]] = []
     for combination in product(*planes):
         normals = np.array(combination)
         _, sigma, Vt = np.linalg.svd(normals)
-        if numerical_rank(sigma, FORM) < len(normals):
-            words = "the loops' second-order conditions are not independent: not decided at second order"
-            return "not certified", (), words
-        if kernel.shape[1] > len(normals):
-            T = Vt[len(normals) :].T
-            T = polished(forms, T[:, 0])[:, None] if T.shape[1] == 1 else T
-            mode = _direction(kernel @ T)
-            # a loop at rest satisfies both of its planes: the same tangent turns up twice
-            if not any(np.allclose(mode, known, atol=1e-9) for known in modes):
-                modes.append(mode)
+        conditions = numerical_rank(sigma, FORM)
+        if kernel.shape[1] > conditions:
+            T = Vt[conditions:].T
+            spaces.append((polished(forms, T[:, 0])[:, None] if T.shape[1] == 1 else T, conditions))
+    # the larger ones first: one that lies in another, or is known, is no mode of its own
+    modes: list[Array] = []
+    kept: list[Array] = []
+    undecided = False
+    for T, conditions in sorted(spaces, key=lambda space: space[1]):
+        if any(np.linalg.norm(T - known @ (known.T @ T), 2) < 1e-6 for known in kept):
+            continue
+        kept.append(T)
+        if conditions == len(forms) or moves(T, conditions):
+            modes.append(_direction(kernel @ T))
+        else:
+            undecided = True
+    if undecided:
+        words = "the loops' second-order conditions are not independent: not decided at second order"
+        return "not certified", tuple(modes), words
     return "singular", tuple(modes), "no direction passes second order: an isolated point"
+
+
+def _seen_to_move(mechanism: ClosedLoops, q: Array, ways: Array, expected: int, tolerance: float) -> bool:
+    """Whether the loops close a little way along each column of `ways`, forth and back, at that rank."""
+    both = np.hstack([ways, -ways])
+    return all(rank_along(mechanism, q, way[:, None], tolerance) == expected for way in both.T)
+
+
+def _dimension(mode: Array) -> int:
+    return 1 if mode.ndim == 1 else mode.shape[1]
 
 
 def _coupled(forms: list[Array], kernel: Array) -> tuple[Kind, tuple[Array, ...], str]:

@@ -49,6 +49,11 @@ COMMANDS = (
         ".studies.paper",
     ),
     Command("crossings", "random singularity crossings against the closed form", ".studies.crossings"),
+    Command(
+        "descriptions",
+        "the same motion in other coordinates, cuts, trees, axes and units",
+        ".studies.descriptions.command",
+    ),
     Command("a02", "N four-bars in a row (IFToMM A02) against the closed form", ".studies.a02"),
     Command(
         "benchmark", "time a right-hand side and its parts against the number of loops", ".studies.benchmark"

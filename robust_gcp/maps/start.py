@@ -126,6 +126,12 @@ def begin(
     if not picture.modes:
         raise NotCertifiedError(f"start at a singularity: {picture.message}", y)
     tangent = _pick(mechanism, picture, v, mode)
+    if tangent.shape[1] != mechanism.m:
+        raise NotCertifiedError(
+            f"start at a singularity: the mode has dimension {tangent.shape[1]}, not {mechanism.m} as the "
+            "motion to either side",
+            y,
+        )
     G = _parametrised(mechanism, tangent, y)
     require_velocity_in_mode(mechanism, v, G)
     blocks = np.zeros(len(path.blocks))

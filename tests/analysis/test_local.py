@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp.analysis.second_order import second_order_forms
-from robust_gcp.examples import linkages
+from robust_gcp.examples import linkages, six_bars, spatial
 from robust_gcp.maps.closed_form import FourBar
 from robust_gcp.maps.cluster.jet import null_pairing
 from robust_gcp.maps.cluster.space import ClusterSpace
@@ -400,3 +400,28 @@ def test_transversality() -> None:
         assert pairing(rhombus, np.zeros(3), -3.0 * tangent) == (1, pytest.approx(crossing, rel=1e-12))
     triangle = linkage(0.0, 1.0, 1.5, 2.5)  # Q(w, ·) = 0 on the motion that there is
     assert pairing(triangle, np.zeros(3), np.array([1.0, 0.0, 1.0]))[1] < 1e-9
+
+
+@pytest.mark.parametrize("legs", [3, 4])
+def test_redundant_legs_flat_keep_the_mode_on_which_all_turn_alike(legs: int) -> None:
+    """Two forms ask for the same direction: second order cannot say that it moves, the loops nearby do."""
+    flat = six_bars.parallel_legs(legs, 0.0)
+    here = rg.analyse(flat, flat.home)
+    assert (here.kind, here.rank, here.generic_rank, here.local_dof) == ("singular", legs - 1, legs, 1)
+    (mode,) = here.modes
+    np.testing.assert_allclose(mode, [1.0, -1.0, *[1.0] * (legs - 1)], atol=1e-9)
+
+
+def test_sarrus_flat_has_its_own_mode_and_one_of_idle_legs() -> None:
+    """Folded, each pair of rods swings about two hinges that coincide: dimension 2, the platform at rest."""
+    up = spatial.sarrus(0.8)
+    run = rg.simulate(up, v0=up.lift(up.home, [2.0]), duration=0.3, step=1e-3)
+    flat = run.crossings[0].q
+    here = rg.analyse(up, flat)
+    assert (here.kind, here.rank, here.generic_rank, here.local_dof) == ("singular", 2, 4, 2)
+    idle, lift = here.modes
+    np.testing.assert_allclose(idle[[1, 4]], 0.0, atol=1e-9)
+    np.testing.assert_allclose(idle[0], -idle[2], atol=1e-9)
+    np.testing.assert_allclose(lift, [0.5, -1.0, 0.5, 0.5, -1.0], atol=1e-9)
+    with pytest.raises(rg.NotCertifiedError, match="dimension 2"):
+        rg.simulate(up, flat, v0=idle @ [1.0, 0.0], duration=0.1)
