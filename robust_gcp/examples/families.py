@@ -61,6 +61,7 @@ def four_bars(
     parents: Sequence[int] | None = None,
     assembly: int = 1,
     spacing: float = 0.0,
+    floating: pin.Inertia | None = None,
 ) -> Mechanism:
     """Several four-bars in one model, each a cluster of its own; y is their cranks.
 
@@ -76,12 +77,18 @@ def four_bars(
     assembly : {1, -1}
     spacing : float
         Distance between linkages on the ground, m.
+    floating : pin.Inertia, optional
+        Of a free body, the joint `base`, in place of the ground; y begins with it.
     """
     model = pin.Model()
     model.name = "four_bars"
     parents = [-1] * len(lengths) if parents is None else parents
     home: list[float] = []
-    closures, cranks = [], []
+    closures, cranks, ground = [], [], 0
+    if floating is not None:
+        ground = int(model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base"))
+        model.appendBodyToJoint(ground, floating, pin.SE3.Identity())
+        home += [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
 
     def add(index: int, body: int, at: float) -> None:
         l0, l1, l2, l3 = lengths[index]
@@ -100,8 +107,9 @@ def four_bars(
 
     for i, parent in enumerate(parents):
         if parent < 0:
-            add(i, 0, i * spacing)
-    return Mechanism(model, closures, [name for _, name in sorted(cranks)], home=home)
+            add(i, ground, i * spacing)
+    independent = [name for _, name in sorted(cranks)]
+    return Mechanism(model, closures, ["base"] * (ground > 0) + independent, home=home)
 
 
 def planar_linkage(

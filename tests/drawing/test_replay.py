@@ -517,7 +517,7 @@ def test_crossings_on_the_time_line_lead_there(
     assert browser.run("replay.time()") == pair[0].crossings[1].time
 
 
-@pytest.mark.parametrize("name", ["bricard", "stewart", "slider_crank", "flyball"])
+@pytest.mark.parametrize("name", ["bricard", "stewart", "slider_crank", "flyball", "delta", "walker"])
 def test_every_kind_of_joint_is_drawn_without_an_error(browser: Browser, tmp_path: Path, name: str) -> None:
     mechanism = rg.load(name)
     t = np.linspace(0.0, 1.0, 11)

@@ -33,6 +33,8 @@ class Scene:
     speed: dict[str, float] = field(default_factory=dict)
 
 
+HIPS = tuple(f"hip_{leg}_{end}" for leg in ("left", "right") for end in ("front", "rear"))
+
 SCENES = {
     "andrews": Scene(("beta",), 6, "regular", 0.002, 4e-5, 1e-11),
     "bricard": Scene(("hinge1",), 5, "redundant", 0.2, 0.01, 1e-8, {"hinge1": 0.5}),
@@ -41,6 +43,8 @@ SCENES = {
     "five_bar": Scene(("q1", "q3"), 2, "regular", 0.2, 0.01, 8e-7, {"q1": 0.5, "q3": -0.5}),
     "flyball": Scene(("shaft", "alpha1", "alpha2", "s"), 0, "regular", 0.02, 1e-4, 2e-7, {"shaft": 2 * PI}),
     "stewart": Scene(tuple(f"leg{i}" for i in range(1, 7)), 18, "regular", 0.04, 1e-3, 2e-8, {"leg1": 0.3}),
+    "delta": Scene(("arm1", "arm2", "arm3"), 18, "regular", 0.1, 4e-3, 3.2e-6, {"arm1": 1.0, "arm2": -1.0}),
+    "walker": Scene(HIPS, 4, "regular", 0.1, 4e-3, 8e-8, {HIPS[0]: 1.5, HIPS[3]: 1.0}),
     "strandbeest": Scene(("crank",), 6, "regular", 0.2, 0.01, 5e-8, {"crank": 2.0}),
     "strandbeest_pair": Scene(("crank",), 12, "regular", 0.2, 0.01, 5e-7, {"crank": 2.0}),
 }

@@ -6,11 +6,13 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
-from robust_gcp.studies.work_precision import benchmarks, reduced, references, scenes
+from robust_gcp.studies.work_precision import benchmarks, floor, ours, reduced, references, scenes
+from robust_gcp.studies.work_precision.measure import Judge
 from robust_gcp.studies.work_precision.reduced import OneDof
 
 Array = NDArray[np.float64]
@@ -121,3 +123,62 @@ def test_quadrature_notices_a_wrong_motion(name: str) -> None:
     wrong[40, 0] += 1e-6
     late = references.arrival_times(system, wrong) - times
     assert late[40] == pytest.approx(1e-6 / states[40, 1], rel=1e-3)
+
+
+# --------------------------------------------------------------------------- what users have
+
+
+@pytest.mark.parametrize(
+    ("name", "crossings"),
+    [("scissor_lift", 9), ("skew_antiparallelogram", 6), ("four_bar_chain", 4), ("floating_change_point", 1)],
+)
+def test_the_bridge_is_on_the_floor_through_every_crossing(name: str, crossings: int) -> None:
+    """Several loops flat at once, redundant rows in space, clusters in their zones together, a free base."""
+    motion = scenes.MOTIONS[name]()
+    judge, h = Judge(motion.scene, motion.solve()), float(motion.scene.times[1])
+    found = next(c for c in ours.contenders(lambda _: np.zeros(0)) if c.name == "bridge, RK4").run(
+        motion.scene, h
+    )
+    exact = floor.Floor("rk4", lambda _: motion.floor).run(motion.scene, h)
+    error, least = (judge.judge(outcome)["error"] for outcome in (found, exact))
+    assert error == pytest.approx(least, rel=1e-3)
+    scene = motion.scene
+    run = rg.simulate(scene.mechanism, scene.q0, scene.v0, float(scene.times[-1]), h)
+    assert len(run.crossings) == crossings
+
+
+def test_zones_of_the_chain_overlap() -> None:
+    """While the second linkage crosses, the others are 0.3 and 0.05 rad beside their crossings at most."""
+    motion = scenes.MOTIONS["four_bar_chain"]()
+    scene = motion.scene
+    run = rg.simulate(scene.mechanism, scene.q0, scene.v0, 0.5, float(scene.times[1]))
+    assert [crossing.cluster for crossing in run.crossings] == [0, 1, 2]
+    beside = np.abs(np.asarray(run.crossings[1].y) - np.pi)
+    assert beside[2] < 0.05
+
+
+def test_momentum_of_the_floating_linkage() -> None:
+    """No formulation knows of it: m v + m g t and the angular momentum about the centre stay."""
+    motion = scenes.MOTIONS["floating_change_point"]()
+    reference, mechanism = motion.solve(), motion.scene.mechanism
+    data = mechanism.model.createData()
+    found = []
+    for t, q, v in list(zip(motion.scene.times, reference.q, reference.v, strict=True))[::40]:
+        h = pin.computeCentroidalMomentum(mechanism.model, data, q, v)
+        mass = pin.computeTotalMass(mechanism.model)
+        found.append([*(h.linear + mass * t * np.array([0.0, 0.0, 9.81])), *h.angular])
+    np.testing.assert_allclose(found, [found[0]] * len(found), atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["delta", "walker"])
+def test_robots_on_their_exact_motions(name: str) -> None:
+    """Order 4 against points in space, which know no joints; the points are where the joints have them."""
+    motion = scenes.MOTIONS[name]()
+    judge, h = Judge(motion.scene, motion.solve()), float(motion.scene.times[1])
+    made = {c.name: c for c in ours.contenders(lambda _: np.zeros(0))}
+    compiled = made.get("bridge compiled, RK4")
+    bridge = compiled if compiled and not compiled.refuses(motion.scene) else made["bridge, RK4"]
+    errors = [judge.judge(bridge.run(motion.scene, h / k))["error"] for k in (1, 2)]
+    assert errors[0] < 2e-6
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.2)
+    assert floor.Floor("rk4", lambda _: motion.floor).refuses(motion.scene)

@@ -66,7 +66,7 @@ def _body(parent: ElementTree.Element, joint: Joint, mechanism: Mechanism) -> El
     made.set("damping", repr(float(damping)))
     moments, axes = np.linalg.eigh(inertia.inertia)
     axes[:, 0] *= np.linalg.det(axes)
-    moments = np.maximum(moments, THIN * moments.max())
+    moments = np.maximum(moments, THIN * (moments.max() or inertia.mass * mechanism.length**2))
     moments[1] += max(0.0, moments[2] - moments[0] - moments[1])  # a lamina's triangle, lost by rounding
     where = {"pos": _text(inertia.lever), "quat": _quaternion(axes)}
     ElementTree.SubElement(body, "inertial", where, mass=_text([inertia.mass]), diaginertia=_text(moments))

@@ -58,7 +58,7 @@ _ARMS = np.array(
 )
 _MASS = np.array([0.04325, 0.00365, 0.02373, 0.00706, 0.0705, 0.00706, 0.05498])
 _MOMENT = np.array([2.194e-6, 4.41e-7, 5.255e-6, 5.667e-7, 1.169e-5, 5.667e-7, 1.912e-5])
-_BODIES = Planar(_S, _ARMS, np.array([0, 1, 2, 4, 3, 6, 5]), _MASS, _MOMENT, gravity=0.0)
+_BODIES = Planar(_S, _ARMS, np.array([0, 1, 2, 4, 3, 6, 5]), _MASS, _MOMENT, up=0.0)
 
 # E by way of K2, less E by way of K3, of K5 and K4, of K7 and K6
 _CLOSE = np.array(

@@ -20,8 +20,9 @@ from .. import peers
 from ..contender import Contender, Scene
 from . import cost, floor, ours, report
 from .measure import Judge, Point, climb, settings_of
+from .motion import Motion
 from .references import Reference
-from .scenes import MOTIONS, Motion
+from .scenes import MOTIONS
 from .store import THREADS, Store
 from .verdicts import OURS
 
@@ -79,7 +80,7 @@ class Study:
                 elif name in self.motions or cost.enters(contender):
                     settings = self._settings(contender, motion)
                     plan.append((motion, contender, settings))
-                    if contender.family == OURS and name in self.motions:
+                    if contender.family == OURS and name in self.motions and motion.floor is not None:
                         compared[contender.stepper] = settings
             plan += [(motion, floors[stepper], settings) for stepper, settings in compared.items()]
         total, done = sum(len(settings) for _, _, settings in plan), 0

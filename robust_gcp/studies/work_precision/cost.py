@@ -9,7 +9,8 @@ import numpy as np
 
 from ..contender import Contender
 from .measure import Point
-from .scenes import Motion, n_bars
+from .motion import Motion
+from .scenes import n_bars
 from .verdicts import OURS, OWN
 
 SIZES = (1, 2, 5, 10, 20, 40)

@@ -31,17 +31,18 @@ class Floor:
     family = FAMILY
     tuning = "the stepper on the hand-written reduced equation"
 
-    def __init__(self, stepper: str, reduced: Callable[[str], Reduced]) -> None:
+    def __init__(self, stepper: str, reduced: Callable[[str], Reduced | None]) -> None:
         self.name, self.stepper, self._reduced = name_of(stepper), stepper, reduced
         self.kind: Kind = "fixed" if stepper == "rk4" else "adaptive"
 
     def refuses(self, scene: Scene) -> str:
-        """Every scene has one."""
-        return ""
+        """Robots have no exact equation of their coordinates."""
+        return "" if self._reduced(scene.name) else "no exact equation of its coordinates is known"
 
     def run(self, scene: Scene, setting: float) -> Outcome:
         """The step in s, or rtol = atol."""
         reduced, times, calls = self._reduced(scene.name), scene.times, [0]
+        assert reduced is not None  # see `refuses`
 
         def rate(t: float, x: Array) -> Array:
             calls[0] += 1

@@ -16,8 +16,8 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from .. import pages
 from ..contender import Contender, Outcome, Scene
+from .motion import TOLERANCES, Motion
 from .references import Reference
-from .scenes import TOLERANCES, Motion
 
 LOST = 0.3
 """Path-wise error from which a run counts as failed: on another mode, or nowhere, rad."""
@@ -102,8 +102,13 @@ class Judge:
 
     def errors(self, q: Array) -> Array:
         """Largest error over the joints at each output, (n,)."""
-        units = self.scene.mechanism.units  # all scenes have hinges and slides alone: q has v's order
-        return np.asarray((np.abs(q - self.reference.q[: len(q)]) / units).max(axis=1), dtype=float)
+        mechanism, exact = self.scene.mechanism, self.reference.q[: len(q)]
+        if mechanism.tree.vector_space:
+            off = q - exact
+        else:
+            apart = (mechanism.tree.difference(one, two) for one, two in zip(exact, q, strict=True))
+            off = np.array(list(apart)).reshape(len(q), mechanism.nv)
+        return np.asarray((np.abs(off) / mechanism.units).max(axis=1), dtype=float)
 
     def lost(self, outcome: Outcome) -> float | None:
         """When the run left the exact motion or stopped, s."""

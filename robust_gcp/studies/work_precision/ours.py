@@ -47,6 +47,11 @@ class Ours:
                 draw_four_bar(mechanism)
             except OptionError:
                 return "the closed form is for planar four-bars"
+        if self.backend == "native":
+            try:  # one step
+                simulate(mechanism, scene.q0, scene.v0, 1e-6, 1e-6, method=self.method, backend="native")
+            except OptionError as error:
+                return str(error)
         return ""
 
     def run(self, scene: Scene, setting: float) -> Outcome:

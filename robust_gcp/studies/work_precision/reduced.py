@@ -50,21 +50,21 @@ class Planar:
     # mass, moment: (nb,): kg, and kg m² about the centre
     mass: Array
     moment: Array
-    gravity: float = GRAVITY
+    up: complex = 1j * GRAVITY  # against gravity in the plane, as long as its acceleration, m/s²
 
     def weigh(self, q: Array, G: Array, Gp: Array) -> Weights:
-        """m = Σ mass |c'|² + moment θ'², ½ m' = Σ mass c'·c'' + moment θ' θ'', V = Σ mass g Im c."""
+        """m = Σ mass |c'|² + moment θ'², ½ m' = Σ mass c'·c'' + moment θ' θ'', V = Σ mass up · c."""
         rate, bend = self.S @ G, self.S @ Gp
         e = np.exp(1j * (self.S @ q))
         dc = self.A @ (1j * rate * e)
         ddc = self.A @ ((1j * bend - rate**2) * e)
         turn, turning = rate[self.spin], bend[self.spin]
-        weight = self.gravity * self.mass
+        weight = np.conj(self.up) * self.mass
         return Weights(
             float(self.mass @ (dc.real**2 + dc.imag**2) + self.moment @ turn**2),
             float(self.mass @ (dc.conj() * ddc).real + self.moment @ (turn * turning)),
-            float(weight @ (self.A @ e).imag),
-            float(weight @ dc.imag),
+            float((weight @ (self.A @ e)).real),
+            float((weight @ dc).real),
         )
 
     def inertia(self, q: Array, v: Array) -> tuple[Array, Array]:
@@ -104,13 +104,13 @@ class OneDof:
         return self.weigh(*self.shape(y))
 
 
-def four_bar(lengths: tuple[float, float, float, float], assembly: int) -> OneDof:
+def four_bar(lengths: tuple[float, float, float, float], assembly: int, up: complex = 1j * GRAVITY) -> OneDof:
     """The paper's four-bar with uniform slender rods of 1 kg, γ in closed form."""
     _, l1, l2, l3 = lengths
     S = np.array([[1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     A = np.array([[0.5 * l1, 0.0, 0.0], [l1, 0.5 * l2, 0.0], [0.0, 0.0, 0.5 * l3]], dtype=complex)
     moment = np.array([l1, l2, l3]) ** 2 / 12.0
-    bodies = Planar(S, A, np.arange(3), np.ones(3), moment)
+    bodies = Planar(S, A, np.arange(3), np.ones(3), moment, up)
     return OneDof(FourBar(*lengths, assembly).evaluate, bodies.weigh)
 
 

@@ -10,8 +10,8 @@ from ...drawing.figures import style as plots
 from .. import pages
 from ..contender import Contender
 from . import cost, figures, verdicts
+from .motion import Motion
 from .references import Reference
-from .scenes import Motion
 from .store import Store
 
 MARK = "work-precision"

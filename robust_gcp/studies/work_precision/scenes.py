@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -15,36 +14,10 @@ from ...mechanism.folders.loader import load
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ..contender import Scene
-from . import benchmarks, reduced, references
-from .reduced import GRAVITY, Reduced
+from . import benchmarks, reduced, references, robots, users
+from .motion import SLOW_CAP, SLOW_STEPS, STEPS, Motion, times_of
+from .reduced import GRAVITY
 from .references import Reference
-
-OUTPUTS = 400
-STEPS = (1, 2, 3, 4, 6, 8, 16, 32, 64, 128)
-"""Steps in each output interval, coarse to fine."""
-
-SLOW_STEPS, SLOW_CAP = (1, 2, 3, 4, 5, 6, 8, 16, 32), 1.2
-"""Of scenes whose evaluations cost ten times those of a four-bar; the cap in s."""
-
-TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13)
-
-
-@dataclass(frozen=True)
-class Motion:
-    """A scene with its exact motion."""
-
-    scene: Scene
-    title: str  # for figures and tables
-    crosses: bool  # whether the motion passes singular configurations
-    floor: Reduced  # the exact reduced equations, which floors are integrated from
-    solve: Callable[[], Reference]
-    steps: tuple[int, ...] = STEPS  # steps in each output interval
-    cap: float = 0.5  # longest run that is timed, s
-
-
-def times_of(duration: float) -> Array:
-    """The output times."""
-    return np.linspace(0.0, duration, OUTPUTS + 1)
 
 
 def _scene(name: str, mechanism: Mechanism, ydot: float, duration: float) -> Scene:
@@ -167,5 +140,11 @@ MOTIONS: dict[str, Callable[[], Motion]] = {
     "andrews": andrews,
     "bricard": bricard,
     "flyball": flyball,
+    "scissor_lift": users.scissor,
+    "skew_antiparallelogram": users.skew,
+    "four_bar_chain": users.chain,
+    "floating_change_point": users.floating,
+    "delta": robots.delta,
+    "walker": robots.walker,
 }
 """Scenes by name, made when called."""

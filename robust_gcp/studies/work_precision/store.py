@@ -17,8 +17,8 @@ from ... import __version__
 from ...errors import OptionError
 from .. import pages
 from .measure import Point, point_of
+from .motion import Motion
 from .references import Reference
-from .scenes import Motion
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 PACKAGES = ("numpy", "scipy", "pin", "mujoco", "exudyn")

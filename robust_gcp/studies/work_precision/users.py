@@ -1,0 +1,186 @@
+"""Motions of what users have: a scissor lift, a chain, a floating base, a skew plane, all with crossings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from ...examples.families import Lengths, four_bars, scissor_lift
+from ...examples.linkages import four_bar
+from ...maps.closed_form import FourBar
+from ...mechanism.closures import RevoluteClosure
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree import Array
+from ..contender import Scene
+from . import reduced, references
+from .motion import SLOW_CAP, SLOW_STEPS, Motion, times_of
+from .reduced import GRAVITY, OneDof, Planar, Weights
+from .references import Reference
+from .several import Curves, SeveralDof
+
+CHANGE_POINT = (4.0, 2.0, 3.0, 3.0)
+STAGES, LIFTED, FALLING = 3, 1.0, -4.0
+"""Of the scissor lift: stages, and the bars' angle, rad, and speed, rad/s, at the start."""
+
+
+def scissor() -> Motion:
+    """A lift of three stages turns over: flat, and upright, all its loops are singular at once."""
+    mechanism = scissor_lift(STAGES, LIFTED)
+    zigzag = np.array([-2.0, 2.0] * STAGES)[: STAGES - 1]
+    turns = np.concatenate([[1.0], zigzag, [0.0, -1.0], -zigzag])
+    heights = np.arange(STAGES) + 0.5
+
+    def shape(y: float) -> tuple[Array, Array, Array]:
+        q = mechanism.home + turns * (y - LIFTED)
+        G, bend = turns.copy(), np.zeros_like(turns)
+        q[STAGES], G[STAGES], bend[STAGES] = np.cos(y), -np.sin(y), -np.cos(y)
+        return q, G, bend
+
+    def weigh(q: Array, G: Array, Gp: Array) -> Weights:
+        """2 bars a stage of 1 kg and 1 m with centres at (½ cos y, (i − ½) sin y), and a foot of 0.1 kg."""
+        c, s = np.cos(q[0]), np.sin(q[0])
+        rise = 2.0 * float(heights @ heights)
+        inertia = 2.0 * STAGES * (0.25 * s * s + 1.0 / 12.0) + rise * c * c + 0.1 * s * s
+        slope = (0.5 * STAGES + 0.1 - rise) * s * c
+        weight = 2.0 * GRAVITY * float(heights.sum())
+        return Weights(inertia, slope, weight * s, weight * c)
+
+    system = OneDof(shape, weigh)
+    v0 = mechanism.lift(mechanism.home, [FALLING])
+    scene = Scene("scissor_lift", mechanism, mechanism.home, v0, times_of(3.0))
+
+    def solve() -> Reference:
+        return references.from_energy(
+            scene.times, system, (LIFTED, FALLING), "bars as rods, Lagrange by hand"
+        )
+
+    return Motion(scene, "scissor lift, 3 stages", True, system.start(LIFTED, FALLING), solve)
+
+
+SKEW = pin.rpy.rpyToMatrix(0.0, 0.5, 0.7)
+"""Takes the linkages' plane out of the vertical."""
+
+
+def skew() -> Motion:
+    """The antiparallelogram in a skew plane, its cut hinge closed in space, with redundant rows."""
+    lengths, (y, ydot) = (2.0, 1.0, 2.0, 1.0), (0.1, -2.0)
+    flat = four_bar(*lengths, y=y, assembly=-1)
+    model = flat.model.copy()
+    for i, parent in enumerate(model.parents):
+        if i and parent == 0:
+            model.jointPlacements[i] = pin.SE3(SKEW, np.zeros(3)) * model.jointPlacements[i]
+    hinge = RevoluteClosure("q2_tip", "q3_tip", axis=(1.0, 0.0, 0.0))
+    mechanism = Mechanism(model, [hinge], ["q1"], home=flat.home)
+    _, right, up = GRAVITY * SKEW[2]
+    system = reduced.four_bar(lengths, -1, complex(right, up))
+    v0 = mechanism.lift(mechanism.home, [ydot])
+    scene = Scene("skew_antiparallelogram", mechanism, mechanism.home, v0, times_of(5.0))
+
+    def solve() -> Reference:
+        return references.from_energy(scene.times, system, (y, ydot), "γ in closed form, Lagrange by hand")
+
+    title = "antiparallelogram in a skew plane (spatial, redundant)"
+    return Motion(scene, title, True, system.start(y, ydot), solve)
+
+
+# --------------------------------------------------------------------------- several coordinates
+
+
+def chain() -> Motion:
+    """Three change-point four-bars, each on the coupler of the one before: their crossings overlap."""
+    lengths, parents = [CHANGE_POINT] * 3, [-1, 0, 1]
+    y, ydot = np.array([2.5, 2.55, 2.6]), np.array([1.5, 1.4, 1.3])
+    mechanism = four_bars(lengths, y.tolist(), parents)
+    system, curves = _loops(mechanism, lengths, parents)
+
+    def read(x: Array) -> tuple[Array, Array]:
+        q, G, _ = curves(x[:3])
+        return q, G @ x[3:]
+
+    title = "chain of 3 change-point four-bars (m = 3)"
+    return _several("four_bar_chain", title, mechanism, system, (y, ydot), read, 2.0)
+
+
+BASE = pin.Inertia(3.0, np.zeros(3), np.diag([0.6, 0.4, 0.5]))
+
+
+def floating() -> Motion:
+    """A change-point four-bar on a free body, thrown: base and links turn and cross in the plane."""
+    mechanism = four_bars([CHANGE_POINT], [2.5], floating=BASE)
+    system, curves = _loops(mechanism, [CHANGE_POINT], [-1])
+    y, ydot = np.array([0.0, 0.0, 0.0, 2.5]), np.array([0.4, 3.0, -0.5, 2.0])
+
+    def read(x: Array) -> tuple[Array, Array]:
+        """The base in space: its velocity in its own axes, its turn about x as a quaternion."""
+        (right, up, turn), bars = x[:3], curves(x[:4])
+        rate = bars[1] @ x[4:]
+        along = np.exp(-1j * turn) * (rate[0] + 1j * rate[1])
+        place = [0.0, right, up, np.sin(0.5 * turn), 0.0, 0.0, np.cos(0.5 * turn)]
+        moving = [0.0, along.real, along.imag, rate[2], 0.0, 0.0]
+        return np.concatenate([place, bars[0][3:]]), np.concatenate([moving, rate[3:]])
+
+    title = "change-point four-bar on a floating base (m = 7)"
+    return _several("floating_change_point", title, mechanism, system, (y, ydot), read, 2.0)
+
+
+def _several(
+    name: str, title: str, mechanism: Mechanism, system: SeveralDof, start: tuple[Array, Array],
+    read: Callable[[Array], tuple[Array, Array]], duration: float,
+) -> Motion:  # fmt: skip
+    """Lagrange's equation against Hamilton's."""
+    first, second = system.lagrange(*start, read), system.hamilton(*start, read)
+    q0, v0 = read(first.x0)
+    scene = Scene(name, mechanism, q0, v0, times_of(duration))
+    source = (
+        "γ in closed form, Lagrange's equation by hand, DOP853 at rtol = 3e-14; against DOP853 at 3e-14 on "
+        "Hamilton's equations"
+    )
+
+    def solve() -> Reference:
+        scale = np.ones(mechanism.nq)
+        return references.from_two(scene.times, first, second, "DOP853", 3e-14, scale, source)
+
+    return Motion(scene, title, True, first, solve, SLOW_STEPS, SLOW_CAP)
+
+
+def _loops(
+    mechanism: Mechanism, lengths: Sequence[Lengths], parents: Sequence[int]
+) -> tuple[SeveralDof, Curves]:
+    """Planar bodies and γ of `four_bars`, on the ground or on a free body whose place and turn come first."""
+    free = 3 if mechanism.nq > mechanism.nv else 0
+    before = mechanism.nv - 3 * len(lengths) - free  # velocities of a free body that leave the plane
+    n, k = mechanism.nv - before, 1 + 3 * len(lengths)
+    S, A, carriers = np.zeros((k, n)), np.zeros((k, k), dtype=complex), {-1: (0, np.zeros(k, complex))}
+    if free:
+        S[0, 2] = 1.0
+    at = np.array(
+        [
+            [mechanism.joint(f"{part}{i}").idx_v - before for part in ("crank", "coupler", "rocker")]
+            for i in range(len(lengths))
+        ]
+    )
+    for i, (l0, l1, l2, l3) in enumerate(lengths):
+        body, origin = carriers[parents[i]]
+        crank, coupler, rocker = range(1 + 3 * i, 4 + 3 * i)
+        S[crank], S[rocker] = S[body] + np.eye(n)[at[i, 0]], S[body] + np.eye(n)[at[i, 2]]
+        S[coupler] = S[crank] + np.eye(n)[at[i, 1]]
+        unit = np.eye(k)
+        middle = origin + l1 * unit[crank] + 0.5 * l2 * unit[coupler]
+        A[crank], A[coupler] = origin + 0.5 * l1 * unit[crank], middle
+        A[rocker] = origin + l0 * unit[body] + 0.5 * l3 * unit[rocker]
+        carriers[i] = coupler, middle
+    bars = np.array(lengths)[:, 1:].ravel()
+    mass = np.concatenate([[BASE.mass if free else 0.0], np.ones(len(bars))])
+    moment = np.concatenate([[BASE.inertia[0, 0] if free else 0.0], bars**2 / 12.0])
+    shapes = [FourBar(*sizes) for sizes in lengths]
+
+    def curves(y: Array) -> tuple[Array, Array, Array]:
+        q, G, D = np.zeros(n), np.zeros((n, len(y))), np.zeros((n, len(y)))
+        q[:free], G[:free, :free] = y[:free], np.eye(free)
+        for i, shape in enumerate(shapes):
+            q[at[i]], G[at[i], free + i], D[at[i], free + i] = shape.evaluate(float(y[free + i]))
+        return q, G, D
+
+    return SeveralDof(Planar(S, A, np.arange(k), mass, moment), curves, bool(free)), curves
