@@ -25,7 +25,7 @@ from robust_gcp.studies.stability.judge import judge_all
 def test_no_cell_is_wrong_without_saying_so(family, right, stopped):
     cells = judge_all(extreme_motion.FAMILIES[family](True))
     assert [(c.case.name, c.reason) for c in cells if c.verdict == "wrong"] == []
-    assert sum(c.verdict == "right" for c in cells) >= right
+    assert sum(c.verdict in ("right", "coarse") for c in cells) >= right
     assert sum(c.verdict == "stopped" for c in cells) <= stopped
 
 

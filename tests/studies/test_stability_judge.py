@@ -47,6 +47,13 @@ def test_right_with_all_its_figures() -> None:
     assert (cell.crossings, cell.mode_kept, cell.rhs) == (1, True, 401)
 
 
+def test_a_coarse_step_is_not_called_right() -> None:
+    """One step for the whole fall errs by more than `RIGHT`: allowed, and told apart."""
+    cells = judge(replace(FALL, settings=(Setting(step=0.4), Setting(step=4e-3)), allowed=1.0))
+    assert [c.verdict for c in cells] == ["coarse", "right"]
+    assert cells[0].error > module.RIGHT > cells[1].error
+
+
 @pytest.mark.parametrize(
     ("change", "reason"),
     [

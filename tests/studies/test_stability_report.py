@@ -67,7 +67,7 @@ def test_tables_have_one_line_a_case_and_one_column_a_setting() -> None:
     table = report.family_table(CELLS).splitlines()
     assert table[0] == "| case | RK4 0.001 s | RK4 0.01 s |"
     assert table[2:] == ["| k = 1 | ✓ 2e-09 | ■ warned |", "| k = 2 | ■ Toggle | ✗ 2e-09 |"]
-    assert report.summary(CELLS).splitlines()[-1] == "| **all** | **4** | **1** | **2** | **1** |"
+    assert report.summary(CELLS).splitlines()[-1] == "| **all** | **4** | **1** | **0** | **2** | **1** |"
     for block in report.blocks(CELLS, BOUNDS, STRIDES).values():
         lines = [line.replace("\\|", "") for line in block.splitlines()]
         assert len({line.count("|") for line in lines}) == 1

@@ -18,7 +18,7 @@ from ...maps.choice import Method
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 
-Verdict = Literal["right", "stopped", "wrong"]
+Verdict = Literal["right", "coarse", "stopped", "wrong"]
 Start = tuple[Mechanism, Array, Array]
 """Mechanism, q0 and v0."""
 
@@ -65,8 +65,10 @@ Allowed = float | Callable[[Setting], float]
 class Case:
     """A row of a map.
 
-    A cell is right when each figure that the case bounds is within its bound; stopped when a typed
-    error came, or a warning told of it beforehand; else wrong.
+    A cell is right when each figure that the case bounds is within its bound and it errs by at most
+    `judge.RIGHT`; coarse when it errs by more than that and within the bound: as the same stepper with the
+    same step does on the exact equation; stopped when a typed error came, or a warning told of it beforehand;
+    else wrong.
     """
 
     # family, name: the map, and the row's short label, e.g. "k = 1e6"

@@ -11,7 +11,7 @@ from ...drawing.figures import style as plots
 from ...errors import OptionError
 from ...printing import table
 from .. import pages
-from . import extreme_bodies, extreme_motion, extreme_starts, maps, report, stiff
+from . import extreme_bodies, extreme_motion, extreme_several, extreme_starts, maps, report, stiff
 from .bound import measure, systems
 from .case import Cell, Families
 from .judge import judge_all
@@ -22,7 +22,7 @@ PAGE = "stability.md"
 
 def families() -> Families:
     """Name → function of `quick` that lists the family's cases, in the order of the report."""
-    modules = (stiff, extreme_bodies, extreme_motion, extreme_starts)
+    modules = (stiff, extreme_bodies, extreme_motion, extreme_starts, extreme_several)
     return {name: cases for module in modules for name, cases in module.FAMILIES.items()}
 
 
@@ -48,23 +48,28 @@ def run(args: argparse.Namespace) -> int:
     bounds = [measure(system) for system in systems(args.quick)] if whole else []
     found = strides(args.quick) if whole else []
     paths = report.write(args.out, cells, bounds, found)
-    paths += draw(args.out, cells)
+    paths += draw(args.out, cells, whole)
     if page is not None:
         sections = report.blocks(cells, bounds, found)
+        if not whole:  # of all families
+            sections = {name: text for name, text in sections.items() if name not in ("summary", "reasons")}
         pages.renew(page, sections)
-        paths += [page, *draw(args.docs / "figures", cells)]
+        paths += [page, *draw(args.docs / "figures", cells, whole)]
+        readme = args.docs.parent / "README.md"
+        if whole and readme.is_file() and pages.renew(readme, {"stability": report.sentence(cells)}):
+            paths.append(readme)
     _tell(cells)
     for path in paths:
         print(f"wrote {path}")
     return 1 if report.count(cells)["wrong"] else 0
 
 
-def draw(folder: Path, cells: Sequence[Cell]) -> list[Path]:
-    """One map a family; the summary where there are several."""
+def draw(folder: Path, cells: Sequence[Cell], whole: bool) -> list[Path]:
+    """One map a family; the summary of a whole study."""
     folder.mkdir(parents=True, exist_ok=True)
     families = report.by_family(cells)
     paths = [maps.draw_family(mine, folder / f"stability_{maps.slug(f)}.png") for f, mine in families.items()]
-    if len(paths) > 1:
+    if whole:
         paths.append(maps.draw_summary(cells, folder / "stability_summary.png"))
     return paths
 

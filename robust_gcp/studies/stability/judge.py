@@ -21,6 +21,9 @@ from .case import Allowed, Case, Cell, Setting, Start
 MOST_CHECKED = 2000
 """Outputs of a long run at which error, energy and closure are looked at."""
 
+RIGHT = 1e-3
+"""rad or m: a run that errs by more may be as good as its step, but is not called right."""
+
 OURS = (SingularityWarning, StabilityWarning, CoarseStepWarning)
 
 
@@ -60,7 +63,7 @@ def judge_setting(case: Case, setting: Setting, start: Start) -> Cell:
     if projected:
         warned.append(f"told: {projected} crossings are marked as projected, which has no certificate")
     if not faults:
-        cell.verdict = "right"
+        cell.verdict = "coarse" if cell.error > RIGHT else "right"
     elif warned:
         cell.verdict, cell.reason = "stopped", "; ".join(warned)
     else:

@@ -12,13 +12,18 @@ from typing import TYPE_CHECKING, Any
 
 from ...drawing.figures import style as plots
 from .case import Cell, Verdict
-from .report import MEANING, MOST_ROWS, SYMBOLS, VERDICTS, axes, by_family, count, spelled
+from .report import MEANING, MOST_ROWS, SHOWN, SYMBOLS, VERDICTS, axes, by_family, count, spelled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.patches import Rectangle
 
-COLOURS: dict[Verdict, str] = {"right": "#8FD3BC", "stopped": "#F2C14E", "wrong": "#D55E00"}
+COLOURS: dict[Verdict, str] = {
+    "right": "#8FD3BC",
+    "coarse": "#CFE8F3",
+    "stopped": "#F2C14E",
+    "wrong": "#D55E00",
+}
 """Lightened bluish green, orange and vermillion of Okabe and Ito: black print is readable on all, and
 the symbols tell them apart without colour."""
 
@@ -86,7 +91,7 @@ def _draw_mosaic(cells: Sequence[Cell], path: Path) -> Path:
         for i, cell in enumerate(cells):
             y, x = divmod(i, TILES)
             ax.add_patch(_box(x, y, cell.verdict, 0.5))
-            known = cell.verdict == "right" and cell.error > 0.0
+            known = cell.verdict in SHOWN and cell.error > 0.0
             text = f"{math.floor(math.log10(cell.error))}" if known else SYMBOLS[cell.verdict]
             ax.text(x, y, text, **{**_CENTRED, "fontsize": 5.0})
     return path
@@ -134,7 +139,7 @@ def _box(x: float, y: float, verdict: Verdict, line: float = 1.5) -> Rectangle:
 
 def _second(cell: Cell) -> str:
     """Below a right cell's error its cost; below a reason the error until then, where there is one."""
-    if cell.verdict == "right":
+    if cell.verdict in SHOWN:
         return f"{cell.rhs} rhs"
     return f"error {cell.error:.0e}" if 0.0 < cell.error < math.inf else ""
 

@@ -13,15 +13,20 @@ from .. import pages
 from ..pages import table
 from .bound import Bound
 from .case import Cell, Verdict
+from .judge import RIGHT
 from .steps import Stride
 
-VERDICTS: tuple[Verdict, ...] = ("right", "stopped", "wrong")
-SYMBOLS: dict[Verdict, str] = {"right": "✓", "stopped": "■", "wrong": "✗"}
+VERDICTS: tuple[Verdict, ...] = ("right", "coarse", "stopped", "wrong")
+SYMBOLS: dict[Verdict, str] = {"right": "✓", "coarse": "○", "stopped": "■", "wrong": "✗"}
 MEANING: dict[Verdict, str] = {
-    "right": "right to its order",
+    "right": f"right: errs by at most {RIGHT:g} rad or m",
+    "coarse": "as good as its step, which is coarse",
     "stopped": "stopped with a named reason, or warned",
     "wrong": "wrong without saying so",
 }
+
+SHOWN: tuple[Verdict, ...] = ("right", "coarse")
+"""Those whose cells show a figure, not a reason."""
 
 MOST_ROWS = 40
 """Cases of a family that are shown one by one; more are counted, and are in the CSV."""
@@ -98,6 +103,16 @@ def summary(cells: Sequence[Cell]) -> str:
     return table(rows)
 
 
+def sentence(cells: Sequence[Cell]) -> str:
+    """The counts in words, for a page that tells of the study."""
+    n = count(cells)
+    return (
+        f"Of {len(cells)} stiff and extreme cases {n['right']} err by at most {RIGHT:g} rad or m, "
+        f"{n['coarse']} err by more, as their step does on the exact equation, {n['stopped']} stop with a named reason or "
+        f"warn, and {n['wrong']} are wrong without saying so."
+    )
+
+
 def family_table(cells: Sequence[Cell]) -> str:
     """Cases down, settings across: symbol, error and, where it stopped, why; many cases are counted."""
     names, labels = axes(cells)
@@ -114,7 +129,7 @@ def _counted_table(cells: Sequence[Cell]) -> str:
     """What came out, how often, and the median and the largest error of it."""
 
     def outcome(cell: Cell) -> str:
-        return "right" if cell.verdict == "right" else short_reason(cell)
+        return cell.verdict if cell.verdict in SHOWN else short_reason(cell)
 
     rows = [["outcome", "cells", "median error", "largest error"]]
     for kind, number in Counter(map(outcome, cells)).most_common():
@@ -127,7 +142,7 @@ def _counted_table(cells: Sequence[Cell]) -> str:
 
 def spelled(cell: Cell) -> str:
     """A cell in a few characters: its symbol, and the error or the kind of its reason."""
-    return f"{SYMBOLS[cell.verdict]} {figure(cell) if cell.verdict == 'right' else short_reason(cell)}"
+    return f"{SYMBOLS[cell.verdict]} {figure(cell) if cell.verdict in SHOWN else short_reason(cell)}"
 
 
 def figure(cell: Cell) -> str:
@@ -148,7 +163,7 @@ def short_reason(cell: Cell) -> str:
 
 def reason_table(cells: Sequence[Cell]) -> str:
     """Each kind of reason with how often it came and one example in full."""
-    stopped = [cell for cell in cells if cell.verdict != "right"]
+    stopped = [cell for cell in cells if cell.verdict not in SHOWN]
     kinds = Counter(short_reason(cell) for cell in stopped)
     rows = [["reason", "cells", "example"]]
     for kind, number in kinds.most_common():

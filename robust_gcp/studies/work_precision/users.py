@@ -93,7 +93,7 @@ def chain() -> Motion:
     lengths, parents = [CHANGE_POINT] * 3, [-1, 0, 1]
     y, ydot = np.array([2.5, 2.55, 2.6]), np.array([1.5, 1.4, 1.3])
     mechanism = four_bars(lengths, y.tolist(), parents)
-    system, curves = _loops(mechanism, lengths, parents)
+    system, curves = loops(mechanism, lengths, parents)
 
     def read(x: Array) -> tuple[Array, Array]:
         q, G, _ = curves(x[:3])
@@ -109,20 +109,28 @@ BASE = pin.Inertia(3.0, np.zeros(3), np.diag([0.6, 0.4, 0.5]))
 def floating() -> Motion:
     """A change-point four-bar on a free body, thrown: base and links turn and cross in the plane."""
     mechanism = four_bars([CHANGE_POINT], [2.5], floating=BASE)
-    system, curves = _loops(mechanism, [CHANGE_POINT], [-1])
+    system, curves = loops(mechanism, [CHANGE_POINT], [-1], BASE)
     y, ydot = np.array([0.0, 0.0, 0.0, 2.5]), np.array([0.4, 3.0, -0.5, 2.0])
 
-    def read(x: Array) -> tuple[Array, Array]:
-        """The base in space: its velocity in its own axes, its turn about x as a quaternion."""
-        (right, up, turn), bars = x[:3], curves(x[:4])
-        rate = bars[1] @ x[4:]
-        along = np.exp(-1j * turn) * (rate[0] + 1j * rate[1])
-        place = [0.0, right, up, np.sin(0.5 * turn), 0.0, 0.0, np.cos(0.5 * turn)]
-        moving = [0.0, along.real, along.imag, rate[2], 0.0, 0.0]
-        return np.concatenate([place, bars[0][3:]]), np.concatenate([moving, rate[3:]])
-
     title = "change-point four-bar on a floating base (m = 7)"
-    return _several("floating_change_point", title, mechanism, system, (y, ydot), read, 2.0)
+    return _several(
+        "floating_change_point", title, mechanism, system, (y, ydot), floating_reader(curves), 2.0
+    )
+
+
+def floating_reader(curves: Curves) -> Callable[[Array], tuple[Array, Array]]:
+    """q and v of a linkage on a free body: its place, its turn about x as a quaternion, its own velocity."""
+
+    def read(x: Array) -> tuple[Array, Array]:
+        y, ydot = np.split(x, 2)
+        q, G, _ = curves(y)
+        rate = G @ ydot
+        along = np.exp(-1j * y[2]) * (rate[0] + 1j * rate[1])
+        place = [0.0, y[0], y[1], np.sin(0.5 * y[2]), 0.0, 0.0, np.cos(0.5 * y[2])]
+        moving = [0.0, along.real, along.imag, rate[2], 0.0, 0.0]
+        return np.concatenate([place, q[3:]]), np.concatenate([moving, rate[3:]])
+
+    return read
 
 
 def _several(
@@ -145,11 +153,11 @@ def _several(
     return Motion(scene, title, True, first, solve, SLOW_STEPS, SLOW_CAP)
 
 
-def _loops(
-    mechanism: Mechanism, lengths: Sequence[Lengths], parents: Sequence[int]
+def loops(
+    mechanism: Mechanism, lengths: Sequence[Lengths], parents: Sequence[int], base: pin.Inertia | None = None
 ) -> tuple[SeveralDof, Curves]:
     """Planar bodies and γ of `four_bars`, on the ground or on a free body whose place and turn come first."""
-    free = 3 if mechanism.nq > mechanism.nv else 0
+    free = 0 if base is None else 3
     before = mechanism.nv - 3 * len(lengths) - free  # velocities of a free body that leave the plane
     n, k = mechanism.nv - before, 1 + 3 * len(lengths)
     S, A, carriers = np.zeros((k, n)), np.zeros((k, k), dtype=complex), {-1: (0, np.zeros(k, complex))}
@@ -172,8 +180,8 @@ def _loops(
         A[rocker] = origin + l0 * unit[body] + 0.5 * l3 * unit[rocker]
         carriers[i] = coupler, middle
     bars = np.array(lengths)[:, 1:].ravel()
-    mass = np.concatenate([[BASE.mass if free else 0.0], np.ones(len(bars))])
-    moment = np.concatenate([[BASE.inertia[0, 0] if free else 0.0], bars**2 / 12.0])
+    mass = np.concatenate([[0.0 if base is None else base.mass], np.ones(len(bars))])
+    moment = np.concatenate([[0.0 if base is None else base.inertia[0, 0]], bars**2 / 12.0])
     shapes = [FourBar(*sizes) for sizes in lengths]
 
     def curves(y: Array) -> tuple[Array, Array, Array]:
