@@ -108,8 +108,8 @@ def sentence(cells: Sequence[Cell]) -> str:
     n = count(cells)
     return (
         f"Of {len(cells)} stiff and extreme cases {n['right']} err by at most {RIGHT:g} rad or m, "
-        f"{n['coarse']} err by more, as their step does on the exact equation, {n['stopped']} stop with a named reason or "
-        f"warn, and {n['wrong']} are wrong without saying so."
+        f"{n['coarse']} err by more, as their step does on the exact equation, {n['stopped']} stop with a "
+        f"named reason or warn, and {n['wrong']} are wrong without saying so."
     )
 
 
