@@ -13,8 +13,6 @@ REFUSED_COMPILER = {
     "settotalmass": ("-1", "give the masses in full"),
     "boundmass": ("0", "give the masses in full"),
     "boundinertia": ("0", "give the inertias in full"),
-    "balanceinertia": ("false", "give inertias that satisfy the triangle inequality"),
-    "inertiagrouprange": ("0 5", "give each body an <inertial>"),
     "coordinate": ("local", IN_FULL),
     "alignfree": ("false", "leave it out: it moves the frame of a floating body"),
 }
@@ -29,6 +27,13 @@ def check_compiler(compiler: dict[str, str], name: str) -> None:
         value = compiler.get(key, harmless)
         if value.split() != harmless.split() and not (value == "0" and harmless == "false"):
             raise ModelError(f"{name}: compiler {key}={value!r} cannot be read; {remedy}")
+
+
+def group_range(compiler: dict[str, str], name: str) -> tuple[float, float]:
+    """The first and the last group of geoms whose masses count."""
+    given = Element("compiler", {"inertiagrouprange": compiler.get("inertiagrouprange", "0 5")})
+    first, last = vector(given, "inertiagrouprange", 2, name).tolist()
+    return first, last
 
 
 def gravity_of(root: Element, name: str) -> Array:

@@ -18,6 +18,9 @@ Element = ElementTree.Element
 SOLIDS = {"sphere": 1, "capsule": 2, "cylinder": 2, "box": 3, "ellipsoid": 3}
 """Shapes whose inertia is computed, and how many sizes each has."""
 
+TURNED = frozenset(("quat", "axisangle", "euler", "xyaxes", "zaxis"))
+"""Ways to write an orientation: one of an element's own replaces that of its class."""
+
 PARALLEL = 1e-9
 """Sine of the angle between two axes below which they do not span a plane."""
 
@@ -98,6 +101,8 @@ class Defaults:
         if name not in self._classes:
             raise ModelError(f"{self._name}: <{element.tag}> is of class {name!r}, which <default> lacks")
         given = self._classes[name].get(kind or element.tag, {})
+        if not TURNED.isdisjoint(element.attrib):
+            given = {key: value for key, value in given.items() if key not in TURNED}
         return ElementTree.Element(element.tag, given | element.attrib)
 
     def _read(self, section: Element, parent: str, name: str) -> None:
@@ -128,13 +133,22 @@ def text_of(values: Iterable[float]) -> str:
     return " ".join(repr(float(value)) for value in values)
 
 
-def inertia_of(inertial: Element, where: str) -> dict[str, str]:
-    """Mass and inertia of an <inertial>, checked; `checks.check_model` sees to their signs."""
+def inertia_of(inertial: Element, where: str, balanced: bool = False) -> dict[str, str]:
+    """Mass and inertia of an <inertial>, checked; `checks.check_model` sees to their signs.
+
+    `balanced`: moments that break the triangle inequality are replaced by their mean.
+    """
     keys = [key for key in ("diaginertia", "fullinertia") if key in inertial.attrib]
     if len(keys) != 1:
         raise ModelError(f"{where}: give one of diaginertia and fullinertia")
     moments = vector(inertial, keys[0], 3 if keys[0] == "diaginertia" else 6, where)
-    return {"mass": text_of(vector(inertial, "mass", 1, where)), keys[0]: text_of(moments)}
+    mass = text_of(vector(inertial, "mass", 1, where))
+    if balanced:
+        xx, yy, zz, xy, xz, yz = [*moments, 0.0, 0.0, 0.0][:6]
+        principal = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        if principal[0] + principal[1] < principal[2]:
+            return {"mass": mass, "diaginertia": text_of(np.full(3, principal.mean()))}
+    return {"mass": mass, keys[0]: text_of(moments)}
 
 
 def solid_of(geom: Element, kind: str, where: str) -> dict[str, str]:

@@ -16,8 +16,9 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import ModelError
+from .mjcf_frames import frame_of, framed_ends, pose_between, with_frames_applied
 from .mjcf_left_out import SECTIONS, left_out_of
-from .mjcf_options import IN_FULL, check_compiler, gravity_of
+from .mjcf_options import IN_FULL, check_compiler, gravity_of, group_range
 from .mjcf_parts import (
     SOLIDS,
     Defaults,
@@ -77,6 +78,9 @@ class _Reader:
             self._compiler |= compiler.attrib
         self._radians = self._compiler.get("angle", "degree") == "radian"
         self._sequence = self._compiler.get("eulerseq", "xyz")
+        self._groups = group_range(self._compiler, name)
+        self._balanced = self._compiler.get("balanceinertia", "false") == "true"
+        with_frames_applied(root, name, self._radians, self._sequence)
         self._defaults = Defaults(root, name)
         self._out = Reduced()
         self._names: dict[str, set[str]] = {"body": {"world"}, "joint": set()}
@@ -167,10 +171,9 @@ class _Reader:
                 raise ModelError(f"{self._name}: <{part.tag}> in body {body!r} cannot be read; {IN_FULL}")
         for site in source.findall("site"):
             site = self._defaults.resolved(site, inherited)
-            if site.get("fromto"):
-                raise ModelError(f"{self._name}: site {site.get('name')!r}: fromto cannot be read; give pos")
             if site.get("name"):
-                self._out.sites[site.get("name", "")] = Site(body, self._placement(site))
+                pose = self._placement(site) if not site.get("fromto") else pose_between(site, self._name)
+                self._out.sites[site.get("name", "")] = Site(body, pose)
         if not still:
             self._read_inertia(source, target, body, inherited, jointed)
         for child in source.findall("body"):
@@ -220,10 +223,10 @@ class _Reader:
             axis = vector(joint, "axis", 3, where, (0.0, 0.0, 1.0))
             if not axis.any():
                 raise ModelError(f"{where}: its axis is zero; give a direction")
-            attributes["axis"] = text_of(direction(axis, where, "axis"))
+            attributes["axis"] = text_of(frame_of(joint).rotation @ direction(axis, where, "axis"))
             attributes["ref"] = repr(number(joint, "ref", where) * unit)
         if kind in ("hinge", "ball"):
-            attributes["pos"] = text_of(vector(joint, "pos", 3, where, (0.0, 0.0, 0.0)))
+            attributes["pos"] = text_of(frame_of(joint).act(vector(joint, "pos", 3, where, (0.0, 0.0, 0.0))))
         if kind != "free":
             self._numbers.append((4 if kind == "ball" else 1, None))
             attributes["armature"] = repr(number(joint, "armature", where))
@@ -251,13 +254,16 @@ class _Reader:
         from_geom = self._compiler.get("inertiafromgeom", "auto")
         inertial = source.find("inertial")
         if inertial is not None and from_geom != "true":
-            given = inertia_of(inertial, f"{self._name}: inertial of body {body!r}")
+            given = inertia_of(inertial, f"{self._name}: inertial of body {body!r}", self._balanced)
             _posed(target, "inertial", self._placement(inertial), given)
             return
         for geom in source.findall("geom"):
             geom = self._defaults.resolved(geom, inherited)
             where = f"{self._name}: geom {geom.get('name', '')!r} of body {body!r}"
-            if from_geom == "false" or number(geom, "mass", where, 1.0) == 0.0:
+            group = number(geom, "group", where)
+            if from_geom == "false" or not self._groups[0] <= group <= self._groups[1]:
+                continue
+            if number(geom, "mass", where, 1.0) == 0.0:
                 continue
             if "mass" not in geom.attrib and number(geom, "density", where, 1000.0) == 0.0:
                 continue
@@ -274,6 +280,7 @@ class _Reader:
                 )
             keep = solid_of(geom, kind, where)
             if "fromto" in keep:
+                keep["fromto"] = text_of(framed_ends(geom, where))
                 ElementTree.SubElement(target, "geom", keep)
             else:
                 _posed(target, "geom", self._placement(geom), keep)
@@ -281,7 +288,7 @@ class _Reader:
     # ----------------------------------------------------------------- helpers
 
     def _placement(self, element: Element) -> pin.SE3:
-        return placement(element, self._radians, self._sequence, self._name)
+        return frame_of(element) * placement(element, self._radians, self._sequence, self._name)
 
     def _pose(self, place: pin.SE3) -> str:
         x, y, z, w = pin.Quaternion(place.rotation).coeffs()
