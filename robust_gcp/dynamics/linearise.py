@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,8 +23,10 @@ from ..maps.choice import MapChoice
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .differences import FORWARD, differences
+from .driven import driving
 from .equations import EquationsOfMotion
 from .loads import Torques, Wrench, one_torque
+from .motion import Drive, Motion, checked_motions
 from .problem import Problem, set_out
 
 DIRECTIONS = 16
@@ -115,6 +117,7 @@ def linearise(
     t: float = 0.0,
     mode: ArrayLike | None = None,
     wrenches: Sequence[Wrench] = (),
+    drive: Mapping[str, Motion] | None = None,
 ) -> Linearisation:
     """Linearise ÿ = (Gᵀ M G)⁻¹ Gᵀ (τ − C − M g) at a state.
 
@@ -128,9 +131,12 @@ def linearise(
     torque, wrenches : optional
         As in `simulate`.
     t : float
-        Time for the torque, s.
+        Time for torques and prescribed motions, s.
     mode : array_like, optional
         As in `simulate`, where q is singular.
+    drive : mapping of str to Motion, optional
+        Joints that move as prescribed, which q and v agree with at time t; left out, v is with the free
+        joints at rest. Linearised are the free ones: A is (2f, 2f) for f of them, in the order of y.
 
     Returns
     -------
@@ -144,8 +150,16 @@ def linearise(
     check_mechanism(mechanism, Mechanism, "linearise")
     check_finite("t", t)
     applied = one_torque(mechanism, torque, wrenches)
-    motion = set_out(mechanism, q, v, mode, applied, MapChoice(error_controlled=True))
-    return linearise_motion(motion, t, central=True)
+    drives = None
+    if drive is not None:
+        motions = checked_motions(mechanism, drive, np.array([t, t + 1.0]))
+        mechanism = driving(mechanism, tuple(motions), q)
+        drives = Drive(mechanism, motions, t)
+    motion = set_out(mechanism, q, v, mode, applied, MapChoice(error_controlled=True), drive=drives)
+    if drives is None:
+        return linearise_motion(motion, t, central=True)
+    free = np.concatenate([drives.free, mechanism.m + drives.free])
+    return Linearisation.of(linearise_motion(motion, t, central=True).A[np.ix_(free, free)])
 
 
 def linearise_motion(motion: Problem, t: float, central: bool) -> Linearisation:

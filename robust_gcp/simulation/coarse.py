@@ -1,9 +1,11 @@
-"""A warning where fixed steps were too long to see the motion."""
+"""A warning where fixed steps were too long for the motion."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
 from ..warning import warn
 from .trajectory import Trajectory
 
@@ -11,23 +13,87 @@ FARTHEST = 1.0
 """Largest motion of a joint in one step, rad or characteristic lengths, that is not warned of: RK4 errs
 by 1e-2 of a circle's radius there, and two crossings may lie so close together."""
 
+LOOKS = 9
+"""Outputs at which energy is weighed: some 60 µs of a four-bar."""
+
+LEAK = 3e-3
+"""Energy out of nothing, as a share of what moves, that is warned of: joints are then off by 0.05 rad."""
+
+ROUNDING = 1e-9
+"""Share of all energy at rest that is never taken for a leak."""
+
+SOUND = 1e-4
+"""The share that the recommended step leaves, as errors fall with the fourth power of it."""
+
 
 class CoarseStepWarning(RuntimeWarning):
-    """A fixed step took a joint so far that crossings in it may be missing and its error is large."""
+    """Fixed steps are so long that crossings in them may be missing, or that the motion is wrong."""
 
 
-def warn_if_coarse(run: Trajectory, step: float) -> None:
-    """Warn once when a step (s) of a run with closed loops took a joint further than `FARTHEST`."""
-    if run.mechanism.nc == 0 or len(run.t) < 2:
-        return
-    pace = np.abs(run.v[:-1] / run.mechanism.units).max(axis=1)
-    steps = np.minimum(np.diff(run.t), step)
-    i = int(np.argmax(pace * steps))
-    if not pace[i] * steps[i] > FARTHEST:
-        return
-    warn(
-        f"the step at t = {run.t[i]:.6g} s takes a joint {pace[i] * steps[i]:.2g} rad (or lengths) far: the "
-        "stepper's error is large there, and crossings in such a step may be missing from the list; use a "
-        f"step of {0.1 * FARTHEST / pace[i]:.1g} s",
-        CoarseStepWarning,
-    )
+class Coarse:
+    """Whether the steps of a run are too long; each of the two reasons is told once.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    step : float
+        s.
+    """
+
+    def __init__(self, mechanism: Mechanism, step: float) -> None:
+        self._step, self._pace = step, 1.0 / mechanism.units
+        self._loops = mechanism.nc > 0
+        self._far, self._leaked = not self._loops, False
+
+    def judge(self, run: Trajectory) -> None:
+        """Warn of a whole run, by how far its steps go, else by its energy."""
+        if len(run.t) < 2:
+            return
+        if not self._far:
+            far = np.abs(run.v[:-1] * self._pace).max(axis=1) * np.minimum(np.diff(run.t), self._step)
+            i = int(np.argmax(far))
+            self._tell(float(run.t[i]), float(far[i]))
+        if not self._told:
+            self.weigh(run)
+
+    def look(self, t: float, v: Array) -> None:
+        """Warn where a step from time t on takes a joint of a loop further than `FARTHEST`."""
+        if not self._far:
+            self._tell(t, float(np.abs(v * self._pace).max()) * self._step)
+
+    def weigh(self, run: Trajectory) -> None:
+        """Warn where a run gained or lost more energy than its torques account for."""
+        rows = np.unique(np.linspace(0, len(run.t) - 1, LOOKS).astype(int))
+        if self._leaked or len(rows) < 2:
+            return
+        energy, still = run.mechanism.energy, np.zeros(run.mechanism.nv)
+        resting = np.array([energy(run.q[i], still) for i in rows])
+        moving = np.array([energy(run.q[i], run.v[i]) for i in rows]) - resting
+        total = resting + moving if run.work is None else resting + moving - run.work[rows]
+        leak = float(np.abs(total - total[0]).max())
+        at_work = max(float(moving.max()), float(np.ptp(resting)))
+        if not leak > max(LEAK * at_work, ROUNDING * float(np.abs(resting).max())):
+            return
+        self._leaked = True
+        share, step = leak / at_work, self._step
+        warn(
+            f"energy is off by {leak:.2g} J, {100.0 * share:.2g} % of what moves: the step of {step:g} s is "
+            f"too long for this motion; one of {step * (SOUND / share) ** 0.25:.1g} s would do, or an "
+            'error-controlled stepper="DOP853"',
+            CoarseStepWarning,
+        )
+
+    @property
+    def _told(self) -> bool:
+        return self._leaked or (self._far and self._loops)
+
+    def _tell(self, t: float, far: float) -> None:
+        if not far > FARTHEST:
+            return
+        self._far = True
+        warn(
+            f"the step at t = {t:.6g} s takes a joint {far:.2g} rad (or lengths) far: the stepper's error is "
+            "large there, and crossings in such a step may be missing from the list; use a step of "
+            f"{0.1 * FARTHEST * self._step / far:.1g} s",
+            CoarseStepWarning,
+        )

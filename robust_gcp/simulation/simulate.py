@@ -26,7 +26,7 @@ from ..mechanism.mechanism import Mechanism
 from ..native.steps import BACKENDS, NativeSteps, chosen_library
 from ..printing import progress_bar
 from .adaptive import AdaptiveRun
-from .coarse import warn_if_coarse
+from .coarse import Coarse
 from .events import EventFunction, checked_events
 from .fixed import FixedRun
 from .run import Run
@@ -179,7 +179,7 @@ def simulate(
     asked = checked_events(events)
     drives = None
     if drive is not None:
-        _check_drive_goes_with(backend, on_toggle)
+        check_drive_goes_with(backend, on_toggle)
         motions, kernel = checked_motions(mechanism, drive, schedule.times), None
         mechanism = driving(mechanism, tuple(motions), mechanism.home if q0 is None else q0)
         drives = Drive(mechanism, motions, t0)
@@ -225,7 +225,7 @@ def simulate(
                 stability.after(motion)
     finished = run.trajectory(begun)
     if fixed and method == "bridge":
-        warn_if_coarse(finished, step)
+        Coarse(mechanism, step).judge(finished)
     return finished
 
 
@@ -249,7 +249,7 @@ def _reporting(
     return nullcontext(progress)
 
 
-def _check_drive_goes_with(backend: str, on_toggle: str) -> None:
+def check_drive_goes_with(backend: str, on_toggle: str = "error") -> None:
     """Refuse what prescribed motions do not go with."""
     if backend == "native":
         raise OptionError(

@@ -9,7 +9,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import check_choice, check_mechanism, check_positive, shown
+from ..checks import check_choice, check_finite, check_mechanism, check_positive, shown
+from ..dynamics.driven import driving
+from ..dynamics.motion import Drive, Motion, checked_motions
 from ..dynamics.problem import set_out
 from ..errors import ClosureError, OptionError, SimulationError
 from ..maps.choice import METHODS, MapChoice, Method
@@ -18,8 +20,10 @@ from ..maps.point import Counters
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..native.steps import BACKENDS, NativeSteps, chosen_library
+from .coarse import Coarse
 from .schedule import Schedule
-from .simulate import checked_record
+from .simulate import check_drive_goes_with, checked_record
+from .stability import StabilityCheck
 from .stepped import HeldTorque, SteppedRun
 from .steppers import rk4_step
 from .trajectory import ARRAYS, Trajectory
@@ -46,11 +50,22 @@ class Simulation:
         As in `simulate`, where q0 is singular.
     record : sequence of {"a", "energy", "multipliers"}
         What `trajectory` holds besides q and v.
+    drive : mapping of str to Motion, optional
+        Joints that move as prescribed, as in `simulate`; `trajectory["drive.q1"]` is what that takes.
+    t0 : float
+        Time at the start, s.
 
     Raises
     ------
     OptionError, StateError, SimulationError
         As `simulate` does for a start.
+
+    Warns
+    -----
+    StabilityWarning
+        Where the step lies outside the region of stability at the start, under torques that are held.
+    CoarseStepWarning
+        Once, where a step takes a joint too far; and where `trajectory` tells of too much energy.
     """
 
     def __init__(
@@ -64,27 +79,39 @@ class Simulation:
         *,
         mode: ArrayLike | None = None,
         record: Sequence[str] = (),
+        drive: Mapping[str, Motion] | None = None,
+        t0: float = 0.0,
     ) -> None:
         check_mechanism(mechanism, Mechanism, "Simulation")
         check_positive("step", step)
         check_choice("method", method, METHODS)
         check_choice("backend", backend, BACKENDS)
         record = checked_record(record)
-        self.mechanism, self._step = mechanism, float(step)
+        check_finite("t0", t0)
+        kernel = chosen_library(backend, "rk4", method, "tangent")
+        drives = None
+        if drive is not None:
+            check_drive_goes_with(backend)
+            motions, kernel = checked_motions(mechanism, drive, np.array([t0, t0 + step])), None
+            mechanism = driving(mechanism, tuple(motions), mechanism.home if q0 is None else q0)
+            drives = Drive(mechanism, motions, t0)
+        self.mechanism, self._step, self._t0 = mechanism, float(step), float(t0)
         self._begun = time.perf_counter()
         self._none = np.zeros(mechanism.nv)
         self._held = HeldTorque(self._none)
         choice, counters = MapChoice(method), Counters()
-        problem = set_out(mechanism, q0, v0, mode, self._held, choice, counters)
-        kernel = chosen_library(backend, "rk4", method, "tangent")
+        problem = set_out(mechanism, q0, v0, mode, self._held, choice, counters, drives)
+        if drives is None:
+            StabilityCheck(mechanism, None, self._step, choice.options).before(problem)
         native = None if kernel is None else NativeSteps(kernel, self._held, backend == "native")
         if native is not None:
             native.prepare(mechanism, problem.start.path)
-        toggle = "repartition" if method == "bridge" else "error"
-        plan = Schedule.every(self._step * np.arange(ROOM))
+        toggle = "repartition" if method == "bridge" and drives is None else "error"
+        plan = Schedule.every(self._times(ROOM))
         self._run = SteppedRun(
             self._held, rk4_step, native, problem, choice, self._held, plan, record, counters, toggle
         )
+        self._coarse = Coarse(mechanism, self._step) if method == "bridge" else None
         self._go_to(0, first=True)
 
     def step(self, tau: ArrayLike | Mapping[str, Any] | None = None, n: int = 1) -> Simulation:
@@ -110,9 +137,14 @@ class Simulation:
         run.hold(held)
         last = run.at + int(n)
         if last >= len(run.times):
-            run.grow(self._step * np.arange(max(2 * len(run.times), last + 1)))
+            run.grow(self._times(max(2 * len(run.times), last + 1)))
         self._go_to(last)
+        if self._coarse is not None:
+            self._coarse.look(self.t, run.last.v)
         return self
+
+    def _times(self, count: int) -> Array:
+        return self._t0 + self._step * np.arange(count)
 
     def _go_to(self, last: int, first: bool = False) -> None:
         run = self._run
@@ -155,6 +187,8 @@ class Simulation:
         for name in ARRAYS:
             values = getattr(run, name)
             setattr(run, name, None if values is None else values.copy())
+        if self._coarse is not None:
+            self._coarse.weigh(run)
         return run
 
     def save(self) -> dict[str, Any]:

@@ -139,3 +139,41 @@ def test_what_cannot_be_stepped_is_refused() -> None:
         rg.Simulation(mech, step=0.0)
     with pytest.raises(rg.OptionError, match="Mechanism"):
         rg.Simulation("rhombus")  # type: ignore[arg-type]
+
+
+def test_a_prescribed_motion_step_by_step() -> None:
+    """The digits of a whole run, the torque that the motion takes, and a torque beside it."""
+    turn, step = {"q1": rg.Motion(lambda t: 1.0 + 2.0 * (t - 3.0) ** 2)}, 2.0**-7
+    mech = rg.load("slider_crank")
+    run = rg.simulate(mech, None, None, 0.5, step, drive=turn, t0=3.0, record=("a",), torque={"q3": 4.0})
+    sim = rg.Simulation(mech, step=step, drive=turn, t0=3.0, record=("a",))
+    for _ in range(32):
+        sim.step({"q3": 4.0}, n=2)
+    assert sim.t == 3.5
+    found = sim.trajectory
+    for name in ("t", "q", "v"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(run, name), err_msg=name)
+    np.testing.assert_allclose(found["drive.q1"], run["drive.q1"], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(sim.q[0], 1.0 + 2.0 * 0.25, atol=1e-14)
+    state = sim.save()
+    sim.step(n=5)
+    end = sim.restore(state).step(n=5).q
+    np.testing.assert_array_equal(end, sim.q)
+
+
+def test_what_is_not_driven_is_free() -> None:
+    """Two degrees of freedom, one of them driven: the energy of the other is accounted for."""
+    mech = rg.load("five_bar")
+    turn = rg.Motion(lambda t: float(mech.home[0]) + 0.1 * t)
+    sim = rg.Simulation(mech, step=2e-3, drive={mech.independent[0]: turn})
+    sim.step(n=100)
+    assert np.abs(sim.trajectory.energy_error()).max() < 1e-6
+
+
+def test_a_start_outside_of_the_region_of_stability_is_told_of() -> None:
+    mech = rg.load("rhombus")
+    stiff = rg.Mechanism.from_pinocchio(
+        mech.model, mech.closures, ["q1"], mech.home, forces=[rg.JointDamper("q1", 1e5)]
+    )
+    with pytest.warns(rg.StabilityWarning, match="step = 0.01 s"):
+        rg.Simulation(stiff, step=0.01)
