@@ -54,6 +54,7 @@ COMMANDS = (
         "the same motion in other coordinates, cuts, trees, axes and units",
         ".studies.descriptions.command",
     ),
+    Command("trees", "random trees of four-bars against the closed forms of their loops", ".studies.trees"),
     Command("a02", "N four-bars in a row (IFToMM A02) against the closed form", ".studies.a02"),
     Command(
         "benchmark", "time a right-hand side and its parts against the number of loops", ".studies.benchmark"

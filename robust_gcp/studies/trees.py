@@ -1,0 +1,278 @@
+"""Trees of change-point four-bars by the hundred, against the closed forms of their loops.
+
+Each linkage stands on the ground or on the coupler of another one, so that dynamics are coupled and zones of
+several loops overlap. The oracle takes the same steps with q = γ(y) of every loop in closed form.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+import warnings
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+import scipy
+
+from ..arguments import DEFAULT, Arguments, file, pathname, whole
+from ..dynamics.equations import EquationsOfMotion
+from ..dynamics.problem import set_out
+from ..errors import RobustGcpError
+from ..examples.families import Lengths, four_bars
+from ..maps.closed_form import FourBar
+from ..maps.explicit import Unaware
+from ..maps.point import Point
+from ..maps.regular_path import RegularPath
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+from ..printing import along, table, write_json
+from ..simulation.simulate import simulate
+from ..simulation.steppers import rk4_step
+
+ROUNDING = 1e-11
+"""rad: below this a floor measures the rounding of the reference, not the stepper's error."""
+
+WITHIN = 1.1
+"""Error of the bridges over that of the same steps on the closed forms."""
+
+LARGEST_OFFSET = 0.3
+"""rad between the places where two loops cross, as seen by their cranks."""
+
+AT_AN_END = 1e-6
+"""rad: a crank that starts or ends so near to its crossing may count or not."""
+
+
+@dataclass(frozen=True)
+class Tree:
+    """One random tree and how it went.
+
+    Attributes
+    ----------
+    lengths : tuple of (l0, l1, l2, l3)
+        m, of each loop; l0 + l1 = l2 + l3 crosses at π, |l0 − l1| = |l2 − l3| at 0.
+    centers : tuple of float
+        Crank angles of the crossings, rad.
+    starts, speeds : tuple of float
+        Of the cranks, rad and rad/s.
+    parents : tuple of int
+        Which loop's coupler carries each one, −1 for the ground.
+    assembly : int
+    step : float
+        s.
+    steps : int
+    expected, crossings : tuple of int
+        How often each loop crosses, and how often that was logged.
+    floor, error : float
+        Largest of q on the closed forms and by bridges, rad.
+    failure : str
+        The message of an error, else empty.
+    told : str
+        The first warning, else empty.
+    """
+
+    lengths: tuple[Lengths, ...]
+    centers: tuple[float, ...]
+    starts: tuple[float, ...]
+    speeds: tuple[float, ...]
+    parents: tuple[int, ...]
+    assembly: int
+    step: float
+    steps: int
+    expected: tuple[int, ...] = ()
+    crossings: tuple[int, ...] = ()
+    floor: float = np.nan
+    error: float = np.nan
+    failure: str = ""
+    told: str = ""
+
+    @property
+    def ratio(self) -> float:
+        """Error over floor, the floor not below rounding."""
+        return self.error / max(self.floor, ROUNDING)
+
+    @property
+    def good(self) -> bool:
+        """No failure, the error within 1.1 floors, and each crossing logged."""
+        return not self.failure and self.ratio <= WITHIN and self.crossings == self.expected
+
+    @property
+    def silently_wrong(self) -> bool:
+        """Not good, and neither an error nor a warning says so."""
+        return not (self.good or self.failure or self.told)
+
+
+class LoopsInClosedForm(Unaware):
+    """q = γ(y), G and g of a tree of four-bars, each loop in closed form.
+
+    Parameters
+    ----------
+    path : RegularPath
+        For the counters.
+    start : Point
+    tree : Tree
+    """
+
+    def __init__(self, path: RegularPath, start: Point, tree: Tree) -> None:
+        self.path, self.anchor, self._mechanism = path, start, path.mechanism
+        self._loops = [FourBar(*lengths, tree.assembly) for lengths in tree.lengths]
+        joints = [[f"{part}{i}" for part in ("crank", "coupler", "rocker")] for i in range(len(self._loops))]
+        self._at = [[self._mechanism.joint(name).idx_q for name in names] for names in joints]
+        self._turns = [np.zeros(3) for _ in self._loops]
+        apart = start.q - self.at(start.y, start.ydot).q
+        self._turns = [2.0 * np.pi * np.round(apart[at] / (2.0 * np.pi)) for at in self._at]
+
+    def at(self, y: Array, ydot: Array) -> Point:
+        """The point at y, on all loops."""
+        mechanism = self._mechanism
+        q, g = np.zeros(mechanism.nq), np.zeros(mechanism.nv)
+        G = np.zeros((mechanism.nv, mechanism.m))
+        for i, (loop, at) in enumerate(zip(self._loops, self._at, strict=True)):
+            theta, rate, second = loop.evaluate(float(y[i]))
+            q[at] = theta + self._turns[i]
+            G[at, i] = rate
+            g[at] = second * float(ydot[i]) ** 2
+        none = np.ones(1)
+        return Point(y.copy(), ydot.copy(), q, G, g, None, none, none)
+
+
+def random_trees(count: int, seed: int) -> tuple[list[Tree], float]:
+    """Simulate `count` random trees, with a bar; returns them and the seconds that it took."""
+    begun = time.perf_counter()
+    trees = [measured(*drawn(seed, i)) for i in along(range(count), "trees")]
+    return trees, time.perf_counter() - begun
+
+
+def drawn(seed: int, index: int) -> tuple[Tree, EquationsOfMotion, Array]:
+    """A tree whose loops stay in reach, its equations on the closed forms, and its first state."""
+    rng = np.random.default_rng([seed, index])
+    while True:
+        tree = _draw(rng)
+        try:
+            mechanism = _mechanism(tree)
+            problem = set_out(mechanism, v0=mechanism.lift(mechanism.home, tree.speeds))
+            explicit = LoopsInClosedForm(problem.start.path, problem.start.point, tree)
+            equations = EquationsOfMotion(mechanism, explicit, None)
+            exact = _exactly(equations, problem.x, _times(tree))
+        except RobustGcpError:
+            continue
+        if exact is not None:
+            return tree, equations, exact
+
+
+def _draw(rng: np.random.Generator) -> Tree:
+    n = int(rng.integers(2, 6))
+    lengths, centers = zip(*(_change_point(rng) for _ in range(n)), strict=True)
+    side = 1.0 if rng.random() < 0.5 else -1.0
+    base = float(rng.uniform(0.15, 0.35))
+    offsets = [base, *(base + rng.uniform(0.0, LARGEST_OFFSET, n - 1)).tolist()]
+    if rng.random() < 0.1:  # alike in all: singular at one time
+        lengths, centers, offsets = (lengths[0],) * n, (centers[0],) * n, [base] * n
+    paces = rng.uniform(2.0, 4.0, n) if rng.random() < 0.5 else np.full(n, 3.0)
+    parents = tuple(int(rng.integers(-1, i)) if i else -1 for i in range(n))
+    starts = tuple(float(c + side * o) for c, o in zip(centers, offsets, strict=True))
+    speeds = tuple((-side * paces).tolist())
+    step = float(10.0 ** rng.uniform(-2.7, -2.1))
+    steps = int(np.ceil((max(offsets) + 0.2) / float(paces.min()) / step))
+    assembly = 1 if rng.random() < 0.5 else -1
+    return Tree(lengths, centers, starts, speeds, parents, assembly, step, steps)
+
+
+def _change_point(rng: np.random.Generator) -> tuple[Lengths, float]:
+    """Lengths of a change-point linkage, no two of them alike, and where its crank crosses."""
+    while True:
+        l1, l2, l3 = rng.uniform(0.5, 3.0, 3).tolist()
+        at_pi = bool(rng.random() < 0.5)
+        l0 = l2 + l3 - l1 if at_pi else l1 + abs(l2 - l3) * (1.0 if rng.random() < 0.5 else -1.0)
+        lengths = (l0, l1, l2, l3)
+        pairs = [abs(a - b) for i, a in enumerate(lengths) for b in lengths[i + 1 :]]
+        if l0 > 0.3 and min(pairs) > 0.1 and max(lengths) < 0.95 * (sum(lengths) - max(lengths)):
+            return lengths, np.pi if at_pi else 0.0
+
+
+def _mechanism(tree: Tree) -> Mechanism:
+    return four_bars(tree.lengths, tree.starts, tree.parents, tree.assembly, spacing=8.0)
+
+
+def _times(tree: Tree) -> Array:
+    return np.asarray(tree.step * np.arange(tree.steps + 1))
+
+
+def _exactly(f: EquationsOfMotion, x: Array, times: Array) -> Array | None:
+    """The states at the times by small steps; None where the loops leave their reach."""
+    span = (float(times[0]), float(times[-1]))
+    found = scipy.integrate.solve_ivp(f, span, x, "DOP853", times, rtol=1e-13, atol=1e-13)
+    return np.asarray(found.y.T) if found.success else None
+
+
+def measured(tree: Tree, equations: EquationsOfMotion, exact: Array) -> Tree:
+    """The tree with what its run came to."""
+    mechanism = _mechanism(tree)
+    m, times = mechanism.m, _times(tree)
+
+    def configurations(states: Sequence[Array] | Array) -> Array:
+        return np.array([equations.explicit.at(x[:m], x[m : 2 * m]).q for x in states])
+
+    truth = configurations(exact)
+    try:
+        states = [exact[0]]
+        for t in times[:-1].tolist():
+            k1 = equations(t, states[-1])
+            states.append(rk4_step(equations, t, states[-1], tree.step, k1))
+        tree = replace(tree, floor=float(np.abs(configurations(states) - truth).max()))
+    except RobustGcpError as error:
+        return replace(tree, failure=f"closed form: {error}")
+    centers = np.array(tree.centers)
+    away = exact[:, :m] - centers
+    expected = (np.diff(np.sign(away), axis=0) != 0).sum(axis=0)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            v0 = mechanism.lift(mechanism.home, tree.speeds)
+            run = simulate(mechanism, v0=v0, duration=float(times[-1]), step=tree.step)
+        except RobustGcpError as error:
+            return replace(tree, failure=f"{type(error).__name__}: {error}")
+    order = [int(cluster.inputs[0]) for cluster in mechanism.clusters]
+    logged = np.bincount([order[c.cluster] for c in run.crossings if c.cluster is not None], minlength=m)
+    ends = np.abs(away[[0, -1]]).min(axis=0) < AT_AN_END
+    logged[ends] = expected[ends]
+    return replace(
+        tree,
+        expected=tuple(expected.tolist()),
+        crossings=tuple(logged.tolist()),
+        error=float(np.abs(run.q - truth).max()),
+        told=str(caught[0].message) if caught else "",
+    )
+
+
+def arguments(add_to: Arguments) -> None:
+    """Name the arguments."""
+    add_to.add("--count", whole(1), type=int, default=100, metavar="N", help=f"how many; {DEFAULT}")
+    add_to.add("--seed", whole(0), type=int, default=20, metavar="N", help=f"of the drawing; {DEFAULT}")
+    text = "write every tree to this JSON file"
+    add_to.add("--out", file((".json",), "a record of trees"), type=pathname, metavar="FILE", help=text)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the summary; exit code 1 when a tree is not good."""
+    trees, seconds = random_trees(args.count, args.seed)
+    bad = [tree for tree in trees if not tree.good]
+    ratios = np.array([tree.ratio for tree in trees if not tree.failure])
+    sizes = [len(tree.lengths) for tree in trees]
+    rows = [
+        ["trees, seed", f"{len(trees)}, {args.seed}"],
+        ["of 2, 3, 4, 5 loops", ", ".join(str(sizes.count(n)) for n in range(2, 6))],
+        [f"good: error within {WITHIN:g} floors, crossings logged", f"{len(trees) - len(bad)}"],
+        ["crossings passed", f"{sum(sum(tree.crossings) for tree in trees)}"],
+        ["refused", f"{sum(bool(tree.failure) for tree in trees)}"],
+        ["silently wrong", f"{sum(tree.silently_wrong for tree in trees)}"],
+        ["largest error / floor", f"{ratios.max(initial=0.0):.4f}"],
+        ["wall time", f"{seconds:.1f} s"],
+    ]
+    print(table(["", " "], rows))
+    for tree in bad:
+        print(json.dumps(asdict(tree)))
+    if args.out:
+        write_json(args.out, [asdict(tree) | {"ratio": tree.ratio, "good": tree.good} for tree in trees])
+    return 1 if bad else 0
