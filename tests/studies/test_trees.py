@@ -1,0 +1,59 @@
+"""Random trees of change-point four-bars: a dozen of what `robust-gcp trees` does by the hundred."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robust_gcp.__main__ import main
+from robust_gcp.dynamics.problem import set_out
+from robust_gcp.studies.trees import ROUNDING, LoopsInClosedForm, drawn, measured, random_trees
+
+
+def test_a_dozen_trees_keep_to_the_steps_on_their_closed_forms() -> None:
+    trees, _ = random_trees(12, 7)
+    assert [tree for tree in trees if not tree.good] == []
+    assert sum(sum(tree.crossings) for tree in trees) > 20
+    assert max(len(tree.lengths) for tree in trees) == 5
+
+
+def test_closed_forms_serve_in_any_joint() -> None:
+    """G and g of the product of loops in couplers and rockers, against those of the mechanism itself."""
+    tree, equations, exact = drawn(7, 0)
+    mechanism, m = equations.mechanism, equations.m
+    here = equations.explicit.at(exact[3][:m], exact[3][m:])
+    v = here.G @ here.ydot
+    names = [("coupler", "rocker")[i % 2] + str(i) for i in range(m)]
+    other = mechanism.with_independent(names)
+    explicit = LoopsInClosedForm(equations.explicit.path, here, tree, other)
+    point = explicit.at(here.q[other.iq_independent], v[other.iv_independent])
+    np.testing.assert_allclose(point.q, here.q, atol=1e-12)
+    np.testing.assert_allclose(point.G, other.G(here.q), atol=1e-9)
+    np.testing.assert_allclose(point.g, other.g(here.q, v), atol=1e-9 * (1.0 + np.abs(point.g).max()))
+
+
+def test_a_tree_that_is_wrong_is_seen() -> None:
+    tree = measured(*drawn(7, 2))
+    assert tree.good
+    assert replace(tree, error=1.2 * max(tree.floor, ROUNDING)).silently_wrong
+    assert replace(tree, crossings=(2, *tree.crossings[1:])).silently_wrong
+    told = replace(tree, crossings=(), told="a coarse step")
+    assert not told.good and not told.silently_wrong
+
+
+def test_the_first_state_is_the_drawn_one() -> None:
+    tree, equations, exact = drawn(7, 2)
+    problem = set_out(equations.mechanism, v0=equations.mechanism.lift(equations.mechanism.home, tree.speeds))
+    np.testing.assert_array_equal(exact[0], problem.x)
+
+
+def test_the_command_counts_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "trees.json"
+    assert main(["trees", "--count", "2", "--seed", "7", "--out", str(out)]) == 0
+    assert "silently wrong" in capsys.readouterr().out
+    records = json.loads(out.read_text(encoding="utf-8"))
+    assert len(records) == 2 and all(record["good"] for record in records)
