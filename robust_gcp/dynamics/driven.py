@@ -22,8 +22,9 @@ from numpy.typing import ArrayLike
 from ..errors import OptionError, SimulationError, StateError
 from ..maps.choice import MapChoice
 from ..maps.explicit import ExplicitMap
+from ..maps.grouped_start import begin_motion
 from ..maps.point import Point
-from ..maps.start import begin
+from ..mechanism.groups import coordinate_choices
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.partition import spelled
 from ..mechanism.tree import Array
@@ -105,7 +106,9 @@ def driving(mechanism: Mechanism, names: tuple[str, ...], q: ArrayLike) -> Mecha
     if not missing:
         return mechanism
     choices = [
-        c for _, c in mechanism.coordinate_choices(mechanism.configuration(q)) if len(c) == mechanism.m
+        c
+        for c in coordinate_choices(mechanism, mechanism.configuration(q))
+        if len(mechanism.velocities_named(c)) == mechanism.m
     ]
     fits = [c for c in choices if set(names) <= set(c)]
     if not fits:
@@ -143,16 +146,16 @@ def driven_start(
         _require_meeting(drive.names, given, velocity, unit + np.abs(velocity), "v0", "velocity")
     if q0 is not None:
         q = mechanism.configuration(q0, "q0")
-        given = q[mechanism.iq_independent[drive.driven]]
+        given = q[_places(mechanism, drive)]
         _require_meeting(drive.names, given, position, unit, "q0", "position")
         return q
     q = mechanism.home
-    gap = position - q[mechanism.iq_independent[drive.driven]]
+    gap = position - q[_places(mechanism, drive)]
     count = int(np.ceil(np.max(np.abs(gap) / unit, initial=0.0) / STRIDE))
     if count == 0:
         return q
     try:
-        start = begin(mechanism, q, None, mode, choice.options, counters)
+        start = begin_motion(mechanism, q, None, mode, choice.options, counters)
         explicit, end = choice.over(start), start.point.y.copy()
         end[drive.driven] = position
         for share in np.arange(1, count + 1) / count:
@@ -164,6 +167,11 @@ def driven_start(
             f"drive: home cannot be led to where {', '.join(drive.names)} begin ({position}): {error}; "
             "give q0, closed and with the driven joints there"
         ) from error
+
+
+def _places(mechanism: Mechanism, drive: Drive) -> list[int]:
+    """Where the driven joints' numbers are in q."""
+    return [mechanism.joint(name).idx_q for name in drive.names]
 
 
 def _require_meeting(

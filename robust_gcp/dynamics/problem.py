@@ -7,13 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import OptionError
 from ..maps.choice import MapChoice
 from ..maps.explicit import ExplicitMap
-from ..maps.grouped_start import begin_on_groups
+from ..maps.grouped_start import begin_motion
 from ..maps.point import Counters
-from ..maps.start import Start, begin
-from ..mechanism.groups import groups_of
+from ..maps.start import Start
+from ..maps.start_check import require_freedom
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .driven import DrivenEquations, driven_start
@@ -74,20 +73,13 @@ def set_out(
     StateError, ClosureError, OptionError, SimulationError
         As `maps.start.begin` does.
     """
+    require_freedom(mechanism)
     choice = MapChoice() if choice is None else choice
     counters = Counters() if counters is None else counters
     q = mechanism.home if q0 is None else q0
-    groups = groups_of(mechanism)
-    if groups is not None:
-        if drive is not None:
-            raise OptionError(
-                f"prescribed motions: joint {groups.names[0]!r} is independent on a group, beside which no "
-                "joint is driven; give the torque instead"
-            )
-        return over(begin_on_groups(groups, q, v0, mode, choice.options, counters), torque, choice)
     if drive is not None:
         q = driven_start(mechanism, drive, q0, v0, mode, choice, counters)
-    return over(begin(mechanism, q, v0, mode, choice.options, counters), torque, choice, drive)
+    return over(begin_motion(mechanism, q, v0, mode, choice.options, counters), torque, choice, drive)
 
 
 def over(

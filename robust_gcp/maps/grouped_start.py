@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mechanism.groups import Groups
+from ..mechanism.groups import Groups, groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .cluster.options import BridgeOptions
@@ -42,6 +42,21 @@ class GroupStart(Start):
     def afresh(self) -> GroupStart:
         """See `Start.afresh`."""
         return _started(self.groups, self.rest.afresh(), self.first)
+
+
+def begin_motion(
+    mechanism: Mechanism,
+    q0: ArrayLike,
+    v0: ArrayLike | None,
+    mode: ArrayLike | None,
+    options: BridgeOptions,
+    counters: Counters,
+) -> Start:
+    """`start.begin` for any mechanism, with joints on groups or without."""
+    groups = groups_of(mechanism)
+    if groups is None:
+        return begin(mechanism, q0, v0, mode, options, counters)
+    return begin_on_groups(groups, q0, v0, mode, options, counters)
 
 
 def begin_on_groups(

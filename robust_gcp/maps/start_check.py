@@ -25,6 +25,18 @@ LEFT_OPEN = 1e-9
 """max |φ| / length of rows that count as open there."""
 
 
+STRUCTURE = (
+    "its loops leave no joint any freedom, and a structure has no motion to simulate; check the link lengths "
+    "and the axes of the joints, or leave a closure out"
+)
+
+
+def require_freedom(mechanism: Mechanism) -> None:
+    """Refuse a mechanism without independent velocities."""
+    if mechanism.m == 0:
+        raise PartitionError(f"{mechanism.name!r} is rigid: {STRUCTURE}")
+
+
 def require_finite_energy(mechanism: Mechanism, v: Array) -> None:
     """Products of speeds must be finite numbers: g grows with |v0|², an error estimate with its square."""
     size = max(np.abs(v).max(initial=0.0), np.abs(v / mechanism.column_scale).max(initial=0.0))
@@ -69,6 +81,8 @@ def require_mobility(mechanism: Mechanism, q: Array, path: RegularPath) -> None:
     path.counters.svds += 1
     rank = numerical_rank(s, RANK)
     if rank > path.nd:
+        if rank == mechanism.nv:
+            raise PartitionError(f"{mechanism.name!r} is rigid at q0: {STRUCTURE}")
         choices = [names for _, names in mechanism.coordinate_choices(q)]
         raise PartitionError(
             f"{mechanism.m} independent joints are named, and the mobility at q0 is "
@@ -100,7 +114,7 @@ def require_lasting_mobility(path: RegularPath, start: Point) -> None:
             raise PartitionError(
                 f"no mobility at q0 in {mechanism.independent[j]}: rank {path.nd} of {mechanism.nc} "
                 f"rows there and a higher one nearby; moved by {PROBE:g} the loops open by {left:.2g} "
-                "lengths. A structure cannot be simulated; check the link lengths, or leave a closure out"
+                "lengths. It is rigid and has no motion to simulate; check the lengths, or leave a closure out"
             )
 
 

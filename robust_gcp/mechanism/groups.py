@@ -124,6 +124,15 @@ def groups_of(mechanism: Mechanism) -> Groups | None:
     return groups
 
 
+def coordinate_choices(mechanism: Mechanism, q: Array) -> list[tuple[str, ...]]:
+    """Sets of independent joints, best conditioned first; those on groups are in all of them."""
+    groups = groups_of(mechanism)
+    if groups is None:
+        return [names for _, names in mechanism.coordinate_choices(q)]
+    kept = [name for name in mechanism.independent if name not in groups.rest.independent]
+    return [(*kept, *names) for _, names in groups.rest.coordinate_choices(q[groups.rest_iq])]
+
+
 def _held(mechanism: Mechanism, held: set[int]) -> pin.Model:
     """The mechanism's model without these joints, which are held in their neutral position."""
     model, part, still = mechanism.model, pin.Model(), pin.SE3.Identity()

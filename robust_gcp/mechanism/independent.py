@@ -49,6 +49,11 @@ def best_at_home(loops: ClosedLoops, home: Array, name: str) -> tuple[Array, tup
         freedom = loops.nv - numerical_rank(
             np.linalg.svd(loops.scaled(loops.K(home)), compute_uv=False), RANK
         )
+        if freedom == 0:
+            raise PartitionError(
+                "independent = 'auto': the mechanism is rigid, its loops leave no joint any freedom; check "
+                "the link lengths and the axes of the joints, or leave a closure out"
+            )
         raise PartitionError(
             f"independent = 'auto': the mechanism has {freedom} degrees of freedom, and its joints with "
             f"one number each ({', '.join(single) or 'none'}) do not parametrise them; give the tree "

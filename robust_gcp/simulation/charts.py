@@ -102,12 +102,3 @@ def placed_between(
     for q, crossing in zip(found, crossings, strict=True):
         q[groups.rest_iq] = crossing.q
     return [replace(c, q=q) for c, q in zip(crossings, found, strict=True)]
-
-
-def coordinate_choices(mechanism: Mechanism, q: Array) -> list[tuple[str, ...]]:
-    """Sets of independent joints, best conditioned first; those on groups are in all of them."""
-    groups = groups_of(mechanism)
-    if groups is None:
-        return [names for _, names in mechanism.coordinate_choices(q)]
-    kept = [name for name in mechanism.independent if name not in groups.rest.independent]
-    return [(*kept, *names) for _, names in groups.rest.coordinate_choices(q[groups.rest_iq])]

@@ -14,8 +14,9 @@ from ..dynamics.problem import Problem, set_out
 from ..maps.choice import MapChoice
 from ..maps.cluster.cluster_map import ClusterMap
 from ..maps.point import Counters, Point
+from ..mechanism.groups import coordinate_choices
 from ..mechanism.tree import Array
-from .charts import coordinate_choices, map_of_rest, q_of_rest
+from .charts import map_of_rest, q_of_rest
 from .events import Event, Events, Zero
 from .record import Record
 from .recovery import Checkpoint

@@ -352,12 +352,83 @@ def test_step_by_step_gives_the_same_digits_and_goes_back_to_them() -> None:
         simulation.restore(state)
 
 
-class TestRefused:
-    def test_driven_joints_beside_a_floating_base(self) -> None:
-        mech = floating(pin.JointModelFreeFlyer(), REGULAR)
-        with pytest.raises(rg.OptionError, match="'base' is independent on a group"):
-            rg.simulate(mech, duration=0.1, step=0.01, drive={"q1": rg.Motion(lambda t: 1.2 + t)})
+class TestDriven:
+    """A crank that moves as prescribed pushes the base about, whose momentum stays zero."""
 
+    DRIVE = rg.Motion(lambda t: 1.2 + 0.8 * np.sin(3.0 * t))
+
+    @pytest.mark.parametrize("stepper", ["rk4", "DOP853"])
+    def test_momentum_and_work(self, stepper: str) -> None:
+        mech = floating(pin.JointModelFreeFlyer(), REGULAR)
+        errors: list[float] = []
+        drifts: list[float] = []
+        for k in range(5, 8):
+            motion = rg.simulate(
+                mech, duration=1.0, step=2.0**-k, stepper=stepper, rtol=1e-12, atol=1e-12,
+                drive={"q1": self.DRIVE}, record="energy",
+            )  # fmt: skip
+            np.testing.assert_allclose(motion["q1"], 1.2 + 0.8 * np.sin(3.0 * motion.t), atol=1e-12)
+            before = momentum(mech, motion.q[0], motion.v[0])
+            drifts.append(float(np.abs(momentum(mech, motion.q[-1], motion.v[-1]) - before).max()))
+            errors.append(float(np.abs(motion.energy_error()).max()))
+            assert motion.closure_error().max() < 1e-13
+        assert np.isfinite(motion["drive.q1"]).all()
+        if stepper == "rk4":
+            assert np.all(orders(drifts) > 3.7)
+            assert np.all(orders(errors) > 3.7)
+        else:
+            assert max(*errors, *drifts) < 1e-9
+
+    def test_the_torque_that_is_recorded_moves_it_so(self) -> None:
+        """Forward dynamics under it at an output give the prescribed acceleration."""
+        mech = floating(pin.JointModelFreeFlyer(), CHANGE_POINT)
+        motion = rg.simulate(mech, duration=0.5, step=1e-2, drive={"q1": self.DRIVE}, record="a")
+        tau = np.zeros(mech.nv)
+        tau[6] = motion["drive.q1"][30]
+        a, _ = rg.implicit_dynamics(mech, motion.q[30], motion.v[30], tau)
+        assert motion.a is not None
+        np.testing.assert_allclose(a, motion.a[30], atol=1e-8)
+        assert a[6] == pytest.approx(-7.2 * np.sin(0.9), abs=1e-9)
+
+    def test_joints_that_are_not_independent_become_so(self) -> None:
+        mech = floating(pin.JointModelFreeFlyer(), REGULAR)
+        start = float(mech.home[-1])
+        motion = rg.simulate(mech, duration=0.2, step=0.01, drive={"q3": rg.Motion(lambda t: start + t)})
+        np.testing.assert_allclose(motion["q3"], start + motion.t, atol=1e-12)
+        assert motion.closure_error().max() < 1e-13
+
+
+def test_floating_structure_flies_as_one_body() -> None:
+    """Its loops leave no freedom; the base has all of it."""
+    mech = floating(pin.JointModelFreeFlyer(), REGULAR)
+    held = rg.Mechanism.from_pinocchio(
+        mech.model, [*mech.closures, rg.CouplingClosure("q1", None, 0.0, 1.2)], ["base"], home=mech.home
+    )
+    v = np.concatenate([PUSH, np.zeros(3)])
+    motion = rg.simulate(held, held.home, v, 0.5, 0.005)
+    assert motion.closure_error().max() < 1e-13
+    np.testing.assert_allclose(motion.q[:, 7:], np.tile(held.home[7:], (len(motion.t), 1)), atol=1e-13)
+    fixed = rg.Mechanism.from_pinocchio(mech.model, [], ["base", "q1", "q2", "q3"], home=mech.home)
+    assert np.abs(momentum(fixed, motion.q[-1], motion.v[-1]) - momentum(fixed, held.home, v)).max() < 1e-8
+
+
+def test_a_structure_on_the_ground_is_called_rigid() -> None:
+    m = pin.Model()
+    for name, y in (("a", 0.0), ("b", 1.0)):
+        j = m.addJoint(0, pin.JointModelRX(), pin.SE3(np.eye(3), np.array([0.0, y, 0.0])), name)
+        m.appendBodyToJoint(j, BODY, pin.SE3.Identity())
+        end = pin.SE3(np.eye(3), np.array([0.0, 0.9, 0.0]))
+        m.addFrame(pin.Frame(f"e{name}", j, end, pin.FrameType.OP_FRAME))
+    closures, home = [rg.PointClosure("ea", "eb")], np.array([1.0, 2.1])
+    for own in ([], ["a"]):
+        mech = rg.Mechanism.from_pinocchio(m, closures, own, home=home)
+        with pytest.raises(rg.PartitionError, match=r"is rigid.*structure"):
+            rg.simulate(mech, mech.assemble(home, hold=[]), duration=0.1)
+    with pytest.raises(rg.PartitionError, match="rigid"):
+        rg.Mechanism.from_pinocchio(m, closures, "auto", home=home)
+
+
+class TestRefused:
     def test_y_has_no_numbers_on_groups(self) -> None:
         motion = rg.simulate(floating(pin.JointModelFreeFlyer(), REGULAR), duration=0.02, step=0.01)
         assert "base" in str(motion)
