@@ -114,7 +114,7 @@ def require_lasting_mobility(path: RegularPath, start: Point) -> None:
             raise PartitionError(
                 f"no mobility at q0 in {mechanism.independent[j]}: rank {path.nd} of {mechanism.nc} "
                 f"rows there and a higher one nearby; moved by {PROBE:g} the loops open by {left:.2g} "
-                "lengths. It is rigid and has no motion to simulate; check the lengths, or leave a closure out"
+                "lengths. It is rigid, nothing moves; check the lengths of the links, or leave a closure out"
             )
 
 

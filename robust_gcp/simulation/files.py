@@ -90,6 +90,8 @@ def write_archive(
         "digest": hashlib.sha256(model.tobytes()).hexdigest(),
         "name": mechanism.name,
         "independent": mechanism.independent,
+        "actuated": mechanism.actuated,
+        "left_out": mechanism.left_out,
         "closures": [_as_plain(c) for c in mechanism.closures],
         "forces": [_as_plain(f) for f in mechanism.forces],
         "crossings": [c.kind for c in crossings],
@@ -183,7 +185,8 @@ def _rebuilt(path: Path, meta: dict[str, Any], model: bytes, home: Array) -> Mec
             f"wrote; {remedy}"
         ) from error
     closures, forces = ([_from_plain(p) for p in meta[what]] for what in ("closures", "forces"))
-    return Mechanism(tree, closures, meta["independent"], home, meta["name"], forces)
+    told = tuple(meta.get("actuated", ())), tuple(meta.get("left_out", ()))
+    return Mechanism(tree, closures, meta["independent"], home, meta["name"], forces, *told)
 
 
 def _fingerprint(mechanism: Mechanism, q: Array, v: Array) -> dict[str, Array]:

@@ -59,6 +59,31 @@ def test_every_mechanism_comes_back(mechanisms: dict[str, rg.Mechanism], tmp_pat
         np.testing.assert_array_equal(again.mechanism.home, mech.home)
 
 
+def test_what_a_robots_file_told_comes_back(tmp_path: Path) -> None:
+    """Motors and what is not simulated, and an idle spin among the coordinates."""
+    ends = '<geom type="capsule" size="0.02" fromto="0 0 0 0 1 0"/>'
+    text = f"""<mujoco><worldbody><body name="a"><joint name="q1" axis="1 0 0" frictionloss="1"/>{ends}
+    <body name="rod" pos="0 1 0"><joint name="ball" type="ball"/>{ends}</body></body>
+    <body name="b" pos="0 1 0"><joint name="q3" axis="1 0 0"/>{ends}</body></worldbody>
+    <equality><connect body1="rod" body2="b" anchor="0 1 0"/></equality>
+    <actuator><motor joint="q1"/></actuator></mujoco>"""
+    with pytest.warns(rg.ModelWarning, match="dry friction"):
+        mech = rg.Mechanism.from_mjcf(
+            text, ["q1", "ball.ry"], home=[0.3, -0.1494381, 0.0, 0.0, 0.9887711, 0.3]
+        )
+    run = rg.simulate(mech, mech.assemble(mech.home), duration=0.02, step=0.01)
+    again = rg.load_trajectory(run.save(tmp_path / "run.npz"))
+    same(run, again)
+    told = again.mechanism
+    assert (told.actuated, told.left_out, told.independent) == (
+        mech.actuated,
+        mech.left_out,
+        mech.independent,
+    )
+    assert told.actuated == ("q1",)
+    assert len(told.left_out) > 1
+
+
 def test_coordinates_that_changed_come_back(swing: rg.Trajectory, tmp_path: Path) -> None:
     stats = rg.Stats(rhs=7, repartitions=[(0.25, ("q2",))])
     run = rg.Trajectory(swing.mechanism, swing.t, swing.q, swing.v, stats=stats)
