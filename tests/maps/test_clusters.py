@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 import robust_gcp as rg
-from robust_gcp.examples import families, linkages
+from robust_gcp.examples import families, linkages, six_bars
 from robust_gcp.maps.closed_form import FourBar
 
 CHANGE_POINT = (4.0, 2.0, 3.0, 3.0)
@@ -306,3 +306,34 @@ def test_cuts_trees_rotations_and_units_do_not_matter() -> None:
         )
         (one,), (two,) = run.crossings, reference.crossings
         assert abs(one.time - two.time) < 1e-6
+
+
+# --------------------------------------------------------------------------- several coordinates
+
+
+@pytest.mark.parametrize(
+    ("cranks", "rates", "duration", "crossings"),
+    [((2.8, 2.5), (3.0, 0.5), 0.2, 1), ((2.9, 2.95), (3.0, 3.0), 0.12, 2)],
+)
+def test_zones_of_a_cluster_of_two_coordinates_do_not_show(
+    cranks: tuple[float, float], rates: tuple[float, float], duration: float, crossings: int
+) -> None:
+    """Two four-bars that a dyad joins: each has its surface; the motion is that of much narrower zones."""
+    joined = six_bars.joined_by_dyad(cranks)
+    v0 = joined.lift(joined.home, rates)
+    runs = [
+        rg.simulate(joined, v0=v0, duration=duration, step=4e-3, options=rg.BridgeOptions(zone=zone))
+        for zone in (0.05, 0.02)
+    ]
+    assert np.abs(runs[0].q - runs[1].q).max() < 1e-9
+    for run in runs:
+        assert run.closure_error().max() < 1e-11
+        assert len(run.crossings) == crossings
+        assert_at_their_place(run)
+    for i in (1, 2):  # each four-bar moves on its closed form
+        names = [f"A{i}@O{i}", f"B{i}@P{i}", f"C{i}@Q{i}"]
+        q = run.q[:, [run.mechanism.joint_names.index(name) for name in names]]
+        linkage = FourBar(*six_bars.CHANGE_POINT)
+        home = linkage.evaluate(cranks[i - 1])[0]
+        exact = np.array([linkage.evaluate(cranks[i - 1] + angle)[0] for angle in q[:, 0]]) - home
+        np.testing.assert_allclose(q[:, 1], exact[:, 1], atol=1e-11)

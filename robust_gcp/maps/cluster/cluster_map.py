@@ -153,7 +153,9 @@ class ClusterMap(Charted):
 
     def _tracker(self, cluster: LoopCluster, anchor: Point, before: Tracker | None) -> Tracker:
         """A tracker on the mode, in coordinates that serve at the anchor; it still tells of curves met."""
-        tracker = Tracker(self._jet(cluster, anchor), self.options, self.options.reach, self.counters)
+        tracker = Tracker(
+            self._jet(cluster, anchor), self.options, self.options.reach(cluster.m), self.counters
+        )
         if before is not None:
             tracker.touched = [bridge for bridge in before.touched if isinstance(bridge, Curve)]
         return tracker

@@ -43,12 +43,13 @@ def started(
     """
     T = np.linalg.qr(tangent)[0]
     way = _way(space, x, T)
+    reach = options.reach(space.m)
     reasons: list[str] = []
     for step in STEPS:
         for sign in (1.0, -1.0):
             try:
-                beside = _outward(space, x, T, sign * way, step, options.reach)
-                tracker = Tracker(beside.recharted(C), options, options.reach, counters)
+                beside = _outward(space, x, T, sign * way, step, reach)
+                tracker = Tracker(beside.recharted(C), options, reach, counters)
                 found = tracker.at(C.T @ x)
                 turned = np.linalg.qr(found.J)[0]
                 off = float(np.abs(found.x - x).max())
