@@ -6,7 +6,7 @@
 
 namespace rg {
 
-constexpr std::int32_t VERSION = 4;
+constexpr std::int32_t VERSION = 5;
 
 enum Reason : std::int32_t {
     DONE = 0,
@@ -18,6 +18,7 @@ enum Reason : std::int32_t {
     FORCE = 6,      // a point spring has no length
     TORQUE = 7,     // the torque callback failed
     PASSED = 8,     // a singular surface was passed on a bridge
+    CHART = 9,      // an entry of J = G by dimensionless coordinates is large
 };
 
 // Reads q and v and writes τ in the request's shared buffers; nonzero stops the run.
@@ -79,6 +80,8 @@ struct Request {
     const double* times;      // (steps + 1,)
     double zone;              // conditioning at which to stop
     std::int32_t same_branch;  // whether to check the branch
+    const double* sizes;      // (nv,): 1 / unit of each velocity, 0 where J does not matter; or null
+    double limit;             // largest entry of J up to which steps go on
     Torque torque;            // or null
     double* torque_q;         // (nq,), (nv,), (nv,): what the callback reads and writes
     double* torque_v;

@@ -17,7 +17,7 @@ class alignas(CACHE_LINE) Stepper {
   public:
     explicit Stepper(const Description& d)
         : path(d), motion_(d, path), works_(d.works), n_(2 * d.m + d.works),
-          independent_(d.m > 0 ? d.independent[0] : 0), independent_q_(d.m > 0 ? d.independent_q[0] : 0),
+          independent_(d.m > 0 ? d.independent[0] : 0), independent_v_(d.independent, d.independent + d.m), independent_q_(d.m > 0 ? d.independent_q[0] : 0),
           slots_(SLOTS, Point(path.layout)), x_(n_), stage_(n_), sum_(n_), rate_(n_) {
         for (int k = 0; k < d.m; ++k)
             if (d.independent_q[k] < 0) on_groups_.push_back(k);
@@ -73,7 +73,10 @@ class alignas(CACHE_LINE) Stepper {
                 r.safe_step = i + 1;
             }
             if ((i + 1) % r.every == 0) output(r, (i + 1) / r.every - 1);
-            if (passed) r.reason = PASSED;
+            if (passed)
+                r.reason = PASSED;
+            else if (!on_bridge && exceeds(r, *accepted_))
+                r.reason = CHART;
         }
         accepted_->write(r.anchor);
         std::copy(x_.begin(), x_.end(), r.x);
@@ -88,6 +91,20 @@ class alignas(CACHE_LINE) Stepper {
     }
 
   private:
+    // Whether the independent velocities are about to turn back, or may be: see simulation/coordinates.py.
+    bool exceeds(const Request& r, Point& point) const {
+        if (r.sizes == nullptr) return false;
+        const int m = path.layout.m;
+        const double* G = point.G();
+        for (int j = 0; j < m; ++j) {
+            const double own = r.sizes[independent_v_[j]];
+            if (!(own > 0.0)) continue;
+            for (int i = 0; i < path.layout.nv; ++i)
+                if (std::abs(G[i * m + j]) * (r.sizes[i] / own) > r.limit) return true;
+        }
+        return false;
+    }
+
     static constexpr int SLOTS = 6;  // anchor, trial, accepted, before it, safe, and one more
 
     // What the steps accepted so far took; a step that is given up is done, and counted, by Python.
@@ -203,7 +220,9 @@ class alignas(CACHE_LINE) Stepper {
     }
 
     Motion motion_;
-    int works_, n_, independent_, independent_q_;
+    int works_, n_, independent_;
+    std::vector<int> independent_v_;
+    int independent_q_;
     std::vector<int> on_groups_;  // which of y belong to joints on groups
     std::vector<Point> slots_;
     Cells<double> x_, stage_, sum_, rate_;

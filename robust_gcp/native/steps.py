@@ -102,6 +102,7 @@ class NativeSteps:
         x: Array,
         times: Array,
         wanted: Sequence[str],
+        chart: tuple[Array, float] | None = None,
     ) -> Batch | None:
         """Steps from times[0] as far as nothing rare happens; None where the map is not on its regular path.
 
@@ -111,6 +112,8 @@ class NativeSteps:
             The evaluation and the state at times[0].
         wanted : sequence of str
             Outputs besides q and v.
+        chart : (ndarray (nv,), float), optional
+            See `Workspace.run`.
         """
         grouped = isinstance(explicit, GroupMap)
         followed = explicit.rest if isinstance(explicit, GroupMap) else explicit
@@ -126,4 +129,4 @@ class NativeSteps:
             return None
         n = min(len(times) - 1, max(1, BATCH // mechanism.nv))
         outputs = Outputs.room(n, mechanism.nq, mechanism.nv, wanted)
-        return workspace.run(times[: n + 1], x, now, outputs, zone, same_branch, bridge)
+        return workspace.run(times[: n + 1], x, now, outputs, zone, same_branch, bridge, chart=chart)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-VERSION = 4
+VERSION = 5
 """Of the interface; a library with another one is not used."""
 
 TorqueCallback: Any = ctypes.CFUNCTYPE(c_int32, c_double)
@@ -27,6 +27,7 @@ class Reason(IntEnum):
     FORCE = 6
     TORQUE = 7
     PASSED = 8
+    CHART = 9
 
 
 def _all(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -76,6 +77,8 @@ class Request(ctypes.Structure):
         ("times", c_void_p),
         ("zone", c_double),
         ("same_branch", c_int32),
+        ("sizes", c_void_p),
+        ("limit", c_double),
         ("torque", TorqueCallback),
         *_fields("", "torque_q torque_v torque_tau"),
         ("table", ctypes.POINTER(Table)),

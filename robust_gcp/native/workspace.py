@@ -174,6 +174,7 @@ class Workspace:
         same_branch: bool = True,
         bridge: CurveTable | None = None,
         every: int = 1,
+        chart: tuple[Array, float] | None = None,
     ) -> Batch:
         """Steps from times[0] to times[-1], or until something rare happens.
 
@@ -191,11 +192,15 @@ class Workspace:
             Whether it also stops where Newton may have left the branch.
         bridge : CurveTable, optional
             The one that `now` lies on, m = 1.
+        chart : (ndarray (nv,), float), optional
+            1 / unit of each velocity, and the largest entry of J up to which the steps go on.
         """
         r = self._request
         times = np.ascontiguousarray(times, dtype=float)
         r.steps, r.every, r.times = len(times) - 1, every, times.ctypes.data
         r.zone, r.same_branch, r.power = zone, same_branch, now.power
+        sizes, r.limit = (None, 0.0) if chart is None else chart
+        r.sizes = None if sizes is None else sizes.ctypes.data
         self._x[:], self._ydd[:] = x, now.ydd
         self._tau[:] = 0.0 if now.tau is None else now.tau
         self._pack(now.point, self._anchor)

@@ -14,6 +14,7 @@ from ..mechanism.tree import Array
 from .charts import in_new_chart, map_of_rest, numbers, placed, point_of_rest
 from .crossings import located
 from .events import Zero
+from .recovery import Checkpoint
 from .run import Run
 from .steppers import SolverStep, solver_steps
 from .within import SolverSteps
@@ -39,8 +40,13 @@ class AdaptiveRun(Run):
         """The solver, started anew after a change of coordinates; output at the times."""
         stepper, rtol, atol = self._solver
         times, begun = self.times, float(self.times[0])
-        self._begin(0, self._motion.equations.evaluate(begun, self._x))
-        i, changed_at = 0, -1
+        first = self._motion.equations.evaluate(begun, self._x)
+        self._begin(0, first)
+        safe, safe_at = Checkpoint(0, self._x, first.point), begun  # where the solver may begin anew
+        names = self._better(first.point)
+        if names is not None:
+            safe = self._repartition(0, begun, names)
+        i, changed_at = 0, -np.inf
         while i + 1 < len(times):
             try:
                 jacobian = ReducedJacobian(self._motion.equations)
@@ -60,28 +66,43 @@ class AdaptiveRun(Run):
                             raise NonFiniteError(f"{stepper} left the finite numbers at t = {times[i]:.6g} s")
                         self._x = x
                         self._start_near(x)
-                        self._accept(i, self._motion.equations.evaluate(float(times[i]), x))
+                        now = self._motion.equations.evaluate(float(times[i]), x)
+                        self._accept(i, now)
+                        safe, safe_at = Checkpoint(i, x, now.point), float(times[i])
                     for zero in zeros:
                         self._keep_zero(zero, within)
                     if end < np.inf:
                         return
-                    explicit = self._motion.explicit
-                    if np.all(np.isfinite(step.x)) and explicit.outgrown(explicit.anchor):
-                        self._start_near(step.x)
-                        begun, here = step.t1, self._motion.equations.evaluate(step.t1, step.x)
-                        _, self._x = in_new_chart(self._motion.explicit, here, step.x)
+                    if i + 1 < len(times) and np.all(np.isfinite(step.x)) and self._outgrown(i, step):
+                        begun = safe_at = step.t1
+                        safe = Checkpoint(i, self._x, self._motion.explicit.anchor)
                         break
             except ToggleError:
-                i = self._record.at
-                if self._on_toggle == "error" or i == changed_at or self._last is None:
+                if self._on_toggle == "error" or safe_at == changed_at:
                     raise
-                self._motion.explicit.anchor = self._last.point
-                self._x = self._record.last_state
-                self._record.forget_crossings(i)
-                self._events.forget(float(times[i]))
-                self._begin(i, self._last)
-                self._repartition(i)
-                changed_at, begun = i, float(times[i])
+                self._motion.explicit.anchor, self._x = safe.point, safe.x
+                self._record.forget_crossings(safe_at)
+                self._events.forget(safe_at)
+                if self._events:
+                    self._events.begin(safe_at, safe.point.q, safe.point.G.dot(safe.point.ydot))
+                i, begun, changed_at = safe.i, safe_at, safe_at
+                safe = self._repartition(i, safe_at, self._others(safe.point))
+
+    def _outgrown(self, i: int, step: SolverStep) -> bool:
+        """Whether the solver has to begin anew after a step, in a new chart or in other coordinates."""
+        explicit, coordinates = self._motion.explicit, self._coordinates
+        suspicious = coordinates is not None and coordinates.suspicious(explicit.anchor)
+        if not suspicious and not explicit.outgrown(explicit.anchor):
+            return False
+        self._start_near(step.x)
+        here = self._motion.equations.evaluate(step.t1, step.x)
+        names = self._better(here.point)
+        if names is None and not explicit.outgrown(here.point):
+            return False
+        _, self._x = in_new_chart(explicit, here, step.x)
+        if names is not None:
+            self._repartition(i, step.t1, names)
+        return True
 
     def _begin(self, i: int, now: Evaluation) -> None:
         """Accept the evaluation at time i, and look for events from there on."""

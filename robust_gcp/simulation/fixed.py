@@ -81,13 +81,16 @@ class FixedRun(Run):
                     self._accept(i, now)
                     recovery.accept(i, self._x, now.point)
                 known = None
-                if recovery.changing and self._others_serve_better(now.point):
-                    recovery.changed(self._repartition(i))
+                if i == last:
+                    return
+                if self._changed(i, now.point):
                     continue
                 if self._native is not None and not recovery.careful:
-                    i, now = self._natively(self._native, i, last, now)
-                if i == last or self._ended:
-                    return
+                    begun, (i, now) = i, self._natively(self._native, i, last, now)
+                    if i == last or self._ended:
+                        return
+                    if i > begun and self._changed(i, now.point):
+                        continue
                 self._behind, self._refinement = self._x, None
                 self._x = self._refined(i) if recovery.careful else self._stepped(i, now)
                 i += 1
@@ -95,7 +98,16 @@ class FixedRun(Run):
                 change = recovery.meet(i, stop)
                 i = self._back_to(recovery.safe)
                 if change:
-                    recovery.changed(self._repartition(i))
+                    names = self._others(self._motion.explicit.anchor)
+                    recovery.changed(self._repartition(i, float(self.times[i]), names))
+
+    def _changed(self, i: int, point: Point) -> bool:
+        """Whether the step from time i is to begin in better coordinates, which are taken."""
+        names = self._others(point) if self._recovery.changing else self._better(point)
+        if names is None:
+            return False
+        self._recovery.changed(self._repartition(i, float(self.times[i]), names))
+        return True
 
     def _evaluated(self, i: int) -> Evaluation:
         """The equations at the present state."""
@@ -128,7 +140,8 @@ class FixedRun(Run):
                 self._cross(i, *batch.before, now)
             if batch.steps == 1:
                 self._look_within(i, before, now)
-            if self._ended or batch.reason not in (Reason.DONE, Reason.PASSED):
+            suspicious = self._coordinates is not None and self._coordinates.suspicious(now.point)
+            if self._ended or suspicious or batch.reason not in (Reason.DONE, Reason.PASSED):
                 break
         return i, now
 
@@ -139,8 +152,9 @@ class FixedRun(Run):
         """
 
         def take(end: int) -> Batch | None:
-            times = self.times[i : end + 1]
-            return native.take(self._kernel_map(), now, self._x, times, self._record.wanted)
+            times, coordinates = self.times[i : end + 1], self._coordinates
+            chart = None if coordinates is None else (coordinates.sizes, coordinates.limit)
+            return native.take(self._kernel_map(), now, self._x, times, self._record.wanted, chart)
 
         until = min(last, max(self._schedule.free_until(i), i + 1))
         if not self._events:

@@ -155,11 +155,11 @@ class Record:
     def rewind(self, i: int) -> None:
         """Forget what came at the end of step i and later."""
         self.count, self.at = int(self._schedule.first[i]), i - 1
-        self.forget_crossings(i)
+        self.forget_crossings(float(self._schedule.times[i]))
 
-    def forget_crossings(self, i: int) -> None:
-        """Forget those after the end of step i."""
-        self._crossings = [c for c in self._crossings if c.time <= self._schedule.times[i]]
+    def forget_crossings(self, t: float) -> None:
+        """Forget those after the time t."""
+        self._crossings = [c for c in self._crossings if c.time <= t]
 
     def trajectory(self, stats: Stats, events: Events) -> Trajectory:
         """What is kept so far."""

@@ -26,7 +26,8 @@ class Recovery:
     In a zone without a certified bridge γ bends sharply, and a fixed step loses its accuracy before the
     zone is met. So the run goes back to the last well-conditioned state and takes the steps from there to
     the next well-conditioned one with error control (`careful`), or changes coordinates as soon as others
-    serve better (`changing`).
+    serve better (`changing`). Coordinates that are about to turn back are changed before (`Coordinates`);
+    steps so long that they jump there end here.
 
     Parameters
     ----------

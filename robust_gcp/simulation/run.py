@@ -14,9 +14,10 @@ from ..dynamics.problem import Problem, set_out
 from ..maps.choice import MapChoice
 from ..maps.cluster.cluster_map import ClusterMap
 from ..maps.point import Counters, Point
-from ..mechanism.groups import coordinate_choices
+from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .charts import map_of_rest, q_of_rest
+from .coordinates import Coordinates
 from .events import Event, Events, Zero
 from .record import Record
 from .recovery import Checkpoint
@@ -43,6 +44,8 @@ class Run:
     on_toggle : {"error", "repartition"}
     progress : callable (fraction) or None
     events : sequence of Event
+    named : Mechanism, optional
+        In the coordinates that the user named, where the motion begins in others.
     """
 
     def __init__(
@@ -56,15 +59,20 @@ class Run:
         on_toggle: str,
         progress: Callable[[float], None] | None = None,
         events: Sequence[Event] = (),
+        named: Mechanism | None = None,
     ) -> None:
         self._motion, self._x, self._choice = motion, motion.x, choice
         self._torque, self._schedule, self._counters = torque, schedule, counters
         self._on_toggle, self._progress = on_toggle, progress
-        self._record = Record(motion.mechanism, schedule, record, motion.equations)
+        self._named = motion.mechanism if named is None else named
+        self._record = Record(self._named, schedule, record, motion.equations)
         times = schedule.times
         self._events = Events(events, float(times[0]), float(times[1] - times[0]))
         self._ended = False
         self._repartitions: list[tuple[float, tuple[str, ...]]] = []
+        if motion.mechanism is not self._named:
+            self._repartitions.append((float(times[0]), motion.mechanism.independent))
+        self._coordinates = self._looked_after()
         self._calls = 0
         self._last: Evaluation | None = None
 
@@ -112,26 +120,37 @@ class Run:
         assert isinstance(explicit, ClusterMap)  # no other map knows uncertified zones
         return explicit
 
-    def _others_serve_better(self, point: Point) -> bool:
-        """Whether other joints see more of the motion than the independent ones do."""
-        mechanism = self._motion.mechanism
-        choices = coordinate_choices(mechanism, point.q)
-        return bool(choices) and set(choices[0]) != set(mechanism.independent)
+    def _looked_after(self) -> Coordinates | None:
+        """What looks after the present coordinates, where they may be changed."""
+        if self._on_toggle == "error":
+            return None
+        return Coordinates(self._motion.mechanism, self._named.independent, self._counters)
 
-    def _repartition(self, i: int) -> Checkpoint:
-        """Change to the best conditioned independent joints at the present state, which is returned."""
-        old, x, t = self._motion, self._x, float(self.times[i])
-        here, m = old.explicit.anchor, old.mechanism.m
-        present = set(old.mechanism.independent)
-        choices = coordinate_choices(old.mechanism, here.q)
-        names = next((names for names in choices if set(names) != present), None)
+    def _better(self, point: Point) -> tuple[str, ...] | None:
+        """Joints that serve better than the independent ones on regular ground; None where these do well."""
+        if self._coordinates is None or self._cluster_map().in_zone:
+            return None
+        return self._coordinates.better(point)
+
+    def _others(self, point: Point) -> tuple[str, ...] | None:
+        """Joints that see more of the motion at a regular point than the independent ones do."""
+        assert self._coordinates is not None  # asked for where coordinates may change
+        return self._coordinates.best(point)
+
+    def _repartition(self, i: int, t: float, names: tuple[str, ...] | None) -> Checkpoint:
+        """Go on in other coordinates from the present state, at time i or later, which is returned."""
         if names is None:
             raise self._cluster_map().refusal()
-        mechanism = old.mechanism.with_independent(names)
+        old, x = self._motion, self._x
+        here, m = old.explicit.anchor, old.mechanism.m
+        mechanism: Mechanism = self._named.memo.once(
+            ("in coordinates", *names), lambda: self._named.with_independent(names)
+        )
         v = here.G @ x[m : 2 * m]
         self._motion = set_out(
             mechanism, here.q, v, torque=self._torque, choice=self._choice, counters=self._counters
         )
+        self._coordinates = self._looked_after()
         self._x = np.concatenate([self._motion.x[: 2 * m], x[2 * m :]])
         self._calls += old.equations.calls
         self._last = None

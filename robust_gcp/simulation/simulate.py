@@ -27,6 +27,7 @@ from ..native.steps import BACKENDS, NativeSteps, chosen_library
 from ..printing import progress_bar
 from .adaptive import AdaptiveRun
 from .coarse import Coarse
+from .coordinates import set_out_well
 from .events import EventFunction, checked_events
 from .fixed import FixedRun
 from .run import Run
@@ -119,9 +120,10 @@ def simulate(
     rtol, atol : float
         Tolerances of the adaptive steppers.
     on_toggle : {"repartition", "error"}
-        What to do where y turns back: change the independent joints, report it in `stats.repartitions`
-        and go on, or stop with an error that names better joints. When left out, "repartition" with
-        method="bridge" and "error" with the others. `Trajectory.y` stays in the joints named at first.
+        What to do where y is about to turn back, or does so at the start: change the independent joints of
+        that cluster, report it in `stats.repartitions` and go on, or stop with an error that names better
+        joints. When left out, "repartition" with method="bridge" and "error" with the others.
+        `Trajectory.y` stays in the joints named at first.
     newton_start : {"tangent", "previous"}
         Start of Newton's method for method="classical".
     threshold : float
@@ -192,15 +194,18 @@ def simulate(
         stability = StabilityCheck(mechanism, applied if held is None else None, step, options)
         applied = stability.torque
     applied = applied if held is None else held
-    motion = set_out(mechanism, q0, v0, mode, applied, choice, counters, drives)
+    if on_toggle == "error":
+        motion = set_out(mechanism, q0, v0, mode, applied, choice, counters, drives)
+    else:
+        motion = set_out_well(mechanism, q0, v0, mode, applied, choice, counters)
     if stability is not None:
         stability.before(motion)
     native = None if kernel is None else NativeSteps(kernel, applied, backend == "native")
     if native is not None:
-        native.prepare(mechanism, motion.start.path)
+        native.prepare(motion.mechanism, motion.start.path)
     take = tableau.step if isinstance(tableau, Tableau) else rk4_step
     with _reporting(progress, schedule, mechanism.name) as report:
-        parts = motion, choice, applied, schedule, record, counters, on_toggle, report, asked
+        parts = motion, choice, applied, schedule, record, counters, on_toggle, report, asked, mechanism
         run: Run
         if not fixed:
             run = AdaptiveRun(str(stepper), rtol, atol, *parts)

@@ -18,7 +18,7 @@ from ..native.steps import NativeSteps
 from .fixed import FixedRun
 from .schedule import Schedule
 
-FIXED = ("_choice", "_torque", "_held", "_take", "_native", "_progress", "_counters", "_on_toggle")
+FIXED = ("_choice", "_torque", "_held", "_take", "_native", "_progress", "_counters", "_on_toggle", "_named")
 """What of a run no step changes, or what counts on."""
 
 

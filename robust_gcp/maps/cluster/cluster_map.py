@@ -114,6 +114,11 @@ class ClusterMap(Charted):
         return point
 
     @property
+    def in_zone(self) -> bool:
+        """Whether the point evaluated last was found cluster by cluster, beside or on a bridge."""
+        return self._in_zone
+
+    @property
     def met(self) -> bool:
         """Whether a bridge was met so far."""
         return any(tracker.touched for tracker in self._trackers or [])
