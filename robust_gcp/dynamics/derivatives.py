@@ -18,14 +18,13 @@ from numpy.typing import ArrayLike
 
 from ..checks import check_callable, check_finite, check_mechanism, real_array, require_finite, shown
 from ..errors import OptionError
-from ..maps.point import Point
 from ..mechanism.force_slopes import ForceSlopes
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .differences import differences
 from .equations import CheckedTorque, Evaluation, torque_function
 from .loads import Torques, Wrench, one_torque
-from .map_rates import ClusterRates, MapRates
+from .mode_rates import ModeRates
 from .problem import Problem, set_out
 from .reduced_inertia import ReducedInertia
 from .rigid_slopes import RigidSlopes
@@ -157,9 +156,7 @@ class PointDerivatives:
         self._rigid: RigidSlopes = memo.once("rigid slopes", lambda: RigidSlopes(self.mechanism))
         forces = self.mechanism.forces
         self._forces = ForceSlopes(self.mechanism.tree, forces) if forces else None
-        self._clusters: list[ClusterRates] = memo.once(
-            "cluster rates", lambda: [ClusterRates(cluster) for cluster in self.mechanism.clusters]
-        )
+        self._mode = ModeRates(motion.start)
 
     def at_start(self, t: float) -> Derivatives:
         """At the start of the motion."""
@@ -170,7 +167,7 @@ class PointDerivatives:
         """At an evaluated point."""
         mechanism, point = self.mechanism, now.point
         q, u = point.q, point.ydot
-        rates = self._map_rates(point, now.ydd)
+        rates = self._mode.at(point, now.ydd)
         G = rates.G
         v, a = G @ u, G @ now.ydd + rates.g
         force = mechanism.tree.rnea(q, v, a).copy()
@@ -228,23 +225,3 @@ class PointDerivatives:
         by_q = differences(moved, np.zeros_like(v), unit, central=True)
         by_v = differences(lambda w: torque(t, q, w), v, np.maximum(unit, np.abs(v)), central=True)
         return by_q, by_v
-
-    def _map_rates(self, point: Point, udot: Array) -> MapRates:
-        """Of the whole: the clusters' side by side, the free joints' identity."""
-        mechanism, u = self.mechanism, point.ydot
-        nv, m = mechanism.nv, mechanism.m
-        G, g = point.G.copy(), point.g.copy()
-        bend = np.zeros((m, nv, m))
-        V_y, A_y, A_u = (np.zeros((nv, m)) for _ in range(3))
-        for rates in self._clusters:
-            cluster = rates.cluster
-            own, inputs = cluster.iv, cluster.inputs
-            if not len(inputs):
-                continue
-            here = np.ix_(own, inputs)
-            place = rates.rates.real(point.q[cluster.iq])
-            found = rates.at(place, u[inputs], udot[inputs])
-            G[here], g[own] = found.G, found.g
-            bend[np.ix_(inputs, own, inputs)] = found.bend
-            V_y[here], A_y[here], A_u[here] = found.V_y, found.A_y, found.A_u
-        return MapRates(G, g, bend, V_y, A_y, A_u)

@@ -9,6 +9,7 @@ in the dependent components, and not in the others. ∂G_i/∂y is V_y at v = G_
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,20 +59,70 @@ class ClusterRates:
         self.independent = cluster.chosen
         self.dependent = np.setdiff1d(np.arange(cluster.loops.nv), cluster.chosen)
         self.scale = cluster.loops.column_scale
+        self._still = np.zeros(cluster.loops.nv)
+
+    def conditioning(self, place: Placement) -> float:
+        """Smallest over largest singular value of K without units, those that loops lack left out."""
+        K = self.rates.at(place, self._still, self._still).x_q * self.scale
+        s = np.linalg.svd(K, compute_uv=False)
+        return float(s[len(self.dependent) - 1] / s[0]) if len(self.dependent) else 1.0
+
+    def across(self, place: Placement, G: Array) -> Array:
+        """The way in y, of unit length along the mode without units, in which K becomes regular fastest.
+
+        With U and V the singular vectors of the r smallest singular values, V normal to the mode, K becomes
+        regular along d as Uᵀ φ''[G d, V] does (METHOD: the gradient of σ_min for r = 1).
+        """
+        scale, m = self.scale, len(self.independent)
+        unit = G * scale[self.independent]
+        length = np.linalg.norm(unit / scale[:, None], axis=0)
+        if m == 1:
+            return np.asarray(scale[self.independent] / length)
+        nd = len(self.dependent)
+        U, s, Vt = np.linalg.svd(self.rates.at(place, self._still, self._still).x_q * scale)
+        r = max(1, int(np.sum(s[:nd] < 2.0 * s[nd - 1] + 1e-6)))
+        T = np.linalg.qr(unit / scale[:, None])[0]
+        beside = Vt[nd - r :].T - T @ (T.T @ Vt[nd - r :].T)
+        V = np.linalg.svd(beside)[0][:, :r]
+        pairs = np.array(
+            [U[:, nd - r : nd].T @ self.rates.at(place, scale * v, self._still).d_q @ unit for v in V.T]
+        )  # (r of V, r of U, m)
+        rng = np.random.default_rng(7)
+        tried = np.vstack([np.eye(m), rng.normal(size=(40, m))])
+        ways = tried / np.linalg.norm((unit / scale[:, None]) @ tried.T, axis=0)[:, None]
+        clear = [np.linalg.svd(pairs @ way, compute_uv=False)[-1] for way in ways]
+        return np.asarray(scale[self.independent] * ways[int(np.argmax(clear))])
+
+    def correction(self, place: Placement) -> tuple[Array, float]:
+        """Newton's step of the dependent joints, (nv,), and max |φ| / length."""
+        here = self.rates.at(place, self._still, self._still)
+        return self._solver(here.x_q)(here.x), float(np.abs(here.x).max(initial=0.0))
 
     def at(self, place: Placement, u: Array, udot: Array) -> MapRates:
         """The map's rates at a closed placement, (m,) velocities and accelerations.
 
         Raises
         ------
-        numpy.linalg.LinAlgError
+        NotCertifiedError
             Where K_d is singular.
         """
-        rates, nv, m = self.rates, len(self.scale), len(self.independent)
-        dependent, scale = self.dependent, self.scale[self.dependent]
-        none = np.zeros(nv)
-        K = rates.at(place, none, none).x_q
-        Q, R = np.linalg.qr(K[:, dependent] * scale)
+        rates, still, m = self.rates, self._still, len(self.independent)
+        K = rates.at(place, still, still).x_q
+        solved = self._solver(K)
+        G = solved(K[:, self.independent])
+        G[self.independent] = np.eye(m)
+        v = G @ u
+        g = solved(rates.at(place, v, still).dd)
+        here = rates.at(place, v, G @ udot + g)
+        bend = np.array([solved(rates.at(place, column, still).d_q @ G) for column in G.T])
+        V_y = np.einsum("i,inj->nj", u, bend)
+        A_y = solved(here.dd_q @ G + here.dd_v @ V_y)
+        return MapRates(G, g, bend, V_y, A_y, solved(here.dd_v @ G))
+
+    def _solver(self, K: Array) -> Callable[[Array], Array]:
+        """[0; −K_d⁻¹ rows] of rows, in the least-squares sense over redundant ones."""
+        scale, nv = self.scale[self.dependent], len(self._still)
+        Q, R = np.linalg.qr(K[:, self.dependent] * scale)
         size = np.abs(np.diag(R))
         if size.min(initial=1.0) < LOST * size.max(initial=1.0):
             raise NotCertifiedError(
@@ -79,17 +130,8 @@ class ClusterRates:
             )
 
         def solved(rows: Array) -> Array:
-            """[0; −K_d⁻¹ rows], in the least-squares sense over redundant rows."""
             found = np.zeros((nv, *rows.shape[1:]), rows.dtype)
-            found[dependent] = -(scale * np.linalg.solve(R, Q.conj().T @ rows).T).T
+            found[self.dependent] = -(scale * np.linalg.solve(R, Q.conj().T @ rows).T).T
             return found
 
-        G = solved(K[:, self.independent])
-        G[self.independent] = np.eye(m)
-        v = G @ u
-        g = solved(rates.at(place, v, none).dd)
-        here = rates.at(place, v, G @ udot + g)
-        bend = np.array([solved(rates.at(place, column, none).d_q @ G) for column in G.T])
-        V_y = np.einsum("i,inj->nj", u, bend)
-        A_y = solved(here.dd_q @ G + here.dd_v @ V_y)
-        return MapRates(G, g, bend, V_y, A_y, solved(here.dd_v @ G))
+        return solved

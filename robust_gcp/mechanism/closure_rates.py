@@ -52,7 +52,7 @@ class ClosureRates:
         self.loops, model = loops, loops.model
         self.columns = Columns(model, loops.joints)
         frames = closure_frames(model, loops.loops)
-        self._part = np.array([self.columns.of_joint[joint] for joint, _ in frames], dtype=np.int64)
+        self.part = np.array([self.columns.of_joint[joint] for joint, _ in frames], dtype=np.int64)
         self._loops, layout = len(loops.loops), rows_of(loops.loops)
         straight = [(i, row.closure, row.axis) for i, row in enumerate(layout) if row.axis >= 0]
         self._straight = np.array(straight, dtype=np.int64).reshape(-1, 3).T
@@ -78,7 +78,7 @@ class ClosureRates:
         motions = Motions(self.columns, place.J, v, a)
         parts = [self._tied(place.q, v, a)]
         if self._loops:
-            points = motions.points(self._part, place.p)
+            points = motions.points(self.part, place.p)
             ends = np.arange(self._loops)
             apart = points.take(ends) - points.take(ends + self._loops)
             parts.insert(0, self._between(motions, apart, place.R))
@@ -93,7 +93,7 @@ class ClosureRates:
         found = Products(*entries).summed(np.ones(len(rows)), rows, n)
 
         def fixed(ends: NDArray[np.int64], local: Array) -> Vectors:
-            return motions.directions(self._part[ends], np.einsum("nij,nj->ni", R[ends], local))
+            return motions.directions(self.part[ends], np.einsum("nij,nj->ni", R[ends], local))
 
         along, turned = self._along, self._turned
         if len(along.closure):
