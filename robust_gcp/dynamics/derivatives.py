@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..checks import check_callable, check_finite, check_mechanism, real_array, require_finite, shown
-from ..errors import OptionError
+from ..errors import NonFiniteError, OptionError
 from ..mechanism.force_slopes import ForceSlopes
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
@@ -121,7 +121,8 @@ def derivatives(
     Raises
     ------
     StateError, SimulationError
-        As `simulate` does for a start; NotCertifiedError where modes do not part clearly at q.
+        As `simulate` does for a start; NotCertifiedError where modes do not part clearly at q, NonFiniteError
+        where forces have no finite slope.
     ModelError
         For ellipsoid joints.
     """
@@ -165,6 +166,10 @@ class PointDerivatives:
 
     def at(self, t: float, now: Evaluation) -> Derivatives:
         """At an evaluated point."""
+        with np.errstate(all="ignore"):  # what is not finite ends in an error of ours
+            return self._at(t, now)
+
+    def _at(self, t: float, now: Evaluation) -> Derivatives:
         mechanism, point = self.mechanism, now.point
         q, u = point.q, point.ydot
         rates = self._mode.at(point, now.ydd)
@@ -186,7 +191,9 @@ class PointDerivatives:
             ]
         )
         m = mechanism.m
-        found = require_finite(self._inertia.solve(q, G, rest), "the derivatives of u̇")
+        found = self._inertia.solve(q, G, rest)
+        if not np.all(np.isfinite(found)):
+            raise NonFiniteError(f"the linearisation at y = {point.y} is not finite", point.y)
         return Derivatives(now.ydd, found[:, :m], found[:, m : 2 * m], found[:, 2 * m :], G, rates.V_y)
 
     def _slopes(self, t: float, q: Array, v: Array, G: Array) -> list[tuple[Array, Array]]:

@@ -8,6 +8,7 @@ does not grow stays bounded as long as |R(hλ)| ≤ 1: to |hλ| = 2.785 on the n
 from __future__ import annotations
 
 import cmath
+import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,16 +19,20 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from ..checks import check_finite, check_mechanism
-from ..errors import NonFiniteError
+from ..errors import ModelError, NonFiniteError, NotCertifiedError
 from ..maps.choice import MapChoice
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from .chart_slopes import chart_slopes
+from .derivatives import PointDerivatives
 from .differences import FORWARD, differences
 from .driven import driving
 from .equations import EquationsOfMotion
 from .loads import Torques, Wrench, one_torque
 from .motion import Drive, Motion, checked_motions
 from .problem import Problem, set_out
+
+log = logging.getLogger(__name__)
 
 DIRECTIONS = 16
 """Of the Krylov space in which a stiff motion is looked for: it stands apart from all others."""
@@ -121,7 +126,9 @@ def linearise(
 ) -> Linearisation:
     """Linearise ÿ = (Gᵀ M G)⁻¹ Gᵀ (τ − C − M g) at a state.
 
-    By central differences of the right-hand side, so at a singular configuration on the bridge of a mode.
+    By the analytic `derivatives`, at a singular configuration on a mode; by central differences of the
+    right-hand side where there are none: for ellipsoid joints, and beside modes that pass each
+    other; beside joints that are driven.
 
     Parameters
     ----------
@@ -156,10 +163,18 @@ def linearise(
         mechanism = driving(mechanism, tuple(motions), q)
         drives = Drive(mechanism, motions, t)
     motion = set_out(mechanism, q, v, mode, applied, MapChoice(error_controlled=True), drive=drives)
-    if drives is None:
+    if drives is not None:
+        free = np.concatenate([drives.free, mechanism.m + drives.free])
+        return Linearisation.of(linearise_motion(motion, t, central=True).A[np.ix_(free, free)])
+    try:
+        slopes = PointDerivatives(motion, applied).at_start(t)
+    except (ModelError, NotCertifiedError) as missing:
+        log.info("%s: linearised by differences: %s", mechanism.name, missing)
         return linearise_motion(motion, t, central=True)
-    free = np.concatenate([drives.free, mechanism.m + drives.free])
-    return Linearisation.of(linearise_motion(motion, t, central=True).A[np.ix_(free, free)])
+    m, point = mechanism.m, motion.start.point
+    here = chart_slopes(mechanism, point, point, slopes.dv_dy)
+    A = np.block([[here.rate_by_y, np.eye(m)], [slopes.da_dy, slopes.da_dv]])
+    return Linearisation.of(A)
 
 
 def linearise_motion(motion: Problem, t: float, central: bool) -> Linearisation:

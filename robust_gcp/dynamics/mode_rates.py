@@ -33,7 +33,7 @@ RADII = (0.8, 0.5, 0.3, 0.15)
 ACCURATE = 1e-11
 """Error of a circle at which no other is tried."""
 
-LARGEST_ERROR = 1e-10
+LARGEST_ERROR = 1e-9
 """Of a circle that is used."""
 
 SAME_MODE = 1e-7
