@@ -22,6 +22,9 @@ from ..mechanism.tree import Array
 LOST = 1e-4
 """Conditioning of K_d below which rounding leaves the derivatives no nine digits."""
 
+SLOW = 1e-3
+"""Speed without units above which what is linear in v is taken from v itself, 1/s."""
+
 
 @dataclass
 class MapRates:
@@ -60,12 +63,6 @@ class ClusterRates:
         self.dependent = np.setdiff1d(np.arange(cluster.loops.nv), cluster.chosen)
         self.scale = cluster.loops.column_scale
         self._still = np.zeros(cluster.loops.nv)
-
-    def conditioning(self, place: Placement) -> float:
-        """Smallest over largest singular value of K without units, those that loops lack left out."""
-        K = self.rates.at(place, self._still, self._still).x_q * self.scale
-        s = np.linalg.svd(K, compute_uv=False)
-        return float(s[len(self.dependent) - 1] / s[0]) if len(self.dependent) else 1.0
 
     def across(self, place: Placement, G: Array) -> Array:
         """The way in y, of unit length along the mode without units, in which K becomes regular fastest.
@@ -111,10 +108,23 @@ class ClusterRates:
         solved = self._solver(K)
         G = solved(K[:, self.independent])
         G[self.independent] = np.eye(m)
-        v = G @ u
-        g = solved(rates.at(place, v, still).dd)
-        here = rates.at(place, v, G @ udot + g)
-        bend = np.array([solved(rates.at(place, column, still).d_q @ G) for column in G.T])
+        return self.along(place, u, udot, G, solved(rates.at(place, G @ u, still).dd))
+
+    def along(self, place: Placement, u: Array, udot: Array, G: Array, g: Array) -> MapRates:
+        """The same where G and g are known.
+
+        Raises
+        ------
+        NotCertifiedError
+            Where K_d is singular.
+        """
+        rates, still = self.rates, self._still
+        here = rates.at(place, G @ u, G @ udot + g)
+        solved = self._solver(here.x_q)
+        if len(u) == 1 and abs(u[0]) > SLOW * self.scale[self.independent[0]]:
+            bend = solved(here.d_q @ G)[None] / u[0]  # it is linear in v
+        else:
+            bend = np.array([solved(rates.at(place, column, still).d_q @ G) for column in G.T])
         V_y = np.einsum("i,inj->nj", u, bend)
         A_y = solved(here.dd_q @ G + here.dd_v @ V_y)
         return MapRates(G, g, bend, V_y, A_y, solved(here.dd_v @ G))

@@ -23,9 +23,14 @@ from ..mechanism.tree import Array
 from .continuation import Circle, circle
 from .map_rates import ClusterRates, MapRates
 
-ZONE, POOREST = 0.08, 0.03
-"""Conditioning of a cluster's K below which its map is taken from a circle, as rounding costs ε/zone⁴: 1e-11;
-and where none can be certified, as on modes that veer, that which still leaves nine digits."""
+ZONE = 0.1
+"""Conditioning of K_d, as `Point` has it, below which rounding is looked at."""
+
+STEADY, UNSTEADY = 3e-12, 1e-10
+"""Change of a cluster's rates, where q is rounded otherwise, up to which they are taken where they are; and
+from which they are not even where no circle serves, as on modes that veer."""
+
+ROUNDING = 8.0 * float(np.finfo(float).eps)
 
 RADII = (0.8, 0.5, 0.3, 0.15)
 """Of circles that are tried, dimensionless joint units along the mode."""
@@ -103,13 +108,14 @@ class ModeRates:
     def _of(self, rates: ClusterRates, point: Point, u: Array, udot: Array) -> MapRates:
         """Those of one cluster."""
         place = rates.rates.real(point.q[rates.cluster.iq])
-        conditioning = rates.conditioning(place)
-        if conditioning >= ZONE:
-            return rates.at(place, u, udot)
+        cluster = rates.cluster
+        if point.conditioning >= ZONE or (change := _rounding(rates, point.q[cluster.iq])) < STEADY:
+            G, g = point.G[np.ix_(cluster.iv, cluster.inputs)], point.g[cluster.iv]
+            return rates.along(place, u, udot, G, g)
         try:
             found = self._around(rates, point, place, u)
         except NotCertifiedError:
-            if conditioning < POOREST:
+            if change >= UNSTEADY:
                 raise
             return rates.at(place, u, udot)
         # on the circle u̇ = 0; ∂(G u̇)/∂y is linear in it
@@ -195,6 +201,23 @@ def cluster_rates(mechanism: Mechanism) -> list[ClusterRates]:
         "cluster rates", lambda: [ClusterRates(cluster) for cluster in mechanism.clusters]
     )
     return made
+
+
+def _rounding(rates: ClusterRates, q: Array) -> float:
+    """How much G and its two derivatives change, without units, where q is rounded otherwise."""
+    scale, tree = rates.scale, rates.cluster.loops.tree
+    unit, still = scale[rates.independent], np.zeros(len(rates.independent))
+    found: list[Array] = []
+    try:
+        for seed in range(3):
+            size = ROUNDING * np.random.default_rng(seed).choice([-1.0, 1.0], len(scale)) * min(seed, 1)
+            at = rates.at(rates.rates.real(tree.integrate(q, size * scale)), unit, still)
+            parts = (at.G, *at.bend, at.A_y)
+            found.append(np.array(parts) / scale[:, None] * unit)
+    except NotCertifiedError:
+        return np.inf
+    here = found[0]
+    return max(float(np.max(np.abs(here - other) / (1.0 + np.abs(here)))) for other in found[1:])
 
 
 def _apart(rates: ClusterRates, one: Array, other: Array) -> float:

@@ -26,7 +26,9 @@ _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 def cross(a: Array, b: Array) -> Array:
     """a × b over the last axis."""
-    return np.asarray(a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT])
+    found: Array = a.take(_NEXT, -1) * b.take(_LAST, -1)
+    found -= a.take(_LAST, -1) * b.take(_NEXT, -1)
+    return found
 
 
 def motion_cross(a: Array, b: Array) -> Array:
