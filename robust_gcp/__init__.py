@@ -43,7 +43,9 @@ from .mechanism.recommended import Recommended
 from .native import Backend, NativeBuildWarning, backends
 from .simulation.access import FrameMotion, Sample
 from .simulation.coarse import CoarseStepWarning
+from .simulation.cost import Cost
 from .simulation.events import Event
+from .simulation.gradient import Gradient, gradient
 from .simulation.load import load_trajectory
 from .simulation.reactions import Reaction
 from .simulation.simulate import simulate
@@ -83,6 +85,7 @@ __all__ = [
     "ClosureError",
     "CoarseStepWarning",
     "ConfigurationSpace",
+    "Cost",
     "CouplingClosure",
     "Crossing",
     "Derivatives",
@@ -90,6 +93,7 @@ __all__ = [
     "Failure",
     "FrameClosure",
     "FrameMotion",
+    "Gradient",
     "JointDamper",
     "JointSpring",
     "JointTorque",
@@ -133,6 +137,7 @@ __all__ = [
     "backends",
     "derivatives",
     "forward_dynamics",
+    "gradient",
     "grid",
     "implicit_dynamics",
     "inverse_dynamics",

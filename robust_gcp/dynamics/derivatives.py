@@ -196,14 +196,20 @@ class PointDerivatives:
             raise NonFiniteError(f"the linearisation at y = {point.y} is not finite", point.y)
         return Derivatives(now.ydd, found[:, :m], found[:, m : 2 * m], found[:, 2 * m :], G, rates.V_y)
 
+    def torque_slopes(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """∂τ/∂q and ∂τ/∂v of the user's torques, (nv, nv) each."""
+        if self._tau_slopes is not None:
+            return self._given(self._tau_slopes(t, q.copy(), v.copy()))
+        if self._torque is not None:
+            return self._differences(self._torque, t, q, v)
+        none = np.zeros((len(v), len(v)))
+        return none, none
+
     def _slopes(self, t: float, q: Array, v: Array, G: Array) -> list[tuple[Array, Array]]:
         """Gᵀ ∂τ/∂q and Gᵀ ∂τ/∂v of the mechanism's forces and of the user's torques."""
         found = [] if self._forces is None else [self._forces.at(q, v, G)]
-        if self._tau_slopes is not None:
-            by_q, by_v = self._given(self._tau_slopes(t, q.copy(), v.copy()))
-            found.append((G.T @ by_q, G.T @ by_v))
-        elif self._torque is not None:
-            by_q, by_v = self._differences(self._torque, t, q, v)
+        if self._tau_slopes is not None or self._torque is not None:
+            by_q, by_v = self.torque_slopes(t, q, v)
             found.append((G.T @ by_q, G.T @ by_v))
         return found
 

@@ -1,21 +1,21 @@
 """First derivatives of one step of RK4: by the state before it and by the torques held over it.
 
-On a group the chart of a step is q = q_n ⊕ w, w = 0 at its start, and ẇ = dexp⁻¹(w) u. With D₀ and D₁ the
-derivatives of q_n ⊕ w by q_n and by w, a stage's configuration changes by δη = D₀ δη_n + D₁ δw along its own
-axes, and the four stages follow from one another by the chain rule. For a number in q, D₀ = D₁ = 1.
+The four stages follow from one another by the chain rule; for joints in charts see `chart_slopes`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..checks import check_mechanism, check_positive, require_finite
-from ..maps.grouped import GroupMap
+from ..maps.point import Point
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from .chart_slopes import ChartSlopes, chart_slopes
 from .derivatives import Derivatives, PointDerivatives
 from .equations import Evaluation
 from .problem import set_out
@@ -35,18 +35,12 @@ class Stage:
     now : Evaluation
     slopes : Derivatives
         Of u̇ there.
-    origin, chart : ndarray (m, m)
-        D₀ and D₁.
-    rate_w, rate_u : ndarray (m, m)
-        ∂ẇ/∂w and ∂ẇ/∂u.
+    chart : ChartSlopes
     """
 
     now: Evaluation
     slopes: Derivatives
-    origin: Array
-    chart: Array
-    rate_w: Array
-    rate_u: Array
+    chart: ChartSlopes
 
 
 @dataclass(frozen=True)
@@ -58,35 +52,45 @@ class Step:
     h : float
         s.
     stages : list of Stage
-    x : ndarray (2 m,)
-        (y, u) after it, in the chart of its start.
-    origin, chart : ndarray (m, m)
-        D₀ and D₁ at its end.
+    end : Point
+        After it, in the chart of its start.
+    chart : ChartSlopes
+        At its end.
     """
 
     h: float
     stages: list[Stage]
-    x: Array
-    origin: Array
-    chart: Array
+    end: Point
+    chart: ChartSlopes
 
-    def jacobians(self) -> tuple[Array, Array]:
-        """δ(η, u) after the step by δ(η, u) before it, (2m, 2m), and by the torques, (2m, nv)."""
+    def jacobians(self, more: Sequence[Array] | None = None) -> tuple[Array, Array, Array]:
+        """δ(η, u) after the step by what it depends on.
+
+        Parameters
+        ----------
+        more : sequence of ndarray (m, k), optional
+            ∂u̇/∂p of parameters p at each stage.
+
+        Returns
+        -------
+        A, B, P : ndarray (2m, 2m), (2m, nv), (2m, k)
+            By δ(η, u) before it, by torques held over it, by p.
+        """
         m, nv = self.stages[0].slopes.da_dtau.shape
-        n = 2 * m + nv
-        eta, u, tau = np.eye(n)[:m], np.eye(n)[m : 2 * m], np.eye(n)[2 * m :]
-        sum_w, sum_u = np.zeros((m, n)), np.zeros((m, n))
-        slope_w, slope_u = sum_w, sum_u
-        for stage, share, weight in zip(self.stages, STAGES, WEIGHTS, strict=True):
-            dw, du = self.h * share * slope_w, u + self.h * share * slope_u
-            d = stage.slopes
-            slope_w = stage.rate_w @ dw + stage.rate_u @ du
-            moved = stage.origin @ eta + stage.chart @ dw
-            slope_u = d.da_dy @ moved + d.da_dv @ du + d.da_dtau @ tau
-            sum_w, sum_u = sum_w + weight * slope_w, sum_u + weight * slope_u
-        end = self.origin @ eta + self.h * self.chart @ sum_w
+        by_p = [np.zeros((m, 0))] * len(self.stages) if more is None else more
+        inputs = np.eye(2 * m + nv + by_p[0].shape[1])
+        eta, u, rest = inputs[:m], inputs[m : 2 * m], inputs[2 * m :]
+        sum_y = sum_u = slope_y = slope_u = np.zeros_like(eta)
+        for stage, share, weight, by in zip(self.stages, STAGES, WEIGHTS, by_p, strict=True):
+            dy, du = self.h * share * slope_y, u + self.h * share * slope_u
+            d, chart = stage.slopes, stage.chart
+            slope_y = chart.rate_by_start @ eta + chart.rate_by_y @ dy + chart.rate_by_u @ du
+            moved = chart.by_start @ eta + chart.by_y @ dy
+            slope_u = d.da_dy @ moved + d.da_dv @ du + np.hstack([d.da_dtau, by]) @ rest
+            sum_y, sum_u = sum_y + weight * slope_y, sum_u + weight * slope_u
+        end = self.chart.by_start @ eta + self.h * self.chart.by_y @ sum_y
         whole = np.vstack([end, u + self.h * sum_u])
-        return whole[:, : 2 * m], whole[:, 2 * m :]
+        return whole[:, : 2 * m], whole[:, 2 * m : 2 * m + nv], whole[:, 2 * m + nv :]
 
 
 def differentiated_step(slopes: PointDerivatives, t: float, x: Array, h: float) -> Step:
@@ -99,31 +103,21 @@ def differentiated_step(slopes: PointDerivatives, t: float, x: Array, h: float) 
     x : ndarray (2m,)
         At the origin of the map's chart.
     """
-    equations = slopes.motion.equations
-    m, work = slopes.mechanism.m, np.zeros(int(equations.works))
+    equations, mechanism = slopes.motion.equations, slopes.mechanism
+    m, work = mechanism.m, np.zeros(int(equations.works))
     stages: list[Stage] = []
     rates: list[Array] = []
     for share in STAGES:
         state = x + h * share * rates[-1] if rates else x
         now = equations.evaluate(t + share * h, np.concatenate([state, work]))
         rates.append(equations.derivative(now)[: 2 * m])
-        charts = _charts(slopes, state[:m] - x[:m], state[m:])
-        stages.append(Stage(now, slopes.at(t + share * h, now), *charts))
+        found = slopes.at(t + share * h, now)
+        first = stages[0].now.point if stages else now.point
+        stages.append(Stage(now, found, chart_slopes(mechanism, first, now.point, found.dv_dy)))
     after = x + h * np.einsum("s,sn->n", np.array(WEIGHTS), np.array(rates))
-    origin, chart, _, _ = _charts(slopes, after[:m] - x[:m], after[m:])
-    return Step(h, stages, after, origin, chart)
-
-
-def _charts(slopes: PointDerivatives, w: Array, u: Array) -> tuple[Array, Array, Array, Array]:
-    """D₀, D₁, ∂ẇ/∂w and ∂ẇ/∂u, (m, m) each."""
-    explicit, m = slopes.motion.explicit, slopes.mechanism.m
-    origin, chart, rate_w, rate_u = np.eye(m), np.eye(m), np.zeros((m, m)), np.eye(m)
-    if isinstance(explicit, GroupMap):
-        groups, own = explicit.groups, explicit.groups.inputs
-        here = np.ix_(own, own)
-        origin[here], chart[here] = groups.place_slopes(explicit.origin, w[own])
-        rate_w[here], rate_u[here] = groups.rate_slopes(w[own], u[own])
-    return origin, chart, rate_w, rate_u
+    end = slopes.motion.explicit.at(after[:m], after[m:])
+    none = np.zeros((mechanism.nv, m))  # of its rates nothing is asked
+    return Step(h, stages, end, chart_slopes(mechanism, stages[0].now.point, end, none))
 
 
 def step_jacobians(
@@ -166,5 +160,5 @@ def step_jacobians(
     held = None if tau is None else mechanism.velocity(tau, "tau")
     motion = set_out(mechanism, q, v, mode, held)
     x = motion.x[: 2 * mechanism.m]
-    A, B = differentiated_step(PointDerivatives(motion, held), 0.0, x, float(step)).jacobians()
+    A, B, _ = differentiated_step(PointDerivatives(motion, held), 0.0, x, float(step)).jacobians()
     return require_finite(A, "A"), require_finite(B, "B")

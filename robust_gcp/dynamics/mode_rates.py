@@ -128,6 +128,12 @@ class ModeRates:
         """From a circle that is known, or a new one."""
         cluster = rates.cluster
         inputs, known = cluster.inputs, self._known[cluster.index]
+        if not np.isin(inputs, self._mechanism.numbers).all():
+            raise NotCertifiedError(
+                f"derivatives at y = {point.y}: beside this singular configuration there are none by the "
+                f"velocities of a ball among {', '.join(cluster.independent)}; choose other joints",
+                point.y,
+            )
         G = point.G[np.ix_(cluster.iv, inputs)]
         if len(inputs) > 1:
             return self._circle(rates, point, place, u, G).mean()

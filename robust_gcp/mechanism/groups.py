@@ -2,21 +2,13 @@
 
 from __future__ import annotations
 
-from fractions import Fraction
-from functools import cache, cached_property
-from math import factorial
-
 import numpy as np
 import pinocchio as pin
 
 from .closures import frame_of
-from .columns import with_simple_joints
 from .couplings import CouplingClosure
 from .joint_charts import JointCharts, places
-from .joints import joints_of
 from .mechanism import Mechanism
-from .motions import motion_cross
-from .tree import Array
 
 
 class Groups(JointCharts):
@@ -67,53 +59,6 @@ class Groups(JointCharts):
     def names(self) -> tuple[str, ...]:
         """The joints on groups."""
         return tuple(joint.name for joint in self.mechanism.group_joints)
-
-    def place_slopes(self, origin: Array, w: Array) -> tuple[Array, Array]:
-        """∂(origin ⊕ w) by origin and by w, (n, n) each, all in the joints' own axes."""
-        return tuple(
-            np.asarray(pin.dIntegrate(self.model, origin, w, argument))
-            for argument in (pin.ArgumentPosition.ARG0, pin.ArgumentPosition.ARG1)
-        )  # type: ignore[return-value]
-
-    def rate_slopes(self, w: Array, u: Array) -> tuple[Array, Array]:
-        """∂ẇ/∂w and ∂ẇ/∂u of `rate`, (n, n) each, by ẇ = Σ (−1)ᵏ Bₖ/k! ad_wᵏ u."""
-        ad = np.einsum("ijk,j->ik", self._brackets, w)
-        n, size = len(w), float(np.abs(ad).sum(axis=1).max(initial=0.0))
-        by_w, by_u = np.zeros((n, n)), np.eye(n)
-        term, term_w, term_u = u, np.zeros((n, n)), np.eye(n)
-        bound = 1.0
-        for coefficient in _inverse_exponential():
-            bound *= size / (2.0 * np.pi)
-            term_w = ad @ term_w - np.einsum("ijk,j->ik", self._brackets, term)
-            term, term_u = ad @ term, ad @ term_u
-            by_w += coefficient * term_w
-            by_u += coefficient * term_u
-            if bound < 1e-20:
-                break
-        return by_w, by_u
-
-    @cached_property
-    def _brackets(self) -> Array:
-        """[i, j, k]: component i of the bracket of the unit velocities j and k."""
-        simple = with_simple_joints(self.model, joints_of(self.model))
-        found = np.zeros((simple.nv, simple.nv, simple.nv))
-        for joint in list(simple.joints)[1:]:
-            data = joint.createData()
-            joint.calc(data, pin.neutral(simple))
-            S = np.asarray(data.S, dtype=float).reshape(6, joint.nv)
-            products = motion_cross(S.T[:, None], S.T[None])
-            own = slice(joint.idx_v, joint.idx_v + joint.nv)
-            found[own, own, own] = np.einsum("ix,jkx->ijk", np.linalg.pinv(S), products)
-        return found
-
-
-@cache
-def _inverse_exponential() -> tuple[float, ...]:
-    """(−1)ᵏ Bₖ/k! for k = 1, 2, …, of the inverse of the exponential map's derivative."""
-    found = [Fraction(1)]
-    for k in range(1, 60):
-        found.append(-sum((c / factorial(k + 1 - j) for j, c in enumerate(found)), Fraction(0)))
-    return tuple(float((-1) ** k * c) for k, c in enumerate(found))[1:]
 
 
 def groups_of(mechanism: Mechanism) -> Groups | None:

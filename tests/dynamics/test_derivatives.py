@@ -19,6 +19,8 @@ from robust_gcp.mechanism.motions import Motions
 from robust_gcp.mechanism.tree import Tree
 from robust_gcp.studies.stability.truth import with_forces
 
+from ..simulation.test_idle_spins import rssr
+
 Array = NDArray[np.float64]
 
 TENTH = np.array([5 / 6, -5 / 21, 5 / 84, -5 / 504, 1 / 1260])
@@ -401,6 +403,44 @@ class TestStep:
     def test_floating(self, name: str) -> None:
         """With a step so long that terms of the group's bracket count."""
         assert max(self.errors(floating(FLOATING[name]), 0.05, 5e-3, speed=2.0)) < 1e-9
+
+
+class TestIdleSpin:
+    """Single velocities of a ball in a loop: its other velocities and the chart of a step follow."""
+
+    @pytest.mark.parametrize(
+        "own", (("crank", "ball.rx"), ("base", "crank", "ball.ry")), ids=("fixed", "free")
+    )
+    def test_derivatives_and_step(self, own: tuple[str, ...]) -> None:
+        mech, rng = rssr(*own, floating="base" in own), np.random.default_rng(1)
+        q, m, independent = mech.home, mech.m, mech.iv_independent
+        u, tau = rng.normal(size=m), rng.normal(size=mech.nv)
+        G, v = mech.G(q), mech.lift(mech.home, u)
+
+        def moved_along(eta: Array) -> Array:  # any smooth curve with the tangent G η
+            return mech.polish(mech.tree.integrate(q, G @ eta), np.arange(mech.nv))
+
+        def by_state(z: Array) -> Array:
+            at = moved_along(z[:m])
+            return rg.forward_dynamics(mech, at, mech.lift(at, u + z[m:]), tau)
+
+        found, exact = rg.derivatives(mech, q, v, tau), differences(by_state, 2 * m, 5e-3)
+        assert off(np.hstack([found.da_dy, found.da_dv]), exact) < 1e-10
+        A, B = rg.step_jacobians(mech, q, v, tau, 0.05)
+
+        def after(z: Array) -> tuple[Array, Array]:
+            at = moved_along(z[:m])
+            start = at, mech.lift(at, u + z[m : 2 * m])
+            sim = rg.Simulation(mech, *start, step=0.05, backend="python").step(tau + z[2 * m :])
+            return sim.q, sim.v
+
+        q1 = after(np.zeros(2 * m + mech.nv))[0]
+
+        def change(z: Array) -> Array:
+            at, w = after(z)
+            return np.concatenate([mech.tree.difference(q1, at)[independent], w[independent]])
+
+        assert off(np.hstack([A, B]), differences(change, 2 * m + mech.nv, 5e-3)) < 1e-10
 
 
 class TestRegressor:

@@ -28,7 +28,7 @@ RUN = rg.simulate(RHOMBUS, duration=0.05, step=5e-3, record=("a", "energy", "mul
 HOLDERS = (
     *("RunRecord", "Failure", "Stats", "Crossing", "Backend", "LocalAnalysis", "Linearisation", "ModeCurve"),
     *("ConfigurationSpace", "Trajectory", "ReplayPage", "FrameMotion", "Reaction", "Sample", "Recommended"),
-    *("Derivatives", "Regressor"),
+    *("Derivatives", "Gradient", "Regressor"),
 )
 """They hold what they are given, and are made by this package alone."""
 

@@ -1,0 +1,238 @@
+"""Gradient of a cost along a motion: a reverse sweep over the stages of its Runge–Kutta steps.
+
+The recorded states are the checkpoints: the sweep takes a stretch of steps again, from a regular state,
+with their derivatives, and goes through them backwards. So memory is that of one stretch, and the effort is
+one more run with derivatives, whatever the number of torques and parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..checks import check_callable, shown
+from ..dynamics.derivatives import Derivatives, PointDerivatives, TorqueSlopes
+from ..dynamics.discrete import Step, differentiated_step
+from ..dynamics.equations import Evaluation, Torque, torque_function
+from ..dynamics.loads import one_torque
+from ..dynamics.parameters import Parameters
+from ..dynamics.problem import Problem, set_out
+from ..errors import OptionError, SimulationError
+from ..mechanism.tree import Array
+from .charts import in_new_chart
+from .cost import Cost, Slopes, checked_torques
+from .stepped import HeldTorque
+from .trajectory import Trajectory
+
+STRETCH = 25
+"""Steps that are kept at once."""
+
+REGULAR = 0.1
+"""Conditioning of K_d from which a stretch may begin at a state."""
+
+SAME = 1e-7
+"""How far a step that is taken again may end from the recorded state: rad or lengths, and relative for v."""
+
+
+@dataclass(frozen=True)
+class Gradient:
+    """A cost and its first derivatives.
+
+    Attributes
+    ----------
+    value : float
+    dy, dv : ndarray (m,)
+        By the start: along the velocities G e_j, and by the independent velocities.
+    dtau : ndarray (N, nv)
+        By torques added over each step.
+    parameters : dict
+        By each of the parameters that were named.
+    """
+
+    value: float
+    dy: Array
+    dv: Array
+    dtau: Array
+    parameters: dict[str, float]
+
+
+@dataclass(frozen=True)
+class _Taken:
+    """A step of the run, taken again: from index i, under what was held."""
+
+    i: int
+    step: Step
+    by_parameters: list[Array]
+    """∂u̇/∂p at the stages, (m, parameters) each."""
+
+
+def gradient(
+    trajectory: Trajectory,
+    cost: Cost,
+    torque: Torque | ArrayLike | None = None,
+    parameters: Sequence[str] = (),
+    torque_slopes: TorqueSlopes | None = None,
+    mode: ArrayLike | None = None,
+) -> Gradient:
+    """Derivatives of a cost by the start, the torques and parameters, exact for the steps that were taken.
+
+    Through singular configurations too. The trajectory is one of RK4 with an output at every step, as
+    `simulate` and `Simulation` make by default.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    cost : Cost
+    torque : callable (t, q, v) -> (nv,), array_like (nv,) or (N, nv), or mapping, optional
+        What the run was made with; a table holds a row for each step.
+    parameters : sequence of str
+        See `Parameters`: "q1.m", "q2.Ixx", "q1.stiffness", …
+    torque_slopes : callable, optional
+        ∂τ/∂q and ∂τ/∂v of a torque that is a function, see `derivatives`.
+    mode : array_like, optional
+        As in `simulate`, where the run began at a singular configuration.
+
+    Returns
+    -------
+    Gradient
+
+    Raises
+    ------
+    OptionError
+        Where steps taken again do not end at the recorded states: another torque, stepper or mode; or where
+        the run changed its independent joints.
+    SimulationError
+        Where a state on the way has no certified derivatives.
+    """
+    if not isinstance(trajectory, Trajectory):
+        raise OptionError(f"gradient: {shown(trajectory)} is no Trajectory; give what simulate returns")
+    if not isinstance(cost, Cost):
+        raise OptionError(f"gradient: cost = {shown(cost)} is no Cost; give rg.Cost(terminal, running)")
+    check_callable("torque_slopes", torque_slopes, "(t, q, v)")
+    changes = trajectory.stats.repartitions
+    if changes:
+        raise OptionError(
+            f"gradient: at t = {changes[0][0]:.6g} s the run changed its independent joints to "
+            f"{', '.join(changes[0][1])}; begin with joints that last, as mech.with_independent(...)"
+        )
+    return _Sweep(trajectory, cost, torque, parameters, torque_slopes, mode).gradient()
+
+
+class _Sweep:
+    """The reverse sweep."""
+
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        cost: Cost,
+        torque: Any,
+        parameters: Sequence[str],
+        torque_slopes: TorqueSlopes | None,
+        mode: ArrayLike | None,
+    ) -> None:
+        self._run, self._cost, self._mode = trajectory, cost, mode
+        self._mechanism, self._torque_slopes = trajectory.mechanism, torque_slopes
+        self._parameters = Parameters(self._mechanism, parameters)
+        applied = torque
+        if callable(torque) or isinstance(torque, Mapping):
+            applied = one_torque(self._mechanism, torque)
+        self._function = torque_function(self._mechanism, applied) if callable(applied) else None
+        steps = len(trajectory.t) - 1
+        self._table = None if callable(applied) else checked_torques(self._mechanism, applied, steps)
+
+    def gradient(self) -> Gradient:
+        """The sweep, stretch by stretch from the end."""
+        run, mechanism, m = self._run, self._mechanism, self._mechanism.m
+        end = len(run.t) - 1
+        last: Derivatives | None = None
+        value = 0.0
+        adjoint: Array = np.zeros(2 * m)
+        by_torque = np.zeros((end, mechanism.nv))
+        by_parameters: Array = np.zeros(len(self._parameters.names))
+        while last is None or end > 0:
+            begin, taken, ahead = self._stretch(end)
+            if last is None:
+                value, slopes = self._cost.at_end(mechanism, run.q[-1], run.v[-1])
+                adjoint, last = _reduced(slopes, ahead), ahead
+            for step in reversed(taken):
+                i, h = step.i, step.step.h
+                now = step.step.stages[0].slopes
+                after, before = self._running(i, i + 1), self._running(i, i)
+                value += 0.5 * h * (after[0] + before[0])
+                adjoint = adjoint + 0.5 * h * _reduced(after[1], last)
+                A, B, P = step.step.jacobians(step.by_parameters)
+                by_torque[i] = B.T @ adjoint + 0.5 * h * (after[1][2] + before[1][2])
+                by_parameters += P.T @ adjoint
+                adjoint = A.T @ adjoint + 0.5 * h * _reduced(before[1], now)
+                last = now
+            end = begin
+        found = dict(zip(self._parameters.names, by_parameters.tolist(), strict=True))
+        return Gradient(float(value), adjoint[:m], adjoint[m:], by_torque, found)
+
+    def _running(self, i: int, at: int) -> tuple[float, Slopes]:
+        """The running term at output `at` under the torque of step i, with its slopes."""
+        t, q, v = float(self._run.t[at]), self._run.q[at], self._run.v[at]
+        if self._table is not None:
+            return self._cost.along(self._mechanism, t, q, v, self._table[i])
+        assert self._function is not None
+        value, (by_q, by_v, by_tau) = self._cost.along(self._mechanism, t, q, v, self._function(t, q, v))
+        tau_q, tau_v = self._slopes_of(t, q, v) if np.any(by_tau) else (0.0, 0.0)
+        return value, (by_q + by_tau @ tau_q, by_v + by_tau @ tau_v, by_tau)
+
+    def _stretch(self, end: int) -> tuple[int, list[_Taken], Derivatives]:
+        """The steps that end at output `end`, from where they begin, and the derivatives at the end."""
+        run, m = self._run, self._mechanism.m
+        held = HeldTorque(np.zeros(self._mechanism.nv))
+        torque: Any = held if self._table is not None else self._function
+        begin, motion = self._begun(max(0, end - STRETCH), torque)
+        slopes = PointDerivatives(motion, self._function, self._torque_slopes)
+        self._slopes_of = slopes.torque_slopes
+        equations, x, taken = motion.equations, motion.x[: 2 * m], []
+        now = equations.evaluate(float(run.t[begin]), motion.x)
+        for i in range(begin, end):
+            if self._table is not None:
+                held.value = self._table[i]
+            t, h = float(run.t[i]), float(run.t[i + 1] - run.t[i])
+            step = differentiated_step(slopes, t, x, h)
+            by_more = [self._parameters.slopes(stage.now, stage.slopes) for stage in step.stages]
+            taken.append(_Taken(i, step, by_more))
+            x = np.concatenate([step.end.y, step.end.ydot])
+            now, x = in_new_chart(motion.explicit, equations.at_point(t + h, step.end), x)
+            self._require_same(i + 1, now)
+        return begin, taken, slopes.at(float(run.t[end]), now)
+
+    def _begun(self, begin: int, torque: Any) -> tuple[int, Problem]:
+        """The motion from this output, or from an earlier one that is regular."""
+        run = self._run
+        while True:
+            mode = self._mode if begin == 0 else None
+            try:
+                motion = set_out(self._mechanism, run.q[begin], run.v[begin], mode, torque)
+                if begin == 0 or motion.start.point.conditioning >= REGULAR:
+                    return begin, motion
+            except SimulationError:
+                if begin == 0:
+                    raise
+            begin = max(0, begin - 5)
+
+    def _require_same(self, i: int, now: Evaluation) -> None:
+        """Refuse a step that does not end where it did."""
+        run, mechanism = self._run, self._mechanism
+        off = np.abs(mechanism.tree.difference(run.q[i], now.point.q)) / mechanism.units
+        fast = np.abs(now.v - run.v[i]) / mechanism.units / (1.0 + np.abs(run.v[i]).max(initial=0.0))
+        if not max(off.max(initial=0.0), fast.max(initial=0.0)) < SAME:
+            raise OptionError(
+                f"gradient: taken again, the step of RK4 to t = {run.t[i]:.6g} s ends {off.max():.1e} rad or "
+                f"lengths and {fast.max():.1e} in v from the trajectory; give the torque of the run, and a "
+                'run of stepper="rk4" with an output at each step'
+            )
+
+
+def _reduced(slopes: Slopes, here: Derivatives) -> Array:
+    """Slopes by q and v as those by the independent positions and velocities, (2m,)."""
+    by_q, by_v, _ = slopes
+    return np.concatenate([by_q @ here.G + by_v @ here.dv_dy, by_v @ here.G])

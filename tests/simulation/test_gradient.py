@@ -1,0 +1,253 @@
+"""The gradient of a cost along a motion, against differences of whole runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.typing import NDArray
+
+import robust_gcp as rg
+from robust_gcp.examples.linkages import four_bar
+from robust_gcp.simulation.gradient import STRETCH
+
+from ..dynamics.test_derivatives import TENTH, floating, moved
+
+Array = NDArray[np.float64]
+
+
+def slope(f: Callable[[float], float], h: float) -> float:
+    """f'(0) by central differences of order 10."""
+    return float(sum(w * (f(k * h) - f(-k * h)) for k, w in enumerate(TENTH, start=1)) / h)
+
+
+def terminal(q: Array, v: Array) -> float:
+    return float(np.sin(q[-1]) + 0.3 * v[-1] ** 2 + q[-2] * v[-3])
+
+
+def running(t: float, q: Array, v: Array, tau: Array) -> float:
+    return float(0.1 * q[-2] ** 2 + 0.05 * v[-3] ** 2 + 0.2 * tau[0] ** 2 + t * v[-1])
+
+
+COST = rg.Cost(terminal, running)
+
+
+class Case:
+    """A run of N steps of h under torques held over each step, and its cost as a function of what it has."""
+
+    def __init__(self, mech: rg.Mechanism, u: list[float], steps: int, h: float) -> None:
+        self.mech, self.u, self.steps, self.h = mech, np.array(u), steps, h
+        self.tau = np.random.default_rng(0).normal(size=(steps, mech.nv))
+
+    def run(
+        self, eta: Array | None = None, du: Array | None = None, tau: Array | None = None
+    ) -> rg.Trajectory:
+        mech, none = self.mech, np.zeros(self.mech.m)
+        q = mech.home if eta is None else moved(mech, mech.home, eta)
+        sim = rg.Simulation(mech, q, mech.lift(q, self.u + (none if du is None else du)), step=self.h)
+        for torque in self.tau if tau is None else tau:
+            sim.step(torque)
+        return sim.trajectory
+
+    def value(self, run: rg.Trajectory, tau: Array | None = None) -> float:
+        table = self.tau if tau is None else tau
+        rates = [
+            running(run.t[i + k], run.q[i + k], run.v[i + k], table[i])
+            for i in range(self.steps)
+            for k in (0, 1)
+        ]
+        return terminal(run.q[-1], run.v[-1]) + 0.5 * self.h * sum(rates)
+
+    def errors(self, found: rg.Gradient, h: float) -> dict[str, float]:
+        """Of the parts of a gradient, relative to the largest of their kind."""
+        m, far = self.mech.m, {}
+        start = [slope(lambda s, e=e: self.value(self.run(eta=s * e)), h) for e in np.eye(m)]
+        far["dy"] = float(np.abs(found.dy - start).max() / np.abs(start).max())
+        speed = [slope(lambda s, e=e: self.value(self.run(du=s * e)), h) for e in np.eye(m)]
+        far["dv"] = float(np.abs(found.dv - speed).max() / np.abs(speed).max())
+        for i, joint in ((0, 0), (self.steps // 2, self.mech.nv - 1), (self.steps - 1, 1)):
+
+            def pushed(s: float, i: int = i, joint: int = joint) -> float:
+                tau = self.tau.copy()
+                tau[i, joint] += s
+                return self.value(self.run(tau=tau), tau)
+
+            error = abs(found.dtau[i, joint] - slope(pushed, 30.0 * h))
+            far[f"dtau {i}"] = error / float(np.abs(found.dtau).max())
+        return far
+
+
+CASES: dict[str, tuple[Callable[[], Case], float]] = {
+    "crank-rocker": (lambda: Case(rg.load("crank_rocker"), [2.0], 40, 5e-3), 1e-2),
+    "five-bar": (lambda: Case(rg.load("five_bar"), [0.5, -0.5], 20, 2e-3), 1e-2),
+    "free four-bar": (lambda: Case(floating(pin.JointModelFreeFlyer()), [0.5] * 7, 4, 2e-2), 1e-2),
+    "change point": (lambda: Case(four_bar(4.0, 2.0, 3.0, 3.0, y=2.9), [3.0], 40, 5e-3), 4e-3),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_against_differences_of_runs(name: str) -> None:
+    """By the start and the torques; the change-point linkage passes its singular configuration."""
+    make, h = CASES[name]
+    case = make()
+    run = case.run()
+    assert len(run.crossings) == (name == "change point")
+    found = rg.gradient(run, COST, case.tau)
+    assert found.value == pytest.approx(case.value(run), rel=1e-13)
+    assert max(case.errors(found, h).values()) < 1e-9
+
+
+def test_by_parameters() -> None:
+    """Masses, first and second moments, a rotor, a spring and a damper, with their names."""
+    base = rg.load("crank_rocker")
+
+    def made(name: str = "", by: float = 0.0) -> rg.Mechanism:
+        model = base.model.copy()
+        model.armature = np.array([0.0, 0.05, 0.0])
+        numbers = {"q1.stiffness": 4.0, "q1.rest": 0.3, "q3.damping": 0.7}
+        joint, _, what = name.partition(".")
+        if name in numbers:
+            numbers[name] += by
+        elif what == "armature":
+            armature = np.array(model.armature)
+            armature[base.joint(joint).idx_v] += by
+            model.armature = armature
+        elif name:
+            pi = model.inertias[base.joint(joint).index].toDynamicParameters()
+            pi[("m", "mx", "my", "mz", "Ixx").index(what)] += by
+            model.inertias[base.joint(joint).index] = pin.Inertia.FromDynamicParameters(pi)
+        spring = rg.JointSpring("q1", numbers["q1.stiffness"], numbers["q1.rest"])
+        forces = [spring, rg.JointDamper("q3", numbers["q3.damping"])]
+        return rg.Mechanism.from_pinocchio(model, base.closures, ["q1"], base.home, forces=forces)
+
+    names = ("q1.m", "q2.my", "q3.Ixx", "q2.armature", "q1.stiffness", "q1.rest", "q3.damping")
+    case = Case(made(), [2.0], 30, 5e-3)
+    found = rg.gradient(case.run(), COST, case.tau, parameters=names)
+    assert tuple(found.parameters) == names
+
+    def value(name: str, by: float) -> float:
+        other = Case(made(name, by), [2.0], 30, 5e-3)
+        return other.value(other.run())
+
+    size = max(map(abs, found.parameters.values()))
+    for name, got in found.parameters.items():
+        assert abs(got - slope(lambda s, n=name: value(n, s), 1e-2)) < 1e-9 * size, name
+
+
+def test_a_feedback_and_slopes_that_are_given() -> None:
+    """τ = −c v₁ − k sin q₁ on the crank; the running term has the torque in it."""
+    mech = rg.load("crank_rocker")
+
+    def feedback(t: float, q: Array, v: Array) -> Array:
+        return np.array([-0.8 * v[0] - 2.0 * np.sin(q[0]) + t, 0.0, 0.0])
+
+    def feedback_slopes(t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        by_q, by_v = np.zeros((3, 3)), np.zeros((3, 3))
+        by_q[0, 0], by_v[0, 0] = -2.0 * np.cos(q[0]), -0.8
+        return by_q, by_v
+
+    def run(s: float) -> rg.Trajectory:
+        q = moved(mech, mech.home, np.array([s]))
+        return rg.simulate(mech, q, mech.lift(q, [2.0]), 0.2, 5e-3, torque=feedback)
+
+    def value(s: float) -> float:
+        motion, total = run(s), 0.0
+        for i in range(len(motion.t) - 1):
+            for k in (i, i + 1):
+                state = motion.t[k], motion.q[k], motion.v[k]
+                total += 0.5 * (motion.t[i + 1] - motion.t[i]) * running(*state, feedback(*state))
+        return total + terminal(motion.q[-1], motion.v[-1])
+
+    exact = slope(value, 1e-2)
+    given = rg.gradient(run(0.0), COST, feedback, torque_slopes=feedback_slopes)
+    assert given.value == pytest.approx(value(0.0), rel=1e-13)
+    assert given.dy[0] == pytest.approx(exact, rel=1e-10)
+    assert rg.gradient(run(0.0), COST, feedback).dy[0] == pytest.approx(exact, rel=1e-9)
+
+
+def test_slopes_of_the_cost_that_are_given() -> None:
+    case = Case(rg.load("crank_rocker"), [2.0], 10, 5e-3)
+    plain = rg.Cost(lambda q, v: v[0] ** 2, lambda t, q, v, tau: q[2] ** 3 * tau[0])
+
+    def along(t: float, q: Array, v: Array, tau: Array) -> tuple[Array, Array, Array]:
+        by_q, by_tau = np.zeros(3), np.zeros(3)
+        by_q[2], by_tau[0] = 3.0 * q[2] ** 2 * tau[0], q[2] ** 3
+        return by_q, np.zeros(3), by_tau
+
+    given = rg.Cost(
+        plain.terminal, plain.running, lambda q, v: (np.zeros(3), np.array([2.0 * v[0], 0.0, 0.0])), along
+    )
+    one, other = (rg.gradient(case.run(), cost, case.tau) for cost in (plain, given))
+    for name in ("dy", "dv", "dtau"):
+        np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-10, atol=1e-12)
+
+
+def test_memory_is_that_of_one_stretch(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever the length of the run, and the same gradient by stretches of another length."""
+    import robust_gcp.simulation.gradient as module
+
+    case = Case(rg.load("rhombus"), [1.0], 3 * STRETCH + 7, 1e-3)
+    run, kept = case.run(), []
+    stretch = module._Sweep._stretch
+
+    def watched(self: Any, end: int) -> Any:
+        found = stretch(self, end)
+        kept.append(len(found[1]))
+        return found
+
+    monkeypatch.setattr(module._Sweep, "_stretch", watched)
+    whole = rg.gradient(run, COST, case.tau)
+    assert sum(kept) == case.steps and max(kept) <= STRETCH + 5
+    monkeypatch.setattr(module, "STRETCH", 10)
+    other = rg.gradient(run, COST, case.tau)
+    np.testing.assert_allclose(other.dtau, whole.dtau, rtol=1e-9, atol=1e-12 * np.abs(whole.dtau).max())
+
+
+class TestRefused:
+    CASE = Case(rg.load("crank_rocker"), [2.0], 5, 5e-3)
+
+    def test_another_torque(self) -> None:
+        with pytest.raises(rg.OptionError, match=r"does not|taken again.*give the torque of the run"):
+            rg.gradient(self.CASE.run(), COST)
+
+    def test_another_stepper(self) -> None:
+        mech = rg.load("crank_rocker")
+        run = rg.simulate(mech, v0=mech.lift(mech.home, [2.0]), duration=0.5, step=0.1, stepper="RK45")
+        with pytest.raises(rg.OptionError, match="stepper="):
+            rg.gradient(run, COST)
+
+    def test_coordinates_that_changed(self) -> None:
+        mech = rg.load("crank_rocker").with_independent(["q3"])
+        v = rg.load("crank_rocker").lift(mech.home, [6.0])
+        run = rg.simulate(mech, v0=v, duration=1.0, step=1e-3)
+        assert run.stats.repartitions
+        with pytest.raises(rg.OptionError, match=r"changed its independent joints.*with_independent"):
+            rg.gradient(run, COST)
+
+    def test_names_and_tables(self) -> None:
+        run = self.CASE.run()
+        with pytest.raises(rg.OptionError, match=r"'q1.mass' is none.*joint.m"):
+            rg.gradient(run, COST, self.CASE.tau, parameters=["q1.mass"])
+        with pytest.raises(
+            rg.OptionError, match=r"torque has shape \(4, 3\), expected \(steps, nv\) = \(5, 3\)"
+        ):
+            rg.gradient(run, COST, self.CASE.tau[1:])
+        with pytest.raises(rg.OptionError, match=r"give rg.Cost\(terminal, running\)"):
+            rg.gradient(run, terminal)  # type: ignore[arg-type]
+
+    def test_costs(self) -> None:
+        run = self.CASE.run()
+        with pytest.raises(rg.OptionError, match=r"give terminal\(q, v\), running"):
+            rg.Cost()
+        with pytest.raises(
+            rg.OptionError, match=r"terminal\(q, v\) returned shape \(3,\), expected a number"
+        ):
+            rg.gradient(run, rg.Cost(lambda q, v: q), self.CASE.tau)
+        bad = rg.Cost(terminal, terminal_slopes=lambda q, v: (q, v[:2]))
+        with pytest.raises(rg.OptionError, match=r"shapes \(3,\), \(2,\), expected 2 arrays \(3,\)"):
+            rg.gradient(run, bad, self.CASE.tau)
+        with pytest.raises(rg.NonFiniteError, match="running"):
+            rg.gradient(run, rg.Cost(running=lambda t, q, v, tau: np.nan), self.CASE.tau)
