@@ -63,21 +63,14 @@ class Step:
     end: Point
     chart: ChartSlopes
 
-    def jacobians(self, more: Sequence[Array] | None = None) -> tuple[Array, Array, Array]:
-        """δ(η, u) after the step by what it depends on.
+    def jacobians(self) -> tuple[Array, Array]:
+        """δ(η, u) after the step by δ(η, u) before it, (2m, 2m), and by torques held over it, (2m, nv)."""
+        none = [stage.slopes.da_dtau[:, :0] for stage in self.stages]
+        return self.jacobians_by(none)[:2]
 
-        Parameters
-        ----------
-        more : sequence of ndarray (m, k), optional
-            ∂u̇/∂p of parameters p at each stage.
-
-        Returns
-        -------
-        A, B, P : ndarray (2m, 2m), (2m, nv), (2m, k)
-            By δ(η, u) before it, by torques held over it, by p.
-        """
+    def jacobians_by(self, by_p: Sequence[Array]) -> tuple[Array, Array, Array]:
+        """The same, and by parameters p, (2m, k), of which u̇ changes by `by_p` (m, k) at each stage."""
         m, nv = self.stages[0].slopes.da_dtau.shape
-        by_p = [np.zeros((m, 0))] * len(self.stages) if more is None else more
         inputs = np.eye(2 * m + nv + by_p[0].shape[1])
         eta, u, rest = inputs[:m], inputs[m : 2 * m], inputs[2 * m :]
         sum_y = sum_u = slope_y = slope_u = np.zeros_like(eta)
@@ -160,5 +153,5 @@ def step_jacobians(
     held = None if tau is None else mechanism.velocity(tau, "tau")
     motion = set_out(mechanism, q, v, mode, held)
     x = motion.x[: 2 * mechanism.m]
-    A, B, _ = differentiated_step(PointDerivatives(motion, held), 0.0, x, float(step)).jacobians()
+    A, B = differentiated_step(PointDerivatives(motion, held), 0.0, x, float(step)).jacobians()
     return require_finite(A, "A"), require_finite(B, "B")

@@ -9,6 +9,7 @@ from .closures import frame_of
 from .couplings import CouplingClosure
 from .joint_charts import JointCharts, places
 from .mechanism import Mechanism
+from .tree import Array
 
 
 class Groups(JointCharts):

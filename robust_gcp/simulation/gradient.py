@@ -164,7 +164,7 @@ class _Sweep:
                 after, before = self._running(i, i + 1), self._running(i, i)
                 value += 0.5 * h * (after[0] + before[0])
                 adjoint = adjoint + 0.5 * h * _reduced(after[1], last)
-                A, B, P = step.step.jacobians(step.by_parameters)
+                A, B, P = step.step.jacobians_by(step.by_parameters)
                 by_torque[i] = B.T @ adjoint + 0.5 * h * (after[1][2] + before[1][2])
                 by_parameters += P.T @ adjoint
                 adjoint = A.T @ adjoint + 0.5 * h * _reduced(before[1], now)
