@@ -11,6 +11,7 @@ import sys
 from itertools import pairwise
 from pathlib import Path
 
+import pinocchio as pin
 import pytest
 
 import robust_gcp as rg
@@ -47,6 +48,8 @@ def anchors(page: Path) -> set[str]:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_python_examples_print_what_is_shown(page: Path) -> None:
+    if page.name == "comparison.md" and pin.__version__ != "4.1.0":
+        pytest.skip("the page shows errors of Pinocchio 4.1.0")
     for code, shown in examples(page):
         printed = io.StringIO()
         with contextlib.redirect_stdout(printed):
