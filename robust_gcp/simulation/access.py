@@ -88,10 +88,10 @@ def state_columns(mechanism: Mechanism, q: Array, v: Array, a: Array | None) -> 
     return columns
 
 
-def driven_columns(mechanism: Mechanism, torques: Array) -> dict[str, Array]:
-    """What prescribed motions take, such as "drive.q1", as views into torques (N, nv)."""
-    driven = [c for c in in_v(mechanism.joints) if not np.isnan(torques[:, c.iv]).any()]
-    return {f"drive.{c.name}": torques[:, c.iv] for c in driven}
+def force_columns(mechanism: Mechanism, what: str, forces: Array) -> dict[str, Array]:
+    """What acts on each number in v, such as "tau.q1", as views into forces (N, nv); not where it is NaN."""
+    known = [c for c in in_v(mechanism.joints) if not np.isnan(forces[:, c.iv]).any()]
+    return {f"{what}.{c.name}": forces[:, c.iv] for c in known}
 
 
 class Named:

@@ -28,7 +28,7 @@ class Record:
     mechanism : Mechanism
     schedule : Schedule
         Steps and outputs.
-    items : sequence of {"a", "energy", "multipliers"}
+    items : sequence of {"a", "energy", "multipliers", "tau"}
         What to keep besides q and v.
     equations : EquationsOfMotion
         Tell whether the state ends with the work done, and whether motions are prescribed.
@@ -54,6 +54,7 @@ class Record:
         self._a = np.empty((n, mechanism.nv)) if "a" in items else None
         self._energy = np.empty(n) if "energy" in items else None
         self._multipliers = np.empty((n, mechanism.nc)) if "multipliers" in items else None
+        self._tau = np.zeros((n, mechanism.nv)) if "tau" in items else None
         self.work = np.empty(n) if equations.works else None
         self._drive = np.empty((n, mechanism.nv)) if equations.driven else None
         self._crossings: list[Crossing] = []
@@ -77,6 +78,8 @@ class Record:
             self._energy[row] = self.mechanism.energy(now.point.q, now.v)
         if self._multipliers is not None:
             self._multipliers[row] = constraint_forces(self.mechanism, now.point.q, now.v, now.a, now.tau)
+        if self._tau is not None:
+            self._tau[row] = 0.0 if now.tau is None else now.tau
         if self.work is not None:
             self.work[row] = x[-1]
         if self._drive is not None:
@@ -94,7 +97,7 @@ class Record:
     @property
     def wanted(self) -> tuple[str, ...]:
         """Which of `Outputs` besides q and v a batch is to bring."""
-        kept = {"a": self._a, "energy": self._energy, "work": self.work}
+        kept = {"a": self._a, "energy": self._energy, "tau": self._tau, "work": self.work}
         names = [name for name, values in kept.items() if values is not None]
         return (*names, "a", "tau") if self._multipliers is not None else tuple(names)
 
@@ -109,6 +112,7 @@ class Record:
             (self._v, outputs.v),
             (self._a, outputs.a),
             (self._energy, outputs.energy),
+            (self._tau, outputs.tau),
             (self.work, outputs.work),
         ]
         for mine, given in pairs:
@@ -147,7 +151,7 @@ class Record:
 
     def _room(self, more: int) -> None:
         """Make room for more outputs."""
-        for name in ("_q", "_v", "_a", "_energy", "_multipliers", "work", "_drive"):
+        for name in ("_q", "_v", "_a", "_energy", "_multipliers", "_tau", "work", "_drive"):
             values: Array | None = getattr(self, name)
             if values is not None:
                 setattr(self, name, np.concatenate([values, np.empty((more, *values.shape[1:]))]))
@@ -184,4 +188,5 @@ class Record:
             [np.array(q).reshape(-1, self.mechanism.nq) for q in events.q],
             [np.array(v).reshape(-1, self.mechanism.nv) for v in events.v],
             events.ended_by,
+            cut(self._tau),
         )

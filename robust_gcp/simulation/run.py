@@ -39,7 +39,7 @@ class Run:
     torque : callable, array_like or None
     schedule : Schedule
         Steps and outputs.
-    record : sequence of {"a", "energy", "multipliers"}
+    record : sequence of {"a", "energy", "multipliers", "tau"}
     counters : Counters
     on_toggle : {"error", "repartition"}
     progress : callable (fraction) or None

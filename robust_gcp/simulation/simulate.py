@@ -38,7 +38,7 @@ from .steppers import check_stepper, rk4_step
 from .tableau import Tableau
 from .trajectory import Trajectory
 
-RECORDS = ("a", "energy", "multipliers")
+RECORDS = ("a", "energy", "multipliers", "tau")
 
 
 def simulate(
@@ -113,8 +113,8 @@ def simulate(
     hold : bool
         Whether torque functions, those of wrenches too, are called once a step, with the state at its start,
         and held over it, as a digital controller does. For fixed steps.
-    record : sequence of {"a", "energy", "multipliers"}
-        What to compute besides q and v.
+    record : sequence of {"a", "energy", "multipliers", "tau"}
+        What to keep besides q and v; "tau" is all that acts besides gravity.
     mode : array_like (nv,) or (nv, m), optional
         Tangent of the mode to take when q0 is singular: one of `analyse(mechanism, q0).modes`.
     rtol, atol : float

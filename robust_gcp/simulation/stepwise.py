@@ -49,7 +49,7 @@ class Simulation:
     backend : {"auto", "python", "native"}
     mode : array_like, optional
         As in `simulate`, where q0 is singular.
-    record : sequence of {"a", "energy", "multipliers"}
+    record : sequence of {"a", "energy", "multipliers", "tau"}
         What `trajectory` holds besides q and v.
     drive : mapping of str to Motion, optional
         Joints that move as prescribed, as in `simulate`; `trajectory["drive.q1"]` is what that takes.
@@ -159,6 +159,11 @@ class Simulation:
         except (SimulationError, ClosureError) as error:
             error.trajectory = self.trajectory
             raise
+
+    def __repr__(self) -> str:
+        """What moves, where time is, what happened."""
+        what = f"{self.mechanism.name!r}: t = {self.t:g} s, step {self._step:g} s"
+        return f"Simulation of {what}, {len(self.crossings)} crossings"
 
     @property
     def t(self) -> float:

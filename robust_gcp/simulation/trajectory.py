@@ -16,7 +16,7 @@ from ..errors import OptionError
 from ..maps.explicit import Crossing
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from .access import FrameMotion, Named, Sample, driven_columns, frame_motion, state_columns
+from .access import FrameMotion, Named, Sample, force_columns, frame_motion, state_columns
 from .dense import Interpolant, sampled_accelerations, times_within
 from .files import data_frame, write_archive, write_csv
 from .reactions import Reaction, closure_number, reaction, row_names
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-ARRAYS = ("t", "q", "v", "a", "energy", "multipliers", "work", "drive_torque")
+ARRAYS = ("t", "q", "v", "a", "energy", "multipliers", "work", "drive_torque", "tau")
 """What a trajectory holds, one row a time; the first three always."""
 
 
@@ -62,6 +62,8 @@ class Trajectory(Named):
         Configuration and velocity then.
     ended_by : int or None
         Number of the terminal event that ended the run, whose time is the last in t.
+    tau : ndarray (N + 1, nv) or None
+        All that acts besides gravity, N m and N, when recorded: torques, wrenches, springs, dampers, drives.
     """
 
     mechanism: Mechanism
@@ -79,6 +81,7 @@ class Trajectory(Named):
     q_events: list[Array] = field(default_factory=list)
     v_events: list[Array] = field(default_factory=list)
     ended_by: int | None = None
+    tau: Array | None = None
 
     @property
     def y(self) -> Array:
@@ -161,8 +164,9 @@ class Trajectory(Named):
     # ----------------------------------------------------------------- by name and by time
 
     def columns(self) -> dict[str, Array]:
-        """Every number recorded, (N + 1,) each, by name: t, q.…, v.…, a.…, energy, work, drive.…, lambda.….
+        """Every number recorded, (N + 1,) each, by name.
 
+        t, q.…, v.…, a.…, energy, work, tau.…, drive.…, lambda.…: as far as they are there.
         The numbers of a joint are called `q.joint` and `v.joint`, or `q.joint.component` where it has
         several, such as `q.ball.qw` and `v.ball.rx`; constraint forces by `reactions.row_names`.
         """
@@ -171,8 +175,10 @@ class Trajectory(Named):
             columns["energy"] = self.energy
         if self.work is not None:
             columns["work"] = self.work
+        if self.tau is not None:
+            columns |= force_columns(self.mechanism, "tau", self.tau)
         if self.drive_torque is not None:
-            columns |= driven_columns(self.mechanism, self.drive_torque)
+            columns |= force_columns(self.mechanism, "drive", self.drive_torque)
         if self.multipliers is not None:
             names = row_names(self.mechanism)
             columns |= {f"lambda.{name}": self.multipliers[:, i] for i, name in enumerate(names)}

@@ -384,3 +384,12 @@ def test_a_mechanism_without_hinges_has_a_view() -> None:
     model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "slide")
     m = rg.Mechanism.from_pinocchio(model)
     assert face_on(m).shape == (2, 3)
+
+
+def test_lines_are_wide_only_below_others() -> None:
+    """A crank-rocker's joints move each in its own way; in a rhombus q1 and q3 are one line."""
+    for name, wide in (("crank_rocker", 0), ("rhombus", 1)):
+        figure = rg.simulate(rg.load(name), duration=0.5).plot("q")
+        widths = [line.get_linewidth() for line in figure.axes[0].lines if len(line.get_xdata()) > 2]
+        assert len(widths) == 3
+        assert sum(width > min(widths) for width in widths) == wide

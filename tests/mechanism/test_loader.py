@@ -154,3 +154,18 @@ def test_home_of_a_joint_with_several_numbers(tmp_path: Path) -> None:
     mech = rg.load(tmp_path)  # 2 atan(0.6/0.8) = 1.2870022175866 rad about z
     np.testing.assert_allclose(mech.home[:7], [1, 2, 3, 0, 0, 0.6, 0.8], atol=1e-12)
     assert np.abs(mech.phi(mech.home)).max() < 1e-14
+
+
+def test_the_robots_file_beside_robot_yaml_may_have_a_name_of_its_own(tmp_path: Path) -> None:
+    """As exporters call it; where there are several, one must be called robot."""
+    shipped = models_folder() / "crank_rocker"
+    (tmp_path / "robot.yaml").write_bytes((shipped / "robot.yaml").read_bytes())
+    with pytest.raises(rg.ModelError, match=r"robot\.yaml needs robot\.urdf or robot\.xml"):
+        rg.load(tmp_path)
+    (tmp_path / "mine.urdf").write_bytes((shipped / "robot.urdf").read_bytes())
+    assert rg.load(tmp_path).joint_names == rg.load("crank_rocker").joint_names
+    (tmp_path / "other.urdf").write_text("<robot/>", encoding="utf-8")
+    with pytest.raises(rg.ModelError, match=r"beside mine\.urdf, other\.urdf: call the one"):
+        rg.load(tmp_path)
+    (tmp_path / "robot.urdf").write_bytes((shipped / "robot.urdf").read_bytes())
+    assert rg.load(tmp_path).m == 1

@@ -234,3 +234,33 @@ def test_work_that_takes_long_is_told(
     assert "simulating rhombus" in capsys.readouterr().err
     rg.simulate(rg.load("rhombus"), progress=False, **run)
     assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("hold", [True, False])
+def test_what_acts_is_recorded(hold: bool, backend: Any) -> None:
+    """Torques, springs and dampers, at ends of steps and within one; held torques as they were held."""
+    mech = rg.load("crank_rocker")
+    sprung = rg.Mechanism.from_pinocchio(
+        mech.model, mech.closures, mech.independent, mech.home,
+        forces=[rg.JointSpring("q3", 3.0, 1.0), rg.JointDamper("q2", 0.5)],
+    )  # fmt: skip
+    asked = [0.0, 0.05, 0.0534, 0.2]
+
+    def torque(t: float, q: Array, v: Array) -> float:
+        return 2.0 * np.cos(7.0 * t) - float(v[0])
+
+    run = rg.simulate(
+        sprung, duration=0.2, step=0.01, torque={"q1": torque}, hold=hold, outputs=asked,
+        record=("tau",), backend=backend,
+    )  # fmt: skip
+    np.testing.assert_allclose(run["tau.q3"], -3.0 * (run["q3"] - 1.0), atol=1e-12)
+    np.testing.assert_allclose(run["tau.q2"], -0.5 * run["v.q2"], atol=1e-12)
+    said = [torque(t, q, v) for t, q, v in zip(run.t, run.q, run.v, strict=True)]
+    if hold:
+        said[2] = said[1]  # within the step that begins at 0.05 s
+        np.testing.assert_allclose(run["tau.q1"][:3], said[:3], atol=1e-12)
+    else:
+        np.testing.assert_allclose(run["tau.q1"], said, atol=1e-12)
+    assert "tau.q1" in run.columns()
+    plain = rg.simulate(mech, duration=0.02, step=0.01, record="tau", backend=backend)
+    np.testing.assert_array_equal(plain["tau.q1"], 0.0)

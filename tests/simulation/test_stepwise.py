@@ -177,3 +177,9 @@ def test_a_start_outside_of_the_region_of_stability_is_told_of() -> None:
     )
     with pytest.warns(rg.StabilityWarning, match="step = 0.01 s"):
         rg.Simulation(stiff, step=0.01)
+
+
+def test_a_simulation_says_what_it_is() -> None:
+    assert repr(rg.Simulation(rg.load("rhombus"), step=0.5**8).step(n=64)) == (
+        "Simulation of 'rhombus': t = 0.25 s, step 0.00390625 s, 1 crossings"
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -67,27 +68,33 @@ class TorusAxis:
         return self.low + (values - self.low) % (2.0 * np.pi)
 
     def dress(self, axis: Any, ends: bool = True) -> None:
-        """Label, limits and ticks in multiples of π/2; without those at the ends where they would collide."""
+        """Label, limits and ticks in multiples of π/2 or, where these are few, of π/4.
+
+        Without those at the ends where they would collide.
+        """
         axis.axes.set(**{f"{axis.axis_name}lim": (self.low, self.high)})
         axis.set_label_text(self.label)
         if not self.turns:
             return
         room = 1e-9 if ends else -1e-9
-        first = int(np.ceil(self.low / (np.pi / 2) - room))
-        last = int(np.floor(self.high / (np.pi / 2) + room))
-        axis.set_ticks([k * np.pi / 2 for k in range(first, last + 1)])
-        axis.set_ticklabels([_multiple_of_pi(k) for k in range(first, last + 1)])
+        eighths: list[int] = []
+        for unit in (2, 1):
+            first = int(np.ceil(self.low / (unit * EIGHTH) - room))
+            last = int(np.floor(self.high / (unit * EIGHTH) + room))
+            eighths = [unit * k for k in range(first, last + 1)]
+            if len(eighths) > 2:
+                break
+        axis.set_ticks([k * EIGHTH for k in eighths])
+        axis.set_ticklabels([_multiple_of_pi(Fraction(k, 4)) for k in eighths])
 
 
-def _multiple_of_pi(halves: int) -> str:
-    """halves · π/2, in words."""
-    if halves == 0:
+def _multiple_of_pi(share: Fraction) -> str:
+    """share · π, in words."""
+    if share == 0:
         return "0"
-    sign = "−" if halves < 0 else ""
-    whole, odd = divmod(abs(halves), 2)
-    if odd:
-        return f"{sign}{abs(halves) if abs(halves) > 1 else ''}π/2"
-    return f"{sign}{whole if whole > 1 else ''}π"
+    sign, size = "−" if share < 0 else "", abs(share)
+    over = "" if size.denominator == 1 else f"/{size.denominator}"
+    return f"{sign}{size.numerator if size.numerator > 1 else ''}π{over}"
 
 
 def segments(mode: ModeCurve, axes: Sequence[TorusAxis]) -> list[Array]:

@@ -69,6 +69,11 @@ def draw_poses(
         ax.set_xlabel(_turns(mechanism, mode), fontsize=8, labelpad=2)
 
 
+def caption_lines(space: ConfigurationSpace, modes: Sequence[ModeCurve]) -> int:
+    """How many lines the longest caption has."""
+    return max((_turns(space.mechanism, mode).count("\n") + 1 for mode in modes), default=1)
+
+
 def _turns(mechanism: Mechanism, mode: ModeCurve) -> str:
     """Which joints turn fully on one way around a mode, in lines of a caption's width."""
     if not mode.closed:

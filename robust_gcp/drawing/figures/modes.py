@@ -17,7 +17,7 @@ from ...mechanism.joints import Component
 from ...mechanism.mechanism import Mechanism
 from .axes import TorusAxis
 from .mode_curves import MOST_DRAWN, apart, draw_plane, draw_space, shares
-from .mode_poses import draw_poses, pieces_of
+from .mode_poses import caption_lines, draw_poses, pieces_of
 from .style import new_figure, require_file, save, style
 
 if TYPE_CHECKING:
@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 
 ABREAST = 4
 """Small pictures side by side."""
+
+LINE = 0.2
+"""Of a caption, in."""
 
 SMALL = 1.75
 """Height of a line of them, in."""
@@ -82,8 +85,9 @@ def plot_modes(
         drawn = space.modes[:MOST_DRAWN]
         pieces = [(mode, rows) for mode in drawn for rows in pieces_of(mode)]
         lines = -(-len(pieces) // ABREAST)
-        figure = new_figure(3.7 + SMALL * lines)
-        upper, lower = np.asarray(figure.subfigures(2, 1, height_ratios=(3.7, SMALL * lines)))
+        height = lines * (SMALL + LINE * (caption_lines(space, drawn) - 1))
+        figure = new_figure(3.7 + height)
+        upper, lower = np.asarray(figure.subfigures(2, 1, height_ratios=(3.7, height)))
         if len(axes) == 3:
             left, right = np.asarray(upper.subfigures(1, 2, width_ratios=(1.35, 1.0)))
             draw_space(left.add_subplot(projection="3d"), space, axes)

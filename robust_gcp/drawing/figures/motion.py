@@ -43,6 +43,12 @@ COLORS = (*CYCLE, YELLOW, "#882255", "#999933")
 DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (5, 1.5, 1, 1.5)))
 """Lines of the first and of further runs."""
 
+ALIKE = 0.02
+"""Share of a panel's height within which two lines look like one."""
+
+WIDEST = 3.4
+"""Points."""
+
 SMALLEST = 1e-17
 """Where a closure error of exactly 0 is drawn, m or rad: a tenth of a rounding."""
 
@@ -114,7 +120,7 @@ def plot_motion(
         ]:
             raise OptionError(f"overlay: {label!r} is the motion of a mechanism with other joints")
     panels = [panel for quantity in chosen for panel in _panels(first, quantity, components)]
-    looks = _styles([component.name for component in components])
+    looks = _styles([component.name for component in components], first, panels)
     with style():
         figure = new_figure(0.5 + PANEL_HEIGHT * len(panels))
         axes = list(figure.subplots(len(panels), 1, sharex=True, squeeze=False).flat)
@@ -123,7 +129,8 @@ def plot_motion(
                 if not panel.lines:
                     _draw_error(ax, run, panel.quantity, dashes)
                 elif panel.quantity == "multipliers":
-                    _draw_lines(ax, run, panel, _styles([line.name for line in panel.lines]), dashes)
+                    forces = _styles([line.name for line in panel.lines], first, [panel])
+                    _draw_lines(ax, run, panel, forces, dashes)
                 else:
                     _draw_lines(ax, run, panel, looks, dashes)
             for crossing in run.crossings:
@@ -223,19 +230,24 @@ def _draw_lines(ax: Axes, run: Motion, panel: Panel, looks: Mapping[str, Any], d
     ax.set_ylabel(f"{'λ' if panel.quantity == 'multipliers' else panel.quantity} [{panel.unit}]")
 
 
-def _styles(names: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Colour and width of each line."""
+def _styles(names: Sequence[str], run: Motion, panels: Sequence[Panel]) -> dict[str, dict[str, Any]]:
+    """Colour and width of each line: wider below others that look like it, so that it stays visible."""
     if len(names) > NAMED:
         from matplotlib import colormaps
 
         shade = colormaps["viridis"]
         share = 0.95 / (len(names) - 1)
         return {name: {"color": shade(share * i), "linewidth": 0.9} for i, name in enumerate(names)}
+    covered = dict.fromkeys(names, 0)
+    for panel in panels:
+        for k, line in enumerate(panel.lines):
+            values: Array = getattr(run, panel.quantity)
+            later = [values[:, other.at] for other in panel.lines[k + 1 :]]
+            near = ALIKE * float(np.ptp(values[:, [each.at for each in panel.lines]]))
+            over = sum(float(np.abs(values[:, line.at] - other).max()) <= near for other in later)
+            covered[line.name] = max(covered.get(line.name, 0), over)
     return {
-        name: {
-            "color": COLORS[i],
-            "linewidth": max(1.0, 2.8 - 0.8 * i),  # joints that move alike stay visible
-        }
+        name: {"color": COLORS[i], "linewidth": min(1.2 + 0.9 * covered[name], WIDEST)}
         for i, name in enumerate(names)
     }
 

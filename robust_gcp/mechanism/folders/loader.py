@@ -99,12 +99,13 @@ def load(
     own = own_block(settings, path)
     closures = with_axes(own.get("axes"), _closures(settings, path), path)
     changes = joint_changes(settings, path)
-    if is_file(folder / "robot.xml") and not is_file(folder / "robot.urdf"):
-        contents = read_mjcf(inside(folder, "robot.xml"), base)
+    robot = inside(folder, _robot_file(folder))
+    if robot.suffix == ".xml":
+        contents = read_mjcf(robot, base)
         if changes:
-            raise ModelError(f"{path}: joint_name is for URDF; write the joint as it is in robot.xml")
+            raise ModelError(f"{path}: joint_name is for URDF; write the joint as it is in {robot.name}")
     else:
-        contents = read_urdf(inside(folder, "robot.urdf"), base)
+        contents = read_urdf(robot, base)
         contents.model = with_joint_changes(contents.model, changes, path)
         contents.forces = with_changed_forces(contents.forces, changes)
     contents.closures += closures
@@ -132,6 +133,18 @@ def _folder(path: Path, given: str | Path) -> tuple[Path, Path]:
         f"{shown(str(given))} is neither a folder with robot.yaml or one robot's file{found} nor one of the "
         f"shipped models {', '.join(names)}{hint(given, names)}"
     )
+
+
+def _robot_file(folder: Path) -> str:
+    """The robot's file beside robot.yaml: of that name, or the only one."""
+    for name in ("robot.urdf", "robot.xml"):
+        if is_file(folder / name) or is_link(folder / name):
+            return name
+    names = sorted(f.name for f in files_in(folder) if f.suffix in READERS)
+    if len(names) == 1:
+        return names[0]
+    beside = f"stands beside {', '.join(names)}: call the one that is meant" if names else "needs"
+    raise ModelError(f"{folder}: robot.yaml {beside} robot.urdf or robot.xml")
 
 
 def _mechanism(
