@@ -16,7 +16,8 @@
 # How much time does an accuracy cost, and does a crossing spoil the order of the integrator?
 #
 # **Look at** the slopes: on log-log axes a method of order 4 falls by a factor of 16 for each halving of
-# the step. The bridge does, through three crossings. The others stop falling.
+# the step, or more where its first error terms nearly cancel, as in this motion. The bridge does, through
+# three crossings, and lies on the floor. The others stop falling.
 
 # %%
 import time
@@ -91,8 +92,8 @@ assert np.all(error_of["bridge"] <= 1.1 * error_of["closed form (the floor)"] + 
 #
 # Here each run is timed once, start included; the bridge runs in the compiled kernel where there is one, the
 # other three in Python. So the left picture is what to trust, the right one what to expect. The command line
-# measures with care, for twelve motions, with error-controlled steppers and other tools beside ours, tuned as
-# [docs/peers.md](../docs/peers.md) states:
+# measures with care, on many motions, planar and spatial, with error-controlled steppers and other tools
+# beside ours, tuned as [docs/peers.md](../docs/peers.md) states:
 #
 # ```
 # python -m robust_gcp work-precision --out report

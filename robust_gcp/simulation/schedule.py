@@ -15,6 +15,8 @@ from ..mechanism.tree import Array
 MAX_OUTPUTS = 100_000_000
 """Most steps of a run: q and v of a four-bar alone then take 5 GB."""
 
+NONE = range(0)
+
 SAME = 1e-9
 """Share of a step within which an output is at the end of one."""
 
@@ -62,10 +64,14 @@ class Schedule:
 
     def within(self, i: int) -> range:
         """The outputs between the step's ends i − 1 and i."""
+        if not len(self._interrupted):
+            return NONE
         return range(int(self.first[i - 1] + (self.row[i - 1] >= 0)), int(self.first[i]))
 
     def free_until(self, i: int) -> int:
         """The last end of a step after i before one that has outputs within; i itself where that is next."""
+        if not len(self._interrupted):
+            return len(self.times) - 1
         k = np.searchsorted(self._interrupted, i, side="right")
         return int(self._interrupted[k]) - 1 if k < len(self._interrupted) else len(self.times) - 1
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
@@ -99,6 +100,7 @@ class Simulation:
         self.mechanism, self._step, self._t0 = mechanism, float(step), float(t0)
         self._begun = time.perf_counter()
         self._none = np.zeros(mechanism.nv)
+        self._places = {joint.name: joint.idx_v for joint in mechanism.joints if joint.single}
         self._held = HeldTorque(self._none)
         choice, counters = MapChoice(method), Counters()
         toggle = "repartition" if method == "bridge" and drives is None else "error"
@@ -137,7 +139,7 @@ class Simulation:
         """
         if isinstance(n, bool) or not _whole(n) or n < 1:
             raise OptionError(f"n = {shown(n)} must be a number of steps, 1 or more")
-        held = self._none if tau is None else self.mechanism.velocity(tau, "tau")
+        held = self._none if tau is None else self._asked(tau)
         run = self._run
         run.hold(held)
         last = run.at + int(n)
@@ -147,6 +149,19 @@ class Simulation:
         if self._coarse is not None:
             self._coarse.look(self.t, run.last.v)
         return self
+
+    def _asked(self, tau: ArrayLike | Mapping[str, Any]) -> Array:
+        """What `step` was given, (nv,); floats by joint in a fraction of the time that all checks take."""
+        if type(tau) is dict:
+            held = self._none.copy()
+            for name, value in tau.items():
+                place = self._places.get(name)
+                if place is None or not isinstance(value, float) or not math.isfinite(value):
+                    break
+                held[place] = value
+            else:
+                return held
+        return self.mechanism.velocity(tau, "tau")
 
     def _times(self, count: int) -> Array:
         return self._t0 + self._step * np.arange(count)
