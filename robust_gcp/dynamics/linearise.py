@@ -8,6 +8,7 @@ does not grow stays bounded as long as |R(hλ)| ≤ 1: to |hλ| = 2.785 on the n
 from __future__ import annotations
 
 import cmath
+import functools
 import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -246,6 +247,7 @@ def stable_step(eigenvalue: complex) -> float:
     return rk4_reach(cmath.phase(eigenvalue)) / size if size > 0.0 else math.inf
 
 
+@functools.lru_cache(maxsize=1024)
 def rk4_reach(angle: float) -> float:
     """The largest |z| along the ray z = |z| e^{i angle} in the left half-plane with |R(z)| ≤ 1."""
 

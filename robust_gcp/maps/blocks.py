@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from math import sqrt
 
 import numpy as np
@@ -81,6 +82,12 @@ class BlockFactor:
         ).reshape(-1, 4)
         self._corner = self._at.ravel()  # of a single 2 × 2 block
         self._single = sizes[self._small] == 1
+
+    def fresh(self) -> BlockFactor:
+        """Another one of the same structure, which shares nothing that is written to."""
+        other = copy(self)
+        other._band = self._band.copy()
+        return other
 
     def _layout_band(self, ordered: NDArray[np.bool_]) -> None:
         """Where the entries of the ordered matrix go in LAPACK's band storage."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
@@ -41,7 +42,7 @@ class ClassicalMap(Unaware):
         self.path, self.anchor, self.newton_start = path, start, newton_start
         self._warned = False
 
-    def resume(self, anchor: Point, on_bridge: bool) -> None:
+    def resume(self, anchor: Point, trackers: Callable[[], Array] | None) -> None:
         """Go on from a point that was reached elsewhere; there are no bridges here."""
         self.anchor = anchor
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -111,12 +112,12 @@ class GroupMap:
         self.anchor = self._anchor = replace(point, y=y, origin=point.q[groups.iq].copy(), rest=rest)
         return self._anchor
 
-    def resume(self, anchor: Point, on_bridge: bool) -> None:
+    def resume(self, anchor: Point, trackers: Callable[[], Array] | None) -> None:
         """Go on from a point that the kernel reached; see `ClusterMap.resume`."""
         assert isinstance(anchor, GroupPoint)
         assert isinstance(self.rest, ClusterMap | ClassicalMap)  # the kernel knows no other map
         self._anchor = anchor
-        self.rest.resume(anchor.rest, on_bridge)
+        self.rest.resume(anchor.rest, trackers)
 
     def outgrown(self, point: Point) -> bool:
         """Whether the chart ought to be renewed at a point."""

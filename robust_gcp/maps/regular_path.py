@@ -78,13 +78,8 @@ class RegularPath:
         scale = np.ones(mechanism.nv)
         scale[self.dependent] = self._column_scale
         self._scale = scale
-        self.implicit = ImplicitConstraint(
-            self.tree,
-            mechanism.closures,
-            mechanism.implicit.rows[rows],
-            mechanism.row_scale[rows],
-            scale,
-        )
+        self._key = tuple(rows.tolist())
+        self.implicit = mechanism.memo.once(("selected rows of φ", self._key), lambda: self._selected(scale))
         self._length_scale = 1.0 / mechanism.column_scale
         self._turn_scale = 1.0 / mechanism.units
         self._eye = np.eye(self.m)
@@ -97,12 +92,20 @@ class RegularPath:
         """Itself: it holds nothing of a motion, and views that must not be copied."""
         return self
 
+    def _selected(self, scale: Array) -> ImplicitConstraint:
+        """The selected rows of the constraint, which keeps no state, dimensionless."""
+        mechanism, rows = self.mechanism, self.rows
+        chosen = mechanism.implicit.rows[rows]
+        return ImplicitConstraint(self.tree, mechanism.closures, chosen, mechanism.row_scale[rows], scale)
+
     def _factor(self) -> BlockFactor:
         """The factorisation of K_d; its structure is found once for each mechanism and choice of rows."""
         if self.nd == 0:
             return BlockFactor([], np.zeros((0, 0), dtype=bool), self.dependent, self.tree.nv)
-        key = ("structure of K_d", *self.rows.tolist())
-        blocks, pattern, reference = self.mechanism.memo.once(key, self._structure)
+        return self.mechanism.memo.once(("structure of K_d", self._key), self._structured).fresh()
+
+    def _structured(self) -> BlockFactor:
+        blocks, pattern, reference = self._structure()
         factor = BlockFactor(blocks, pattern, self.dependent, self.tree.nv)
         factor.reference = reference
         return factor

@@ -10,19 +10,20 @@ constexpr std::int32_t VERSION = 5;
 
 enum Reason : std::int32_t {
     DONE = 0,
-    ZONE = 1,       // K_d is conditioned below the zone's threshold
+    ZONE = 1,       // the regular path is not good enough, and the clusters' bridges do not serve
     BRANCH = 2,     // Newton may have gone to another branch
     NEWTON = 3,     // Newton did not contract
     NON_FINITE = 4,
     INERTIA = 5,    // the reduced inertia is singular
     FORCE = 6,      // a point spring has no length
     TORQUE = 7,     // the torque callback failed
-    PASSED = 8,     // a singular surface was passed on a bridge
-    CHART = 9,      // an entry of J = G by dimensionless coordinates is large
+    CHART = 8,      // an entry of J = G by dimensionless coordinates is large
 };
 
 // Reads q and v and writes τ in the request's shared buffers; nonzero stops the run.
 using Torque = std::int32_t (*)(double t);
+
+struct Cluster;
 
 struct Description {
     std::int32_t joints, nq, nv, m;
@@ -63,35 +64,53 @@ struct Description {
     const double* drive;                // (nv,)
     const std::int32_t* line_joint;     // (lines, 2)
     const double* line;                 // (lines, 9): two points, stiffness, rest length, damping
+    std::int32_t redundant;             // whether rows of φ are left over
+    std::int32_t clusters;              // 0 where the kernel does not follow them one by one
+    const Cluster* const* cluster;      // (clusters,)
+    const double* home;                 // (nq,)
 };
 
-struct Table {  // a bridge for one coordinate: Chebyshev coefficients of q, dq/dx, d²q/dx², det
-    std::int32_t orders, width, surfaces;
-    const double* coefficients;  // (orders, width)
-    const double* reference;     // (nv,)
-    const double* before;        // the innermost nodes as points
-    const double* after;
-    const double* zeros;         // (surfaces,): where they are, from the origin
-    double origin, left, right, center, unit, middle, half, pace;
+struct Cluster {  // a loop cluster: its joints have one number each
+    const Description* loops;           // all its rows; `scale` is of all columns
+    const std::int32_t* iq;             // (nv,) in q
+    const std::int32_t* iv;             // (nv,) in v
+    const std::int32_t* inputs;         // (m,) in y
+    const std::int32_t* rotates;        // (nv,)
+    const std::int32_t* periodic;       // (nv,)
+    double phi_size;                    // what a second-order form is compared with
+};
+
+struct Bridging {  // see maps/cluster/options.py
+    std::int32_t count;
+    const double* nodes;                // (count,)
+    double reach, reach_of_several;     // distances at which bridges take over, for one coordinate and for more
+    double closure_tolerance, geometric_tolerance, transversality;
+};
+
+enum Beginning : std::int32_t {
+    GO_ON = 0,    // from the last step that was accepted here
+    REGULAR = 1,  // from `anchor`, on regular ground
+    IN_ZONE = 2,  // from `anchor`, with `trackers`
 };
 
 struct Request {
     std::int64_t steps, every;
     const double* times;      // (steps + 1,)
-    double zone;              // conditioning at which to stop
-    std::int32_t same_branch;  // whether to check the branch
+    double zone;              // conditioning below which the regular path ends
+    const Bridging* bridging;  // null: no zones, no test of the branch
+    std::int32_t beginning;
     const double* sizes;      // (nv,): 1 / unit of each velocity, 0 where J does not matter; or null
     double limit;             // largest entry of J up to which steps go on
     Torque torque;            // or null
     double* torque_q;         // (nq,), (nv,), (nv,): what the callback reads and writes
     double* torque_v;
     double* torque_tau;
-    const Table* table;       // the bridge in use, or null
+    const double* held;       // (nv,): a constant torque, or null
+    const double* trackers;   // as `rg_trackers` gave them
     double* x;                // state, in and out
     double* anchor;           // point at the state, in and out
     double* ydd;              // (m,), in and out
     double* tau;              // (nv,), in and out
-    double* before;           // out: point, state and ÿ of the output before the last one
     double* safe;             // out: point, state of the last well-conditioned output
     double* q_out;            // outputs, one row every `every` steps; null where not wanted
     double* v_out;
@@ -103,8 +122,12 @@ struct Request {
     std::int64_t completed;   // steps
     std::int64_t safe_step;   // −1 where there was none
     std::int64_t rhs, newton, constraint_evaluations, force_evaluations, zone_evaluations;
+    std::int64_t marching_steps, svds, bridges_built, second_order;
+    std::int64_t logged;      // singular places passed
+    const double* log;        // (logged, 7 + nq), valid until the next call: step, time, cluster, corank,
+                              // closure, transversality, whether a near miss, q
     double power;             // in and out
-    std::int32_t on_bridge;   // whether the table is still in use
+    std::int32_t in_zone;     // whether the last accepted state is in a zone
     std::int32_t reason;
 };
 

@@ -21,7 +21,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-SOURCES = ("rigid_bodies.cpp", "kernel.cpp")
+SOURCES = ("rigid_bodies.cpp", "clusters.cpp", "dense.cpp", "kernel.cpp")
 SWITCH = "ROBUST_GCP_NATIVE"
 COMPILERS = ("c++", "g++", "clang++")
 DEFINES = ("-DBOOST_FUSION_INVOKE_MAX_ARITY=12", "-DBOOST_ALLOW_DEPRECATED_HEADERS")

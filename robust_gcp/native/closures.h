@@ -166,6 +166,49 @@ class Closures {
         }
     }
 
+    // The rate of K along v after `jacobian` and the chain's `move` with v at the same placements.
+    void jacobian_rate(const double* v, double* rates) {
+        couplings_.jacobian_rate(entries, v, rates);
+        std::size_t at = 0;
+        for (const Loop& loop : loops_) {
+            const Vec &w1 = chain_.omega[loop.joint[0]], &w2 = chain_.omega[loop.joint[1]];
+            Vec pace[2];
+            for (int side = 0; side < 2; ++side) pace[side] = speed(loop.joint[side], loop.arm[side]);
+            turns_.assign(loop.rows, Vec());  // of the normals
+            for (int i = 0; i < loop.rows; ++i) {
+                const Row& row = rows_[loop.first_row + i];
+                if (row.axis == ALONG) turns_[i] = cross(w2, normals_[loop.first_row + i]);
+                if (row.axis != ROTATION) continue;
+                for (const Term& t : row.terms) {
+                    const Vec u = first(loop).turn(t.u), n = second(loop).turn(t.n);
+                    turns_[i] += t.w * (cross(cross(w1, u), n) + cross(u, cross(w2, n)));
+                }
+            }
+            for (const Lever& lever : loop.levers) {
+                const Vec& axis = chain_.axes[lever.joint][lever.column];
+                const Vec turn = cross(chain_.omega[lever.joint], axis);
+                const auto hastened = [&](int side) {  // how fast `moved` changes
+                    return lever.turning ? cross(turn, loop.at[side] - chain_.p[lever.joint]) +
+                                               cross(axis, pace[side] - chain_.u[lever.joint])
+                                         : turn;
+                };
+                const Vec way = hastened(lever.side);
+                for (int i = 0; i < loop.rows; ++i, ++at) {
+                    const int e = rows_[loop.first_row + i].axis;
+                    const Vec& normal = normals_[loop.first_row + i];
+                    double value = 0.0;
+                    if (e >= 0)
+                        value = way[e];
+                    else if (e == ALONG)
+                        value = dot(turns_[i], moved(lever, axis, loop.at[0])) + dot(normal, hastened(0));
+                    else if (lever.turning)
+                        value = dot(turn, normal) + dot(axis, turns_[i]);
+                    rates[at] = entries[at].scale * value;
+                }
+            }
+        }
+    }
+
   private:
     struct Loop {
         int joint[2];
@@ -223,6 +266,7 @@ class Closures {
     std::vector<Row> rows_;
     std::vector<int> target_;  // the caller's number of each row
     Cells<Vec> normals_;  // Σ w u × n of a rotation row; n of a row along it
+    Cells<Vec> turns_;    // rates of these, for the rows of one loop
 };
 
 }  // namespace rg

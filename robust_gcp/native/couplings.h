@@ -79,6 +79,16 @@ class Couplings {
         }
     }
 
+    // The rates of these along v after `residual` at the same q.
+    void jacobian_rate(const std::vector<Entry>& entries, const double* v, double* rates) const {
+        std::size_t at = first_;
+        for (const Tie& tie : ties_) {
+            rates[at] = entries[at].scale * tie.bend * v[tie.v2];
+            for (std::size_t i = 0; i <= tie.further.size(); ++i) rates[++at] = 0.0;
+            ++at;
+        }
+    }
+
     // k = P″(q₂) v₂² after `residual` at the same q.
     void bias(const double* v, double* k) const {
         for (const Tie& tie : ties_) k[tie.row] = tie.weight * tie.bend * v[tie.v2] * v[tie.v2];

@@ -5,16 +5,19 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..maps.cluster.space import space_of
 from ..maps.regular_path import RegularPath
 from ..mechanism.closures import closure_frames, frame_of
+from ..mechanism.clusters import LoopCluster
 from ..mechanism.couplings import CouplingClosure, Couplings
 from ..mechanism.forces import JointDamper, JointSpring, JointTorque, PointSpring
 from ..mechanism.groups import groups_of
+from ..mechanism.loops import ClosedLoops
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.rows import ROTATION, Row, rows_of
 from ..mechanism.tree import Array
 from ..mechanism.workspace import memory_left, workspace_bytes
-from .structures import Arrays, Description
+from .structures import Arrays, Cluster, Description
 
 
 class NotNativeError(Exception):
@@ -67,10 +70,11 @@ def _described(mechanism: Mechanism, path: RegularPath, constant: ArrayLike | No
     arrays.integers(independent=mechanism.iv_independent, independent_q=in_q)
     arrays.reals(size=1.0 / column_scale, turn=1.0 / mechanism.units, scale=scale)
     arrays.reals(own=[mechanism.joint_inertia])
-    _closures(mechanism, path, turns, arrays)
-    _couplings(mechanism, path, arrays)
+    _closures(mechanism, path.mechanism, path.rows, turns, arrays)
+    _couplings(mechanism, path.mechanism, path.rows, arrays)
     _blocks(mechanism, path, arrays)
     _forces(mechanism, constant, turns, arrays)
+    _clusters(mechanism, path, arrays)
     return arrays
 
 
@@ -80,7 +84,40 @@ def _velocities_of_rest(mechanism: Mechanism) -> NDArray[np.int64]:
     return np.arange(mechanism.nv) if groups is None else groups.rest_iv
 
 
-def _tree(mechanism: Mechanism, arrays: Arrays) -> list[Array]:
+def _clusters(mechanism: Mechanism, path: RegularPath, arrays: Arrays) -> None:
+    """The loop clusters, where all of them can be followed in the kernel: with one number a joint."""
+    arrays.reals(home=mechanism.home)
+    arrays.structure.redundant = mechanism.nc > path.nd
+    clusters = mechanism.clusters
+    if not mechanism.tree.vector_space or not all(cluster.m for cluster in clusters):
+        return
+    arrays.structure.clusters = len(clusters)
+    arrays.structures("cluster", [_cluster(mechanism, cluster) for cluster in clusters])
+
+
+def _cluster(mechanism: Mechanism, cluster: LoopCluster) -> Arrays:
+    """One cluster: its joints, all rows of its φ, and where it is in the whole."""
+    loops, space = cluster.loops, space_of(mechanism, cluster, mechanism.home[cluster.iq])
+    description = Arrays(Description(joints=loops.model.njoints - 1, nq=loops.nq, nv=loops.nv, m=cluster.m))
+    turns = _tree(loops, description)
+    rows = np.arange(len(loops.implicit.rows))
+    _closures(loops, loops, rows, turns, description)
+    _couplings(loops, loops, rows, description)
+    description.reals(scale=loops.column_scale)
+    description.integers(independent=cluster.chosen)
+    part = Arrays(Cluster(phi_size=space.phi_size))
+    part.another("loops", description)
+    part.integers(
+        iq=cluster.iq,
+        iv=cluster.iv,
+        inputs=cluster.inputs,
+        rotates=loops.tree.rotates,
+        periodic=loops.tree.periodic,
+    )
+    return part
+
+
+def _tree(mechanism: ClosedLoops, arrays: Arrays) -> list[Array]:
     """Joints and bodies; returns the rotation by which each joint's frame is turned to its axis."""
     model = mechanism.model
     if np.any(model.gravity.angular):
@@ -116,8 +153,14 @@ def _with_z_along(axis: Array) -> Array:
     return np.column_stack([first, np.cross(axis, first), axis])
 
 
-def _closures(mechanism: Mechanism, path: RegularPath, turns: list[Array], arrays: Arrays) -> None:
-    """Cut points and the rows that the path has chosen."""
+def _closures(
+    mechanism: ClosedLoops,
+    chooser: ClosedLoops,
+    rows: NDArray[np.int64],
+    turns: list[Array],
+    arrays: Arrays,
+) -> None:
+    """Cut points, and the rows chosen among those of `chooser`, which has the same closures."""
     closures = mechanism.loops
     frames = closure_frames(mechanism.model, closures)
     joints, points, local = [], [], []
@@ -126,10 +169,7 @@ def _closures(mechanism: Mechanism, path: RegularPath, turns: list[Array], array
         points += [turns[joint].T @ place.translation for joint, place in ends]
         local.append([turns[joint].T @ place.rotation for joint, place in ends])
     full = rows_of(closures)
-    chosen = [
-        full[row] if row < len(full) else Row(-1, "", ROTATION)
-        for row in path.mechanism.implicit.rows[path.rows]
-    ]
+    chosen = [full[row] if row < len(full) else Row(-1, "", ROTATION) for row in chooser.implicit.rows[rows]]
     arrays.structure.closures, arrays.structure.rows = len(closures), len(chosen)
     arrays.integers(
         closure_joint=joints,
@@ -139,7 +179,7 @@ def _closures(mechanism: Mechanism, path: RegularPath, turns: list[Array], array
     )
     arrays.reals(
         closure_point=points,
-        row_weight=1.0 / path.mechanism.row_scale[path.rows],
+        row_weight=1.0 / chooser.row_scale[rows],
         terms=[
             [weight, *(local[row.closure][0] @ u), *(local[row.closure][1] @ n)]
             for row in chosen
@@ -148,14 +188,12 @@ def _closures(mechanism: Mechanism, path: RegularPath, turns: list[Array], array
     )
 
 
-def _couplings(mechanism: Mechanism, path: RegularPath, arrays: Arrays) -> None:
-    """The couplings whose rows the path has chosen."""
+def _couplings(
+    mechanism: ClosedLoops, chooser: ClosedLoops, chosen: NDArray[np.int64], arrays: Arrays
+) -> None:
+    """The couplings whose rows were chosen."""
     first = len(rows_of(mechanism.loops))
-    rows = {
-        int(full) - first: row
-        for row, full in enumerate(path.mechanism.implicit.rows[path.rows])
-        if full >= first
-    }
+    rows = {int(full) - first: row for row, full in enumerate(chooser.implicit.rows[chosen]) if full >= first}
     given = mechanism.closures[len(mechanism.loops) :]
     ties = Couplings(mechanism.joints, [c for c in given if isinstance(c, CouplingClosure)])
     order = {coupling: place for place, coupling in enumerate(rows)}

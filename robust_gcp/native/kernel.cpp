@@ -13,7 +13,8 @@ RG_EXPORT std::int32_t rg_version() { return rg::VERSION; }
 
 // Size of a structure of abi.h, to compare with the caller's.
 RG_EXPORT std::int32_t rg_size(std::int32_t structure) {
-    constexpr std::size_t sizes[] = {sizeof(rg::Description), sizeof(rg::Table), sizeof(rg::Request)};
+    constexpr std::size_t sizes[] = {sizeof(rg::Description), sizeof(rg::Cluster), sizeof(rg::Bridging),
+                                     sizeof(rg::Request)};
     return static_cast<std::int32_t>(sizes[structure]);
 }
 
@@ -30,6 +31,13 @@ RG_EXPORT void* rg_create(const rg::Description* description, char* why, std::in
 RG_EXPORT void rg_destroy(void* stepper) { delete static_cast<rg::Stepper*>(stepper); }
 
 RG_EXPORT void rg_run(void* stepper, rg::Request* request) { static_cast<rg::Stepper*>(stepper)->run(*request); }
+
+RG_EXPORT void rg_look(void* stepper, rg::Request* request) { static_cast<rg::Stepper*>(stepper)->look(*request); }
+
+// The state of the clusters' trackers, as many numbers as `count` then says; valid until the next call.
+RG_EXPORT const double* rg_trackers(void* stepper, std::int64_t* count) {
+    return static_cast<rg::Stepper*>(stepper)->trackers(*count);
+}
 
 // Seconds per call of what a right-hand side asks of Pinocchio: computeJointJacobians, rnea twice, crba.
 RG_EXPORT double rg_time_pinocchio(void* stepper, const double* q, const double* v, std::int32_t repeats) {

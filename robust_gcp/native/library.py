@@ -8,13 +8,13 @@ import hashlib
 import json
 import os
 import sys
-from ctypes import POINTER, c_char_p, c_double, c_int32, c_void_p
+from ctypes import POINTER, c_char_p, c_double, c_int32, c_int64, c_void_p
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ..warning import warn
-from .structures import VERSION, Description, Request, Table
+from .structures import VERSION, Bridging, Cluster, Description, Request
 
 NAME = "kernel.dylib" if sys.platform == "darwin" else "kernel.so"
 
@@ -60,7 +60,7 @@ class Library:
         library = ctypes.CDLL(str(path))
         if library.rg_version() != VERSION:
             raise OSError(f"{path} has interface {library.rg_version()}, this package needs {VERSION}")
-        for i, structure in enumerate((Description, Table, Request)):
+        for i, structure in enumerate((Description, Cluster, Bridging, Request)):
             theirs, ours = library.rg_size(i), ctypes.sizeof(structure)
             if theirs != ours:
                 raise OSError(f"its {structure.__name__} has {theirs} bytes, this package's {ours}")
@@ -70,6 +70,10 @@ class Library:
         self.destroy.argtypes, self.destroy.restype = [c_void_p], None
         self.run = library.rg_run
         self.run.argtypes, self.run.restype = [c_void_p, POINTER(Request)], None
+        self.look = library.rg_look
+        self.look.argtypes, self.look.restype = [c_void_p, POINTER(Request)], None
+        self.trackers = library.rg_trackers
+        self.trackers.argtypes, self.trackers.restype = [c_void_p, POINTER(c_int64)], POINTER(c_double)
         self.time_pinocchio = library.rg_time_pinocchio
         self.time_pinocchio.argtypes = [c_void_p, c_void_p, c_void_p, c_int32]
         self.time_pinocchio.restype = c_double
@@ -113,8 +117,20 @@ def _installed(name: str) -> Path:
     """A file beside this one; an editable installation keeps built files in another folder."""
     import robust_gcp.native as package
 
-    found = (Path(folder) / name for folder in package.__path__)
-    return next(filter(Path.exists, found), Path(__file__).parent / name)
+    return _first(name, tuple(package.__path__)) or Path(__file__).parent / name
+
+
+def _first(name: str, folders: tuple[str, ...]) -> Path | None:
+    """The first such file in these folders; remembered once it was there."""
+    if (name, folders) not in _FOUND:
+        found = next((Path(f) / name for f in folders if (Path(f) / name).exists()), None)
+        if found is None:
+            return None
+        _FOUND[name, folders] = found
+    return _FOUND[name, folders]
+
+
+_FOUND: dict[tuple[str, tuple[str, ...]], Path] = {}
 
 
 @functools.cache

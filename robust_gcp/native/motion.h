@@ -52,23 +52,28 @@ class Motion {
 
     Reason act(double t, const Chain& chain, Point& point, const Request& r) {
         power = 0.0;
-        acting_ = forces_.some() || r.torque != nullptr;
+        acting_ = forces_.some() || r.torque != nullptr || r.held != nullptr;
         if (!acting_) return DONE;
         ++force_evaluations;
         if (forces_.some() && !forces_.at(chain, point.q(), v.data(), tau.data(), power)) return FORCE;
+        if (!forces_.some()) std::fill(tau.begin(), tau.end(), 0.0);
+        if (r.held != nullptr) add(r.held);
         if (r.torque != nullptr) {
-            if (!forces_.some()) std::fill(tau.begin(), tau.end(), 0.0);
             std::copy(point.q(), point.q() + path_.layout.nq, r.torque_q);
             std::copy(v.begin(), v.end(), r.torque_v);
             // an exception that no handler of the callback's met leaves NaN
             std::fill(r.torque_tau, r.torque_tau + v.size(), std::numeric_limits<double>::quiet_NaN());
             if (r.torque(t) != 0 || std::isnan(r.torque_tau[0])) return TORQUE;
-            for (std::size_t i = 0; i < v.size(); ++i) {
-                tau[i] += r.torque_tau[i];
-                power += r.torque_tau[i] * v[i];
-            }
+            add(r.torque_tau);
         }
         return DONE;
+    }
+
+    void add(const double* torque) {
+        for (std::size_t i = 0; i < v.size(); ++i) {
+            tau[i] += torque[i];
+            power += torque[i] * v[i];
+        }
     }
 
     // One coordinate: each body's momentum and inertia force times its velocity at ẏ = 1, with no pass

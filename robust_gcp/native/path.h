@@ -23,7 +23,7 @@ namespace rg {
 constexpr double CONVERGED = 2e-15, STAGNANT = 1e-12;
 constexpr int MAX_NEWTON = 12;
 constexpr double DETERMINANT_RATIO = 2.5, POOR = 0.3, CORRECTION = 0.25, ROUNDING = 1e-12,
-                 FARTHEST = 0.5;
+                 FARTHEST = 0.5, PACE = 3.0;
 
 class Path {
   public:
@@ -32,6 +32,7 @@ class Path {
     RigidBodies rigid;
     const Layout layout;
     const bool on_groups;
+    const bool redundant;  // whether rows of φ are left over
     std::int64_t newton_iterations = 0, evaluations = 0;
 
     explicit Path(const Description& d)
@@ -40,6 +41,7 @@ class Path {
           rigid(d),
           layout(d),
           on_groups(std::any_of(parts.list.begin(), parts.list.end(), [](const Part& p) { return p.on_group; })),
+          redundant(d.redundant != 0),
           independent_(d.independent, d.independent + d.m),
           independent_q_(d.independent_q, d.independent_q + d.m),
           input_(d.nv, -1),
@@ -62,8 +64,7 @@ class Path {
     Reason step(Point& anchor, const double* origin, const double* y, const double* ydot, Point& point) {
         std::copy(y, y + layout.m, point.y());
         std::copy(ydot, ydot + layout.m, point.ydot());
-        point.distance = point.turn = point.correction = 0.0;
-        point.conditioning() = 1.0;
+        point.distance = point.turn = 0.0;
         for (std::size_t i = 0; i < loops_.size(); ++i) {
             const Part& part = parts.list[i];
             if (part.on_group)
@@ -71,21 +72,60 @@ class Path {
             else
                 predict(part, anchor, point);
         }
+        if (!settle(point)) return NEWTON;
+        if (!(point.correction > 0.0)) point.distance = point.turn = 0.0;
+        return DONE;
+    }
+
+    // The point that Newton finds from its own q, y and u; false where it is lost.
+    bool settle(Point& point) {
         std::int64_t iterations = 0, looked = 0;
+        point.correction = 0.0;
+        point.conditioning() = 1.0;
         for (std::size_t i = 0; i < loops_.size(); ++i) {
             if (loops_[i] == nullptr) {
                 chain.place(parts.list[i].joints, point.q());
                 continue;
             }
-            if (!close(parts.list[i], *loops_[i], point)) return NEWTON;
+            if (!close(parts.list[i], *loops_[i], point)) return false;
             iterations = std::max(iterations, loops_[i]->iterations);
             looked = std::max(looked, loops_[i]->evaluations);
         }
         newton_iterations += iterations;
         evaluations += looked;
         derivatives(point);
-        if (!(point.correction > 0.0)) point.distance = point.turn = 0.0;
-        return DONE;
+        return true;
+    }
+
+    // Largest rotation, rad, or slide in lengths, of the straight way from the anchor to y.
+    double turn(Point& anchor, const double* y) const {
+        const int m = layout.m;
+        double worst = 0.0;
+        for (const Part& part : parts.list)
+            for (int i : part.velocities) {
+                double sum = 0.0;
+                for (int k : part.inputs) sum += anchor.G()[i * m + k] * (y[k] - anchor.y()[k]);
+                worst = std::max(worst, std::fabs(sum * turn_[i]));
+            }
+        return worst;
+    }
+
+    // Largest dimensionless difference of q, one number a joint, from that of a point.
+    double apart(const double* q, Point& point) const {
+        double worst = 0.0;
+        for (int i = 0; i < layout.nv; ++i) worst = std::max(worst, std::fabs((point.q()[i] - q[i]) * size_[i]));
+        return worst;
+    }
+
+    // q at a share of the step of h from a to b, one number a joint: cubic Hermite in q and v.
+    void between(Point& a, Point& b, double h, double share, double* q) {
+        velocity(a, u_.data());
+        velocity(b, v_.data());
+        for (int i = 0; i < layout.nv; ++i) {
+            const double r0 = h * u_[i], r1 = h * v_[i], towards = b.q()[i] - a.q()[i];
+            q[i] = a.q()[i] + share * (r0 + share * (3.0 * towards - 2.0 * r0 - r1 +
+                                                     share * (r0 + r1 - 2.0 * towards)));
+        }
     }
 
     // Whether Newton, started from the prediction, stayed on the branch of `before`.

@@ -7,7 +7,7 @@
 
 #include "abi.h"
 #include "cells.h"
-#include "bridge.h"
+#include "clusters.h"
 #include "motion.h"
 #include "path.h"
 
@@ -16,35 +16,28 @@ namespace rg {
 class alignas(CACHE_LINE) Stepper {
   public:
     explicit Stepper(const Description& d)
-        : path(d), motion_(d, path), works_(d.works), n_(2 * d.m + d.works),
-          independent_(d.m > 0 ? d.independent[0] : 0), independent_v_(d.independent, d.independent + d.m), independent_q_(d.m > 0 ? d.independent_q[0] : 0),
-          slots_(SLOTS, Point(path.layout)), x_(n_), stage_(n_), sum_(n_), rate_(n_) {
+        : path(d), clusters(d, path), motion_(d, path), works_(d.works), n_(2 * d.m + d.works),
+          independent_(d.independent, d.independent + d.m), slots_(SLOTS, Point(path.layout)), x_(n_), stage_(n_),
+          sum_(n_), rate_(n_) {
         for (int k = 0; k < d.m; ++k)
             if (d.independent_q[k] < 0) on_groups_.push_back(k);
     }
 
     Path path;
+    Clusters clusters;
 
     void run(Request& r) {
-        path.newton_iterations = path.evaluations = motion_.force_evaluations = 0;
-        rhs_ = zone_ = 0;
+        path.newton_iterations = path.evaluations = motion_.force_evaluations = rhs_ = 0;
+        clusters.count_anew();
+        log_.clear();
         r.completed = 0;
         count(r);
         r.safe_step = -1;
         r.reason = DONE;
+        begin(r);
         const int m = path.layout.m;
-        anchor_ = accepted_ = &slots_[0];
-        before_ = safe_ = nullptr;
-        anchor_->read(r.anchor);
-        std::copy(r.x, r.x + n_, x_.begin());
-        std::copy(r.ydd, r.ydd + m, motion_.ydd.begin());
-        motion_.power = r.power;
-        std::vector<Bridge> bridges;
-        if (r.table != nullptr) bridges.emplace_back(*r.table, path.layout, independent_, independent_q_);
-        bridge_ = bridges.empty() ? nullptr : &bridges[0];
-        const Bridge* known = bridge_;
-        bool on_bridge = bridge_ != nullptr;  // at the last accepted output
-        Cells<double> before_x, before_ydd, safe_x, last_ydd(r.ydd, r.ydd + m), last_tau(r.tau, r.tau + path.layout.nv);
+        bool in_zone = clusters.in_zone();  // at the last accepted output
+        Cells<double> safe_x, last_ydd(r.ydd, r.ydd + m), last_tau(r.tau, r.tau + path.layout.nv);
         double last_power = r.power;
         for (std::int64_t i = 0; i < r.steps && r.reason == DONE; ++i) {
             const Reason reason = step(r, r.times[i], r.times[i + 1]);
@@ -52,16 +45,12 @@ class alignas(CACHE_LINE) Stepper {
                 r.reason = reason;
                 break;
             }
-            // accepted
-            const bool passed = signs_differ(*accepted_, *anchor_) ||
-                                (known != nullptr && known->passes(accepted_->y()[0], anchor_->y()[0]));
-            before_ = accepted_;
-            before_x.swap(x_);
+            if (clusters.met())
+                log(i, {r.times[i], r.times[i + 1], accepted_, anchor_, last_ydd.data(), motion_.ydd.data()});
             accepted_ = anchor_;
             x_ = sum_;
             for (int k : on_groups_) accepted_->y()[k] = x_[k] = 0.0;  // a new chart about the point
-            on_bridge = bridge_ != nullptr;
-            before_ydd.swap(last_ydd);
+            in_zone = clusters.in_zone();
             last_ydd = motion_.ydd;
             last_tau = motion_.tau;
             last_power = motion_.power;
@@ -73,21 +62,35 @@ class alignas(CACHE_LINE) Stepper {
                 r.safe_step = i + 1;
             }
             if ((i + 1) % r.every == 0) output(r, (i + 1) / r.every - 1);
-            if (passed)
-                r.reason = PASSED;
-            else if (!on_bridge && exceeds(r, *accepted_))
-                r.reason = CHART;
+            if (!in_zone && exceeds(r, *accepted_)) r.reason = CHART;
         }
         accepted_->write(r.anchor);
         std::copy(x_.begin(), x_.end(), r.x);
         std::copy(last_ydd.begin(), last_ydd.end(), r.ydd);
         std::copy(last_tau.begin(), last_tau.end(), r.tau);
         r.power = last_power;
-        write(r.before, before_, before_x);
-        if (before_ != nullptr && r.before != nullptr)
-            std::copy(before_ydd.begin(), before_ydd.end(), r.before + path.layout.size + n_);
         write(r.safe, safe_, safe_x);
-        r.on_bridge = on_bridge;
+        r.in_zone = in_zone;
+        r.log = log_.data();
+        r.logged = static_cast<std::int64_t>(log_.size()) / (7 + path.layout.nq);
+    }
+
+    // ÿ, τ and the power at the last accepted point, under the torque that is held now.
+    void look(Request& r) {
+        r.reason = NON_FINITE;
+        if (accepted_ == nullptr) return;
+        path.survey(*accepted_);
+        r.reason = motion_.evaluate(r.times[0], *accepted_, r);
+        std::copy(motion_.ydd.begin(), motion_.ydd.end(), r.ydd);
+        std::copy(motion_.tau.begin(), motion_.tau.end(), r.tau);
+        r.power = motion_.power;
+    }
+
+    // The state of the clusters' trackers as plain numbers.
+    const double* trackers(std::int64_t& count) {
+        trackers_ = clusters.written();
+        count = static_cast<std::int64_t>(trackers_.size());
+        return trackers_.data();
     }
 
   private:
@@ -97,7 +100,7 @@ class alignas(CACHE_LINE) Stepper {
         const int m = path.layout.m;
         const double* G = point.G();
         for (int j = 0; j < m; ++j) {
-            const double own = r.sizes[independent_v_[j]];
+            const double own = r.sizes[independent_[j]];
             if (!(own > 0.0)) continue;
             for (int i = 0; i < path.layout.nv; ++i)
                 if (std::abs(G[i * m + j]) * (r.sizes[i] / own) > r.limit) return true;
@@ -105,7 +108,35 @@ class alignas(CACHE_LINE) Stepper {
         return false;
     }
 
-    static constexpr int SLOTS = 6;  // anchor, trial, accepted, before it, safe, and one more
+    static constexpr int SLOTS = 5;  // anchor, trial, accepted, safe, and one more
+
+    // Takes up the state, and the point at it.
+    void begin(const Request& r) {
+        safe_ = nullptr;
+        if (r.bridging != nullptr) clusters.use(*r.bridging);
+        if (r.beginning == GO_ON && accepted_ != nullptr) {
+            anchor_ = accepted_;
+        } else {
+            anchor_ = accepted_ = &slots_[0];
+            anchor_->read(r.anchor);
+            clusters.leave();
+            if (r.beginning == IN_ZONE) clusters.read(r.trackers);
+        }
+        std::copy(r.x, r.x + n_, x_.begin());
+        std::copy(r.ydd, r.ydd + path.layout.m, motion_.ydd.begin());
+        motion_.power = r.power;
+    }
+
+    void log(std::int64_t i, const Step& step) {
+        passed_.clear();
+        clusters.passed(step, passed_);
+        const std::size_t width = static_cast<std::size_t>(path.layout.nq) + 6;
+        for (std::size_t at = 0; at < passed_.size(); at += width) {
+            log_.push_back(static_cast<double>(i));
+            log_.insert(log_.end(), passed_.begin() + static_cast<std::ptrdiff_t>(at),
+                        passed_.begin() + static_cast<std::ptrdiff_t>(at + width));
+        }
+    }
 
     // What the steps accepted so far took; a step that is given up is done, and counted, by Python.
     void count(Request& r) const {
@@ -113,7 +144,7 @@ class alignas(CACHE_LINE) Stepper {
         r.newton = path.newton_iterations;
         r.constraint_evaluations = path.evaluations;
         r.force_evaluations = motion_.force_evaluations;
-        r.zone_evaluations = zone_;
+        clusters.count(r);
     }
 
     Reason step(const Request& r, double t, double end) {
@@ -161,42 +192,28 @@ class alignas(CACHE_LINE) Stepper {
         const double *y = stage_.data(), *ydot = y + m;
         Point& point = spare();
         ++rhs_;
-        if (bridge_ != nullptr) {
-            if (bridge_->contains(y[0])) {
-                bridge_->at(y[0], ydot[0], point);
-                ++zone_;
-                path.survey(point);
-                anchor_ = &point;
-                return motion_.evaluate(t, point, r);
-            }
-            point.read(bridge_->exit(y[0]));
-            bridge_ = nullptr;
-            anchor_ = &point;
-            return evaluate_regular(r, t, spare());
-        }
-        return evaluate_regular(r, t, point);
-    }
-
-    Reason evaluate_regular(const Request& r, double t, Point& point) {
-        const double *y = stage_.data(), *ydot = y + path.layout.m;
-        if (Reason reason = path.step(*anchor_, accepted_->q(), y, ydot, point)) return reason;
-        if (!(point.conditioning() >= r.zone)) return ZONE;
-        if (r.same_branch && !path.same_branch(*anchor_, point)) return BRANCH;
+        Reason reason = clusters.in_zone() ? ZONE : by_regular_path(r, y, ydot, point);
+        if (reason != DONE && r.bridging != nullptr && clusters.some() &&
+            clusters.at(*anchor_, y, ydot, point, r.zone))
+            reason = DONE;
+        if (reason != DONE) return reason;
         anchor_ = &point;
         return motion_.evaluate(t, point, r);
     }
 
-    Point& spare() {
-        for (Point& point : slots_)
-            if (&point != anchor_ && &point != accepted_ && &point != before_ && &point != safe_) return point;
-        return slots_[0];  // never: five places are taken at most
+    // One step of the regular path, if it is good enough; see RegularGround in ground.py.
+    Reason by_regular_path(const Request& r, const double* y, const double* ydot, Point& point) {
+        if (Reason reason = path.step(*anchor_, accepted_->q(), y, ydot, point)) return reason;
+        if (r.bridging == nullptr) return point.conditioning() >= r.zone ? DONE : ZONE;
+        const double needed = std::max(r.zone, std::min(POOR, PACE * point.turn));
+        if (!(point.conditioning() >= needed)) return ZONE;
+        return path.same_branch(*anchor_, point) ? DONE : BRANCH;
     }
 
-    bool signs_differ(Point& a, Point& b) const {
-        auto sign = [](double x) { return (x > 0.0) - (x < 0.0); };
-        for (int i = 0; i < path.layout.blocks; ++i)
-            if (sign(a.det()[i]) != sign(b.det()[i])) return true;
-        return false;
+    Point& spare() {
+        for (Point& point : slots_)
+            if (&point != anchor_ && &point != accepted_ && &point != safe_) return point;
+        return slots_[0];  // never: four places are taken at most
     }
 
     void output(Request& r, std::int64_t row) {
@@ -220,15 +237,14 @@ class alignas(CACHE_LINE) Stepper {
     }
 
     Motion motion_;
-    int works_, n_, independent_;
-    std::vector<int> independent_v_;
-    int independent_q_;
+    int works_, n_;
+    std::vector<int> independent_;
     std::vector<int> on_groups_;  // which of y belong to joints on groups
     std::vector<Point> slots_;
     Cells<double> x_, stage_, sum_, rate_;
-    Point *anchor_ = nullptr, *accepted_ = nullptr, *before_ = nullptr, *safe_ = nullptr;
-    Bridge* bridge_ = nullptr;
-    std::int64_t rhs_ = 0, zone_ = 0;
+    Point *anchor_ = nullptr, *accepted_ = nullptr, *safe_ = nullptr;
+    std::vector<double> log_, passed_, trackers_;
+    std::int64_t rhs_ = 0;
 };
 
 }  // namespace rg

@@ -95,6 +95,10 @@ class NativeSteps:
         """Give the kernel's memory back, whoever still holds these steps, such as an error's traceback."""
         self._path = self._workspace = None
 
+    def look(self, t: float, now: Evaluation) -> Evaluation | None:
+        """The evaluation taken last under the torque that is held now; None where Python has to look."""
+        return None if self._workspace is None else self._workspace.look(t, now)
+
     def take(
         self,
         explicit: ClusterMap | ClassicalMap | GroupMap,
@@ -115,18 +119,17 @@ class NativeSteps:
         chart : (ndarray (nv,), float), optional
             See `Workspace.run`.
         """
-        grouped = isinstance(explicit, GroupMap)
         followed = explicit.rest if isinstance(explicit, GroupMap) else explicit
+        options, zone, trackers = None, DIGITS_LOST, None
         if isinstance(followed, ClusterMap):
-            bridge, zone, same_branch = followed.table(), followed.options.zone, True
-            if not followed.for_kernel or (grouped and bridge is not None):
-                return None
-        else:
-            bridge, zone, same_branch = None, DIGITS_LOST, False
+            options, zone = followed.options, followed.options.zone
+            trackers = followed.written if followed.in_zone else None
         mechanism = explicit.groups.mechanism if isinstance(explicit, GroupMap) else followed.path.mechanism
+        if trackers is not None and not mechanism.tree.vector_space:
+            return None
         workspace = self.prepare(mechanism, explicit.path)
         if workspace is None:
             return None
         n = min(len(times) - 1, max(1, BATCH // mechanism.nv))
         outputs = Outputs.room(n, mechanism.nq, mechanism.nv, wanted)
-        return workspace.run(times[: n + 1], x, now, outputs, zone, same_branch, bridge, chart=chart)
+        return workspace.run(times[: n + 1], x, now, outputs, zone, options, trackers, chart=chart)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Sequence
 from ctypes import c_double, c_int32, c_int64, c_void_p
 from enum import IntEnum
 from typing import Any
@@ -26,8 +27,7 @@ class Reason(IntEnum):
     INERTIA = 5
     FORCE = 6
     TORQUE = 7
-    PASSED = 8
-    CHART = 9
+    CHART = 8
 
 
 def _all(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -36,6 +36,14 @@ def _all(kind: Any, names: str) -> list[tuple[str, Any]]:
 
 def _fields(integers: str, pointers: str) -> list[tuple[str, Any]]:
     return _all(c_int32, integers) + _all(c_void_p, pointers)
+
+
+class Beginning(IntEnum):
+    """What a batch begins from."""
+
+    GO_ON = 0
+    REGULAR = 1
+    IN_ZONE = 2
 
 
 class Description(ctypes.Structure):
@@ -56,15 +64,25 @@ class Description(ctypes.Structure):
         ),
         *_fields("blocks", "block_start block_rows block_columns reference"),
         *_fields("springs lines forces works", "spring_at spring damping drive line_joint line"),
+        *_fields("redundant clusters", "cluster home"),
     ]
 
 
-class Table(ctypes.Structure):
-    """A finished bridge for one coordinate."""
+class Cluster(ctypes.Structure):
+    """A loop cluster as plain arrays."""
 
     _fields_ = [
-        *_fields("orders width surfaces", "coefficients reference before after zeros"),
-        *_all(c_double, "origin left right center unit middle half pace"),
+        *_fields("", "loops iq iv inputs rotates periodic"),
+        *_all(c_double, "phi_size"),
+    ]
+
+
+class Bridging(ctypes.Structure):
+    """The choices of the bridges."""
+
+    _fields_ = [
+        *_fields("count", "nodes"),
+        *_all(c_double, "reach reach_of_several closure_tolerance geometric_tolerance transversality"),
     ]
 
 
@@ -76,19 +94,21 @@ class Request(ctypes.Structure):
         ("every", c_int64),
         ("times", c_void_p),
         ("zone", c_double),
-        ("same_branch", c_int32),
+        ("bridging", ctypes.POINTER(Bridging)),
+        ("beginning", c_int32),
         ("sizes", c_void_p),
         ("limit", c_double),
         ("torque", TorqueCallback),
-        *_fields("", "torque_q torque_v torque_tau"),
-        ("table", ctypes.POINTER(Table)),
-        *_fields("", "x anchor ydd tau before safe q_out v_out a_out tau_out energy_out work_out"),
+        *_fields("", "torque_q torque_v torque_tau held trackers"),
+        *_fields("", "x anchor ydd tau safe q_out v_out a_out tau_out energy_out work_out"),
         *_all(
             c_int64,
             "completed safe_step rhs newton constraint_evaluations force_evaluations zone_evaluations",
         ),
+        *_all(c_int64, "marching_steps svds bridges_built second_order logged"),
+        ("log", c_void_p),
         ("power", c_double),
-        *_fields("on_bridge reason", ""),
+        *_fields("in_zone reason", ""),
     ]
 
 
@@ -108,6 +128,16 @@ class Arrays:
         """Pointers to copies as 32-bit integers."""
         for name, array in arrays.items():
             self._point(name, np.ascontiguousarray(array, dtype=np.int32))
+
+    def structures(self, name: str, members: Sequence[Arrays]) -> None:
+        """A pointer to pointers to other structures."""
+        self._kept[f"{name}, each"] = members
+        self._point(name, np.array([ctypes.addressof(m.structure) for m in members], dtype=np.uint64))
+
+    def another(self, name: str, member: Arrays) -> None:
+        """A pointer to another structure."""
+        self._kept[name] = member
+        setattr(self.structure, name, ctypes.addressof(member.structure))
 
     def _point(self, name: str, array: Any) -> None:
         self._kept[name] = array

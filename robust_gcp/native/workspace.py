@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Generator, Sequence
+import weakref
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, fields
 from itertools import pairwise
 from typing import Any
@@ -12,7 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..dynamics.equations import CheckedTorque, Evaluation
-from ..maps.cluster.table import CurveTable
+from ..dynamics.held import HeldTorque
+from ..maps.cluster.options import BridgeOptions
+from ..maps.explicit import Crossing
 from ..maps.grouped import taken_apart
 from ..maps.point import Point
 from ..maps.regular_path import RegularPath
@@ -21,7 +24,7 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .description import NotNativeError, describe
 from .library import Library
-from .structures import Arrays, Reason, Request, Table, TorqueCallback
+from .structures import Arrays, Beginning, Bridging, Reason, Request, TorqueCallback
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,8 @@ class Outputs:
 
     def first(self, n: int) -> Outputs:
         """The first n of them."""
+        if n == len(self.q):
+            return self
         kept = {field.name: getattr(self, field.name) for field in fields(self)}
         cut: dict[str, Any] = {name: None if rows is None else rows[:n] for name, rows in kept.items()}
         return Outputs(**cut)
@@ -60,12 +65,12 @@ class Batch:
     reason : Reason
         Why the kernel stopped.
     x, now : ndarray, Evaluation
-    on_bridge : bool
-        Whether the bridge that was handed over is still in use.
+    trackers : Trackers or None
+        Of the last state, where it is in a zone.
     outputs : Outputs
         Of the steps completed.
-    before : (Point, ndarray) or None
-        The point and ÿ one step earlier, after one step at least.
+    crossings : list of Crossing
+        Singular places passed, in the order of time.
     safe : (int, ndarray, Point) or None
         Step, state and point of the last well-conditioned one among the completed steps.
     counts : dict of str to int
@@ -78,12 +83,31 @@ class Batch:
     reason: Reason
     x: Array
     now: Evaluation
-    on_bridge: bool
+    trackers: Trackers | None
     outputs: Outputs
-    before: tuple[Point, Array] | None
+    crossings: list[Crossing]
     safe: tuple[int, Array, Point] | None
     counts: dict[str, int]
     failure: BaseException | None
+
+
+class Trackers:
+    """The trackers of the kernel's clusters as plain numbers, fetched when they are asked for."""
+
+    def __init__(self, fetch: Callable[[], Array]) -> None:
+        self._fetch: Callable[[], Array] | None = fetch
+        self._numbers: Array = np.zeros(0)
+
+    def __call__(self) -> Array:
+        """See `maps.cluster.plain`."""
+        if self._fetch is not None:
+            self._numbers, self._fetch = self._fetch(), None
+        return self._numbers
+
+    def __deepcopy__(self, memo: object) -> Trackers:
+        """Itself, with the numbers, which do not change any more."""
+        self()
+        return self
 
 
 class Workspace:
@@ -115,7 +139,8 @@ class Workspace:
         works: bool = False,
     ) -> None:
         self._library, self.path, self._groups = library, path, groups_of(mechanism)
-        supplied = torque if callable(torque) else None
+        self._held = torque if isinstance(torque, HeldTorque) else None
+        supplied = torque if callable(torque) and self._held is None else None
         self._acts = mechanism.applied is not None or torque is not None
         arrays = describe(mechanism, path, None if callable(torque) else torque, works)
         why = ctypes.create_string_buffer(200)
@@ -131,13 +156,17 @@ class Workspace:
         self._size = sum(widths)
         self._x, self._ydd, self._tau = np.zeros(n), np.zeros(self._m), np.zeros(self._nv)
         self._anchor = np.zeros(self._size)
-        self._before, self._safe = np.zeros(self._size + n + self._m), np.zeros(self._size + n)
-        self._tables: tuple[CurveTable, Arrays] | None = None
+        self._safe = np.zeros(self._size + n)
+        self._bridging: tuple[BridgeOptions, Arrays] | None = None
+        self._independent = mechanism.iq_numbers
+        self._latest: Point | None = None
+        self._handed: weakref.ref[Trackers] | None = None
         self._raised: list[BaseException] = []
         self._request = Request()
+        self._by_reference = ctypes.byref(self._request)
         self._keep = Arrays(self._request)
         self._share(supplied)
-        for name in ("x", "anchor", "ydd", "tau", "before", "safe"):
+        for name in ("x", "anchor", "ydd", "tau", "safe"):
             setattr(self._request, name, getattr(self, f"_{name}").ctypes.data)
 
     def __del__(self) -> None:
@@ -154,10 +183,14 @@ class Workspace:
         self._request.torque_tau = tau.ctypes.data
         self._callback = TorqueCallback()
         self._supplied = supplied
+        if self._held is not None:
+            self._request.held = tau.ctypes.data
 
     def _listen(self) -> None:
-        """A callback for the next batch, and where it leaves an exception."""
+        """The torque held, or a callback for the next batch, and where it leaves an exception."""
         self._raised = []
+        if self._held is not None:
+            self._shared[2][:] = self._held.value
         if self._supplied is not None:
             answers = _answers(self._supplied, self._shared, self._raised)
             next(answers)
@@ -171,8 +204,8 @@ class Workspace:
         now: Evaluation,
         outputs: Outputs,
         zone: float,
-        same_branch: bool = True,
-        bridge: CurveTable | None = None,
+        options: BridgeOptions | None = None,
+        trackers: Callable[[], Array] | None = None,
         every: int = 1,
         chart: tuple[Array, float] | None = None,
     ) -> Batch:
@@ -187,32 +220,54 @@ class Workspace:
         outputs : Outputs
             n // every rows.
         zone : float
-            Conditioning below which the kernel stops.
-        same_branch : bool
-            Whether it also stops where Newton may have left the branch.
-        bridge : CurveTable, optional
-            The one that `now` lies on, m = 1.
+            Conditioning below which the regular path ends.
+        options : BridgeOptions, optional
+            Of the bridges; without them the kernel stops where the regular path ends, and does not look
+            whether Newton left the branch.
+        trackers : callable () -> ndarray, optional
+            Where `now` is in a zone, and not the last state of this workspace's last batch.
         chart : (ndarray (nv,), float), optional
             1 / unit of each velocity, and the largest entry of J up to which the steps go on.
         """
         r = self._request
         times = np.ascontiguousarray(times, dtype=float)
-        r.steps, r.every, r.times = len(times) - 1, every, times.ctypes.data
-        r.zone, r.same_branch, r.power = zone, same_branch, now.power
+        r.steps, r.every, r.times = len(times) - 1, every, _address(times)
+        r.zone, r.power = zone, now.power
+        r.bridging = None if options is None else ctypes.pointer(self._options(options))
         sizes, r.limit = (None, 0.0) if chart is None else chart
-        r.sizes = None if sizes is None else sizes.ctypes.data
+        r.sizes = _address(sizes)
         self._x[:], self._ydd[:] = x, now.ydd
         self._tau[:] = 0.0 if now.tau is None else now.tau
-        self._pack(now.point, self._anchor)
-        r.table = None if bridge is None else ctypes.pointer(self._table(bridge).structure)
-        for name in ("q", "v", "a", "tau", "energy", "work"):
-            array = getattr(outputs, name)
-            setattr(r, f"{name}_out", None if array is None else array.ctypes.data)
+        if now.point is self._latest:
+            r.beginning = Beginning.GO_ON
+        else:
+            r.beginning = Beginning.REGULAR if trackers is None else Beginning.IN_ZONE
+            numbers = None if trackers is None else np.ascontiguousarray(trackers())
+            r.trackers = None if numbers is None else numbers.ctypes.data
+            self._pack(now.point, self._anchor)
+        r.q_out, r.v_out = _address(outputs.q), _address(outputs.v)
+        r.a_out, r.tau_out = _address(outputs.a), _address(outputs.tau)
+        r.energy_out, r.work_out = _address(outputs.energy), _address(outputs.work)
+        handed = None if self._handed is None else self._handed()
+        if handed is not None:
+            handed()  # while they are what they were
         self._listen()
-        self._library.run(self._handle, ctypes.byref(r))
+        self._library.run(self._handle, self._by_reference)
         if r.reason == Reason.TORQUE and not self._raised:
             self._raised.append(KeyboardInterrupt())  # raised between two lines of the generator
         return self._batch(outputs.first(int(r.completed) // every))
+
+    def look(self, t: float, now: Evaluation) -> Evaluation | None:
+        """The last batch's last state under the torque that is held now; None where that is not known."""
+        if now.point is not self._latest or self._held is None:
+            return None
+        r, time = self._request, np.array([t])
+        r.times = _address(time)
+        self._shared[2][:] = self._held.value
+        self._library.look(self._handle, self._by_reference)
+        if r.reason != Reason.DONE:
+            return None
+        return Evaluation(now.point, now.v, self._ydd.copy(), self._tau.copy(), float(r.power))
 
     def time_pinocchio(self, q: Array, v: Array, repeats: int) -> float:
         """Seconds per right-hand side of Pinocchio's own algorithms, best of five rounds."""
@@ -222,11 +277,16 @@ class Workspace:
     def _batch(self, outputs: Outputs) -> Batch:
         r = self._request
         point = self._point(self._anchor)
+        self._latest = point if r.reason in (Reason.DONE, Reason.CHART) else None
+        trackers = Trackers(self._trackers) if r.in_zone else None
+        self._handed = None if trackers is None else weakref.ref(trackers)
         tau = self._tau.copy() if self._acts else None
         v = point.G.dot(point.ydot)
         now = Evaluation(point, v, self._ydd.copy(), tau, float(r.power))
         safe = None
-        if r.safe_step >= 0:
+        if 0 <= r.safe_step == r.completed:
+            safe = int(r.safe_step), self._x.copy(), point
+        elif r.safe_step >= 0:
             safe = int(r.safe_step), self._safe[self._size :].copy(), self._point(self._safe)
         counts = {
             "rhs": int(r.rhs),
@@ -234,15 +294,19 @@ class Workspace:
             "constraint_evaluations": int(r.constraint_evaluations),
             "force_evaluations": int(r.force_evaluations),
             "zone_evaluations": int(r.zone_evaluations),
+            "marching_steps": int(r.marching_steps),
+            "svds": int(r.svds),
+            "bridges_built": int(r.bridges_built),
+            "second_order": int(r.second_order),
         }
         return Batch(
             int(r.completed),
             Reason(r.reason),
             self._x.copy(),
             now,
-            bool(r.on_bridge),
+            trackers,
             outputs,
-            (self._point(self._before), self._before[-self._m :].copy()) if r.completed > 0 else None,
+            self._crossings() if r.logged else [],
             safe,
             counts,
             self._raised[0] if self._raised else None,
@@ -279,22 +343,51 @@ class Workspace:
         )
         return point if self._groups is None else taken_apart(self._groups, point)
 
-    def _table(self, bridge: CurveTable) -> Arrays:
-        """The curve's series and the points where it is left, made once for each curve."""
-        if self._tables is not None and self._tables[0] is bridge:
-            return self._tables[1]
-        orders, width = bridge.coefficients.shape
-        arrays = Arrays(Table(orders=orders, width=width, surfaces=len(bridge.zeros)))
-        table = arrays.structure
-        table.origin, table.left, table.right = bridge.middle, -bridge.half, bridge.half
-        table.center, table.unit, table.middle, table.half, table.pace = 0.0, 1.0, 0.0, bridge.half, 1.0
-        inner = np.zeros((2, self._size))
-        for row, point in zip(inner, (bridge.before, bridge.after), strict=True):
-            self._pack(point, row)
-        arrays.reals(coefficients=bridge.coefficients, reference=bridge.reference)
-        arrays.reals(before=inner[0], after=inner[1], zeros=np.array(bridge.zeros) - bridge.middle)
-        self._tables = bridge, arrays
-        return arrays
+    def _options(self, options: BridgeOptions) -> ctypes.Structure:
+        if self._bridging is None or self._bridging[0] is not options:
+            numbers = Arrays(
+                Bridging(
+                    count=len(options.nodes),
+                    reach=options.reach(1),
+                    reach_of_several=options.reach(2),
+                    closure_tolerance=options.closure_tolerance,
+                    geometric_tolerance=options.geometric_tolerance,
+                    transversality=options.transversality,
+                )
+            )
+            numbers.reals(nodes=options.nodes)
+            self._bridging = options, numbers
+        return self._bridging[1].structure
+
+    def _trackers(self) -> Array:
+        """The state of the trackers after the last batch."""
+        count = ctypes.c_int64()
+        numbers = self._library.trackers(self._handle, ctypes.byref(count))
+        return np.ctypeslib.as_array(numbers, (count.value,)).copy()
+
+    def _crossings(self) -> list[Crossing]:
+        """What the last batch passed."""
+        r = self._request
+        shape = (int(r.logged), 7 + self._nq)
+        log = np.ctypeslib.as_array(ctypes.cast(r.log, ctypes.POINTER(ctypes.c_double)), shape).copy()
+        return [
+            Crossing(
+                float(row[1]),
+                row[7:][self._independent],
+                row[7:],
+                "near miss" if row[6] else "transversal",
+                float(row[4]),
+                float(row[5]),
+                int(row[2]),
+                int(row[3]),
+            )
+            for row in log
+        ]
+
+
+def _address(array: Array | None) -> int | None:
+    """Where an array's numbers are; the quick way, as it is asked for with every step."""
+    return None if array is None else int(array.__array_interface__["data"][0])
 
 
 def _answers(

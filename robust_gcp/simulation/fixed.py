@@ -126,7 +126,7 @@ class FixedRun(Run):
             if batch.safe is not None:
                 recovery.safe = Checkpoint(i + batch.safe[0], *batch.safe[1:])
             if batch.steps:
-                self._kernel_map().resume(batch.now.point, batch.on_bridge)
+                self._kernel_map().resume(batch.now.point, batch.trackers)
                 self._record.extend(i, batch.outputs, batch.x)
                 for j in range(batch.steps - 1, -1, -max(1, batch.steps // WATCHED)):
                     self._watch(batch.outputs.q[j], i + 1 + j)
@@ -134,14 +134,13 @@ class FixedRun(Run):
                 if self._progress is not None:
                     for j in range(i - batch.steps + 1, i + 1):
                         self._report(j)
+            self._record.cross(batch.crossings)
             if batch.failure is not None:
                 raise batch.failure
-            if batch.reason is Reason.PASSED and batch.before is not None:
-                self._cross(i, *batch.before, now)
             if batch.steps == 1:
                 self._look_within(i, before, now)
             suspicious = self._coordinates is not None and self._coordinates.suspicious(now.point)
-            if self._ended or suspicious or batch.reason not in (Reason.DONE, Reason.PASSED):
+            if self._ended or suspicious or batch.reason is not Reason.DONE:
                 break
         return i, now
 
@@ -205,7 +204,7 @@ class FixedRun(Run):
         for name, count in batch.counts.items():
             if name == "rhs":
                 self._motion.equations.calls += count
-            else:
+            elif count:
                 setattr(counters, name, getattr(counters, name) + count)
 
     def _stepped(self, i: int, now: Evaluation) -> Array:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from ..checks import check_between, check_choice, check_mechanism, check_positive, listed, shown
 from ..dynamics.driven import driving
 from ..dynamics.equations import Torque
+from ..dynamics.held import HeldTorque
 from ..dynamics.loads import Torques, Wrench, one_torque
 from ..dynamics.motion import Drive, Motion, checked_motions
 from ..dynamics.problem import set_out
@@ -33,7 +34,7 @@ from .fixed import FixedRun
 from .run import Run
 from .schedule import Schedule, last_output, planned
 from .stability import StabilityCheck
-from .stepped import HeldRun, HeldTorque
+from .stepped import HeldRun
 from .steppers import check_stepper, rk4_step
 from .tableau import Tableau
 from .trajectory import Trajectory

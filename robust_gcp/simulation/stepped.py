@@ -7,9 +7,9 @@ from bisect import bisect_right
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from ..dynamics.equations import CheckedTorque, Evaluation, Torque, TorqueFunction, torque_function
+from ..dynamics.equations import Evaluation
+from ..dynamics.held import HeldTorque
 from ..maps.explicit import Crossing
 from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism
@@ -20,39 +20,6 @@ from .schedule import Schedule
 
 FIXED = ("_choice", "_torque", "_held", "_take", "_native", "_progress", "_counters", "_on_toggle", "_named")
 """What of a run no step changes, or what counts on."""
-
-
-class HeldTorque(TorqueFunction):
-    """A torque that stays what it was set to.
-
-    Attributes
-    ----------
-    value : ndarray (nv,)
-    asked : callable (t, q, v) or None
-        Where the next one comes from.
-    """
-
-    def __init__(self, value: Array) -> None:
-        super().__init__(lambda t, q, v: self.value, len(value))
-        self.value = value
-        self.asked: CheckedTorque | None = None
-
-    @classmethod
-    def of(cls, mechanism: Mechanism, torque: Torque | ArrayLike | None) -> HeldTorque | None:
-        """What a function of the user's says once a step; None where there is none."""
-        if not callable(torque):
-            return None
-        held = cls(mechanism.tree.zero)
-        held.asked = torque_function(mechanism, torque)
-        return held
-
-    def __call__(self, t: float, q: Array, v: Array) -> Array:
-        """The torque held, whatever the state."""
-        return self.value
-
-    def __deepcopy__(self, memo: object) -> HeldTorque:
-        """Itself: what is held is set anew with each step."""
-        return self
 
 
 class SteppedRun(FixedRun):
@@ -97,7 +64,14 @@ class SteppedRun(FixedRun):
         self._changes.append(i)
         self._torques.append(torque)
         self._held.value = torque
-        self._last = self._motion.equations.at_point(float(self.times[i]), self.last.point)
+        t = float(self.times[i])
+        known = None if self._native is None else self._native.look(t, self.last)
+        if known is None:
+            self._last = self._motion.equations.at_point(t, self.last.point)
+        else:
+            self._last = known
+            self._motion.equations.calls += 1
+            self._counters.force_evaluations += 1
         self._record.add(i, self._last, self._x)
 
     def _torque_from(self, i: int) -> Array:

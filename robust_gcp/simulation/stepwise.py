@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from ..checks import check_choice, check_finite, check_mechanism, check_positive, shown
 from ..dynamics.driven import driving
+from ..dynamics.held import HeldTorque
 from ..dynamics.motion import Drive, Motion, checked_motions
 from ..dynamics.problem import set_out
 from ..errors import ClosureError, OptionError, SimulationError
@@ -26,7 +27,7 @@ from .coordinates import set_out_well
 from .schedule import Schedule
 from .simulate import check_drive_goes_with, checked_record
 from .stability import StabilityCheck
-from .stepped import HeldTorque, SteppedRun
+from .stepped import SteppedRun
 from .steppers import rk4_step
 from .trajectory import ARRAYS, Trajectory
 

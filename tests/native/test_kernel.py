@@ -134,10 +134,23 @@ def test_through_every_crossing(name: str) -> None:
     """5 s through certified bridges: the same outputs, and the same crossings at the same times."""
     make, q0, crossings = CROSSINGS[name]
     python, native = both(make(), q0=q0, duration=5.0, record=("a",))
-    require_same(python, native)
+    # as the rounding of what each builds for itself grows in the inverted phase of this one
+    grown = magnified(make()) if name == "three rhombi" else 1.0
+    require_same(python, native, SAME * grown)
     assert len(native.crossings) == crossings
     assert native.stats.bridges_built == python.stats.bridges_built
     assert native.stats.zone_evaluations == python.stats.zone_evaluations
+
+
+def magnified(mechanism: rg.Mechanism, change: float = 1e-6) -> float:
+    """What 5 s of the motion from home make of a change of the start, in the same units."""
+    there = mechanism.home.copy()
+    there[mechanism.iq_independent] += change
+    runs = [
+        rg.simulate(mechanism, q0=q0, duration=5.0, backend="native")
+        for q0 in (mechanism.home, mechanism.assemble(there, hold=mechanism.independent))
+    ]
+    return float(np.abs(runs[1].v - runs[0].v).max() / change)
 
 
 def random_mechanism(seed: int) -> rg.Mechanism | None:
@@ -195,7 +208,7 @@ def random_mechanisms(count: int) -> list[rg.Mechanism]:
     while len(found) < count:
         mechanism = random_mechanism(seed)
         seed += 1
-        if mechanism is None or mechanism.m == 0:
+        if mechanism is None or mechanism.m == 0 or mechanism.chart_joints:  # these stay in Python
             continue
         path = RegularPath(mechanism, mechanism.select_rows(mechanism.K(mechanism.home)))
         if path.worst_conditioning(mechanism.home) > 0.2:
@@ -253,7 +266,7 @@ def test_determinants_and_conditioning(mechanisms: dict[str, rg.Mechanism], name
 
 
 def test_the_zone_hands_back_at_the_last_accepted_step() -> None:
-    """The kernel stops before the first evaluation below the threshold, and says so."""
+    """Without bridges the kernel stops before the first evaluation below the threshold, and says so."""
     mechanism = rg.load("rhombus")
     native = rg.simulate(mechanism, q0=[0.2, -0.2, 0.2], duration=0.2, backend="native")
     options = BridgeOptions()

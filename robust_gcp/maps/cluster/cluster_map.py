@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
 import numpy as np
@@ -21,11 +21,11 @@ from .jet import Jet, LostError, jet
 from .obstacles import Obstacle, ObstacleError
 from .options import BridgeOptions
 from .passages import passages
+from .plain import read, written
 from .product import chart_coordinates, product
 from .reference import in_charts, is_far, reference
 from .refusal import refusal
 from .space import space_of
-from .table import CurveTable, tabulated
 from .tracker import Tracker
 
 ONE_TURN = 2.0 * np.pi
@@ -72,7 +72,7 @@ class ClusterMap(Charted):
         self._trackers: list[Tracker] | None = None
         self._in_zone = False
         self.anchor = self._own = start
-        self._table: tuple[Curve, RegularPath, CurveTable | None] | None = None
+        self._arriving: Callable[[], Array] | None = None
         if trackers:
             self._enter(start, trackers)
 
@@ -121,11 +121,11 @@ class ClusterMap(Charted):
     @property
     def met(self) -> bool:
         """Whether a bridge was met so far."""
-        return any(tracker.touched for tracker in self._trackers or [])
+        return any(tracker.touched for tracker in self._known_trackers())
 
     def passed(self, before: Point, after: Point, stretch: Stretch) -> list[Passage]:
         """All singular places between two accepted points."""
-        return passages(self._trackers or [], before, after, stretch, self.mechanism)
+        return passages(self._known_trackers(), before, after, stretch, self.mechanism)
 
     # --------------------------------------------------------------------- regular ground
 
@@ -202,19 +202,16 @@ class ClusterMap(Charted):
                     self.anchor.y,
                 )
             self._enter(self.anchor, {})
-        assert self._trackers is not None
-        known = self._from_table(y, ydot)
-        if known is not None:
-            return known
-        jets = [self._tracked(c, t, y) for c, t in zip(self.clusters, self._trackers, strict=True)]
+        trackers = self._known_trackers()
+        jets = [self._tracked(c, t, y) for c, t in zip(self.clusters, trackers, strict=True)]
         q, G, g = product(self.mechanism, jets, y, ydot)
-        if all(tracker.current is None for tracker in self._trackers):
+        if all(tracker.current is None for tracker in trackers):
             regular = self._ground.settled(q, y, ydot, self.anchor.origin)
             if regular is not None:
                 self._in_zone = False
                 return regular
         self.counters.zone_evaluations += 1
-        obstructed = any(self._obstacle(t) is not None for t in self._trackers)
+        obstructed = any(self._obstacle(t) is not None for t in trackers)
         conditioning = self.path.worst_conditioning(q) if obstructed else 0.0
         blocks = np.zeros(len(self.path.blocks))
         curvature = product(self.mechanism, jets, y, np.ones(1))[2] if len(y) == 1 else None
@@ -278,7 +275,7 @@ class ClusterMap(Charted):
 
     def refusal(self) -> SimulationError:
         """The error to stop with where the present place cannot be passed."""
-        for cluster, tracker in zip(self.clusters, self._trackers or [], strict=False):
+        for cluster, tracker in zip(self.clusters, self._known_trackers(), strict=False):
             obstacle = self._obstacle(tracker)
             if obstacle is not None:
                 return refusal(self.mechanism, cluster, obstacle, self.anchor)
@@ -287,51 +284,21 @@ class ClusterMap(Charted):
 
     # --------------------------------------------------------------------- for the compiled kernel
 
-    @property
-    def for_kernel(self) -> bool:
-        """Whether the kernel can go on from the anchor: on regular ground, or on a curve with a table."""
-        return not self._in_zone or self.table() is not None
+    def written(self) -> Array:
+        """The trackers as plain numbers."""
+        return written(self._known_trackers())
 
-    def table(self) -> CurveTable | None:
-        """The curve in use as a table, where the whole mechanism is one cluster of mobility 1."""
-        curve = self._curve()
-        if curve is None:
-            return None
-        if self._table is None or self._table[0] is not curve or self._table[1] is not self.path:
-            self._table = curve, self.path, tabulated(curve, self.path, self.options.zone)
-        return self._table[2]
-
-    def _from_table(self, y: Array, ydot: Array) -> Point | None:
-        """The point on the curve in use, where that is all there is: by the arithmetic of the kernel."""
-        table = self.table()
-        if table is None or self._trackers is None:
-            return None
-        point = table.point(float(y[0]), float(ydot[0]), int(self.mechanism.iv_independent[0]))
-        if point is not None:
-            self.counters.zone_evaluations += 1
-            tracker = self._trackers[0]
-            assert tracker.current is not None
-            if tracker.current not in tracker.touched:
-                tracker.touched.append(tracker.current)
-        return point
-
-    def resume(self, anchor: Point, on_bridge: bool) -> None:
-        """Go on from a point that the kernel reached, still on the curve in use or beside it."""
-        curve = self._curve()
+    def resume(self, anchor: Point, trackers: Callable[[], Array] | None) -> None:
+        """Go on from a point that was reached elsewhere; in a zone, with these trackers as plain numbers."""
         self.anchor = self._own = anchor
-        self._in_zone = on_bridge
-        if curve is None or self._trackers is None:
-            return
-        tracker = self._trackers[0]
-        if curve not in tracker.touched:
-            tracker.touched.append(curve)
-        if on_bridge:
-            tracker.u = curve.u(tracker.space.x(anchor.q[self.clusters[0].iq]))
-        else:
-            tracker.current = None
+        self._in_zone, self._arriving = trackers is not None, trackers
+        for tracker in self._trackers or []:
+            tracker.current, tracker.touched = None, []
 
-    def _curve(self) -> Curve | None:
-        if not self._in_zone or self._trackers is None or len(self._trackers) != 1 or self.mechanism.m != 1:
-            return None
-        current = self._trackers[0].current
-        return current if isinstance(current, Curve) and self._trackers[0].space.flat else None
+    def _known_trackers(self) -> list[Tracker]:
+        """Of all clusters, once a zone was met; those from elsewhere are read when they are needed."""
+        if self._arriving is not None:
+            spaces = [space_of(self.mechanism, c, self.anchor.q[c.iq]) for c in self.clusters]
+            self._trackers = read(self._arriving(), spaces, self.options, self.counters)
+            self._arriving = None
+        return self._trackers or []

@@ -7,6 +7,7 @@ K is regular, and one Hermite polynomial runs through them.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from copy import copy
 
 import numpy as np
@@ -72,6 +73,8 @@ class Curve:
         When no attempt earns a certificate.
     """
 
+    C: Array
+    reference: Array
     roots: list[float]
     corank: list[int]
     kind: CrossingKind
@@ -103,6 +106,22 @@ class Curve:
             raise min(failures, key=lambda failure: failure.residual)
         self.__dict__.update(best)
         self._series = self.through.series(self.left, self.right)
+
+    @classmethod
+    def known(
+        cls,
+        space: ClusterSpace,
+        options: BridgeOptions,
+        C: Array,
+        reference: Array,
+        attributes: Mapping[str, object],
+    ) -> Curve:
+        """A curve that was built elsewhere, from its attributes."""
+        curve = cls.__new__(cls)
+        curve.space, curve.options, curve.reference = space, options, reference
+        vars(curve).update(attributes, C=C)
+        curve._series = curve.through.series(curve.left, curve.right)
+        return curve
 
     # ----------------------------------------------------------------- use
 

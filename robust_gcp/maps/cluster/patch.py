@@ -6,6 +6,7 @@ open bridges of their own: surfaces that overlap become nested lines.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
@@ -16,6 +17,7 @@ from .jet import Jet, LostError, null_pairing, pencil_roots, solve
 from .jet import jet as jet_at
 from .newton_form import NewtonForm
 from .options import BridgeOptions, NoBridgeError
+from .space import ClusterSpace
 
 SHRINKS = (1.0, 0.7, 0.5, 0.35)
 FAR_SIDE = (0.1, 0.02)
@@ -77,6 +79,22 @@ class Patch(Generic[F]):
             except (LostError, np.linalg.LinAlgError) as lost:
                 failures.append(NoBridgeError(str(lost)))
         raise min(failures, key=lambda failure: failure.residual)
+
+    @classmethod
+    def known(
+        cls,
+        space: ClusterSpace,
+        options: BridgeOptions,
+        C: Array,
+        d: Array,
+        origin: Array,
+        attributes: Mapping[str, object],
+    ) -> Patch[F]:
+        """A line that was built elsewhere, from its attributes."""
+        patch = cls.__new__(cls)
+        patch.space, patch.options, patch.C, patch.d, patch.origin = space, options, C, d, origin
+        vars(patch).update(attributes)
+        return patch
 
     # ----------------------------------------------------------------- use
 

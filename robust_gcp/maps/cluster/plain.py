@@ -1,0 +1,156 @@
+"""The state of trackers as plain numbers: what passes between this path and the compiled kernel.
+
+An array is its rows, its columns, and its numbers column by column; a tracker's parts come in the order
+of `Writer.tracker`, which native/passing.h mirrors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...mechanism.tree import Array
+from ..point import Counters
+from .curve import Curve
+from .hermite_curve import HermiteCurve
+from .jet import Jet, jet
+from .options import BridgeOptions
+from .patch import Patch
+from .space import ClusterSpace
+from .tracker import Tracker
+
+
+def written(trackers: Sequence[Tracker]) -> Array:
+    """All that these trackers need to go on; what obstacles they know of is left out."""
+    writer = Writer()
+    for tracker in trackers:
+        writer.tracker(tracker)
+    return np.array(writer.numbers)
+
+
+def read(
+    numbers: Array, spaces: Sequence[ClusterSpace], options: BridgeOptions, counters: Counters
+) -> list[Tracker]:
+    """The trackers that were written, one for each of these spaces."""
+    reader = Reader(numbers, options, counters)
+    return [reader.tracker(space) for space in spaces]
+
+
+class Writer:
+    """Appends to a list of numbers."""
+
+    def __init__(self) -> None:
+        self.numbers: list[float] = []
+
+    def array(self, values: Array) -> None:
+        """An array with one or two axes."""
+        table = np.atleast_2d(values.T).T
+        self.numbers += [*table.shape, *table.ravel(order="F").tolist()]
+
+    def tracker(self, tracker: Tracker) -> None:
+        """A tracker with the bridges that it knows and uses."""
+        curves, used = list(tracker.bridges), -1
+        if isinstance(tracker.current, Curve):
+            if tracker.current not in curves:
+                curves.append(tracker.current)
+            used = curves.index(tracker.current)
+        self.numbers += [tracker.u, tracker.zone]
+        self._jet(tracker.anchor)
+        self.numbers += [len(curves), used]
+        for curve in curves:
+            self._curve(curve)
+        patch = tracker.current if isinstance(tracker.current, Patch) else None
+        self.numbers.append(patch is not None)
+        if patch is not None:
+            self._patch(patch)
+
+    def _jet(self, point: Jet) -> None:
+        m = point.space.m
+        bend = point.bend.reshape(m * m, point.space.nv).T
+        for values in (point.x, point.C, point.J, bend, point.P):
+            self.array(values)
+        self.numbers += [point.sigma, point.solved]
+
+    def _curve(self, curve: Curve) -> None:
+        for values in (curve.C, curve.reference, curve.shift, curve.through.us):
+            self.array(values)
+        for node in curve.through.nodes:
+            self._jet(node)
+        self.numbers += [curve.left, curve.right]
+        self.array(np.array(curve.roots))
+        self.array(np.array(curve.corank))
+        self.numbers += [curve.closure, curve.transversality, curve.error, curve.kind == "near miss"]
+
+    def _patch(self, patch: Patch[Tracker]) -> None:
+        for values in (patch.d, patch.C, patch.origin):
+            self.array(values)
+        self.numbers += [patch.left, patch.right, patch.closure, patch.transversality]
+        self.numbers.append(patch.kind == "near miss")
+        self.array(patch.ss)
+        for tracker in patch.trackers:
+            self.tracker(tracker)
+
+
+class Reader:
+    """Takes what `Writer` wrote, from the first number on."""
+
+    def __init__(self, numbers: Array, options: BridgeOptions, counters: Counters) -> None:
+        self._numbers, self._at = numbers, 0
+        self._options, self._counters = options, counters
+
+    def number(self) -> float:
+        """The next number."""
+        self._at += 1
+        return float(self._numbers[self._at - 1])
+
+    def array(self) -> Array:
+        """The next array, (rows, columns)."""
+        rows, columns = int(self.number()), int(self.number())
+        begun, self._at = self._at, self._at + rows * columns
+        return self._numbers[begun : self._at].reshape((rows, columns), order="F").copy()
+
+    def tracker(self, space: ClusterSpace) -> Tracker:
+        """The next tracker."""
+        u, zone = self.number(), self.number()
+        tracker = Tracker(self._jet(space), self._options, zone, self._counters)
+        count, used = int(self.number()), int(self.number())
+        tracker.u, tracker.bridges = u, [self._curve(space) for _ in range(count)]
+        if used >= 0:
+            tracker.current = tracker.bridges[used]
+        if self.number():
+            tracker.current = self._patch(space)
+        tracker.touched = [] if tracker.current is None else [tracker.current]
+        return tracker
+
+    def _jet(self, space: ClusterSpace) -> Jet:
+        x, C, J, bend, P = (self.array() for _ in range(5))
+        sigma, m = self.number(), C.shape[1]
+        if self.number():
+            return jet(space, x[:, 0], C)
+        return Jet(space, x[:, 0], C, J, bend.T.reshape(m, m, -1), P, sigma)
+
+    def _curve(self, space: ClusterSpace) -> Curve:
+        C, reference, shift, us = (self.array() for _ in range(4))
+        through = HermiteCurve(us[:, 0].tolist(), [self._jet(space) for _ in us])
+        left, right = self.number(), self.number()
+        roots, corank = self.array(), self.array()
+        closure, transversality, error, near_miss = (self.number() for _ in range(4))
+        known = {
+            "shift": shift[:, 0], "through": through, "left": left, "right": right,
+            "roots": roots[:, 0].tolist(), "corank": [int(r) for r in corank[:, 0]], "closure": closure,
+            "transversality": transversality, "error": error,
+            "kind": "near miss" if near_miss else "transversal",
+        }  # fmt: skip
+        return Curve.known(space, self._options, C, reference[:, 0], known)
+
+    def _patch(self, space: ClusterSpace) -> Patch[Tracker]:
+        d, C, origin = (self.array() for _ in range(3))
+        left, right, closure, transversality, near_miss = (self.number() for _ in range(5))
+        ss = self.array()[:, 0]
+        known = {
+            "left": left, "right": right, "closure": closure, "transversality": transversality,
+            "kind": "near miss" if near_miss else "transversal", "ss": ss,
+            "trackers": [self.tracker(space) for _ in ss],
+        }  # fmt: skip
+        return Patch.known(space, self._options, C, d[:, 0], origin[:, 0], known)

@@ -1,0 +1,55 @@
+// q = γ(y), G and g as the product of the clusters' own maps; see maps/cluster/cluster_map.py.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "abi.h"
+#include "path.h"
+
+namespace rg {
+
+// A step between two accepted outputs, with ÿ at its ends.
+struct Step {
+    double t0, t1;
+    Point *before, *after;
+    const double *ydd0, *ydd1;
+};
+
+class Clusters {
+  public:
+    Clusters(const Description& d, Path& path);
+    ~Clusters();
+
+    // Whether the kernel follows the clusters at all.
+    bool some() const { return some_; }
+    bool in_zone() const { return in_zone_; }
+    // Whether a bridge was met since the last step that was looked through.
+    bool met() const;
+    std::int64_t zone_evaluations = 0;
+
+    void use(const Bridging& options);
+    // On regular ground from now on.
+    void leave() { in_zone_ = false; }
+    // The point at y, where the regular path was not good enough from the anchor; false where Python has to say
+    // what to do.
+    bool at(Point& anchor, const double* y, const double* ydot, Point& point, double zone);
+    // Appends what a step passed, in the order of time: time, cluster, corank, closure, transversality, whether
+    // it is a near miss, q.
+    void passed(const Step& step, std::vector<double>& log);
+    // The state of all trackers as plain numbers, and back; with what was counted since.
+    std::vector<double> written() const;
+    void read(const double* numbers);
+    void count(Request& r) const;
+    void count_anew();
+
+  private:
+    struct Inside;
+
+    bool some_, in_zone_ = false;
+    Path& path_;
+    std::unique_ptr<Inside> inside_;
+};
+
+}  // namespace rg

@@ -1,0 +1,222 @@
+// Builds a curve from a solved point beside singular places, and certifies it; see maps/cluster/curve.py.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "curve.h"
+
+namespace rg {
+
+class CurveBuilder {
+  public:
+    CurveBuilder(JetPtr anchor, const BridgeOptions& options, double zone)
+        : space_(*anchor->space), options_(options), zone_(zone) {
+        // as in Python: numbers that do not carry the anchor's rounding
+        shape_.space = &space_;
+        shape_.C = std::make_shared<Matrix>(rounded(anchor->tangent(), COARSE));
+        shape_.reference = rounded(Matrix(anchor->x), COARSE);
+        anchor_ = recharted(anchor, shape_.C);
+    }
+
+    // The best certified curve of several widths.
+    CurvePtr build() {
+        constexpr double SHRINKS[] = {1.0, 0.7, 0.5, 0.35, 0.25, 0.17, 0.12, 0.08}, GOOD = 1e-9;
+        bool found = false;
+        CurveShape best;
+        for (const double shrink : SHRINKS) {
+            try {
+                attempt(zone_ * shrink);
+            } catch (const NoBridge&) {
+                continue;
+            } catch (const Lost&) {
+                continue;
+            }
+            if (!found || shape_.error < best.error) best = shape_;
+            found = true;
+            if (shape_.error <= GOOD && !shape_.near_miss) break;
+        }
+        if (!found) throw NoBridge{};
+        best.series = Series(best.through, best.left, best.right);
+        return std::make_shared<Curve>(std::make_shared<CurveShape>(std::move(best)), Vector::Zero(space_.nv));
+    }
+
+  private:
+    static constexpr double COARSE = 0.015625, FINE = 0.000244140625;
+
+    static double rounded(double x, double grid) { return grid * std::nearbyint(x / grid); }
+    static Matrix rounded(const Matrix& numbers, double grid) {
+        return numbers.unaryExpr([grid](double x) { return rounded(x, grid); });
+    }
+
+    double u(const Vector& x) const { return shape_.C->col(0).dot(x - shape_.reference); }
+
+    void attempt(double half_width) {
+        const double start = u(anchor_->x);
+        auto [low, high] = ahead(half_width);
+        low += start, high += start;
+        for (int i = 0; i < 5; ++i) {
+            const double center = 0.5 * (low + high), w = half_width + 0.5 * (high - low);
+            place_nodes(center, w);
+            find_places(center, w);
+            const double first = shape_.roots.front(), last = shape_.roots.back();
+            if (std::fabs(first - low) <= 0.2 * half_width && std::fabs(last - high) <= 0.2 * half_width)
+                return certify();
+            low = first, high = last;
+        }
+        throw NoBridge{};
+    }
+
+    // First-order range of the singular places that share a bridge, on the nearer side of the anchor.
+    std::pair<double, double> ahead(double half_width) const {
+        Roots mu;
+        for (const auto& root : anchor_->roots(Vector::Ones(1)))
+            if (std::abs(root) < 3.0 * zone_) mu.push_back(root);
+        if (mu.empty()) throw NoBridge{};
+        const double nearest = nearest_of(mu).real();
+        double low = FAR, high = -FAR;
+        for (const auto& root : mu)
+            if (std::abs(root) < std::fabs(nearest) + 2.0 * half_width && root.real() * nearest > 0.0)
+                low = std::min(low, root.real()), high = std::max(high, root.real());
+        if (low > high) throw NoBridge{};
+        return {low, high};
+    }
+
+    // Near nodes by continuation, far nodes by extrapolation of all so far, then Newton.
+    void place_nodes(double center, double w) {
+        const double side = center > u(anchor_->x) ? -1.0 : 1.0;
+        center = rounded(center, FINE), w = rounded(w, FINE);
+        std::vector<double> us;
+        std::vector<JetPtr> nodes;
+        JetPtr here = anchor_;
+        for (const double factor : options_.nodes) {
+            us.push_back(center + side * factor * w);
+            here = march(here, us.back());
+            nodes.push_back(here);
+        }
+        std::shared_ptr<const Matrix> P = nodes[0]->P;
+        for (std::size_t k = 0; k < options_.nodes.size(); ++k) {
+            const double to = center - side * options_.nodes[k] * w;
+            Vector guess, slope, bend;
+            Hermite(us, nodes).evaluate(to, guess, slope, bend);
+            const auto [node, first] = solve_at(guess, to, *P);
+            if (first > FAR_SIDE[std::min<std::size_t>(k, 1)] * w) throw NoBridge{};
+            P = node->P;
+            us.push_back(to);
+            nodes.push_back(node);
+        }
+        shape_.through = Hermite(us, nodes);
+        shape_.left = center - w, shape_.right = center + w;
+    }
+
+    // Along the curve by short steps that stay on the mode.
+    JetPtr march(JetPtr here, double to) const {
+        for (int i = 0; i < 60; ++i) {
+            const double at = u(here->x), limit = REACH * std::min(here->delta(), 1.0);
+            const bool last = std::fabs(to - at) <= limit;
+            const double next = last ? to : at + std::min(std::max(to - at, -limit), limit);
+            const auto [found, first] = solve_at(here->predicted(Vector::Constant(1, next - at)), next, *here->P);
+            here = found;
+            if (first > 0.25 * std::fabs(next - at) + 1e-14 / std::max(here->sigma, 1e-12)) throw NoBridge{};
+            if (last) return here;
+        }
+        throw NoBridge{};
+    }
+
+    std::pair<JetPtr, double> solve_at(const Vector& guess, double at, const Matrix& P) const {
+        const Vector y = shape_.C->transpose() * shape_.reference + Vector::Constant(1, at);
+        return solved(space_, guess, shape_.C, y, P);
+    }
+
+    // Places to first order from the curve at u, real ones.
+    std::vector<double> places(double at, double w) const {
+        Vector x, slope, bend;
+        shape_.through.evaluate(at, x, slope, bend);
+        std::vector<double> found;
+        for (const auto& mu : pencil_roots(space_, *shape_.through.nodes[0]->P, x, slope, *shape_.C, w))
+            if (std::fabs(mu.imag()) <= 0.5 * std::abs(mu) + 1e-6) found.push_back(mu.real());
+        return found;
+    }
+
+    // u of all singular places between the inner nodes, to rounding.
+    void find_places(double center, double w) {
+        const Hermite& through = shape_.through;
+        std::vector<double> found;
+        for (const double start : places(center, w)) {
+            double at = center + start;
+            for (int i = 0; i < 10; ++i) {
+                if (!(through.us.front() <= at && at <= through.us.back())) break;
+                const std::vector<double> mu = places(at, w);
+                if (mu.empty()) break;
+                const double step = *std::min_element(
+                    mu.begin(), mu.end(), [](double a, double b) { return std::fabs(a) < std::fabs(b); });
+                at += step;
+                if (std::fabs(step) >= 1e-9) continue;
+                const bool known = std::any_of(found.begin(), found.end(),
+                                               [at](double one) { return std::fabs(at - one) < 1e-9; });
+                if (shape_.left < at && at < shape_.right && !known) found.push_back(at);
+                break;
+            }
+        }
+        if (found.empty()) throw NoBridge{};
+        std::sort(found.begin(), found.end());
+        shape_.roots = found;
+    }
+
+    void certify() {
+        Vector x, slope, bend;
+        shape_.closure = 0.0;
+        for (int i = 1; i < 14; ++i) {
+            shape_.through.evaluate(shape_.left + i * (shape_.right - shape_.left) / 14.0, x, slope, bend);
+            shape_.closure = std::max(shape_.closure, space_.residual(x));
+        }
+        const double allowed = options_.closure_tolerance + space_.noise(shape_.reference);
+        if (shape_.closure > std::max(allowed, options_.geometric_tolerance)) throw NoBridge{};
+        shape_.corank.clear();
+        shape_.transversality = FAR;
+        int singular = 0;
+        for (const double root : shape_.roots) {
+            shape_.through.evaluate(root, x, slope, bend);
+            const auto [r, parted] = null_pairing(space_, *shape_.through.nodes[0]->P, x, slope, *shape_.C);
+            shape_.corank.push_back(r);
+            shape_.transversality = std::min(shape_.transversality, parted);
+            singular += r;
+        }
+        if (shape_.transversality < options_.transversality) throw NoBridge{};
+        shape_.near_miss = !(shape_.closure <= allowed && singular > 0);
+        shape_.error = std::max(held_out(), shape_.closure);
+    }
+
+    // Error of Γ over the bridge, from solved points that the polynomial does not know.
+    double held_out() const {
+        const Hermite& through = shape_.through;
+        const auto& us = through.us;
+        const std::size_t n = us.size();
+        const double center = 0.5 * (shape_.left + shape_.right);
+        double worst = 0.0;
+        const std::size_t pairs[2][2] = {{n / 2 - 1, n / 2 - 2}, {n / 2, n / 2 + 1}};
+        for (const auto& [inner, outer] : pairs) {
+            const double at = 0.5 * (us[inner] + us[outer]);
+            Vector x, slope, bend;
+            through.evaluate(at, x, slope, bend);
+            const JetPtr known = solve_at(x, at, *through.nodes[inner]->P).first;
+            const double off = (known->bend.col(0) - bend).cwiseAbs().maxCoeff() /
+                               (1.0 + known->bend.col(0).cwiseAbs().maxCoeff());
+            double growth = 1.0;
+            for (const double node : us) growth *= std::fabs((node - center) / (node - at));
+            worst = std::max(worst, off * std::min(growth * growth, 1e3));
+        }
+        return worst;
+    }
+
+    Space& space_;
+    const BridgeOptions& options_;
+    double zone_;
+    JetPtr anchor_;
+    CurveShape shape_;
+};
+
+}  // namespace rg

@@ -1,0 +1,144 @@
+// Where in a step the motion passed singular places; see maps/cluster/passages.py.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "clusters.h"
+#include "patch.h"
+
+namespace rg {
+
+struct Passage {
+    double time;
+    int cluster, corank;
+    double closure, transversality;
+    bool near_miss;
+    Vector x;
+};
+
+// One entry of y on a step: the quintic through (y, ẏ, ÿ) at both ends.
+class Quintic {
+  public:
+    Quintic(const Step& step, int i) : t0_(step.t0), h_(step.t1 - step.t0) {
+        const double p0 = step.before->y()[i], v0 = h_ * step.before->ydot()[i], a0 = h_ * h_ * step.ydd0[i];
+        const double p1 = step.after->y()[i], v1 = h_ * step.after->ydot()[i], a1 = h_ * h_ * step.ydd1[i];
+        const double jump = p1 - p0 - v0 - 0.5 * a0, turn = v1 - v0 - a0, bend = a1 - a0;
+        c_[0] = p0, c_[1] = v0, c_[2] = 0.5 * a0;
+        c_[3] = 10.0 * jump - 4.0 * turn + 0.5 * bend;
+        c_[4] = -15.0 * jump + 7.0 * turn - bend;
+        c_[5] = 6.0 * jump - 3.0 * turn + 0.5 * bend;
+    }
+
+    double at(double t) const {
+        const double u = (t - t0_) / h_;
+        return c_[0] + u * (c_[1] + u * (c_[2] + u * (c_[3] + u * (c_[4] + u * c_[5]))));
+    }
+
+    double rate(double t) const {
+        const double u = (t - t0_) / h_;
+        return (c_[1] + u * (2.0 * c_[2] + u * (3.0 * c_[3] + u * (4.0 * c_[4] + u * 5.0 * c_[5])))) / h_;
+    }
+
+    // When it is a value on the step; the nearer end where it stays on one side of it.
+    double when(double value) const {
+        double low = t0_, high = t0_ + h_, f_low = at(low) - value;
+        const double f_high = at(high) - value;
+        if (!(f_low * f_high < 0.0)) return std::fabs(f_high) <= std::fabs(f_low) ? high : low;
+        double t = low + (high - low) * f_low / (f_low - f_high);
+        for (int i = 0; i < 100; ++i) {
+            const double f = at(t) - value;
+            if (f == 0.0) break;
+            (f * f_low > 0.0 ? low : high) = t;
+            double next = t - f / rate(t);
+            if (!(next > low && next < high)) next = 0.5 * (low + high);
+            const double moved = std::fabs(next - t);
+            t = next;
+            if (moved <= 2.0 * std::numeric_limits<double>::epsilon() * std::fabs(t) || next == low || next == high)
+                break;
+        }
+        return t;
+    }
+
+  private:
+    double t0_, h_, c_[6];
+};
+
+inline void on_curve(const Curve& curve, int cluster, const Step& step, std::vector<Passage>& found) {
+    const CurveShape& shape = curve.shape();
+    const Space& space = *shape.space;
+    const double u0 = curve.u(space.x(step.before->q())), u1 = curve.u(space.x(step.after->q()));
+    for (std::size_t i = 0; i < shape.roots.size(); ++i) {
+        const double root = shape.roots[i];
+        if (!((u0 - root) * (u1 - root) < 0.0 || (u0 != root && root == u1))) continue;
+        Vector x, slope, bend;
+        curve.point(root, x, slope, bend);
+        const double wanted = space.D[space.chosen[0]] * x[space.chosen[0]];
+        found.push_back({Quintic(step, space.inputs[0]).when(wanted), cluster, shape.corank[i], shape.closure,
+                         shape.transversality, shape.near_miss, x});
+    }
+}
+
+// With several coordinates: Newton in time on the pencil along the velocity.
+inline void on_patch(Tracker& tracker, int cluster, const Step& step, std::vector<Passage>& found) {
+    Space& space = *tracker.anchor->space;
+    const std::shared_ptr<Patch> bridge = tracker.touched_patch;
+    const JetPtr anchor = tracker.anchor;
+    const CurvePtr curve = tracker.curve;
+    const std::shared_ptr<Patch> patch = tracker.patch;
+    const double u = tracker.u, h = step.t1 - step.t0;
+    std::vector<Quintic> motion;
+    for (const int input : space.inputs) motion.emplace_back(step, input);
+    JetPtr point;
+    // times until K is singular along the motion, to first order
+    const auto roots = [&](double t) {
+        Vector y(space.m), rate(space.m);
+        for (int i = 0; i < space.m; ++i) {
+            const double unit = space.D[space.chosen[i]];
+            y[i] = motion[static_cast<std::size_t>(i)].at(t) / unit;
+            rate[i] = motion[static_cast<std::size_t>(i)].rate(t) / unit;
+        }
+        point = tracker.at(y);
+        std::vector<double> real;
+        for (const auto& mu : pencil_roots(space, *point->P, point->x, point->J * rate, *point->C, tracker.zone))
+            if (std::fabs(mu.imag()) <= 0.5 * std::abs(mu) + 1e-9 * h) real.push_back(mu.real());
+        return real;
+    };
+    const std::size_t first = found.size();
+    try {
+        std::vector<double> starts;
+        for (const double end : {step.t0, step.t1})
+            for (const double mu : roots(end)) starts.push_back(end + mu);
+        for (const double start : starts) {
+            if (!(step.t0 - 0.5 * h <= start && start <= step.t1 + 0.5 * h)) continue;
+            double t = start, move = FAR;
+            for (int i = 0; i < 10; ++i) {
+                const std::vector<double> mu = roots(t);
+                if (mu.empty()) break;
+                move = *std::min_element(mu.begin(), mu.end(),
+                                         [](double a, double b) { return std::fabs(a) < std::fabs(b); });
+                t += move;
+                if (!(step.t0 - 0.6 * h <= t && t <= step.t1 + 0.6 * h) || std::fabs(move) < 1e-11 * h) break;
+            }
+            const bool known = std::any_of(found.begin() + static_cast<std::ptrdiff_t>(first), found.end(),
+                                           [&](const Passage& one) { return std::fabs(t - one.time) < 1e-7 * h; });
+            if (!(std::fabs(move) < 1e-8 * h && step.t0 < t && t <= step.t1) || known) continue;
+            roots(t);
+            Vector phi;
+            Matrix K;
+            space.linear(point->x, phi, K);
+            const Vector sigma = Svd(times(*point->P, K)).s;
+            int corank = 0;
+            for (int i = 0; i < space.nd; ++i) corank += sigma[i] < 1e-6;
+            found.push_back({t, cluster, std::max(1, corank), bridge->closure, bridge->transversality,
+                             bridge->near_miss, point->x});
+        }
+    } catch (const Lost&) {  // beside the step the mode may end; what was found stands
+    } catch (const Stop&) {
+    }
+    tracker.anchor = anchor, tracker.curve = curve, tracker.patch = patch, tracker.u = u;
+}
+
+}  // namespace rg

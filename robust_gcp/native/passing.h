@@ -1,0 +1,153 @@
+// The state of a tracker as plain numbers, for Python to go on from, and back; see native/passing.py. An array is
+// its rows, its columns, and its numbers column by column.
+#pragma once
+
+#include <algorithm>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "patch.h"
+
+namespace rg {
+
+class Writer {
+  public:
+    std::vector<double> numbers;
+
+    void tracker(const Tracker& t) {
+        std::vector<CurvePtr> curves = t.bridges;
+        auto used = std::find(curves.begin(), curves.end(), t.curve);
+        if (t.curve && used == curves.end()) used = curves.insert(used, t.curve);
+        number(t.u), number(t.zone), jet(*t.anchor);
+        number(static_cast<double>(curves.size()));
+        number(t.curve ? static_cast<double>(used - curves.begin()) : -1.0);
+        for (const CurvePtr& one : curves) curve(*one);
+        number(t.patch ? 1.0 : 0.0);
+        if (t.patch) t.patch->write(*this);
+    }
+
+    void number(double x) { numbers.push_back(x); }
+
+    void array(const Matrix& values) {
+        number(static_cast<double>(values.rows()));
+        number(static_cast<double>(values.cols()));
+        numbers.insert(numbers.end(), values.data(), values.data() + values.size());
+    }
+
+    template <typename T>
+    void list(const std::vector<T>& values) {
+        Matrix column(static_cast<Eigen::Index>(values.size()), 1);
+        for (std::size_t i = 0; i < values.size(); ++i)
+            column(static_cast<Eigen::Index>(i), 0) = static_cast<double>(values[i]);
+        array(column);
+    }
+
+    void jet(const Jet& j) {
+        array(j.x), array(*j.C), array(j.J), array(j.bend), array(*j.P);
+        number(j.sigma), number(j.solved ? 1.0 : 0.0);
+    }
+
+  private:
+    void curve(const Curve& c) {
+        const CurveShape& s = c.shape();
+        array(*s.C), array(s.reference), array(c.shift());
+        list(s.through.us);
+        for (const JetPtr& node : s.through.nodes) jet(*node);
+        number(s.left), number(s.right);
+        list(s.roots), list(s.corank);
+        number(s.closure), number(s.transversality), number(s.error), number(s.near_miss ? 1.0 : 0.0);
+    }
+};
+
+class Reader {
+  public:
+    Reader(const double* numbers, const BridgeOptions& options, Tally& tally)
+        : at_(numbers), options_(options), tally_(tally) {}
+
+    Tracker tracker(Space& space) {
+        const double u = number(), zone = number();
+        Tracker made(jet(space), options_, zone, tally_);
+        made.u = u;
+        const int count = static_cast<int>(number()), used = static_cast<int>(number());
+        for (int i = 0; i < count; ++i) made.bridges.push_back(curve(space));
+        if (used >= 0) made.curve = made.bridges[static_cast<std::size_t>(used)];
+        if (number() != 0.0) made.patch = std::make_shared<Patch>(*this, *made.anchor, options_);
+        made.forget_touched();
+        return made;
+    }
+
+    double number() { return *at_++; }
+
+    Matrix array() {
+        const auto rows = static_cast<Eigen::Index>(number()), columns = static_cast<Eigen::Index>(number());
+        Matrix values = Eigen::Map<const Matrix>(at_, rows, columns);
+        at_ += rows * columns;
+        return values;
+    }
+
+    std::vector<double> list() {
+        const Matrix values = array();
+        return {values.data(), values.data() + values.size()};
+    }
+
+    JetPtr jet(Space& space) {
+        auto made = std::make_shared<Jet>();
+        made->space = &space;
+        made->x = array();
+        const Matrix C = array();
+        made->C = C == *space.chart ? space.chart : std::make_shared<Matrix>(C);
+        made->J = array(), made->bend = array();
+        made->P = std::make_shared<Matrix>(array());
+        made->sigma = number();
+        return number() != 0.0 ? jet_at(space, made->x, made->C) : made;
+    }
+
+  private:
+    CurvePtr curve(Space& space) {
+        auto made = std::make_shared<CurveShape>();
+        made->space = &space;
+        made->C = std::make_shared<Matrix>(array());
+        made->reference = array();
+        const Vector shift = array();
+        const std::vector<double> us = list();
+        std::vector<JetPtr> nodes;
+        for (std::size_t i = 0; i < us.size(); ++i) nodes.push_back(jet(space));
+        made->through = Hermite(us, nodes);
+        made->left = number(), made->right = number();
+        made->roots = list();
+        for (const double r : list()) made->corank.push_back(static_cast<int>(r));
+        made->closure = number(), made->transversality = number(), made->error = number();
+        made->near_miss = number() != 0.0;
+        made->series = Series(made->through, made->left, made->right);
+        return std::make_shared<Curve>(made, shift);
+    }
+
+    const double* at_;
+    const BridgeOptions& options_;
+    Tally& tally_;
+};
+
+template <typename W>
+void Patch::write(W& writer) const {
+    writer.array(d_), writer.array(*C_), writer.array(origin_);
+    writer.number(left_), writer.number(right_);
+    writer.number(closure), writer.number(transversality), writer.number(near_miss ? 1.0 : 0.0);
+    writer.list(ss_);
+    for (const Tracker& tracker : trackers_) writer.tracker(tracker);
+}
+
+template <typename R>
+Patch::Patch(R& reader, const Jet& beside, const BridgeOptions& options)
+    : d_(reader.array()), space_(*beside.space), options_(options) {
+    const Matrix C = reader.array();
+    C_ = C == *space_.chart ? space_.chart : std::make_shared<Matrix>(C);
+    origin_ = reader.array();
+    left_ = reader.number(), right_ = reader.number();
+    closure = reader.number(), transversality = reader.number(), near_miss = reader.number() != 0.0;
+    ss_ = reader.list();
+    for (std::size_t i = 0; i < ss_.size(); ++i) trackers_.push_back(reader.tracker(space_));
+    complete_basis();
+}
+
+}  // namespace rg

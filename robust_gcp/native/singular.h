@@ -1,0 +1,127 @@
+// What is singular near a point of a mode: places on a pencil, how clearly modes part, the place itself; see
+// maps/cluster/jet.py and place.py.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "dense.h"
+#include "jet.h"
+
+namespace rg {
+
+// Places μ along `way` (dx/ds) from x where [P K; Cᵀ] loses rank. The pencil is shifted by a distance of about
+// `far` in x, where it is regular: B itself is singular at the places that are looked for.
+inline Roots pencil_roots(Space& space, const Matrix& P, const Vector& x, const Vector& way, const Matrix& C,
+                          double far) {
+    const int nd = space.nd, nv = space.nv;
+    Vector phi;
+    Matrix K, rates;
+    space.linear(x, phi, K);
+    space.second(x, way, rates);
+    const Matrix closed = times(P, K), turned = times(P, rates);
+    Matrix B(nv, nv);
+    B.bottomRows(space.m) = C.transpose();
+    const double scale = far / way.norm();
+    double best = -1.0, shift = 0.0;
+    Matrix W;
+    for (const double share : {0.5, -0.37}) {
+        B.topRows(nd) = closed + share * scale * turned;
+        double pivots = 0.0;
+        const Matrix undone = inverse(B, &pivots);
+        if (!(pivots > best)) continue;
+        best = pivots, shift = share * scale;
+        W = undone.leftCols(nd);
+        if (pivots > 1e-2) break;
+    }
+    if (!(best > 0.0) || !W.allFinite()) throw Lost{};
+    return reciprocal(eigenvalues(-times(turned, W)), shift, 1e-9);
+}
+
+// Corank of [P K; Cᵀ] at x, and the transversality of the mode with tangent `way` there.
+inline std::pair<int, double> null_pairing(Space& space, const Matrix& P, const Vector& x, const Vector& way,
+                                           const Matrix& C) {
+    const int nd = space.nd, nv = space.nv;
+    Vector phi;
+    Matrix K, rates;
+    space.linear(x, phi, K);
+    Matrix B(nv, nv);
+    B.topRows(nd) = times(P, K);
+    B.bottomRows(space.m) = C.transpose();
+    const Svd svd(B);
+    int r = 0;
+    for (int i = 0; i < nv; ++i) r += svd.s[i] < 1e-6;
+    if (r == 0) return {0, 1.0};
+    space.second(x, way, rates);
+    Matrix turned = Matrix::Zero(nv, nv);
+    turned.topRows(nd) = times(P, rates);
+    const Matrix pairing = transposed_times(svd.U.rightCols(r), times(turned, svd.V.rightCols(r)));
+    const double smallest = r == 1 ? std::fabs(pairing(0, 0)) : Svd(pairing).s[r - 1];
+    return {r, smallest / (space.phi_size * way.norm())};
+}
+
+// What lies ahead of a point: whether modes cross there, or how near they come to each other.
+struct Verdict {
+    Vector x;
+    double radius = 0.0;
+    bool crossing = true;
+    double approach = 0.0;
+
+    bool covers(const Vector& at) const { return (at - x).norm() <= radius; }
+};
+
+// Newton from a solved point on U₁ᵀ φ = 0 and uᵀ K N = 0, and what the place says.
+inline Verdict approaching(const Jet& here, double largest_gap) {
+    constexpr double FARTHEST_LOOK = 0.5, CONE = 0.02;
+    Space& space = *here.space;
+    const int nd = space.nd, m = space.m, nv = space.nv;
+    Vector x = here.x, phi;
+    Matrix K, rates, N, bending(m + 1, nv), rows(nd + m, nv);
+    double size = FAR;
+    for (int iteration = 0; iteration < 15; ++iteration) {
+        space.linear(x, phi, K);
+        const Svd svd(K);
+        const Vector u = svd.U.col(nd - 1);
+        N = svd.V.rightCols(m + 1);
+        for (int i = 0; i <= m; ++i) {
+            space.second(x, N.col(i), rates);
+            rows.row(nd - 1 + i) = u.transpose() * rates;
+        }
+        rows.topRows(nd - 1) = svd.s.head(nd - 1).asDiagonal() * svd.V.leftCols(nd - 1).transpose();
+        Vector residual(nd + m);
+        residual.head(nd - 1) = svd.U.leftCols(nd - 1).transpose() * phi;
+        residual.tail(m + 1) = N.transpose() * (K.transpose() * u);
+        const Vector dx = -least_squares(rows, residual, 1e-6);
+        size = dx.norm();
+        x += dx * std::min(1.0, size > 0.0 ? 0.5 / size : 1.0);
+        if (size < 1e-14) break;
+    }
+    space.linear(x, phi, K);
+    const Svd svd(K);
+    const Vector u = svd.U.col(nd - 1);
+    N = svd.V.rightCols(m + 1);
+    Matrix Q(m + 1, m + 1);
+    for (int i = 0; i <= m; ++i) {
+        space.second(x, N.col(i), rates);
+        Q.row(i) = (N.transpose() * (rates.transpose() * u)).transpose();
+    }
+    Vector values = symmetric_eigenvalues(Q).cwiseAbs();
+    std::sort(values.data(), values.data() + values.size(), [](double a, double b) { return a > b; });
+    Verdict verdict;
+    verdict.x = here.x;
+    verdict.radius = 0.5 * std::min(here.delta(), 1.0);
+    const double gap = std::fabs(u.dot(phi)), far = (x - here.x).norm();
+    if (!(size < 1e-9) || far > 2.0 * FARTHEST_LOOK) return verdict;
+    const double approach = std::sqrt(2.0 * gap / std::max(values[0], 1e-300));
+    if (values.size() > 2 && values[2] > CONE * values[0]) {
+        verdict.crossing = false;
+        verdict.approach = std::min(far, approach != 0.0 ? approach : far);
+    } else if (gap > largest_gap) {
+        verdict.crossing = false;
+        verdict.approach = approach;
+    }
+    return verdict;
+}
+
+}  // namespace rg

@@ -1,0 +1,215 @@
+// Following one cluster's mode: regular ground by continuation, singular places by bridges; see
+// maps/cluster/tracker.py, whose docstrings say why. What is no crossing is left to Python.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "curve_builder.h"
+
+namespace rg {
+
+struct Tally {
+    std::int64_t marching = 0, svds = 0, built = 0, second_order = 0;
+};
+
+class Patch;
+
+class Tracker {
+  public:
+    JetPtr anchor;
+    Chart C;
+    std::vector<CurvePtr> bridges;
+    CurvePtr curve;                // in use, or null
+    std::shared_ptr<Patch> patch;  // in use, or null
+    double u = 0.0;
+    std::vector<CurvePtr> touched;  // since the list was emptied
+    std::shared_ptr<Patch> touched_patch;
+    double zone;
+
+    Tracker(JetPtr at, const BridgeOptions& options, double zone, Tally& tally)
+        : anchor(std::move(at)), C(anchor->C), zone(zone), space_(anchor->space), options_(&options),
+          tally_(&tally) {}
+
+    bool on_bridge() const { return curve != nullptr || patch != nullptr; }
+
+    // Another tracker at the same point, which knows the same curves.
+    Tracker copy() const {
+        Tracker other(anchor, *options_, zone, *tally_);
+        other.bridges = bridges, other.u = u, other.curve = curve;
+        return other;
+    }
+
+    // A tracker of half the zone for a node.
+    Tracker nested(JetPtr at) const { return {std::move(at), *options_, 0.5 * zone, *tally_}; }
+
+    // Go on from another solved point of the mode.
+    void place_at(JetPtr at) {
+        anchor = std::move(at);
+        C = anchor->C;
+        curve = nullptr, patch = nullptr;
+    }
+
+    // The point at y on the mode.
+    JetPtr at(const Vector& y) {
+        for (int i = 0; i < 40; ++i) {
+            JetPtr found = curve ? on_curve(y[0]) : patch ? on_patch(y) : walk(y);
+            if (found != nullptr) return anchor = found;
+        }
+        throw Lost{};
+    }
+
+    void forget_touched() {
+        touched.clear();
+        if (curve) touched.push_back(curve);
+        touched_patch = patch;
+    }
+
+  private:
+    static constexpr double CORRECTION = 0.25, STAGES_AHEAD = 40.0, FARTHEST_LOOK = 0.5;
+    static constexpr int MAX_STEPS = 400, MAX_BRIDGES = 16;
+
+    JetPtr on_patch(const Vector& y);
+    bool enter_patch(const JetPtr& here, const Vector& way, const Vector& y);
+
+    JetPtr on_curve(double y) {
+        const int c = space_->chosen[0];
+        const std::optional<double> found = curve->parameter(c, y, u);
+        if (found && curve->contains(*found)) {
+            touch(curve);
+            u = *found;
+            return curve->jet(C, c, u);
+        }
+        const double side = found ? *found : curve->beyond(c, y, u);
+        anchor = recharted(curve->inner(side), C);
+        curve = nullptr;
+        return nullptr;
+    }
+
+    // March towards y; null with a bridge in use where one is entered.
+    JetPtr walk(const Vector& y) {
+        if (!anchor->solved) anchor = jet_at(*space_, anchor->x, C);
+        JetPtr here = anchor;
+        double limit = 1.0;
+        for (int i = 0; i < MAX_STEPS; ++i) {
+            const Vector step = y - here->y();
+            const double size = (here->J * step).norm();
+            if (here->nearest().size < zone && enter(here, here->nearest().way, y)) return nullptr;
+            look_ahead(*here, size);
+            const double reach = REACH * std::min(here->delta(), limit);
+            const double share = size > 0.0 ? std::min(1.0, reach / size) : 1.0;
+            const Vector target = share == 1.0 ? y : Vector(here->y() + share * step);
+            JetPtr found = this->step(here, share * step, target, share * size);
+            if (found == nullptr) {
+                limit = 0.5 * std::min(limit, share * size / REACH);
+                if (limit < 1e-9) throw Lost{};
+                continue;
+            }
+            limit = std::min(1.0, 2.0 * limit);
+            here = anchor = found;
+            if (share == 1.0)
+                return here->nearest().size < zone && enter(here, here->nearest().way, y) ? nullptr : here;
+        }
+        throw Lost{};
+    }
+
+    // Stop before a step that would pass too fast by modes that veer away from each other.
+    void look_ahead(const Jet& here, double size) {
+        if (here.delta() >= std::min(std::max(zone, STAGES_AHEAD * size), FARTHEST_LOOK)) return;
+        if (!seen_ || !seen_->covers(here.x)) seen_ = approaching(here, options_->largest_gap());
+        if (!seen_->crossing && seen_->approach < STAGES_AHEAD * size) throw Stop{};
+    }
+
+    // One continuation step; null where Newton left the mode.
+    JetPtr step(const JetPtr& here, const Vector& step, const Vector& target, double size) {
+        ++tally_->marching;
+        Vector x = here->predicted(step);
+        double first = 0.0;
+        try {
+            first = solve(*space_, x, *C, target, *here->P);
+        } catch (const Lost&) {
+            return nullptr;
+        }
+        ++tally_->svds;
+        JetPtr found = jet_at(*space_, x, C);
+        // rounding of φ looks like a lost branch where K is poor
+        const double allowed =
+            CORRECTION * size + 1e-12 + 1e-14 / std::max(std::min(here->sigma, found->sigma), 1e-12);
+        return first <= allowed ? found : nullptr;
+    }
+
+    // Put a bridge in use at a point in the zone, when y lies on it or beyond it.
+    bool enter(const JetPtr& here, const Vector& way, const Vector& y) {
+        return space_->m > 1 ? enter_patch(here, way, y) : enter_curve(here, y[0]);
+    }
+
+    bool enter_curve(const JetPtr& here, double y) {
+        auto [found, from] = kept(here);
+        if (found == nullptr) {
+            try {
+                found = CurveBuilder(here, *options_, zone).build();
+            } catch (const NoBridge&) {
+                throw Stop{};
+            }
+            ++tally_->built;
+            ++tally_->second_order;
+            keep(found);
+            from = found->u(here->x);
+        }
+        const int c = space_->chosen[0];
+        const double to = found->parameter(c, y, from).value_or(found->beyond(c, y, from));
+        if (!found->contains(to) && (from - found->center()) * (to - found->center()) > 0.0)
+            return false;  // beside it, not across
+        touch(found);
+        curve = found, u = from;
+        return true;
+    }
+
+    // A kept curve through this point and its u, if the nearest singular place is one of its own.
+    std::pair<CurvePtr, double> kept(const JetPtr& here) {
+        for (std::size_t i = bridges.size(); i-- > 0;) {
+            const CurvePtr known = bridges[i], candidate = turned(known, here->x);
+            const std::optional<double> at = candidate->passes(here->x);
+            if (!at) continue;
+            const Roots mu = recharted(here, candidate->shape().C)->roots(Vector::Ones(1));
+            if (mu.empty()) continue;
+            const double ahead = *at + nearest_of(mu).real();
+            double apart = FAR;
+            for (const double root : candidate->shape().roots) apart = std::min(apart, std::fabs(ahead - root));
+            if (!candidate->contains(*at) && apart >= 0.5 * zone) continue;
+            if (candidate != known) keep(candidate);
+            return {candidate, *at};
+        }
+        return {nullptr, 0.0};
+    }
+
+    // The curve after the whole turns of the hinges that bring it next to x.
+    CurvePtr turned(const CurvePtr& known, const Vector& x) const {
+        Vector center, slope, bend;
+        known->point(known->center(), center, slope, bend);
+        const Vector turns = space_->whole_turns(x - center);
+        if (turns.isZero(0.0)) return known;
+        return std::make_shared<Curve>(known->shared(), known->shift() + turns);
+    }
+
+    void keep(const CurvePtr& found) {
+        if (bridges.size() >= std::size_t{MAX_BRIDGES}) bridges.erase(bridges.begin());
+        bridges.push_back(found);
+    }
+
+    void touch(const CurvePtr& found) {
+        if (std::find(touched.begin(), touched.end(), found) == touched.end()) touched.push_back(found);
+    }
+
+    Space* space_;
+    const BridgeOptions* options_;
+    Tally* tally_;
+    std::optional<Verdict> seen_;
+};
+
+}  // namespace rg
