@@ -18,6 +18,7 @@ from ..checks import check_callable, shown
 from ..dynamics.derivatives import Derivatives, PointDerivatives, TorqueSlopes
 from ..dynamics.discrete import Step, differentiated_step
 from ..dynamics.equations import Evaluation, Torque, torque_function
+from ..dynamics.held import HeldTorque
 from ..dynamics.loads import one_torque
 from ..dynamics.parameters import Parameters
 from ..dynamics.problem import Problem, set_out
@@ -25,7 +26,6 @@ from ..errors import OptionError, SimulationError
 from ..mechanism.tree import Array
 from .charts import in_new_chart
 from .cost import Cost, Slopes, checked_torques
-from .stepped import HeldTorque
 from .trajectory import Trajectory
 
 STRETCH = 25
