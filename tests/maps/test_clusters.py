@@ -337,3 +337,16 @@ def test_zones_of_a_cluster_of_two_coordinates_do_not_show(
         home = linkage.evaluate(cranks[i - 1])[0]
         exact = np.array([linkage.evaluate(cranks[i - 1] + angle)[0] for angle in q[:, 0]]) - home
         np.testing.assert_allclose(q[:, 1], exact[:, 1], atol=1e-11)
+
+
+@pytest.mark.parametrize("stepper", ["DOP853", "LSODA"])
+def test_crossings_of_long_steps_close_the_other_loops_too(stepper: str) -> None:
+    """Where one loop crosses within a solver's step, the others are where they are at that time."""
+    chain = families.four_bars([CHANGE_POINT] * 2, (2.75, 2.8), parents=[-1, 0])
+    v0 = chain.lift(chain.home, [3.0, 3.0])
+    fine = rg.simulate(chain, v0=v0, duration=0.24, step=1e-3)
+    run = rg.simulate(chain, v0=v0, duration=0.24, step=2e-2, stepper=stepper, rtol=1e-9, atol=1e-11)
+    for one, two in zip(run.crossings, fine.crossings, strict=True):
+        assert np.abs(chain.phi(one.q)).max() < 1e-12
+        np.testing.assert_allclose(one.q, two.q, atol=1e-7 if stepper == "LSODA" else 1e-8)
+        np.testing.assert_array_equal(one.y, one.q[chain.iq_independent])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import scipy
@@ -37,7 +38,34 @@ def passages(
         if patches:
             found += _on_patch(tracker, patches[-1], before, after, stretch, mechanism)
         tracker.touched = [] if tracker.current is None else [tracker.current]
+    found = [_among_others(passage, trackers, stretch, mechanism) for passage in found]
     return sorted(found, key=lambda passage: passage.time or 0.0)
+
+
+def _among_others(
+    passage: Passage, trackers: Sequence[Tracker], stretch: Stretch, mechanism: Mechanism
+) -> Passage:
+    """The passage with all that is not of its cluster where y has it at that time.
+
+    A polynomial between the ends of a long step leaves the other loops open.
+    """
+    if not mechanism.tree.vector_space or passage.time is None:
+        return passage
+    q, y = passage.q.copy(), stretch.y(passage.time)
+    q[mechanism.iq_independent] = y
+    for tracker in trackers:
+        space, cluster = tracker.space, tracker.space.cluster
+        if cluster.index == passage.cluster:
+            q[cluster.iq] = passage.q[cluster.iq]
+            continue
+        kept = tracker.anchor, tracker.current, tracker.u, list(tracker.touched)
+        try:
+            q[cluster.iq] = space.q(tracker.at(y[cluster.inputs] / space.D[cluster.chosen]).x)
+        except (SimulationError, np.linalg.LinAlgError):
+            q[cluster.iq] = passage.q[cluster.iq]  # the polynomial's, good to the step's fourth power
+        finally:
+            tracker.anchor, tracker.current, tracker.u, tracker.touched = kept
+    return replace(passage, q=q, y=q[mechanism.iq_independent])
 
 
 def _on_curve(
