@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextlib import AbstractContextManager, nullcontext
 from math import isfinite
 from typing import Any
 
+import numpy as np
+
 from ..dynamics.equations import Evaluation
-from ..errors import BranchError, NonFiniteError, ToggleError
-from ..maps.classical import ClassicalMap
+from ..dynamics.problem import set_out
+from ..errors import BranchError, NonFiniteError, SimulationError, ToggleError
+from ..maps.classical import ClassicalMap, SingularityWarning
 from ..maps.cluster.cluster_map import ClusterMap
 from ..maps.cluster.obstacles import ObstacleError
 from ..maps.grouped import GroupMap
@@ -17,12 +21,13 @@ from ..mechanism.tree import Array
 from ..native.steps import NativeSteps
 from ..native.structures import Reason
 from ..native.workspace import Batch
+from ..warning import warn
 from .charts import in_new_chart, motion_at, placed_between, stretch_between
 from .crossings import located
 from .recovery import Checkpoint, Recovery
 from .run import Run
 from .steppers import FixedStep as Take
-from .steppers import NoProgressError, solver_steps
+from .steppers import NoProgressError, SolverStep, solver_steps
 from .within import FixedStep, SolverSteps
 
 REFINED_RTOL, REFINED_ATOL = 1e-10, 1e-12
@@ -30,6 +35,9 @@ REFINED_RTOL, REFINED_ATOL = 1e-10, 1e-12
 
 REFINED_EFFORT = 5_000
 """Right-hand sides that one such step may take."""
+
+TOLD = 3e-9
+"""Relative uncertainty of G by rounding that a warning tells."""
 
 WATCHED = 20
 """Outputs of a batch at which all rows of φ are looked at."""
@@ -57,6 +65,8 @@ class FixedRun(Run):
         self._behind: Array = self._x
         self._refinement: SolverSteps | None = None
         self._stride = len(self.times)
+        self._told = False
+        self._begun: Evaluation  # of the present step
         self._recovery = Recovery(self._on_toggle, Checkpoint(0, self._x, self._motion.explicit.anchor))
 
     def go(self) -> None:
@@ -92,6 +102,7 @@ class FixedRun(Run):
                     if i > begun and self._changed(i, now.point):
                         continue
                 self._behind, self._refinement = self._x, None
+                self._begun = now
                 self._x = self._refined(i) if recovery.careful else self._stepped(i, now)
                 i += 1
             except (ObstacleError, BranchError, ToggleError) as stop:
@@ -219,23 +230,74 @@ class FixedRun(Run):
 
     def _refined(self, i: int) -> Array:
         """One step through an uncertified zone by an error-controlled method."""
-        bridged, x, times = self._cluster_map(), self._x, self.times[i : i + 2]
-        tolerances = REFINED_RTOL, REFINED_ATOL, REFINED_EFFORT
-        ends, dense = [float(times[0])], []
+        bridged, x, t, end = self._cluster_map(), self._x, float(self.times[i]), float(self.times[i + 1])
+        ends, dense = [t], []
         looks = self._looked_for(i + 1)
-        with bridged.following_true_curve():
-            try:
-                for step in solver_steps("DOP853", self._motion.equations, x, times, *tolerances):
-                    x = step.x
-                    if looks:
-                        ends.append(step.t1)
-                        dense.append(step.dense())
-            except NoProgressError as error:
-                raise bridged.refusal() from error
+        while t < end:
+            with bridged.following_true_curve():
+                try:
+                    for step in self._refinements(x, np.array([t, end])):
+                        x, t = step.x, step.t1
+                        if looks:
+                            ends.append(t)
+                            dense.append(step.dense())
+                        elif t < end and self._renewed_within(i, t, x):
+                            break
+                except NoProgressError as error:
+                    raise bridged.refusal() from error
+            if t < end:
+                bridged, x = self._cluster_map(), self._x
         if looks:
             self._refinement = SolverSteps(self._motion.explicit, self._motion.mechanism.m, ends, dense)
         self._counters.refined_steps += 1
         return x
+
+    def _refinements(self, x: Array, times: Array) -> Iterator[SolverStep]:
+        """Steps with error control; a trial that is refused leaves the map where the step began."""
+        equations, explicit = self._motion.equations, self._motion.explicit
+        good = explicit.anchor
+
+        def f(t: float, state: Array) -> Array:
+            try:
+                return equations(t, state)
+            except SimulationError:
+                explicit.anchor = good
+                raise
+
+        tolerances = REFINED_RTOL, REFINED_ATOL, REFINED_EFFORT
+        for step in solver_steps("DOP853", f, x, times, *tolerances, rounding=self._rounding):
+            good = explicit.anchor
+            yield step
+
+    def _renewed_within(self, i: int, t: float, x: Array) -> bool:
+        """Whether a step from time i goes on at t in better coordinates, which are taken."""
+        if self._coordinates is None or not self._coordinates.suspicious(self._motion.explicit.anchor):
+            return False
+        names = self._better(self._motion.equations.evaluate(t, x).point)
+        if names is None:
+            return False
+        begun, m, mechanism = self._begun, self._motion.mechanism.m, self._in_coordinates(names)
+        try:
+            start = set_out(mechanism, begun.point.q, begun.v, choice=self._choice)
+            self._x = x
+            self._repartition(i, t, names)
+        except SimulationError:
+            return False
+        state = np.concatenate([start.x[: 2 * m], self._behind[2 * m :]])
+        self._recovery.safe = Checkpoint(i, state, start.start.point)
+        return True
+
+    def _rounding(self) -> float:
+        """What rounding leaves uncertain of G here; told once where that shows in the motion."""
+        lost, distance = self._cluster_map().rounding()
+        if lost > TOLD and not self._told:
+            self._told = True
+            warn(
+                f"the motion passes a singular place without a bridge at a distance of {distance:.1g} or "
+                f"less: rounding leaves it right to {lost:.0e} there, whatever the step",
+                SingularityWarning,
+            )
+        return lost
 
     def _back_to(self, safe: Checkpoint) -> int:
         """Forget what came after the checkpoint."""

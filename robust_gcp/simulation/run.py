@@ -127,8 +127,8 @@ class Run:
         return Coordinates(self._motion.mechanism, self._named.independent, self._counters)
 
     def _better(self, point: Point) -> tuple[str, ...] | None:
-        """Joints that serve better than the independent ones on regular ground; None where these do well."""
-        if self._coordinates is None or self._cluster_map().in_zone:
+        """Joints that serve better than the independent ones beside bridges; None where these do well."""
+        if self._coordinates is None or self._cluster_map().on_bridge:
             return None
         return self._coordinates.better(point)
 
@@ -137,15 +137,20 @@ class Run:
         assert self._coordinates is not None  # asked for where coordinates may change
         return self._coordinates.best(point)
 
+    def _in_coordinates(self, names: tuple[str, ...]) -> Mechanism:
+        """The mechanism in these coordinates, made once."""
+        made: Mechanism = self._named.memo.once(
+            ("in coordinates", *names), lambda: self._named.with_independent(names)
+        )
+        return made
+
     def _repartition(self, i: int, t: float, names: tuple[str, ...] | None) -> Checkpoint:
         """Go on in other coordinates from the present state, at time i or later, which is returned."""
         if names is None:
             raise self._cluster_map().refusal()
         old, x = self._motion, self._x
         here, m = old.explicit.anchor, old.mechanism.m
-        mechanism: Mechanism = self._named.memo.once(
-            ("in coordinates", *names), lambda: self._named.with_independent(names)
-        )
+        mechanism = self._in_coordinates(names)
         v = here.G @ x[m : 2 * m]
         self._motion = set_out(
             mechanism, here.q, v, torque=self._torque, choice=self._choice, counters=self._counters

@@ -117,6 +117,7 @@ def solver_steps(
     atol: float,
     effort: int = 50_000,
     jacobian: Jacobian | None = None,
+    rounding: Callable[[], float] | None = None,
 ) -> Iterator[SolverStep]:
     """The steps of one of scipy's solvers, each with the states at those of the given times that it passes.
 
@@ -135,6 +136,8 @@ def solver_steps(
         Evaluations of f within which the time must advance by 1/1000 of the whole span.
     jacobian : callable (t, x) -> (n, n), optional
         ∂f/∂x for Radau, BDF and LSODA; by forward differences of f when left out.
+    rounding : callable, optional
+        Asked before each step: the relative error of f, below which no tolerance is asked for.
 
     Yields
     ------
@@ -166,6 +169,9 @@ def solver_steps(
     )
     i, mark, begun = 1, (float(times[0]), 0), None
     while i < len(times):
+        if rounding is not None:
+            noise = rounding()
+            solver.rtol, solver.atol = max(rtol, noise), max(atol, 0.01 * noise)
         message = solver.step() if solver.status == "running" else None
         if solver.t - mark[0] >= HEADWAY * (times[-1] - times[0]) or solver.status == "finished":
             mark = (solver.t, solver.nfev)

@@ -18,7 +18,7 @@ from .chart import CHANGE, quality
 from .curve import Curve
 from .ground import RegularGround
 from .jet import Jet, LostError, jet
-from .obstacles import Obstacle, ObstacleError
+from .obstacles import APEX, Obstacle, ObstacleError
 from .options import BridgeOptions
 from .passages import passages
 from .plain import read, written
@@ -117,6 +117,21 @@ class ClusterMap(Charted):
     def in_zone(self) -> bool:
         """Whether the point evaluated last was found cluster by cluster, beside or on a bridge."""
         return self._in_zone
+
+    @property
+    def on_bridge(self) -> bool:
+        """Whether the point evaluated last lies on a bridge."""
+        return self._in_zone and any(tracker.current is not None for tracker in self._trackers or [])
+
+    def rounding(self) -> tuple[float, float]:
+        """What rounding leaves uncertain of G beside singular places without a bridge, and their distance."""
+        lost, nearest = 0.0, np.inf
+        for tracker in self._trackers or []:
+            if self._in_zone and tracker.current is None:
+                near = max(tracker.anchor.delta(), APEX)
+                nearest = min(nearest, near)
+                lost = max(lost, 2e-14 / near if tracker.space.m == 1 else 1e-16 / near**2)
+        return lost, nearest
 
     @property
     def met(self) -> bool:

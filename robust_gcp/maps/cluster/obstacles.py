@@ -19,6 +19,10 @@ DEEP = 0.3
 FARTHEST_LOOK = 0.5
 """Distance beyond which nothing is looked for, dimensionless joint units."""
 
+APEX = 2e-4
+"""Distance to the singular set beside a cone within which the motion is refused: G is known to ε/δ² there,
+and at the apex itself the motion is not determined."""
+
 CONE_WORDS = "an isolated cone of the configuration space: modes meet there in a point, none crosses it"
 
 ObstacleKind = Literal["crossing", "toggle", "near miss", "tangential", "cone", "unknown"]
@@ -48,6 +52,12 @@ class Obstacle:
     gap: float
     reason: str
     approach: float = 0.0
+
+    def stops(self, distance: float, zone: float) -> bool:
+        """Whether a motion followed with error control ends at this distance from the singular set."""
+        if self.kind == "near miss":
+            return False
+        return distance < (APEX if self.kind == "cone" else DEEP * zone)
 
     def covers(self, x: Array) -> bool:
         """Whether x is still at this place."""

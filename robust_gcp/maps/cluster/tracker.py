@@ -8,7 +8,7 @@ from ...mechanism.tree import Array
 from ..point import Counters
 from .curve import Curve
 from .jet import Jet, LostError, jet, solve
-from .obstacles import DEEP, FARTHEST_LOOK, Obstacle, ObstacleError, approaching, judge
+from .obstacles import APEX, FARTHEST_LOOK, Obstacle, ObstacleError, approaching, judge
 from .options import BridgeOptions, NoBridgeError
 from .patch import Patch
 from .space import ClusterSpace
@@ -233,6 +233,10 @@ class Tracker:
 
     def _enter_patch(self, here: Jet, way: Array, y: Array) -> bool:
         if self.careful:
+            if here.nearest()[0] < APEX:
+                obstacle = approaching(here, self.options)
+                if obstacle.kind == "cone":
+                    raise ObstacleError(obstacle)
             return False
         try:
             patch = Patch(self, here, way, self.options, self.zone)
@@ -249,7 +253,7 @@ class Tracker:
         """Remember a place without a bridge; an error unless the caller controls its own."""
         obstacle = judge(here, failure, self.options, self.zone)
         self.obstacles = [*self.obstacles[-MAX_STEPS:], obstacle]
-        if not self.careful or (obstacle.kind != "near miss" and here.nearest()[0] < DEEP * self.zone):
+        if not self.careful or obstacle.stops(here.nearest()[0], self.zone):
             raise ObstacleError(obstacle)
         return False
 
@@ -257,8 +261,7 @@ class Tracker:
         """The obstacle that this point is still at; an error unless the caller controls its own."""
         for obstacle in reversed(self.obstacles):
             if obstacle.covers(here.x):
-                undecided = obstacle.kind != "near miss" and here.nearest()[0] < DEEP * self.zone
-                if not self.careful or undecided:
+                if not self.careful or obstacle.stops(here.nearest()[0], self.zone):
                     raise ObstacleError(obstacle)
                 return obstacle
         return None
