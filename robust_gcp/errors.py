@@ -77,7 +77,11 @@ class ClosureError(StateError):
         Largest entry of φ (m or rad).
     loop : str
         The closure that is worst.
+    nearest : ndarray (nq,) or None
+        The configuration that was found, where one was looked for.
     """
+
+    nearest: NDArray[Any] | None = None
 
     def __init__(self, message: str, residual: float, loop: str) -> None:
         super().__init__(message)

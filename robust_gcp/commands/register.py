@@ -74,6 +74,7 @@ COMMANDS = (
         "stiff and extreme cases against steppers: right, stopped with a reason, or wrong",
         ".studies.stability.command",
     ),
+    Command("robots", "robots' files of a folder: which load and run as they are", ".studies.robots"),
     Command(
         "fuzz", "spoilt model files: each must be read, or refused by a typed error", ".studies.fuzz.command"
     ),

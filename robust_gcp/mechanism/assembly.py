@@ -87,7 +87,9 @@ def assembled(
                 return q
         if size < least:
             best, least = q, size
-    raise _refusal(loops, separation, best, what)
+    refusal = _refusal(loops, separation, best, what)
+    refusal.nearest = best
+    raise refusal
 
 
 def _descended(

@@ -11,16 +11,17 @@ from typing import Any, Literal
 import numpy as np
 
 from ...checks import hint, shown
-from ...errors import ModelError, PartitionError, RobustGcpError
+from ...errors import ClosureError, ModelError, PartitionError, RobustGcpError
 from ..assembly import FEW_STARTS, MANY_STARTS, assembled
 from ..closures import Closure, closure_kinds
-from ..formats.contents import FileContents, check_base, tell_left_out
+from ..formats.contents import FileContents, check_base, named, tell_left_out
 from ..formats.mjcf import read_mjcf
 from ..formats.text_file import files_in, inside, is_file, is_link, path_of
 from ..formats.urdf import read_urdf
 from ..independent import completed, regular_near
 from ..loops import ClosedLoops
 from ..mechanism import Mechanism
+from ..rounding import ROUNDED, without_rounded_rows
 from ..tolerances import NEARLY_CLOSED
 from ..tree import Array
 from .gepetto import joint_changes, with_changed_forces, with_joint_changes
@@ -157,7 +158,8 @@ def _mechanism(
     strict: bool,
 ) -> Mechanism:
     """Home closed, coordinates completed, what is left out told."""
-    tell_left_out(contents.left_out, str(path), strict)
+    if strict:
+        tell_left_out(contents.left_out, str(path), strict)
     model = contents.model
     motors = settings.get("name_mot")
     if motors is not None and motors != "auto" and not _is_list_of_str(motors):
@@ -171,7 +173,9 @@ def _mechanism(
         else:
             spreads = MANY_STARTS if guess is None else FEW_STARTS
             start = loops.home if guess is None else guess
-            home = assembled(loops, start, np.arange(loops.nv), "home", spreads)
+            loops, home, rounded = _closed(loops, start, spreads)
+            contents.closures = list(loops.closures)
+            contents.left_out += named("rows of loops that others imply up to rounding", rounded)
             if guess is None:
                 home = regular_near(loops, home, name)
         if isinstance(motors, list):
@@ -179,6 +183,7 @@ def _mechanism(
             contents.actuated = tuple(m for m in motors if m in known)
             for motor in motors:
                 loops.velocities_of(motor)  # refuses what is not there
+        tell_left_out(contents.left_out, str(path), strict)
         wanted = motors if isinstance(motors, list) else () if motors == "auto" else contents.wanted()
         mechanism = _with_coordinates(contents, loops, home, name, independent, wanted, given is not None)
     except RobustGcpError as error:
@@ -190,6 +195,28 @@ def _mechanism(
     if own.get("recommended") is not None:
         mechanism.recommended = recommended_of(own, mechanism, path)
     return mechanism
+
+
+def _closed(
+    loops: ClosedLoops, start: Array, spreads: tuple[float, ...]
+) -> tuple[ClosedLoops, Array, list[str]]:
+    """The loops without rows that others imply up to rounding, a home that closes them, and what was left."""
+    every = np.arange(loops.nv)
+    try:
+        home = assembled(loops, start, every, "home", spreads)
+    except ClosureError as failure:
+        if failure.nearest is None or loops.closure_residual(failure.nearest) > ROUNDED:
+            raise
+        kept, rounded = without_rounded_rows(loops, failure.nearest)
+        if not rounded:
+            raise
+        home = failure.nearest
+    else:
+        kept, rounded = without_rounded_rows(loops, home)
+    if not rounded:
+        return loops, home, rounded
+    freed = ClosedLoops(loops.model, kept)
+    return freed, assembled(freed, home, every, "home"), rounded
 
 
 def _with_coordinates(

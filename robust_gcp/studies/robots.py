@@ -1,0 +1,139 @@
+"""The command `robots`: which robots' files of a folder load and run as they are, and how well.
+
+Each file is loaded without any argument and simulated from its home at rest by RK4, twice, the second time
+with half the step. What is done right shows in the loops, which stay closed to rounding, and in the energy,
+whose error falls with h⁴ or is rounding already.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ..arguments import Arguments, existing_folder, pathname, positive
+from ..errors import RobustGcpError
+from ..mechanism.folders.loader import load
+from ..mechanism.mechanism import Mechanism
+from ..printing import table
+from ..simulation.simulate import simulate
+
+CLOSED = 1e-10
+"""max |φ| / length that a run may leave."""
+
+ROUNDED = 1e-11
+"""Energy error, against what moves to and fro, that no step makes smaller."""
+
+ORDER = 3.5
+"""Least order by which the energy error falls."""
+
+HEADER = ("file", " nv", " rows", " m", " load s", " run s", " closure", " energy", " at h/2", "verdict")
+WORDS = 70
+"""Letters of a refusal that the table shows."""
+
+
+@dataclass
+class Entry:
+    """What became of one file.
+
+    Attributes
+    ----------
+    file : str
+    verdict : {"runs", "falls short", "stops", "refused"}
+    mechanism : Mechanism or None
+    seconds : list of float
+        To load, and to run with the full step.
+    closure : float
+        Largest max |φ| / length of both runs.
+    energy : list of float
+        Largest error of each run, J.
+    why : str
+        What refused it or stopped it.
+    """
+
+    file: str
+    verdict: str = "refused"
+    mechanism: Mechanism | None = None
+    seconds: list[float] = field(default_factory=list)
+    closure: float = float("nan")
+    energy: list[float] = field(default_factory=list)
+    why: str = ""
+
+    def cells(self) -> list[str]:
+        """A row of the table."""
+        mech = self.mechanism
+        sizes = ["", "", ""] if mech is None else [str(mech.nv), str(mech.nc), str(mech.m)]
+        times = [f"{s:.2f}" for s in (*self.seconds, np.nan, np.nan)[:2]]
+        errors = [f"{e:.1e}" for e in (self.closure, *self.energy, np.nan, np.nan)[:3]]
+        numbers = [cell.replace("nan", "") for cell in (*times, *errors)]
+        return [self.file, *sizes, *numbers, f"{self.verdict}{': ' if self.why else ''}{self.why[:WORDS]}"]
+
+
+def tried(file: Path, name: str, duration: float, step: float) -> Entry:
+    """Load a file and run it twice."""
+    entry, begun = Entry(name), time.perf_counter()
+    try:
+        entry.mechanism = mech = load(file)
+        entry.seconds.append(time.perf_counter() - begun)
+        entry.verdict, begun = "stops", time.perf_counter()
+        closures, scale = [], 0.0
+        for h in (step, 0.5 * step):
+            motion = simulate(mech, duration=duration, step=h, record=("energy",))
+            entry.seconds.append(time.perf_counter() - begun)
+            closures.append(float(motion.closure_error().max(initial=0.0)))
+            entry.energy.append(float(np.abs(motion.energy_error()).max()))
+            kinetic = max(
+                mech.tree.kinetic(q, v) for q, v in zip(motion.q[::10], motion.v[::10], strict=True)
+            )
+            scale = max(scale, kinetic, abs(mech.energy(mech.home, np.zeros(mech.nv))))
+        entry.closure = max(closures)
+    except RobustGcpError as error:
+        words = str(error)
+        if words.startswith(str(file)):  # it is named in the table already
+            words = words.partition(": ")[2]
+        entry.why = f"{type(error).__name__}: {words}"
+        return entry
+    first, second = entry.energy
+    falls = second <= ROUNDED * max(scale, 1e-3) or np.log2(first / second) > ORDER
+    entry.verdict = "runs" if falls and entry.closure < CLOSED else "falls short"
+    return entry
+
+
+def files_below(folder: Path) -> Iterator[Path]:
+    """Model folders, and other URDF and MJCF files that are models by themselves."""
+    for path in sorted(folder.rglob("*")):
+        if path.name == "robot.yaml":
+            yield path.parent
+        elif path.suffix in (".urdf", ".xml") and not (path.parent / "robot.yaml").exists():
+            text = path.read_text(encoding="utf-8", errors="replace")
+            if path.suffix == ".urdf" or "<worldbody" in text:
+                yield path
+
+
+def arguments(add_to: Arguments) -> None:
+    """Name the arguments."""
+    add_to.add("folder", existing_folder, type=pathname, metavar="FOLDER", help="models and robots' files")
+    add_to.add("--duration", positive, type=float, default=0.3, metavar="T", help="s; default: 0.3")
+    add_to.add("--step", positive, type=float, default=1e-3, metavar="H", help="s; default: 0.001")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the table; 1 where a run falls short of what it ought to be."""
+    entries: list[Entry] = []
+    for file in files_below(args.folder):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of what is not simulated: the table is about what is
+            entries.append(tried(file, str(file.relative_to(args.folder)), args.duration, args.step))
+    print(table(HEADER, [entry.cells() for entry in entries], longest=None))
+    print(f"\n{counted(entries)} of {len(entries)} files run {args.duration:g} s as they are")
+    return int(any(entry.verdict == "falls short" for entry in entries))
+
+
+def counted(entries: Sequence[Entry]) -> int:
+    """How many run."""
+    return sum(entry.verdict == "runs" for entry in entries)

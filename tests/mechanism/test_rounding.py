@@ -1,0 +1,104 @@
+"""Loops whose redundant rows are so up to the rounding of a file's numbers; rows of part of a cut joint."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import robust_gcp as rg
+from robust_gcp.mechanism.loops import ClosedLoops
+from robust_gcp.mechanism.partial_closure import PartialClosure
+
+RIGHT = "1.570796326794897 0 0"
+
+
+def link(name: str, length: float) -> str:
+    about = length**2 / 12.0
+    return f"""<link name="{name}"><inertial><origin xyz="{length / 2.0} 0 0"/><mass value="1"/>
+    <inertia ixx="0.001" iyy="{about}" izz="{about}" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
+
+
+def four_bar(rpy: str, kind: str = "revolute", lengths: tuple[float, ...] = (0.5, 1.0, 0.8, 0.9)) -> str:
+    """A four-bar closed by a hinge, of which three rows are redundant; one axis is turned by rpy."""
+    a, b, c, d = lengths
+    return f"""<robot name="r"><link name="base"/>{link("a", a)}{link("b", b)}{link("c", c)}
+    <joint name="q1" type="continuous"><parent link="base"/><child link="a"/><origin rpy="{rpy}"/>
+    <axis xyz="0 0 1"/></joint>
+    <joint name="q2" type="continuous"><parent link="a"/><child link="b"/><origin xyz="{a} 0 0"/>
+    <axis xyz="0 0 1"/></joint>
+    <joint name="q3" type="continuous"><parent link="base"/><child link="c"/>
+    <origin xyz="{d} 0 0" rpy="{RIGHT}"/><axis xyz="0 0 1"/></joint>
+    <loop name="l" type="{kind}"><predecessor link="b"><origin xyz="{b} 0 0"/></predecessor>
+    <successor link="c"><origin xyz="{c} 0 0"/></successor><axis xyz="0 0 1"/></loop></robot>"""
+
+
+def loaded(tmp_path: Path, text: str) -> rg.Mechanism:
+    file = tmp_path / "robot.urdf"
+    file.write_text(text, encoding="utf-8")
+    return rg.load(file)
+
+
+@pytest.mark.parametrize("rpy", ["1.5708 0 0", "1.57080 0.00001 0", "1.570796 0 0"])
+def test_a_right_angle_of_few_digits_leaves_a_loop_its_freedom(rpy: str, tmp_path: Path) -> None:
+    """It moves as the same loop with all digits does, but for that rounding."""
+    exact = loaded(tmp_path, four_bar(RIGHT))
+    assert exact.left_out == ()
+    with pytest.warns(rg.ModelWarning, match=r"rows of loops that others imply up to rounding \(l_1 – l_2"):
+        mech = loaded(tmp_path, four_bar(rpy))
+    assert (exact.m, mech.m) == (1, 1)
+    assert mech.closure_residual(mech.home) < 1e-11
+    starts = (exact.home, mech.assemble(exact.home))
+    runs = [rg.simulate(m, q, duration=0.3, step=1e-3) for m, q in zip((exact, mech), starts, strict=True)]
+    assert runs[1].closure_error().max() < 1e-13
+    assert np.ptp(runs[0]["q1"]) > 0.4
+    np.testing.assert_allclose(runs[1].q, runs[0].q, atol=2e-4)
+    again = rg.load_trajectory(runs[1].save(tmp_path / "run.npz")).mechanism
+    np.testing.assert_array_equal(again.K(mech.home), mech.K(mech.home))
+
+
+def test_a_file_with_such_loops_is_refused_where_all_is_to_be_simulated(tmp_path: Path) -> None:
+    file = tmp_path / "robot.urdf"
+    file.write_text(four_bar("1.5708 0 0"), encoding="utf-8")
+    with pytest.raises(rg.ModelError, match=r"strict=True.*up to rounding"):
+        rg.load(file, strict=True)
+
+
+def test_axes_that_are_not_parallel_are_told(tmp_path: Path) -> None:
+    with pytest.raises(rg.ClosureError, match=r"the loop l_1 – l_2 is open by 0\.000204 rad") as caught:
+        loaded(tmp_path, four_bar("1.571 0 0"))
+    assert caught.value.nearest is not None
+
+
+def test_a_shaky_structure_stays_rigid(tmp_path: Path) -> None:
+    """Two bars nearly in line: a singular value of 1e-6 too, and no freedom."""
+    text = f"""<robot name="r"><link name="base"/>{link("a", 0.5)}{link("b", 0.5)}
+    <joint name="q1" type="continuous"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/></joint>
+    <joint name="q2" type="continuous"><parent link="base"/><child link="b"/><origin xyz="{1.0 - 1e-12} 0 0"/>
+    <axis xyz="0 0 1"/></joint>
+    <loop name="l" type="continuous"><predecessor link="a"><origin xyz="0.5 0 0"/></predecessor>
+    <successor link="b"><origin xyz="-0.5 0 0"/></successor><axis xyz="0 0 1"/></loop></robot>"""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", rg.ModelWarning)
+        mech = loaded(tmp_path, text)
+    assert mech.m == 0
+    with pytest.raises(rg.PartitionError, match="rigid"):
+        rg.simulate(mech, duration=0.1)
+
+
+def test_rows_of_a_part_are_those_of_the_whole() -> None:
+    """Rotation rows are the same; position rows are along the axes of frame 2, which moves; K is ∂φ/∂q."""
+    base = rg.load("bricard")
+    whole = [rg.FrameClosure(c.frame1, c.frame2) for c in base.loops]
+    full = ClosedLoops(base.model, [PartialClosure.of(c) for c in whole])
+    parts = [PartialClosure(c.frame1, c.frame2, along=(0, 2), turns=(1,)) for c in whole]
+    some = ClosedLoops(base.model, parts)
+    rng = np.random.default_rng(0)
+    q = base.home + rng.uniform(-0.3, 0.3, base.nv)
+    np.testing.assert_allclose(some.phi(q), full.phi(q)[[0, 2, 4]], atol=1e-15)
+    np.testing.assert_allclose(some.K(q), full.K(q)[[0, 2, 4]], atol=1e-14)
+    for i in range(base.nv):
+        e = 1e-6 * np.eye(base.nv)[i]
+        np.testing.assert_allclose((some.phi(q + e) - some.phi(q - e)) / 2e-6, some.K(q)[:, i], atol=1e-8)
