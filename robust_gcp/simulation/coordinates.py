@@ -21,6 +21,7 @@ from ..maps.cluster.chart import CHANGE, best, smallest
 from ..maps.point import Counters, Point
 from ..mechanism.clusters import LoopCluster
 from ..mechanism.groups import groups_of
+from ..mechanism.joints import in_v
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 
@@ -35,12 +36,11 @@ Index = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class _Part:
-    """A cluster whose components may be changed, with its places in the whole: v, y, and the names of y."""
+    """A cluster whose components may be changed, with its places in the whole: v and y."""
 
     cluster: LoopCluster
     iv: Index
     inputs: Index
-    names: tuple[str, ...]
     candidates: Index
     at_first: Index | None
 
@@ -106,7 +106,7 @@ class Coordinates:
         return self._changed(G, CHANGE)
 
     def _changed(self, G: Array, share: float) -> tuple[str, ...] | None:
-        replaced: dict[str, str] = {}
+        replaced: dict[int, str] = {}
         for part in self._parts:
             tangent = _tangent(part, G)
             if part.cluster.m > 1:
@@ -118,10 +118,23 @@ class Coordinates:
                 tangent, part.at_first
             ):
                 chosen = part.at_first
-            joints = part.cluster.loops
-            replaced |= zip(part.names, (joints.joint_at(int(i)).name for i in chosen), strict=True)
-        names = tuple(replaced.get(name, name) for name in self.mechanism.independent)
+            numbers = in_v(part.cluster.loops.joints)
+            replaced |= zip(part.inputs.tolist(), (numbers[i].name for i in chosen.tolist()), strict=True)
+        names = _renamed(self.mechanism, replaced)
         return None if set(names) == set(self.mechanism.independent) else names
+
+
+def _renamed(mechanism: Mechanism, replaced: dict[int, str]) -> tuple[str, ...]:
+    """The independent joints with other names at these positions in y; joints stay whole where they are."""
+    numbers, names, at = in_v(mechanism.joints), list[str](), 0
+    for name in mechanism.independent:
+        places = range(at, at + len(mechanism.velocities_of(name)))
+        at = places.stop
+        if replaced.keys().isdisjoint(places):
+            names.append(name)
+        else:
+            names += [replaced.get(k, numbers[mechanism.iv_independent[k]].name) for k in places]
+    return tuple(names)
 
 
 def _tangent(part: _Part, G: Array) -> Array:
@@ -137,22 +150,24 @@ def _quality(part: _Part, tangent: Array) -> float:
 
 
 def _parts(mechanism: Mechanism, named: Sequence[str]) -> list[_Part]:
-    """Clusters whose independent velocities are joints of one number, of which there is a choice."""
+    """Clusters with a choice of independent velocities: joints of one number where these are such joints."""
     groups = groups_of(mechanism)
     own = mechanism if groups is None else groups.rest
     found = []
     for cluster in own.clusters:
         joints = cluster.loops.joints
         candidates = np.array([joint.idx_v for joint in joints if joint.single], dtype=np.int64)
-        if not 0 < cluster.m < len(candidates) or not set(cluster.chosen) <= set(candidates.tolist()):
+        if not set(cluster.chosen) <= set(candidates.tolist()):
+            candidates = np.arange(cluster.loops.nv)
+        if not 0 < cluster.m < len(candidates):
             continue
         iv, inputs = cluster.iv, cluster.inputs
         if groups is not None:
             iv, inputs = groups.rest_iv[iv], groups.rest_inputs[inputs]
-        first = [joint.idx_v for joint in joints if joint.single and joint.name in named]
+        known = [n for n in named if n in cluster.joints or n.rpartition(".")[0] in cluster.joints]
+        first = [i for n in known for i in cluster.loops.velocities_of(n) if i in candidates]
         at_first = np.array(first, dtype=np.int64) if len(first) == cluster.m else None
-        names = tuple(cluster.loops.joint_at(int(i)).name for i in cluster.chosen)
-        found.append(_Part(cluster, iv, inputs, names, candidates, at_first))
+        found.append(_Part(cluster, iv, inputs, candidates, at_first))
     return found
 
 
