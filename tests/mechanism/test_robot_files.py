@@ -80,7 +80,12 @@ RUNNING = (
 )
 
 
-STIFF = ("agility_cassie/cassie.xml", "reachy_mini/robot_no_collision.urdf")
+STIFF = (
+    "agility_cassie/cassie.xml",
+    "gepetto/cassie_like",
+    "reachy_mini/robot_no_collision.urdf",
+    "robotiq_2f85/2f85.xml",
+)
 """Dampers, and fast small links, that allow no steps of 2 ms."""
 
 
