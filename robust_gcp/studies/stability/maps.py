@@ -68,8 +68,10 @@ def draw_family(cells: Sequence[Cell], path: Path) -> Path:
 def draw_summary(cells: Sequence[Cell], path: Path) -> Path:
     """Draw one bar a family, its cells by verdict; returns the path."""
     families = by_family(cells)
-    title = f"{len(cells)} cells:  {_told(cells)}"
-    with _grid(path, (0.9 + 0.24 * len(families), plots.WIDTH), (1, len(families)), title, size=8) as ax:
+    counted = count(cells)
+    title = "\n".join([f"{len(cells)} cells", *(f"{SYMBOLS[v]} {counted[v]} {MEANING[v]}" for v in VERDICTS)])
+    height = 0.9 + 0.24 * len(families) + 0.14 * len(VERDICTS)
+    with _grid(path, (height, plots.WIDTH), (1, len(families)), title, size=8) as ax:
         for y, mine in enumerate(families.values()):
             left = 0.0
             for verdict, number in count(mine).items():
