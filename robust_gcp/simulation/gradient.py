@@ -180,7 +180,9 @@ class _Sweep:
             return self._cost.along(self._mechanism, t, q, v, self._table[i])
         assert self._function is not None
         value, (by_q, by_v, by_tau) = self._cost.along(self._mechanism, t, q, v, self._function(t, q, v))
-        tau_q, tau_v = self._slopes_of(t, q, v) if np.any(by_tau) else (0.0, 0.0)
+        if not np.any(by_tau):
+            return value, (by_q, by_v, by_tau)
+        tau_q, tau_v = self._slopes_of(t, q, v)
         return value, (by_q + by_tau @ tau_q, by_v + by_tau @ tau_v, by_tau)
 
     def _stretch(self, end: int) -> tuple[int, list[_Taken], Derivatives]:

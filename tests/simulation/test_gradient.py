@@ -168,6 +168,15 @@ def test_a_feedback_and_slopes_that_are_given() -> None:
     assert rg.gradient(run(0.0), COST, feedback).dy[0] == pytest.approx(exact, rel=1e-9)
 
 
+def test_a_running_term_without_torques_beside_a_torque_function() -> None:
+    mech, tau = rg.load("crank_rocker"), np.array([1.5, 0.0, 0.0])
+    run = rg.simulate(mech, duration=0.1, step=5e-3, torque=lambda t, q, v: tau)
+    cost = rg.Cost(running=lambda t, q, v, tau: q[0] ** 2)
+    by_function, by_number = (rg.gradient(run, cost, torque) for torque in (lambda t, q, v: tau, tau))
+    np.testing.assert_allclose(by_function.dtau, by_number.dtau, rtol=1e-9, atol=1e-14)
+    assert by_function.dv[0] == pytest.approx(by_number.dv[0], rel=1e-9)
+
+
 def test_slopes_of_the_cost_that_are_given() -> None:
     case = Case(rg.load("crank_rocker"), [2.0], 10, 5e-3)
     plain = rg.Cost(lambda q, v: v[0] ** 2, lambda t, q, v, tau: q[2] ** 3 * tau[0])
