@@ -11,7 +11,6 @@ import argparse
 import re
 import subprocess
 import sys
-import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -25,16 +24,22 @@ from ..analysis.local import analyse
 from ..arguments import Arguments, existing_file, folder, pathname
 from ..dynamics.equations import Evaluation, constraint_forces
 from ..errors import OptionError
+from ..examples.linkages import n_four_bar
+from ..maps.choice import Method
 from ..maps.cluster.jet import null_pairing
 from ..mechanism.folders.loader import load
 from ..mechanism.forces import AppliedForces
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Tree
+from ..native import backends
 from ..printing import along, write, write_json
 from ..simulation.simulate import simulate
 from ..simulation.stats import Stats
 from . import pages
+from .benchmark import QUICK, step_seconds
+from .contender import clock
 from .costs_scenes import SCENES, Scene
+from .work_precision.ours import Ours
 
 PARTS: dict[str, tuple[Callable[..., Any], ...]] = {
     "RNEA": (Tree.rnea,),
@@ -67,7 +72,7 @@ class Cost:
 def measure(scene: Scene, rounds: int = 3) -> Cost:
     """Counts and time of a scene, by the Python reference."""
     mechanism, arguments = scene.make()
-    counted, begun = Counter[str](), [0.0]
+    counted, begun, before = Counter[str](), [0.0], sys.getprofile()
     codes = {_code(f): part for part, functions in PARTS.items() for f in functions}
 
     def count(frame: FrameType, event: str, arg: object) -> None:
@@ -77,20 +82,21 @@ def measure(scene: Scene, rounds: int = 3) -> Cost:
     def profile(fraction: float) -> None:
         if fraction == 0.0:
             sys.setprofile(count)
+        elif fraction == 1.0:  # what follows is done once a run
+            sys.setprofile(before)
 
-    def clock(fraction: float) -> None:
+    def begin(fraction: float) -> None:
         if fraction == 0.0:
-            begun[0] = time.perf_counter()
+            begun[0] = clock()
 
-    before = sys.getprofile()
     try:
         run = simulate(mechanism, backend="python", progress=profile, **arguments)
     finally:
         sys.setprofile(before)
     steps, times = len(run.t) - 1, []
     for _ in range(rounds):
-        simulate(mechanism, backend="python", progress=clock, **arguments)
-        times.append((time.perf_counter() - begun[0]) / steps)
+        simulate(mechanism, backend="python", progress=begin, **arguments)
+        times.append((clock() - begun[0]) / steps)
     calls = {part: counted[part] for part in PARTS}
     return Cost(scene.name, steps, calls, run.stats, len(run.crossings), 1e6 * min(times))
 
@@ -99,7 +105,43 @@ def _code(function: Any) -> Any:
     return getattr(function, "__wrapped__", function).__code__
 
 
-def markdown(costs: list[Cost], milliseconds: dict[str, float]) -> str:
+FAR: dict[str, Callable[[], Mechanism]] = {
+    "a four-bar": lambda: load("crank_rocker"),
+    "forty four-bars in a row": lambda: n_four_bar(40, 1.2),
+    "a delta robot": lambda: load("delta"),
+    "a walker": lambda: load("walker"),
+}
+"""Mechanisms far from their singular configurations."""
+
+
+def method_costs(rounds: int) -> dict[str, tuple[float, float]]:
+    """µs of a step by classical GCP, and the method over it where no bridge is needed: medians, in turns."""
+    methods: tuple[Method, ...] = ("classical", "bridge")
+    backend: Any = "native" if backends()["native"].available else "python"
+    pair = [Ours(method, "", method, "rk4", "", backend=backend) for method in methods]
+    found = {}
+    for name in along(list(FAR), "method"):
+        mechanism = FAR[name]()
+        times = np.array(
+            [
+                [step_seconds(c, mechanism, rounds) or np.nan for c in pair]
+                for _ in range(1 if rounds == QUICK else 5 * rounds)
+            ]
+        )
+        found[name] = float(1e6 * np.median(times[:, 0])), float(np.median(times[:, 1] / times[:, 0]))
+    return found
+
+
+def method_table(found: dict[str, tuple[float, float]]) -> str:
+    """What the method costs where it is not needed."""
+    rows = [["far from singular", "classical GCP, µs a step", "the method adds"]]
+    rows += [[name, f"{micro:.3g}", f"{over - 1.0:+.1%}"] for name, (micro, over) in found.items()]
+    return pages.table(rows, (1, 2))
+
+
+def markdown(
+    costs: list[Cost], milliseconds: dict[str, float], method: dict[str, tuple[float, float]]
+) -> str:
     """The tables of docs/costs.md."""
     head = (
         *("scene", "µs per step", "ratio", "rhs", "φ and K", "RNEA", "CRBA", "forces"),
@@ -120,7 +162,8 @@ def markdown(costs: list[Cost], milliseconds: dict[str, float]) -> str:
     total = sum(milliseconds.values())
     shares = ", ".join(f"{name} {value / total:.0%}" for name, value in milliseconds.items())
     lines = f"`import robust_gcp`: {total:.0f} ms on the same machine; {shares}.\n"
-    return f"{pages.table(rows, range(1, len(head)))}\n\n{lines}"
+    parts = pages.table(rows, range(1, len(head))), method_table(method), lines
+    return "\n\n".join(parts)
 
 
 def _brief(value: float) -> str:
@@ -163,11 +206,16 @@ def run(args: argparse.Namespace) -> int:
     load("crank_rocker")  # what is loaded late is loaded now
     costs = [measure(scene, rounds) for scene in along(SCENES, "costs")]
     milliseconds = import_milliseconds(rounds)
-    text = markdown(costs, milliseconds)
+    method = method_costs(QUICK if args.quick else 4)
+    text = markdown(costs, milliseconds, method)
     print(text, end="")
     if args.out is not None:
         write(args.out / "costs.md", text)
-        figures = {"import_milliseconds": milliseconds, "scenes": [asdict(cost) for cost in costs]}
+        figures = {
+            "import_milliseconds": milliseconds,
+            "method": method,
+            "scenes": [asdict(cost) for cost in costs],
+        }
         write_json(args.out / "costs.json", figures)
     if args.refresh is not None:
         pages.renew(args.refresh, {"costs": text})

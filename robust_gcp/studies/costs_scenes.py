@@ -47,6 +47,12 @@ def _far(**more: Any) -> dict[str, Any]:
     return {"duration": 0.1, "step": 1e-3} | more
 
 
+def _moving(name: str) -> dict[str, Any]:
+    """A robot as its model recommends to start it."""
+    recommended = load(name).recommended
+    return _far(v0=recommended.v0)
+
+
 def _rhombus(**more: Any) -> dict[str, Any]:
     """0.4 s of the fall through its first singular configuration."""
     return _far(q0=[0.2, -0.2, 0.2], duration=0.4, **more)
@@ -79,6 +85,9 @@ SCENES = (
     Scene("three loops in a row", lambda: (linkages.n_four_bar(3), _far())),
     Scene("two coordinates, far from singular", lambda: (load("five_bar"), _far())),
     Scene("one closure row too many (Bricard)", lambda: (load("bricard"), _far())),
+    Scene("a delta robot, far from singular", lambda: (load("delta"), _moving("delta"))),
+    Scene("a walker's two clusters, far from singular", lambda: (load("walker"), _moving("walker"))),
+    Scene("a floating walker, far from singular", lambda: (load("walker", base="free"), _far())),
     Scene("through a crossing", lambda: (load("rhombus"), _rhombus())),
     Scene("two coordinates, through a crossing", _swinging),
     Scene("the coordinate turns back: repartition", _toggling),

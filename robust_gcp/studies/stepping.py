@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from ..errors import SimulationError
 from ..mechanism.tree import Array
 from ..simulation.steppers import adaptive, rk4_step
+from .contender import clock
 
 
 def stepped(
@@ -33,7 +33,7 @@ def stepped(
         Why it stopped, or empty.
     """
     states, stopped = [x], ""
-    begun = time.perf_counter()
+    begun = clock()
     try:
         with np.errstate(over="ignore", invalid="ignore"):
             if stepper == "rk4":
@@ -47,7 +47,7 @@ def stepped(
                 states.extend(adaptive(stepper, rate, x, times, setting, setting))
     except (SimulationError, np.linalg.LinAlgError) as error:
         stopped = f"{type(error).__name__}: {error}"
-    seconds = time.perf_counter() - begun
+    seconds = clock() - begun
     kept = np.array([state for state in states if np.all(np.isfinite(state))])
     if len(kept) < len(states):
         stopped = stopped or "left the finite numbers"

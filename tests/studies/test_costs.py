@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import robust_gcp as rg
 from robust_gcp.__main__ import main
-from robust_gcp.studies.costs import PARTS, SHARES, Cost, import_milliseconds, measure
+from robust_gcp.studies.costs import FAR, PARTS, SHARES, Cost, import_milliseconds, measure
 from robust_gcp.studies.costs_scenes import SCENES
 
 RARE = ("zone_evaluations", "marching_steps", "bridges_built", "svds", "second_order", "refined_steps")
@@ -28,6 +29,8 @@ def nonzero(cost: Cost) -> set[str]:
     return {n for n in names if getattr(cost.stats, n)} | {part for part in PARTS if cost.calls[part]}
 
 
+ROBOT = {"RNEA", "CRBA", *CONSTRAINT, "forces", "force_evaluations"}  # sprung
+
 NEEDED = {
     "one pendulum": {"RNEA"},
     "a pendulum with spring and damper": {"RNEA", "forces", "force_evaluations"},
@@ -40,6 +43,9 @@ NEEDED = {
     "… by DOP853": {"RNEA", *CONSTRAINT},
     "two coordinates, far from singular": {"RNEA", "CRBA", *CONSTRAINT},
     "one closure row too many (Bricard)": {"RNEA", *CONSTRAINT, "svds"},
+    "a delta robot, far from singular": ROBOT,
+    "a walker's two clusters, far from singular": ROBOT,
+    "a floating walker, far from singular": ROBOT,
 }
 """Whatever is not named here must not run at all in these scenes."""
 
@@ -69,6 +75,22 @@ def test_each_solve_evaluates_the_constraint_once_more_than_it_corrects(costs: d
     stats = costs["one loop, far from singular"].stats
     at_the_start = stats.constraint_evaluations - stats.newton_iterations - stats.rhs
     assert 0 <= at_the_start < 30
+
+
+@pytest.mark.parametrize("name", ["delta", "walker"])
+def test_far_from_singular_the_method_evaluates_nothing_more(name: str) -> None:
+    """Classical GCP and the bridge count the same parts, to the last one, and give the same motion."""
+    robot = rg.load(name)
+    methods: tuple[Any, ...] = ("classical", "bridge")
+    runs = [
+        rg.simulate(robot, v0=robot.recommended.v0, duration=0.02, step=1e-3, method=method, backend="python")
+        for method in methods
+    ]
+    counts = [
+        {n: getattr(run.stats, n) for n in (*RARE, *CONSTRAINT, "rhs", "force_evaluations")} for run in runs
+    ]
+    assert counts[0] == counts[1]
+    np.testing.assert_array_equal(runs[0].q, runs[1].q)
 
 
 def test_a_crossing_costs_once(costs: dict[str, Cost]) -> None:
@@ -119,6 +141,7 @@ def test_the_command_renews_the_document(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("robust_gcp.studies.costs.SCENES", SCENES[:2])
+    monkeypatch.setattr("robust_gcp.studies.costs.FAR", {"a four-bar": FAR["a four-bar"]})
     document = tmp_path / "costs.md"
     begin, end = (f"<!-- {side}: costs -->\n" for side in ("begin", "end"))
     document.write_text(f"before\n{begin}old\n{end}after\n", encoding="utf-8")
@@ -128,6 +151,7 @@ def test_the_command_renews_the_document(
     assert document.read_text(encoding="utf-8") == f"before\n{begin}\n{table}\n{end}after\n"
     assert table in capsys.readouterr().out
     figures = json.loads((tmp_path / "out" / "costs.json").read_text(encoding="utf-8"))
+    assert set(figures["method"]) == {"a four-bar"}
     assert [scene["scene"] for scene in figures["scenes"]] == [scene.name for scene in SCENES[:2]]
     document.write_text("no marks", encoding="utf-8")
     assert main(words) == 2

@@ -15,8 +15,9 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.__main__ import main
+from robust_gcp.studies import machine
 from robust_gcp.studies.contender import Contender, Outcome, Scene
-from robust_gcp.studies.work_precision import command, cost, floor, measure, ours, scenes, store, verdicts
+from robust_gcp.studies.work_precision import command, floor, measure, ours, scenes, verdicts
 from robust_gcp.studies.work_precision.implicit import Equations, Implicit, TunedImplicit
 from robust_gcp.studies.work_precision.looks import Labels
 from robust_gcp.studies.work_precision.measure import Judge, Point
@@ -127,7 +128,7 @@ def test_unknown_methods_are_named(tmp_path: Path, capsys: pytest.CaptureFixture
 
 def test_the_command_measures_with_one_thread(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Where the number of BLAS threads is not set, it runs itself again in a process where it is."""
-    for name in store.THREADS:
+    for name in machine.THREADS:
         monkeypatch.delenv(name, raising=False)
     seen: dict[str, Any] = {}
 
@@ -137,7 +138,7 @@ def test_the_command_measures_with_one_thread(monkeypatch: pytest.MonkeyPatch, t
 
     monkeypatch.setattr(command.subprocess, "run", called)
     assert main(["work-precision", "--quick", "--scene", "kite", "--cap", "0.5", "--out", str(tmp_path)]) == 7
-    assert all(seen["env"][name] == "1" for name in store.THREADS)
+    assert all(seen["env"][name] == "1" for name in machine.THREADS)
     assert seen["given"][2:] == [
         "robust_gcp", "work-precision", "--out", str(tmp_path), "--scene", "kite", "--quick", "--cap", "0.5",
     ]  # fmt: skip
@@ -365,29 +366,6 @@ def test_the_table_says_plainly_where_a_peer_is_faster() -> None:
     row = verdicts.ratios([("scene", found, reference)]).splitlines()[2]
     assert row.startswith("| 1e-06, 1e-08 | scene |")
     assert "not reached, tool does" in row
-
-
-def test_the_exponent_of_the_cost_is_that_of_the_largest_sizes() -> None:
-    points = []
-    for n in cost.SIZES:
-        point = Point(
-            f"cost_{n}", "a", "bridge", "rk4", "fixed", 1e-3, seconds=0.4e-6 * (50 + n**2), repeats=1
-        )
-        point.rhs = 1600
-        points.append(point)
-    curve = cost.costs_of(points)["a"]
-    assert [n for n, _, _ in curve] == list(cost.SIZES)
-    assert curve[0][1] == pytest.approx(0.4e-6 * 51 / 400 * 1e6)
-    exact = np.polyfit(np.log([10.0, 20.0, 40.0]), np.log([150.0, 450.0, 1650.0]), 1)[0]
-    assert cost.exponent(curve) == pytest.approx(exact)
-    points[-1].lost = 0.1
-    assert [n for n, _, _ in cost.costs_of(points)["a"]] == list(cost.SIZES[:-1])
-
-
-def test_the_cost_is_measured_away_from_singular_configurations() -> None:
-    motion = cost.motion(2)
-    run = rg.simulate(motion.scene.mechanism, v0=motion.scene.v0, duration=cost.DURATION, step=2e-3)
-    assert run.stats.zone_evaluations == 0
 
 
 def test_a_run_that_went_beyond_all_numbers_is_judged_as_lost(

@@ -7,7 +7,6 @@ Springs, dampers and drives are Exudyn's own.
 from __future__ import annotations
 
 import operator
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -17,7 +16,7 @@ import numpy as np
 
 from ...mechanism.forces import JointTorque, PointSpring
 from ...mechanism.tree import Array
-from ..contender import Contender, Kind, Outcome, Outputs, Scene, division
+from ..contender import Contender, Kind, Outcome, Outputs, Scene, clock, division
 from .exudyn_models import ExudynModel, KinematicTree, PlanarBodies, exu, is_planar
 from .parts import has_simple_joints
 
@@ -55,12 +54,12 @@ class Implicit:
             solver = exu.MainSolverImplicitSecondOrder()
             why = "Newton's iterations failed"
             solver.InitializeSolver(built.mbs, settings)
-            begun = time.perf_counter()
+            begun = clock()
             try:
                 solver.SolveSteps(built.mbs, settings)
             except (exu.SolverError, exu.InternalError) as error:
                 why = str(error).splitlines()[0]
-            seconds = time.perf_counter() - begun
+            seconds = clock() - begun
             solver.FinalizeSolver(built.mbs, settings)
         outputs = Outputs(scene)
         t, states = stored(built)

@@ -6,7 +6,6 @@ Springs and dampers are MuJoCo's own (joints and spatial tendons); a constant dr
 from __future__ import annotations
 
 import functools
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -17,7 +16,7 @@ from mujoco import rollout
 
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
-from ..contender import Contender, Kind, Outcome, Outputs, Scene, division
+from ..contender import Contender, Kind, Outcome, Outputs, Scene, clock, division
 from .mjcf_text import mjcf
 from .parts import constant_torques, has_simple_joints
 
@@ -71,11 +70,11 @@ class Connect:
         before = mujoco.get_mju_user_warning()
         mujoco.set_mju_user_warning(lambda message: None)  # else written to a file
         try:
-            begun = time.perf_counter()
+            begun = clock()
             states, _ = rollout.rollout(
                 model, data, start, applied[None, None], control_spec=APPLIED, nstep=steps
             )
-            seconds = time.perf_counter() - begun
+            seconds = clock() - begun
         finally:
             mujoco.set_mju_user_warning(before)
         for state in states[0, substeps - 1 :: substeps, 1:]:  # the first number is the time

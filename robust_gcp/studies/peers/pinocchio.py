@@ -8,7 +8,6 @@ two points on its axis. Springs, dampers and drives are computed in the loop. A 
 from __future__ import annotations
 
 import functools
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
@@ -16,7 +15,7 @@ import numpy as np
 
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
-from ..contender import Contender, Kind, Outcome, Outputs, Scene, division
+from ..contender import Contender, Kind, Outcome, Outputs, Scene, clock, division
 from .compiled import Loop, Settings, knows, why_not
 
 Omega = Callable[[Scene, float], float]
@@ -64,9 +63,9 @@ def timed(scene: Scene, setting: float, how: Settings) -> Outcome:
     """A run of the loop with these settings."""
     substeps, h = division(scene, setting)
     found, outputs = loop(scene.mechanism), len(scene.times) - 1
-    begun = time.perf_counter()
+    begun = clock()
     q, v = found.run(scene.q0, scene.v0, h, substeps, outputs, how)
-    seconds = time.perf_counter() - begun
+    seconds = clock() - begun
     kept = Outputs(scene)
     for state in zip(q[1:], v[1:], strict=True):
         kept.put(*state)

@@ -18,18 +18,16 @@ from ...mechanism.tree import Array
 from ...printing import progress_bar
 from .. import peers
 from ..contender import Contender, Scene
-from . import cost, floor, ours, report
+from ..machine import THREADS
+from . import floor, ours, report
 from .measure import Judge, Point, climb, settings_of
 from .motion import Motion
 from .references import Reference
 from .scenes import MOTIONS
-from .store import THREADS, Store
+from .store import Store
 from .verdicts import OURS
 
-COST = "cost"
-"""The scene that is no motion: the cost of a step against size."""
-
-SCENES = (*MOTIONS, COST)
+SCENES = tuple(MOTIONS)
 QUICK_SCENES = ("antiparallelogram", "crank_rocker")
 QUICK_STEPS, QUICK_TOLERANCES = (1, 2, 4, 8), (1e-5, 1e-8, 1e-11)
 
@@ -48,9 +46,7 @@ class Study:
     refused: dict[str, list[str]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.motions = {name: MOTIONS[name]() for name in self.scenes if name != COST}
-        sizes = cost.SIZES if COST in self.scenes else ()
-        self.costs = {motion.scene.name: motion for motion in map(cost.motion, sizes)}
+        self.motions = {name: MOTIONS[name]() for name in self.scenes}
         everyone = [*ours.contenders(self._exact), *peers.contenders(self._exact)]
         self.contenders = [c for c in everyone if _wanted(c, self.wanted)]
         if not self.contenders:
@@ -63,24 +59,23 @@ class Study:
     def reference(self, name: str) -> Reference:
         """The scene's exact motion, from the store."""
         if name not in self.references:
-            self.references[name] = self.store.reference((self.motions | self.costs)[name])
+            self.references[name] = self.store.reference(self.motions[name])
         return self.references[name]
 
     def run(self) -> None:
         """Measure what is missing, with a bar; floors last, at the settings that ours were run at."""
-        everything = self.motions | self.costs
-        floors = {s: floor.Floor(s, lambda name: everything[name].floor) for s in floor.STEPPERS}
+        floors = {s: floor.Floor(s, lambda name: self.motions[name].floor) for s in floor.STEPPERS}
         plan: list[tuple[Motion, Contender, list[float]]] = []
-        for name, motion in everything.items():
+        for name, motion in self.motions.items():
             compared: dict[str, list[float]] = {}
             for contender in self.contenders:
                 why = contender.refuses(motion.scene)
                 if why:
                     self.refused.setdefault(name, []).append(f"{contender.name}: {why}")
-                elif name in self.motions or cost.enters(contender):
+                else:
                     settings = self._settings(contender, motion)
                     plan.append((motion, contender, settings))
-                    if contender.family == OURS and name in self.motions and motion.floor is not None:
+                    if contender.family == OURS and motion.floor is not None:
                         compared[contender.stepper] = settings
             plan += [(motion, floors[stepper], settings) for stepper, settings in compared.items()]
         total, done = sum(len(settings) for _, _, settings in plan), 0
@@ -108,7 +103,7 @@ class Study:
         return climb(contender, motion, judge, settings, known, 1, np.inf)  # its time is of no interest
 
     def _settings(self, contender: Contender, motion: Motion) -> list[float]:
-        if not self.quick or motion.scene.name in self.costs:
+        if not self.quick:
             return settings_of(contender, motion)
         if contender.kind == "adaptive":
             return list(QUICK_TOLERANCES)

@@ -1,4 +1,4 @@
-"""The figures: error against seconds and against evaluations, closure, energy; cost against size."""
+"""The figures: error against seconds and against evaluations, closure, energy."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...drawing.figures import style as plots
-from . import cost, floor
+from . import floor
 from .looks import Labels, Look, looks, setting_text
 from .measure import Point
 from .references import Reference
@@ -88,30 +88,6 @@ def _scene(
         grid[0][1].set_title(KINDS["adaptive"], loc="left", pad=9)
         _write_labels(figure, [ax for row in shown for ax in row], curves, styles, reference)
         plots.save(figure, path, dpi)
-
-
-def draw_cost(points: Sequence[Point], foot: str, path: Path) -> Path:
-    """Cost of a step, and of an evaluation, against the number of loops."""
-    costs = cost.costs_of(points)
-    families = {p.contender: p.family for p in points}
-    with _style():
-        styles = looks([(name, families[name]) for name in costs])
-        handles = []
-        for name, curve in costs.items():
-            power = cost.exponent(curve)
-            label = name if power is None else f"{name}: N^{power:.2f}"
-            handles.append(_handle(label, styles[name]))
-        figure, (axes,) = _laid_out(1, 2.8, handles, foot)
-        for name, curve in costs.items():
-            n, step, evaluation = np.array(curve).T
-            axes[0].loglog(n, step, **styles[name])
-            axes[1].loglog(n, evaluation, **styles[name])
-        for ax, what in zip(axes, ("a step", "an evaluation"), strict=True):
-            ax.set_xlabel("loops N")
-            ax.set_ylabel(f"time of {what} [µs]")
-            ax.set_xticks(cost.SIZES, [str(n) for n in cost.SIZES])
-            ax.minorticks_off()
-        return plots.save(figure, path)
 
 
 # --------------------------------------------------------------------------- panels

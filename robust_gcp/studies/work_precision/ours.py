@@ -15,7 +15,7 @@ from ...maps.classical import NewtonStart, SingularityWarning
 from ...maps.four_bar import draw_four_bar
 from ...native import backends
 from ...simulation.simulate import simulate
-from ..contender import Contender, Kind, Outcome, Scene
+from ..contender import Contender, Kind, Outcome, Scene, clock
 from .implicit import Implicit, TunedImplicit
 
 FIXED = "rk4"
@@ -65,14 +65,16 @@ class Ours:
         stopped = ""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SingularityWarning)
+            begun = clock()
             try:
                 run = simulate(scene.mechanism, scene.q0, scene.v0, float(outputs[-1]), step, **options)
             except SimulationError as error:
                 if error.trajectory is None:
                     raise
                 run, stopped = error.trajectory, f"{type(error).__name__}: {error}"
+            seconds = clock() - begun
         q, v = run.q[::every], run.v[::every]
-        return Outcome(q, v, run.stats.wall_seconds, run.stats.rhs, stopped)
+        return Outcome(q, v, seconds, run.stats.rhs, stopped)
 
 
 def backend_names() -> tuple[str, ...]:

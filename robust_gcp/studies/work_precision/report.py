@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from ...drawing.figures import style as plots
 from .. import pages
 from ..contender import Contender
-from . import cost, figures, verdicts
+from ..machine import footer
+from . import figures, verdicts
 from .motion import Motion
 from .references import Reference
 from .store import Store
@@ -31,7 +31,11 @@ def write(
     docs: Path | None,
 ) -> list[Path]:
     """Print the tables, write everything; returns the paths."""
-    out, foot, points = store.folder, verdicts.footer(store.header), list(store.points.values())
+    out, foot, points = (
+        store.folder,
+        footer(store.header["machine"], store.header["begun"]),
+        list(store.points.values()),
+    )
     rows, paths = [], []
     for name, motion in motions.items():
         curves = verdicts.curves_of(points, name)
@@ -40,12 +44,6 @@ def write(
             files = [out / f"work_precision_{name}{suffix}" for suffix in plots.FORMATS]
             paths += [figures.draw_scene(*rows[-1], foot, file) for file in files]
     text, told_seconds = verdicts.ratios(rows), verdicts.seconds(rows)
-    lines: list[str] = []
-    costs = cost.costs_of(points)
-    if costs:
-        lines += [cost.verdict(costs, {p.contender: p.family for p in points})]
-        files = [out / f"work_precision_cost{suffix}" for suffix in plots.FORMATS]
-        paths += [figures.draw_cost(points, foot, file) for file in files]
     tuning = [f"- **{c.name}**: {c.tuning}" for c in contenders]
     sections = {
         "Contenders": [*tuning, *(f"- {sentence}" for sentence in missing)],
@@ -56,7 +54,7 @@ def write(
     }
     told = [part for title, content in sections.items() for part in (f"## {title}", "\n".join(content))]
     contents = {
-        "report.md": "\n\n".join(["# Error against run time", foot, text, told_seconds, *lines, *told]),
+        "report.md": "\n\n".join(["# Error against run time", foot, text, told_seconds, *told]),
         "table.md": f"{text}\n\n{foot}",
     }
     for name, content in contents.items():
@@ -68,26 +66,19 @@ def write(
             "contenders": {c.name: {"family": c.family, "tuning": c.tuning} for c in contenders},
         }
     )
-    print("\n".join([text, "", told_seconds, "", *lines, foot]))
+    print("\n".join([text, "", told_seconds, "", foot]))
     if docs is not None:
-        paths += _refresh(docs, rows, [text, told_seconds, *lines], foot, out)
+        paths += _refresh(docs, rows, [text, told_seconds], foot)
     return paths
 
 
-def _refresh(
-    root: Path, rows: Sequence[verdicts.Row], tables: Sequence[str], foot: str, out: Path
-) -> list[Path]:
+def _refresh(root: Path, rows: Sequence[verdicts.Row], tables: Sequence[str], foot: str) -> list[Path]:
     """The marked blocks of README.md and docs/work-precision.md, and the figures that they show."""
     written = []
     for title, curves, reference in rows:
         if next(iter(curves.values()))[0].scene == STORY:
             path = root / "docs" / "figures" / f"work_precision_{STORY}.png"
             written.append(figures.draw_story(title, curves, reference, foot, path))
-    drawn = out / "work_precision_cost.png"
-    if drawn.exists():
-        path = root / "docs" / "figures" / drawn.name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        written.append(Path(shutil.copyfile(drawn, path)))
     measured = f"*Measured {foot}.*"
     blocks = {
         root / "README.md": f"{tables[0]}\n\n{measured}",

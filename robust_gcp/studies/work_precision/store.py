@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import json
-import os
-import platform
-import subprocess
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -16,52 +12,10 @@ import numpy as np
 from ... import __version__
 from ...errors import OptionError
 from .. import pages
+from ..machine import machine
 from .measure import Point, point_of
 from .motion import Motion
 from .references import Reference
-
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-PACKAGES = ("numpy", "scipy", "pin", "mujoco", "exudyn")
-
-
-def machine() -> dict[str, str]:
-    """CPU, cores, OS, versions, threads and commit, in words."""
-    versions = []
-    for package in PACKAGES:
-        try:
-            versions.append(f"{package} {importlib.metadata.version(package)}")
-        except importlib.metadata.PackageNotFoundError:
-            versions.append(f"no {package}")
-    set_to = {os.environ.get(name, "not set") for name in THREADS}
-    return {
-        "cpu": _cpu(),
-        "cores": str(os.cpu_count()),
-        "os": f"{platform.system()} {platform.machine()}",
-        "python": platform.python_version(),
-        "packages": ", ".join(versions),
-        "threads": set_to.pop() if len(set_to) == 1 else "as set: " + ", ".join(sorted(set_to)),
-        "robust_gcp": __version__,
-        "commit": _commit(),
-    }
-
-
-def _cpu() -> str:
-    info = Path("/proc/cpuinfo")
-    if info.exists():
-        for line in info.read_text(encoding="utf-8", errors="replace").splitlines():
-            if line.startswith("model name"):
-                return line.split(":", 1)[1].strip()
-    return platform.processor() or "unknown CPU"
-
-
-def _commit() -> str:
-    here = Path(__file__).parent
-    command = ["git", "-C", str(here), "describe", "--always", "--dirty", "--exclude=*"]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=10, check=False)
-    except (OSError, subprocess.TimeoutExpired):
-        return "unknown"
-    return done.stdout.strip() or "unknown"
 
 
 class Store:
@@ -142,4 +96,6 @@ def _fingerprint(motion: Motion) -> str:
     """What the exact motion depends on."""
     scene = motion.scene
     masses = [float(inertia.mass) for inertia in scene.mechanism.model.inertias]
-    return json.dumps([__version__, _commit(), scene.q0.tolist(), scene.v0.tolist(), scene.times[-1], masses])
+    return json.dumps(
+        [__version__, machine()["commit"], scene.q0.tolist(), scene.v0.tolist(), scene.times[-1], masses]
+    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -170,12 +170,3 @@ def _cell(reached: Reach | None, best: tuple[float, str] | None, named: bool) ->
         return f"not reached ({best[0]:.0e}{', ' + best[1] if named else ''})"
     name = f", {reached.contender}" if named else f", {reached.contender.removeprefix('bridge').strip(', ')}"
     return f"{reached.seconds:.2g} s, {reached.rhs:.2g} ev.{name}"
-
-
-def footer(header: dict[str, Any]) -> str:
-    """Date and machine in one line."""
-    m = header["machine"]
-    return (
-        f"{header['begun']}; {m['cpu']}, {m['cores']} cores, {m['os']}, Python {m['python']}, "
-        f"{m['packages']}, BLAS threads {m['threads']}; robust_gcp {m['robust_gcp']}, commit {m['commit']}"
-    )
