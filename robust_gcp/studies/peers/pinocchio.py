@@ -92,6 +92,7 @@ CRITICAL = 0.2
 
 PER_STEP, PER_DURATION = (0.0, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0), (20.0, 100.0, 500.0, 2000.0)
 MUS = (1e-6, 1e-8, 1e-10, 1e-12)
+LARGEST_SCANNED = 30
 MOST_SCANNED = 8
 """Steps in an output interval up to which gains are scanned; finer ones take the rule that was best there."""
 
@@ -115,7 +116,9 @@ class Scanned(ConstraintDynamics):
     _best: dict[tuple[str, int], tuple[Omega, float]] = field(default_factory=dict)
 
     def refuses(self, scene: Scene) -> str:
-        """As without the scan, and scenes whose exact motion is not known."""
+        """As without the scan, and what would take longer than all else, or has no exact motion."""
+        if scene.mechanism.nv > LARGEST_SCANNED:
+            return f"gains are scanned on mechanisms of at most {LARGEST_SCANNED} joints"
         return super().refuses(scene) or ("" if self.exact else "no exact motion to scan by")
 
     def settings(self, scene: Scene, step: float) -> Settings:
