@@ -56,7 +56,10 @@ COMMANDS = (
     ),
     Command("trees", "random trees of four-bars against the closed forms of their loops", ".studies.trees"),
     Command("a02", "N four-bars in a row (IFToMM A02) against the closed form", ".studies.a02"),
-    Command("benchmark", "time of a step against size, ours and of other tools", ".studies.benchmark"),
+    Command(
+        "benchmark", "time a right-hand side and its parts against the number of loops", ".studies.benchmark"
+    ),
+    Command("growth", "time of a step against size, ours and of other tools", ".studies.growth"),
     Command(
         "costs",
         "which parts of the method each kind of scene runs, and what its steps cost",

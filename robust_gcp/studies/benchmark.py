@@ -1,213 +1,190 @@
-"""Time of a step against loops, clusters, joints, mobility; ours, Pinocchio's, MuJoCo's; and fixed costs.
-
-A step's time is the difference of two runs over that of their numbers of steps, so that what a run costs once
-is not in it.
-"""
+"""What a right-hand side costs, part by part, and a step of the kernel, against the number of loops."""
 
 from __future__ import annotations
 
 import argparse
-import textwrap
+import itertools
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 
-from ..arguments import Arguments, existing_folder, folder, pathname
-from ..drawing.figures import style as plots
-from ..dynamics.derivatives import derivatives, forward_dynamics
-from ..dynamics.discrete import step_jacobians
-from ..examples.families import four_bars
-from ..examples.linkages import add_link, n_four_bar
-from ..mechanism.closures import PointClosure
+from ..arguments import DEFAULT, Arguments, file, pathname, whole
+from ..dynamics.problem import set_out
+from ..examples.linkages import n_four_bar
+from ..maps.choice import MapChoice
+from ..maps.cluster.options import BridgeOptions
+from ..maps.march import same_branch
 from ..mechanism.folders.loader import load
 from ..mechanism.mechanism import Mechanism
 from ..native import backends
-from ..printing import along, write_json
+from ..native.library import Library, library
+from ..native.workspace import Outputs, Workspace
+from ..printing import along, table, write_json
 from ..simulation.simulate import simulate
-from . import pages, peers
-from .contender import Contender, Scene, clock
-from .machine import footer, machine
-from .work_precision import ours
 
+Batch = Callable[[], tuple[float, float]]
+"""Does a batch of steps: seconds per step and Newton iterations per right-hand side."""
+
+SIZES = (1, 5, 10, 20, 40)
+SHARES = ("map", "M_and_C", "rest", "zone_test")
 ANGLE = 1.2
 """rad: cranks well away from flat, so that only the regular path is timed."""
 
-STEP, OUTPUTS, MOST = 2e-5, 10, 256
-"""s; outputs of a timed run; and steps between them of the shorter one at most: the motion stays regular."""
-
-SPENT, ROUNDS = 6e-3, 9
-"""s that the longer run should take more, and how often both are run; the smallest times count."""
-
-QUICK = 2
-"""Rounds of a smoke test."""
-
-FITTED = 3
-"""Largest sizes that an exponent is fitted to."""
-
-SHOWN = {
-    "bridge compiled, RK4": "compiled",
-    "bridge, RK4": "Python",
-    "Pinocchio, mu > 0": "Pinocchio C++",
-    "Pinocchio, defaults": "Pinocchio C++",
-    "MuJoCo connect, tuned": "MuJoCo RK4",
-}
-"""Contenders and their names here: all with RK4; Pinocchio's is `constraintDynamics`, or `aba` for a tree."""
+ROUNDS = 50
+"""Of each measurement in the kernel; the smallest counts, that is the one least disturbed."""
 
 
-@dataclass(frozen=True)
-class Family:
-    """Mechanisms that grow."""
-
-    name: str
-    sizes: tuple[int, ...]
-    make: Callable[[int], Mechanism]
-
-
-def polygon(m: int) -> Mechanism:
-    """One loop of m + 3 hinges: links between points on an arc, from the origin back to the ground."""
-    turns = np.linspace(0.8 * np.pi, 0.1 * np.pi, m + 3)
-    points = np.exp(1j * turns) - np.exp(1j * turns[0])
-    bars = np.diff(points)
-    model, joint, reach = pin.Model(), 0, 0.0
-    for i, bar in enumerate(bars):
-        joint, reach = add_link(model, joint, reach, f"q{i}", float(abs(bar))), float(abs(bar))
-    end = pin.SE3(np.eye(3), np.array([0.0, points[-1].real, points[-1].imag]))
-    model.addFrame(pin.Frame("ground_end", 0, end, pin.FrameType.OP_FRAME))
-    home = np.diff(np.unwrap(np.angle(bars)), prepend=0.0)
-    closures = [PointClosure(f"q{len(bars) - 1}_tip", "ground_end")]
-    return Mechanism(model, closures, [f"q{i}" for i in range(m)], home=home)
-
-
-def pendulums(n: int) -> Mechanism:
-    """A chain of n hinges, which is a tree."""
-    model, joint = pin.Model(), 0
-    for i in range(n):
-        joint = add_link(model, joint, 1.0 if i else 0.0, f"q{i}", 1.0)
-    return Mechanism.from_pinocchio(model, home=[0.3] * n)
-
-
-FAMILIES = (
-    Family("loops", (1, 2, 5, 10, 20, 40), partial(n_four_bar, angle=ANGLE)),
-    Family(
-        "clusters", (1, 2, 4, 8, 16),
-        lambda n: four_bars([(4.0, 1.0, 3.5, 3.0)] * n, [1.0] * n, spacing=9.0),
-    ),
-    Family("mobility", (1, 2, 3, 4, 6), polygon),
-    Family("joints", (1, 2, 5, 10, 20, 40), pendulums),
-    Family("robots", (3, 4), lambda m: load("delta" if m == 3 else "walker")),
-)  # fmt: skip
-"""Four-bars in a row, in one cluster; four-bars side by side, each a cluster; hinges in one loop; a chain of
-hinges; and robots, by their mobility."""
-
-
-def step_seconds(contender: Contender, mechanism: Mechanism, rounds: int = ROUNDS) -> float | None:
-    """Of a step from home at rest; None where the contender does not run the mechanism."""
-
-    def seconds(steps: int) -> float:
-        """Of a run of so many steps between outputs."""
-        times = STEP * steps * np.arange(OUTPUTS + 1)
-        scene = Scene("", mechanism, mechanism.home, np.zeros(mechanism.nv), times)
-        found = contender.run(scene, STEP)
-        return np.inf if found.stopped else found.seconds
-
-    if contender.refuses(Scene("", mechanism, mechanism.home, np.zeros(mechanism.nv), STEP * np.arange(3))):
-        return None
-    few = 1
-    while few < (8 if rounds == QUICK else MOST) and seconds(3 * few) - seconds(few) < SPENT:
-        few *= 2
-    both = [(seconds(few), seconds(3 * few)) for _ in range(rounds)]
-    less, more = (min(times) for times in zip(*both, strict=True))
-    return (more - less) / (2 * few * OUTPUTS)
-
-
-def measure(family: Family, quick: bool) -> list[dict[str, float | str]]:
-    """Rows of size, velocities and µs a step by contender."""
-    everyone = {c.name: c for c in (*ours.contenders(lambda _: np.zeros(0)), *peers.contenders())}
-    rows = []
-    for n in along(family.sizes[:2] if quick else family.sizes, family.name):
-        mechanism = family.make(n)
-        row: dict[str, float | str] = {"family": family.name, "size": n, "name": mechanism.name}
-        row |= {"nv": mechanism.nv, "m": mechanism.m}
-        for name, shown in SHOWN.items():
-            loops = bool(mechanism.closures)
-            wanted = (
-                name in everyone
-                and (loops or name != "Pinocchio, mu > 0")
-                and (not loops or name != "Pinocchio, defaults")
-            )
-            found = step_seconds(everyone[name], mechanism, QUICK if quick else ROUNDS) if wanted else None
-            if found is not None:
-                row[shown] = 1e6 * found
-        rows.append(row)
-    return rows
-
-
-def exponent(rows: Sequence[dict[str, float | str]], name: str) -> float | None:
-    """p of µs ~ size^p over the largest sizes."""
-    known = [(float(row["size"]), float(row[name])) for row in rows if float(row.get(name, 0.0)) > 0.0][
-        -FITTED:
-    ]
-    if len(known) < FITTED:
-        return None
-    sizes, times = np.log(known).T
-    return float(np.polyfit(sizes, times, 1)[0])
-
-
-# --------------------------------------------------------------------------- what a run costs once
-
-
-def once(quick: bool) -> dict[str, float]:
-    """Milliseconds of a first run, of a start, and of a crossing; gain of two threads."""
-    rounds = 2 if quick else 9
-    rhombus = load("rhombus")
-
-    def least(call: Callable[[], object], many: int = rounds) -> float:
-        times = []
-        for _ in range(many):
-            begun = clock()
+def seconds_per_call(call: Callable[[], object], budget: float = 0.1) -> float:
+    """Smallest mean time of a call over five rounds, s: the least disturbed by other processes."""
+    begun = time.perf_counter()
+    call()
+    once = max(time.perf_counter() - begun, 1e-7)
+    count = max(3, int(budget / 5.0 / once))
+    rounds = []
+    for _ in range(5):
+        begun = time.perf_counter()
+        for _ in range(count):
             call()
-            times.append(clock() - begun)
-        return 1e3 * min(times)
+        rounds.append((time.perf_counter() - begun) / count)
+    return min(rounds)
 
-    def fall(duration: float) -> object:
-        return simulate(rhombus.with_independent(["q1"]), duration=duration, step=1e-3)
 
-    first = least(lambda: simulate(load("crank_rocker"), duration=1e-3, step=1e-3), 3) - least(
-        lambda: load("crank_rocker"), 3
-    )
-    crank_rocker = load("crank_rocker")
-    start = least(lambda: simulate(crank_rocker, duration=1e-3, step=1e-3))
-    crossing = least(partial(fall, 0.3)) - least(partial(fall, 0.1))
-    delta = load("delta")
-    q, v = delta.home, np.asarray(delta.recommended.v0)
-    accelerated = least(lambda: forward_dynamics(delta, q, v))
-    zero = np.zeros(delta.nv)
-    stepped = least(lambda: simulate(delta, q, v, duration=1e-3, step=1e-3, backend="python"))
-    return {
-        "derivatives": least(lambda: derivatives(delta, q, v)) / accelerated,
-        "jacobians": least(lambda: step_jacobians(delta, q, v, zero, 1e-3)) / stepped,
-        "first run": first,
-        "start": start,
-        "crossing": crossing,
-        "threads": thread_gain(crank_rocker, quick=quick),
+def naive(n: int) -> Callable[[], object]:
+    """The same right-hand side as one writes it first: one Jacobian a frame and dense solves.
+
+    The yardstick of this machine: both times are quoted, and their ratio travels.
+    """
+    import pinocchio as pin
+
+    mechanism = n_four_bar(n, ANGLE)
+    model, q, data = mechanism.model, mechanism.home, mechanism.model.createData()
+    frames = [[model.getFrameId(name) for name in (c.frame1, c.frame2)] for c in mechanism.loops]
+    v = mechanism.lift(q, [1.0])
+    dependent, independent = mechanism.iv_dependent, mechanism.iv_independent
+    axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+
+    def evaluate() -> object:
+        pin.forwardKinematics(model, data, q, v, 0.0 * v)
+        pin.computeJointJacobians(model, data, q)
+        pin.updateFramePlacements(model, data)
+        rows, bias = [], []
+        for ends in frames:
+            J1, J2 = (pin.getFrameJacobian(model, data, frame, axes) for frame in ends)
+            a1, a2 = (pin.getFrameClassicalAcceleration(model, data, frame, axes).linear for frame in ends)
+            rows.append((J1 - J2)[1:3])
+            bias.append((a2 - a1)[1:3])
+        K, k = np.vstack(rows), np.concatenate(bias)
+        G, g = np.zeros((model.nv, 1)), np.zeros(model.nv)
+        G[independent] = 1.0
+        G[dependent] = np.linalg.solve(K[:, dependent], -K[:, independent])
+        g[dependent] = np.linalg.solve(K[:, dependent], k)
+        M = pin.crba(model, data, q)
+        C = pin.nle(model, data, q, v)
+        return np.linalg.solve(G.T @ M @ G, G.T @ (-C - M @ g))
+
+    return evaluate
+
+
+def measure(n: int, budget: float = 0.1) -> dict[str, float]:
+    """Microseconds per right-hand side, per RK4 step, and per part, for n loops."""
+    mechanism = n_four_bar(n, ANGLE)
+    motion = set_out(mechanism)
+    start, equations = motion.start, motion.equations
+    path, tree = start.path, mechanism.tree
+    q, G = start.point.q, start.point.G[:, 0]
+    sweep = itertools.cycle(ANGLE + 1e-4 * np.sin(np.arange(64)))
+    explicit, unit = MapChoice().over(start), np.ones(1)
+    here, there = start.point, path.step(start.point, start.point.y + 1e-3, start.point.ydot)
+    assert there is not None
+    zone = BridgeOptions().zone
+
+    def constraint() -> np.ndarray:
+        tree.jacobians(q)
+        path.implicit.residual()
+        return path.implicit.jacobian()
+
+    def inertia() -> object:
+        M = tree.crba(q)
+        return tree.rnea(q, G, G), G @ (M @ G)
+
+    K = constraint()
+    K_i = K[:, path.independent[0]]
+
+    def solve() -> object:
+        path.factor.factor(K)
+        return path.factor.solve(K_i)
+
+    parts: dict[str, Callable[[], object]] = {
+        "rhs": lambda: equations(0.0, np.array([next(sweep), 1.0])),
+        "map": lambda: explicit.at(np.array([next(sweep)]), unit),
+        "M_and_C": inertia,
+        "zone_test": lambda: there.conditioning < zone or not same_branch(here, there),
+        "numpy_phi_K": constraint,
+        "numpy_solve": solve,
+        "numpy_bias": lambda: (tree.rnea(q, G, tree.zero), path.implicit.bias()),
+        "naive_rhs": naive(n),
     }
+    times = {name: seconds_per_call(call, budget) for name, call in parts.items()}
+
+    def steps(count: int) -> float:
+        run = partial(simulate, mechanism, duration=count * 1e-4, step=1e-4, backend="python")
+        return seconds_per_call(run, budget)
+
+    few, many = 20, 120
+    times["rk4_step"] = (steps(many) - steps(few)) / (many - few)
+    times["rest"] = max(times["rhs"] - times["map"] - times["M_and_C"], 0.0)
+    native = native_seconds(mechanism)
+    per_rhs = {"native_newton": native.pop("native_newton")} if native else {}
+    names = ("rhs", "rk4_step", "map", "M_and_C", "rest", *list(times)[3:8], *native)
+    return {"loops": n} | {name: 1e6 * (times | native)[name] for name in names} | per_rhs
 
 
-def thread_gain(mechanism: Mechanism, threads: int = 2, quick: bool = False) -> float:
+def batches(found: Library, mechanism: Mechanism, steps: int, h: float) -> tuple[Workspace, Batch]:
+    """A workspace, and the same batch of steps of h, s, from home at rest, again and again.
+
+    The batch raises a RuntimeError when the kernel stopped before the end.
+    """
+    motion = set_out(mechanism)
+    now, times = motion.equations.evaluate(0.0, motion.x), h * np.arange(steps + 1)
+    outputs = Outputs.room(steps, mechanism.nq, mechanism.nv)
+    workspace = Workspace(found, mechanism, motion.start.path)
+
+    def run() -> tuple[float, float]:
+        begun = time.perf_counter()
+        batch = workspace.run(times, motion.x, now, outputs, BridgeOptions().zone)
+        spent = time.perf_counter() - begun
+        if batch.steps < steps:
+            raise RuntimeError(f"the kernel stopped after {batch.steps} steps: {batch.reason.name}")
+        return spent / steps, batch.counts["newton_iterations"] / batch.counts["rhs"]
+
+    return workspace, run
+
+
+def native_seconds(mechanism: Mechanism, h: float = 1e-4) -> dict[str, float]:
+    """Seconds per RK4 step in the kernel and per right-hand side of Pinocchio's C++; empty without it."""
+    found = library()
+    if found is None:
+        return {}
+    workspace, run = batches(found, mechanism, max(20, 1000 // mechanism.nv), h)  # some ms
+    rounds = [run() for _ in range(ROUNDS)]
+    v = mechanism.lift(mechanism.home, np.ones(mechanism.m))
+    repeats = max(5, 2000 // mechanism.nv)
+    theirs = [workspace.time_pinocchio(mechanism.home, v, repeats) for _ in range(ROUNDS // 5)]
+    return {"native_step": min(rounds)[0], "native_newton": rounds[0][1], "pinocchio_rhs": min(theirs)}
+
+
+def thread_gain(mechanism: Mechanism, threads: int = 2, steps: int = 20_000, h: float = 1e-5) -> float:
     """How many times the work of one thread `threads` threads do in the same time, best of rounds."""
-    steps = 500 if quick else 20_000
+    found = library()
+    if found is None:
+        return float("nan")
+    runs = [batches(found, mechanism, steps, h)[1] for _ in range(threads)]
 
-    def work() -> object:
-        return simulate(mechanism, duration=steps * 1e-5, step=1e-5)
-
-    def seconds(workers: int) -> float:
-        running = [threading.Thread(target=work) for _ in range(workers)]
+    def seconds(workers: Sequence[Callable[[], object]]) -> float:
+        running = [threading.Thread(target=worker) for worker in workers]
         begun = time.perf_counter()
         for thread in running:
             thread.start()
@@ -215,99 +192,49 @@ def thread_gain(mechanism: Mechanism, threads: int = 2, quick: bool = False) -> 
             thread.join()
         return time.perf_counter() - begun
 
-    alone, together = (min(seconds(n) for _ in range(2 if quick else 7)) for n in (1, threads))
+    alone, together = (min(seconds(w) for _ in range(ROUNDS // 3)) for w in (runs[:1], runs))
     return threads * alone / together
-
-
-# --------------------------------------------------------------------------- report
-
-
-def tables(measured: dict[str, list[dict[str, float | str]]], fixed: dict[str, float], foot: str) -> str:
-    """Markdown: a table of each family with exponents in its last line, and the fixed costs."""
-    parts = []
-    for family, rows in measured.items():
-        columns = [name for name in dict.fromkeys(SHOWN.values()) if any(name in row for row in rows)]
-        head = "robot" if family == "robots" else family
-        lines = [[head, "velocities", "m", *columns]]
-        for row in rows:
-            cells = [f"{row[name]:.3g}" if name in row else "–" for name in columns]
-            lines.append(
-                [str(row["name" if family == "robots" else "size"]), str(row["nv"]), str(row["m"]), *cells]
-            )
-        powers = [] if family == "robots" else [exponent(rows, name) for name in columns]
-        if any(power is not None for power in powers):
-            grown = ["–" if power is None else f"N^{power:.2f}" for power in powers]
-            lines.append([f"largest {FITTED}", "", "", *grown])
-        parts.append(pages.table(lines, range(1, len(lines[0]))))
-    told = (
-        f"Once: the first run of a four-bar takes {fixed['first run']:.2g} ms, the start of each further one "
-        f"{fixed['start']:.2g} ms, its first crossing {fixed['crossing']:.2g} ms; two threads do "
-        f"{fixed['threads']:.2f} times the work of one.\n\nOf the delta robot `rg.derivatives` takes "
-        f"{fixed['derivatives']:.2g} times as long as `rg.forward_dynamics`, `rg.step_jacobians` "
-        f"{fixed['jacobians']:.2g} times as long as a run of one step."
-    )
-    return "\n\n".join([*parts, told, f"*µs of an RK4 step. Measured {foot}.*"])
-
-
-def sentence(measured: dict[str, list[dict[str, float | str]]]) -> str:
-    """The two figures that README tells."""
-    rows = measured["loops"]
-    first, last = (f"{row.get('compiled', row['Python']):.2g}" for row in (rows[0], rows[-1]))
-    return f"An RK4 step of a four-bar takes {first} µs, of {rows[-1]['size']} four-bars in a row {last} µs."
-
-
-def draw(measured: dict[str, list[dict[str, float | str]]], foot: str, path: Path) -> Path:
-    """µs a step against size, one panel a family."""
-    shown = {name: rows for name, rows in measured.items() if name != "robots"}
-    with plots.style():
-        figure = plots.new_figure(4.6)
-        axes = figure.subplots(2, 2).ravel()
-        for ax, (family, rows) in zip(axes, shown.items(), strict=True):
-            for name, colour in zip(dict.fromkeys(SHOWN.values()), plots.CYCLE, strict=False):
-                known = [(row["size"], row[name]) for row in rows if name in row]
-                if known:
-                    power = exponent(rows, name)
-                    label = name if power is None else f"{name}, N^{power:.2f}"
-                    ax.loglog(*zip(*known, strict=True), "o-", color=colour, markersize=3, label=label)
-            ax.set(title=f"{family} N", ylabel="µs a step")
-            sizes = [int(row["size"]) for row in rows]
-            ax.set_xticks(sizes, map(str, sizes))
-            ax.minorticks_off()
-            ax.legend(fontsize=6)
-        figure.supxlabel(textwrap.fill(foot, 150), fontsize=5, x=0.01, ha="left")
-        return plots.save(figure, path, 200)
 
 
 def arguments(add_to: Arguments) -> None:
     """Name the arguments."""
-    text = "write benchmark.md, benchmark.json and benchmark.png there"
-    add_to.add("--out", folder, type=pathname, metavar="DIR", help=text)
-    text = "renew README.md and docs/ of this checkout"
-    add_to.add("--docs", existing_folder, type=pathname, metavar="ROOT", help=text)
-    add_to.add("--quick", action="store_true", help="small sizes, short rounds: a smoke test")
+    text = f"numbers of loops; {DEFAULT}"
+    add_to.add("--sizes", whole(1, 1000), type=int, nargs="+", default=list(SIZES), metavar="N", help=text)
+    text = "write the figures to this JSON file"
+    add_to.add("--out", file((".json",), "a record of figures"), type=pathname, metavar="FILE", help=text)
+    add_to.add("--quick", action="store_true", help="short rounds, for a smoke test")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the tables, and write what was asked for."""
-    if args.out is not None or args.docs is not None:
-        plots.require_matplotlib()
-    measured = {family.name: measure(family, args.quick) for family in FAMILIES}
-    fixed, about = once(args.quick), machine()
-    foot = footer(about)
-    text = tables(measured, fixed, foot)
-    print(text)
+    """Print the tables."""
+    rows = [measure(n, 0.01 if args.quick else 0.2) for n in along(args.sizes, "benchmark")]
+    names = list(rows[0])
+    print("microseconds, smallest of 5 rounds. map: predict, Newton, G, g and the zone test; rest: reduced")
+    print("equation and objects; numpy_*: parts of the reference path that the map replaces where it can")
+    cells = [[f"{row[name]:.4g}" for name in names] for row in rows]
+    print(table([f" {name}" for name in names], cells, None))
+    shares = [[f"{row['loops']:.0f}", *(f"{row[part] / row['rhs']:.1%}" for part in SHARES)] for row in rows]
+    print(table([" loops", *(f" {part}" for part in SHARES)], shares, None))
+    if len(rows) > 1:
+        print(f"cost grows as N^{_exponent(rows[-3:], 'rhs'):.2f} over the largest sizes")
     state = backends()["native"]
-    if not state.available:
+    if state.available:
+        print("native_step: an RK4 step in the compiled kernel; pinocchio_rhs: computeJointJacobians, rnea")
+        print("twice and crba from C++; native_newton: Newton iterations per right-hand side")
+        if len(rows) > 1:
+            print(f"a step in the kernel costs N^{_exponent(rows, 'native_step'):.2f}")
+        crank_rocker = load("crank_rocker")
+        step = native_seconds(crank_rocker, 1e-3)["native_step"]
+        print(f"crank-rocker: {1e6 * step:.3g} µs a step of 1e-3 s")
+        print(f"two threads do {thread_gain(crank_rocker):.2f} times the work of one")
+    else:
         print(f"no compiled kernel: {state.reason}")
-    if args.out is not None:
-        args.out.mkdir(parents=True, exist_ok=True)
-        (args.out / "benchmark.md").write_text(f"{text}\n", encoding="utf-8")
-        write_json(args.out / "benchmark.json", {"machine": about, "families": measured, "once": fixed})
-        draw(measured, foot, args.out / "benchmark.png")
-    if args.docs is not None:
-        draw(measured, foot, args.docs / "docs" / "figures" / "benchmark.png")
-        blocks = {"docs/native.md": {"benchmark": text}, "README.md": {"speed": sentence(measured)}}
-        for page, block in blocks.items():
-            pages.renew(args.docs / page, block)
-            print(f"renewed {args.docs / page}")
+    if args.out:
+        write_json(args.out, rows)
     return 0
+
+
+def _exponent(rows: Sequence[dict[str, float]], name: str) -> float:
+    """p of cost ~ N^p."""
+    logs = np.log([[row["loops"], row[name]] for row in rows])
+    return float(np.polyfit(logs[:, 0], logs[:, 1], 1)[0])

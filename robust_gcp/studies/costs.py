@@ -36,9 +36,9 @@ from ..printing import along, write, write_json
 from ..simulation.simulate import simulate
 from ..simulation.stats import Stats
 from . import pages
-from .benchmark import QUICK, step_seconds
 from .contender import clock
 from .costs_scenes import SCENES, Scene
+from .growth import QUICK, step_seconds
 from .work_precision.ours import Ours
 
 PARTS: dict[str, tuple[Callable[..., Any], ...]] = {

@@ -182,6 +182,7 @@ GOOD = {
     "modes --out": "new/modes.pdf",
     "crossings --out": "new.json",
     "a02 --out": "new/runs.json",
+    "benchmark --out": "new.json",
 }
 """Words that an option takes, where they are not those of its type."""
 

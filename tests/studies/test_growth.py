@@ -11,7 +11,7 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.__main__ import main
-from robust_gcp.studies import benchmark
+from robust_gcp.studies import growth
 from robust_gcp.studies.contender import Outcome, Scene
 
 Row = dict[str, float | str]
@@ -30,11 +30,11 @@ class Clockwork:
 
 def test_what_a_run_costs_once_is_not_in_a_step() -> None:
     contender: Any = Clockwork()
-    assert benchmark.step_seconds(contender, rg.load("crank_rocker")) == pytest.approx(3e-6)
+    assert growth.step_seconds(contender, rg.load("crank_rocker")) == pytest.approx(3e-6)
 
 
-@pytest.mark.parametrize("family", benchmark.FAMILIES, ids=lambda family: str(family.name))
-def test_families_have_their_size_and_move_regularly(family: benchmark.Family) -> None:
+@pytest.mark.parametrize("family", growth.FAMILIES, ids=lambda family: str(family.name))
+def test_families_have_their_size_and_move_regularly(family: growth.Family) -> None:
     """Closed, of the mobility that is told, and without a zone for as long as it is timed."""
     mechanism = family.make(family.sizes[1])
     assert mechanism.closure_residual(mechanism.home) < 1e-12
@@ -46,7 +46,7 @@ def test_families_have_their_size_and_move_regularly(family: benchmark.Family) -
         "robots": (2, 2, 4),
     }[family.name]
     assert (len(mechanism.closures), len(mechanism.clusters), mechanism.m) == (loops, clusters, m)
-    longest = 3 * benchmark.MOST * benchmark.OUTPUTS * benchmark.STEP
+    longest = 3 * growth.MOST * growth.OUTPUTS * growth.STEP
     run = rg.simulate(mechanism, v0=np.zeros(mechanism.nv), duration=longest, step=longest / 30)
     assert run.stats.zone_evaluations == 0
 
@@ -54,8 +54,8 @@ def test_families_have_their_size_and_move_regularly(family: benchmark.Family) -
 def test_the_exponent_is_that_of_the_largest_sizes() -> None:
     rows: list[Row] = [{"size": n, "compiled": 50.0 + n**2} for n in (1, 10, 20, 40)]
     exact = np.polyfit(np.log([10.0, 20.0, 40.0]), np.log([150.0, 450.0, 1650.0]), 1)[0]
-    assert benchmark.exponent(rows, "compiled") == pytest.approx(exact)
-    assert benchmark.exponent(rows, "Python") is None
+    assert growth.exponent(rows, "compiled") == pytest.approx(exact)
+    assert growth.exponent(rows, "Python") is None
 
 
 def test_the_command_writes_tables_figure_and_pages(
@@ -64,7 +64,7 @@ def test_the_command_writes_tables_figure_and_pages(
     """Each figure that is told stands in the table that was measured with it."""
     pytest.importorskip("matplotlib")
 
-    def measure(family: benchmark.Family, quick: bool) -> list[Row]:
+    def measure(family: growth.Family, quick: bool) -> list[Row]:
         return [
             {
                 "family": family.name,
@@ -78,7 +78,7 @@ def test_the_command_writes_tables_figure_and_pages(
             for n in (1, 2, 40)
         ]
 
-    monkeypatch.setattr(benchmark, "measure", measure)
+    monkeypatch.setattr(growth, "measure", measure)
     fixed = {
         "first run": 5.0,
         "start": 1.0,
@@ -87,11 +87,11 @@ def test_the_command_writes_tables_figure_and_pages(
         "derivatives": 4.0,
         "jacobians": 9.0,
     }
-    monkeypatch.setattr(benchmark, "once", lambda quick: fixed)
+    monkeypatch.setattr(growth, "once", lambda quick: fixed)
     (tmp_path / "docs" / "figures").mkdir(parents=True)
-    for page, name in (("README.md", "speed"), ("docs/native.md", "benchmark")):
+    for page, name in (("README.md", "speed"), ("docs/native.md", "growth")):
         (tmp_path / page).write_text(f"<!-- begin: {name} -->\n<!-- end: {name} -->\n", encoding="utf-8")
-    assert main(["benchmark", "--out", str(tmp_path / "out"), "--docs", str(tmp_path)]) == 0
+    assert main(["growth", "--out", str(tmp_path / "out"), "--docs", str(tmp_path)]) == 0
     told = (tmp_path / "README.md").read_text(encoding="utf-8")
     assert "An RK4 step of a four-bar takes 1.5 µs, of 40 four-bars in a row 60 µs." in told
     page = (tmp_path / "docs" / "native.md").read_text(encoding="utf-8")
@@ -99,11 +99,11 @@ def test_the_command_writes_tables_figure_and_pages(
     assert "| largest 3 |  |  | N^1.00 | N^1.00 |" in page
     assert "the start of each further one 1 ms" in page
     assert page.partition("-->")[2].partition("*µs")[0].strip() in capsys.readouterr().out
-    data = json.loads((tmp_path / "out" / "benchmark.json").read_text(encoding="utf-8"))
+    data = json.loads((tmp_path / "out" / "growth.json").read_text(encoding="utf-8"))
     assert data["once"] == fixed
-    assert (tmp_path / "docs" / "figures" / "benchmark.png").stat().st_size > 5000
+    assert (tmp_path / "docs" / "figures" / "growth.png").stat().st_size > 5000
 
 
 def test_two_threads_run() -> None:
     """Two threads finish what two threads were given; how much faster depends on what else runs."""
-    assert benchmark.thread_gain(rg.load("crank_rocker"), quick=True) > 0.1
+    assert growth.thread_gain(rg.load("crank_rocker"), quick=True) > 0.1

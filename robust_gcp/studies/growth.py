@@ -1,0 +1,313 @@
+"""Time of a step against loops, clusters, joints, mobility; ours, Pinocchio's, MuJoCo's; and fixed costs.
+
+A step's time is the difference of two runs over that of their numbers of steps, so that what a run costs once
+is not in it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import textwrap
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from ..arguments import Arguments, existing_folder, folder, pathname
+from ..drawing.figures import style as plots
+from ..dynamics.derivatives import derivatives, forward_dynamics
+from ..dynamics.discrete import step_jacobians
+from ..examples.families import four_bars
+from ..examples.linkages import add_link, n_four_bar
+from ..mechanism.closures import PointClosure
+from ..mechanism.folders.loader import load
+from ..mechanism.mechanism import Mechanism
+from ..native import backends
+from ..printing import along, write_json
+from ..simulation.simulate import simulate
+from . import pages, peers
+from .contender import Contender, Scene, clock
+from .machine import footer, machine
+from .work_precision import ours
+
+ANGLE = 1.2
+"""rad: cranks well away from flat, so that only the regular path is timed."""
+
+STEP, OUTPUTS, MOST = 2e-5, 10, 256
+"""s; outputs of a timed run; and steps between them of the shorter one at most: the motion stays regular."""
+
+SPENT, ROUNDS = 6e-3, 9
+"""s that the longer run should take more, and how often both are run; the smallest times count."""
+
+QUICK = 2
+"""Rounds of a smoke test."""
+
+FITTED = 3
+"""Largest sizes that an exponent is fitted to."""
+
+SHOWN = {
+    "bridge compiled, RK4": "compiled",
+    "bridge, RK4": "Python",
+    "Pinocchio, mu > 0": "Pinocchio C++",
+    "Pinocchio, defaults": "Pinocchio C++",
+    "MuJoCo connect, tuned": "MuJoCo RK4",
+}
+"""Contenders and their names here: all with RK4; Pinocchio's is `constraintDynamics`, or `aba` for a tree."""
+
+
+@dataclass(frozen=True)
+class Family:
+    """Mechanisms that grow."""
+
+    name: str
+    sizes: tuple[int, ...]
+    make: Callable[[int], Mechanism]
+
+
+def polygon(m: int) -> Mechanism:
+    """One loop of m + 3 hinges: links between points on an arc, from the origin back to the ground."""
+    turns = np.linspace(0.8 * np.pi, 0.1 * np.pi, m + 3)
+    points = np.exp(1j * turns) - np.exp(1j * turns[0])
+    bars = np.diff(points)
+    model, joint, reach = pin.Model(), 0, 0.0
+    for i, bar in enumerate(bars):
+        joint, reach = add_link(model, joint, reach, f"q{i}", float(abs(bar))), float(abs(bar))
+    end = pin.SE3(np.eye(3), np.array([0.0, points[-1].real, points[-1].imag]))
+    model.addFrame(pin.Frame("ground_end", 0, end, pin.FrameType.OP_FRAME))
+    home = np.diff(np.unwrap(np.angle(bars)), prepend=0.0)
+    closures = [PointClosure(f"q{len(bars) - 1}_tip", "ground_end")]
+    return Mechanism(model, closures, [f"q{i}" for i in range(m)], home=home)
+
+
+def pendulums(n: int) -> Mechanism:
+    """A chain of n hinges, which is a tree."""
+    model, joint = pin.Model(), 0
+    for i in range(n):
+        joint = add_link(model, joint, 1.0 if i else 0.0, f"q{i}", 1.0)
+    return Mechanism.from_pinocchio(model, home=[0.3] * n)
+
+
+FAMILIES = (
+    Family("loops", (1, 2, 5, 10, 20, 40), partial(n_four_bar, angle=ANGLE)),
+    Family(
+        "clusters", (1, 2, 4, 8, 16),
+        lambda n: four_bars([(4.0, 1.0, 3.5, 3.0)] * n, [1.0] * n, spacing=9.0),
+    ),
+    Family("mobility", (1, 2, 3, 4, 6), polygon),
+    Family("joints", (1, 2, 5, 10, 20, 40), pendulums),
+    Family("robots", (3, 4), lambda m: load("delta" if m == 3 else "walker")),
+)  # fmt: skip
+"""Four-bars in a row, in one cluster; four-bars side by side, each a cluster; hinges in one loop; a chain of
+hinges; and robots, by their mobility."""
+
+
+def step_seconds(contender: Contender, mechanism: Mechanism, rounds: int = ROUNDS) -> float | None:
+    """Of a step from home at rest; None where the contender does not run the mechanism."""
+
+    def seconds(steps: int) -> float:
+        """Of a run of so many steps between outputs."""
+        times = STEP * steps * np.arange(OUTPUTS + 1)
+        scene = Scene("", mechanism, mechanism.home, np.zeros(mechanism.nv), times)
+        found = contender.run(scene, STEP)
+        return np.inf if found.stopped else found.seconds
+
+    if contender.refuses(Scene("", mechanism, mechanism.home, np.zeros(mechanism.nv), STEP * np.arange(3))):
+        return None
+    few = 1
+    while few < (8 if rounds == QUICK else MOST) and seconds(3 * few) - seconds(few) < SPENT:
+        few *= 2
+    both = [(seconds(few), seconds(3 * few)) for _ in range(rounds)]
+    less, more = (min(times) for times in zip(*both, strict=True))
+    return (more - less) / (2 * few * OUTPUTS)
+
+
+def measure(family: Family, quick: bool) -> list[dict[str, float | str]]:
+    """Rows of size, velocities and µs a step by contender."""
+    everyone = {c.name: c for c in (*ours.contenders(lambda _: np.zeros(0)), *peers.contenders())}
+    rows = []
+    for n in along(family.sizes[:2] if quick else family.sizes, family.name):
+        mechanism = family.make(n)
+        row: dict[str, float | str] = {"family": family.name, "size": n, "name": mechanism.name}
+        row |= {"nv": mechanism.nv, "m": mechanism.m}
+        for name, shown in SHOWN.items():
+            loops = bool(mechanism.closures)
+            wanted = (
+                name in everyone
+                and (loops or name != "Pinocchio, mu > 0")
+                and (not loops or name != "Pinocchio, defaults")
+            )
+            found = step_seconds(everyone[name], mechanism, QUICK if quick else ROUNDS) if wanted else None
+            if found is not None:
+                row[shown] = 1e6 * found
+        rows.append(row)
+    return rows
+
+
+def exponent(rows: Sequence[dict[str, float | str]], name: str) -> float | None:
+    """p of µs ~ size^p over the largest sizes."""
+    known = [(float(row["size"]), float(row[name])) for row in rows if float(row.get(name, 0.0)) > 0.0][
+        -FITTED:
+    ]
+    if len(known) < FITTED:
+        return None
+    sizes, times = np.log(known).T
+    return float(np.polyfit(sizes, times, 1)[0])
+
+
+# --------------------------------------------------------------------------- what a run costs once
+
+
+def once(quick: bool) -> dict[str, float]:
+    """Milliseconds of a first run, of a start, and of a crossing; gain of two threads."""
+    rounds = 2 if quick else 9
+    rhombus = load("rhombus")
+
+    def least(call: Callable[[], object], many: int = rounds) -> float:
+        times = []
+        for _ in range(many):
+            begun = clock()
+            call()
+            times.append(clock() - begun)
+        return 1e3 * min(times)
+
+    def fall(duration: float) -> object:
+        return simulate(rhombus.with_independent(["q1"]), duration=duration, step=1e-3)
+
+    first = least(lambda: simulate(load("crank_rocker"), duration=1e-3, step=1e-3), 3) - least(
+        lambda: load("crank_rocker"), 3
+    )
+    crank_rocker = load("crank_rocker")
+    start = least(lambda: simulate(crank_rocker, duration=1e-3, step=1e-3))
+    crossing = least(partial(fall, 0.3)) - least(partial(fall, 0.1))
+    delta = load("delta")
+    q, v = delta.home, np.asarray(delta.recommended.v0)
+    accelerated = least(lambda: forward_dynamics(delta, q, v))
+    zero = np.zeros(delta.nv)
+    stepped = least(lambda: simulate(delta, q, v, duration=1e-3, step=1e-3, backend="python"))
+    return {
+        "derivatives": least(lambda: derivatives(delta, q, v)) / accelerated,
+        "jacobians": least(lambda: step_jacobians(delta, q, v, zero, 1e-3)) / stepped,
+        "first run": first,
+        "start": start,
+        "crossing": crossing,
+        "threads": thread_gain(crank_rocker, quick=quick),
+    }
+
+
+def thread_gain(mechanism: Mechanism, threads: int = 2, quick: bool = False) -> float:
+    """How many times the work of one thread `threads` threads do in the same time, best of rounds."""
+    steps = 500 if quick else 20_000
+
+    def work() -> object:
+        return simulate(mechanism, duration=steps * 1e-5, step=1e-5)
+
+    def seconds(workers: int) -> float:
+        running = [threading.Thread(target=work) for _ in range(workers)]
+        begun = time.perf_counter()
+        for thread in running:
+            thread.start()
+        for thread in running:
+            thread.join()
+        return time.perf_counter() - begun
+
+    alone, together = (min(seconds(n) for _ in range(2 if quick else 7)) for n in (1, threads))
+    return threads * alone / together
+
+
+# --------------------------------------------------------------------------- report
+
+
+def tables(measured: dict[str, list[dict[str, float | str]]], fixed: dict[str, float], foot: str) -> str:
+    """Markdown: a table of each family with exponents in its last line, and the fixed costs."""
+    parts = []
+    for family, rows in measured.items():
+        columns = [name for name in dict.fromkeys(SHOWN.values()) if any(name in row for row in rows)]
+        head = "robot" if family == "robots" else family
+        lines = [[head, "velocities", "m", *columns]]
+        for row in rows:
+            cells = [f"{row[name]:.3g}" if name in row else "–" for name in columns]
+            lines.append(
+                [str(row["name" if family == "robots" else "size"]), str(row["nv"]), str(row["m"]), *cells]
+            )
+        powers = [] if family == "robots" else [exponent(rows, name) for name in columns]
+        if any(power is not None for power in powers):
+            grown = ["–" if power is None else f"N^{power:.2f}" for power in powers]
+            lines.append([f"largest {FITTED}", "", "", *grown])
+        parts.append(pages.table(lines, range(1, len(lines[0]))))
+    told = (
+        f"Once: the first run of a four-bar takes {fixed['first run']:.2g} ms, the start of each further one "
+        f"{fixed['start']:.2g} ms, its first crossing {fixed['crossing']:.2g} ms; two threads do "
+        f"{fixed['threads']:.2f} times the work of one.\n\nOf the delta robot `rg.derivatives` takes "
+        f"{fixed['derivatives']:.2g} times as long as `rg.forward_dynamics`, `rg.step_jacobians` "
+        f"{fixed['jacobians']:.2g} times as long as a run of one step."
+    )
+    return "\n\n".join([*parts, told, f"*µs of an RK4 step. Measured {foot}.*"])
+
+
+def sentence(measured: dict[str, list[dict[str, float | str]]]) -> str:
+    """The two figures that README tells."""
+    rows = measured["loops"]
+    first, last = (f"{row.get('compiled', row['Python']):.2g}" for row in (rows[0], rows[-1]))
+    return f"An RK4 step of a four-bar takes {first} µs, of {rows[-1]['size']} four-bars in a row {last} µs."
+
+
+def draw(measured: dict[str, list[dict[str, float | str]]], foot: str, path: Path) -> Path:
+    """µs a step against size, one panel a family."""
+    shown = {name: rows for name, rows in measured.items() if name != "robots"}
+    with plots.style():
+        figure = plots.new_figure(4.6)
+        axes = figure.subplots(2, 2).ravel()
+        for ax, (family, rows) in zip(axes, shown.items(), strict=True):
+            for name, colour in zip(dict.fromkeys(SHOWN.values()), plots.CYCLE, strict=False):
+                known = [(row["size"], row[name]) for row in rows if name in row]
+                if known:
+                    power = exponent(rows, name)
+                    label = name if power is None else f"{name}, N^{power:.2f}"
+                    ax.loglog(*zip(*known, strict=True), "o-", color=colour, markersize=3, label=label)
+            ax.set(title=f"{family} N", ylabel="µs a step")
+            sizes = [int(row["size"]) for row in rows]
+            ax.set_xticks(sizes, map(str, sizes))
+            ax.minorticks_off()
+            ax.legend(fontsize=6)
+        figure.supxlabel(textwrap.fill(foot, 150), fontsize=5, x=0.01, ha="left")
+        return plots.save(figure, path, 200)
+
+
+def arguments(add_to: Arguments) -> None:
+    """Name the arguments."""
+    text = "write growth.md, growth.json and growth.png there"
+    add_to.add("--out", folder, type=pathname, metavar="DIR", help=text)
+    text = "renew README.md and docs/ of this checkout"
+    add_to.add("--docs", existing_folder, type=pathname, metavar="ROOT", help=text)
+    add_to.add("--quick", action="store_true", help="small sizes, short rounds: a smoke test")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the tables, and write what was asked for."""
+    if args.out is not None or args.docs is not None:
+        plots.require_matplotlib()
+    measured = {family.name: measure(family, args.quick) for family in FAMILIES}
+    fixed, about = once(args.quick), machine()
+    foot = footer(about)
+    text = tables(measured, fixed, foot)
+    print(text)
+    state = backends()["native"]
+    if not state.available:
+        print(f"no compiled kernel: {state.reason}")
+    if args.out is not None:
+        args.out.mkdir(parents=True, exist_ok=True)
+        (args.out / "growth.md").write_text(f"{text}\n", encoding="utf-8")
+        write_json(args.out / "growth.json", {"machine": about, "families": measured, "once": fixed})
+        draw(measured, foot, args.out / "growth.png")
+    if args.docs is not None:
+        draw(measured, foot, args.docs / "docs" / "figures" / "growth.png")
+        blocks = {"docs/native.md": {"growth": text}, "README.md": {"speed": sentence(measured)}}
+        for page, block in blocks.items():
+            pages.renew(args.docs / page, block)
+            print(f"renewed {args.docs / page}")
+    return 0
