@@ -26,7 +26,7 @@ from .map_rates import ClusterRates, MapRates
 ZONE = 0.1
 """Conditioning of K_d, as `Point` has it, below which rounding is looked at."""
 
-STEADY, UNSTEADY = 3e-12, 1e-10
+STEADY, UNSTEADY = 3e-12, 3e-11
 """Change of a cluster's rates, where q is rounded otherwise, up to which they are taken where they are; and
 from which they are not even where no circle serves, as on modes that veer."""
 

@@ -6,15 +6,20 @@ from collections.abc import Callable
 from decimal import Decimal
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
+from robust_gcp.dynamics.problem import set_out
 from robust_gcp.examples.families import four_bars, scissor_lift
 from robust_gcp.examples.linkages import four_bar, swinging_four_bar
 from robust_gcp.maps.closed_form import parallelogram_pendulum
 
-from ..exact import Exact, pi
+from ..exact import ONE, Exact, pi
+from ..simulation.test_floating import CHANGE_POINT
+from ..simulation.test_floating import floating as on_a_base
+from .test_derivatives import TENTH
 
 Array = NDArray[np.float64]
 
@@ -99,3 +104,59 @@ def test_beside_a_singular_configuration(y: float, distance: float) -> None:
     assert abs(found.da_dy[0, 0] - B * np.sin(y) / A) < 1e-11 * B / A
     assert abs(found.da_dv[0, 0]) < 1e-11
     assert off(found.da_dtau, mode[None] / A) < 1e-12
+
+
+class TestOnAFreeBase:
+    """A flat linkage on a floating body, on both of its modes, seven coordinates."""
+
+    MECH = on_a_base(pin.JointModelFreeFlyer(), CHANGE_POINT, gravity=True)
+    FLAT = np.concatenate([MECH.home[:-3], np.zeros(3)])
+
+    @pytest.mark.parametrize("number", (0, 1))
+    def test_along_the_mode(self, number: int) -> None:
+        """What is left of the differences of u̇ across the flat position falls with the tenth power of h."""
+        mech, q = self.MECH, self.FLAT
+        mode = rg.analyse(mech, q).modes[number].reshape(mech.nv, -1)
+        G = mode @ np.linalg.inv(mode[mech.iv_independent])
+        u = np.linspace(-1.0, 1.5, mech.m)
+        exact = rg.derivatives(mech, q, G @ u, mode=mode).da_dy[:, -1]
+
+        def error(h: float) -> float:
+            values = [self.udot(mode, G @ u, s * k * h) for k in range(1, 6) for s in (1.0, -1.0)]
+            pairs = np.array(values[::2]) - np.array(values[1::2])
+            return float(np.abs(TENTH @ pairs / h - exact).max() / np.abs(exact).max())
+
+        assert error(0.06) < 1e-3 and error(0.03) < error(0.06) / 300.0
+        assert error(0.015) < 1e-9
+
+    def udot(self, mode: Array, v: Array, s: float) -> Array:
+        """u̇ where the crank has moved by s along the mode, u held."""
+        motion = set_out(self.MECH, self.FLAT, v, mode)
+        start, crank = motion.start.point, np.eye(self.MECH.m)[-1]
+        for share in np.linspace(0.2, 1.0, 5):
+            point = motion.explicit.at(start.y + share * s * crank, start.ydot)
+        return motion.equations.at_point(0.0, point).ydd
+
+
+@pytest.mark.parametrize("gap", (1e-2, 1e-3, 1e-4))
+@pytest.mark.parametrize("beside", (-0.03, 0.02))
+def test_modes_that_pass_each_other(gap: float, beside: float) -> None:
+    """Links off by the gap: modes veer within its root, and their derivatives grow as its inverse."""
+    mech, h = four_bar(4.0, 2.0, 3.0, 3.0 + gap, y=np.pi + beside), Decimal("1e-12")
+    found = rg.derivatives(mech, mech.home, mech.lift(mech.home, [1.0]))
+    exact, G = Exact(mech), [Decimal(float(x)) for x in mech.G(mech.home)[:, 0]]
+    q = exact.closed([Decimal(float(x)) for x in mech.home], [Decimal(float(mech.home[0]))])
+    ends = [exact.closed([a + s * h * b for a, b in zip(q, G, strict=True)], [q[0] + s * h]) for s in (1, -1)]
+    ahead, behind = (exact.forward(end, [ONE])[0][0] for end in ends)
+    by_y = float((ahead - behind) / (2 * h))
+    by_u = float((exact.forward(q, [ONE + ONE])[0][0] - exact.forward(q, [ONE - ONE])[0][0]) / 2)
+    assert abs(found.da_dy[0, 0] - by_y) < 1e-10 * abs(by_y)
+    assert abs(found.da_dv[0, 0] - by_u) < 1e-10 * max(abs(by_y), abs(by_u))
+
+
+def test_where_rounding_has_eaten_the_digits() -> None:
+    """Modes that pass each other at 3e-8 m: no circle about them serves, and q says too little."""
+    mech = four_bar(4.0, 2.0, 3.0, 3.0 + 3e-8, y=np.pi - 0.01)
+    with pytest.raises(rg.NotCertifiedError, match=r"has none that could be certified"):
+        rg.derivatives(mech, mech.home, mech.lift(mech.home, [1.0]))
+    assert np.isfinite(rg.linearise(mech, mech.home).A).all(), "by differences, as far as they tell"
