@@ -23,7 +23,7 @@ from ..mechanism.tree import Array
 from .continuation import Circle, circle
 from .map_rates import ClusterRates, MapRates
 
-ZONE = 0.1
+ZONE = 0.05
 """Conditioning of K_d, as `Point` has it, below which rounding is looked at."""
 
 STEADY, UNSTEADY = 3e-12, 3e-11
@@ -109,43 +109,55 @@ class ModeRates:
         """Those of one cluster."""
         place = rates.rates.real(point.q[rates.cluster.iq])
         cluster = rates.cluster
-        if point.conditioning >= ZONE or (change := _rounding(rates, point.q[cluster.iq])) < STEADY:
-            G, g = point.G[np.ix_(cluster.iv, cluster.inputs)], point.g[cluster.iv]
+        G, g = point.G[np.ix_(cluster.iv, cluster.inputs)], point.g[cluster.iv]
+        if point.conditioning >= ZONE:
             return rates.along(place, u, udot, G, g)
-        try:
-            found = self._around(rates, point, place, u)
-        except NotCertifiedError:
-            if change >= UNSTEADY:
-                raise
-            return rates.at(place, u, udot)
+        found = self._remembered(rates, point, u, G)
+        if found is None:
+            change = _rounding(rates, point.q[cluster.iq])
+            if change < STEADY:
+                return rates.along(place, u, udot, G, g)
+            try:
+                found = self._around(rates, point, place, u, G)
+            except NotCertifiedError:
+                if change >= UNSTEADY:
+                    raise
+                return rates.at(place, u, udot)
         # on the circle u̇ = 0; ∂(G u̇)/∂y is linear in it
         return MapRates(
             found.G, found.g, found.bend, found.V_y,
             found.A_y + np.einsum("i,inj->nj", udot, found.bend), found.A_u,
         )  # fmt: skip
 
-    def _around(self, rates: ClusterRates, point: Point, place: Placement, u: Array) -> MapRates:
-        """From a circle that is known, or a new one."""
+    def _remembered(self, rates: ClusterRates, point: Point, u: Array, G: Array) -> MapRates | None:
+        """From a circle that was made before, for a cluster of mobility 1."""
         cluster = rates.cluster
-        inputs, known = cluster.inputs, self._known[cluster.index]
+        if len(cluster.inputs) != 1:
+            return None
+        y = float(point.y[cluster.inputs[0]])
+        for around in self._known[cluster.index]:
+            if around.covers(y):
+                found = around.at(y, float(u[0]))
+                if _apart(rates, found.G, G) < SAME_MODE:
+                    return found
+        return None
+
+    def _around(self, rates: ClusterRates, point: Point, place: Placement, u: Array, G: Array) -> MapRates:
+        """From a new circle, which is kept for mobility 1."""
+        cluster = rates.cluster
+        inputs = cluster.inputs
         if not np.isin(inputs, self._mechanism.numbers).all():
             raise NotCertifiedError(
                 f"derivatives at y = {point.y}: beside this singular configuration there are none by the "
                 f"velocities of a ball among {', '.join(cluster.independent)}; choose other joints",
                 point.y,
             )
-        G = point.G[np.ix_(cluster.iv, inputs)]
         if len(inputs) > 1:
             return self._circle(rates, point, place, u, G).mean()
-        y, speed = float(point.y[inputs[0]]), float(u[0])
-        for around in known:
-            if around.covers(y):
-                found = around.at(y, speed)
-                if _apart(rates, found.G, G) < SAME_MODE:
-                    return found
         made = self._circle(rates, point, place, np.ones(1), G)
-        known.append(_Around(made, made.coefficients()))
-        return known[-1].at(y, speed)
+        kept = _Around(made, made.coefficients())
+        self._known[cluster.index].append(kept)
+        return kept.at(float(point.y[inputs[0]]), float(u[0]))
 
     def _circle(self, rates: ClusterRates, point: Point, place: Placement, u: Array, G: Array) -> Circle:
         """The best certified circle about a point; G is what the map has there."""
