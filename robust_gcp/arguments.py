@@ -155,10 +155,15 @@ def existing_file(name: str, given: Path) -> None:
     _require_writable(name, given)
 
 
-def existing_folder(name: str, given: Path) -> None:
-    """A folder that is there and can be written to."""
+def known_folder(name: str, given: Path) -> None:
+    """A folder that is there."""
     if not _is(given, Path.is_dir, name):
         raise OptionError(f"{name} {given}: there is no such folder")
+
+
+def existing_folder(name: str, given: Path) -> None:
+    """A folder that is there and can be written to."""
+    known_folder(name, given)
     _require_writable(name, given)
 
 

@@ -8,10 +8,11 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
-from ..arguments import DEFAULT, Arguments, file, pathname, whole
+from ..arguments import DEFAULT, Arguments, file, known_folder, pathname, whole, word
 from ..dynamics.problem import set_out
 from ..examples.linkages import n_four_bar
 from ..maps.choice import MapChoice
@@ -203,10 +204,18 @@ def arguments(add_to: Arguments) -> None:
     text = "write the figures to this JSON file"
     add_to.add("--out", file((".json",), "a record of figures"), type=pathname, metavar="FILE", help=text)
     add_to.add("--quick", action="store_true", help="short rounds, for a smoke test")
+    add_to.heading("robots in place of rows of loops")
+    text = "time the robots in this folder and those below it against Pinocchio's aba and constraintDynamics"
+    add_to.add("--robots", known_folder, type=pathname, metavar="DIR", help=text)
+    add_to.add("--shipped", action="store_true", help="the same for shipped robots")
+    text = "what robots stand on: fixed or free; as their files say when left out"
+    add_to.add("--base", word(("fixed", "free")), metavar="BASE", help=text)
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the tables."""
+    if args.robots is not None or args.shipped:
+        return _robots(args)
     rows = [measure(n, 0.01 if args.quick else 0.2) for n in along(args.sizes, "benchmark")]
     names = list(rows[0])
     print("microseconds, smallest of 5 rounds. map: predict, Newton, G, g and the zone test; rest: reduced")
@@ -231,6 +240,25 @@ def run(args: argparse.Namespace) -> int:
         print(f"no compiled kernel: {state.reason}")
     if args.out:
         write_json(args.out, rows)
+    return 0
+
+
+def _robots(args: argparse.Namespace) -> int:
+    """The table of robots."""
+    from . import robot_speed
+
+    found: list[tuple[str | Path, str]] = [(name, name) for name in robot_speed.SHIPPED if args.shipped]
+    if args.robots is not None:
+        paths = robot_speed.robots_in(args.robots)
+        found += [(path, str(path.relative_to(args.robots))) for path in paths]
+    rounds = 3 if args.quick else ROUNDS
+    rows = [robot_speed.measured(*one, args.base, rounds) for one in along(found, "benchmark")]
+    print(f"µs, smallest of {rounds} rounds. step: RK4 step of {robot_speed.STEP:g} s in the kernel; aba (open")
+    print("tree), constraintDynamics (cheapest right setting): a quarter of an RK4 step in a C++ loop; ratio:")
+    print("a step of ours over one evaluation of constraintDynamics, of aba where nothing is closed")
+    print(table(robot_speed.HEADER, [robot_speed.cells(row) for row in rows], None))
+    if args.out:
+        write_json(args.out, robot_speed.figures(rows))
     return 0
 
 

@@ -1,0 +1,216 @@
+"""What a step costs on robots, beside Pinocchio's own C++ in the same run."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..dynamics.equations import implicit_dynamics
+from ..dynamics.problem import set_out
+from ..errors import RobustGcpError
+from ..maps.cluster.options import BridgeOptions
+from ..mechanism.folders.loader import load
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+from ..native.description import NotNativeError
+from ..native.library import library
+from ..native.workspace import Outputs, Workspace
+from .peers.compiled import Loop, Settings, knows, why_not
+from .peers.pinocchio import ADAPTED
+
+SHIPPED = ("stewart", "strandbeest")
+"""Robots among the shipped models, for a run without a folder."""
+
+STEP = 1e-4
+"""s."""
+
+SPEED = 1.0
+"""Largest entry of v, rad/s or m/s, at the start: so fast that predictions are not exact."""
+
+BATCH = 4e-3
+"""s that one batch of steps takes, about."""
+
+RIGHT = 1e-9
+"""Largest error of an acceleration, relative to its largest entry, with which a setting counts as right."""
+
+MUS, ITERATIONS = (1e-12, 1e-10, 1e-8, 1e-6), (1, 2, 3, 5)
+"""Settings of constraintDynamics that are tried; the cheapest right one counts."""
+
+
+@dataclass
+class Row:
+    """One robot; times in µs, NaN where there is none.
+
+    Attributes
+    ----------
+    robot : str
+    nv, m, clusters : int
+        Velocities, independent velocities, loop clusters.
+    step : float
+        An RK4 step in the kernel.
+    newton : float
+        Newton iterations per right-hand side.
+    aba, constrained : float
+        One evaluation of `aba` (of the open tree) and of `constraintDynamics`: a quarter of an RK4 step
+        in a C++ loop.
+    note : str
+        Why something is missing.
+    """
+
+    robot: str
+    nv: int = 0
+    m: int = 0
+    clusters: int = 0
+    step: float = np.nan
+    newton: float = np.nan
+    aba: float = np.nan
+    constrained: float = np.nan
+    note: str = ""
+
+    @property
+    def ratio(self) -> float:
+        """A step of ours over one evaluation of theirs."""
+        return self.step / (self.constrained if np.isfinite(self.constrained) else self.aba)
+
+
+HEADER = ("robot", " nv", " m", " clusters", " step", " Newton", " aba", " constraintDynamics", " ratio", "note")
+
+
+def cells(row: Row) -> list[str]:
+    """A line of the table under `HEADER`."""
+    numbers = [row.step, row.newton, row.aba, row.constrained, row.ratio]
+    shown = ["" if np.isnan(x) else f"{x:.3g}" for x in numbers]
+    return [row.robot, str(row.nv), str(row.m), str(row.clusters), *shown, row.note]
+
+
+def figures(rows: Sequence[Row]) -> list[dict[str, object]]:
+    """The same for a record."""
+    return [asdict(row) | {"ratio": row.ratio} for row in rows]
+
+
+def robots_in(folder: Path) -> Iterator[Path]:
+    """What `load` takes in a folder and those below it: folders with robot.yaml, else each URDF and MJCF."""
+    if (folder / "robot.yaml").is_file():
+        yield folder
+        return
+    for path in sorted(folder.iterdir()):
+        if path.is_dir():
+            yield from robots_in(path)
+        elif path.suffix in (".urdf", ".xml"):
+            yield path
+
+
+def measured(name: str | Path, shown: str, base: str | None, rounds: int) -> Row:
+    """A robot loaded and timed; what cannot be is a note."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            mechanism = load(name, base=base)
+    except RobustGcpError as error:
+        return Row(shown, note=str(error).splitlines()[0][:90])
+    row = Row(shown, mechanism.nv, mechanism.m, len(mechanism.clusters))
+    if mechanism.m == 0:
+        row.note = "no degree of freedom"
+        return row
+    v = start_velocity(mechanism)
+    contenders: dict[str, Callable[[], float]] = {}
+    try:
+        steps = Steps(mechanism, v)
+        contenders["step"] = steps
+        row.newton = steps.newton
+    except (NotNativeError, RobustGcpError, RuntimeError) as error:
+        row.note = str(error)[:90]
+    if why_not():
+        row.note = row.note or why_not()[:90]
+    elif not knows(mechanism) or any(c.kind not in ADAPTED for c in mechanism.closures):
+        row.note = row.note or "joints or closures that Pinocchio's loop has not"
+    else:
+        loop = Loop(mechanism)
+        contenders["aba"] = Evaluations(loop, mechanism, v, Settings("aba"))
+        how = cheapest_right(loop, mechanism, v) if mechanism.closures else None
+        if how is not None:
+            contenders["constrained"] = Evaluations(loop, mechanism, v, how)
+        elif mechanism.closures:
+            row.note = row.note or "constraintDynamics is right with no setting tried"
+    best = dict.fromkeys(contenders, np.inf)
+    for _ in range(rounds):  # in turn, so that other work on the machine meets all alike
+        for name_, run in contenders.items():
+            best[name_] = min(best[name_], run())
+    for name_, seconds in best.items():
+        setattr(row, name_, 1e6 * seconds)
+    return row
+
+
+def start_velocity(mechanism: Mechanism) -> Array:
+    """A velocity that moves everything, the same in each run; at rest where home has no G."""
+    u = np.random.default_rng(1).normal(size=mechanism.m)
+    try:
+        v = mechanism.lift(mechanism.home, u)
+    except RobustGcpError:
+        return np.zeros(mechanism.nv)
+    return v * (SPEED / np.abs(v).max())
+
+
+class Steps:
+    """Batches of steps in the kernel, each from the same start; a call gives seconds per step.
+
+    Raises
+    ------
+    RuntimeError
+        Where the kernel is not there, or stops before the end of the first batch.
+    """
+
+    def __init__(self, mechanism: Mechanism, v: Array) -> None:
+        found = library()
+        if found is None:
+            raise RuntimeError("no compiled kernel")
+        motion = set_out(mechanism, None, v)
+        self._x, self._now = motion.x, motion.equations.evaluate(0.0, motion.x)
+        self._workspace = Workspace(found, mechanism, motion.start.path, works=motion.equations.works)
+        self._room(mechanism, 10)
+        self._room(mechanism, int(np.clip(BATCH / max(self(), 1e-7), 5, 200)))
+        self()
+
+    def _room(self, mechanism: Mechanism, steps: int) -> None:
+        self._times = STEP * np.arange(steps + 1)
+        self._outputs = Outputs.room(steps, mechanism.nq, mechanism.nv)
+
+    def __call__(self) -> float:
+        begun = time.perf_counter()
+        batch = self._workspace.run(self._times, self._x, self._now, self._outputs, BridgeOptions().zone)
+        spent, steps = time.perf_counter() - begun, len(self._times) - 1
+        if batch.steps < steps:
+            raise RuntimeError(f"the kernel stopped after {batch.steps} steps: {batch.reason.name}")
+        self.newton = batch.counts["newton_iterations"] / batch.counts["rhs"]
+        return spent / steps
+
+
+class Evaluations:
+    """Steps of the C++ loop; a call gives seconds per evaluation of one of Pinocchio's algorithms."""
+
+    def __init__(self, loop: Loop, mechanism: Mechanism, v: Array, how: Settings) -> None:
+        self._loop, self._q, self._v, self._how = loop, mechanism.home, v, how
+        self._steps = 5
+        self._steps = int(np.clip(BATCH / max(4.0 * self(), 1e-7), 5, 1000))
+
+    def __call__(self) -> float:
+        begun = time.perf_counter()
+        self._loop.run(self._q, self._v, 1e-7, self._steps, 1, self._how)
+        return (time.perf_counter() - begun) / (4 * self._steps)
+
+
+def cheapest_right(loop: Loop, mechanism: Mechanism, v: Array) -> Settings | None:
+    """The fewest iterations with which constraintDynamics is right at home, and the mu for it; or None."""
+    exact = implicit_dynamics(mechanism, mechanism.home, v)[0]
+    for iterations in ITERATIONS:
+        for mu in MUS:
+            how = Settings(mu=mu, iterations=iterations, accuracy=1e-14)
+            error = np.abs(loop.acceleration(mechanism.home, v, how) - exact).max()
+            if error <= RIGHT * max(float(np.abs(exact).max()), 1.0):
+                return how
+    return None
