@@ -253,8 +253,12 @@ def _robots(args: argparse.Namespace) -> int:
         found += [(path, str(path.relative_to(args.robots))) for path in paths]
     rounds = 3 if args.quick else ROUNDS
     rows = [robot_speed.measured(*one, args.base, rounds) for one in along(found, "benchmark")]
-    print(f"µs, smallest of {rounds} rounds. step: RK4 step of {robot_speed.STEP:g} s in the kernel; aba (open")
-    print("tree), constraintDynamics (cheapest right setting): a quarter of an RK4 step in a C++ loop; ratio:")
+    print(
+        f"µs, smallest of {rounds} rounds. step: RK4 step of {robot_speed.STEP:g} s in the kernel; aba (open"
+    )
+    print(
+        "tree), constraintDynamics (cheapest right setting): a quarter of an RK4 step in a C++ loop; ratio:"
+    )
     print("a step of ours over one evaluation of constraintDynamics, of aba where nothing is closed")
     print(table(robot_speed.HEADER, [robot_speed.cells(row) for row in rows], None))
     if args.out:

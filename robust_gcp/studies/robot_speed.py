@@ -78,7 +78,18 @@ class Row:
         return self.step / (self.constrained if np.isfinite(self.constrained) else self.aba)
 
 
-HEADER = ("robot", " nv", " m", " clusters", " step", " Newton", " aba", " constraintDynamics", " ratio", "note")
+HEADER = (
+    "robot",
+    " nv",
+    " m",
+    " clusters",
+    " step",
+    " Newton",
+    " aba",
+    " constraintDynamics",
+    " ratio",
+    "note",
+)
 
 
 def cells(row: Row) -> list[str]:
