@@ -168,6 +168,7 @@ def test_far_away_the_motion_is_the_same() -> None:
     np.testing.assert_allclose(here.v, there.v, atol=1e-12)
 
 
+@pytest.mark.filterwarnings("ignore:energy is off")
 def test_large_turns_in_one_step() -> None:
     """The chart's rate has its closed form there, not the series."""
     m = pin.Model()
