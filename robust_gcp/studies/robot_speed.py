@@ -192,6 +192,7 @@ class Steps:
         self._outputs = Outputs.room(steps, mechanism.nq, mechanism.nv)
 
     def __call__(self) -> float:
+        """Seconds per step."""
         begun = time.perf_counter()
         batch = self._workspace.run(self._times, self._x, self._now, self._outputs, BridgeOptions().zone)
         spent, steps = time.perf_counter() - begun, len(self._times) - 1
@@ -210,6 +211,7 @@ class Evaluations:
         self._steps = int(np.clip(BATCH / max(4.0 * self(), 1e-7), 5, 1000))
 
     def __call__(self) -> float:
+        """Seconds per evaluation."""
         begun = time.perf_counter()
         self._loop.run(self._q, self._v, 1e-7, self._steps, 1, self._how)
         return (time.perf_counter() - begun) / (4 * self._steps)

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import shutil
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import robust_gcp as rg
 from robust_gcp.examples.linkages import n_four_bar
+from robust_gcp.mechanism.folders.loader import models_folder
 from robust_gcp.native.library import library
 from robust_gcp.studies.benchmark import batches, native_seconds, thread_gain
+from robust_gcp.studies.peers.compiled import why_not
+from robust_gcp.studies.robot_speed import measured, robots_in
 
 pytestmark = pytest.mark.skipif(not rg.backends()["native"].available, reason="no compiled kernel")
 
@@ -34,3 +40,25 @@ def test_a_batch_that_stops_early_is_no_measurement() -> None:
     with pytest.raises(RuntimeError, match="ZONE"):
         run()
     assert np.isfinite(batches(found, n_four_bar(1, 1.2), 5, 1e-3)[1]()[0])
+
+
+def test_robots_of_a_folder_are_timed_beside_pinocchio(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What a step costs is there for each robot that steps; a file that is none is named with its reason."""
+    for name in ("crank_rocker", "stewart"):
+        shutil.copytree(models_folder() / name, tmp_path / "found" / name)
+    (tmp_path / "none.xml").write_text("<mujoco/>", encoding="utf-8")
+    assert list(robots_in(tmp_path)) == [
+        tmp_path / "found" / "crank_rocker",
+        tmp_path / "found" / "stewart",
+        tmp_path / "none.xml",
+    ]
+    rows = [measured(path, path.name, None, 2) for path in robots_in(tmp_path)]
+    assert [row.nv for row in rows] == [3, 24, 0]
+    assert rows[2].note and np.isnan(rows[2].step)
+    for row in rows[:2]:
+        assert 1e-1 < row.step < 1e4
+        if not why_not():
+            assert 1e-2 < row.aba < row.constrained < 1e3
+            assert row.ratio == row.step / row.constrained
