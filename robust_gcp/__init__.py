@@ -47,6 +47,7 @@ from .simulation.cost import Cost
 from .simulation.events import Event
 from .simulation.gradient import Gradient, gradient
 from .simulation.load import load_trajectory
+from .simulation.many import Runs, simulate_many
 from .simulation.reactions import Reaction
 from .simulation.simulate import simulate
 from .simulation.stability import StabilityWarning
@@ -120,6 +121,7 @@ __all__ = [
     "RevoluteClosure",
     "RobustGcpError",
     "RunRecord",
+    "Runs",
     "Sample",
     "Simulation",
     "SimulationError",
@@ -150,6 +152,7 @@ __all__ = [
     "regressor",
     "replay",
     "simulate",
+    "simulate_many",
     "step_jacobians",
     "sweep",
     "sweep_as_completed",

@@ -74,6 +74,8 @@ class Library:
         self.look.argtypes, self.look.restype = [c_void_p, POINTER(Request)], None
         self.trackers = library.rg_trackers
         self.trackers.argtypes, self.trackers.restype = [c_void_p, POINTER(c_int64)], POINTER(c_double)
+        self.begin = library.rg_begin
+        self.begin.argtypes, self.begin.restype = [c_void_p, POINTER(Request)], None
         self.time_pinocchio = library.rg_time_pinocchio
         self.time_pinocchio.argtypes = [c_void_p, c_void_p, c_void_p, c_int32]
         self.time_pinocchio.restype = c_double

@@ -93,6 +93,20 @@ class alignas(CACHE_LINE) Stepper {
         return trackers_.data();
     }
 
+    // The point with the anchor's q, closed, at the state x and times[0], and ÿ there.
+    void begin(Request& r) {
+        Point& point = slots_[0];
+        point.read(r.anchor);
+        std::copy(r.x, r.x + path.layout.m, point.y());
+        std::copy(r.x + path.layout.m, r.x + 2 * path.layout.m, point.ydot());
+        r.reason = !path.settle(point) ? NEWTON : !(point.conditioning() >= r.zone) ? ZONE : DONE;
+        if (r.reason == DONE) r.reason = motion_.evaluate(r.times[0], point, r);
+        point.write(r.anchor);
+        std::copy(motion_.ydd.begin(), motion_.ydd.end(), r.ydd);
+        std::copy(motion_.tau.begin(), motion_.tau.end(), r.tau);
+        r.power = motion_.power;
+    }
+
   private:
     // Whether the independent velocities are about to turn back, or may be: see simulation/coordinates.py.
     bool exceeds(const Request& r, Point& point) const {

@@ -47,10 +47,12 @@ class Outputs:
 
     def first(self, n: int) -> Outputs:
         """The first n of them."""
-        if n == len(self.q):
-            return self
+        return self if n == len(self.q) else self.between(0, n)
+
+    def between(self, first: int, end: int) -> Outputs:
+        """Those from `first` to before `end`."""
         kept = {field.name: getattr(self, field.name) for field in fields(self)}
-        cut: dict[str, Any] = {name: None if rows is None else rows[:n] for name, rows in kept.items()}
+        cut: dict[str, Any] = {name: None if rows is None else rows[first:end] for name, rows in kept.items()}
         return Outputs(**cut)
 
 
@@ -148,6 +150,8 @@ class Workspace:
         if not self._handle:
             raise NotNativeError(why.value.decode(errors="replace"))
         self._nq, self._nv, self._m = mechanism.nq, mechanism.nv, mechanism.m
+        self._numbers_in_q = mechanism.iq_numbers
+        self._numbers = np.arange(self._m) if self._groups is None else self._groups.rest_inputs
         n = 2 * self._m + int(works)
         blocks = len(path.blocks)
         bend = self._nv if self._m == 1 else 0
@@ -269,6 +273,22 @@ class Workspace:
             return None
         return Evaluation(now.point, now.v, self._ydd.copy(), self._tau.copy(), float(r.power))
 
+    def begin(self, q: Array, u: Array, zone: float, t: float = 0.0) -> tuple[Array, Evaluation] | None:
+        """The state and its evaluation at q, closed by Newton's method at its own y, with velocities u.
+
+        None where the regular path has no such point, or K_d is conditioned below `zone` there.
+        """
+        r, place, times = self._request, self._slices[2], np.array([t])
+        r.times, r.zone, r.power = times.ctypes.data, zone, 0.0
+        self._x[:], self._anchor[:] = 0.0, 0.0
+        self._x[self._numbers] = q[self._numbers_in_q]
+        self._x[self._m : 2 * self._m] = u
+        self._anchor[place] = q
+        self._library.begin(self._handle, self._by_reference)
+        if r.reason != Reason.DONE:
+            return None
+        return self._x.copy(), self._evaluation(self._point(self._anchor))
+
     def time_pinocchio(self, q: Array, v: Array, repeats: int) -> float:
         """Seconds per right-hand side of Pinocchio's own algorithms, best of five rounds."""
         q, v = np.ascontiguousarray(q), np.ascontiguousarray(v)
@@ -280,9 +300,7 @@ class Workspace:
         self._latest = point if r.reason in (Reason.DONE, Reason.CHART) else None
         trackers = Trackers(self._trackers) if r.in_zone else None
         self._handed = None if trackers is None else weakref.ref(trackers)
-        tau = self._tau.copy() if self._acts else None
-        v = point.G.dot(point.ydot)
-        now = Evaluation(point, v, self._ydd.copy(), tau, float(r.power))
+        now = self._evaluation(point)
         safe = None
         if 0 <= r.safe_step == r.completed:
             safe = int(r.safe_step), self._x.copy(), point
@@ -311,6 +329,11 @@ class Workspace:
             counts,
             self._raised[0] if self._raised else None,
         )
+
+    def _evaluation(self, point: Point) -> Evaluation:
+        """What the kernel left at its anchor, which is this point."""
+        tau = self._tau.copy() if self._acts else None
+        return Evaluation(point, point.G.dot(point.ydot), self._ydd.copy(), tau, float(self._request.power))
 
     def _pack(self, point: Point, into: Array) -> None:
         """A point in the kernel's layout; see point.h."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import itertools
+import os
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -208,12 +209,16 @@ def arguments(add_to: Arguments) -> None:
     text = "time the robots in this folder and those below it against Pinocchio's aba and constraintDynamics"
     add_to.add("--robots", known_folder, type=pathname, metavar="DIR", help=text)
     add_to.add("--shipped", action="store_true", help="the same for shipped robots")
+    text = "steps per second of so many starts at once, beside mujoco.rollout"
+    add_to.add("--starts", whole(2, 100_000), type=int, metavar="N", help=text)
     text = "what robots stand on: fixed or free; as their files say when left out"
     add_to.add("--base", word(("fixed", "free")), metavar="BASE", help=text)
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the tables."""
+    if args.starts is not None:
+        return _starts(args)
     if args.robots is not None or args.shipped:
         return _robots(args)
     rows = [measure(n, 0.01 if args.quick else 0.2) for n in along(args.sizes, "benchmark")]
@@ -240,6 +245,28 @@ def run(args: argparse.Namespace) -> int:
         print(f"no compiled kernel: {state.reason}")
     if args.out:
         write_json(args.out, rows)
+    return 0
+
+
+MANY = ("crank_rocker", "five_bar", "slider_crank", "stewart")
+"""Shipped models that `--starts` steps."""
+
+
+def _starts(args: argparse.Namespace) -> int:
+    """The table of many starts."""
+    from . import throughput
+
+    steps, h, rounds = (50, 1e-3, 1) if args.quick else (500, 1e-3, 5)
+    counts = sorted({1, os.cpu_count() or 1})
+    rows = [
+        throughput.measured(name, load(name), args.starts, steps, h, threads, rounds)
+        for name, threads in along(list(itertools.product(MANY, counts)), "benchmark")
+    ]
+    print(
+        f"steps per second of RK4, {args.starts} starts of {steps} steps of {h:g} s, best of {rounds} rounds;"
+    )
+    print("MuJoCo: RK4 with connect as hard as it goes")
+    print(table(throughput.HEADER, rows, None))
     return 0
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp.dynamics.equations import EquationsOfMotion
+from robust_gcp.examples.legged import legged
 from robust_gcp.examples.linkages import four_bar, n_four_bar, swinging_four_bar
 from robust_gcp.maps.cluster.cluster_map import ClusterMap
 from robust_gcp.maps.cluster.options import BridgeOptions
@@ -24,6 +25,7 @@ from robust_gcp.maps.start import begin
 from robust_gcp.native.library import library
 from robust_gcp.native.workspace import Workspace
 from robust_gcp.simulation.record import Outputs
+from robust_gcp.studies.robot_speed import Steps
 
 Array = NDArray[np.float64]
 States = Callable[[rg.Mechanism, int], list[tuple[Array, Array]]]
@@ -492,3 +494,25 @@ def test_a_crossing_on_an_output_is_listed_once(lengths: tuple[float, float, flo
     ]
     assert [len(crossings) for crossings in found] == [1] * len(found)
     np.testing.assert_allclose([crossing.time for (crossing,) in found], 4.0 * step, rtol=1e-8)
+
+
+@pytest.mark.parametrize("floating", [False, True])
+def test_steps_of_robots_cost_the_same_for_each_leg(floating: bool) -> None:
+    """200 joints and 50 loops: K_d or GᵀMG taken as a whole would cost 125 times what those of 10 legs do."""
+    seconds = []
+    for legs in (10, 50):
+        mech = legged(legs, floating)
+        steps = Steps(mech, mech.lift(mech.home, np.linspace(-1.0, 1.0, mech.m)))
+        seconds.append(min(steps() for _ in range(25)))
+    assert seconds[1] < 4.0 * 5.0 * seconds[0]
+    v = mech.lift(mech.home, np.linspace(-1.0, 1.0, mech.m))
+    motion = rg.simulate(mech, v0=v, duration=2e-3, step=1e-3, backend="native", record=("a",))
+    assert motion.stats.native_steps == 2
+    assert motion.closure_error().max() < 1e-14
+    assert motion.a is not None
+    M, C = (
+        mech.tree.crba(motion.q[-1]).copy(),
+        mech.tree.rnea(motion.q[-1], motion.v[-1], mech.tree.zero).copy(),
+    )
+    G = mech.G(motion.q[-1])
+    np.testing.assert_allclose(G.T @ (M @ motion.a[-1] + C), 0.0, atol=1e-11)

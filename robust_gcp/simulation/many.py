@@ -1,0 +1,279 @@
+"""`simulate_many`: one mechanism from many starts, on threads, without Python between the steps."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..checks import check_mechanism, listed, shown
+from ..dynamics.equations import does_work
+from ..dynamics.loads import Torques, one_torque
+from ..dynamics.problem import set_out
+from ..errors import OptionError, RobustGcpError
+from ..maps.cluster.options import BridgeOptions
+from ..maps.regular_path import RegularPath
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tolerances import COMPATIBLE, NEARLY_CLOSED
+from ..mechanism.tree import Array
+from ..native.description import NotNativeError
+from ..native.library import Library
+from ..native.steps import chosen_library
+from ..native.structures import Reason
+from ..native.workspace import Outputs, Workspace
+from .coarse import Coarse
+from .schedule import planned
+from .simulate import checked_record, simulate
+from .stats import Stats
+from .trajectory import Trajectory
+
+Start = tuple[ArrayLike | None, ArrayLike | None]
+"""q0 and v0 as `simulate` takes them."""
+
+NATIVE_RECORDS = ("a", "energy")
+"""What a start can record without Python between its steps."""
+
+STRETCH = 1_000_000
+"""Steps times velocities that go to the kernel at once: below a second, so that an interrupt is answered."""
+
+LOOKS = 9
+"""Outputs at which all rows of φ are looked at where some are redundant."""
+
+FIRST = 3
+"""Starts that are tried for one from which the kernel can begin."""
+
+
+@dataclass(frozen=True)
+class Runs(Sequence[Trajectory | None]):
+    """What came of many starts.
+
+    `runs[i]`, `len(runs)` and iteration give the trajectories.
+
+    Attributes
+    ----------
+    trajectories : list of Trajectory or None
+        By start: up to where it stopped, None where it did not begin.
+    errors : dict of int to RobustGcpError
+        Why a start stopped or did not begin.
+    """
+
+    trajectories: list[Trajectory | None]
+    errors: dict[int, RobustGcpError] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.trajectories)
+
+    def __getitem__(self, i: Any) -> Any:
+        return self.trajectories[i]
+
+    def __iter__(self) -> Iterator[Trajectory | None]:
+        return iter(self.trajectories)
+
+    def __repr__(self) -> str:
+        return f"Runs: {len(self)} starts, {len(self.errors)} of them with errors"
+
+
+def simulate_many(
+    mechanism: Mechanism,
+    starts: Iterable[Start],
+    duration: float | None = None,
+    step: float | None = None,
+    *,
+    threads: int | None = None,
+    torque: Torques | None = None,
+    record: Sequence[str] = (),
+) -> Runs:
+    """Simulate a mechanism from many starts by RK4, the same motions as `simulate` gives one by one.
+
+    In the compiled kernel each start is closed, checked and stepped to its end without Python, on as many
+    threads as there are processors. A start that is not plain (singular, on no regular ground, passing a
+    singular configuration, or with a velocity that the loops do not allow) is left to `simulate`, and so are
+    all where there is no kernel or `torque` is a function.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    starts : iterable of (q0, v0)
+        As in `simulate`, None for what is left out there.
+    duration, step : float, optional
+        s, as in `simulate`. Whether the step suits the mechanism is told at the first start only.
+    threads : int, optional
+        The number of processors when left out.
+    torque : callable (t, q, v) -> (nv,), array_like (nv,) or mapping, optional
+        On every start. A function is called by all threads, one at a time in Python.
+    record : sequence of {"a", "energy", "multipliers"}
+
+    Returns
+    -------
+    Runs
+        A trajectory for each start, and the errors by start: none is lost, none stops the others.
+
+    Raises
+    ------
+    OptionError
+        For bad arguments.
+
+    Examples
+    --------
+    >>> import robust_gcp as rg
+    >>> mech = rg.load("crank_rocker")
+    >>> runs = rg.simulate_many(mech, [(None, mech.lift(mech.home, [w])) for w in (1.0, 2.0)], duration=0.1)
+    >>> [f"{run['q1'][-1]:.3f}" for run in runs], runs.errors
+    (['1.075', '1.170'], {})
+    """
+    check_mechanism(mechanism, Mechanism, "simulate_many")
+    given = [_checked(i, s) for i, s in enumerate(listed(starts, "starts", "(q0, v0) pairs", OptionError))]
+    count: Any = os.cpu_count() if threads is None else threads
+    if isinstance(count, bool) or not isinstance(count, int) or count < 1:
+        raise OptionError(f"threads = {shown(threads)} must be a number of threads, 1 or more")
+    applied, record = one_torque(mechanism, torque), checked_record(record)
+    schedule, step = planned(0.0, *mechanism.recommended.run(duration, step), None, True)
+    options: dict[str, Any] = {"duration": float(schedule.times[-1]), "step": step}
+    options |= {"torque": torque, "record": record}
+    trajectories: list[Trajectory | None] = [None] * len(given)
+    runs = Runs(trajectories)
+    if not given:
+        return runs
+    given_up, plain = threading.Event(), None
+    if not callable(applied) and set(record) <= set(NATIVE_RECORDS):
+        native = _found(mechanism, given, applied)
+        if native is not None:
+            plain = _Plain(mechanism, *native, applied, schedule.times, record, step, given_up)
+
+    def one(i: int) -> None:
+        if given_up.is_set():
+            return
+        q0, v0 = given[i]
+        try:
+            # the first one with all that simulate checks and warns of
+            run = plain.run(q0, v0) if plain is not None and i > 0 else None
+            trajectories[i] = run or simulate(mechanism, q0, v0, **options)
+        except RobustGcpError as error:
+            runs.errors[i], trajectories[i] = error, error.trajectory
+
+    one(0)
+    pool = ThreadPoolExecutor(min(count, len(given)), "robust_gcp simulate_many")
+    try:
+        for future in [pool.submit(one, i) for i in range(1, len(given))]:
+            future.result()
+    finally:
+        given_up.set()
+        pool.shutdown(wait=True, cancel_futures=True)
+    return runs
+
+
+def _checked(i: int, start: Any) -> Start:
+    if not isinstance(start, tuple) or len(start) != 2:
+        raise OptionError(f"starts[{i}] = {shown(start)} must be a tuple (q0, v0), None for what is left out")
+    return start
+
+
+def _found(
+    mechanism: Mechanism, starts: Sequence[Start], torque: ArrayLike | None
+) -> tuple[Library, RegularPath] | None:
+    """The kernel, and the regular path of the first start that has one; None where Python is to do it all."""
+    library = chosen_library("auto", "rk4", "bridge", "tangent")
+    if library is None:
+        return None
+    for q0, v0 in starts[:FIRST]:
+        try:
+            path = set_out(mechanism, q0, v0, torque=torque).start.path
+            Workspace(library, mechanism, path, torque, does_work(mechanism, torque))
+        except (NotNativeError, RobustGcpError):
+            continue
+        return library, path
+    return None
+
+
+class _Plain(threading.local):
+    """Starts that are plain, with a workspace for each thread.
+
+    Parameters
+    ----------
+    mechanism, library, path, torque
+        As `Workspace` takes them.
+    times : ndarray (N + 1,)
+        s.
+    record : sequence of str
+    step : float
+        s.
+    given_up : threading.Event
+        Set where nobody waits any more.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        library: Library,
+        path: RegularPath,
+        torque: ArrayLike | None,
+        times: Array,
+        record: Sequence[str],
+        step: float,
+        given_up: threading.Event,
+    ) -> None:
+        self._mechanism, self._times, self._given_up = mechanism, times, given_up
+        works = does_work(mechanism, torque)
+        self._workspace = Workspace(library, mechanism, path, torque, works)
+        self._wanted = (*record, "work") if works else tuple(record)
+        self._redundant = mechanism.nc > path.nd
+        self._options = BridgeOptions()
+        self._coarse = Coarse(mechanism, step)
+
+    def run(self, q0: ArrayLike | None, v0: ArrayLike | None) -> Trajectory | None:
+        """The motion from a start, or None where `simulate` has to look at it."""
+        mechanism, times = self._mechanism, self._times
+        q = mechanism.home if q0 is None else mechanism.configuration(q0, "q0")
+        v0 = mechanism.recommended.velocity(q0, None) if v0 is None else v0
+        v = np.zeros(mechanism.nv) if v0 is None else mechanism.velocity(v0, "v0")
+        mechanism.require_proper(q)
+        begun = self._workspace.begin(q, v[mechanism.iv_independent], self._options.zone)
+        if begun is None:
+            return None
+        x, now = begun
+        moved = np.abs(mechanism.tree.difference(q, now.point.q) / mechanism.units).max()
+        apart = np.abs((now.v - v) / mechanism.units).max()
+        if not (moved <= NEARLY_CLOSED and apart <= COMPATIBLE * max(np.abs(v / mechanism.units).max(), 1.0)):
+            return None
+        outputs = Outputs.room(len(times), mechanism.nq, mechanism.nv, self._wanted)
+        outputs.q[0], outputs.v[0] = now.point.q, now.v
+        if outputs.a is not None:
+            outputs.a[0] = now.a
+        if outputs.energy is not None:
+            outputs.energy[0] = mechanism.energy(now.point.q, now.v)
+        stats, stride = Stats(rhs=1), max(1, STRETCH // mechanism.nv)
+        for i in range(0, len(times) - 1, stride):
+            ends = times[i : i + stride + 1]
+            room = outputs.between(i + 1, i + len(ends))
+            batch = self._workspace.run(ends, x, now, room, self._options.zone, self._options)
+            plain = batch.reason is Reason.DONE and batch.trackers is None and not batch.crossings
+            if not plain or self._given_up.is_set():
+                return None
+            x, now = batch.x, batch.now
+            stats.native_steps += batch.steps
+            for name, count in batch.counts.items():
+                setattr(stats, name, getattr(stats, name) + count)
+        if self._redundant and not self._all_closed(outputs.q):
+            return None
+        run = Trajectory(
+            mechanism,
+            times.copy(),
+            outputs.q,
+            outputs.v,
+            outputs.a,
+            outputs.energy,
+            work=outputs.work,
+            stats=stats,
+        )
+        self._coarse.judge(run)
+        return run
+
+    def _all_closed(self, q: Array) -> bool:
+        rows = np.unique(np.linspace(0, len(q) - 1, LOOKS).astype(int))
+        return all(self._mechanism.closure_residual(q[i]) <= NEARLY_CLOSED for i in rows)

@@ -1,0 +1,85 @@
+"""Steps per second of many starts of one mechanism, beside `mujoco.rollout` in the same run."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ..checks import real_array
+from ..mechanism.mechanism import Mechanism
+from ..simulation.many import Start, simulate_many
+
+HEADER = ("mechanism", " threads", " simulate_many", " mujoco.rollout", " ratio", "note")
+
+
+def starts_of(mechanism: Mechanism, count: int) -> list[Start]:
+    """Home, with velocities all around; reproducible."""
+    rng = np.random.default_rng(0)
+    speeds = [rng.normal(0.0, 0.5, mechanism.m) for _ in range(count)]
+    return [(mechanism.home, mechanism.lift(mechanism.home, u)) for u in speeds]
+
+
+def measured(
+    name: str, mechanism: Mechanism, count: int, steps: int, step: float, threads: int, rounds: int
+) -> list[str]:
+    """A line under `HEADER`: the best of some rounds, each in turn.
+
+    Parameters
+    ----------
+    count, steps : int
+        Starts, and steps of each.
+    step : float
+        s.
+    """
+    starts = starts_of(mechanism, count)
+    contenders: dict[str, Callable[[], None]] = {
+        "ours": lambda: _ours(mechanism, starts, steps * step, step, threads)
+    }
+    try:
+        contenders["theirs"] = _theirs(mechanism, starts, steps, step, threads)
+        note = ""
+    except (ImportError, ValueError) as error:
+        note = str(error)[:60]
+    best = dict.fromkeys(contenders, np.inf)
+    for _ in range(rounds):
+        for who, run in contenders.items():
+            begun = time.perf_counter()
+            run()
+            best[who] = min(best[who], time.perf_counter() - begun)
+    pace = {who: count * steps / seconds for who, seconds in best.items()}
+    theirs, ratio = (
+        (f"{pace['theirs']:.3g}", f"{pace['ours'] / pace['theirs']:.2f}") if not note else ("", "")
+    )
+    return [name, str(threads), f"{pace['ours']:.3g}", theirs, ratio, note]
+
+
+def _ours(mechanism: Mechanism, starts: Sequence[Start], duration: float, step: float, threads: int) -> None:
+    runs = simulate_many(mechanism, starts, duration, step, threads=threads)
+    for error in runs.errors.values():
+        raise error
+
+
+def _theirs(
+    mechanism: Mechanism, starts: Sequence[Start], steps: int, step: float, threads: int
+) -> Callable[[], None]:
+    """MuJoCo's RK4 with `connect` as hard as it goes, from the same states."""
+    import mujoco
+    from mujoco import rollout
+
+    from .peers.mujoco import SHORTEST, compiled
+    from .peers.parts import has_simple_joints
+
+    if not has_simple_joints(mechanism) or any(c.kind not in ("3d", "revolute") for c in mechanism.closures):
+        raise ValueError("joints or closures that the adapter to MuJoCo has not")
+    model = compiled(mechanism, "RK4", True)
+    model.opt.timestep = step
+    model.eq_solref[:] = (SHORTEST * step, 1.0)
+    data = [mujoco.MjData(model) for _ in range(threads)]
+    states = np.array([np.concatenate([[0.0], real_array(q), real_array(v)]) for q, v in starts])
+
+    def run() -> None:
+        rollout.rollout(model, data, states, nstep=steps)
+
+    return run
