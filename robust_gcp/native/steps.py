@@ -66,6 +66,7 @@ class NativeSteps:
     def __init__(self, library: Library, torque: Torque | ArrayLike | None, required: bool) -> None:
         self._library, self._torque, self._required = library, torque, required
         self._path: RegularPath | None = None
+        self._first = True
         self._workspace: Workspace | None = None
 
     def prepare(self, mechanism: Mechanism, path: RegularPath) -> Workspace | None:
@@ -74,17 +75,17 @@ class NativeSteps:
         Raises
         ------
         OptionError
-            In that case, if the kernel is required.
+            In that case, if the kernel is required and these are the coordinates that the run begins in.
         """
         if self._path is not path:
             torque = torque_function(mechanism, self._torque) if callable(self._torque) else self._torque
             works = does_work(mechanism, self._torque)
-            self._path = path
+            self._path, self._first = path, self._path is None
             try:
                 self._workspace = Workspace(self._library, mechanism, path, torque, works)
             except NotNativeError as error:
                 self._workspace = None
-                if self._required:
+                if self._required and self._first:
                     raise OptionError(
                         f'backend="native": {error}, which the compiled kernel does not know; '
                         'use backend="auto" or "python"'
