@@ -256,7 +256,7 @@ def _starts(args: argparse.Namespace) -> int:
     """The table of many starts."""
     from . import throughput
 
-    steps, h, rounds = (50, 1e-3, 1) if args.quick else (500, 1e-3, 5)
+    steps, h, rounds = (50, 1e-3, 1) if args.quick else (500, 1e-3, 3)
     counts = sorted({1, os.cpu_count() or 1})
     rows = [
         throughput.measured(name, load(name), args.starts, steps, h, threads, rounds)
