@@ -40,7 +40,7 @@ RG_EXPORT const double* rg_trackers(void* stepper, std::int64_t* count) {
 }
 
 // Makes a start of a configuration and velocities, for rg_run.
-RG_EXPORT void rg_begin(void* stepper, rg::Request* request) { static_cast<rg::Stepper*>(stepper)->begin(*request); }
+RG_EXPORT void rg_begin(void* stepper, rg::Request* request) { static_cast<rg::Stepper*>(stepper)->set_out(*request); }
 
 // Seconds per call of what a right-hand side asks of Pinocchio: computeJointJacobians, rnea twice, crba.
 RG_EXPORT double rg_time_pinocchio(void* stepper, const double* q, const double* v, std::int32_t repeats) {
