@@ -3,16 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Protocol
 
-if TYPE_CHECKING:
-    from .trajectory import Trajectory
+from ..maps.explicit import Crossing
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+from .stats import Stats
 
 SHOWN = 7
 """Names or times that are listed."""
 
 
-def told(motion: Trajectory, recorded: Sequence[str]) -> str:
+class Told(Protocol):
+    """What is told of a `Trajectory`."""
+
+    mechanism: Mechanism
+    t: Array
+    crossings: list[Crossing]
+    t_events: list[Array]
+    ended_by: int | None
+    stats: Stats
+
+
+def told(motion: Told, recorded: Sequence[str]) -> str:
     """What moved, how long, what was recorded and what happened."""
     m, n = motion.mechanism, len(motion.t)
     span = f"{n} times from {motion.t[0]:g} to {motion.t[-1]:g} s" if n else "no times"
