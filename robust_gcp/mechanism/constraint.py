@@ -157,12 +157,13 @@ class ImplicitConstraint:
 
     def jacobian_rate(self, v: Array) -> Array:
         """K̇ along v (nv,), (nc, nv), after the tree's `jacobian_rates` at q and v."""
-        n, tree = len(self.rows), self._tree
+        n, tree, loops = len(self.rows), self._tree, self._loops
         twist = self._carried @ (tree.J * v[:, None])  # of the frames' bodies, at the world's origin
         omega = twist[:, 3:]
         speed = twist[:, :3] + cross(omega, tree.frame_p)
         wrench = np.zeros((2 * n, 6))
-        wrench[:, 3:] = speed.take(self._moment_source) * self._moment_sign
+        if loops:
+            wrench[:, 3:] = speed.take(self._moment_source) * self._moment_sign
         if self._rotation is not None:
             rate = self._rotation.normal_rates(tree.frame_R, omega)
             wrench[self._rotation.at, 3:] = wrench[n + self._rotation.at, 3:] = rate
