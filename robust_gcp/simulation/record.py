@@ -58,7 +58,7 @@ class Record:
         self.work = np.empty(n) if equations.works else None
         self._drive = np.empty((n, mechanism.nv)) if equations.driven else None
         self._crossings: list[Crossing] = []
-        self._warned = False
+        self._warned = self._spun = False
         self.count, self.at = 0, -1
         self.last_state: Array = np.zeros(0)
 
@@ -136,6 +136,16 @@ class Record:
                 warn(
                     f"at t = {crossing.time:.6g} s two modes pass with a gap of {crossing.certificate:.1g} "
                     "lengths, below geometric_tolerance: bridged as a crossing",
+                    SingularityWarning,
+                )
+        spun = {joint.name for joint in self.mechanism.chart_joints}
+        for crossing in crossings if spun and not self._spun else ():
+            if crossing.cluster is not None and spun & set(self.mechanism.clusters[crossing.cluster].joints):
+                self._spun = True
+                warn(
+                    f"at t = {crossing.time:.6g} s a singular place was passed in a loop with a velocity of "
+                    f"{', '.join(sorted(spun))} among its coordinates: the motion is right to 1e-9 to 1e-4 "
+                    "there, whatever the step; best with the component nearest to the axis of the spin",
                     SingularityWarning,
                 )
 
