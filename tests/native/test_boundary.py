@@ -60,6 +60,7 @@ def run_for(duration: float, stepper: str) -> None:
 @pytest.mark.skipif(
     threading.current_thread() is not threading.main_thread(), reason="signals go to the main thread"
 )
+@pytest.mark.alone
 @pytest.mark.parametrize("stepper", ["rk4", "LSODA", "DOP853"])
 @pytest.mark.parametrize("wanted", [KeyboardInterrupt, AlarmError])
 def test_signals_are_answered_within_a_second(wanted: type[BaseException], stepper: str) -> None:
