@@ -66,7 +66,6 @@ class FixedRun(Run):
         self._refinement: SolverSteps | None = None
         self._stride = len(self.times)
         self._told = False
-        self._begun: Evaluation  # of the present step
         self._recovery = Recovery(self._on_toggle, Checkpoint(0, self._x, self._motion.explicit.anchor))
 
     def go(self) -> None:
@@ -102,8 +101,7 @@ class FixedRun(Run):
                     if i > begun and self._changed(i, now.point):
                         continue
                 self._behind, self._refinement = self._x, None
-                self._begun = now
-                self._x = self._refined(i) if recovery.careful else self._stepped(i, now)
+                self._x = (self._refined if recovery.careful else self._stepped)(i, now)
                 i += 1
             except (ObstacleError, BranchError, ToggleError) as stop:
                 change = recovery.meet(i, stop)
@@ -228,7 +226,7 @@ class FixedRun(Run):
             )
         return x
 
-    def _refined(self, i: int) -> Array:
+    def _refined(self, i: int, begun: Evaluation) -> Array:
         """One step through an uncertified zone by an error-controlled method."""
         bridged, x, t, end = self._cluster_map(), self._x, float(self.times[i]), float(self.times[i + 1])
         ends, dense = [t], []
@@ -241,7 +239,7 @@ class FixedRun(Run):
                         if looks:
                             ends.append(t)
                             dense.append(step.dense())
-                        elif t < end and self._renewed_within(i, t, x):
+                        elif t < end and self._renewed_within(i, begun, t, x):
                             break
                 except NoProgressError as error:
                     raise bridged.refusal() from error
@@ -269,14 +267,14 @@ class FixedRun(Run):
             good = explicit.anchor
             yield step
 
-    def _renewed_within(self, i: int, t: float, x: Array) -> bool:
-        """Whether a step from time i goes on at t in better coordinates, which are taken."""
+    def _renewed_within(self, i: int, begun: Evaluation, t: float, x: Array) -> bool:
+        """Whether a step from time i, begun there, goes on at t in better coordinates, which are taken."""
         if self._coordinates is None or not self._coordinates.suspicious(self._motion.explicit.anchor):
             return False
         names = self._better(self._motion.equations.evaluate(t, x).point)
         if names is None:
             return False
-        begun, m, mechanism = self._begun, self._motion.mechanism.m, self._in_coordinates(names)
+        m, mechanism = self._motion.mechanism.m, self._in_coordinates(names)
         try:
             start = set_out(mechanism, begun.point.q, begun.v, choice=self._choice)
             self._x = x

@@ -28,6 +28,7 @@ PLANAR = [
     "slider_crank",
     "strandbeest",
     "strandbeest_pair",
+    "walker",
 ]
 
 
