@@ -11,8 +11,9 @@ import pytest
 import robust_gcp as rg
 from robust_gcp.maps.closed_form import pendulum
 from robust_gcp.studies.stability import stiff
+from robust_gcp.studies.stability.bound import KICK
 from robust_gcp.studies.stability.case import Case, Cell
-from robust_gcp.studies.stability.judge import judge
+from robust_gcp.studies.stability.judge import RIGHT, judge
 from robust_gcp.studies.stability.steps import TARGET, motions, stride
 from robust_gcp.studies.stability.stiff import SHARES, around
 from robust_gcp.studies.stability.truth import A, B, Servo, of_run
@@ -86,11 +87,17 @@ def test_stiff_swings_cross_the_singularity_each_time() -> None:
     assert {c.crossings for c in cells} == {4}
 
 
-def test_green_inside_the_bound_and_amber_outside() -> None:
-    """The map of RK4's bound changes colour where the linearised equations say it does."""
+def test_within_bounds_inside_and_amber_outside() -> None:
+    """The map of RK4's bound changes colour where the linearised equations say it does.
+
+    Inside, a step near the bound damps the fast motion of `KICK` or errs in its phase, by no more than twice
+    that: it may be coarse, but never wrong or stopped.
+    """
     for case in around(True)[:3]:
         for share, cell in zip(SHARES, judge(case), strict=True):
-            assert cell.verdict == ("right" if share < 1.0 else "stopped"), (case.name, share, cell.reason)
+            inside = "coarse" if cell.error > RIGHT else "right"
+            assert cell.verdict == (inside if share < 1.0 else "stopped"), (case.name, share, cell.reason)
+            assert share > 1.0 or cell.error <= 2.0 * KICK, (case.name, share, cell.error)
             assert cell.reason.startswith("warned: StabilityWarning") == (share > 1.0)
 
 
