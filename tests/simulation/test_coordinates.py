@@ -85,7 +85,11 @@ def test_backends_change_at_the_same_times() -> None:
     linkage = linkages.four_bar(1.0, 1.2, 1.4, 0.7, y=1.5)
     v0 = linkage.lift(linkage.home, [3.0])
     runs = [rg.simulate(linkage, v0=v0, duration=1.5, step=1e-3, backend=b) for b in ("python", "auto")]
-    assert runs[0].stats.repartitions == runs[1].stats.repartitions
+    changes = [run.stats.repartitions for run in runs]
+    assert [names for _, names in changes[0]] == [names for _, names in changes[1]]
+    for (t, _), (other, _) in zip(*changes, strict=True):
+        whole = round(t, 3)  # else within a refined step, where error control feels rounding
+        assert other == t if abs(t - whole) < 1e-12 else other == pytest.approx(t, abs=1e-6)
     assert np.abs(runs[0].q - runs[1].q).max() < 1e-10
 
 
