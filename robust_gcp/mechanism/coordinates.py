@@ -90,10 +90,10 @@ class Coordinates(ClosedLoops):
         """Where these are in q."""
         return self._in_q(self.iv_independent[self.numbers])
 
-    def y_about(self, q: Array) -> Array:
+    def y_about(self, q: ArrayLike) -> Array:
         """y at q, (m,); 0 for those that are no numbers in q, whose charts are about q."""
         y = np.zeros(self.m)
-        y[self.numbers] = q[self.iq_numbers]
+        y[self.numbers] = checked_vector(q, self.nq, "q", "nq")[self.iq_numbers]
         return y
 
     @cached_property
