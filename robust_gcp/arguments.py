@@ -98,6 +98,13 @@ def finite(name: str, value: float) -> None:
         raise OptionError(f"{name} = {value} must be finite")
 
 
+def not_negative(name: str, value: float) -> None:
+    """A finite number from zero."""
+    finite(name, value)
+    if value < 0.0:
+        raise OptionError(f"{name} = {value} must not be negative")
+
+
 def whole(least: int, most: int = 10**9) -> Check:
     """A whole number from `least` to `most`."""
 

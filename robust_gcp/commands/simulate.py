@@ -19,6 +19,7 @@ from ..arguments import (
     finite,
     folder,
     names,
+    not_negative,
     number,
     pathname,
     positive,
@@ -71,7 +72,7 @@ def arguments(add_to: Arguments) -> None:
 
     add_to.heading("output")
     text = "times to record, s, ascending; default: every step"
-    add_to.add("--outputs", finite, nargs="+", type=number, metavar="T", help=text)
+    add_to.add("--outputs", not_negative, nargs="+", type=number, metavar="T", help=text)
     text = f"write also any of {','.join(RECORDS)}"
     add_to.add("--record", type=names, default=[], metavar="LIST", help=text)
     add_to.add(
@@ -107,10 +108,11 @@ def run(args: argparse.Namespace) -> int:
     for frame in args.trails or ():
         frame_of(mechanism.model, frame, "--trails")
     mode = None if args.mode is None else _mode(mechanism, args.q0, args.mode)
+    last = last_output(args.outputs, 0.0)
+    duration = last if args.duration is None else args.duration
     if csv is not None:
         csv.parent.mkdir(parents=True, exist_ok=True)
     stop: SimulationError | None = None
-    duration = last_output(args.outputs, 0.0) if args.duration is None else args.duration
     duration, step = mechanism.recommended.run(duration, args.step)
     with clean_warnings(OURS), progress_bar(duration, mechanism.name) as progress:
         try:

@@ -22,6 +22,7 @@ from ..arguments import Arguments, existing_folder, folder, pathname
 from ..drawing.figures import style as plots
 from ..dynamics.derivatives import derivatives, forward_dynamics
 from ..dynamics.discrete import step_jacobians
+from ..errors import OptionError
 from ..examples.families import four_bars
 from ..examples.linkages import add_link, n_four_bar
 from ..mechanism.closures import PointClosure
@@ -278,6 +279,10 @@ def draw(measured: dict[str, list[dict[str, float | str]]], foot: str, path: Pat
         return plots.save(figure, path, 200)
 
 
+PAGES = ("docs/native.md", "README.md")
+"""Where the table and the sentence stand."""
+
+
 def arguments(add_to: Arguments) -> None:
     """Name the arguments."""
     text = "write growth.md, growth.json and growth.png there"
@@ -291,6 +296,9 @@ def run(args: argparse.Namespace) -> int:
     """Print the tables, and write what was asked for."""
     if args.out is not None or args.docs is not None:
         plots.require_matplotlib()
+    for page in PAGES if args.docs is not None else ():
+        if not (args.docs / page).is_file():
+            raise OptionError(f"--docs {args.docs}: there is no {page} to refresh")
     measured = {family.name: measure(family, args.quick) for family in FAMILIES}
     fixed, about = once(args.quick), machine()
     foot = footer(about)
@@ -306,8 +314,8 @@ def run(args: argparse.Namespace) -> int:
         draw(measured, foot, args.out / "growth.png")
     if args.docs is not None:
         draw(measured, foot, args.docs / "docs" / "figures" / "growth.png")
-        blocks = {"docs/native.md": {"growth": text}, "README.md": {"speed": sentence(measured)}}
-        for page, block in blocks.items():
+        blocks = {"growth": text}, {"speed": sentence(measured)}
+        for page, block in zip(PAGES, blocks, strict=True):
             pages.renew(args.docs / page, block)
             print(f"renewed {args.docs / page}")
     return 0

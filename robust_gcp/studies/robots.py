@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..arguments import Arguments, existing_folder, pathname, positive
+from ..arguments import Arguments, known_folder, number, pathname, positive
 from ..errors import RobustGcpError
 from ..mechanism.folders.loader import load
 from ..mechanism.mechanism import Mechanism
@@ -117,9 +117,9 @@ def files_below(folder: Path) -> Iterator[Path]:
 
 def arguments(add_to: Arguments) -> None:
     """Name the arguments."""
-    add_to.add("folder", existing_folder, type=pathname, metavar="FOLDER", help="models and robots' files")
-    add_to.add("--duration", positive, type=float, default=0.3, metavar="T", help="s; default: 0.3")
-    add_to.add("--step", positive, type=float, default=1e-3, metavar="H", help="s; default: 0.001")
+    add_to.add("folder", known_folder, type=pathname, metavar="FOLDER", help="models and robots' files")
+    add_to.add("--duration", positive, type=number, default=0.3, metavar="T", help="s; default: 0.3")
+    add_to.add("--step", positive, type=number, default=1e-3, metavar="H", help="s; default: 0.001")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -22,7 +22,7 @@ NO_NUMBERS = ("", " ", "x", "1,2", "pi/0", "--", "1e", "0x10", "٣٫٥x")
 NOT_FINITE = ("nan", "inf", "-inf", "1e999")
 NOT_WHOLE = ("1.5", "nan", "inf", "1e3", *("9" * 5000,))
 BOTH_SIGNS = {"--q0", "--v0", "--q"}
-FROM_ZERO = {"--mode", "--only", "--seed", "--seeds"}
+FROM_ZERO = {"--mode", "--only", "--seed", "--seeds", "--outputs"}
 
 
 def options(command: Command) -> Iterator[argparse.Action]:
@@ -39,7 +39,8 @@ def wrong_words(option: argparse.Action) -> Iterator[str]:
     name = option.option_strings[-1]
     if option.type is number:
         yield from (*NO_NUMBERS, *NOT_FINITE)
-        yield from () if name in BOTH_SIGNS else ("0", "-1", "-1e-300", "-pi")
+        yield from () if name in BOTH_SIGNS else ("-1", "-1e-300", "-pi")
+        yield from () if name in BOTH_SIGNS | FROM_ZERO else ("0",)
     elif option.type is int:
         yield from (*NO_NUMBERS, *NOT_WHOLE, "-1", "-5")
         yield from () if name in FROM_ZERO else ("0",)
@@ -74,6 +75,8 @@ def needed(name: str) -> list[str]:
     """What a command line must have."""
     if name in ("simulate", "analyse", "assemble", "modes"):
         return ["rhombus"]
+    if name == "robots":
+        return ["."]
     return ["--out", "out"] if name in ("work-precision", "stability") else []
 
 
@@ -131,6 +134,9 @@ def test_the_options_that_are_attacked_are_most_of_them() -> None:
         ("simulate rhombus --record energy,speed", "record = 'speed' is unknown"),
         ("simulate rhombus --mode 7", "--mode 7: analyse lists 1 modes"),
         ("simulate rhombus --duration 1e-4", "longer than the duration"),
+        ("simulate rhombus --outputs 0.2 0.1", "give increasing times, s, at least one"),
+        ("simulate rhombus --outputs 0.2 0.1 --duration 1 --out new/out.csv", "give increasing times"),
+        ("simulate rhombus --outputs 2 --duration 1", "lie outside the run, from 0 to 1 s"),
         ("simulate rhombus --step 1e-12", "outputs, more than"),
         ("simulate rhombus --q0 0.2", "q0 has shape (1,)"),
         ("simulate rhombus --on-toggle repartition --method classical", "goes with method"),
@@ -148,6 +154,17 @@ def test_the_options_that_are_attacked_are_most_of_them() -> None:
         ("a02 --step 0", "--step = 0.0 must be positive and finite"),
         ("a02 --duration 0.01 --step 0.1", "shorter than the steps that are tried"),
         ("a02 --sizes 2 0", "--sizes = 0 must be a whole number from 1"),
+        ("descriptions --scenes none", "--scenes: 'none' is unknown; use one of"),
+        ("descriptions --out runs.csv", "a record of descriptions is a .json file"),
+        ("trees --out runs.csv", "a record of trees is a .json file"),
+        ("trees --count 0", "--count = 0 must be a whole number from 1"),
+        ("growth --out growth.png", ".png ends the name of a file"),
+        ("growth --docs missing", "there is no such folder"),
+        ("growth --quick --docs folder.png", "there is no docs/native.md to refresh"),
+        ("benchmark --robots missing", "there is no such folder"),
+        ("robots missing", "there is no such folder"),
+        ("robots file.txt", "there is no such folder"),
+        ("robots . --duration 0", "--duration = 0.0 must be positive and finite"),
         ("paper --out figures.png", ".png ends the name of a file"),
         ("costs --refresh missing.md", "there is no such file"),
         ("costs --refresh file.txt", "there are no marks of a block named costs"),
@@ -178,11 +195,16 @@ GOOD = {
     "--replay": "new.html",
     "--refresh": "file.txt",
     "--docs": ".",
+    "--robots": ".",
     "--case": "stiff",
     "modes --out": "new/modes.pdf",
     "crossings --out": "new.json",
     "a02 --out": "new/runs.json",
     "benchmark --out": "new.json",
+    "benchmark --base": "free",
+    "benchmark --starts": "2",
+    "descriptions --out": "new.json",
+    "trees --out": "new.json",
 }
 """Words that an option takes, where they are not those of its type."""
 

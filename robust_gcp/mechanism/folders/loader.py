@@ -144,6 +144,9 @@ def _robot_file(folder: Path) -> str:
     names = sorted(f.name for f in files_in(folder) if f.suffix in READERS)
     if len(names) == 1:
         return names[0]
+    for name in ("robot.urdf", "robot.xml"):
+        if (folder / name).exists():  # a folder or a device: whoever reads it refuses it by name
+            return name
     beside = f"stands beside {', '.join(names)}: call the one that is meant" if names else "needs"
     raise ModelError(f"{folder}: robot.yaml {beside} robot.urdf or robot.xml")
 
