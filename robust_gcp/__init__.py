@@ -47,7 +47,6 @@ from .simulation.cost import Cost
 from .simulation.events import Event
 from .simulation.gradient import Gradient, gradient
 from .simulation.load import load_trajectory
-from .simulation.many import Runs, simulate_many
 from .simulation.reactions import Reaction
 from .simulation.simulate import simulate
 from .simulation.stability import StabilityWarning
@@ -60,6 +59,7 @@ if TYPE_CHECKING:
     from .drawing.figures.modes import plot_modes
     from .drawing.replay.live import live
     from .drawing.replay.replay import ReplayPage, replay
+    from .simulation.many import Runs, simulate_many
     from .sweeps.record import Failure, RunRecord
     from .sweeps.runs import grid, sweep, sweep_as_completed
 
@@ -69,14 +69,16 @@ _LATER = {
     "Failure": ".sweeps.record",
     "ReplayPage": ".drawing.replay.replay",
     "RunRecord": ".sweeps.record",
+    "Runs": ".simulation.many",
     "grid": ".sweeps.runs",
     "live": ".drawing.replay.live",
     "plot_modes": ".drawing.figures.modes",
     "replay": ".drawing.replay.replay",
+    "simulate_many": ".simulation.many",
     "sweep": ".sweeps.runs",
     "sweep_as_completed": ".sweeps.runs",
 }
-"""Names whose modules, pictures and sweeps, are imported when they are first asked for."""
+"""Names whose modules, pictures and many runs, are imported when they are first asked for."""
 
 __all__ = [
     "Backend",

@@ -14,121 +14,74 @@ class Lu {
     double det = 0.0;
     bool regular = true;
 
-    explicit Lu(int n = 0)
-        : n_(n), a_(static_cast<std::size_t>(n) * n), at_(n), inverse_(n), x_(n), sign_(n), y_(n) {}
+    explicit Lu(int n = 0) : n_(n), a_(static_cast<std::size_t>(n) * n), swap_(n), x_(n), sign_(n) {}
 
     int size() const { return n_; }
     double* matrix() { return a_.data(); }  // row by row; overwritten by `factor`
-    double norm() const { return norm_; }   // ‖A‖₁
 
     void factor() {
-        switch (n_) {  // sizes of one spatial loop and of two: loops of known length
-            case 3: return eliminate<3>();
-            case 4: return eliminate<4>();
-            case 5: return eliminate<5>();
-            case 6: return eliminate<6>();
-            case 12: return eliminate<12>();
-            default: return eliminate<0>();
+        norm_ = 0.0;
+        for (int j = 0; j < n_; ++j) {
+            double sum = 0.0;
+            for (int i = 0; i < n_; ++i) sum += std::fabs(a_[i * n_ + j]);
+            if (!(sum <= norm_)) norm_ = sum;
+        }
+        det = 1.0;
+        regular = true;
+        for (int k = 0; k < n_; ++k) {
+            int best = k;
+            for (int i = k + 1; i < n_; ++i)
+                if (std::fabs(a_[i * n_ + k]) > std::fabs(a_[best * n_ + k])) best = i;
+            swap_[k] = best;
+            if (best != k) {
+                det = -det;
+                for (int j = 0; j < n_; ++j) std::swap(a_[k * n_ + j], a_[best * n_ + j]);
+            }
+            const double pivot = a_[k * n_ + k];
+            det *= pivot;
+            if (pivot == 0.0) {
+                regular = false;
+                continue;
+            }
+            for (int i = k + 1; i < n_; ++i) {
+                const double factor = a_[i * n_ + k] /= pivot;
+                if (factor == 0.0) continue;
+                for (int j = k + 1; j < n_; ++j) a_[i * n_ + j] -= factor * a_[k * n_ + j];
+            }
         }
     }
 
-    void solve(double* x) { solve(x, 1); }
-
-    // Several right-hand sides, (n, count) row by row.
-    void solve(double* x, int count) {
-        const int n = n_;
-        y_.resize(static_cast<std::size_t>(n) * count);
-        double* y = y_.data();
-        for (int i = 0; i < n; ++i) {
-            const double* from = x + at_[i] * count;
-            double* row = y + i * count;
-            for (int c = 0; c < count; ++c) row[c] = from[c];
-            clear(i, 0, i, row, y, count);
-        }
-        for (int i = n - 1; i >= 0; --i) {
-            double* row = y + i * count;
-            clear(i, i + 1, n, row, y, count);
-            for (int c = 0; c < count; ++c) x[i * count + c] = row[c] *= inverse_[i];
+    void solve(double* x) const {
+        for (int k = 0; k < n_; ++k)
+            if (swap_[k] != k) std::swap(x[k], x[swap_[k]]);
+        for (int i = 0; i < n_; ++i)
+            for (int j = 0; j < i; ++j) x[i] -= a_[i * n_ + j] * x[j];
+        for (int i = n_ - 1; i >= 0; --i) {
+            for (int j = i + 1; j < n_; ++j) x[i] -= a_[i * n_ + j] * x[j];
+            x[i] /= a_[i * n_ + i];
         }
     }
 
-    void solve_transposed(double* x) {
-        const int n = n_;
-        for (int i = 0; i < n; ++i) {
-            x[i] *= inverse_[i];
-            const double* row = a_.data() + at_[i] * n;
-            for (int j = i + 1; j < n; ++j) x[j] -= row[j] * x[i];
+    void solve_transposed(double* x) const {
+        for (int i = 0; i < n_; ++i) {
+            for (int j = 0; j < i; ++j) x[i] -= a_[j * n_ + i] * x[j];
+            x[i] /= a_[i * n_ + i];
         }
-        for (int i = n - 1; i >= 0; --i) {
-            const double* row = a_.data() + at_[i] * n;
-            for (int j = 0; j < i; ++j) x[j] -= row[j] * x[i];
-        }
-        for (int i = 0; i < n; ++i) y_[i] = x[i];
-        for (int i = 0; i < n; ++i) x[at_[i]] = y_[i];
+        for (int i = n_ - 1; i >= 0; --i)
+            for (int j = i + 1; j < n_; ++j) x[i] -= a_[j * n_ + i] * x[j];
+        for (int k = n_ - 1; k >= 0; --k)
+            if (swap_[k] != k) std::swap(x[k], x[swap_[k]]);
     }
 
-    // 1/‖A⁻¹‖₁ with Higham's estimate of the norm, as LAPACK's dgecon makes it
+    // 1/(‖A‖₁ ‖A⁻¹‖₁) with Higham's estimate of the second norm, as LAPACK's dgecon makes it
     // (Higham, ACM Trans. Math. Softw. 14, 1988).
-    double least_stretch() {
+    double rcond() {
         if (!regular || !std::isfinite(norm_) || norm_ == 0.0) return 0.0;
         const double inverse = inverse_norm();
-        return inverse > 0.0 ? 1.0 / inverse : 0.0;
+        return inverse > 0.0 ? 1.0 / inverse / norm_ : 0.0;
     }
 
   private:
-    template <int N>
-    void eliminate() {
-        const int n = N > 0 ? N : n_;
-        double *a = a_.data(), *sums = x_.data();
-        for (int j = 0; j < n; ++j) sums[j] = 0.0;
-        for (int i = 0; i < n; ++i) {
-            at_[i] = i;
-            for (int j = 0; j < n; ++j) sums[j] += std::fabs(a[i * n + j]);
-        }
-        norm_ = 0.0;
-        for (int j = 0; j < n; ++j)
-            if (!(sums[j] <= norm_)) norm_ = sums[j];
-        det = 1.0;
-        regular = true;
-        for (int k = 0; k < n; ++k) {
-            int best = k;
-            double largest = std::fabs(a[at_[k] * n + k]);
-            for (int i = k + 1; i < n; ++i) {
-                const double size = std::fabs(a[at_[i] * n + k]);
-                if (size > largest) best = i, largest = size;
-            }
-            if (best != k) {
-                det = -det;
-                std::swap(at_[k], at_[best]);
-            }
-            const double* __restrict top = a + at_[k] * n;
-            det *= top[k];
-            if (top[k] == 0.0) {
-                regular = false;
-                inverse_[k] = 1.0 / top[k];
-                continue;
-            }
-            inverse_[k] = 1.0 / top[k];
-            for (int i = k + 1; i < n; ++i) {
-                double* __restrict row = a + at_[i] * n;
-                if (row[k] == 0.0) continue;  // K_d is sparse: most are
-                const double factor = row[k] *= inverse_[k];
-                for (int j = k + 1; j < n; ++j) row[j] -= factor * top[j];
-            }
-        }
-    }
-
-    // Row i of right-hand sides less what rows `first` to `last` have in it.
-    void clear(int i, int first, int last, double* row, const double* y, int count) const {
-        const double* entries = a_.data() + at_[i] * n_;
-        for (int j = first; j < last; ++j) {
-            const double entry = entries[j];
-            if (entry == 0.0) continue;
-            const double* other = y + j * count;
-            for (int c = 0; c < count; ++c) row[c] -= entry * other[c];
-        }
-    }
-
     double inverse_norm() {
         for (double& e : x_) e = 1.0 / n_;
         solve(x_.data());
@@ -180,9 +133,8 @@ class Lu {
     int n_;
     double norm_ = 0.0;
     Cells<double> a_;
-    Cells<int> at_;          // rows in the order of elimination
-    Cells<double> inverse_;  // of the pivots
-    Cells<double> x_, sign_, y_;
+    std::vector<int> swap_;
+    Cells<double> x_, sign_;
 };
 
 }  // namespace rg

@@ -52,14 +52,11 @@ class Path {
           u_(d.nv),
           v_(d.nv) {
         for (int k = 0; k < d.m; ++k) input_[independent_[k]] = k;
-        std::size_t widest = 1;
         for (std::size_t i = 0; i < parts.list.size(); ++i) {
             const Part& part = parts.list[i];
-            widest = std::max(widest, part.inputs.size());
             for (int j : part.joints) chain.bodies[j].held = part.on_group;
             loops_.emplace_back(part.tied() ? new Loops(d, chain, parts, static_cast<int>(i)) : nullptr);
         }
-        ways_.resize(widest * static_cast<std::size_t>(d.nv));
     }
 
     // The point at y from the anchor in one predicted step. Joints on groups are at origin ⊕ w, where
@@ -75,14 +72,13 @@ class Path {
             else
                 predict(part, anchor, point);
         }
-        if (!settle(point, anchor.stamp)) return NEWTON;
+        if (!settle(point)) return NEWTON;
         if (!(point.correction > 0.0)) point.distance = point.turn = 0.0;
         return DONE;
     }
 
-    // The point that Newton finds from its own q, y and u; false where it is lost. K_d as factorised for the
-    // point with this stamp may serve for small corrections.
-    bool settle(Point& point, std::int64_t stamp = 0) {
+    // The point that Newton finds from its own q, y and u; false where it is lost.
+    bool settle(Point& point) {
         std::int64_t iterations = 0, looked = 0;
         point.correction = 0.0;
         point.conditioning() = 1.0;
@@ -91,7 +87,7 @@ class Path {
                 chain.place(parts.list[i].joints, point.q());
                 continue;
             }
-            if (!close(parts.list[i], *loops_[i], stamp, point)) return false;
+            if (!close(parts.list[i], *loops_[i], point)) return false;
             iterations = std::max(iterations, loops_[i]->iterations);
             looked = std::max(looked, loops_[i]->evaluations);
         }
@@ -197,8 +193,7 @@ class Path {
         Closures closures;
         Blocks blocks;  // refers to `closures`
         std::vector<int> dependent;
-        bool flat = true;          // v is the rate of q
-        std::int64_t stamp = 0;    // of the point at which K_d was factorised last; 0: of none
+        bool flat = true;  // v is the rate of q
         std::int64_t iterations = 0, evaluations = 0;
     };
 
@@ -250,10 +245,8 @@ class Path {
         for (int k : part.inputs) point.q()[independent_q_[k]] = y[k];
     }
 
-    // Newton on the dependent joints; leaves the chain placed and K evaluated at the result, or some units in
-    // the last place beside it. K_d of the anchor serves for a first correction that is small: it leaves that
-    // times how much K_d has changed.
-    bool close(const Part& part, Loops& loops, std::int64_t stamp, Point& point) {
+    // Newton on the dependent joints; leaves the chain placed and K evaluated at the result.
+    bool close(const Part& part, Loops& loops, Point& point) {
         double* q = point.q();
         const double infinite = std::numeric_limits<double>::infinity();
         double last_size = infinite, last_step = infinite;
@@ -263,27 +256,18 @@ class Path {
             const double size = loops.closures.residual(q);
             ++loops.evaluations;
             if (!std::isfinite(size)) return false;
-            const bool closed = size <= CONVERGED || (size <= STAGNANT && size >= 0.25 * last_size);
-            const bool kept = iteration == 0 && size <= NEAR && loops.stamp > 0 && loops.stamp == stamp;
-            if (closed || !kept) loops.closures.jacobian();
-            if (closed) return true;
-            if (!kept) {
-                loops.stamp = 0;
-                loops.blocks.factor();
-            }
+            loops.closures.jacobian();
+            if (size <= CONVERGED || (size <= STAGNANT && size >= 0.25 * last_size)) return true;
+            loops.blocks.factor();
             const double step = loops.blocks.solve(loops.closures.phi.data(), u_.data());
             if (iteration == 0)
                 point.correction = std::max(point.correction, step);
             else if (!(step <= 0.5 * last_step) && size > STAGNANT)
                 return false;
-            last_size = kept ? infinite : size;
-            last_step = kept ? infinite : step;
+            last_size = size;
+            last_step = step;
             correct(part, loops, q);
             ++loops.iterations;
-            if (step <= SETTLED) {
-                if (kept) loops.closures.jacobian();
-                return true;
-            }
         }
         return false;
     }
@@ -305,20 +289,18 @@ class Path {
     void derivatives(Point& point) {
         const int m = layout.m;
         double *G = point.G(), *g = point.g();
-        point.stamp = ++stamps_;
         for (int k = 0; k < m; ++k) G[independent_[k] * m + k] = 1.0;
         for (std::size_t i = 0; i < loops_.size(); ++i) {
             if (loops_[i] == nullptr) continue;
             const Part& part = parts.list[i];
             Blocks& blocks = loops_[i]->blocks;
             blocks.factor();
-            loops_[i]->stamp = point.stamp;
-            const double conditioning = blocks.measure(POOR, point.det(), point.rcond());
+            const double conditioning = blocks.measure(point.det(), point.rcond());
             if (!(conditioning >= point.conditioning())) point.conditioning() = conditioning;  // keeps a NaN
-            const int count = part.count();
-            blocks.solve_inputs(ways_.data());
-            for (int v : loops_[i]->dependent)
-                for (int c = 0; c < count; ++c) G[v * m + part.inputs[c]] = scale_[v] * ways_[v * count + c];
+            for (int k : part.inputs) {
+                blocks.solve_given(k, u_.data());
+                for (int v : loops_[i]->dependent) G[v * m + k] = scale_[v] * u_[v];
+            }
             if (m > 1) {
                 product(part, point, point.ydot(), v_.data());
                 chain.move(part.joints, v_.data(), part.root);
@@ -345,8 +327,6 @@ class Path {
     std::vector<int> independent_, independent_q_;
     std::vector<int> input_;  // by velocity, −1 where it is dependent
     Cells<double> size_, turn_, scale_, step_, u_, v_;
-    Cells<double> ways_;  // columns of G of one part
-    std::int64_t stamps_ = 0;
 };
 
 }  // namespace rg

@@ -40,17 +40,13 @@ struct Point {
     double* rcond() { return numbers.data() + l_->rcond; }
     double& conditioning() { return numbers[l_->conditioning]; }
 
-    void read(const double* from) {
-        std::copy(from, from + l_->size, numbers.begin());
-        stamp = 0;
-    }
+    void read(const double* from) { std::copy(from, from + l_->size, numbers.begin()); }
     void write(double* to) const { std::copy(numbers.begin(), numbers.end(), to); }
 
     Cells<double> numbers;
     double correction = 0.0;  // Newton's first step, dimensionless
     double distance = 0.0;    // the predicted step, dimensionless
     double turn = 0.0;        // largest rotation in it, rad, or slide in lengths
-    std::int64_t stamp = 0;   // a number of its own where `Path` made it
 
   private:
     const Layout* l_;

@@ -70,10 +70,6 @@ class Sweep {
             world_.reset(new Chain(path.chain));
             for (Body& b : world_->bodies) b.held = false;
         }
-        for (const Body& b : path.chain.bodies)
-            bears_.push_back(b.mass != 0.0 || std::any_of(b.inertia, b.inertia + 6, [](double i) { return i != 0.0; }));
-        massive_body_ = bears_;
-        for (const Part& part : parts_) bears_[part.root] = true;
         V_.resize(n), A_.resize(n), massive_.resize(n), wrench_.resize(n), ways_at_.resize(n);
         std::size_t ways = 0, widest = 0;
         for (const Part& part : parts_)
@@ -117,8 +113,7 @@ class Sweep {
                 for (int b = 0; b <= a; ++b) H(part.first + a, part.first + b) = 0.0;
             }
             for (int j : part.joints) {
-                if (!bears_[j]) continue;
-                const Twist* X = ways_.data() + ways_at_[j];
+                const Twist* X = &ways_[ways_at_[j]];
                 for (int a = 0; a < count; ++a) {
                     const Wrench f = massive_[j] * X[a];
                     push_[a] += f;
@@ -141,7 +136,7 @@ class Sweep {
                 }
             }
             for (int root = part.root, c = part.carrier; c >= 0; root = parts_[c].root, c = parts_[c].carrier) {
-                const Twist* X = ways_.data() + ways_at_[root];
+                const Twist* X = &ways_[ways_at_[root]];
                 for (int b = 0; b < parts_[c].count(); ++b)
                     for (int a = 0; a < count; ++a) H(part.first + a, parts_[c].first + b) = dot(X[b], push_[a]);
             }
@@ -205,11 +200,9 @@ class Sweep {
             for (int j : part.joints) {
                 const Body& b = chain.bodies[j];
                 const Vec from = chain.p[j] - near;
-                Twist* X = ways_.data() + ways_at_[j];
-                if (b.parent == part.root)
-                    std::fill(X, X + count, Twist{});
-                else
-                    std::copy(ways_.data() + ways_at_[b.parent], ways_.data() + ways_at_[b.parent] + count, X);
+                Twist* X = count ? &ways_[ways_at_[j]] : nullptr;
+                const Twist* before = b.parent == part.root || !count ? nullptr : &ways_[ways_at_[b.parent]];
+                for (int a = 0; a < count; ++a) X[a] = before == nullptr ? Twist{} : before[a];
                 Twist own, bent;
                 for (int i = b.first; i < b.first + b.count; ++i) {
                     const Vec& axis = chain.axes[j][chain.freedoms[i].column];
@@ -221,11 +214,6 @@ class Sweep {
                 }
                 V_[j] = V_[b.parent] + own;
                 A_[j] = A_[b.parent] + bent + bracket(V_[b.parent], own);
-                if (!massive_body_[j]) {
-                    massive_[j] = {};
-                    wrench_[j] = {};
-                    continue;
-                }
                 massive_[j] = Massive(b, chain.axes[j], from);
                 const Wrench momentum = massive_[j] * V_[j];
                 kinetic += dot(V_[j], momentum);
@@ -241,7 +229,6 @@ class Sweep {
     std::unique_ptr<Chain> world_;  // where joints on groups are, which the path's chain holds still
     Cells<double> armature_;
     Cells<Twist> V_, A_;
-    std::vector<char> bears_, massive_body_;  // by body: with and without parts that it carries
     Cells<Massive> massive_;  // of each body, then with all parts that it carries
     Cells<Wrench> wrench_;
     Cells<Twist> ways_;  // X of all bodies
