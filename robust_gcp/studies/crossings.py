@@ -3,31 +3,29 @@
 from __future__ import annotations
 
 import argparse
-import json
 import time
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
 
-from ..arguments import DEFAULT, Arguments, file, pathname, whole
+from ..arguments import Arguments
 from ..errors import OptionError, RobustGcpError
 from ..examples.linkages import four_bar
 from ..maps.closed_form import FourBar
-from ..printing import along, table, write_json
+from ..printing import along
 from ..simulation.simulate import simulate
 from ..simulation.trajectory import Trajectory
-
-ROUNDING = 1e-11
-"""rad: below this a floor measures the rounding of the reference, not the stepper's error."""
+from . import random_cases
+from .random_cases import RandomCase
 
 MOST_STEPS = 100
 """Steps before the crossing, at the most: keeps a thousand cases to some minutes."""
 
 
 @dataclass(frozen=True)
-class Case:
+class Case(RandomCase):
     """One random crossing and how it went."""
 
     lengths: tuple[float, float, float, float]  # l0, l1, l2, l3, m; a change-point linkage
@@ -43,18 +41,9 @@ class Case:
     failure: str = ""  # the message of an error, else empty
 
     @property
-    def ratio(self) -> float:
-        """Error over floor, the floor not below rounding."""
-        return self.error / max(self.floor, ROUNDING)
-
-    @property
     def good(self) -> bool:
         """No failure, and the error within ten times the floor."""
         return not self.failure and self.ratio <= 10.0
-
-    def record(self) -> dict[str, object]:
-        """Plain values for JSON."""
-        return asdict(self) | {"ratio": self.ratio, "good": self.good}
 
     def simulate(self, duration: float, step: float, **options: Any) -> Trajectory:
         """A run of this duration, s."""
@@ -145,29 +134,17 @@ def _run(case: Case) -> Case:
 
 def arguments(add_to: Arguments) -> None:
     """Name the arguments."""
-    add_to.add("--count", whole(1), type=int, default=1000, metavar="N", help=f"how many; {DEFAULT}")
-    add_to.add("--seed", whole(0), type=int, default=20, metavar="N", help=f"of the drawing; {DEFAULT}")
-    text = "write every case to this JSON file"
-    add_to.add("--out", file((".json",), "a record of cases"), type=pathname, metavar="FILE", help=text)
+    random_cases.arguments(add_to, 1000, "cases")
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the summary; exit code 1 when a case is not good."""
     cases, seconds = random_crossings(args.count, args.seed)
-    bad = [case for case in cases if not case.good]
-    ratios = np.array([case.ratio for case in cases if not case.failure])
     nearest = np.array([case.nearest for case in cases])
     rows = [
         ["cases, seed", f"{len(cases)}, {args.seed}"],
-        ["good: no failure, error within 10 floors", f"{len(cases) - len(bad)}"],
+        ["good: no failure, error within 10 floors", f"{sum(case.good for case in cases)}"],
         ["crossings passed", f"{sum(case.crossings for case in cases)}"],
         ["landed within 1e-12 rad of the crossing", f"{int((nearest <= 1e-12).sum())}"],
-        ["largest error / floor", f"{ratios.max(initial=0.0):.4f}"],
-        ["wall time", f"{seconds:.1f} s"],
     ]
-    print(table(["", " "], rows))
-    for case in bad:
-        print(json.dumps(case.record()))
-    if args.out:
-        write_json(args.out, [case.record() for case in cases])
-    return 1 if bad else 0
+    return random_cases.report(cases, rows, seconds, args.out)

@@ -7,32 +7,27 @@ several loops overlap. The oracle takes the same steps with q = γ(y) of every l
 from __future__ import annotations
 
 import argparse
-import json
 import time
 import warnings
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
 
-from ..arguments import DEFAULT, Arguments, file, pathname, whole
+from ..arguments import Arguments
 from ..dynamics.equations import EquationsOfMotion
 from ..dynamics.problem import set_out
 from ..errors import NonFiniteError, RobustGcpError
 from ..examples.families import Lengths, four_bars
-from ..maps.closed_form import FourBar
-from ..maps.explicit import Unaware
-from ..maps.point import Point
-from ..maps.regular_path import RegularPath
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from ..printing import along, table, write_json
+from ..printing import along
 from ..simulation.simulate import simulate
 from ..simulation.steppers import rk4_step
-
-ROUNDING = 1e-11
-"""rad: below this a floor measures the rounding of the reference, not the stepper's error."""
+from . import random_cases
+from .loops_in_closed_form import LoopsInClosedForm
+from .random_cases import RandomCase
 
 WITHIN = 1.1
 """Error of the bridges over that of the same steps on the closed forms."""
@@ -48,7 +43,7 @@ AT_AN_END = 1e-6
 
 
 @dataclass(frozen=True)
-class Tree:
+class Tree(RandomCase):
     """One random tree and how it went.
 
     Attributes
@@ -94,11 +89,6 @@ class Tree:
     told: str = ""
 
     @property
-    def ratio(self) -> float:
-        """Error over floor, the floor not below rounding."""
-        return self.error / max(self.floor, ROUNDING)
-
-    @property
     def good(self) -> bool:
         """No failure, the error within 1.1 floors, and each crossing logged."""
         return not self.failure and self.ratio <= WITHIN and self.crossings == self.expected
@@ -107,60 +97,6 @@ class Tree:
     def silently_wrong(self) -> bool:
         """Not good, and neither an error nor a warning says so."""
         return not (self.good or self.failure or self.told)
-
-
-class LoopsInClosedForm(Unaware):
-    """q = γ(y), G and g of a tree of four-bars, each loop in closed form; y is any joint of each.
-
-    Parameters
-    ----------
-    path : RegularPath
-        For the counters.
-    start : Point
-    tree : Tree
-    mechanism : Mechanism
-        In the coordinates y.
-    """
-
-    def __init__(self, path: RegularPath, start: Point, tree: Tree, mechanism: Mechanism) -> None:
-        self.path, self.anchor, self._mechanism = path, start, mechanism
-        self._loops = [FourBar(*lengths, tree.assembly) for lengths in tree.lengths]
-        joints = [[f"{part}{i}" for part in ("crank", "coupler", "rocker")] for i in range(len(self._loops))]
-        self._at = [[mechanism.joint(name).idx_q for name in names] for names in joints]
-        names = mechanism.independent
-        self._input = [next(k for k, name in enumerate(names) if name in own) for own in joints]
-        self._part = [own.index(names[k]) for own, k in zip(joints, self._input, strict=True)]
-        self._crank = [float(start.q[at[0]]) for at in self._at]
-        shapes = zip(self._loops, self._at, self._crank, strict=True)
-        apart = [start.q[at] - loop.evaluate(crank)[0] for loop, at, crank in shapes]
-        self._turns = [2.0 * np.pi * np.round(off / (2.0 * np.pi)) for off in apart]
-
-    def at(self, y: Array, ydot: Array) -> Point:
-        """The point at y, on all loops."""
-        mechanism = self._mechanism
-        q, g = np.zeros(mechanism.nq), np.zeros(mechanism.nv)
-        G = np.zeros((mechanism.nv, mechanism.m))
-        for i, at in enumerate(self._at):
-            k, part = self._input[i], self._part[i]
-            theta, rate, second = self._at_input(i, float(y[k]))
-            q[at] = theta
-            G[at, k] = rate / rate[part]
-            g[at] = (second - rate * second[part] / rate[part]) * (float(ydot[k]) / rate[part]) ** 2
-        none = np.ones(1)
-        self.anchor = Point(y.copy(), ydot.copy(), q, G, g, None, none, none)
-        return self.anchor
-
-    def _at_input(self, i: int, y: float) -> tuple[Array, Array, Array]:
-        """q of a loop and its derivatives by the crank's angle, where the loop's input is y: by Newton."""
-        part = self._part[i]
-        for _ in range(30):
-            theta, rate, second = self._loops[i].evaluate(self._crank[i])
-            theta = theta + self._turns[i]
-            off = y - float(theta[part])
-            if abs(off) < 1e-15 * (1.0 + abs(y)):
-                break
-            self._crank[i] += off / float(rate[part])
-        return theta, rate, second
 
 
 def random_trees(count: int, seed: int) -> tuple[list[Tree], float]:
@@ -178,7 +114,9 @@ def drawn(seed: int, index: int) -> tuple[Tree, EquationsOfMotion, Array]:
         try:
             mechanism = _mechanism(tree)
             problem = set_out(mechanism, v0=mechanism.lift(mechanism.home, tree.speeds))
-            explicit = LoopsInClosedForm(problem.start.path, problem.start.point, tree, mechanism)
+            explicit = LoopsInClosedForm(
+                problem.start.path, problem.start.point, tree.lengths, tree.assembly, mechanism
+            )
             equations = EquationsOfMotion(mechanism, explicit, None)
             exact = _exactly(equations, problem.x, _times(tree))
         except RobustGcpError:
@@ -279,7 +217,9 @@ def _same_steps(
         found.append(point.q)
         if coming and t >= coming[0][0] - 0.5 * tree.step:
             mechanism = mechanism.with_independent(coming.pop(0)[1])
-            explicit = LoopsInClosedForm(equations.explicit.path, point, tree, mechanism)
+            explicit = LoopsInClosedForm(
+                equations.explicit.path, point, tree.lengths, tree.assembly, mechanism
+            )
             equations = EquationsOfMotion(mechanism, explicit, None)
             rates = (point.G @ point.ydot)[mechanism.iv_independent]
             x = np.concatenate([point.q[mechanism.iq_independent], rates])
@@ -294,32 +234,20 @@ def _configurations(equations: EquationsOfMotion, states: Array) -> Array:
 
 def arguments(add_to: Arguments) -> None:
     """Name the arguments."""
-    add_to.add("--count", whole(1), type=int, default=100, metavar="N", help=f"how many; {DEFAULT}")
-    add_to.add("--seed", whole(0), type=int, default=20, metavar="N", help=f"of the drawing; {DEFAULT}")
-    text = "write every tree to this JSON file"
-    add_to.add("--out", file((".json",), "a record of trees"), type=pathname, metavar="FILE", help=text)
+    random_cases.arguments(add_to, 100, "trees")
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the summary; exit code 1 when a tree is not good."""
     trees, seconds = random_trees(args.count, args.seed)
-    bad = [tree for tree in trees if not tree.good]
-    ratios = np.array([tree.ratio for tree in trees if not tree.failure])
     sizes = [len(tree.lengths) for tree in trees]
     rows = [
         ["trees, seed", f"{len(trees)}, {args.seed}"],
         ["of 2, 3, 4, 5 loops", ", ".join(str(sizes.count(n)) for n in range(2, 6))],
-        [f"good: error within {WITHIN:g} floors, crossings logged", f"{len(trees) - len(bad)}"],
+        [f"good: error within {WITHIN:g} floors, crossings logged", f"{sum(tree.good for tree in trees)}"],
         ["crossings passed", f"{sum(sum(tree.crossings) for tree in trees)}"],
         ["in changed coordinates", f"{sum(tree.changes > 0 for tree in trees)}"],
         ["refused", f"{sum(bool(tree.failure) for tree in trees)}"],
         ["silently wrong", f"{sum(tree.silently_wrong for tree in trees)}"],
-        ["largest error / floor", f"{ratios.max(initial=0.0):.4f}"],
-        ["wall time", f"{seconds:.1f} s"],
     ]
-    print(table(["", " "], rows))
-    for tree in bad:
-        print(json.dumps(asdict(tree)))
-    if args.out:
-        write_json(args.out, [asdict(tree) | {"ratio": tree.ratio, "good": tree.good} for tree in trees])
-    return 1 if bad else 0
+    return random_cases.report(trees, rows, seconds, args.out)

@@ -11,7 +11,9 @@ import pytest
 
 from robust_gcp.__main__ import main
 from robust_gcp.dynamics.problem import set_out
-from robust_gcp.studies.trees import ROUNDING, LoopsInClosedForm, drawn, measured, random_trees
+from robust_gcp.studies.loops_in_closed_form import LoopsInClosedForm
+from robust_gcp.studies.random_cases import ROUNDING
+from robust_gcp.studies.trees import drawn, measured, random_trees
 
 
 def test_a_dozen_trees_keep_to_the_steps_on_their_closed_forms() -> None:
@@ -29,7 +31,7 @@ def test_closed_forms_serve_in_any_joint() -> None:
     v = here.G @ here.ydot
     names = [("coupler", "rocker")[i % 2] + str(i) for i in range(m)]
     other = mechanism.with_independent(names)
-    explicit = LoopsInClosedForm(equations.explicit.path, here, tree, other)
+    explicit = LoopsInClosedForm(equations.explicit.path, here, tree.lengths, tree.assembly, other)
     point = explicit.at(here.q[other.iq_independent], v[other.iv_independent])
     np.testing.assert_allclose(point.q, here.q, atol=1e-12)
     np.testing.assert_allclose(point.G, other.G(here.q), atol=1e-9)
