@@ -14,9 +14,10 @@ from ..maps.grouped import GroupMap
 from ..maps.regular_path import RegularPath
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from .batch import Batch, Outputs
 from .description import NotNativeError
 from .library import Library, backends, library
-from .workspace import Batch, Outputs, Workspace
+from .workspace import Workspace
 
 BACKENDS = ("auto", "python", "native")
 

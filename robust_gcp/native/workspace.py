@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import weakref
-from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass, fields
-from itertools import pairwise
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,100 +13,17 @@ from ..dynamics.equations import CheckedTorque, Evaluation
 from ..dynamics.held import HeldTorque
 from ..maps.cluster.options import BridgeOptions
 from ..maps.explicit import Crossing
-from ..maps.grouped import taken_apart
 from ..maps.point import Point
 from ..maps.regular_path import RegularPath
 from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from .answers import answering
+from .batch import Batch, Outputs, Trackers
 from .description import NotNativeError, describe
+from .layout import Layout
 from .library import Library
 from .structures import Arrays, Beginning, Bridging, Reason, Request, TorqueCallback
-
-
-@dataclass(frozen=True)
-class Outputs:
-    """Rows for several outputs at once, C-contiguous; None where not wanted."""
-
-    q: Array
-    v: Array
-    a: Array | None = None
-    tau: Array | None = None
-    energy: Array | None = None
-    work: Array | None = None
-
-    @classmethod
-    def room(cls, n: int, nq: int, nv: int, wanted: Sequence[str] = ()) -> Outputs:
-        """Room for n outputs; `wanted` names those besides q and v."""
-        widths = {"a": (n, nv), "tau": (n, nv), "energy": (n,), "work": (n,)}
-        more = {name: np.zeros(widths[name]) for name in wanted}
-        return cls(np.empty((n, nq)), np.empty((n, nv)), **more)
-
-    def first(self, n: int) -> Outputs:
-        """The first n of them."""
-        return self if n == len(self.q) else self.between(0, n)
-
-    def between(self, first: int, end: int) -> Outputs:
-        """Those from `first` to before `end`."""
-        kept = {field.name: getattr(self, field.name) for field in fields(self)}
-        cut: dict[str, Any] = {name: None if rows is None else rows[first:end] for name, rows in kept.items()}
-        return Outputs(**cut)
-
-
-@dataclass(frozen=True)
-class Batch:
-    """What came of a batch of steps.
-
-    Attributes
-    ----------
-    steps : int
-        Steps completed; every number below belongs to the last one.
-    reason : Reason
-        Why the kernel stopped.
-    x, now : ndarray, Evaluation
-    trackers : Trackers or None
-        Of the last state, where it is in a zone.
-    outputs : Outputs
-        Of the steps completed.
-    crossings : list of Crossing
-        Singular places passed, in the order of time.
-    safe : (int, ndarray, Point) or None
-        Step, state and point of the last well-conditioned one among the completed steps.
-    counts : dict of str to int
-        What the completed steps took, by the names of `Counters`, and `rhs`.
-    failure : BaseException or None
-        What the torque callback raised after these steps.
-    """
-
-    steps: int
-    reason: Reason
-    x: Array
-    now: Evaluation
-    trackers: Trackers | None
-    outputs: Outputs
-    crossings: list[Crossing]
-    safe: tuple[int, Array, Point] | None
-    counts: dict[str, int]
-    failure: BaseException | None
-
-
-class Trackers:
-    """The trackers of the kernel's clusters as plain numbers, fetched when they are asked for."""
-
-    def __init__(self, fetch: Callable[[], Array]) -> None:
-        self._fetch: Callable[[], Array] | None = fetch
-        self._numbers: Array = np.zeros(0)
-
-    def __call__(self) -> Array:
-        """See `maps.cluster.plain`."""
-        if self._fetch is not None:
-            self._numbers, self._fetch = self._fetch(), None
-        return self._numbers
-
-    def __deepcopy__(self, memo: object) -> Trackers:
-        """Itself, with the numbers, which do not change any more."""
-        self()
-        return self
 
 
 class Workspace:
@@ -153,16 +67,11 @@ class Workspace:
         self._numbers_in_q = mechanism.iq_numbers
         self._numbers = np.arange(self._m) if self._groups is None else self._groups.rest_inputs
         n = 2 * self._m + int(works)
-        blocks = len(path.blocks)
-        bend = self._nv if self._m == 1 else 0
-        widths = [self._m, self._m, self._nq, self._nv * self._m, self._nv, bend, blocks, blocks, 1]
-        self._slices = [slice(a, b) for a, b in pairwise(np.cumsum([0, *widths]).tolist())]
-        self._size = sum(widths)
+        self._layout = Layout(mechanism, path, self._groups)
         self._x, self._ydd, self._tau = np.zeros(n), np.zeros(self._m), np.zeros(self._nv)
-        self._anchor = np.zeros(self._size)
-        self._safe = np.zeros(self._size + n)
+        self._anchor = np.zeros(self._layout.size)
+        self._safe = np.zeros(self._layout.size + n)
         self._bridging: tuple[BridgeOptions, Arrays] | None = None
-        self._independent = mechanism.iq_numbers
         self._latest: Point | None = None
         self._handed: weakref.ref[Trackers] | None = None
         self._raised: list[BaseException] = []
@@ -196,7 +105,7 @@ class Workspace:
         if self._held is not None:
             self._shared[2][:] = self._held.value
         if self._supplied is not None:
-            answers = _answers(self._supplied, self._shared, self._raised)
+            answers = answering(self._supplied, self._shared, self._raised)
             next(answers)
             self._callback = TorqueCallback(answers.send)
             self._request.torque = self._callback
@@ -248,7 +157,7 @@ class Workspace:
             r.beginning = Beginning.REGULAR if trackers is None else Beginning.IN_ZONE
             numbers = None if trackers is None else np.ascontiguousarray(trackers())
             r.trackers = None if numbers is None else numbers.ctypes.data
-            self._pack(now.point, self._anchor)
+            self._layout.pack(now.point, self._anchor)
         r.q_out, r.v_out = _address(outputs.q), _address(outputs.v)
         r.a_out, r.tau_out = _address(outputs.a), _address(outputs.tau)
         r.energy_out, r.work_out = _address(outputs.energy), _address(outputs.work)
@@ -278,16 +187,16 @@ class Workspace:
 
         None where the regular path has no such point, or K_d is conditioned below `zone` there.
         """
-        r, place, times = self._request, self._slices[2], np.array([t])
+        r, times = self._request, np.array([t])
         r.times, r.zone, r.power = times.ctypes.data, zone, 0.0
         self._x[:], self._anchor[:] = 0.0, 0.0
         self._x[self._numbers] = q[self._numbers_in_q]
         self._x[self._m : 2 * self._m] = u
-        self._anchor[place] = q
+        self._anchor[self._layout.q] = q
         self._library.begin(self._handle, self._by_reference)
         if r.reason != Reason.DONE:
             return None
-        return self._x.copy(), self._evaluation(self._point(self._anchor))
+        return self._x.copy(), self._evaluation(self._layout.point(self._anchor))
 
     def time_pinocchio(self, q: Array, v: Array, repeats: int) -> float:
         """Seconds per right-hand side of Pinocchio's own algorithms, best of five rounds."""
@@ -296,7 +205,7 @@ class Workspace:
 
     def _batch(self, outputs: Outputs) -> Batch:
         r = self._request
-        point = self._point(self._anchor)
+        point = self._layout.point(self._anchor)
         self._latest = point if r.reason in (Reason.DONE, Reason.CHART) else None
         trackers = Trackers(self._trackers) if r.in_zone else None
         self._handed = None if trackers is None else weakref.ref(trackers)
@@ -305,9 +214,9 @@ class Workspace:
         if 0 <= r.safe_step == r.completed:
             safe = int(r.safe_step), self._x.copy(), point
         elif r.safe_step >= 0:
-            safe = int(r.safe_step), self._safe[self._size :].copy(), self._point(self._safe)
+            safe = int(r.safe_step), self._safe[self._layout.size :].copy(), self._layout.point(self._safe)
         counts = {
-            "rhs": int(r.rhs),
+            "native_steps": int(r.completed),
             "newton_iterations": int(r.newton),
             "constraint_evaluations": int(r.constraint_evaluations),
             "force_evaluations": int(r.force_evaluations),
@@ -326,6 +235,7 @@ class Workspace:
             outputs,
             self._crossings() if r.logged else [],
             safe,
+            int(r.rhs),
             counts,
             self._raised[0] if self._raised else None,
         )
@@ -334,37 +244,6 @@ class Workspace:
         """What the kernel left at its anchor, which is this point."""
         tau = self._tau.copy() if self._acts else None
         return Evaluation(point, point.G.dot(point.ydot), self._ydd.copy(), tau, float(self._request.power))
-
-    def _pack(self, point: Point, into: Array) -> None:
-        """A point in the kernel's layout; see point.h."""
-        y, ydot, q, G, g, bend, det, rcond, worst = self._slices
-        into[y], into[ydot], into[q] = point.y, point.ydot, point.q
-        into[G], into[g] = point.G.ravel(), point.g
-        if point.curvature is not None:
-            into[bend] = point.curvature
-        elif self._m == 1:
-            into[bend] = 0.0  # no loop: γ is linear
-        if len(self.path.blocks):
-            into[det], into[rcond] = point.det, point.rcond
-        into[worst] = point.conditioning
-
-    def _point(self, packed: Array) -> Point:
-        flat = packed[: self._size].copy()
-        y, ydot, q, G, g, bend, det, rcond, _ = self._slices
-        one = np.ones(0)
-        looped = bool(self.path.blocks)
-        point = Point(
-            flat[y],
-            flat[ydot],
-            flat[q],
-            flat[G].reshape(self._nv, self._m),
-            flat[g],
-            flat[bend] if self._m == 1 and looped else None,
-            flat[det] if looped else one,
-            flat[rcond] if looped else one,
-            float(flat[-1]),
-        )
-        return point if self._groups is None else taken_apart(self._groups, point)
 
     def _options(self, options: BridgeOptions) -> ctypes.Structure:
         if self._bridging is None or self._bridging[0] is not options:
@@ -396,7 +275,7 @@ class Workspace:
         return [
             Crossing(
                 float(row[1]),
-                row[7:][self._independent],
+                row[7:][self._numbers_in_q],
                 row[7:],
                 "near miss" if row[6] else "transversal",
                 float(row[4]),
@@ -411,28 +290,3 @@ class Workspace:
 def _address(array: Array | None) -> int | None:
     """Where an array's numbers are; the quick way, as it is asked for with every step."""
     return None if array is None else int(array.__array_interface__["data"][0])
-
-
-def _answers(
-    supplied: CheckedTorque, shared: tuple[Array, Array, Array], raised: list[BaseException]
-) -> Generator[int, float, None]:
-    """Takes a time, writes τ and gives 0; gives 1 after an exception, which cannot pass through C++.
-
-    A signal that arrives while the kernel works is handled by the first Python that runs after it.
-    In a function that would be its entry, outside any `try`, and ctypes would swallow what the
-    handler raises. A generator is resumed inside its `try`. It knows nothing of the workspace, which
-    would otherwise outlive its run until the collector runs.
-    """
-    q, v, tau = shared
-    asked = False
-    try:
-        while True:
-            t = yield 0
-            asked = True
-            tau[:] = supplied(t, q, v)
-            asked = False
-    except BaseException as error:
-        if isinstance(error, GeneratorExit) and not asked:  # nobody will ask again
-            raise
-        raised.append(error)
-    yield 1

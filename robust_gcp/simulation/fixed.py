@@ -18,9 +18,9 @@ from ..maps.cluster.obstacles import ObstacleError
 from ..maps.grouped import GroupMap
 from ..maps.point import Point
 from ..mechanism.tree import Array
+from ..native.batch import Batch
 from ..native.steps import NativeSteps
 from ..native.structures import Reason
-from ..native.workspace import Batch
 from ..warning import warn
 from .charts import in_new_chart, motion_at, placed_between, stretch_between
 from .crossings import located
@@ -208,13 +208,8 @@ class FixedRun(Run):
 
     def _count(self, batch: Batch) -> None:
         """Add what a batch took."""
-        counters = self._counters
-        counters.native_steps += batch.steps
-        for name, count in batch.counts.items():
-            if name == "rhs":
-                self._motion.equations.calls += count
-            elif count:
-                setattr(counters, name, getattr(counters, name) + count)
+        self._motion.equations.calls += batch.rhs
+        batch.add_to(self._counters)
 
     def _stepped(self, i: int, now: Evaluation) -> Array:
         f, t, end = self._motion.equations, float(self.times[i]), float(self.times[i + 1])

@@ -22,11 +22,12 @@ from ..maps.regular_path import RegularPath
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tolerances import COMPATIBLE, NEARLY_CLOSED
 from ..mechanism.tree import Array
+from ..native.batch import Outputs
 from ..native.description import NotNativeError
 from ..native.library import Library
 from ..native.steps import chosen_library
 from ..native.structures import Reason
-from ..native.workspace import Outputs, Workspace
+from ..native.workspace import Workspace
 from .coarse import Coarse
 from .schedule import planned
 from .simulate import checked_record, simulate
@@ -256,9 +257,8 @@ class _Plain(threading.local):
             if not plain or self._given_up.is_set():
                 return None
             x, now = batch.x, batch.now
-            stats.native_steps += batch.steps
-            for name, count in batch.counts.items():
-                setattr(stats, name, getattr(stats, name) + count)
+            stats.rhs += batch.rhs
+            batch.add_to(stats)
         if self._redundant and not self._all_closed(outputs.q):
             return None
         run = Trajectory(

@@ -12,7 +12,7 @@ from ..maps.classical import SingularityWarning
 from ..maps.explicit import Crossing
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from ..native.workspace import Outputs
+from ..native.batch import Outputs
 from ..warning import warn
 from .events import Events
 from .schedule import Schedule

@@ -22,8 +22,9 @@ from ..maps.march import same_branch
 from ..mechanism.folders.loader import load
 from ..mechanism.mechanism import Mechanism
 from ..native import backends
+from ..native.batch import Outputs
 from ..native.library import Library, library
-from ..native.workspace import Outputs, Workspace
+from ..native.workspace import Workspace
 from ..printing import along, table, write_json
 from ..simulation.simulate import simulate
 
@@ -160,7 +161,7 @@ def batches(found: Library, mechanism: Mechanism, steps: int, h: float) -> tuple
         spent = time.perf_counter() - begun
         if batch.steps < steps:
             raise RuntimeError(f"the kernel stopped after {batch.steps} steps: {batch.reason.name}")
-        return spent / steps, batch.counts["newton_iterations"] / batch.counts["rhs"]
+        return spent / steps, batch.counts["newton_iterations"] / batch.rhs
 
     return workspace, run
 

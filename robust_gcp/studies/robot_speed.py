@@ -17,9 +17,10 @@ from ..maps.cluster.options import BridgeOptions
 from ..mechanism.folders.loader import load
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from ..native.batch import Outputs
 from ..native.description import NotNativeError
 from ..native.library import library
-from ..native.workspace import Outputs, Workspace
+from ..native.workspace import Workspace
 from .peers.compiled import Loop, Settings, knows, why_not
 from .peers.pinocchio import ADAPTED
 
@@ -198,7 +199,7 @@ class Steps:
         spent, steps = time.perf_counter() - begun, len(self._times) - 1
         if batch.steps < steps:
             raise RuntimeError(f"the kernel stopped after {batch.steps} steps: {batch.reason.name}")
-        self.newton = batch.counts["newton_iterations"] / batch.counts["rhs"]
+        self.newton = batch.counts["newton_iterations"] / batch.rhs
         return spent / steps
 
 

@@ -1,0 +1,109 @@
+"""What goes to the compiled kernel for a batch of steps and comes back from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from ..dynamics.equations import Evaluation
+from ..maps.explicit import Crossing
+from ..maps.point import Point
+from ..mechanism.tree import Array
+from .structures import Reason
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """Rows for several outputs at once, C-contiguous; None where not wanted."""
+
+    q: Array
+    v: Array
+    a: Array | None = None
+    tau: Array | None = None
+    energy: Array | None = None
+    work: Array | None = None
+
+    @classmethod
+    def room(cls, n: int, nq: int, nv: int, wanted: Sequence[str] = ()) -> Outputs:
+        """Room for n outputs; `wanted` names those besides q and v."""
+        widths = {"a": (n, nv), "tau": (n, nv), "energy": (n,), "work": (n,)}
+        more = {name: np.zeros(widths[name]) for name in wanted}
+        return cls(np.empty((n, nq)), np.empty((n, nv)), **more)
+
+    def first(self, n: int) -> Outputs:
+        """The first n of them."""
+        return self if n == len(self.q) else self.between(0, n)
+
+    def between(self, first: int, end: int) -> Outputs:
+        """Those from `first` to before `end`."""
+        kept = {field.name: getattr(self, field.name) for field in fields(self)}
+        cut: dict[str, Any] = {name: None if rows is None else rows[first:end] for name, rows in kept.items()}
+        return Outputs(**cut)
+
+
+@dataclass(frozen=True)
+class Batch:
+    """What came of a batch of steps.
+
+    Attributes
+    ----------
+    steps : int
+        Steps completed; every number below belongs to the last one.
+    reason : Reason
+        Why the kernel stopped.
+    x, now : ndarray, Evaluation
+    trackers : Trackers or None
+        Of the last state, where it is in a zone.
+    outputs : Outputs
+        Of the steps completed.
+    crossings : list of Crossing
+        Singular places passed, in the order of time.
+    safe : (int, ndarray, Point) or None
+        Step, state and point of the last well-conditioned one among the completed steps.
+    rhs : int
+        Right-hand sides that the completed steps took.
+    counts : dict of str to int
+        What else they took, by the names of `Counters`.
+    failure : BaseException or None
+        What the torque callback raised after these steps.
+    """
+
+    steps: int
+    reason: Reason
+    x: Array
+    now: Evaluation
+    trackers: Trackers | None
+    outputs: Outputs
+    crossings: list[Crossing]
+    safe: tuple[int, Array, Point] | None
+    rhs: int
+    counts: dict[str, int]
+    failure: BaseException | None
+
+    def add_to(self, counters: Any) -> None:
+        """Count what the completed steps took, right-hand sides apart."""
+        for name, count in self.counts.items():
+            if count:
+                setattr(counters, name, getattr(counters, name) + count)
+
+
+class Trackers:
+    """The trackers of the kernel's clusters as plain numbers, fetched when they are asked for."""
+
+    def __init__(self, fetch: Callable[[], Array]) -> None:
+        self._fetch: Callable[[], Array] | None = fetch
+        self._numbers: Array = np.zeros(0)
+
+    def __call__(self) -> Array:
+        """See `maps.cluster.plain`."""
+        if self._fetch is not None:
+            self._numbers, self._fetch = self._fetch(), None
+        return self._numbers
+
+    def __deepcopy__(self, memo: object) -> Trackers:
+        """Itself, with the numbers, which do not change any more."""
+        self()
+        return self

@@ -1,0 +1,73 @@
+"""How a point of a motion lies in the kernel's memory; see point.h."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from ..maps.grouped import taken_apart
+from ..maps.point import Point
+from ..maps.regular_path import RegularPath
+from ..mechanism.groups import Groups
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+
+
+class Layout:
+    """Points of a mechanism as rows of numbers.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    path : RegularPath
+        Whose blocks the points tell of.
+    groups : Groups or None
+        The joints on groups.
+
+    Attributes
+    ----------
+    size : int
+        Numbers of a point.
+    q : slice
+        Where its configuration is.
+    """
+
+    def __init__(self, mechanism: Mechanism, path: RegularPath, groups: Groups | None) -> None:
+        self._groups, self._nv, self._m = groups, mechanism.nv, mechanism.m
+        self._looped = bool(path.blocks)
+        nv, m, blocks = self._nv, self._m, len(path.blocks)
+        widths = [m, m, mechanism.nq, nv * m, nv, nv if m == 1 else 0, blocks, blocks, 1]
+        self._slices = [slice(a, b) for a, b in pairwise(np.cumsum([0, *widths]).tolist())]
+        self.size, self.q = sum(widths), self._slices[2]
+
+    def pack(self, point: Point, into: Array) -> None:
+        """Write a point."""
+        y, ydot, q, G, g, bend, det, rcond, worst = self._slices
+        into[y], into[ydot], into[q] = point.y, point.ydot, point.q
+        into[G], into[g] = point.G.ravel(), point.g
+        if point.curvature is not None:
+            into[bend] = point.curvature
+        elif self._m == 1:
+            into[bend] = 0.0  # no loop: γ is linear
+        if self._looped:
+            into[det], into[rcond] = point.det, point.rcond
+        into[worst] = point.conditioning
+
+    def point(self, packed: Array) -> Point:
+        """The point at the front of these numbers."""
+        flat = packed[: self.size].copy()
+        y, ydot, q, G, g, bend, det, rcond, _ = self._slices
+        one = np.ones(0)
+        point = Point(
+            flat[y],
+            flat[ydot],
+            flat[q],
+            flat[G].reshape(self._nv, self._m),
+            flat[g],
+            flat[bend] if self._m == 1 and self._looped else None,
+            flat[det] if self._looped else one,
+            flat[rcond] if self._looped else one,
+            float(flat[-1]),
+        )
+        return point if self._groups is None else taken_apart(self._groups, point)
