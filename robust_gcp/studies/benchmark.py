@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import itertools
 import os
-import threading
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -27,6 +26,7 @@ from ..native.library import Library, library
 from ..native.workspace import Workspace
 from ..printing import along, table, write_json
 from ..simulation.simulate import simulate
+from .threads import gain
 
 Batch = Callable[[], tuple[float, float]]
 """Does a batch of steps: seconds per step and Newton iterations per right-hand side."""
@@ -184,19 +184,7 @@ def thread_gain(mechanism: Mechanism, threads: int = 2, steps: int = 20_000, h: 
     found = library()
     if found is None:
         return float("nan")
-    runs = [batches(found, mechanism, steps, h)[1] for _ in range(threads)]
-
-    def seconds(workers: Sequence[Callable[[], object]]) -> float:
-        running = [threading.Thread(target=worker) for worker in workers]
-        begun = time.perf_counter()
-        for thread in running:
-            thread.start()
-        for thread in running:
-            thread.join()
-        return time.perf_counter() - begun
-
-    alone, together = (min(seconds(w) for _ in range(ROUNDS // 3)) for w in (runs[:1], runs))
-    return threads * alone / together
+    return gain([batches(found, mechanism, steps, h)[1] for _ in range(threads)], ROUNDS // 3)
 
 
 def arguments(add_to: Arguments) -> None:

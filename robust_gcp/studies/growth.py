@@ -7,13 +7,9 @@ is not in it.
 from __future__ import annotations
 
 import argparse
-import textwrap
-import threading
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -33,7 +29,9 @@ from ..printing import along, write_json
 from ..simulation.simulate import simulate
 from . import pages, peers
 from .contender import Contender, Scene, clock
+from .growth_report import SHOWN, Row, draw, sentence, tables
 from .machine import footer, machine
+from .threads import gain
 from .work_precision import ours
 
 ANGLE = 1.2
@@ -47,18 +45,6 @@ SPENT, ROUNDS = 6e-3, 9
 
 QUICK = 2
 """Rounds of a smoke test."""
-
-FITTED = 3
-"""Largest sizes that an exponent is fitted to."""
-
-SHOWN = {
-    "bridge compiled, RK4": "compiled",
-    "bridge, RK4": "Python",
-    "Pinocchio, mu > 0": "Pinocchio C++",
-    "Pinocchio, defaults": "Pinocchio C++",
-    "MuJoCo connect, tuned": "MuJoCo RK4",
-}
-"""Contenders and their names here: all with RK4; Pinocchio's is `constraintDynamics`, or `aba` for a tree."""
 
 
 @dataclass(frozen=True)
@@ -127,13 +113,13 @@ def step_seconds(contender: Contender, mechanism: Mechanism, rounds: int = ROUND
     return (more - less) / (2 * few * OUTPUTS)
 
 
-def measure(family: Family, quick: bool) -> list[dict[str, float | str]]:
+def measure(family: Family, quick: bool) -> list[Row]:
     """Rows of size, velocities and µs a step by contender."""
     everyone = {c.name: c for c in (*ours.contenders(lambda _: np.zeros(0)), *peers.contenders())}
     rows = []
     for n in along(family.sizes[:2] if quick else family.sizes, family.name):
         mechanism = family.make(n)
-        row: dict[str, float | str] = {"family": family.name, "size": n, "name": mechanism.name}
+        row: Row = {"family": family.name, "size": n, "name": mechanism.name}
         row |= {"nv": mechanism.nv, "m": mechanism.m}
         for name, shown in SHOWN.items():
             loops = bool(mechanism.closures)
@@ -147,17 +133,6 @@ def measure(family: Family, quick: bool) -> list[dict[str, float | str]]:
                 row[shown] = 1e6 * found
         rows.append(row)
     return rows
-
-
-def exponent(rows: Sequence[dict[str, float | str]], name: str) -> float | None:
-    """p of µs ~ size^p over the largest sizes."""
-    known = [(float(row["size"]), float(row[name])) for row in rows if float(row.get(name, 0.0)) > 0.0][
-        -FITTED:
-    ]
-    if len(known) < FITTED:
-        return None
-    sizes, times = np.log(known).T
-    return float(np.polyfit(sizes, times, 1)[0])
 
 
 # --------------------------------------------------------------------------- what a run costs once
@@ -207,76 +182,7 @@ def thread_gain(mechanism: Mechanism, threads: int = 2, quick: bool = False) -> 
     def work() -> object:
         return simulate(mechanism, duration=steps * 1e-5, step=1e-5)
 
-    def seconds(workers: int) -> float:
-        running = [threading.Thread(target=work) for _ in range(workers)]
-        begun = time.perf_counter()
-        for thread in running:
-            thread.start()
-        for thread in running:
-            thread.join()
-        return time.perf_counter() - begun
-
-    alone, together = (min(seconds(n) for _ in range(2 if quick else 7)) for n in (1, threads))
-    return threads * alone / together
-
-
-# --------------------------------------------------------------------------- report
-
-
-def tables(measured: dict[str, list[dict[str, float | str]]], fixed: dict[str, float], foot: str) -> str:
-    """Markdown: a table of each family with exponents in its last line, and the fixed costs."""
-    parts = []
-    for family, rows in measured.items():
-        columns = [name for name in dict.fromkeys(SHOWN.values()) if any(name in row for row in rows)]
-        head = "robot" if family == "robots" else family
-        lines = [[head, "velocities", "m", *columns]]
-        for row in rows:
-            cells = [f"{row[name]:.3g}" if name in row else "–" for name in columns]
-            lines.append(
-                [str(row["name" if family == "robots" else "size"]), str(row["nv"]), str(row["m"]), *cells]
-            )
-        powers = [] if family == "robots" else [exponent(rows, name) for name in columns]
-        if any(power is not None for power in powers):
-            grown = ["–" if power is None else f"N^{power:.2f}" for power in powers]
-            lines.append([f"largest {FITTED}", "", "", *grown])
-        parts.append(pages.table(lines, range(1, len(lines[0]))))
-    told = (
-        f"Once: the first run of a four-bar takes {fixed['first run']:.2g} ms, the start of each further one "
-        f"{fixed['start']:.2g} ms, its first crossing {fixed['crossing']:.2g} ms; two threads do "
-        f"{fixed['threads']:.2f} times the work of one.\n\nOf the delta robot `rg.derivatives` takes "
-        f"{fixed['derivatives']:.2g} times as long as `rg.forward_dynamics`, `rg.step_jacobians` "
-        f"{fixed['jacobians']:.2g} times as long as a run of one step."
-    )
-    return "\n\n".join([*parts, told, f"*µs of an RK4 step. Measured {foot}.*"])
-
-
-def sentence(measured: dict[str, list[dict[str, float | str]]]) -> str:
-    """The two figures that README tells."""
-    rows = measured["loops"]
-    first, last = (f"{row.get('compiled', row['Python']):.2g}" for row in (rows[0], rows[-1]))
-    return f"An RK4 step of a four-bar takes {first} µs, of {rows[-1]['size']} four-bars in a row {last} µs."
-
-
-def draw(measured: dict[str, list[dict[str, float | str]]], foot: str, path: Path) -> Path:
-    """µs a step against size, one panel a family."""
-    shown = {name: rows for name, rows in measured.items() if name != "robots"}
-    with plots.style():
-        figure = plots.new_figure(4.6)
-        axes = figure.subplots(2, 2).ravel()
-        for ax, (family, rows) in zip(axes, shown.items(), strict=True):
-            for name, colour in zip(dict.fromkeys(SHOWN.values()), plots.CYCLE, strict=False):
-                known = [(row["size"], row[name]) for row in rows if name in row]
-                if known:
-                    power = exponent(rows, name)
-                    label = name if power is None else f"{name}, N^{power:.2f}"
-                    ax.loglog(*zip(*known, strict=True), "o-", color=colour, markersize=3, label=label)
-            ax.set(title=f"{family} N", ylabel="µs a step")
-            sizes = [int(row["size"]) for row in rows]
-            ax.set_xticks(sizes, map(str, sizes))
-            ax.minorticks_off()
-            ax.legend(fontsize=6)
-        figure.supxlabel(textwrap.fill(foot, 150), fontsize=5, x=0.01, ha="left")
-        return plots.save(figure, path, 200)
+    return gain([work] * threads, 2 if quick else 7)
 
 
 PAGES = ("docs/native.md", "README.md")
