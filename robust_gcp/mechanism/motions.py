@@ -13,7 +13,9 @@ bodies. The arithmetic is that of complex numbers too: nothing is conjugated.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,17 +39,12 @@ def motion_cross(a: Array, b: Array) -> Array:
     return np.concatenate([linear, cross(a[..., 3:], b[..., 3:])], axis=-1)
 
 
-@dataclass
-class Vectors:
-    """n vectors in space and their derivatives: by time to second order, and of these by q and v.
+Some = TypeVar("Some", bound="_Jets")
 
-    Attributes
-    ----------
-    x, d, dd : ndarray (n, 3)
-        The vectors, and their first and second rates.
-    x_q, d_q, dd_q, dd_v : ndarray (n, nv, 3)
-        ∂ẋ/∂v is x_q too.
-    """
+
+@dataclass
+class _Jets:
+    """n quantities and their derivatives: by time to second order, and of these by q and v; linear."""
 
     x: Array
     d: Array
@@ -57,13 +54,33 @@ class Vectors:
     dd_q: Array
     dd_v: Array
 
-    def __sub__(self, other: Vectors) -> Vectors:
-        mine, others = vars(self).values(), vars(other).values()
-        return Vectors(*(a - b for a, b in zip(mine, others, strict=True)))
+    def __add__(self: Some, other: Some) -> Some:
+        return self._of(a + b for a, b in self._beside(other))
+
+    def __sub__(self: Some, other: Some) -> Some:
+        return self._of(a - b for a, b in self._beside(other))
+
+    def _beside(self: Some, other: Some) -> Iterator[tuple[Array, Array]]:
+        return zip(vars(self).values(), vars(other).values(), strict=True)
+
+    def _of(self: Some, parts: Iterable[Array]) -> Some:
+        return type(self)(*parts)
+
+
+class Vectors(_Jets):
+    """Vectors in space and their derivatives.
+
+    Attributes
+    ----------
+    x, d, dd : ndarray (n, 3)
+        The vectors, and their first and second rates.
+    x_q, d_q, dd_q, dd_v : ndarray (n, nv, 3)
+        ∂ẋ/∂v is x_q too.
+    """
 
     def take(self, index: NDArray[np.int64]) -> Vectors:
         """Those at these places."""
-        return Vectors(*(a[index] for a in vars(self).values()))
+        return self._of(a[index] for a in vars(self).values())
 
     def dot(self, other: Vectors) -> Products:
         """Their scalar products with others, one by one."""
@@ -89,9 +106,8 @@ class Vectors:
         )
 
 
-@dataclass
-class Products:
-    """n numbers and their derivatives; see `Vectors`.
+class Products(_Jets):
+    """Numbers and their derivatives; see `Vectors`.
 
     Attributes
     ----------
@@ -99,23 +115,11 @@ class Products:
     x_q, d_q, dd_q, dd_v : ndarray (n, nv)
     """
 
-    x: Array
-    d: Array
-    dd: Array
-    x_q: Array
-    d_q: Array
-    dd_q: Array
-    dd_v: Array
-
-    def __add__(self, other: Products) -> Products:
-        mine, others = vars(self).values(), vars(other).values()
-        return Products(*(a + b for a, b in zip(mine, others, strict=True)))
-
     def summed(self, weight: Array, owner: NDArray[np.int64], count: int) -> Products:
         """Σ weight times those with each owner, (count,)."""
         S = np.zeros((count, len(weight)))
         S[owner, np.arange(len(weight))] = weight
-        return Products(*(S @ part for part in vars(self).values()))
+        return self._of(S @ part for part in vars(self).values())
 
 
 class Motions:

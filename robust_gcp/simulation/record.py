@@ -138,16 +138,25 @@ class Record:
                     "lengths, below geometric_tolerance: bridged as a crossing",
                     SingularityWarning,
                 )
-        spun = {joint.name for joint in self.mechanism.chart_joints}
-        for crossing in crossings if spun and not self._spun else ():
-            if crossing.cluster is not None and spun & set(self.mechanism.clusters[crossing.cluster].joints):
+        self._tell_of_spins(crossings)
+
+    def _tell_of_spins(self, crossings: Sequence[Crossing]) -> None:
+        """Warn of the first place passed in a loop that has single velocities of a joint as coordinates."""
+        if self._spun or not self.mechanism.chart_joints:
+            return
+        names = {joint.name for joint in self.mechanism.chart_joints}
+        for crossing in crossings:
+            own = () if crossing.cluster is None else self.mechanism.clusters[crossing.cluster].joints
+            spun = sorted(names & set(own))
+            if spun:
                 self._spun = True
                 warn(
                     f"at t = {crossing.time:.6g} s a singular place was passed in a loop with a velocity of "
-                    f"{', '.join(sorted(spun))} among its coordinates: the motion is right to 1e-9 to 1e-4 "
-                    "there, whatever the step; best with the component nearest to the axis of the spin",
+                    f"{', '.join(spun)} among its coordinates: the motion is right to 1e-9 to 1e-4 there, "
+                    "whatever the step; best with the component nearest to the axis of the spin",
                     SingularityWarning,
                 )
+                return
 
     @property
     def crossings(self) -> list[Crossing]:
