@@ -6,6 +6,7 @@ import os
 import threading
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -143,9 +144,11 @@ def simulate_many(
         return runs
     given_up, plain = threading.Event(), None
     if not callable(applied) and set(record) <= set(NATIVE_RECORDS):
-        native = _found(mechanism, given, applied)
-        if native is not None:
-            plain = _Plain(mechanism, *native, applied, schedule.times, record, step, given_up)
+        library = chosen_library("auto", "rk4", "bridge", "tangent")
+        path = None if library is None else _found(mechanism, given, applied)
+        if library is not None and path is not None:
+            with suppress(NotNativeError):
+                plain = _Plain(mechanism, library, path, applied, schedule.times, record, step, given_up)
 
     def one(i: int) -> None:
         if given_up.is_set():
@@ -175,20 +178,11 @@ def _checked(i: int, start: Any) -> Start:
     return start
 
 
-def _found(
-    mechanism: Mechanism, starts: Sequence[Start], torque: ArrayLike | None
-) -> tuple[Library, RegularPath] | None:
-    """The kernel, and the regular path of the first start that has one; None where Python is to do it all."""
-    library = chosen_library("auto", "rk4", "bridge", "tangent")
-    if library is None:
-        return None
+def _found(mechanism: Mechanism, starts: Sequence[Start], torque: ArrayLike | None) -> RegularPath | None:
+    """The regular path of the first start that has one."""
     for q0, v0 in starts[:FIRST]:
-        try:
-            path = set_out(mechanism, q0, v0, torque=torque).start.path
-            Workspace(library, mechanism, path, torque, does_work(mechanism, torque))
-        except (NotNativeError, RobustGcpError):
-            continue
-        return library, path
+        with suppress(RobustGcpError):
+            return set_out(mechanism, q0, v0, torque=torque).start.path
     return None
 
 
