@@ -89,6 +89,8 @@ def draw(measured: dict[str, list[Row]], foot: str, path: Path) -> Path:
             sizes = [int(row["size"]) for row in rows]
             ax.set_xticks(sizes, map(str, sizes))
             ax.minorticks_off()
-            ax.legend(fontsize=6)
+            low, high = ax.get_ylim()
+            ax.set_ylim(low, high**1.5 / low**0.5)  # room for the legend above the curves
+            ax.legend(fontsize=6, loc="upper left")
         figure.supxlabel(textwrap.fill(foot, 150), fontsize=5, x=0.01, ha="left")
         return plots.save(figure, path, 200)

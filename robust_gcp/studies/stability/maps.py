@@ -31,6 +31,9 @@ CELL_WIDTH, CELL_HEIGHT = 0.82, 0.36
 """in."""
 
 
+FOOT = 0.13 * len(VERDICTS)
+"""in: a line below a map for each verdict."""
+
 MAP_DPI = 160
 """Enough for text on a screen, and some tens of kilobytes."""
 
@@ -53,7 +56,7 @@ def draw_family(cells: Sequence[Cell], path: Path) -> Path:
         return _draw_mosaic(cells, path)
     margin = 0.35 + 0.07 * max(map(len, names))
     head = 0.75 if max(map(len, labels)) > 11 else 0.5
-    size = head + CELL_HEIGHT * len(names) + 0.45, max(4.9, margin + CELL_WIDTH * len(labels))
+    size = head + CELL_HEIGHT * len(names) + 0.3 + FOOT, max(4.9, margin + CELL_WIDTH * len(labels))
     with _grid(path, size, (len(labels), len(names)), cells[0].case.family, _told(cells)) as ax:
         for cell in cells:
             x, y = labels.index(cell.setting.label), names.index(cell.case.name)
@@ -89,7 +92,7 @@ def _draw_mosaic(cells: Sequence[Cell], path: Path) -> Path:
     """One tile a cell, line by line, with its symbol and the power of ten of its error."""
     lines = -(-len(cells) // TILES)
     title = f"{cells[0].case.family}: a tile a case; in a right one the power of ten of its error"
-    with _grid(path, (0.8 + 0.21 * lines, 8.4), (TILES, lines), title, _told(cells)) as ax:
+    with _grid(path, (0.65 + 0.21 * lines + FOOT, 8.4), (TILES, lines), title, _told(cells)) as ax:
         for i, cell in enumerate(cells):
             y, x = divmod(i, TILES)
             ax.add_patch(_box(x, y, cell.verdict, 0.5))
@@ -125,7 +128,7 @@ def _grid(
 
 def _told(cells: Sequence[Cell]) -> str:
     counted = count(cells)
-    return ",   ".join(f"{SYMBOLS[v]} {counted[v]} {MEANING[v]}" for v in VERDICTS)
+    return "\n".join(f"{SYMBOLS[v]} {counted[v]} {MEANING[v]}" for v in VERDICTS)
 
 
 _CENTRED: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 7.0, "family": "DejaVu Sans"}
