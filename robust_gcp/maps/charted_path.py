@@ -96,3 +96,10 @@ class ChartedPath(RegularPath):
         q = self.tree.integrate(q, dv)
         q[charts.iq] = charts.place(origin, w)
         return q
+
+
+def regular_path(
+    mechanism: Mechanism, rows: NDArray[np.int64], counters: Counters | None = None
+) -> RegularPath:
+    """The regular path for this mechanism: in charts where coordinates of it are kept in them."""
+    return (ChartedPath if mechanism.chart_joints else RegularPath)(mechanism, rows, counters)

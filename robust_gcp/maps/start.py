@@ -19,6 +19,7 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.partition import spelled
 from ..mechanism.tolerances import DETERMINES, NEARLY_CLOSED, SAME_MODE, SINGULAR_START
 from ..mechanism.tree import Array
+from .charted_path import regular_path
 from .cluster.cluster_map import ClusterMap
 from .cluster.options import BridgeOptions
 from .cluster.outward import started
@@ -36,7 +37,6 @@ from .start_check import (
     require_mode,
     require_velocity_in_mode,
 )
-from .unrolled import regular_path
 
 
 @dataclass

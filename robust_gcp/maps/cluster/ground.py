@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ...mechanism.tree import Array
+from ..charted_path import regular_path
 from ..march import POOR, same_branch
 from ..point import Point
 from ..regular_path import RegularPath
-from ..unrolled import regular_path
 
 PACE = 3.0
 """Conditioning that a regular step needs, in units of how far it turns a joint: a step does not jump over
