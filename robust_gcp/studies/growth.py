@@ -10,6 +10,7 @@ import argparse
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import Literal
 
 import numpy as np
 import pinocchio as pin
@@ -139,7 +140,7 @@ def measure(family: Family, quick: bool) -> list[Row]:
 
 
 def once(quick: bool) -> dict[str, float]:
-    """Milliseconds of a first run, of a start, and of a crossing; gain of two threads."""
+    """Milliseconds of a first run, of a start, and of a crossing; ratios of the rest."""
     rounds = 2 if quick else 9
     rhombus = load("rhombus")
 
@@ -151,8 +152,8 @@ def once(quick: bool) -> dict[str, float]:
             times.append(clock() - begun)
         return 1e3 * min(times)
 
-    def fall(duration: float) -> object:
-        return simulate(rhombus.with_independent(["q1"]), duration=duration, step=1e-3)
+    def fall(duration: float, backend: Literal["auto", "python"] = "auto") -> object:
+        return simulate(rhombus.with_independent(["q1"]), duration=duration, step=1e-3, backend=backend)
 
     first = least(lambda: simulate(load("crank_rocker"), duration=1e-3, step=1e-3), 3) - least(
         lambda: load("crank_rocker"), 3
@@ -171,6 +172,7 @@ def once(quick: bool) -> dict[str, float]:
         "first run": first,
         "start": start,
         "crossing": crossing,
+        "fall in Python": least(partial(fall, 1.5, "python"), 2) / least(partial(fall, 1.5)),
         "threads": thread_gain(crank_rocker, quick=quick),
     }
 
@@ -220,7 +222,7 @@ def run(args: argparse.Namespace) -> int:
         draw(measured, foot, args.out / "growth.png")
     if args.docs is not None:
         draw(measured, foot, args.docs / "docs" / "figures" / "growth.png")
-        blocks = {"growth": text}, {"speed": sentence(measured)}
+        blocks = {"growth": text}, {"speed": sentence(measured, fixed)}
         for page, block in zip(PAGES, blocks, strict=True):
             pages.renew(args.docs / page, block)
             print(f"renewed {args.docs / page}")

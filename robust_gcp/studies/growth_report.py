@@ -65,11 +65,18 @@ def tables(measured: Mapping[str, list[Row]], fixed: Mapping[str, float], foot: 
     return "\n\n".join([*parts, told, f"*µs of an RK4 step. Measured {foot}.*"])
 
 
-def sentence(measured: dict[str, list[Row]]) -> str:
-    """The two figures that README tells."""
-    rows = measured["loops"]
-    first, last = (f"{row.get('compiled', row['Python']):.2g}" for row in (rows[0], rows[-1]))
-    return f"An RK4 step of a four-bar takes {first} µs, of {rows[-1]['size']} four-bars in a row {last} µs."
+def sentence(measured: Mapping[str, list[Row]], fixed: Mapping[str, float]) -> str:
+    """What README tells of a step, and of an installation without a compiler."""
+    ends = measured["loops"][0], measured["loops"][-1]
+    first, last = (f"{row.get('compiled', row['Python']):.2g}" for row in ends)
+    told = f"An RK4 step of a four-bar takes {first} µs, of {ends[1]['size']} four-bars in a row {last} µs."
+    if any("compiled" not in row for row in ends):
+        return told
+    few, many = (f"{float(row['Python']) / float(row['compiled']):.2g}" for row in ends)
+    return (
+        f"{told}\nIn an installation without a compiler they take {few} and {many} times as long, a fall of "
+        f"the rhombus\nthrough three crossings {fixed['fall in Python']:.2g} times."
+    )
 
 
 def draw(measured: dict[str, list[Row]], foot: str, path: Path) -> Path:

@@ -83,6 +83,7 @@ def test_the_command_writes_tables_figure_and_pages(
         "first run": 5.0,
         "start": 1.0,
         "crossing": 3.0,
+        "fall in Python": 150.0,
         "threads": 1.9,
         "derivatives": 4.0,
         "jacobians": 9.0,
@@ -94,6 +95,8 @@ def test_the_command_writes_tables_figure_and_pages(
     assert main(["growth", "--out", str(tmp_path / "out"), "--docs", str(tmp_path)]) == 0
     told = (tmp_path / "README.md").read_text(encoding="utf-8")
     assert "An RK4 step of a four-bar takes 1.5 µs, of 40 four-bars in a row 60 µs." in told
+    assert "compiler they take 53 and 53 times as long, a fall" in told
+    assert "crossings 1.5e+02 times" in told
     page = (tmp_path / "docs" / "native.md").read_text(encoding="utf-8")
     assert "| 40 | 120 | 1 | 60 | 3.2e+03 |" in page
     assert "| largest 3 |  |  | N^1.00 | N^1.00 |" in page
