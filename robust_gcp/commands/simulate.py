@@ -113,7 +113,7 @@ def run(args: argparse.Namespace) -> int:
     if csv is not None:
         csv.parent.mkdir(parents=True, exist_ok=True)
     stop: SimulationError | None = None
-    duration, step = mechanism.recommended.run(duration, args.step)
+    duration, spacing = mechanism.recommended.run(duration, args.step)
     with clean_warnings(OURS), progress_bar(duration, mechanism.name) as progress:
         try:
             trajectory = simulate(
@@ -121,7 +121,7 @@ def run(args: argparse.Namespace) -> int:
                 args.q0,
                 args.v0,
                 duration,
-                step,
+                args.step,
                 args.method,
                 args.stepper,
                 outputs=args.outputs,
@@ -142,7 +142,8 @@ def run(args: argparse.Namespace) -> int:
     tell: Callable[[str], None] = print if stop is None else complain
     if stop is None:
         newton = f", Newton from {args.newton_start}" if args.method == "classical" else ""
-        tell(f"{mechanism!r}\nmethod {args.method}{newton}; {args.stepper}, step {step:g} s\n")
+        taken = trajectory.stats.stepper, trajectory.stats.step or spacing
+        tell(f"{mechanism!r}\nmethod {args.method}{newton}; {taken[0]}, step {taken[1]:g} s\n")
         with telling("checking loops and energy of every output"):
             told = summary(trajectory)
         tell(told)

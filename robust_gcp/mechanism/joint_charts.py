@@ -15,6 +15,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from ..errors import NonFiniteError
 from .columns import with_simple_joints
 from .coordinates import Coordinates
 from .joints import Joint, joints_of
@@ -62,7 +63,15 @@ class JointCharts:
 
         Source: Iserles, Munthe-Kaas, Nørsett, Zanna, Lie-group methods, Acta Numerica 9, 2000, section 3.
         """
-        return np.asarray(np.linalg.solve(self.turn(origin, w), v)) if np.any(w) else v
+        if not np.any(w):
+            return v
+        try:
+            return np.asarray(np.linalg.solve(self.turn(origin, w), v))
+        except np.linalg.LinAlgError as error:
+            raise NonFiniteError(
+                "a joint on a group turned by a whole turn, or no finite angle, in one step; use a smaller "
+                "step, or an implicit stepper (Radau, BDF) if the mechanism is stiff"
+            ) from error
 
     def place_slopes(self, origin: Array, w: Array) -> tuple[Array, Array]:
         """∂(origin ⊕ w) by origin and by w, (n, n) each, all in the joints' own axes."""

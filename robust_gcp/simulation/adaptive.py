@@ -31,8 +31,11 @@ class AdaptiveRun(Run):
         As for `Run`.
     """
 
+    fixed = False
+
     def __init__(self, stepper: str, rtol: float, atol: float, *more: Any, **options: Any) -> None:
         super().__init__(*more, **options)
+        self.stepper = stepper
         self._solver = stepper, rtol, atol
         self._behind: Array = self._x
 

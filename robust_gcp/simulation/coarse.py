@@ -46,26 +46,34 @@ class Coarse:
         self._far, self._leaked = not self._loops, False
 
     def judge(self, run: Trajectory) -> None:
-        """Warn of a whole run, by how far its steps go, else by its energy."""
+        """Warn of a whole run."""
+        self._warn(self.fault(run))
+
+    def fault(self, run: Trajectory) -> str | None:
+        """What tells that the steps of a whole run were too long: how far they go, else its energy."""
         if len(run.t) < 2:
-            return
+            return None
         if not self._far:
             far = np.abs(run.v[:-1] * self._pace).max(axis=1) * np.minimum(np.diff(run.t), self._step)
             i = int(np.argmax(far))
-            self._tell(float(run.t[i]), float(far[i]))
-        if not self._told:
-            self.weigh(run)
+            found = self._jump(float(run.t[i]), float(far[i]))
+            if found is not None:
+                return found
+        return None if self._told else self._leak(run)
 
     def look(self, t: float, v: Array) -> None:
         """Warn where a step from time t on takes a joint of a loop further than `FARTHEST`."""
         if not self._far:
-            self._tell(t, float(np.abs(v * self._pace).max()) * self._step)
+            self._warn(self._jump(t, float(np.abs(v * self._pace).max()) * self._step))
 
     def weigh(self, run: Trajectory) -> None:
         """Warn where a run gained or lost more energy than its torques account for."""
+        self._warn(self._leak(run))
+
+    def _leak(self, run: Trajectory) -> str | None:
         rows = np.unique(np.linspace(0, len(run.t) - 1, LOOKS).astype(int))
         if self._leaked or len(rows) < 2:
-            return
+            return None
         energy, still = run.mechanism.energy, np.zeros(run.mechanism.nv)
         resting = np.array([energy(run.q[i], still) for i in rows])
         moving = np.array([energy(run.q[i], run.v[i]) for i in rows]) - resting
@@ -73,27 +81,29 @@ class Coarse:
         leak = float(np.abs(total - total[0]).max())
         at_work = max(float(moving.max()), float(np.ptp(resting)))
         if not leak > max(LEAK * at_work, ROUNDING * float(np.abs(resting).max())):
-            return
+            return None
         self._leaked = True
         share, step = leak / at_work, self._step
-        warn(
+        return (
             f"energy is off by {leak:.2g} J, {100.0 * share:.2g} % of what moves: the step of {step:g} s is "
             f"too long for this motion; one of {step * (SOUND / share) ** 0.25:.1g} s would do, or an "
-            'error-controlled stepper="DOP853"',
-            CoarseStepWarning,
+            'error-controlled stepper="DOP853"'
         )
 
     @property
     def _told(self) -> bool:
         return self._leaked or (self._far and self._loops)
 
-    def _tell(self, t: float, far: float) -> None:
+    def _jump(self, t: float, far: float) -> str | None:
         if not far > FARTHEST:
-            return
+            return None
         self._far = True
-        warn(
+        return (
             f"the step at t = {t:.6g} s takes a joint {far:.2g} rad (or lengths) far: the stepper's error is "
             "large there, and crossings in such a step may be missing from the list; use a step of "
-            f"{0.1 * FARTHEST * self._step / far:.1g} s",
-            CoarseStepWarning,
+            f"{0.1 * FARTHEST * self._step / far:.1g} s"
         )
+
+    def _warn(self, fault: str | None) -> None:
+        if fault is not None:
+            warn(fault, CoarseStepWarning)

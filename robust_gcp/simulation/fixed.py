@@ -27,7 +27,7 @@ from .crossings import located
 from .recovery import Checkpoint, Recovery
 from .run import Run
 from .steppers import FixedStep as Take
-from .steppers import NoProgressError, SolverStep, solver_steps
+from .steppers import NoProgressError, SolverStep, rk4_step, solver_steps
 from .within import FixedStep, SolverSteps
 
 REFINED_RTOL, REFINED_ATOL = 1e-10, 1e-12
@@ -62,6 +62,7 @@ class FixedRun(Run):
     def __init__(self, take: Take, native: NativeSteps | None, *more: Any, **options: Any) -> None:
         super().__init__(*more, **options)
         self._take, self._native = take, native
+        self.stepper = "rk4" if take is rk4_step else "tableau"
         self._behind: Array = self._x
         self._refinement: SolverSteps | None = None
         self._stride = len(self.times)

@@ -46,7 +46,17 @@ class Run:
     events : sequence of Event
     named : Mechanism, optional
         In the coordinates that the user named, where the motion begins in others.
+
+    Attributes
+    ----------
+    stepper : str
+        As in `Stats`.
+    fixed : bool
+        Whether its steps have one length.
     """
+
+    stepper = "rk4"
+    fixed = True
 
     def __init__(
         self,
@@ -189,5 +199,7 @@ class Run:
             rhs=self._calls + self._motion.equations.calls,
             repartitions=self._repartitions,
             wall_seconds=time.perf_counter() - begun,
+            stepper=self.stepper,
+            step=float(self.times[1] - self.times[0]) if self.fixed else None,
         )
         return self._record.trajectory(stats, self._events)

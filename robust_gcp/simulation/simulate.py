@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -33,11 +34,12 @@ from .events import EventFunction, checked_events
 from .fixed import FixedRun
 from .run import Run
 from .schedule import Schedule, last_output, planned
-from .stability import StabilityCheck
+from .stability import MOST_PARTS, StabilityCheck
 from .stepped import HeldRun
 from .steppers import check_stepper, rk4_step
 from .tableau import Tableau
 from .trajectory import Trajectory
+from .unnamed import STIFF, in_parts, is_guarded, with_error_control, words_of
 
 RECORDS = ("a", "energy", "multipliers", "tau")
 
@@ -84,7 +86,8 @@ def simulate(
     duration, step : float, optional
         s; what the mechanism recommends when left out, 1 and 1e-3 where it says nothing. The step of RK4;
         for the other steppers the spacing of the output. If the duration is no multiple of it, the last
-        step is shorter.
+        step is shorter. A step that is left out is only the spacing of the output where RK4 needs shorter
+        ones at the start, or turns out to: see `unnamed`.
     method : {"bridge", "projection", "classical", "closed_form"}
         The explicit map: certified bridges through singular configurations (default), the paper's
         Eq. (7), classical GCP (Eq. 4), or the planar four-bar in closed form.
@@ -151,11 +154,13 @@ def simulate(
         When the run must stop; `error.trajectory` holds what was simulated until then.
     """
     check_mechanism(mechanism, Mechanism, "simulate")
+    guarded = step is None
     applied: Torque | ArrayLike | None = one_torque(mechanism, torque, wrenches)
     tableau = check_stepper(stepper)
     fixed = tableau == "rk4" or isinstance(tableau, Tableau)
     duration = last_output(outputs, t0) if duration is None else duration
-    schedule, step = planned(t0, *mechanism.recommended.run(duration, step), outputs, fixed)
+    duration, step = mechanism.recommended.run(duration, step)
+    schedule, step = planned(t0, duration, step, outputs, fixed)
     v0 = mechanism.recommended.velocity(q0, mode) if v0 is None and drive is None else v0
     check_choice("method", method, METHODS)
     if on_toggle is None:
@@ -180,6 +185,12 @@ def simulate(
     check_choice("backend", backend, BACKENDS)
     kernel = chosen_library(backend, stepper, method, newton_start)
     asked = checked_events(events)
+    guarded = guarded and is_guarded(tableau, method, drive, applied, backend)
+    again = partial(
+        simulate, mechanism, q0, v0, duration, step, torque=torque, wrenches=wrenches, events=events, t0=t0,
+        outputs=outputs, record=record, mode=mode, rtol=rtol, atol=atol, on_toggle=on_toggle, options=options,
+        progress=progress,
+    )  # fmt: skip
     drives = None
     if drive is not None:
         check_drive_goes_with(backend, on_toggle)
@@ -199,8 +210,14 @@ def simulate(
         motion = set_out(mechanism, q0, v0, mode, applied, choice, counters, drives)
     else:
         motion = set_out_well(mechanism, q0, v0, mode, applied, choice, counters)
-    if stability is not None:
+    if stability is not None and guarded:
+        divided = stability.parts(motion)
+        if divided > MOST_PARTS:
+            return again(stepper=STIFF)
+        schedule, step = in_parts(t0, duration, step, divided, outputs)
+    elif stability is not None:
         stability.before(motion)
+    fault: str | None = None
     native = None if kernel is None else NativeSteps(kernel, applied, backend == "native")
     if native is not None:
         native.prepare(motion.mechanism, motion.start.path)
@@ -216,8 +233,10 @@ def simulate(
             with np.errstate(over="ignore", invalid="ignore"):  # what is not finite ends in an error of ours
                 run.go()
         except (SimulationError, ClosureError) as error:
-            error.trajectory = run.trajectory(begun)
-            raise
+            fault = words_of(error) if guarded else None
+            if fault is None:
+                error.trajectory = run.trajectory(begun)
+                raise
         except OverflowError as overflow:
             stop = NonFiniteError(
                 "the state left the finite numbers; use a smaller step, and check v0 and torque"
@@ -229,9 +248,14 @@ def simulate(
                 native.release()
             if stability is not None:
                 stability.after(motion)
-    finished = run.trajectory(begun)
+    if fault is None:
+        finished = run.trajectory(begun)
+        coarse = Coarse(mechanism, step)
+        fault = coarse.fault(finished) if guarded else None
+    if fault is not None:
+        return with_error_control(again, step, fault)
     if fixed and method == "bridge":
-        Coarse(mechanism, step).judge(finished)
+        coarse.judge(finished)
     return finished
 
 

@@ -1,7 +1,8 @@
-"""A warning where a run of RK4 starts with a step outside its stability region."""
+"""A warning where a run of RK4 starts with a step outside its stability region, or a step inside it."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 
@@ -33,13 +34,19 @@ FITS = 1e-2
 SEEN = 1e-9
 """Relative singular value below which the first steps did not show how a torque answers to a direction."""
 
+INSIDE = 0.5
+"""Share of the largest stable step that a step in parts takes at most: the motion may become faster."""
+
+MOST_PARTS = 64
+"""Parts of a step beyond which an implicit stepper costs less."""
+
 
 Call = tuple[float, Array, Array, Array]
 """t, q, v and τ."""
 
 
 class StabilityWarning(RuntimeWarning):
-    """A run starts with a step outside the stability region of RK4."""
+    """A run starts with a step outside the stability region of RK4, or would if a step had been named."""
 
 
 class StabilityCheck:
@@ -77,35 +84,64 @@ class StabilityCheck:
     def before(self, motion: Problem) -> None:
         """Warn before a run that begins with this motion, where no torque function has to be known."""
         if self._listener is None:
-            self._warn(motion, self._limiting, self.torque)
+            self._warn(self._too_fast(motion, self._limiting, self.torque))
 
     def after(self, motion: Problem) -> None:
         """Warn after it where one had to."""
         if self._listener is not None and self._listener.heard:
-            self._warn(motion, self._limiting_with_torque, self._listener.heard[0][3])
+            torque = self._listener.heard[0][3]
+            self._warn(self._too_fast(motion, self._limiting_with_torque, torque))
 
-    def _warn(
+    def parts(self, motion: Problem) -> int:
+        """Into how many parts a step that nobody named is cut before a run, 1 where it is stable; it is told.
+
+        More than `MOST_PARTS` ask for an implicit stepper.
+        """
+        value = None if self._listener else self._too_fast(motion, self._limiting, self.torque)
+        if value is None:
+            return 1
+        parts = 1 << max(1, math.ceil(math.log2(self._step / (INSIDE * stable_step(value)))))
+        taken = (
+            f"steps of {self._step / parts:.4g} s are taken, and rows recorded as before"
+            if parts <= MOST_PARTS
+            else 'stepper="Radau" is taken'
+        )
+        warn(
+            f"no step was named, and the usual {self._step:g} s {self._outside(value)}; {taken}: name a step "
+            "or a stepper for another choice",
+            StabilityWarning,
+        )
+        return parts
+
+    def _too_fast(
         self,
         motion: Problem,
         limiting: Callable[[Problem], complex | None],
         torque: Torque | ArrayLike | None,
-    ) -> None:
-        """Warn if the linearisation at the start, under a constant torque, says so."""
+    ) -> complex | None:
+        """The eigenvalue at the start, under a constant torque, that allows no such step; else None."""
         start = motion.start
         if start.trackers or start.point.conditioning < self._options.zone:
-            return
+            return None
         try:
             value = limiting(self._beside(start, torque))
         except (RobustGcpError, OverflowError):
-            return
-        if value is None or self._step <= stable_step(value):
-            return
+            return None
+        return None if value is None or self._step <= stable_step(value) else value
+
+    def _warn(self, value: complex | None) -> None:
+        if value is not None:
+            warn(
+                f"step = {self._step:g} s {self._outside(value)}; take a smaller step, or an implicit "
+                'stepper such as stepper="Radau"',
+                StabilityWarning,
+            )
+
+    def _outside(self, value: complex) -> str:
         shown = f"{value.real:.4g}" + (f" ± {abs(value.imag):.4g}i" if value.imag else "")
-        warn(
-            f"step = {self._step:g} s lies outside the stability region of rk4: the fastest motion at the "
-            f"start has the eigenvalue {shown} 1/s, which allows steps up to {stable_step(value):.4g} "
-            's; take a smaller step, or an implicit stepper such as stepper="Radau"',
-            StabilityWarning,
+        return (
+            "lies outside the stability region of rk4: the fastest motion at the start has the eigenvalue "
+            f"{shown} 1/s, which allows steps up to {stable_step(value):.4g} s"
         )
 
     def _beside(self, start: Start, torque: Torque | ArrayLike | None) -> Problem:

@@ -35,6 +35,10 @@ class Stats:
     native_steps : int
         Steps taken by the compiled kernel; the other ones were taken in Python.
     wall_seconds : float
+    stepper : str
+        What took the steps: "rk4", a solver of SciPy's, or "tableau".
+    step : float or None
+        Length of fixed steps, s.
     """
 
     rhs: int = 0
@@ -50,3 +54,5 @@ class Stats:
     native_steps: int = 0
     repartitions: list[tuple[float, tuple[str, ...]]] = field(default_factory=list)
     wall_seconds: float = 0.0
+    stepper: str = "rk4"
+    step: float | None = None

@@ -1,8 +1,9 @@
 """The command `robots`: which robots' files of a folder load and run as they are, and how well.
 
-Each file is loaded without any argument and simulated from its home at rest by RK4, twice, the second time
-with half the step. What is done right shows in the loops, which stay closed to rounding, and in the energy,
-whose error falls with h⁴ or is rounding already.
+Each file is loaded without any argument and simulated from its home at rest, as `simulate` does where no
+step is named, and then once more with half the step, or with tolerances a hundred times tighter where error
+control took over. What is done right shows in the loops, which stay closed to rounding, and in the energy,
+whose error falls with h⁴ (with the tolerances) or is rounding already.
 """
 
 from __future__ import annotations
@@ -32,7 +33,15 @@ ROUNDED = 1e-11
 ORDER = 3.5
 """Least order by which the energy error falls."""
 
-HEADER = ("file", " nv", " rows", " m", " load s", " run s", " closure", " energy", " at h/2", "verdict")
+TIGHTER = 1e-2
+"""Tolerances of the second run with error control, as a share of those of the first."""
+
+FALLS = 0.2
+"""Share of the energy error that these may leave."""
+
+HEADER = (
+    "file", " nv", " rows", " m", " load s", "step", " run s", " closure", " energy", " finer", "verdict"
+)  # fmt: skip
 WORDS = 70
 """Letters of a refusal that the table shows."""
 
@@ -47,7 +56,9 @@ class Entry:
     verdict : {"runs", "falls short", "stops", "refused"}
     mechanism : Mechanism or None
     seconds : list of float
-        To load, and to run with the full step.
+        To load, and for the first run.
+    step : str
+        The step that was taken, ms, or what took over.
     closure : float
         Largest max |φ| / length of both runs.
     energy : list of float
@@ -60,6 +71,7 @@ class Entry:
     verdict: str = "refused"
     mechanism: Mechanism | None = None
     seconds: list[float] = field(default_factory=list)
+    step: str = ""
     closure: float = float("nan")
     energy: list[float] = field(default_factory=list)
     why: str = ""
@@ -68,30 +80,34 @@ class Entry:
         """A row of the table."""
         mech = self.mechanism
         sizes = ["", "", ""] if mech is None else [str(mech.nv), str(mech.nc), str(mech.m)]
-        times = [f"{s:.2f}" for s in (*self.seconds, np.nan, np.nan)[:2]]
-        errors = [f"{e:.1e}" for e in (self.closure, *self.energy, np.nan, np.nan)[:3]]
-        numbers = [cell.replace("nan", "") for cell in (*times, *errors)]
-        return [self.file, *sizes, *numbers, f"{self.verdict}{': ' if self.why else ''}{self.why[:WORDS]}"]
+        load, run = [f"{s:.2f}".replace("nan", "") for s in (*self.seconds, np.nan, np.nan)[:2]]
+        errors = [f"{e:.1e}".replace("nan", "") for e in (self.closure, *self.energy, np.nan, np.nan)[:3]]
+        verdict = f"{self.verdict}{': ' if self.why else ''}{self.why[:WORDS]}"
+        return [self.file, *sizes, load, self.step, run, *errors, verdict]
 
 
-def tried(file: Path, name: str, duration: float, step: float) -> Entry:
-    """Load a file and run it twice."""
+def tried(file: Path, name: str, duration: float, step: float | None) -> Entry:
+    """Load a file and run it twice; a step of None is left to `simulate`."""
     entry, begun = Entry(name), time.perf_counter()
     try:
         entry.mechanism = mech = load(file)
         entry.seconds.append(time.perf_counter() - begun)
         entry.verdict, begun = "stops", time.perf_counter()
-        closures, scale = [], 0.0
-        for h in (step, 0.5 * step):
-            motion = simulate(mech, duration=duration, step=h, record=("energy",))
-            entry.seconds.append(time.perf_counter() - begun)
-            closures.append(float(motion.closure_error().max(initial=0.0)))
-            entry.energy.append(float(np.abs(motion.energy_error()).max()))
-            kinetic = max(
-                mech.tree.kinetic(q, v) for q, v in zip(motion.q[::10], motion.v[::10], strict=True)
+        motion = simulate(mech, duration=duration, step=step, record=("energy",))
+        entry.seconds.append(time.perf_counter() - begun)
+        stats = motion.stats
+        entry.step = stats.stepper if stats.step is None else f"{1e3 * stats.step:.4g}"
+        if stats.step is None:
+            finer = simulate(
+                mech, duration=duration, stepper=stats.stepper, rtol=TIGHTER * 1e-8, atol=TIGHTER * 1e-10
             )
-            scale = max(scale, kinetic, abs(mech.energy(mech.home, np.zeros(mech.nv))))
-        entry.closure = max(closures)
+        else:
+            finer = simulate(mech, duration=duration, step=0.5 * stats.step)
+        for found in (motion, finer):
+            entry.closure = float(np.fmax(entry.closure, found.closure_error().max(initial=0.0)))
+            entry.energy.append(float(np.abs(found.energy_error()).max()))
+        kinetic = max(mech.tree.kinetic(q, v) for q, v in zip(motion.q[::10], motion.v[::10], strict=True))
+        scale = max(kinetic, abs(mech.energy(mech.home, np.zeros(mech.nv))))
     except RobustGcpError as error:
         words = str(error)
         if words.startswith(str(file)):  # it is named in the table already
@@ -99,7 +115,8 @@ def tried(file: Path, name: str, duration: float, step: float) -> Entry:
         entry.why = f"{type(error).__name__}: {words}"
         return entry
     first, second = entry.energy
-    falls = second <= ROUNDED * max(scale, 1e-3) or np.log2(first / second) > ORDER
+    share = FALLS if stats.step is None else 0.5**ORDER
+    falls = second <= ROUNDED * max(scale, 1e-3) or second < share * first
     entry.verdict = "runs" if falls and entry.closure < CLOSED else "falls short"
     return entry
 
@@ -119,7 +136,7 @@ def arguments(add_to: Arguments) -> None:
     """Name the arguments."""
     add_to.add("folder", known_folder, type=pathname, metavar="FOLDER", help="models and robots' files")
     add_to.add("--duration", positive, type=number, default=0.3, metavar="T", help="s; default: 0.3")
-    add_to.add("--step", positive, type=number, default=1e-3, metavar="H", help="s; default: 0.001")
+    add_to.add("--step", positive, type=number, metavar="H", help="s; default: as simulate chooses")
 
 
 def run(args: argparse.Namespace) -> int:
