@@ -20,6 +20,7 @@ from .loops import ClosedLoops
 from .rows import ROTATION, rows_of
 from .tolerances import CLOSED
 from .tree import Array
+from .vectors import skew
 
 Index = NDArray[np.int64]
 Residual = Callable[[Array], tuple[Array, Array]]
@@ -207,7 +208,7 @@ class _Separation:
     def _velocity(self, point: int) -> Array:
         """∂p/∂v of a followed point, (3, nv), world axes."""
         J = self._loops.tree.J
-        moved: Array = J[:, :3] + np.cross(J[:, 3:], self._loops.tree.frame_p[point])
+        moved: Array = J[:, :3] + J[:, 3:] @ skew(self._loops.tree.frame_p[point])
         return np.asarray(moved.T * self._carried[point])
 
     def _turning(self, point: int) -> Array:
