@@ -1,4 +1,4 @@
-"""A step that nobody named: the usual one where it serves; else parts of it or error control, which is told."""
+"""Steps that nobody named: the usual ones where they serve; else parts of them, or error control, told of."""
 
 from __future__ import annotations
 
