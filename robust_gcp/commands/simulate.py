@@ -110,8 +110,6 @@ def run(args: argparse.Namespace) -> int:
     mode = None if args.mode is None else _mode(mechanism, args.q0, args.mode)
     last = last_output(args.outputs, 0.0)
     duration = last if args.duration is None else args.duration
-    if csv is not None:
-        csv.parent.mkdir(parents=True, exist_ok=True)
     stop: SimulationError | None = None
     duration, spacing = mechanism.recommended.run(duration, args.step)
     with clean_warnings(OURS), progress_bar(duration, mechanism.name) as progress:
@@ -151,6 +149,7 @@ def run(args: argparse.Namespace) -> int:
         tell(str(stop))
         tell(f"simulated until t = {trajectory.t[-1]:.6g} s ({len(trajectory.t)} rows)")
     if csv is not None:
+        csv.parent.mkdir(parents=True, exist_ok=True)
         with telling(f"writing {csv}"):
             trajectory.to_csv(csv)
         tell(f"wrote {csv}")

@@ -119,7 +119,7 @@ class Trajectory(Named):
         joints: Sequence[str] | str | None = None,
         overlay: Trajectory | Sequence[Trajectory] | Mapping[str, Trajectory] | None = None,
     ) -> Figure:
-        """Draw the motion over time, crossings marked by dotted lines; needs the extra `viz`.
+        """Draw the motion over time, with dotted lines at crossings, dashed ones at events (extra `viz`).
 
         Each quantity has one panel for each unit.
 

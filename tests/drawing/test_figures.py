@@ -13,6 +13,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp.__main__ import main
@@ -20,6 +21,8 @@ from robust_gcp.drawing.figures import style
 from robust_gcp.drawing.figures.mechanism import face_on, pose
 from robust_gcp.drawing.figures.style import BLACK
 from robust_gcp.examples.linkages import n_four_bar
+
+Array = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")
@@ -88,6 +91,37 @@ def test_crossings_are_marked_in_every_panel_and_named_once(fall: rg.Trajectory)
         assert sorted(marks) == times
     (legend,) = figure.legends
     assert [text.get_text() for text in legend.texts] == ["q1", "q2", "q3", "crossing"]
+
+
+def test_events_are_marked_as_crossings_are() -> None:
+    """In every panel at the times of `t_events`, named as numbered there; one that never was is not."""
+
+    def level(t: float, q: Array, v: Array) -> float:
+        return float(q[0] + np.pi / 2)
+
+    def turning(t: float, q: Array, v: Array) -> float:
+        return float(v[0])
+
+    def never(t: float, q: Array, v: Array) -> float:
+        return 1.0
+
+    rhombus = rg.load("rhombus")
+    run = rg.simulate(rhombus, duration=1.2, step=5e-3, events=[level, turning, never])
+    assert len(run.t_events[0]) > 0 < len(run.t_events[1])
+    figure = run.plot()
+    for ax in figure.axes:
+        marks: dict[str, list[float]] = {}
+        for line in ax.lines:
+            if len(line.get_xdata()) == 2:
+                marks.setdefault(line.get_label(), []).append(line.get_xdata()[0])
+        wanted = [c.time for c in run.crossings], *run.t_events[:2]
+        assert marks == dict(zip(("crossing", "event 0", "event 1"), map(list, wanted), strict=True))
+    names = [text.get_text() for text in figure.legends[0].texts]
+    assert names == ["q1", "q2", "q3", "crossing", "event 0", "event 1"]
+    alone = rg.simulate(rhombus, duration=0.6, step=5e-3, events=level)
+    named = [text.get_text() for text in run.plot("q", overlay=alone).legends[0].texts]
+    assert named[-2:] == ["event 0", "event 1"]
+    assert [text.get_text() for text in alone.plot("q").legends[0].texts][-1] == "event"
 
 
 def test_joints_with_other_units_have_panels_of_their_own() -> None:

@@ -192,6 +192,9 @@ def test_bad_input_is_one_clear_line_and_exit_2(given: str, words: str, capsys: 
 def test_an_output_that_cannot_be_written_is_one_line(tmp_path: Path, capsys: Capture) -> None:
     (tmp_path / "file").write_text("in the way")
     assert main(["simulate", "rhombus", *SHORT, "--out", str(tmp_path / "file" / "x.csv")]) == 2
+    refused = ["simulate", "rhombus", "--duration", "1", "--outputs", "0.5", "0.2"]
+    assert main([*refused, "--out", str(tmp_path / "new" / "folder")]) == 2
+    assert not (tmp_path / "new").exists()
     assert capsys.readouterr().err.startswith("robust_gcp: ")
 
 

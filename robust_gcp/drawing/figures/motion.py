@@ -14,13 +14,13 @@ from ...errors import OptionError
 from ...mechanism.joints import Component, components_of
 from ...mechanism.tree import Array
 from ...simulation.reactions import row_names
-from .style import BLACK, CYCLE, GREY, YELLOW, new_figure, require_file, save, style
+from .moments import Eventful, mark_moments
+from .style import BLACK, CYCLE, YELLOW, new_figure, require_file, save, style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ...maps.explicit import Crossing
     from ...mechanism.mechanism import Mechanism
 
 PANELS = ("q", "v", "a", "multipliers", "energy", "closure")
@@ -55,14 +55,11 @@ SMALLEST = 1e-17
 HIGHEST = 1e-13
 """Least upper end of that panel: rounding should look like rounding, m or rad."""
 
-CROSSING = "crossing"
-"""Label of their dotted lines."""
-
 PANEL_HEIGHT = 1.35
 """in."""
 
 
-class Motion(Protocol):
+class Motion(Eventful, Protocol):
     """What is drawn of a `Trajectory`."""
 
     mechanism: Mechanism
@@ -72,7 +69,6 @@ class Motion(Protocol):
     a: Array | None
     energy: Array | None
     multipliers: Array | None
-    crossings: list[Crossing]
 
     def closure_error(self) -> Array:
         """max |φ| at each time."""
@@ -133,12 +129,7 @@ def plot_motion(
                     _draw_lines(ax, run, panel, forces, dashes)
                 else:
                     _draw_lines(ax, run, panel, looks, dashes)
-            for crossing in run.crossings:
-                for ax in axes:
-                    ax.axvline(
-                        crossing.time, color=GREY, linestyle=(0, (1, 1.5)), linewidth=1.0, zorder=0.9,
-                        label=CROSSING,
-                    )  # fmt: skip
+        moments = mark_moments(axes, runs.values())
         for ax, panel in zip(axes, panels, strict=True):
             ax.margins(x=0.0)
             if panel.quantity == "multipliers" and len(panel.lines) <= NAMED:
@@ -147,7 +138,7 @@ def plot_motion(
         axes[-1].set_xlabel("t [s]")
         axes[0].set_title(first.mechanism.name, loc="left")
         rows = [ax for ax, panel in zip(axes, panels, strict=True) if panel.quantity != "multipliers"]
-        _legend(figure, rows or axes[:0], title, list(runs) if len(runs) > 1 else [])
+        _legend(figure, rows or axes[:0], title, list(runs) if len(runs) > 1 else [], moments)
         figure.align_ylabels()
         if path is not None:
             save(figure, Path(path))
@@ -261,20 +252,21 @@ def _draw_error(ax: Axes, trajectory: Motion, quantity: str, dashes: Any) -> Non
     units = [unit for unit, there in (("m", is_length.any()), ("rad", (~is_length).any())) if there]
     error = np.maximum(trajectory.closure_error(), SMALLEST)
     ax.semilogy(trajectory.t, error, color=CYCLE[0], linewidth=0.8, linestyle=dashes)
-    errors = [line for line in ax.lines if line.get_label() != CROSSING]
-    highest = max(float(np.max(np.asarray(line.get_ydata()))) for line in errors)
+    highest = max(float(np.max(np.asarray(line.get_ydata()))) for line in ax.lines)
     ax.set_ylim(0.5 * SMALLEST, max(2.0 * highest, HIGHEST))
     ax.set_ylabel(f"max |φ| [{' or '.join(units) or 'm'}]")
 
 
-def _legend(figure: Figure, axes: Sequence[Axes], title: str, runs: Sequence[str]) -> None:
-    """Name the lines once, to the right: all of few, some of many; runs by their dashes."""
+def _legend(
+    figure: Figure, axes: Sequence[Axes], title: str, runs: Sequence[str], moments: Sequence[str]
+) -> None:
+    """Name the lines once, to the right: all of few, some of many; runs by their dashes, then moments."""
     named: dict[str, Any] = {}
     for ax in axes:
         handles, labels = ax.get_legend_handles_labels()
         for handle, label in zip(handles, labels, strict=True):
             named.setdefault(label, handle)
-    crossing = named.pop(CROSSING, None)
+    happened = {label: named.pop(label) for label in moments if label in named}
     labels = list(named)
     if len(labels) > 2 * NAMED:
         kept = np.unique(np.linspace(0, len(labels) - 1, FEW).round().astype(int))
@@ -287,7 +279,6 @@ def _legend(figure: Figure, axes: Sequence[Axes], title: str, runs: Sequence[str
 
         looks = zip(cycle(DASHES), runs, strict=False)
         shown |= {label: Line2D([], [], color=BLACK, linestyle=dashes) for dashes, label in looks}
-    if crossing is not None:
-        shown[CROSSING] = crossing
+    shown |= happened
     if shown:
         figure.legend(shown.values(), shown.keys(), loc="outside right upper", title=title or None)

@@ -25,6 +25,9 @@ CYCLE = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY, BLACK)
 WIDTH = 6.3
 """Width of a printed column, in: A4 less margins of 25 mm. Fonts below are at this size."""
 
+MOMENT: dict[str, Any] = {"color": GREY, "linestyle": (0, (1, 1.5)), "linewidth": 1.0, "zorder": 0.9}
+"""Looks of a line that marks a time."""
+
 FORMATS = (".png", ".pdf")
 DPI = 300
 
@@ -102,12 +105,12 @@ def _shrink(path: Path) -> None:
     palette.save(path, optimize=True)
 
 
-def mark_time(axes: Sequence[Axes], t: float, label: str = "") -> None:
-    """Draw a dotted vertical line through stacked panels, named above the first one."""
+def mark_time(axes: Sequence[Axes], t: float, title: str = "", **look: Any) -> None:
+    """Draw a vertical line through stacked panels, dotted or as it is to look; a title above the first."""
     for ax in axes:
-        ax.axvline(t, color=GREY, linestyle=(0, (1, 1.5)), linewidth=1.0, zorder=0.9)
-    if label:
+        ax.axvline(t, **{**MOMENT, **look})
+    if title:
         axes[0].annotate(
-            label, (0.0, 1.0), (0, 3), xycoords="axes fraction",
+            title, (0.0, 1.0), (0, 3), xycoords="axes fraction",
             textcoords="offset points", va="bottom", fontsize=8,
         )  # fmt: skip
