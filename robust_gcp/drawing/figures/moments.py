@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
-from .style import BLACK, mark_time
+from .style import BLACK, PURPLE, VERMILLION, mark_time
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,7 +19,10 @@ CROSSING = "crossing"
 EVENT = "event"
 """Of theirs; with a number, as in `t_events`, where there are several."""
 
-CHAINS: tuple[Any, ...] = tuple((0, (5, 1.5, *(1, 1.5) * dots)) for dots in (1, 2, 3))
+LOOKS: tuple[dict[str, Any], ...] = tuple(
+    {"color": color, "linestyle": (0, (5, 1.5, *(1, 1.5) * dots)), "linewidth": 0.9}
+    for dots, color in enumerate((BLACK, VERMILLION, PURPLE), start=1)
+)
 """Lines of the first, the second and further events: a dash and as many dots."""
 
 
@@ -39,7 +42,6 @@ def mark_moments(axes: Sequence[Axes], runs: Iterable[Eventful]) -> list[str]:
         for crossing in run.crossings:
             mark_time(axes, crossing.time, label=CROSSING)
         for k, times in enumerate(run.t_events):
-            look = CHAINS[min(k, len(CHAINS) - 1)]
             for t in times:
-                mark_time(axes, float(t), label=events[k], color=BLACK, linestyle=look, linewidth=0.8)
+                mark_time(axes, float(t), label=events[k], **LOOKS[min(k, len(LOOKS) - 1)])
     return [CROSSING, *events]
