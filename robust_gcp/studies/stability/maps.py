@@ -37,6 +37,9 @@ FOOT = 0.13 * len(VERDICTS)
 MAP_DPI = 160
 """Enough for text on a screen, and some tens of kilobytes."""
 
+NARROW = 0.04
+"""Share of a bar below which its number reaches over what stands to the left."""
+
 TILES = 40
 """Cells in a line of a mosaic, which a family of more than `MOST_ROWS` cases is drawn as."""
 
@@ -80,9 +83,10 @@ def draw_summary(cells: Sequence[Cell], path: Path) -> Path:
             for verdict, number in count(mine).items():
                 share = number / len(mine)
                 ax.barh(y, share, left=left, color=COLOURS[verdict], edgecolor="white", height=0.8)
-                if number:
-                    ax.text(left + share / 2.0, y, f"{SYMBOLS[verdict]} {number}", **_CENTRED)
                 left += share
+                if number:
+                    at, side = (left - share / 2.0, "center") if share > NARROW else (left, "right")
+                    ax.text(at, y, f"{SYMBOLS[verdict]} {number}", **{**_CENTRED, "ha": side})
         ax.set_yticks(range(len(families)), families)
         ax.set_xlim(0.0, 1.0)
     return path
