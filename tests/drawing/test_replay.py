@@ -140,6 +140,7 @@ def test_a_million_steps_make_a_page_like_any_other() -> None:
 def test_a_notebook_shows_the_same_page(pair: list[rg.Trajectory], overlay: Path) -> None:
     page = rg.replay(pair, labels=LABELS)
     assert page.html == overlay.read_text(encoding="utf-8")
+    assert rg.replay(dict(zip(LABELS, pair, strict=True))).html == page.html
     shown = page._repr_html_()
     source = re.search(r'srcdoc="([^"]*)"', shown)
     assert source is not None and html.unescape(source[1]) == page.html
@@ -184,6 +185,7 @@ def test_without_the_extra_the_remedy_is_named(
         ({"layout": "stacked"}, "use one of overlay, side by side"),
         ({"labels": ["one"]}, "give 2 names"),
         ({"labels": "ab"}, "give 2 names"),
+        ({"trajectories": {}, "labels": ["one"]}, "names the motions already"),
         ({"speed": 0.0}, "must be positive"),
         ({"speed": 1e-6}, "give speed="),
         ({"view": (0, 0, 0)}, "not a direction"),
@@ -193,11 +195,11 @@ def test_without_the_extra_the_remedy_is_named(
 )
 def test_bad_input_is_refused(pair: list[rg.Trajectory], options: dict[str, Any], words: str) -> None:
     with pytest.raises((rg.OptionError, rg.ModelError), match=re.escape(words)):
-        rg.replay(pair, **options)
+        rg.replay(**{"trajectories": pair, **options})
 
 
 def test_what_is_no_motion_is_refused(pair: list[rg.Trajectory]) -> None:
-    for wrong in ([], pair * 3, [pair[0], 3]):
+    for wrong in ([], pair * 3, [pair[0], 3], {}, {"a": 3}):
         with pytest.raises(rg.OptionError, match="a list of 1 to 4"):
             rg.replay(wrong)  # type: ignore[call-overload]
     with pytest.raises(rg.OptionError, match="Mechanism"):

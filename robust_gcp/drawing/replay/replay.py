@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import importlib.util
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal, overload
@@ -57,9 +57,13 @@ class ReplayPage:
         )
 
 
+Runs = Trajectory | Sequence[Trajectory] | Mapping[str, Trajectory]
+"""One motion, or several, with their labels or without."""
+
+
 @overload
 def replay(
-    trajectories: Trajectory | Sequence[Trajectory],
+    trajectories: Runs,
     path: None = None,
     *,
     layout: Literal["overlay", "side by side"] = ...,
@@ -75,7 +79,7 @@ def replay(
 
 @overload
 def replay(
-    trajectories: Trajectory | Sequence[Trajectory],
+    trajectories: Runs,
     path: str | Path,
     *,
     layout: Literal["overlay", "side by side"] = ...,
@@ -90,7 +94,7 @@ def replay(
 
 
 def replay(
-    trajectories: Trajectory | Sequence[Trajectory],
+    trajectories: Runs,
     path: str | Path | None = None,
     *,
     layout: Literal["overlay", "side by side"] = "overlay",
@@ -109,7 +113,7 @@ def replay(
 
     Parameters
     ----------
-    trajectories : Trajectory or sequence of Trajectory
+    trajectories : Trajectory, sequence of Trajectory or mapping {label: Trajectory}
         Up to four, on a common time line.
     path : str or Path, optional
         The file to write; without it the page is returned, and a notebook shows it inline.
@@ -146,6 +150,10 @@ def replay(
     if path is not None:
         require_page(path_given("path", path))
     viewer = viewer_script()
+    if isinstance(trajectories, Mapping):
+        if labels is not None:
+            raise OptionError("replay: the mapping names the motions already; leave labels out")
+        labels, trajectories = list(trajectories), list(trajectories.values())
     runs = _runs(trajectories)
     names = _labels(labels, len(runs))
     check_choice("layout", layout, LAYOUTS)
@@ -236,7 +244,9 @@ def _runs(trajectories: Any) -> list[Trajectory]:
     runs = list(trajectories) if isinstance(trajectories, list | tuple) else [trajectories]
     if not all(isinstance(run, Trajectory) for run in runs) or not 1 <= len(runs) <= MOST_RUNS:
         kinds = ", ".join(type(run).__name__ for run in runs[:6])
-        raise OptionError(f"replay takes a trajectory, or a list of 1 to {MOST_RUNS}; got [{kinds}]")
+        raise OptionError(
+            f"replay takes a trajectory, a list of 1 to {MOST_RUNS}, or {{label: trajectory}}; got [{kinds}]"
+        )
     return runs
 
 
