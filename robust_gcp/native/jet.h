@@ -84,9 +84,12 @@ struct Jet {
         Distance found;
         found.way = Vector::Ones(space->m);
         if (regular()) return found;
-        if (space->m == 1) {
-            const Roots mu = roots(found.way);
-            if (!mu.empty()) found.size = std::abs(nearest_of(mu)) * J.norm();
+        if (space->m == 1) {  // by arc length: where y turns back the mode is not singular
+            const double pace = J.norm();
+            const Vector t = J.col(0) / pace;
+            const Matrix across = W - t * (t.transpose() * W);
+            const Roots mu = reciprocal(eigenvalues(-times(rate[0], across) / pace), 0.0, 1e-3);
+            if (!mu.empty()) found.size = std::abs(nearest_of(mu));
             return found;
         }
         Matrix rates;

@@ -26,6 +26,7 @@ from .charts import in_new_chart, motion_at, placed_between, stretch_between
 from .crossings import located
 from .recovery import Checkpoint, Recovery
 from .run import Run
+from .stats import extended, until
 from .steppers import FixedStep as Take
 from .steppers import NoProgressError, SolverStep, rk4_step, solver_steps
 from .within import FixedStep, SolverSteps
@@ -244,6 +245,7 @@ class FixedRun(Run):
         if looks:
             self._refinement = SolverSteps(self._motion.explicit, self._motion.mechanism.m, ends, dense)
         self._counters.refined_steps += 1
+        self._stretches = extended(self._stretches, float(self.times[i]), end)
         return x
 
     def _refinements(self, x: Array, times: Array) -> Iterator[SolverStep]:
@@ -297,7 +299,9 @@ class FixedRun(Run):
         """Forget what came after the checkpoint."""
         self._x, self._motion.explicit.anchor, self._last = safe.x, safe.point, None
         self._record.rewind(safe.i)
-        self._events.forget(float(self.times[safe.i]))
+        back = float(self.times[safe.i])
+        self._events.forget(back)
+        self._stretches = until(self._stretches, back)
         return safe.i
 
     def _cross(self, i: int, before: Point, ydd: Array, now: Evaluation) -> None:

@@ -28,9 +28,11 @@ def load_trajectory(path: str | Path, mechanism: Mechanism | None = None) -> Tra
     """
     mechanism, arrays, crossings, stats, ended_by = read_archive(path, mechanism)
     changes = [(float(t), tuple(names)) for t, names in stats.pop("repartitions")]
+    refined = [(float(t0), float(t1)) for t0, t1 in stats.pop("refined", [])]  # files of 0.1.0 lack it
     kept = {name: arrays.get(name) for name in ARRAYS}
     t, q, v = (arrays[name] for name in ("t", "q", "v"))
-    found = Trajectory(mechanism, t, q, v, crossings=crossings, stats=Stats(**stats, repartitions=changes))
+    read = Stats(**stats, repartitions=changes, refined=refined)
+    found = Trajectory(mechanism, t, q, v, crossings=crossings, stats=read)
     for name in ARRAYS[3:]:
         setattr(found, name, kept[name])
     for k in range(sum(name.startswith("t_event_") for name in arrays)):

@@ -22,7 +22,7 @@ from .events import Event, Events, Zero
 from .record import Record
 from .recovery import Checkpoint
 from .schedule import Schedule
-from .stats import Stats
+from .stats import Stats, Stretches
 from .trajectory import Trajectory
 from .within import FixedStep, SolverSteps
 
@@ -82,6 +82,7 @@ class Run:
         self._repartitions: list[tuple[float, tuple[str, ...]]] = []
         if motion.mechanism is not self._named:
             self._repartitions.append((float(times[0]), motion.mechanism.independent))
+        self._stretches: Stretches = []  # taken with error control
         self._coordinates = self._looked_after()
         self._calls = 0
         self._last: Evaluation | None = None
@@ -198,6 +199,7 @@ class Run:
             **asdict(self._counters),
             rhs=self._calls + self._motion.equations.calls,
             repartitions=self._repartitions,
+            refined=self._stretches,
             wall_seconds=time.perf_counter() - begun,
             stepper=self.stepper,
             step=float(self.times[1] - self.times[0]) if self.fixed else None,

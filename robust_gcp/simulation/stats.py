@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+Stretches = list[tuple[float, float]]
+"""Begin and end of each, s, in the order of time."""
+
 
 @dataclass
 class Stats:
@@ -32,6 +35,8 @@ class Stats:
         redundant closures, whose rank is looked at once. An analysis at second order counts as one.
     repartitions : list of (float, tuple of str)
         Time and new independent joints of each change of coordinates.
+    refined : list of (float, float)
+        Beginning and end of each stretch of those steps, s.
     native_steps : int
         Steps taken by the compiled kernel; the other ones were taken in Python.
     wall_seconds : float
@@ -53,6 +58,19 @@ class Stats:
     svds: int = 0
     native_steps: int = 0
     repartitions: list[tuple[float, tuple[str, ...]]] = field(default_factory=list)
+    refined: Stretches = field(default_factory=list)
     wall_seconds: float = 0.0
     stepper: str = "rk4"
     step: float | None = None
+
+
+def until(stretches: Stretches, t: float) -> Stretches:
+    """The stretches of time, or what of them lies before t."""
+    return [(begun, min(end, t)) for begun, end in stretches if begun < t]
+
+
+def extended(stretches: Stretches, begun: float, end: float) -> Stretches:
+    """The stretches with one more behind them, of which it may be the continuation."""
+    if stretches and stretches[-1][1] == begun:
+        return [*stretches[:-1], (stretches[-1][0], end)]
+    return [*stretches, (begun, end)]

@@ -1,7 +1,8 @@
 """Trees of change-point four-bars by the hundred, against the closed forms of their loops.
 
 Each linkage stands on the ground or on the coupler of another one, so that dynamics are coupled and zones of
-several loops overlap. The oracle takes the same steps with q = γ(y) of every loop in closed form.
+several loops overlap. The oracle takes the same steps in the same coordinates, with error control where the
+run took them so, with q = γ(y) of every loop in closed form.
 """
 
 from __future__ import annotations
@@ -23,8 +24,10 @@ from ..examples.families import Lengths, four_bars
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..printing import along
+from ..simulation.fixed import REFINED_ATOL, REFINED_RTOL
 from ..simulation.simulate import simulate
-from ..simulation.steppers import rk4_step
+from ..simulation.stats import Stats
+from ..simulation.steppers import adaptive, rk4_step
 from . import random_cases
 from .loops_in_closed_form import LoopsInClosedForm
 from .random_cases import RandomCase
@@ -37,6 +40,9 @@ LARGEST_OFFSET = 0.3
 
 MOST_CALLS = 4000
 """Right-hand sides of the exact motion; one that comes near a dead point takes more, and is drawn anew."""
+
+LATE = 1e-9
+"""Steps before the end of one within which a change of coordinates belongs to the next."""
 
 AT_AN_END = 1e-6
 """Turns: a crank that starts or ends so near to its crossing may count or not."""
@@ -64,6 +70,8 @@ class Tree(RandomCase):
         How often each loop crosses, and how often that was logged.
     changes : int
         How often the run changed its coordinates.
+    refined : int
+        Steps that it took with error control.
     floor, error : float
         Largest of q on the closed forms and by bridges, rad.
     failure : str
@@ -83,6 +91,7 @@ class Tree(RandomCase):
     expected: tuple[int, ...] = ()
     crossings: tuple[int, ...] = ()
     changes: int = 0
+    refined: int = 0
     floor: float = np.nan
     error: float = np.nan
     failure: str = ""
@@ -114,9 +123,8 @@ def drawn(seed: int, index: int) -> tuple[Tree, EquationsOfMotion, Array]:
         try:
             mechanism = _mechanism(tree)
             problem = set_out(mechanism, v0=mechanism.lift(mechanism.home, tree.speeds))
-            explicit = LoopsInClosedForm(
-                problem.start.path, problem.start.point, tree.lengths, tree.assembly, mechanism
-            )
+            start = problem.start
+            explicit = LoopsInClosedForm(start.path, start.point, tree.lengths, mechanism)
             equations = EquationsOfMotion(mechanism, explicit, None)
             exact = _exactly(equations, problem.x, _times(tree))
         except RobustGcpError:
@@ -194,37 +202,53 @@ def measured(tree: Tree, equations: EquationsOfMotion, exact: Array) -> Tree:
     logged = np.bincount([order[c.cluster] for c in run.crossings if c.cluster is not None], minlength=m)
     ends = np.abs(turns - np.round(turns))[[0, -1]].min(axis=0) < AT_AN_END
     logged[ends] = expected[ends]
-    changes = tuple(run.stats.repartitions)
     return replace(
         tree,
         expected=tuple(expected.tolist()),
         crossings=tuple(logged.tolist()),
-        changes=len(changes),
-        floor=float(np.abs(_same_steps(tree, equations, exact[0], changes) - truth).max()),
+        changes=len(run.stats.repartitions),
+        refined=run.stats.refined_steps,
+        floor=float(np.abs(_same_steps(tree, equations, exact[0], run.stats) - truth).max()),
         error=float(np.abs(run.q - truth).max()),
         told=str(caught[0].message) if caught else "",
     )
 
 
-def _same_steps(
-    tree: Tree, equations: EquationsOfMotion, x: Array, changes: Sequence[tuple[float, tuple[str, ...]]]
-) -> Array:
+def _same_steps(tree: Tree, equations: EquationsOfMotion, x: Array, stats: Stats) -> Array:
     """q of the same steps on the closed forms, in the coordinates that the run changed to."""
-    mechanism, found = equations.mechanism, []
-    coming = list(changes)
-    for t in _times(tree).tolist():
-        point = equations.explicit.at(x[: mechanism.m], x[mechanism.m :])
-        found.append(point.q)
-        if coming and t >= coming[0][0] - 0.5 * tree.step:
-            mechanism = mechanism.with_independent(coming.pop(0)[1])
-            explicit = LoopsInClosedForm(
-                equations.explicit.path, point, tree.lengths, tree.assembly, mechanism
-            )
-            equations = EquationsOfMotion(mechanism, explicit, None)
-            rates = (point.G @ point.ydot)[mechanism.iv_independent]
-            x = np.concatenate([point.q[mechanism.iq_independent], rates])
-        x = rk4_step(equations, t, x, tree.step, equations(t, x))
+    found, times = [], _times(tree)
+    found.append(equations.explicit.at(x[: equations.m], x[equations.m :]).q)
+    coming = list(stats.repartitions)
+    for t, end in zip(times[:-1].tolist(), times[1:].tolist(), strict=True):
+        refined = any(t0 < 0.5 * (t + end) < t1 for t0, t1 in stats.refined)
+        while coming and coming[0][0] < end - LATE * tree.step:
+            when, names = coming.pop(0)
+            if when > t:  # within a step with error control
+                t, x = when, _refined(equations, x, t, when)
+            equations, x = _in_other(tree, equations, x, names)
+        f = equations
+        x = _refined(f, x, t, end) if refined else rk4_step(f, t, x, end - t, f(t, x))
+        found.append(equations.explicit.at(x[: equations.m], x[equations.m :]).q)
     return np.array(found)
+
+
+def _refined(f: EquationsOfMotion, x: Array, t: float, end: float) -> Array:
+    """The state at the end of steps with the run's error control."""
+    times = np.array([t, end])
+    return next(adaptive("DOP853", f, x, times, REFINED_RTOL, REFINED_ATOL))
+
+
+def _in_other(
+    tree: Tree, equations: EquationsOfMotion, x: Array, names: Sequence[str]
+) -> tuple[EquationsOfMotion, Array]:
+    """The equations and the state in other coordinates."""
+    m, path = equations.m, equations.explicit.path
+    point = equations.explicit.at(x[:m], x[m:])
+    mechanism = equations.mechanism.with_independent(names)
+    explicit = LoopsInClosedForm(path, point, tree.lengths, mechanism)
+    rates = (point.G @ point.ydot)[mechanism.iv_independent]
+    x = np.concatenate([point.q[mechanism.iq_independent], rates])
+    return EquationsOfMotion(mechanism, explicit, None), x
 
 
 def _configurations(equations: EquationsOfMotion, states: Array) -> Array:
@@ -247,6 +271,7 @@ def run(args: argparse.Namespace) -> int:
         [f"good: error within {WITHIN:g} floors, crossings logged", f"{sum(tree.good for tree in trees)}"],
         ["crossings passed", f"{sum(sum(tree.crossings) for tree in trees)}"],
         ["in changed coordinates", f"{sum(tree.changes > 0 for tree in trees)}"],
+        ["with steps under error control", f"{sum(tree.refined > 0 for tree in trees)}"],
         ["refused", f"{sum(bool(tree.failure) for tree in trees)}"],
         ["silently wrong", f"{sum(tree.silently_wrong for tree in trees)}"],
     ]

@@ -11,6 +11,8 @@ import pytest
 import robust_gcp as rg
 from robust_gcp.examples import families, linkages, six_bars
 from robust_gcp.maps.closed_form import FourBar
+from robust_gcp.maps.cluster.jet import jet
+from robust_gcp.maps.cluster.space import space_of
 
 CHANGE_POINT = (4.0, 2.0, 3.0, 3.0)
 
@@ -52,6 +54,18 @@ def test_two_four_bars_in_one_model_move_as_each_alone(angles: tuple[float, floa
         exact = rg.simulate(alone, v0=v0, duration=0.4, step=1e-3, method="closed_form")
         assert np.abs(run.q[:, 3 * i : 3 * i + 3] - exact.q).max() < 1e-12
     assert_at_their_place(run)
+
+
+def test_the_distance_to_singular_places_does_not_depend_on_the_joint() -> None:
+    """Near a dead point of the crank: by the crank itself, which turns back there, as by the others."""
+    lengths = (1.8, 2.75, 1.525, 0.575)  # a change point at 0; the crank turns back at −0.8605
+    mechanism = linkages.four_bar(*lengths, y=-0.857)
+    (cluster,) = mechanism.clusters
+    space = space_of(mechanism, cluster, mechanism.home)
+    x = space.x(mechanism.home)
+    found = [jet(space, x, space.chart(np.array([i]))).nearest()[0] for i in range(3)]
+    np.testing.assert_allclose(found, found[0], rtol=1e-9)
+    assert found[0] > 0.3
 
 
 def test_error_controlled_steppers_take_both_zones_at_once() -> None:

@@ -85,7 +85,7 @@ def test_what_a_robots_file_told_comes_back(tmp_path: Path) -> None:
 
 
 def test_coordinates_that_changed_come_back(swing: rg.Trajectory, tmp_path: Path) -> None:
-    stats = rg.Stats(rhs=7, repartitions=[(0.25, ("q2",))])
+    stats = rg.Stats(rhs=7, repartitions=[(0.25, ("q2",))], refined=[(0.1, 0.2), (0.3, 0.4)])
     run = rg.Trajectory(swing.mechanism, swing.t, swing.q, swing.v, stats=stats)
     assert rg.load_trajectory(run.save(tmp_path / "run.npz")).stats == stats
 

@@ -131,11 +131,9 @@ class Jet:
         far = np.inf, np.ones(space.m)
         if svd is None or space.nd == 0 or self.sigma > FILTER:
             return far
-        if space.m == 1:
-            mu = self.roots(np.ones(1))
-            if not len(mu):
-                return far
-            return float(np.abs(mu).min() * np.linalg.norm(self.J[:, 0])), np.ones(1)
+        if space.m == 1:  # by arc length: where y turns back the mode is not singular
+            mu = self.recharted(self.tangent()).roots(np.ones(1))
+            return (float(np.abs(mu).min()), np.ones(1)) if len(mu) else far
         u, v = svd.U[:, space.nd - 1], space.balance * svd.Vt[space.nd - 1]
         gradient = (u @ space.second(self.x, v)) @ self.J  # of σ_min by y
         way = np.linalg.solve(self.J.T @ self.J, gradient)  # steepest by arc length
