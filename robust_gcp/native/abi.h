@@ -6,7 +6,7 @@
 
 namespace rg {
 
-constexpr std::int32_t VERSION = 5;
+constexpr std::int32_t VERSION = 6;
 
 enum Reason : std::int32_t {
     DONE = 0,
@@ -91,11 +91,14 @@ enum Beginning : std::int32_t {
     GO_ON = 0,    // from the last step that was accepted here
     REGULAR = 1,  // from `anchor`, on regular ground
     IN_ZONE = 2,  // from `anchor`, with `trackers`
+    ON = 3,       // as GO_ON, in the same request: counts and the safe output go on too
+    TURNED = 4,   // the same, after a look at the state under another torque held
 };
 
 struct Request {
     std::int64_t steps, every;
-    const double* times;      // (steps + 1,)
+    std::int64_t first;       // number of the time to begin from; outputs are those of times 1, 2, …
+    const double* times;      // (first + steps + 1,)
     double zone;              // conditioning below which the regular path ends
     const Bridging* bridging;  // null: no zones, no test of the branch
     std::int32_t beginning;
@@ -119,8 +122,8 @@ struct Request {
     double* energy_out;
     double* work_out;
     // results
-    std::int64_t completed;   // steps
-    std::int64_t safe_step;   // −1 where there was none
+    std::int64_t completed;   // steps; −1 where the look under another torque failed
+    std::int64_t safe_step;   // number of its time, −1 where there was none
     std::int64_t rhs, newton, constraint_evaluations, force_evaluations, zone_evaluations;
     std::int64_t marching_steps, svds, bridges_built, second_order;
     std::int64_t logged;      // singular places passed
@@ -129,6 +132,7 @@ struct Request {
     double power;             // in and out
     std::int32_t in_zone;     // whether the last accepted state is in a zone
     std::int32_t reason;
+    std::int32_t plain;       // whether all steps were taken and there is nothing to tell of them
 };
 
 }  // namespace rg

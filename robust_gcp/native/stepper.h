@@ -27,19 +27,21 @@ class alignas(CACHE_LINE) Stepper {
     Clusters clusters;
 
     void run(Request& r) {
-        path.newton_iterations = path.evaluations = motion_.force_evaluations = rhs_ = 0;
-        clusters.count_anew();
-        log_.clear();
         r.completed = 0;
-        count(r);
-        r.safe_step = -1;
         r.reason = DONE;
+        log_.clear();
+        if (r.beginning < ON) count_anew(r);
         begin(r);
+        r.plain = false;
+        if (r.beginning == TURNED && !look(r)) {
+            r.completed = -1;
+            return;
+        }
         const int m = path.layout.m;
         bool in_zone = clusters.in_zone();  // at the last accepted output
-        Cells<double> safe_x, last_ydd(r.ydd, r.ydd + m), last_tau(r.tau, r.tau + path.layout.nv);
+        Cells<double> last_ydd(r.ydd, r.ydd + m), last_tau(r.tau, r.tau + path.layout.nv);
         double last_power = r.power;
-        for (std::int64_t i = 0; i < r.steps && r.reason == DONE; ++i) {
+        for (std::int64_t i = r.first; i < r.first + r.steps && r.reason == DONE; ++i) {
             const Reason reason = step(r, r.times[i], r.times[i + 1]);
             if (reason != DONE) {
                 r.reason = reason;
@@ -54,11 +56,11 @@ class alignas(CACHE_LINE) Stepper {
             last_ydd = motion_.ydd;
             last_tau = motion_.tau;
             last_power = motion_.power;
-            r.completed = i + 1;
+            ++r.completed;
             count(r);
             if (accepted_->conditioning() >= POOR) {
                 safe_ = accepted_;
-                safe_x = x_;
+                safe_x_ = x_;
                 r.safe_step = i + 1;
             }
             if ((i + 1) % r.every == 0) output(r, (i + 1) / r.every - 1);
@@ -69,21 +71,28 @@ class alignas(CACHE_LINE) Stepper {
         std::copy(last_ydd.begin(), last_ydd.end(), r.ydd);
         std::copy(last_tau.begin(), last_tau.end(), r.tau);
         r.power = last_power;
-        write(r.safe, safe_, safe_x);
+        write(r.safe, safe_, safe_x_);
         r.in_zone = in_zone;
         r.log = log_.data();
         r.logged = static_cast<std::int64_t>(log_.size()) / (7 + path.layout.nq);
+        r.plain = r.reason == DONE && r.logged == 0 && !(in_zone && exceeds(r, *accepted_));
     }
 
-    // ÿ, τ and the power at the last accepted point, under the torque that is held now.
-    void look(Request& r) {
+    // ÿ, τ and the power at the last accepted point, under the torque that is held now; false where they are
+    // not known. What was put out there is put out anew.
+    bool look(Request& r) {
         r.reason = NON_FINITE;
-        if (accepted_ == nullptr) return;
+        if (accepted_ == nullptr) return false;
         path.survey(*accepted_);
-        r.reason = motion_.evaluate(r.times[0], *accepted_, r);
+        ++rhs_;
+        r.reason = motion_.evaluate(r.times[r.first], *accepted_, r);
+        count(r);
+        if (r.reason != DONE) return false;
         std::copy(motion_.ydd.begin(), motion_.ydd.end(), r.ydd);
         std::copy(motion_.tau.begin(), motion_.tau.end(), r.tau);
         r.power = motion_.power;
+        if (r.beginning == TURNED) output(r, r.first - 1);
+        return true;
     }
 
     // The state of the clusters' trackers as plain numbers.
@@ -124,11 +133,18 @@ class alignas(CACHE_LINE) Stepper {
 
     static constexpr int SLOTS = 5;  // anchor, trial, accepted, safe, and one more
 
+    void count_anew(Request& r) {
+        path.newton_iterations = path.evaluations = motion_.force_evaluations = rhs_ = 0;
+        clusters.count_anew();
+        count(r);
+        safe_ = nullptr;
+        r.safe_step = -1;
+    }
+
     // Takes up the state, and the point at it.
     void begin(const Request& r) {
-        safe_ = nullptr;
-        if (r.bridging != nullptr) clusters.use(*r.bridging);
-        if (r.beginning == GO_ON && accepted_ != nullptr) {
+        if (r.beginning < ON && r.bridging != nullptr) clusters.use(*r.bridging);
+        if ((r.beginning == GO_ON || r.beginning >= ON) && accepted_ != nullptr) {
             anchor_ = accepted_;
         } else {
             anchor_ = accepted_ = &slots_[0];
@@ -255,7 +271,7 @@ class alignas(CACHE_LINE) Stepper {
     std::vector<int> independent_;
     std::vector<int> on_groups_;  // which of y belong to joints on groups
     std::vector<Point> slots_;
-    Cells<double> x_, stage_, sum_, rate_;
+    Cells<double> x_, stage_, sum_, rate_, safe_x_;
     Point *anchor_ = nullptr, *accepted_ = nullptr, *safe_ = nullptr;
     std::vector<double> log_, passed_, trackers_;
     std::int64_t rhs_ = 0;

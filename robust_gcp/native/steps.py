@@ -10,6 +10,8 @@ from ..dynamics.equations import Evaluation, Torque, does_work, torque_function
 from ..errors import OptionError
 from ..maps.classical import DIGITS_LOST, ClassicalMap
 from ..maps.cluster.cluster_map import ClusterMap
+from ..maps.cluster.options import BridgeOptions
+from ..maps.explicit import ExplicitMap
 from ..maps.grouped import GroupMap
 from ..maps.regular_path import RegularPath
 from ..mechanism.mechanism import Mechanism
@@ -17,7 +19,11 @@ from ..mechanism.tree import Array
 from .batch import Batch, Outputs
 from .description import NotNativeError
 from .library import Library, backends, library
+from .prepared import Prepared
 from .workspace import Workspace
+
+KernelMap = ClusterMap | ClassicalMap | GroupMap
+"""The maps that the kernel knows."""
 
 BACKENDS = ("auto", "python", "native")
 
@@ -103,7 +109,7 @@ class NativeSteps:
 
     def take(
         self,
-        explicit: ClusterMap | ClassicalMap | GroupMap,
+        explicit: KernelMap,
         now: Evaluation,
         x: Array,
         times: Array,
@@ -122,16 +128,45 @@ class NativeSteps:
             See `Workspace.run`.
         """
         followed = explicit.rest if isinstance(explicit, GroupMap) else explicit
-        options, zone, trackers = None, DIGITS_LOST, None
-        if isinstance(followed, ClusterMap):
-            options, zone = followed.options, followed.options.zone
-            trackers = followed.written if followed.in_zone else None
+        options, zone = _limits(followed)
+        trackers = followed.written if isinstance(followed, ClusterMap) and followed.in_zone else None
         mechanism = explicit.groups.mechanism if isinstance(explicit, GroupMap) else followed.path.mechanism
         if trackers is not None and not mechanism.tree.vector_space:
             return None
         workspace = self.prepare(mechanism, explicit.path)
         if workspace is None:
             return None
-        n = min(len(times) - 1, max(1, BATCH // mechanism.nv))
+        n = min(len(times) - 1, most_steps(mechanism))
         outputs = Outputs.room(n, mechanism.nq, mechanism.nv, wanted)
         return workspace.run(times[: n + 1], x, now, outputs, zone, options, trackers, chart=chart)
+
+    def prepared(
+        self,
+        explicit: KernelMap,
+        now: Evaluation,
+        times: Array,
+        outputs: Outputs,
+        chart: tuple[Array, float] | None = None,
+    ) -> Prepared | None:
+        """Steps to come from where the kernel is, see `Workspace.prepared`; None where it is not at `now`."""
+        if self._workspace is None or not self._workspace.at(now.point):
+            return None
+        options, zone = _limits(explicit.rest if isinstance(explicit, GroupMap) else explicit)
+        return self._workspace.prepared(times, outputs, zone, options, chart)
+
+    def settled(self, begun: int, reached: int) -> Batch:
+        """What prepared steps came to; see `Workspace.settled`."""
+        assert self._workspace is not None  # it prepared them
+        return self._workspace.settled(begun, reached)
+
+
+def most_steps(mechanism: Mechanism) -> int:
+    """Steps that are taken at once."""
+    return max(1, BATCH // mechanism.nv)
+
+
+def _limits(followed: ExplicitMap) -> tuple[BridgeOptions | None, float]:
+    """The choices of the bridges, and the conditioning at which the regular path ends."""
+    if isinstance(followed, ClusterMap):
+        return followed.options, followed.options.zone
+    return None, DIGITS_LOST

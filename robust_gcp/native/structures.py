@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-VERSION = 5
+VERSION = 6
 """Of the interface; a library with another one is not used."""
 
 TorqueCallback: Any = ctypes.CFUNCTYPE(c_int32, c_double)
@@ -44,6 +44,8 @@ class Beginning(IntEnum):
     GO_ON = 0
     REGULAR = 1
     IN_ZONE = 2
+    ON = 3
+    TURNED = 4
 
 
 class Description(ctypes.Structure):
@@ -92,6 +94,7 @@ class Request(ctypes.Structure):
     _fields_ = [
         ("steps", c_int64),
         ("every", c_int64),
+        ("first", c_int64),
         ("times", c_void_p),
         ("zone", c_double),
         ("bridging", ctypes.POINTER(Bridging)),
@@ -108,7 +111,7 @@ class Request(ctypes.Structure):
         *_all(c_int64, "marching_steps svds bridges_built second_order logged"),
         ("log", c_void_p),
         ("power", c_double),
-        *_fields("in_zone reason", ""),
+        *_fields("in_zone reason plain", ""),
     ]
 
 
@@ -142,3 +145,8 @@ class Arrays:
     def _point(self, name: str, array: Any) -> None:
         self._kept[name] = array
         setattr(self.structure, name, array.ctypes.data)
+
+
+def address(array: Any) -> int | None:
+    """Where an array's numbers are; the quick way, as it is asked for with every step."""
+    return None if array is None else int(array.__array_interface__["data"][0])

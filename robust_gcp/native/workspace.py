@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from ..dynamics.equations import CheckedTorque, Evaluation
 from ..dynamics.held import HeldTorque
 from ..maps.cluster.options import BridgeOptions
-from ..maps.explicit import Crossing
 from ..maps.point import Point
 from ..maps.regular_path import RegularPath
 from ..mechanism.groups import groups_of
@@ -23,7 +22,9 @@ from .batch import Batch, Outputs, Trackers
 from .description import NotNativeError, describe
 from .layout import Layout
 from .library import Library
-from .structures import Arrays, Beginning, Bridging, Reason, Request, TorqueCallback
+from .prepared import Prepared
+from .results import bridging, counted, crossings
+from .structures import Arrays, Beginning, Reason, Request, TorqueCallback, address
 
 
 class Workspace:
@@ -144,38 +145,88 @@ class Workspace:
         """
         r = self._request
         times = np.ascontiguousarray(times, dtype=float)
-        r.steps, r.every, r.times = len(times) - 1, every, _address(times)
-        r.zone, r.power = zone, now.power
-        r.bridging = None if options is None else ctypes.pointer(self._options(options))
-        sizes, r.limit = (None, 0.0) if chart is None else chart
-        r.sizes = _address(sizes)
+        r.steps, r.every, r.first, r.times = len(times) - 1, every, 0, address(times)
+        r.power = now.power
+        self._choose(zone, options, chart)
         self._x[:], self._ydd[:] = x, now.ydd
         self._tau[:] = 0.0 if now.tau is None else now.tau
-        if now.point is self._latest:
+        if self.at(now.point):
             r.beginning = Beginning.GO_ON
         else:
             r.beginning = Beginning.REGULAR if trackers is None else Beginning.IN_ZONE
             numbers = None if trackers is None else np.ascontiguousarray(trackers())
             r.trackers = None if numbers is None else numbers.ctypes.data
             self._layout.pack(now.point, self._anchor)
-        r.q_out, r.v_out = _address(outputs.q), _address(outputs.v)
-        r.a_out, r.tau_out = _address(outputs.a), _address(outputs.tau)
-        r.energy_out, r.work_out = _address(outputs.energy), _address(outputs.work)
-        handed = None if self._handed is None else self._handed()
-        if handed is not None:
-            handed()  # while they are what they were
+        self._put_out(outputs)
+        self._fetch_handed()
         self._listen()
         self._library.run(self._handle, self._by_reference)
         if r.reason == Reason.TORQUE and not self._raised:
             self._raised.append(KeyboardInterrupt())  # raised between two lines of the generator
-        return self._batch(outputs.first(int(r.completed) // every))
+        return self._batch(0, int(r.completed), outputs.first(int(r.completed) // every))
+
+    def at(self, point: Point) -> bool:
+        """Whether this is where the kernel can go on as it is: the last batch's last point."""
+        return point is self._latest
+
+    def prepared(
+        self,
+        times: Array,
+        outputs: Outputs,
+        zone: float,
+        options: BridgeOptions | None,
+        chart: tuple[Array, float] | None,
+    ) -> Prepared:
+        """Steps to come from the last batch's last point on, under a torque that is held.
+
+        Parameters
+        ----------
+        times : ndarray (N + 1,)
+            s, contiguous; as all arrays here to be kept by the caller as long as steps are taken.
+        outputs : Outputs
+            N + 1 rows, of which those reached are written.
+        zone, options, chart
+            As for `run`.
+        """
+        r = self._request
+        r.every, r.times, r.steps, r.first = 1, address(times), 0, 0
+        self._choose(zone, options, chart)
+        self._put_out(outputs.between(1, len(times)))
+        self._fetch_handed()
+        self._listen()
+        r.beginning = Beginning.GO_ON
+        self._library.run(self._handle, self._by_reference)  # no step: counts begin
+        return Prepared(self._library.run, self._handle, r, self._by_reference, self._shared[2])
+
+    def settled(self, begun: int, reached: int) -> Batch:
+        """What prepared steps came to, from one time to another; their outputs are where they belong."""
+        return self._batch(begun, reached - begun, Outputs.room(0, self._nq, self._nv))
+
+    def _choose(self, zone: float, options: BridgeOptions | None, chart: tuple[Array, float] | None) -> None:
+        r = self._request
+        r.zone = zone
+        r.bridging = None if options is None else ctypes.pointer(self._options(options))
+        sizes, r.limit = (None, 0.0) if chart is None else chart
+        r.sizes = address(sizes)
+
+    def _put_out(self, outputs: Outputs) -> None:
+        r = self._request
+        r.q_out, r.v_out = address(outputs.q), address(outputs.v)
+        r.a_out, r.tau_out = address(outputs.a), address(outputs.tau)
+        r.energy_out, r.work_out = address(outputs.energy), address(outputs.work)
+
+    def _fetch_handed(self) -> None:
+        """Take the trackers handed out last while they are what they were."""
+        handed = None if self._handed is None else self._handed()
+        if handed is not None:
+            handed()
 
     def look(self, t: float, now: Evaluation) -> Evaluation | None:
         """The last batch's last state under the torque that is held now; None where that is not known."""
-        if now.point is not self._latest or self._held is None:
+        if not self.at(now.point) or self._held is None:
             return None
         r, time = self._request, np.array([t])
-        r.times = _address(time)
+        r.times, r.first, r.beginning = address(time), 0, Beginning.GO_ON
         self._shared[2][:] = self._held.value
         self._library.look(self._handle, self._by_reference)
         if r.reason != Reason.DONE:
@@ -203,7 +254,7 @@ class Workspace:
         q, v = np.ascontiguousarray(q), np.ascontiguousarray(v)
         return float(self._library.time_pinocchio(self._handle, q.ctypes.data, v.ctypes.data, repeats))
 
-    def _batch(self, outputs: Outputs) -> Batch:
+    def _batch(self, begun: int, steps: int, outputs: Outputs) -> Batch:
         r = self._request
         point = self._layout.point(self._anchor)
         self._latest = point if r.reason in (Reason.DONE, Reason.CHART) else None
@@ -211,32 +262,22 @@ class Workspace:
         self._handed = None if trackers is None else weakref.ref(trackers)
         now = self._evaluation(point)
         safe = None
-        if 0 <= r.safe_step == r.completed:
-            safe = int(r.safe_step), self._x.copy(), point
+        if 0 <= r.safe_step == begun + steps:
+            safe = steps, self._x.copy(), point
         elif r.safe_step >= 0:
-            safe = int(r.safe_step), self._safe[self._layout.size :].copy(), self._layout.point(self._safe)
-        counts = {
-            "native_steps": int(r.completed),
-            "newton_iterations": int(r.newton),
-            "constraint_evaluations": int(r.constraint_evaluations),
-            "force_evaluations": int(r.force_evaluations),
-            "zone_evaluations": int(r.zone_evaluations),
-            "marching_steps": int(r.marching_steps),
-            "svds": int(r.svds),
-            "bridges_built": int(r.bridges_built),
-            "second_order": int(r.second_order),
-        }
+            x, at = self._safe[self._layout.size :].copy(), int(r.safe_step) - begun
+            safe = at, x, self._layout.point(self._safe)
         return Batch(
-            int(r.completed),
+            steps,
             Reason(r.reason),
             self._x.copy(),
             now,
             trackers,
             outputs,
-            self._crossings() if r.logged else [],
+            crossings(r, self._nq, self._numbers_in_q),
             safe,
             int(r.rhs),
-            counts,
+            {"native_steps": steps, **counted(r)},
             self._raised[0] if self._raised else None,
         )
 
@@ -247,18 +288,7 @@ class Workspace:
 
     def _options(self, options: BridgeOptions) -> ctypes.Structure:
         if self._bridging is None or self._bridging[0] is not options:
-            numbers = Arrays(
-                Bridging(
-                    count=len(options.nodes),
-                    reach=options.reach(1),
-                    reach_of_several=options.reach(2),
-                    closure_tolerance=options.closure_tolerance,
-                    geometric_tolerance=options.geometric_tolerance,
-                    transversality=options.transversality,
-                )
-            )
-            numbers.reals(nodes=options.nodes)
-            self._bridging = options, numbers
+            self._bridging = options, bridging(options)
         return self._bridging[1].structure
 
     def _trackers(self) -> Array:
@@ -266,27 +296,3 @@ class Workspace:
         count = ctypes.c_int64()
         numbers = self._library.trackers(self._handle, ctypes.byref(count))
         return np.ctypeslib.as_array(numbers, (count.value,)).copy()
-
-    def _crossings(self) -> list[Crossing]:
-        """What the last batch passed."""
-        r = self._request
-        shape = (int(r.logged), 7 + self._nq)
-        log = np.ctypeslib.as_array(ctypes.cast(r.log, ctypes.POINTER(ctypes.c_double)), shape).copy()
-        return [
-            Crossing(
-                float(row[1]),
-                row[7:][self._numbers_in_q],
-                row[7:],
-                "near miss" if row[6] else "transversal",
-                float(row[4]),
-                float(row[5]),
-                int(row[2]),
-                int(row[3]),
-            )
-            for row in log
-        ]
-
-
-def _address(array: Array | None) -> int | None:
-    """Where an array's numbers are; the quick way, as it is asked for with every step."""
-    return None if array is None else int(array.__array_interface__["data"][0])

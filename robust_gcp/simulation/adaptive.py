@@ -93,9 +93,8 @@ class AdaptiveRun(Run):
 
     def _outgrown(self, i: int, step: SolverStep) -> bool:
         """Whether the solver has to begin anew after a step, in a new chart or in other coordinates."""
-        explicit, coordinates = self._motion.explicit, self._coordinates
-        suspicious = coordinates is not None and coordinates.suspicious(explicit.anchor)
-        if not suspicious and not explicit.outgrown(explicit.anchor):
+        explicit = self._motion.explicit
+        if not self._suspicious(explicit.anchor) and not explicit.outgrown(explicit.anchor):
             return False
         self._start_near(step.x)
         here = self._motion.equations.evaluate(step.t1, step.x)

@@ -42,6 +42,7 @@ class Coarse:
 
     def __init__(self, mechanism: Mechanism, step: float) -> None:
         self._step, self._pace = step, 1.0 / mechanism.units
+        self._pace_of_step = self._pace * step
         self._loops = mechanism.nc > 0
         self._far, self._leaked = not self._loops, False
 
@@ -64,7 +65,9 @@ class Coarse:
     def look(self, t: float, v: Array) -> None:
         """Warn where a step from time t on takes a joint of a loop further than `FARTHEST`."""
         if not self._far:
-            self._warn(self._jump(t, float(np.abs(v * self._pace).max()) * self._step))
+            far = v * self._pace_of_step
+            if not far.dot(far) < FARTHEST**2:  # else no entry is as large
+                self._warn(self._jump(t, float(np.abs(far).max())))
 
     def weigh(self, run: Trajectory) -> None:
         """Warn where a run gained or lost more energy than its torques account for."""

@@ -101,6 +101,17 @@ class Record:
         names = [name for name, values in kept.items() if values is not None]
         return (*names, "a", "tau") if self._multipliers is not None else tuple(names)
 
+    @property
+    def rows(self) -> Outputs | None:
+        """Its own rows, for steps that write what is kept themselves; None where they cannot know it all."""
+        if self._multipliers is not None or self._drive is not None or not self._schedule.plain:
+            return None
+        return Outputs(self._q, self._v, self._a, self._tau, self._energy, self.work)
+
+    def reach(self, i: int) -> None:
+        """The ends of steps up to i are accepted, and written into `rows`."""
+        self.at, self.count = i, i + 1
+
     def extend(self, i: int, outputs: Outputs, x: Array) -> None:
         """Accept the steps of a batch after time i, and keep outputs; x is the state at the last one."""
         n = len(outputs.q)
@@ -174,6 +185,10 @@ class Record:
             values: Array | None = getattr(self, name)
             if values is not None:
                 setattr(self, name, np.concatenate([values, np.empty((more, *values.shape[1:]))]))
+
+    def state(self) -> tuple[Array, Array]:
+        """q and v that were kept last."""
+        return self._q[self.count - 1], self._v[self.count - 1]
 
     def rewind(self, i: int) -> None:
         """Forget what came at the end of step i and later."""

@@ -137,6 +137,10 @@ class Run:
             return None
         return Coordinates(self._motion.mechanism, self._named.independent, self._counters)
 
+    def _suspicious(self, point: Point) -> bool:
+        """Whether the independent joints are to be looked at."""
+        return self._coordinates is not None and self._coordinates.suspicious(point)
+
     def _better(self, point: Point) -> tuple[str, ...] | None:
         """Joints that serve better than the independent ones beside bridges; None where these do well."""
         if self._coordinates is None or self._cluster_map().on_bridge:
@@ -182,6 +186,12 @@ class Run:
         self._record.add(i, now, self._x)
         self._last = now
         self._report(i)
+
+    @property
+    def _redundant(self) -> bool:
+        """Whether rows of φ may be left open that do not determine the dependent joints."""
+        path = map_of_rest(self._motion.explicit).path
+        return path.mechanism.nc > path.nd
 
     def _watch(self, q: Array, i: int) -> None:
         """Refuse to go on where rows of φ are left open."""

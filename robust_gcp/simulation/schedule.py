@@ -56,6 +56,11 @@ class Schedule:
         row = np.where(np.searchsorted(outputs, times + width, side="right") > first, first, -1)
         return cls(times, outputs, row, first)
 
+    @property
+    def plain(self) -> bool:
+        """Whether the outputs are the ends of the steps."""
+        return self.outputs is self.times
+
     @cached_property
     def _interrupted(self) -> NDArray[np.int64]:
         """The numbers of the steps, by their ends, that have outputs within."""

@@ -14,11 +14,16 @@ from ..maps.explicit import Crossing
 from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from ..native.steps import NativeSteps
+from ..native.prepared import Prepared
+from ..native.steps import NativeSteps, most_steps
 from .fixed import FixedRun
 from .schedule import Schedule
+from .trajectory import Trajectory
 
-FIXED = ("_choice", "_torque", "_held", "_take", "_native", "_progress", "_counters", "_on_toggle", "_named")
+FIXED = (
+    "_choice", "_torque", "_held", "_take", "_native", "_progress", "_counters", "_on_toggle", "_named",
+    "_lean",
+)  # fmt: skip
 """What of a run no step changes, or what counts on."""
 
 
@@ -39,10 +44,78 @@ class SteppedRun(FixedRun):
         super().__init__(*more, **options)
         self._held = held
         self._changes, self._torques = [0], [held.value]
+        self._bits = held.value.tobytes()
+        self._lean: Prepared | None = None
+        self._begun = 0  # where the steps began that the kernel has not told of
+        self._watching: Array | None = None  # q of all outputs, where rows of φ are to be looked at
+        self._most = most_steps(self._motion.mechanism)
+
+    def begin(self) -> None:
+        """Accept the start."""
+        self._go_on(0, 0, None)
+
+    def trajectory(self, begun: float) -> Trajectory:
+        """What was recorded so far."""
+        self.settle()
+        return super().trajectory(begun)
+
+    def take(self, torque: Array, n: int) -> None:
+        """n steps under a torque (nv,) that is held, from the last output on.
+
+        Where the kernel went the way here it goes on by itself, into the record's own rows, and all that
+        follows from a step waits until someone asks (`settle`).
+        """
+        i, bits, lean = self._record.at, torque.tobytes(), self._lean
+        turned = bits != self._bits
+        if lean is not None and n <= self._most:
+            plain = lean(i, n, torque if turned else None)
+            completed = n if plain else lean.completed
+            if turned and completed >= 0:
+                self._note(i, torque, bits)
+                turned = False
+            if completed > 0:
+                self._record.reach(i + completed)
+            if plain:
+                if self._watching is not None:
+                    self._watch_rows(i, self._watching[i + 1 : i + 1 + n])
+                return
+            self.settle()
+        if turned:
+            self._hold(i, torque, bits)
+        self._go_on(self.at, i + n, self.last)
+
+    def _go_on(self, i: int, last: int, known: Evaluation | None) -> None:
+        """The steps from time i to time `last` with all that may happen, and then the kernel by itself."""
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite ends in an error of ours
+            self.advance(i, last, known)
+        self._lean = self._prepared()
+
+    def settle(self) -> None:
+        """Take over what the kernel's own steps left behind."""
+        lean, self._lean = self._lean, None
+        if lean is None or not lean.used or self._native is None:
+            return
+        i, at = self._begun, self._record.at
+        batch = self._native.settled(i, at)
+        self._take_over(i, batch)
+        self._last = batch.now
+        self._record.last_state = self._x
+
+    def _prepared(self) -> Prepared | None:
+        """Steps of the kernel's alone from the last output on; None where more is to be looked at."""
+        rows, last = self._record.rows, self._last
+        if self._native is None or rows is None or last is None or self._recovery.careful:
+            return None
+        if self._events or self._progress is not None or self._suspicious(last.point):
+            return None
+        self._begun = self._record.at
+        self._watching = rows.q if self._redundant else None
+        return self._native.prepared(self._kernel_map(), last, self.times, rows, self._chart())
 
     @property
     def last(self) -> Evaluation:
         """The evaluation accepted last."""
+        self.settle()
         assert self._last is not None  # output 0 is accepted before anyone asks
         return self._last
 
@@ -52,22 +125,31 @@ class SteppedRun(FixedRun):
         return self._record.at
 
     @property
+    def state(self) -> tuple[Array, Array]:
+        """q and v where the run is."""
+        if self._lean is None:
+            return self.last.point.q, self.last.v
+        return self._record.state()
+
+    @property
     def crossings(self) -> list[Crossing]:
         """Those passed so far."""
         return self._record.crossings
 
-    def hold(self, torque: Array) -> None:
-        """Hold a torque from the last output on, and look at the state there again if it is another."""
-        if np.array_equal(torque, self._held.value):
-            return
-        i = self.at
+    def _note(self, i: int, torque: Array, bits: bytes) -> None:
+        """A torque is held from time i on."""
         self._changes.append(i)
         self._torques.append(torque)
-        self._held.value = torque
+        self._held.value, self._bits = torque, bits
+
+    def _hold(self, i: int, torque: Array, bits: bytes) -> None:
+        """Hold a torque from output i, the last one, on, and look at the state there again."""
+        last = self.last
+        self._note(i, torque, bits)
         t = float(self.times[i])
-        known = None if self._native is None else self._native.look(t, self.last)
+        known = None if self._native is None else self._native.look(t, last)
         if known is None:
-            self._last = self._motion.equations.at_point(t, self.last.point)
+            self._last = self._motion.equations.at_point(t, last.point)
         else:
             self._last = known
             self._motion.equations.calls += 1
@@ -97,6 +179,7 @@ class SteppedRun(FixedRun):
 
     def grow(self, times: Array) -> None:
         """Go on to more output times, the first of which are the present ones."""
+        self.settle()
         self._schedule = Schedule.every(times)
         self._record.grow(self._schedule)
 
@@ -106,7 +189,9 @@ class SteppedRun(FixedRun):
 
     def copied(self, parts: dict[str, Any] | None = None) -> dict[str, Any]:
         """A copy of all that steps change, or of such a copy; what they do not change is shared."""
-        parts = self.parts() if parts is None else parts
+        if parts is None:
+            self.settle()
+            parts = self.parts()
         shared: list[Any] = [self._counters, parts["_schedule"]]
         for mechanism in {id(m): m for m in (self._record.mechanism, parts["_motion"].mechanism)}.values():
             shared += _unchanging(mechanism)
@@ -114,6 +199,7 @@ class SteppedRun(FixedRun):
 
     def put_back(self, parts: dict[str, Any]) -> None:
         """Go back to where these parts were copied."""
+        self._lean = None
         for name, value in self.copied(parts).items():
             setattr(self, name, value)
         self._held.value = self._torques[-1]
@@ -127,15 +213,14 @@ class HeldRun(SteppedRun):
         ask, motion = self._held.asked, self._motion
         assert ask is not None  # `HeldTorque.of` gave it
         start, times = motion.start, self.times.tolist()
-        self._held.value = ask(times[0], start.point.q, start.point.G.dot(start.ydot))
-        self._torques = [self._held.value]
-        self.advance(0, 0)
-        for i in range(len(times) - 1):
-            if i > 0:
-                self.hold(ask(times[i], self.last.point.q, self.last.v))
-            self.advance(i, i + 1, self.last)
+        first = ask(times[0], start.point.q, start.point.G.dot(start.ydot))
+        self._held.value, self._torques, self._bits = first, [first], first.tobytes()
+        self.begin()
+        self.take(first, 1)
+        for t in times[1:-1]:
             if self._ended:
                 return
+            self.take(ask(t, *self.state), 1)
 
 
 def _unchanging(mechanism: Mechanism) -> list[Any]:

@@ -24,7 +24,7 @@ from ..examples.families import Lengths, four_bars
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..printing import along
-from ..simulation.fixed import REFINED_ATOL, REFINED_RTOL
+from ..simulation.refined import REFINED_ATOL, REFINED_RTOL
 from ..simulation.simulate import simulate
 from ..simulation.stats import Stats
 from ..simulation.steppers import adaptive, rk4_step

@@ -100,7 +100,9 @@ def on_a_bridge(name: str) -> rg.Simulation:
     mechanism = make()
     sim = rg.Simulation(mechanism, v0=mechanism.lift(mechanism.home, ydot), backend="native")
     for _ in range(400):
-        explicit = sim.step()._run._motion.explicit
+        run = sim.step()._run
+        run.settle()
+        explicit = run._motion.explicit
         if explicit.in_zone and any(t.current is not None for t in read_back(explicit)):
             return sim
     raise AssertionError("no bridge was met")

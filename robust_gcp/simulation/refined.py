@@ -1,0 +1,127 @@
+"""A run's steps through zones without a bridge: with error control, on the true curve."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any
+
+import numpy as np
+
+from ..dynamics.equations import Evaluation
+from ..dynamics.problem import set_out
+from ..errors import SimulationError
+from ..maps.classical import SingularityWarning
+from ..mechanism.tree import Array
+from ..warning import warn
+from .recovery import Checkpoint, Recovery
+from .run import Run
+from .stats import extended
+from .steppers import NoProgressError, SolverStep, solver_steps
+from .within import SolverSteps
+
+REFINED_RTOL, REFINED_ATOL = 1e-10, 1e-12
+"""Tolerances of the error-controlled steps through a zone without a bridge."""
+
+REFINED_EFFORT = 5_000
+"""Right-hand sides that one such step may take."""
+
+TOLD = 3e-9
+"""Relative uncertainty of G by rounding that a warning tells."""
+
+
+class RefinedRun(Run):
+    """A run that can take a step of its own with error control.
+
+    Parameters
+    ----------
+    parts, options
+        As for `Run`.
+    """
+
+    def __init__(self, *parts: Any, **options: Any) -> None:
+        super().__init__(*parts, **options)
+        self._behind: Array = self._x  # the state before the last step
+        self._refinement: SolverSteps | None = None
+        self._told = False
+        self._recovery = Recovery(self._on_toggle, Checkpoint(0, self._x, self._motion.explicit.anchor))
+
+    def _looked_for(self, i: int) -> bool:
+        """Whether outputs or events may lie within the step that ends at time i."""
+        return bool(self._events) or bool(self._schedule.within(i))
+
+    def _accuracy(self) -> AbstractContextManager[None]:
+        """What evaluations are made in: carefully, on the true curve of an uncertified zone."""
+        return self._cluster_map().following_true_curve() if self._recovery.careful else nullcontext()
+
+    def _refined(self, i: int, begun: Evaluation) -> Array:
+        """One step through an uncertified zone by an error-controlled method."""
+        bridged, x, t, end = self._cluster_map(), self._x, float(self.times[i]), float(self.times[i + 1])
+        ends, dense = [t], []
+        looks = self._looked_for(i + 1)
+        while t < end:
+            with bridged.following_true_curve():
+                try:
+                    for step in self._refinements(x, np.array([t, end])):
+                        x, t = step.x, step.t1
+                        if looks:
+                            ends.append(t)
+                            dense.append(step.dense())
+                        elif t < end and self._renewed_within(i, begun, t, x):
+                            break
+                except NoProgressError as error:
+                    raise bridged.refusal() from error
+            if t < end:
+                bridged, x = self._cluster_map(), self._x
+        if looks:
+            self._refinement = SolverSteps(self._motion.explicit, self._motion.mechanism.m, ends, dense)
+        self._counters.refined_steps += 1
+        self._stretches = extended(self._stretches, float(self.times[i]), end)
+        return x
+
+    def _refinements(self, x: Array, times: Array) -> Iterator[SolverStep]:
+        """Steps with error control; a trial that is refused leaves the map where the step began."""
+        equations, explicit = self._motion.equations, self._motion.explicit
+        good = explicit.anchor
+
+        def f(t: float, state: Array) -> Array:
+            try:
+                return equations(t, state)
+            except SimulationError:
+                explicit.anchor = good
+                raise
+
+        tolerances = REFINED_RTOL, REFINED_ATOL, REFINED_EFFORT
+        for step in solver_steps("DOP853", f, x, times, *tolerances, rounding=self._rounding):
+            good = explicit.anchor
+            yield step
+
+    def _renewed_within(self, i: int, begun: Evaluation, t: float, x: Array) -> bool:
+        """Whether a step from time i, begun there, goes on at t in better coordinates, which are taken."""
+        if not self._suspicious(self._motion.explicit.anchor):
+            return False
+        names = self._better(self._motion.equations.evaluate(t, x).point)
+        if names is None:
+            return False
+        m, mechanism = self._motion.mechanism.m, self._in_coordinates(names)
+        try:
+            start = set_out(mechanism, begun.point.q, begun.v, choice=self._choice)
+            self._x = x
+            self._repartition(i, t, names)
+        except SimulationError:
+            return False
+        state = np.concatenate([start.x[: 2 * m], self._behind[2 * m :]])
+        self._recovery.safe = Checkpoint(i, state, start.start.point)
+        return True
+
+    def _rounding(self) -> float:
+        """What rounding leaves uncertain of G here; told once where that shows in the motion."""
+        lost, distance = self._cluster_map().rounding()
+        if lost > TOLD and not self._told:
+            self._told = True
+            warn(
+                f"the motion passes a singular place without a bridge at a distance of {distance:.1g} or "
+                f"less: rounding leaves it right to {lost:.0e} there, whatever the step",
+                SingularityWarning,
+            )
+        return lost
