@@ -10,10 +10,15 @@ from pathlib import Path
 import numpy as np
 
 from ..arguments import DEFAULT, Arguments, file, pathname, whole
+from ..mechanism.tree import Array
 from ..printing import table, write_json
 
 ROUNDING = 1e-11
 """rad: below this a floor measures the rounding of the reference, not the stepper's error."""
+
+
+AT_AN_END = 1e-6
+"""Turns: a crank that starts or ends so near to its crossing may count or not."""
 
 
 class RandomCase:
@@ -36,6 +41,24 @@ class RandomCase:
     def record(self) -> dict[str, object]:
         """Plain values for JSON."""
         return asdict(self) | {"ratio": self.ratio, "good": self.good}  # type: ignore[call-overload]
+
+
+def passed(cranks: Array, centers: Array, logged: Array) -> tuple[Array, Array]:
+    """How often each crank passes its crossing, or that and whole turns, and what was logged.
+
+    Parameters
+    ----------
+    cranks : ndarray (N, n)
+        Angles by time, rad.
+    centers : ndarray (n,)
+        Where they cross, rad.
+    logged : ndarray (n,)
+        How often that was logged; returned as expected for those that start or end there.
+    """
+    turns = (cranks - centers) / (2.0 * np.pi)
+    expected = np.abs(np.diff(np.floor(turns), axis=0)).astype(int).sum(axis=0)
+    at_an_end = np.abs(turns - np.round(turns))[[0, -1]].min(axis=0) < AT_AN_END
+    return expected, np.where(at_an_end, expected, logged)
 
 
 def arguments(add_to: Arguments, count: int, cases: str) -> None:

@@ -44,9 +44,6 @@ MOST_CALLS = 4000
 LATE = 1e-9
 """Steps before the end of one within which a change of coordinates belongs to the next."""
 
-AT_AN_END = 1e-6
-"""Turns: a crank that starts or ends so near to its crossing may count or not."""
-
 
 @dataclass(frozen=True)
 class Tree(RandomCase):
@@ -189,8 +186,6 @@ def measured(tree: Tree, equations: EquationsOfMotion, exact: Array) -> Tree:
     mechanism = _mechanism(tree)
     m, times = mechanism.m, _times(tree)
     truth = _configurations(equations, exact)
-    turns = (exact[:, :m] - np.array(tree.centers)) / (2.0 * np.pi)
-    expected = np.abs(np.diff(np.floor(turns), axis=0)).astype(int).sum(axis=0)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
@@ -200,8 +195,7 @@ def measured(tree: Tree, equations: EquationsOfMotion, exact: Array) -> Tree:
             return replace(tree, failure=f"{type(error).__name__}: {error}")
     order = [int(cluster.inputs[0]) for cluster in mechanism.clusters]
     logged = np.bincount([order[c.cluster] for c in run.crossings if c.cluster is not None], minlength=m)
-    ends = np.abs(turns - np.round(turns))[[0, -1]].min(axis=0) < AT_AN_END
-    logged[ends] = expected[ends]
+    expected, logged = random_cases.passed(exact[:, :m], np.array(tree.centers), logged)
     return replace(
         tree,
         expected=tuple(expected.tolist()),
