@@ -15,11 +15,13 @@ from ..errors import (
     SingularStartError,
     ToggleError,
 )
+from ..mechanism.joints import in_v
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.partition import spelled
 from ..mechanism.tolerances import DETERMINES, NEARLY_CLOSED, SAME_MODE, SINGULAR_START
 from ..mechanism.tree import Array
 from .charted_path import regular_path
+from .cluster.chart import CHANGE, best, smallest
 from .cluster.cluster_map import ClusterMap
 from .cluster.options import BridgeOptions
 from .cluster.outward import started
@@ -137,6 +139,7 @@ def begin(
     blocks = np.zeros(len(path.blocks))
     curvature = np.zeros(mechanism.nv) if mechanism.m == 1 else None
     point = path.renewed(Point(y, ydot, q, G, np.zeros(mechanism.nv), curvature, blocks, blocks, 0.0))
+    _require_serving(mechanism, tangent, G, y)
     trackers = _beside(mechanism, q, G, options, counters)
     return Start(path, ClusterMap(path, point, options, trackers=trackers).at(y, ydot), ydot, trackers)
 
@@ -173,18 +176,42 @@ def _parametrised(mechanism: Mechanism, tangent: Array, y: Array) -> Array:
     s = np.linalg.svd(tangent / mechanism.column_scale[:, None], compute_uv=False)
     s_block = np.linalg.svd(block / mechanism.column_scale[mechanism.iv_independent, None], compute_uv=False)
     if s_block[-1] < DETERMINES * s[0]:
-        moving = [
-            n
-            for n in mechanism.joint_names
-            if np.abs(tangent[mechanism.velocity_slice(n)]).max() > DETERMINES * np.abs(tangent).max()
-        ]
+        choices = _choices(mechanism, tangent)
+        found = {name for names in choices for name in names}
+        among = [each.name for each in in_v(mechanism.joints) if each.name in found]
         raise ToggleError(
             f"{', '.join(mechanism.independent)} stays at rest on this mode and cannot parametrise it; "
-            f"choose independent joints among {', '.join(moving)}",
+            f"choose independent joints among {', '.join(among)}",
             y,
-            [(n,) for n in moving] if mechanism.m == 1 else [],
+            choices,
         )
     return np.asarray(tangent @ np.linalg.inv(block), dtype=float)
+
+
+def _require_serving(mechanism: Mechanism, tangent: Array, G: Array, y: Array) -> None:
+    """Refuse independent joints that turn back on a mode at a singular start, or are about to."""
+    for cluster in mechanism.clusters:
+        J = G[np.ix_(cluster.iv, cluster.inputs)] / cluster.loops.column_scale[:, None]
+        T = np.linalg.qr(J)[0]
+        if cluster.m and smallest(T, cluster.chosen) < CHANGE * smallest(T, best(T)):
+            choices = _choices(mechanism, tangent)
+            names = ", ".join(mechanism.independent)
+            raise ToggleError(
+                f"start at a singularity: {names} moves little on this mode, beside others, and turns back "
+                f"next to it; joints that can: {spelled(choices)}",
+                y,
+                choices,
+            )
+
+
+def _choices(mechanism: Mechanism, tangent: Array) -> list[tuple[str, ...]]:
+    """Independent joints for a mode, the best ones first; of mobility 1 all that move on it."""
+    numbers = in_v(mechanism.joints)
+    T = np.linalg.qr(tangent / mechanism.column_scale[:, None])[0]
+    if mechanism.m > 1:
+        return [tuple(numbers[i].name for i in best(T))]
+    sizes = np.abs(T[:, 0])
+    return [(numbers[i].name,) for i in np.argsort(-sizes) if sizes[i] > DETERMINES * sizes.max()]
 
 
 def _beside(

@@ -8,6 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arguments import DEFAULT, Arguments, file, pathname, whole
 from ..mechanism.tree import Array
@@ -19,6 +20,9 @@ ROUNDING = 1e-11
 
 AT_AN_END = 1e-6
 """Turns: a crank that starts or ends so near to its crossing may count or not."""
+
+
+Counts = NDArray[np.int64]
 
 
 class RandomCase:
@@ -43,7 +47,7 @@ class RandomCase:
         return asdict(self) | {"ratio": self.ratio, "good": self.good}  # type: ignore[call-overload]
 
 
-def passed(cranks: Array, centers: Array, logged: Array) -> tuple[Array, Array]:
+def passed(cranks: Array, centers: Array, logged: Counts) -> tuple[Counts, Counts]:
     """How often each crank passes its crossing, or that and whole turns, and what was logged.
 
     Parameters

@@ -195,11 +195,11 @@ def measured(tree: Tree, equations: EquationsOfMotion, exact: Array) -> Tree:
             return replace(tree, failure=f"{type(error).__name__}: {error}")
     order = [int(cluster.inputs[0]) for cluster in mechanism.clusters]
     logged = np.bincount([order[c.cluster] for c in run.crossings if c.cluster is not None], minlength=m)
-    expected, logged = random_cases.passed(exact[:, :m], np.array(tree.centers), logged)
+    expected, found = random_cases.passed(exact[:, :m], np.array(tree.centers), logged)
     return replace(
         tree,
         expected=tuple(expected.tolist()),
-        crossings=tuple(logged.tolist()),
+        crossings=tuple(found.tolist()),
         changes=len(run.stats.repartitions),
         refined=run.stats.refined_steps,
         floor=float(np.abs(_same_steps(tree, equations, exact[0], run.stats) - truth).max()),

@@ -364,3 +364,33 @@ def test_crossings_of_long_steps_close_the_other_loops_too(stepper: str) -> None
         assert np.abs(chain.phi(one.q)).max() < 1e-12
         np.testing.assert_allclose(one.q, two.q, atol=1e-7 if stepper == "LSODA" else 1e-8)
         np.testing.assert_array_equal(one.y, one.q[chain.iq_independent])
+
+
+def test_a_start_where_modes_meet_is_the_same_in_every_coordinate() -> None:
+    """A four-bar and a dyad flat at once, four modes: joints that hardly move on one are replaced."""
+    points = {
+        "O": (0.0, 0.0),
+        "Q": (2.0, 0.0),
+        "A": (-0.7, 0.0),
+        "B": (1.1, 0.0),
+        "P": (2.9, 0.0),
+        "G": (-1.6, 0.0),
+    }
+    links = {"ground": "OQG", "crank": "OA", "coupler": "AB", "rocker": "BQ", "rod": "BP", "arm": "PG"}
+    joints = [
+        ("o", "ground", "crank"), ("a", "crank", "coupler"), ("b", "coupler", "rocker"),
+        ("q", "rocker", "ground"), ("c", "coupler", "rod"), ("p", "rod", "arm"), ("g", "arm", "ground"),
+    ]  # fmt: skip
+    made = families.planar_linkage(points, links, joints, ["o"])
+    modes = rg.analyse(made, np.zeros(made.nq)).modes
+    assert len(modes) == 4
+    changed = 0
+    for mode in modes:
+        ends = []
+        for name in made.joint_names:
+            mechanism = made.with_independent([name])
+            run = rg.simulate(mechanism, np.zeros(made.nq), 0.5 * mode, duration=0.05, step=1e-3, mode=mode)
+            ends.append(run.q[-1])
+            changed += len(run.stats.repartitions)
+        np.testing.assert_allclose(ends, ends[0][None].repeat(len(ends), 0), atol=1e-9)
+    assert changed > 0

@@ -20,7 +20,7 @@ def test_a_dozen_crossings_are_followed_and_counted() -> None:
 
 
 def test_passages_are_counted_by_turns() -> None:
-    """Forth and back, over a whole turn, beside the place, and one that ends on it, which may count or not."""
+    """Forth and back, over a whole turn, beside the place, and one that ends on it: it may count or not."""
     t = np.linspace(0.0, 1.0, 101)[:, None]
     cranks = np.hstack([np.sin(2.0 * np.pi * t) + 0.5, 7.0 * t + 0.1, 0.3 * t + 0.1, t - 1.0])
     expected, logged = passed(cranks, np.zeros(4), np.array([2, 1, 0, 0]))
