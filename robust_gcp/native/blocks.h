@@ -16,16 +16,16 @@ namespace rg {
 class Blocks {
   public:
     // Those of one part; det and rcond are told by their numbers in the description.
-    Blocks(const Description& d, Closures& closures, const Parts& parts, int part) : values_(closures.values) {
-        const int zero = static_cast<int>(closures.entries.size());
-        std::vector<int> block_of_row(d.rows, -1), block_of_v(d.nv, -1), place_of_v(d.nv, -1);
+    Blocks(const Description& d, Closures& closures, const Parts& parts, int part)
+        : values_(closures.values), inputs_(parts.list[part].count()) {
+        std::vector<int> block_of_v(d.nv, -1), place_of_v(d.nv, -1);
         for (int b = 0; b < d.blocks; ++b)
             for (int i = d.block_start[b]; i < d.block_start[b + 1]; ++i) {
-                block_of_row[d.block_rows[i]] = b;
                 block_of_v[d.block_columns[i]] = b;
                 place_of_v[d.block_columns[i]] = i - d.block_start[b];
             }
-        for (int i = 0; i < d.m; ++i) place_of_v[d.independent[i]] = i;
+        const std::vector<int>& inputs = parts.list[part].inputs;
+        for (int i = 0; i < inputs_; ++i) place_of_v[d.independent[inputs[i]]] = i;
         for (int b = 0; b < d.blocks; ++b) {
             if (parts.of_velocity[d.block_columns[d.block_start[b]]] != part) continue;
             Block block;
@@ -33,27 +33,34 @@ class Blocks {
             block.n = d.block_start[b + 1] - d.block_start[b];
             block.rows.assign(d.block_rows + d.block_start[b], d.block_rows + d.block_start[b + 1]);
             block.columns.assign(d.block_columns + d.block_start[b], d.block_columns + d.block_start[b + 1]);
-            block.at.assign(static_cast<std::size_t>(block.n) * block.n, zero);
             block.reference = d.reference[b];
-            for (int i = 0; i < block.n; ++i) {
-                for (int e = 0; e < zero; ++e) {
-                    const Entry& entry = closures.entries[e];
-                    if (entry.row != block.rows[i]) continue;
-                    const int owner = block_of_v[entry.v], place = place_of_v[entry.v];
-                    if (owner == b)
-                        block.at[i * block.n + place] = e;
-                    else if (owner < 0)
-                        block.given.push_back({i, place, e});
-                    else if (owner < b)
-                        block.known.push_back({i, entry.v, e});
-                    // entries above the diagonal blocks are structurally zero
-                }
+            if (block.n > 2) block.parity = in_order(d, closures, block, place_of_v);
+            std::vector<int> place_of_row(d.rows, -1);
+            for (int i = 0; i < block.n; ++i) place_of_row[block.rows[i]] = i;
+            const int entries = static_cast<int>(closures.entries.size());
+            for (int e = 0; e < entries; ++e) {
+                const Entry& entry = closures.entries[e];
+                const int row = place_of_row[entry.row];
+                if (row < 0) continue;
+                const int owner = block_of_v[entry.v], place = place_of_v[entry.v];
+                if (owner == b)
+                    block.filled.push_back({row, place, e});
+                else if (owner < 0)
+                    block.given.push_back({row, place, e});
+                else if (owner < b)
+                    block.known.push_back({row, entry.v, e});
+                // entries above the diagonal blocks are structurally zero
             }
-            if (block.n > 2) block.lu = Lu(block.n);
+            if (block.n > 2) {
+                block.lu = Lu(block.n);
+                block.last.resize(block.filled.size());
+            }
             widest_ = std::max(widest_, block.n);
             blocks_.push_back(block);
         }
         left_.resize(widest_);
+        sizes_.resize(widest_);
+        changes_.resize(widest_);
     }
 
     // Factorise K_d; false where a block is exactly singular or not finite.
@@ -62,18 +69,16 @@ class Blocks {
         for (Block& b : blocks_) {
             if (b.n > 2) {
                 double* a = b.lu.matrix();
-                for (int i = 0; i < b.n * b.n; ++i) a[i] = values_[b.at[i]];
+                std::fill(a, a + b.n * b.n, 0.0);
+                for (const Link& link : b.filled) a[link.other * b.n + link.row] = values_[link.entry];
                 b.lu.factor();
-                b.det = b.lu.det;
+                b.det = b.parity * b.lu.det;
                 good = good && b.lu.regular && std::isfinite(b.det);
                 continue;
             }
-            if (b.n == 2) {
-                for (int i = 0; i < 4; ++i) b.e[i] = values_[b.at[i]];
-                b.det = b.e[0] * b.e[3] - b.e[1] * b.e[2];
-            } else {
-                b.det = b.e[0] = values_[b.at[0]];
-            }
+            std::fill(b.e, b.e + 4, 0.0);
+            for (const Link& link : b.filled) b.e[b.n * link.row + link.other] = values_[link.entry];
+            b.det = b.n == 2 ? b.e[0] * b.e[3] - b.e[1] * b.e[2] : b.e[0];
             b.inverse = 1.0 / b.det;
             good = good && std::isfinite(b.inverse);
         }
@@ -85,23 +90,26 @@ class Blocks {
         double size = 0.0;
         for (Block& b : blocks_) {
             for (int i = 0; i < b.n; ++i) left_[i] = rhs[b.rows[i]];
-            size = std::max(size, substitute(b, u));
+            substitute(b, u);
+            for (int column : b.columns) size = std::max(size, std::fabs(u[column]));
         }
         return size;
     }
 
-    // Column j of −K_d⁻¹ K_i by velocity.
-    void solve_given(int j, double* u) {
+    // The column of −K_d⁻¹ K_i of one of the part's inputs, by velocity.
+    void solve_given(int input, double* u) {
         for (Block& b : blocks_) {
             std::fill(left_.begin(), left_.begin() + b.n, 0.0);
             for (const Link& link : b.given)
-                if (link.other == j) left_[link.row] -= values_[link.entry];
+                if (link.other == input) left_[link.row] -= values_[link.entry];
             substitute(b, u);
         }
     }
 
-    // det and rcond of each block after `factor`; returns the smallest rcond, 1 at most.
-    double measure(double* det, double* rcond) {
+    // det and rcond of each block after `factor`; returns the smallest rcond, 1 at most. Where that of a large
+    // block is above `enough` by how little K_d has changed since it was found, a lower bound stands for it:
+    // 1/‖K⁻¹‖ ≥ 1/‖K₀⁻¹‖ − ‖K − K₀‖.
+    double measure(double enough, double* det, double* rcond) {
         double worst = 1.0;
         for (Block& b : blocks_) {
             det[b.number] = b.det;
@@ -113,7 +121,7 @@ class Blocks {
                 const double root = std::sqrt(std::max(s * s - 4.0 * b.det * b.det, 0.0));
                 value = 2.0 * value / std::max(s + root, 1e-300);
             } else {
-                value = std::min(b.lu.rcond() / b.reference, 1.0);
+                value = stretch(b, enough);
             }
             rcond[b.number] = value;
             if (!(value >= worst)) worst = value;
@@ -123,17 +131,68 @@ class Blocks {
 
   private:
     struct Link {
-        int row, other, entry;  // local row; velocity or independent coordinate; value
+        int row, other, entry;  // local row; velocity, column of the block or input of the part; value
     };
     struct Block {
         int n = 0, number = 0;
-        std::vector<int> rows, columns, at;
-        std::vector<Link> known, given;
+        std::vector<int> rows, columns;
+        std::vector<Link> filled, known, given;
         double e[4] = {}, det = 0.0, inverse = 0.0, reference = 1.0;
+        double parity = 1.0;  // of the order of its rows and columns
         Lu lu;
+        Cells<double> last;   // entries with which 1/‖K⁻¹‖₁ was found, and that
+        double least = 0.0;
     };
 
-    double substitute(Block& b, double* u) {
+    // Rows and columns of a block loop by loop, columns that several loops share at the end: elimination then
+    // condenses each loop onto these, and leaves zero what is between others. Returns the order's parity.
+    static double in_order(const Description& d, const Closures& closures, Block& b, std::vector<int>& place_of_v) {
+        const auto loop_of = [&](int row) { return d.row_closure[row] < 0 ? d.closures + row : d.row_closure[row]; };
+        std::vector<int> owner(d.nv, -1);
+        const int shared = d.closures + d.rows;
+        for (const Entry& entry : closures.entries) {
+            if (std::find(b.rows.begin(), b.rows.end(), entry.row) == b.rows.end()) continue;
+            const int loop = loop_of(entry.row);
+            owner[entry.v] = owner[entry.v] < 0 || owner[entry.v] == loop ? loop : shared;
+        }
+        double parity = sorted(b.rows, [&](int row) { return loop_of(row); });
+        parity *= sorted(b.columns, [&](int v) { return owner[v]; });
+        for (int i = 0; i < b.n; ++i) place_of_v[b.columns[i]] = i;
+        return parity;
+    }
+
+    // Sorts by a key and keeps what is equal in its order; −1 for an odd number of exchanges.
+    template <typename Key>
+    static double sorted(std::vector<int>& items, Key key) {
+        double parity = 1.0;
+        for (std::size_t i = 1; i < items.size(); ++i)
+            for (std::size_t j = i; j > 0 && key(items[j]) < key(items[j - 1]); --j) {
+                std::swap(items[j], items[j - 1]);
+                parity = -parity;
+            }
+        return parity;
+    }
+
+    // 1/(‖K‖₁ ‖K⁻¹‖₁) of a large block, against that at the start.
+    double stretch(Block& b, double enough) {
+        if (!b.lu.regular || !std::isfinite(b.det)) return 0.0;
+        std::fill(sizes_.begin(), sizes_.begin() + b.n, 0.0);
+        std::fill(changes_.begin(), changes_.begin() + b.n, 0.0);
+        const double* last = b.last.data();
+        for (const Link& link : b.filled) {
+            const double value = values_[link.entry];
+            sizes_[link.other] += std::fabs(value);
+            changes_[link.other] += std::fabs(value - *last++);
+        }
+        const double unit = b.reference * *std::max_element(sizes_.begin(), sizes_.begin() + b.n);
+        const double change = *std::max_element(changes_.begin(), changes_.begin() + b.n);
+        if (b.least - change >= enough * unit) return std::min((b.least - change) / unit, 1.0);
+        for (std::size_t i = 0; i < b.last.size(); ++i) b.last[i] = values_[b.filled[i].entry];
+        b.least = b.lu.least_stretch();
+        return unit > 0.0 ? std::min(b.least / unit, 1.0) : 0.0;
+    }
+
+    void substitute(Block& b, double* u) {
         for (const Link& link : b.known) left_[link.row] -= values_[link.entry] * u[link.other];
         if (b.n == 1) {
             u[b.columns[0]] = left_[0] * b.inverse;
@@ -145,15 +204,12 @@ class Blocks {
             b.lu.solve(left_.data());
             for (int i = 0; i < b.n; ++i) u[b.columns[i]] = left_[i];
         }
-        double size = 0.0;
-        for (int column : b.columns) size = std::max(size, std::fabs(u[column]));
-        return size;
     }
 
     Cells<double>& values_;
     std::vector<Block> blocks_;
-    Cells<double> left_;
-    int widest_ = 1;
+    Cells<double> left_, sizes_, changes_;
+    int inputs_ = 0, widest_ = 1;
 };
 
 }  // namespace rg

@@ -25,8 +25,12 @@ SOURCES = ("rigid_bodies.cpp", "clusters.cpp", "dense.cpp", "kernel.cpp")
 SWITCH = "ROBUST_GCP_NATIVE"
 COMPILERS = ("c++", "g++", "clang++")
 DEFINES = ("-DBOOST_FUSION_INVOKE_MAX_ARITY=12", "-DBOOST_ALLOW_DEPRECATED_HEADERS")
-FLAGS = ("-std=c++17", "-O3", "-DNDEBUG", "-fno-math-errno", "-fPIC", "-fvisibility=hidden")
-"""No -march, so that the library runs on any processor of its kind; no -ffast-math: digits count."""
+FLAGS = (
+    *("-std=c++17", "-O3", "-DNDEBUG", "-fno-math-errno", "-fno-tree-slp-vectorize"),
+    *("-fPIC", "-fvisibility=hidden"),
+)
+"""No -march, so that the library runs on any processor of its kind; no -ffast-math: digits count. Vectors of
+three numbers packed in pairs wait for the numbers to be stored first."""
 SANITIZED = ("-std=c++17", "-O1", "-fPIC", "-fsanitize=address")
 CHECKED = ("-DNDEBUG", "-Deigen_assert(x)=((x)?void(0):__builtin_abort())")
 """Eigen's assertions without Pinocchio's, which want a whole `Data` where the lean one does."""

@@ -1,6 +1,7 @@
 // The joints of the spanning tree in world axes: placements, velocities, accelerations.
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <vector>
 
@@ -71,10 +72,15 @@ struct Chain {
 
     void place(const std::vector<int>& joints, const double* q) {
         for (int j : joints) {
-            if (bodies[j].kind == HINGE) {
-                cosine[j] = std::cos(q[bodies[j].q]);
-                sine[j] = std::sin(q[bodies[j].q]);
-            }
+            if (bodies[j].kind == HINGE) turn_to(j, q[bodies[j].q]);
+            put(j, q);
+        }
+    }
+
+    // The same after `place`, since when q was changed by `step` (nv).
+    void place_after(const std::vector<int>& joints, const double* q, const double* step) {
+        for (int j : joints) {
+            if (bodies[j].kind == HINGE) turn_by(j, q[bodies[j].q], step[bodies[j].first]);
             put(j, q);
         }
     }
@@ -116,6 +122,23 @@ struct Chain {
     }
 
   private:
+    void turn_to(int j, double angle) {
+        cosine[j] = std::cos(angle);
+        sine[j] = std::sin(angle);
+    }
+
+    // By the sums of the angle before and a step, whose series end below the last place where it is small.
+    void turn_by(int j, double angle, double step) {
+        if (!(std::fabs(step) < 1e-3)) {
+            turn_to(j, angle);
+            return;
+        }
+        const double s = step * step, sin = step * (1.0 - s / 6.0 * (1.0 - s / 20.0)),
+                     versine = 0.5 * s * (1.0 - s / 12.0), c = cosine[j], e = sine[j];
+        cosine[j] = c - (c * versine + e * sin);
+        sine[j] = e - (e * versine - c * sin);
+    }
+
     void put(int j, const double* q) {
         const Body& b = bodies[j];
         const Axes& parent = axes[b.parent];

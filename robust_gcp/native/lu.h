@@ -1,6 +1,7 @@
-// LU of one small dense matrix with partial pivoting, its determinant and reciprocal condition number.
+// LU of one small matrix with partial pivoting, its determinant and how much it stretches at least.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 #include <vector>
@@ -14,74 +15,83 @@ class Lu {
     double det = 0.0;
     bool regular = true;
 
-    explicit Lu(int n = 0) : n_(n), a_(static_cast<std::size_t>(n) * n), swap_(n), x_(n), sign_(n) {}
+    explicit Lu(int n = 0)
+        : n_(n), a_(static_cast<std::size_t>(n) * n), inverse_(n), swap_(n), x_(n), sign_(n) {}
 
-    int size() const { return n_; }
-    double* matrix() { return a_.data(); }  // row by row; overwritten by `factor`
+    // Column by column; overwritten by `factor`.
+    double* matrix() { return a_.data(); }
 
+    // Columns are passed over where they are zero in the pivot's row: K_d is sparse.
     void factor() {
-        norm_ = 0.0;
-        for (int j = 0; j < n_; ++j) {
-            double sum = 0.0;
-            for (int i = 0; i < n_; ++i) sum += std::fabs(a_[i * n_ + j]);
-            if (!(sum <= norm_)) norm_ = sum;
-        }
         det = 1.0;
         regular = true;
-        for (int k = 0; k < n_; ++k) {
+        const int n = n_;
+        for (int k = 0; k < n; ++k) {
+            double* __restrict below = &a_[k * n];
             int best = k;
-            for (int i = k + 1; i < n_; ++i)
-                if (std::fabs(a_[i * n_ + k]) > std::fabs(a_[best * n_ + k])) best = i;
+            for (int i = k + 1; i < n; ++i)
+                if (std::fabs(below[i]) > std::fabs(below[best])) best = i;
             swap_[k] = best;
             if (best != k) {
                 det = -det;
-                for (int j = 0; j < n_; ++j) std::swap(a_[k * n_ + j], a_[best * n_ + j]);
+                for (int j = 0; j < n; ++j) std::swap(a_[j * n + k], a_[j * n + best]);
             }
-            const double pivot = a_[k * n_ + k];
-            det *= pivot;
-            if (pivot == 0.0) {
+            det *= below[k];
+            inverse_[k] = 1.0 / below[k];
+            if (below[k] == 0.0) {
                 regular = false;
                 continue;
             }
-            for (int i = k + 1; i < n_; ++i) {
-                const double factor = a_[i * n_ + k] /= pivot;
-                if (factor == 0.0) continue;
-                for (int j = k + 1; j < n_; ++j) a_[i * n_ + j] -= factor * a_[k * n_ + j];
+            for (int i = k + 1; i < n; ++i) below[i] *= inverse_[k];
+            for (int j = k + 1; j < n; ++j) {
+                double* __restrict column = &a_[j * n];
+                const double entry = column[k];
+                if (entry == 0.0) continue;
+                for (int i = k + 1; i < n; ++i) column[i] -= entry * below[i];
             }
         }
     }
 
     void solve(double* x) const {
-        for (int k = 0; k < n_; ++k)
+        const int n = n_;
+        for (int k = 0; k < n; ++k)
             if (swap_[k] != k) std::swap(x[k], x[swap_[k]]);
-        for (int i = 0; i < n_; ++i)
-            for (int j = 0; j < i; ++j) x[i] -= a_[i * n_ + j] * x[j];
-        for (int i = n_ - 1; i >= 0; --i) {
-            for (int j = i + 1; j < n_; ++j) x[i] -= a_[i * n_ + j] * x[j];
-            x[i] /= a_[i * n_ + i];
+        for (int j = 0; j < n; ++j) take(x, j, j + 1, n);
+        for (int j = n - 1; j >= 0; --j) {
+            x[j] *= inverse_[j];
+            take(x, j, 0, j);
         }
     }
 
-    void solve_transposed(double* x) const {
-        for (int i = 0; i < n_; ++i) {
-            for (int j = 0; j < i; ++j) x[i] -= a_[j * n_ + i] * x[j];
-            x[i] /= a_[i * n_ + i];
-        }
-        for (int i = n_ - 1; i >= 0; --i)
-            for (int j = i + 1; j < n_; ++j) x[i] -= a_[j * n_ + i] * x[j];
-        for (int k = n_ - 1; k >= 0; --k)
-            if (swap_[k] != k) std::swap(x[k], x[swap_[k]]);
-    }
-
-    // 1/(‖A‖₁ ‖A⁻¹‖₁) with Higham's estimate of the second norm, as LAPACK's dgecon makes it
-    // (Higham, ACM Trans. Math. Softw. 14, 1988).
-    double rcond() {
-        if (!regular || !std::isfinite(norm_) || norm_ == 0.0) return 0.0;
+    // 1/‖A⁻¹‖₁ with Higham's estimate of the norm, as LAPACK's dgecon makes it (Higham, ACM Trans. Math.
+    // Softw. 14, 1988).
+    double least_stretch() {
+        if (!regular) return 0.0;
         const double inverse = inverse_norm();
-        return inverse > 0.0 ? 1.0 / inverse / norm_ : 0.0;
+        return inverse > 0.0 && std::isfinite(inverse) ? 1.0 / inverse : 0.0;
     }
 
   private:
+    // Rows `first` to `last` of x less those of column j times its entry.
+    void take(double* __restrict x, int j, int first, int last) const {
+        const double entry = x[j];
+        if (entry == 0.0) return;
+        const double* __restrict column = &a_[j * n_];
+        for (int i = first; i < last; ++i) x[i] -= entry * column[i];
+    }
+
+    void solve_transposed(double* x) const {
+        const int n = n_;
+        for (int i = 0; i < n; ++i) {
+            for (int j = 0; j < i; ++j) x[i] -= a_[i * n + j] * x[j];
+            x[i] *= inverse_[i];
+        }
+        for (int i = n - 1; i >= 0; --i)
+            for (int j = i + 1; j < n; ++j) x[i] -= a_[i * n + j] * x[j];
+        for (int k = n - 1; k >= 0; --k)
+            if (swap_[k] != k) std::swap(x[k], x[swap_[k]]);
+    }
+
     double inverse_norm() {
         for (double& e : x_) e = 1.0 / n_;
         solve(x_.data());
@@ -131,8 +141,7 @@ class Lu {
     }
 
     int n_;
-    double norm_ = 0.0;
-    Cells<double> a_;
+    Cells<double> a_, inverse_;  // the factors, and what the pivots are divided by
     std::vector<int> swap_;
     Cells<double> x_, sign_;
 };

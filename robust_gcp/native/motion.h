@@ -119,13 +119,13 @@ class Motion {
 
     // Several coordinates. Where digits were lost Python looks at it.
     Reason several(const Chain& chain, Point& point) {
-        sweep_.form(chain, point, v.data(), acting_ ? tau.data() : nullptr);
+        bool good = sweep_.eliminate(chain, point, v.data(), acting_ ? tau.data() : nullptr, DEFINITE);
         kinetic_ = sweep_.kinetic;
-        bool good = true;
         sweep_.diagonal([&](const Part& part, int input, double inertia) {
             good = good && inertia > LOST * alone(part.velocities, point.G(), input);
         });
-        return good && sweep_.solve(DEFINITE, ydd.data()) ? DONE : INERTIA;
+        if (good) sweep_.solve(ydd.data());
+        return good ? DONE : INERTIA;
     }
 
     // What the joints' motions in column j of G would have as inertia one by one; others do not move.

@@ -34,6 +34,7 @@ class Path {
     const bool on_groups;
     const bool redundant;  // whether rows of φ are left over
     std::int64_t newton_iterations = 0, evaluations = 0;
+    double enough = POOR;  // conditioning above which it need not be known
 
     explicit Path(const Description& d)
         : chain(d),
@@ -252,7 +253,10 @@ class Path {
         double last_size = infinite, last_step = infinite;
         loops.iterations = loops.evaluations = 0;
         for (int iteration = 0; iteration < MAX_NEWTON; ++iteration) {
-            chain.place(part.joints, q);
+            if (iteration == 0)
+                chain.place(part.joints, q);
+            else
+                chain.place_after(part.joints, q, step_.data());
             const double size = loops.closures.residual(q);
             ++loops.evaluations;
             if (!std::isfinite(size)) return false;
@@ -272,13 +276,14 @@ class Path {
         return false;
     }
 
+    // Takes u off q, and leaves the step in `step_`.
     void correct(const Part& part, const Loops& loops, double* q) {
+        for (int k : part.inputs) step_[independent_[k]] = 0.0;
+        for (int i : loops.dependent) step_[i] = -u_[i] * scale_[i];
         if (loops.flat) {
-            for (int i : loops.dependent) q[chain.number_at[i]] -= u_[i] * scale_[i];
+            for (int i : loops.dependent) q[chain.number_at[i]] += step_[i];
             return;
         }
-        for (int i : part.velocities) step_[i] = 0.0;
-        for (int i : loops.dependent) step_[i] = -u_[i] * scale_[i];
         for (int j : part.joints) {
             const Body& b = chain.bodies[j];
             integrate_joint(b.kind, q + b.q, step_.data() + b.first, q + b.q);
@@ -295,11 +300,11 @@ class Path {
             const Part& part = parts.list[i];
             Blocks& blocks = loops_[i]->blocks;
             blocks.factor();
-            const double conditioning = blocks.measure(point.det(), point.rcond());
+            const double conditioning = blocks.measure(enough, point.det(), point.rcond());
             if (!(conditioning >= point.conditioning())) point.conditioning() = conditioning;  // keeps a NaN
-            for (int k : part.inputs) {
-                blocks.solve_given(k, u_.data());
-                for (int v : loops_[i]->dependent) G[v * m + k] = scale_[v] * u_[v];
+            for (int a = 0; a < part.count(); ++a) {
+                blocks.solve_given(a, u_.data());
+                for (int v : loops_[i]->dependent) G[v * m + part.inputs[a]] = scale_[v] * u_[v];
             }
             if (m > 1) {
                 product(part, point, point.ydot(), v_.data());

@@ -122,12 +122,13 @@ class alignas(CACHE_LINE) Stepper {
         if (r.sizes == nullptr) return false;
         const int m = path.layout.m;
         const double* G = point.G();
-        for (int j = 0; j < m; ++j) {
-            const double own = r.sizes[independent_[j]];
-            if (!(own > 0.0)) continue;
-            for (int i = 0; i < path.layout.nv; ++i)
-                if (std::abs(G[i * m + j]) * (r.sizes[i] / own) > r.limit) return true;
-        }
+        for (const Part& part : path.parts.list)
+            for (int j : part.inputs) {
+                const double own = r.sizes[independent_[j]];
+                if (!(own > 0.0)) continue;
+                for (int i : part.velocities)
+                    if (std::abs(G[i * m + j]) * r.sizes[i] > r.limit * own) return true;
+            }
         return false;
     }
 
@@ -143,6 +144,7 @@ class alignas(CACHE_LINE) Stepper {
 
     // Takes up the state, and the point at it.
     void begin(const Request& r) {
+        path.enough = std::max(POOR, r.zone);
         if (r.beginning < ON && r.bridging != nullptr) clusters.use(*r.bridging);
         if ((r.beginning == GO_ON || r.beginning >= ON) && accepted_ != nullptr) {
             anchor_ = accepted_;

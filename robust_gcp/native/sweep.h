@@ -1,7 +1,7 @@
-// Gᵀ M G and Gᵀ (M g + C) of any tree of parts, in one frame for all bodies: the world's axes at a point
-// near by. What moves a part is X_b = ∂V_b/∂u (6, m_part) of its bodies; so a loop cluster is a joint of
-// several bodies, and the composite-rigid-body method goes over parts (Featherstone, Rigid Body Dynamics
-// Algorithms, 2008, chapters 6 and 8). It costs the same for each part, but for those that carry it.
+// u̇ of any tree of parts, in one frame for all bodies: the world's axes at a point near by. What moves a
+// part is X_b = ∂V_b/∂u (6, m_part) of its bodies; so a loop cluster is a joint of several bodies, and the
+// articulated-body method goes over parts (Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 7):
+// it eliminates Gᵀ M G, which it never forms, from the last part to the first, at the same cost for each.
 #pragma once
 
 #include <algorithm>
@@ -11,53 +11,10 @@
 
 #include "abi.h"
 #include "cells.h"
-#include "groups.h"
+#include "inertias.h"
 #include "path.h"
 
 namespace rg {
-
-struct Wrench {
-    Vec force, moment;
-};
-
-inline Wrench& operator+=(Wrench& a, const Wrench& b) {
-    a.force += b.force;
-    a.moment += b.moment;
-    return a;
-}
-inline double dot(const Twist& v, const Wrench& f) { return dot(v.linear, f.force) + dot(v.angular, f.moment); }
-
-// A rigid body's inertia about the common point: mass, mass times centre, second moments xx xy yy xz yz zz.
-struct Massive {
-    double mass = 0.0;
-    Vec first;
-    double second[6] = {};
-
-    Massive() = default;
-    Massive(const Body& b, const Axes& a, const Vec& from) : mass(b.mass) {
-        const Vec c = from + a.turn(b.centre);
-        first = mass * c;
-        const double* I = b.inertia;
-        const Vec x = I[0] * a.x + I[1] * a.y + I[3] * a.z, y = I[1] * a.x + I[2] * a.y + I[4] * a.z,
-                  z = I[3] * a.x + I[4] * a.y + I[5] * a.z;
-        second[0] = a.x.x * x.x + a.y.x * y.x + a.z.x * z.x + first.y * c.y + first.z * c.z;
-        second[1] = a.x.x * x.y + a.y.x * y.y + a.z.x * z.y - first.x * c.y;
-        second[2] = a.x.y * x.y + a.y.y * y.y + a.z.y * z.y + first.x * c.x + first.z * c.z;
-        second[3] = a.x.x * x.z + a.y.x * y.z + a.z.x * z.z - first.x * c.z;
-        second[4] = a.x.y * x.z + a.y.y * y.z + a.z.y * z.z - first.y * c.z;
-        second[5] = a.x.z * x.z + a.y.z * y.z + a.z.z * z.z + first.x * c.x + first.y * c.y;
-    }
-
-    Wrench operator*(const Twist& v) const {
-        return {mass * v.linear + cross(v.angular, first), times_inertia(second, v.angular) + cross(first, v.linear)};
-    }
-    Massive& operator+=(const Massive& o) {
-        mass += o.mass;
-        first += o.first;
-        for (int i = 0; i < 6; ++i) second[i] += o.second[i];
-        return *this;
-    }
-};
 
 class Sweep {
   public:
@@ -71,23 +28,25 @@ class Sweep {
             for (Body& b : world_->bodies) b.held = false;
         }
         V_.resize(n), A_.resize(n), massive_.resize(n), wrench_.resize(n), ways_at_.resize(n);
-        std::size_t ways = 0, widest = 0;
-        for (const Part& part : parts_)
+        freed_.resize(n), yielded_.resize(n);
+        for (const Body& b : path.chain.bodies)
+            heavy_.push_back(b.mass != 0.0 || std::any_of(b.inertia, b.inertia + 6, [](double i) { return i != 0.0; }));
+        bears_.assign(n, 0);
+        std::size_t ways = 0, widest = 0, square = 0;
+        for (const Part& part : parts_) {
+            bears_[part.root] = part.root > 0;
             for (int j : part.joints) {
                 ways_at_[j] = ways;
                 ways += part.inputs.size();
-                widest = std::max(widest, part.inputs.size());
             }
-        ways_.resize(ways);
-        push_.resize(widest);
-        const std::size_t m = static_cast<std::size_t>(d.m);
-        H_.resize(m * m), right_.resize(m), unit_.resize(m), before_.resize(m);
-        for (const Part& part : parts_) {
-            int last = -1;  // the last input of the parts that carry it
-            for (int c = part.carrier; c >= 0 && last < 0; c = parts_[c].carrier)
-                if (parts_[c].count()) last = parts_[c].first + parts_[c].count() - 1;
-            for (int k = 0; k < part.count(); ++k) before_[part.first + k] = k ? part.first + k - 1 : last;
+            widest = std::max(widest, part.inputs.size());
+            factors_at_.push_back(square);
+            square += part.inputs.size() * part.inputs.size();
         }
+        ways_.resize(ways);
+        factors_.resize(square);
+        const std::size_t m = static_cast<std::size_t>(d.m);
+        push_.resize(m), right_.resize(m), alone_.resize(m);
     }
 
     // Where all bodies are, after `Path::step` or `Path::survey` at the point.
@@ -98,144 +57,179 @@ class Sweep {
         return *world_;
     }
 
-    // Forms Gᵀ M G and −Gᵀ (M g + C − τ) at velocities v, after `place`; τ (nv,) may be null.
-    void form(const Chain& chain, Point& point, const double* v, const double* tau) {
+    // Eliminates Gᵀ M G beside −Gᵀ (M g + C − τ) at velocities v, after `place`; τ (nv,) may be null. False
+    // where a squared pivot is not above `least` times its entry of the diagonal.
+    bool eliminate(const Chain& chain, Point& point, const double* v, const double* tau, double least) {
         forward(chain, point, v);
         kinetic *= 0.5;
-        std::fill(right_.begin(), right_.end(), 0.0);
-        const int m = path_.layout.m;
-        const double *G = point.G(), *g = point.g();
-        for (std::size_t i = parts_.size(); i-- > 0;) {
-            const Part& part = parts_[i];
-            const int count = part.count();
-            for (int a = 0; a < count; ++a) {
-                push_[a] = {};
-                for (int b = 0; b <= a; ++b) H(part.first + a, part.first + b) = 0.0;
-            }
-            for (int j : part.joints) {
-                const Twist* X = &ways_[ways_at_[j]];
-                for (int a = 0; a < count; ++a) {
-                    const Wrench f = massive_[j] * X[a];
-                    push_[a] += f;
-                    for (int b = 0; b <= a; ++b) H(part.first + a, part.first + b) += dot(X[b], f);
-                    right_[part.first + a] -= dot(X[a], wrench_[j]);
-                }
-                if (part.root > 0) {
-                    massive_[part.root] += massive_[j];
-                    wrench_[part.root] += wrench_[j];
-                }
-            }
-            for (int v : part.velocities) {
-                const double rotor = armature_[v], force = rotor * g[v] - (tau == nullptr ? 0.0 : tau[v]);
-                for (int a = 0; a < count; ++a) {
-                    const double turn = G[v * m + part.inputs[a]];
-                    right_[part.first + a] -= turn * force;
-                    if (rotor == 0.0) continue;
-                    for (int b = 0; b <= a; ++b)
-                        H(part.first + a, part.first + b) += rotor * turn * G[v * m + part.inputs[b]];
-                }
-            }
-            for (int root = part.root, c = part.carrier; c >= 0; root = parts_[c].root, c = parts_[c].carrier) {
-                const Twist* X = &ways_[ways_at_[root]];
-                for (int b = 0; b < parts_[c].count(); ++b)
-                    for (int a = 0; a < count; ++a) H(part.first + a, parts_[c].first + b) = dot(X[b], push_[a]);
-            }
-        }
+        for (std::size_t i = parts_.size(); i-- > 0;)
+            if (!eliminate(i, point, tau, least)) return false;
+        return true;
     }
 
     // Entry k of the diagonal of Gᵀ M G, by input.
     template <typename Visit>
     void diagonal(Visit visit) const {
         for (const Part& part : parts_)
-            for (int a = 0; a < part.count(); ++a)
-                visit(part, part.inputs[a], H_[(part.first + a) * unit_.size() + part.first + a]);
+            for (int a = 0; a < part.count(); ++a) visit(part, part.inputs[a], alone_[part.first + a]);
     }
 
-    // u̇ from what was formed, by LᵀL with a unit diagonal, in which no entry appears between parts that do
-    // not carry each other; false where a squared pivot is not above `least`.
-    bool solve(double least, double* ydd) {
-        const int m = static_cast<int>(unit_.size());
-        for (int i = 0; i < m; ++i) {
-            if (!(H(i, i) > 0.0)) return false;
-            unit_[i] = 1.0 / std::sqrt(H(i, i));
-        }
-        for (int i = 0; i < m; ++i) {
-            right_[i] *= unit_[i];
-            for (int j = i; j >= 0; j = before_[j]) H(i, j) *= unit_[i] * unit_[j];
-        }
-        for (int k = m - 1; k >= 0; --k) {
-            if (!(H(k, k) > least)) return false;
-            H(k, k) = 1.0 / std::sqrt(H(k, k));
-            for (int i = before_[k]; i >= 0; i = before_[i]) H(k, i) *= H(k, k);
-            for (int i = before_[k]; i >= 0; i = before_[i]) {
-                const double factor = H(k, i);
-                for (int j = i; j >= 0; j = before_[j]) H(i, j) -= factor * H(k, j);
+    // u̇ after `eliminate`, carriers first.
+    void solve(double* ydd) {
+        yielded_[0] = {};
+        for (std::size_t i = 0; i < parts_.size(); ++i) {
+            const Part& part = parts_[i];
+            const int count = part.count();
+            const double* L = factors_.data() + factors_at_[i];
+            double* right = right_.data() + part.first;
+            const Twist& root = yielded_[part.root];
+            for (int a = count; a-- > 0;) {
+                if (part.root > 0) right[a] -= dot(root, push_[part.first + a]);
+                for (int b = a + 1; b < count; ++b) right[a] -= L[b * count + a] * right[b];
+                right[a] *= L[a * count + a];
+                ydd[part.inputs[a]] = right[a];
             }
-            right_[k] *= H(k, k);
-            for (int i = before_[k]; i >= 0; i = before_[i]) right_[i] -= H(k, i) * right_[k];
+            for (int j : part.joints) {
+                if (!bears_[j]) continue;
+                yielded_[j] = root;
+                for (int a = 0; a < count; ++a) yielded_[j] += right[a] * ways_[ways_at_[j] + a];
+            }
         }
-        for (int k = 0; k < m; ++k) {
-            for (int i = before_[k]; i >= 0; i = before_[i]) right_[k] -= H(k, i) * right_[i];
-            right_[k] *= H(k, k);
-        }
-        for (const Part& part : parts_)
-            for (int a = 0; a < part.count(); ++a)
-                ydd[part.inputs[a]] = right_[part.first + a] * unit_[part.first + a];
-        return true;
     }
 
   private:
-    double& H(int i, int j) { return H_[static_cast<std::size_t>(i) * unit_.size() + j]; }
+    // One part: its square of what is left of Gᵀ M G becomes L with inverse pivots, its right-hand side L⁻¹ of
+    // that, and `push_` L⁻¹ of what its inputs ask of the body that carries it, to which it is added.
+    bool eliminate(std::size_t i, Point& point, const double* tau, double least) {
+        const Part& part = parts_[i];
+        const int count = part.count(), root = part.root;
+        double *L = factors_.data() + factors_at_[i], *right = right_.data() + part.first;
+        double* alone = alone_.data() + part.first;
+        Wrench* push = push_.data() + part.first;
+        std::fill(L, L + count * count, 0.0);
+        std::fill(right, right + count, 0.0);
+        std::fill(alone, alone + count, 0.0);
+        std::fill(push, push + count, Wrench{});
+        for (int j : part.joints) {
+            if (!heavy_[j] && !bears_[j]) continue;
+            const Twist* X = ways_.data() + ways_at_[j];
+            for (int a = 0; a < count; ++a) {
+                const Wrench f = bears_[j] ? freed_[j] * X[a] : massive_[j] * X[a];
+                const double own = dot(X[a], f);
+                push[a] += f;
+                for (int b = 0; b < a; ++b) L[a * count + b] += dot(X[b], f);
+                L[a * count + a] += own;
+                alone[a] += bears_[j] ? dot(X[a], massive_[j] * X[a]) : own;
+                right[a] -= dot(X[a], wrench_[j]);
+            }
+            if (root == 0) continue;
+            if (bears_[j])
+                freed_[root] += freed_[j];
+            else
+                freed_[root].add(massive_[j]);
+            massive_[root] += massive_[j];
+            wrench_[root] += wrench_[j];
+        }
+        with_rotors(part, point, tau, L);
+        for (int a = 0; a < count; ++a) {
+            double* row = L + a * count;
+            for (int b = 0; b < a; ++b) {
+                for (int c = 0; c < b; ++c) row[b] -= row[c] * L[b * count + c];
+                row[b] *= L[b * count + b];
+                row[a] -= row[b] * row[b];
+                push[a] -= row[b] * push[b];
+                right[a] -= row[b] * right[b];
+            }
+            if (!(row[a] > least * alone[a])) return false;
+            row[a] = 1.0 / std::sqrt(row[a]);
+            push[a] = row[a] * push[a];
+            right[a] *= row[a];
+            if (root == 0) continue;
+            freed_[root].release(push[a]);
+            wrench_[root] += right[a] * push[a];
+        }
+        return true;
+    }
+
+    // What motors and τ add to a part's square and right-hand side.
+    void with_rotors(const Part& part, Point& point, const double* tau, double* L) {
+        const int count = part.count(), m = path_.layout.m;
+        const double *G = point.G(), *g = point.g();
+        for (int v : part.velocities) {
+            const double rotor = armature_[v], force = rotor * g[v] - (tau == nullptr ? 0.0 : tau[v]);
+            if (rotor == 0.0 && force == 0.0) continue;
+            for (int a = 0; a < count; ++a) {
+                const double turn = G[v * m + part.inputs[a]], inertia = rotor * turn;
+                right_[part.first + a] -= turn * force;
+                alone_[part.first + a] += inertia * turn;
+                for (int b = 0; b <= a; ++b) L[a * count + b] += inertia * G[v * m + part.inputs[b]];
+            }
+        }
+    }
 
     // X, V, and A at u̇ = 0, of all bodies, and the wrenches that these take.
     void forward(const Chain& chain, Point& point, const double* v) {
-        const int m = path_.layout.m;
-        const double *G = point.G(), *g = point.g();
         const Vec near = chain.p[1];
         V_[0] = {};
         A_[0] = {Vec{} - chain.gravity, {}};
         kinetic = 0.0;
-        for (const Part& part : parts_) {
-            const int count = part.count();
+        for (const Part& part : parts_)
             for (int j : part.joints) {
-                const Body& b = chain.bodies[j];
                 const Vec from = chain.p[j] - near;
-                Twist* X = count ? &ways_[ways_at_[j]] : nullptr;
-                const Twist* before = b.parent == part.root || !count ? nullptr : &ways_[ways_at_[b.parent]];
-                for (int a = 0; a < count; ++a) X[a] = before == nullptr ? Twist{} : before[a];
-                Twist own, bent;
-                for (int i = b.first; i < b.first + b.count; ++i) {
-                    const Vec& axis = chain.axes[j][chain.freedoms[i].column];
-                    const Twist S = chain.freedoms[i].turning ? Twist{cross(from, axis), axis} : Twist{axis, {}};
-                    for (int a = 0; a < count; ++a) X[a] += G[i * m + part.inputs[a]] * S;
-                    own += v[i] * S;
-                    bent += g[i] * S;
-                    kinetic += armature_[i] * v[i] * v[i];
-                }
-                V_[j] = V_[b.parent] + own;
-                A_[j] = A_[b.parent] + bent + bracket(V_[b.parent], own);
-                massive_[j] = Massive(b, chain.axes[j], from);
+                move(chain, part, j, from, point, v);
+                if (bears_[j]) freed_[j] = {}, massive_[j] = {}, wrench_[j] = {};
+                if (!heavy_[j]) continue;
+                massive_[j] = Massive(chain.bodies[j], chain.axes[j], from);
+                if (bears_[j]) freed_[j].add(massive_[j]);
                 const Wrench momentum = massive_[j] * V_[j];
                 kinetic += dot(V_[j], momentum);
                 wrench_[j] = massive_[j] * A_[j];
                 wrench_[j].force += cross(V_[j].angular, momentum.force);
                 wrench_[j].moment += cross(V_[j].angular, momentum.moment) + cross(V_[j].linear, momentum.force);
             }
+    }
+
+    // X, V and A of a joint's body.
+    void move(const Chain& chain, const Part& part, int j, const Vec& from, Point& point, const double* v) {
+        const int count = part.count(), m = path_.layout.m;
+        const double *G = point.G(), *g = point.g();
+        const Body& b = chain.bodies[j];
+        Twist* X = ways_.data() + ways_at_[j];
+        if (b.parent == part.root)
+            std::fill(X, X + count, Twist{});
+        else
+            std::copy(ways_.data() + ways_at_[b.parent], ways_.data() + ways_at_[b.parent] + count, X);
+        Twist own, bent;
+        for (int i = b.first; i < b.first + b.count; ++i) {
+            const Vec& axis = chain.axes[j][chain.freedoms[i].column];
+            const Twist S = chain.freedoms[i].turning ? Twist{cross(from, axis), axis} : Twist{axis, {}};
+            own += v[i] * S;
+            bent += g[i] * S;
+            for (int a = 0; a < count; ++a) {
+                const double turn = G[i * m + part.inputs[a]];
+                if (turn != 0.0) X[a] += turn * S;
+            }
+            kinetic += armature_[i] * v[i] * v[i];
         }
+        V_[j] = V_[b.parent] + own;
+        A_[j] = A_[b.parent] + bent + bracket(V_[b.parent], own);
     }
 
     Path& path_;
     const std::vector<Part>& parts_;
     std::unique_ptr<Chain> world_;  // where joints on groups are, which the path's chain holds still
     Cells<double> armature_;
+    std::vector<char> heavy_, bears_;  // by body: whether it has inertia, and whether it carries parts
     Cells<Twist> V_, A_;
-    Cells<Massive> massive_;  // of each body, then with all parts that it carries
+    Cells<Massive> massive_;    // of each body, then with all that it carries
+    Cells<Articulated> freed_;  // of bodies that carry parts: with these moving freely
     Cells<Wrench> wrench_;
-    Cells<Twist> ways_;  // X of all bodies
-    std::vector<std::size_t> ways_at_;
-    Cells<Wrench> push_;  // what each input of a part takes in all
-    Cells<double> H_, right_, unit_;
-    std::vector<int> before_;  // by input in a row: the one before it along the chain of parts, −1 for none
+    Cells<Twist> ways_;     // X of all bodies
+    Cells<Twist> yielded_;  // how u̇ accelerates bodies that carry parts
+    std::vector<std::size_t> ways_at_, factors_at_;
+    Cells<Wrench> push_;     // by input in a row
+    Cells<double> factors_;  // L of each part
+    Cells<double> right_, alone_;
 };
 
 }  // namespace rg
