@@ -104,6 +104,7 @@ class alignas(CACHE_LINE) Stepper {
 
     // The point with the anchor's q, closed, at the state x and times[0], and ÿ there.
     void set_out(Request& r) {
+        path.enough = std::max(POOR, r.zone);
         Point& point = slots_[0];
         point.read(r.anchor);
         std::copy(r.x, r.x + path.layout.m, point.y());
