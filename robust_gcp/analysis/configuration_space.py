@@ -56,6 +56,13 @@ class ModeCurve:
     turns: tuple[int, ...]
     stop: str = ""
 
+    def __repr__(self) -> str:
+        """Name, size and how it ends."""
+        met = dict.fromkeys(visit.point for visit in self.visits)
+        passes = f", singular points {', '.join(map(str, met))}" if met else ""
+        end = f"closed, turns {self.turns}" if self.closed else self.stop
+        return f"ModeCurve({self.name!r}: {len(self.q)} configurations{passes}; {end})"
+
 
 @dataclass(frozen=True)
 class ConfigurationSpace:
@@ -77,6 +84,11 @@ class ConfigurationSpace:
     singular_points: tuple[LocalAnalysis, ...]
     seeds: int = 0
     met: tuple[int, ...] = ()
+
+    def __repr__(self) -> str:
+        """The summary, and the modes."""
+        lines = [f"ConfigurationSpace of {self.mechanism.name!r}: {self.summary}", *map(repr, self.modes)]
+        return "\n  ".join(lines)
 
     def meeting(self, point: int) -> tuple[str, ...]:
         """Names of the modes that pass a singular point, one for each tangent there."""

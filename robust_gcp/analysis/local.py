@@ -61,6 +61,14 @@ class LocalAnalysis:
     modes: tuple[Array, ...]
     message: str
 
+    def __repr__(self) -> str:
+        """The picture in words, and the modes."""
+        lines = [f"LocalAnalysis({self.kind} at q = {np.round(self.q, 4).tolist()}: {self.message})"]
+        if len(self.modes) > 1:
+            shown = [np.round(mode, 4).tolist() for mode in self.modes]
+            lines += [f"modes[{i}] = {mode}" for i, mode in enumerate(shown)]
+        return "\n  ".join(lines)
+
     @property
     def differential_dof(self) -> int:
         """δ_diff = nv − rank K: dimension of the tangent space, the instantaneous freedom."""

@@ -164,8 +164,8 @@ def driven_start(
         return point.q
     except SimulationError as error:
         raise OptionError(
-            f"drive: home cannot be led to where {', '.join(drive.names)} begin ({position}): {error}; "
-            "give q0, closed and with the driven joints there"
+            f"drive: home has {', '.join(drive.names)} at {q[_places(mechanism, drive)]} and cannot be led "
+            f"to where the drive begins, {position}: {error}; give q0, closed, with the driven joints there"
         ) from error
 
 

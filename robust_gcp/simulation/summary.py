@@ -10,6 +10,9 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .stats import Stats
 
+ROUNDED = 1e-12
+"""Share of a run below which a time is told as zero: a start at a singular place passes it at once."""
+
 SHOWN = 7
 """Names or times that are listed."""
 
@@ -35,7 +38,8 @@ def told(motion: Told, recorded: Sequence[str]) -> str:
         f"  recorded: {', '.join(recorded)}",
     ]
     if motion.crossings:
-        when = [f"{c.time:.4g} s" for c in motion.crossings]
+        least = ROUNDED * float(motion.t[-1] - motion.t[0])
+        when = [f"{c.time if abs(c.time) > least else 0.0:.4g} s" for c in motion.crossings]
         lines.append(f"  {len(when)} crossings: {_brief(when)}")
     if motion.t_events:
         counts = _brief([str(len(times)) for times in motion.t_events])

@@ -315,3 +315,21 @@ def test_the_search_says_how_far_it_went() -> None:
     assert once.search.endswith("met by one of them alone: b, so there may be more: use more seeds")
     ended = replace(space, modes=(space.modes[0], replace(space.modes[1], closed=False, stop="a cusp")))
     assert "not followed to the end: b" in ended.search
+
+
+def test_what_is_printed_is_a_summary() -> None:
+    """Not a wall of numbers: a line a mode."""
+    space = rg.trace_modes(rg.load("rhombus"))
+    head, *modes = str(space).splitlines()
+    assert head == "ConfigurationSpace of 'rhombus': 3 modes, 3 singular points"
+    assert [line.split(":")[0].strip() for line in modes] == [
+        "ModeCurve('a'",
+        "ModeCurve('b'",
+        "ModeCurve('c'",
+    ]
+    assert all(f"{len(m.q)} configurations" in line for m, line in zip(space.modes, modes, strict=True))
+    told = str(rg.analyse(rg.load("rhombus"), np.zeros(3))).splitlines()
+    assert told[0].startswith("LocalAnalysis(singular at q = [0.0, 0.0, 0.0]: rank 1 against 2")
+    assert told[1:] == ["  modes[0] = [1.0, -1.0, 1.0]", "  modes[1] = [0.0, 1.0, 1.0]"]
+    (alone,) = str(rg.analyse(rg.load("rhombus"), [0.2, -0.2, 0.2])).splitlines()
+    assert alone.startswith("LocalAnalysis(regular")
