@@ -32,7 +32,10 @@ Direction = tuple[float, float, float]
 Term = tuple[int, float, Direction, Direction]
 """A rotation row's term: row within the closure's rotation rows, weight w, u in frame 1, n in frame 2."""
 
-_X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+AXES: tuple[Direction, Direction, Direction] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+"""Of a frame, in itself."""
+
+_X, _Y, _Z = AXES
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from ..errors import ModelError
 from .closures import Closure, Index
 from .couplings import AnyClosure, CouplingClosure, Couplings
 from .joints import Joint, joint_named, support
 from .rows import ALONG, ROTATION, RotationRows, RowsAlong, rows_of
+from .tolerances import STRUCTURAL
 from .tree import Array, Tree
 from .vectors import CROSS, apply, cross, skew
 
@@ -207,6 +209,36 @@ class ImplicitConstraint:
         if self._coupling is not None:
             k[self._coupled] = self._coupling.bias(tree.q, tree.qdot)
         return k * self._weight
+
+
+def without_zero_rows(
+    tree: Tree, closures: Sequence[AnyClosure], length: float, configurations: Sequence[Array]
+) -> ImplicitConstraint:
+    """The constraint of the closures, less rows that vanish with their K at all of these configurations.
+
+    Raises
+    ------
+    ModelError
+        Where such a row of K leaves frames apart that no joint can bring together.
+    """
+    full = ImplicitConstraint(tree, closures)
+    scale = np.where(full.is_length, length, 1.0)
+    used = np.zeros(len(full.rows), dtype=bool)
+    constant = np.zeros(len(full.rows))
+    for q in configurations:
+        tree.jacobians(q)
+        constant = full.residual() / scale
+        used |= np.max(np.abs(full.jacobian()), axis=1, initial=0.0) > STRUCTURAL * scale
+    open_rows = np.flatnonzero(~used & (np.abs(constant) > STRUCTURAL))
+    if len(open_rows):
+        row = int(open_rows[0])
+        raise ModelError(
+            f"closure {full.labels[row]}: its frames stay "
+            f"{abs(constant[row] * scale[row]):.3g} {'m' if full.is_length[row] else 'rad'} "
+            "apart in every configuration, along a direction that no joint moves; "
+            "shift or turn one of the two frames"
+        )
+    return ImplicitConstraint(tree, closures, np.flatnonzero(used))
 
 
 class _Layout:

@@ -12,10 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..checks import check_model, checked_vector, listed, require_finite
 from ..errors import ClosureError, ModelError, StateError
-from .closures import (
-    closure_frames,
-)
-from .constraint import ImplicitConstraint
+from .closures import closure_frames
+from .constraint import without_zero_rows
 from .couplings import AnyClosure, CouplingClosure, Couplings
 from .joints import Joint, in_v, joint_named
 from .loop_graph import characteristic_length
@@ -66,7 +64,9 @@ class ClosedLoops:
         self.nq, self.nv = self.tree.nq, self.tree.nv
         self.joint_names = tuple(joint.name for joint in self.joints)
         self.length = characteristic_length(self.model, self.closures)
-        self.implicit = self._implicit_without_zero_rows()
+        self.implicit = without_zero_rows(
+            self.tree, self.closures, self.length, self.generic_configurations()
+        )
         self.nc = len(self.implicit.rows)
 
     # ----------------------------------------------------------------- the implicit constraint
@@ -280,26 +280,6 @@ class ClosedLoops:
     def generic_jacobians(self) -> list[Array]:
         """K at the generic configurations."""
         return [self.K(q) for q in self.generic_configurations()]
-
-    def _implicit_without_zero_rows(self) -> ImplicitConstraint:
-        full = ImplicitConstraint(self.tree, self.closures)
-        scale = np.where(full.is_length, self.length, 1.0)
-        used = np.zeros(len(full.rows), dtype=bool)
-        constant = np.zeros(len(full.rows))
-        for q in self.generic_configurations():
-            self.tree.jacobians(q)
-            constant = full.residual() / scale
-            used |= np.max(np.abs(full.jacobian()), axis=1, initial=0.0) > STRUCTURAL * scale
-        open_rows = np.flatnonzero(~used & (np.abs(constant) > STRUCTURAL))
-        if len(open_rows):
-            row = int(open_rows[0])
-            raise ModelError(
-                f"closure {full.labels[row]}: its frames stay "
-                f"{abs(constant[row] * scale[row]):.3g} {'m' if full.is_length[row] else 'rad'} "
-                "apart in every configuration, along a direction that no joint moves; "
-                "shift or turn one of the two frames"
-            )
-        return ImplicitConstraint(self.tree, self.closures, np.flatnonzero(used))
 
 
 def _as_closure(closure: AnyClosure) -> AnyClosure:

@@ -8,9 +8,7 @@ from typing import Any, ClassVar
 
 from numpy.typing import NDArray
 
-from .closures import AxisClosure, Closure, Direction, Term, closure_kinds
-
-AXES: tuple[Direction, Direction, Direction] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+from .closures import AXES, AxisClosure, Closure, Direction, Term, closure_kinds
 
 
 @dataclass(frozen=True)

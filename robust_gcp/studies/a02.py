@@ -16,7 +16,7 @@ import numpy as np
 from ..arguments import DEFAULT, Arguments, file, number, pathname, positive, whole
 from ..errors import OptionError, SimulationError
 from ..examples.linkages import n_four_bar
-from ..maps.closed_form import pendulum
+from ..maps.pendulum import pendulum
 from ..printing import along, table, write_json
 from ..simulation.simulate import simulate
 

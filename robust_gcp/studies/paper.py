@@ -23,8 +23,8 @@ from ..drawing.figures.mechanism import body_legend, draw_pose, face_on, pose
 from ..errors import SimulationError
 from ..maps.choice import Method
 from ..maps.classical import SingularityWarning
-from ..maps.closed_form import parallelogram_pendulum, pendulum
 from ..maps.four_bar import draw_four_bar
+from ..maps.pendulum import parallelogram_pendulum, pendulum
 from ..mechanism.folders.loader import load
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array

@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 from scipy.optimize import brentq
 
-from ...maps.closed_form import pendulum
+from ...maps.pendulum import pendulum
 from ...mechanism.tree import Array
 from ..stepping import stepped
 from .case import Case, Families, Setting, family, row

@@ -44,9 +44,6 @@ TILES = 40
 """Cells in a line of a mosaic, which a family of more than `MOST_ROWS` cases is drawn as."""
 
 
-Pair = tuple[float, float]
-
-
 def slug(family: str) -> str:
     """A file name from a family's name."""
     return re.sub(r"[^a-z0-9]+", "_", family.lower()).strip("_")

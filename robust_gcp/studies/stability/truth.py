@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from ...maps.closed_form import parallelogram_pendulum
+from ...maps.pendulum import parallelogram_pendulum
 from ...mechanism.folders.loader import load
 from ...mechanism.forces import Force, PointSpring
 from ...mechanism.mechanism import Mechanism

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...maps.closed_form import pendulum
+from ...maps.pendulum import pendulum
 from ...mechanism.tree import Array
 from ...simulation.steppers import adaptive
 from .reduced import OneDof, Reduced

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...examples.linkages import four_bar, n_four_bar
-from ...maps.closed_form import parallelogram_pendulum
+from ...maps.pendulum import parallelogram_pendulum
 from ...mechanism.folders.loader import load
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
