@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 
@@ -148,13 +149,19 @@ def test_parts_are_the_model() -> None:
 
 
 def test_nothing_is_run_that_the_adapter_does_not_know() -> None:
-    """A platform on ball joints: every tool's adapter says why not."""
-    stewart = rg.load("stewart")
+    """A platform that floats is for Pinocchio and MuJoCo, a ball for Pinocchio alone: the others say why not."""
     times = np.linspace(0.0, 0.1, 3)
-    scene = Scene("stewart", stewart, stewart.home, np.zeros(stewart.nv), times)
-    for peer in peers.contenders():
-        if peer.family != "Pinocchio":
-            assert "adapter" in peer.refuses(scene)
+    stewart, model = rg.load("stewart"), pin.Model()
+    model.addJoint(0, pin.JointModelSpherical(), pin.SE3.Identity(), "ball")
+    model.appendBodyToJoint(1, pin.Inertia.Random(), pin.SE3.Identity())
+    ball = rg.Mechanism.from_pinocchio(model)
+    for mechanism, known in ((stewart, ("Pinocchio", "MuJoCo")), (ball, ("Pinocchio",))):
+        scene = Scene("", mechanism, mechanism.home, np.zeros(mechanism.nv), times)
+        for peer in peers.contenders():
+            if peer.family not in known:
+                assert "adapter" in peer.refuses(scene)
+            elif peer.family == "MuJoCo":
+                assert peer.refuses(scene) == ""
     coupled = rg.Mechanism.from_pinocchio(
         rg.load("five_bar").model, [rg.CouplingClosure("q1", "q3", -1.0)], ["q1", "q2", "q4"]
     )
@@ -362,6 +369,45 @@ def test_mujoco_takes_springs_and_dampers_of_joints() -> None:
     mujoco.mj_forward(model, data)
     a, _ = rg.implicit_dynamics(mechanism, bare.home, v)
     np.testing.assert_allclose(data.qacc, a, rtol=1e-9, atol=1e-9)
+
+
+@needs("mujoco")
+def test_mujoco_takes_floating_bases() -> None:
+    """A linkage on a thrown body, its joint placed askew: our motion at its order; states back and forth."""
+    from robust_gcp.examples.families import four_bars
+    from robust_gcp.studies.peers.mujoco import Bases
+
+    plain = four_bars(
+        [(4.0, 1.0, 3.5, 3.0)], [1.0], floating=pin.Inertia(3.0, np.zeros(3), np.diag([0.6, 0.4, 0.5]))
+    )
+    model = plain.model.copy()
+    model.jointPlacements[1] = pin.SE3(pin.exp3(np.array([0.3, -0.8, 0.5])), np.array([1.0, 2.0, 3.0]))
+    mechanism = rg.Mechanism.from_pinocchio(
+        model, plain.closures, independent=plain.independent, home=plain.home
+    )
+    q = pin.integrate(
+        mechanism.model, mechanism.home, np.concatenate([[0.3, -0.2, 0.5, 1.0, -0.7, 2.0], np.zeros(3)])
+    )
+    ydot = np.array([0.5, -0.3, 1.0, 0.4, 0.6, -0.8, 0.9])
+    v = mechanism.lift(q, ydot)
+    bases = Bases(mechanism)
+    for ours, again in zip((q, v), bases.ours(*bases.theirs(q, v)), strict=True):
+        assert min(np.abs(ours - again).max(), np.abs(np.abs(ours) - np.abs(again)).max()) < 1e-14
+    times = np.linspace(0.0, 0.4, 21)
+    scene = Scene("thrown", mechanism, q, v, times)
+    run = rg.simulate(mechanism, q, v, duration=0.4, step=2e-3)
+    exact = run.q[::10]
+    found = []
+    for count in (8, 16, 32):
+        outcome = contender("MuJoCo connect, tuned").run(scene, times[1] / count)
+        assert not outcome.stopped
+        sign = np.sign(np.sum(outcome.q[:, 3:7] * exact[:, 3:7], axis=1))[:, None]
+        off = outcome.q - exact
+        off[:, 3:7] = outcome.q[:, 3:7] * sign - exact[:, 3:7]
+        found.append(np.abs(off).max())
+        assert np.abs(outcome.v[-1] - run.v[-1]).max() < 1e3 * found[-1] + 1e-6
+    assert orders(np.array(found))[-1] > 1.6
+    assert found[-1] < 1e-4
 
 
 @needs("mujoco")

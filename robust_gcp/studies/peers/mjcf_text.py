@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...mechanism.forces import JointDamper, JointSpring, PointSpring
+from ...mechanism.joints import JointKind
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from .parts import Joint, Place, closure_places, frame_place, held_points, joints
@@ -18,7 +19,7 @@ THIN = 1e-12
 
 
 def mjcf(mechanism: Mechanism) -> str:
-    """MJCF of a mechanism with hinges and sliders; joints keep their names and order.
+    """MJCF of a mechanism with hinges, sliders and floating bases; joints keep their names and order.
 
     Equality constraints have MuJoCo's default softness, and drives are left out: they are set on the data.
     """
@@ -55,6 +56,21 @@ def _body(parent: ElementTree.Element, joint: Joint, mechanism: Mechanism) -> El
     body = ElementTree.SubElement(
         parent, "body", name=joint.name, pos=_text(place.translation), quat=_quaternion(place.rotation)
     )
+    if joint.kind is JointKind.FREE_FLYER:
+        ElementTree.SubElement(body, "freejoint", name=joint.name)
+    else:
+        _simple_joint(body, joint, mechanism)
+    moments, axes = np.linalg.eigh(inertia.inertia)
+    axes[:, 0] *= np.linalg.det(axes)
+    moments = np.maximum(moments, THIN * (moments.max() or inertia.mass * mechanism.length**2))
+    moments[1] += max(0.0, moments[2] - moments[0] - moments[1])  # a lamina's triangle, lost by rounding
+    where = {"pos": _text(inertia.lever), "quat": _quaternion(axes)}
+    ElementTree.SubElement(body, "inertial", where, mass=_text([inertia.mass]), diaginertia=_text(moments))
+    return body
+
+
+def _simple_joint(body: ElementTree.Element, joint: Joint, mechanism: Mechanism) -> None:
+    """A hinge or slider with its springs and dampers."""
     kind = "hinge" if joint.hinge else "slide"
     made = ElementTree.SubElement(body, "joint", name=joint.name, type=kind, axis=_text(joint.axis))
     springs = [f for f in mechanism.forces if isinstance(f, JointSpring) and f.joint == joint.name]
@@ -64,13 +80,6 @@ def _body(parent: ElementTree.Element, joint: Joint, mechanism: Mechanism) -> El
         made.set("springref", repr(float(sum(f.stiffness * f.rest for f in springs) / stiffness)))
     damping = sum(f.damping for f in mechanism.forces if isinstance(f, JointDamper) and f.joint == joint.name)
     made.set("damping", repr(float(damping)))
-    moments, axes = np.linalg.eigh(inertia.inertia)
-    axes[:, 0] *= np.linalg.det(axes)
-    moments = np.maximum(moments, THIN * (moments.max() or inertia.mass * mechanism.length**2))
-    moments[1] += max(0.0, moments[2] - moments[0] - moments[1])  # a lamina's triangle, lost by rounding
-    where = {"pos": _text(inertia.lever), "quat": _quaternion(axes)}
-    ElementTree.SubElement(body, "inertial", where, mass=_text([inertia.mass]), diaginertia=_text(moments))
-    return body
 
 
 def _site(bodies: list[ElementTree.Element], place: Place, shift: Array) -> str:

@@ -12,8 +12,10 @@ from typing import Any
 
 import mujoco
 import numpy as np
+import pinocchio as pin
 from mujoco import rollout
 
+from ...mechanism.joints import JointKind
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ..contender import Contender, Kind, Outcome, Outputs, Scene, clock, division
@@ -27,6 +29,9 @@ SHORTEST = 2.0
 """Steps of the constraints' time constant; MuJoCo clips smaller ones (`refsafe`)."""
 
 APPLIED = mujoco.mjtState.mjSTATE_QFRC_APPLIED
+
+ORDER = [0, 1, 2, 6, 3, 4, 5]
+"""Of a place's numbers in MuJoCo, as they stand in Pinocchio's."""
 
 EVALUATIONS = {"Euler": 1, "implicitfast": 1, "RK4": 4}
 """Forward dynamics in a step of each integrator."""
@@ -47,8 +52,8 @@ class Connect:
 
     def refuses(self, scene: Scene) -> str:
         """Why not: joints other than hinges and sliders, or closures of whole frames."""
-        if not has_simple_joints(scene.mechanism):
-            return "the adapter knows hinges and sliders only"
+        if not has_simple_joints(scene.mechanism, floating=True):
+            return "the adapter knows hinges, sliders and floating bases only"
         if any(c.kind not in ("3d", "revolute") for c in scene.mechanism.closures):
             return "connect holds points together, and a closure here holds whole frames"
         return ""
@@ -61,7 +66,8 @@ class Connect:
         if self.time_constant is not None:
             model.eq_solref[:] = (self.time_constant(h), 1.0)
         data = mujoco.MjData(model)
-        data.qpos[:], data.qvel[:] = scene.q0, scene.v0
+        bases = Bases(scene.mechanism)
+        data.qpos[:], data.qvel[:] = bases.theirs(scene.q0, scene.v0)
         data.qfrc_applied[:] = constant_torques(scene.mechanism)
         start, applied = (
             _state(model, data, kind) for kind in (mujoco.mjtState.mjSTATE_FULLPHYSICS, APPLIED)
@@ -78,9 +84,47 @@ class Connect:
         finally:
             mujoco.set_mju_user_warning(before)
         for state in states[0, substeps - 1 :: substeps, 1:]:  # the first number is the time
-            if not outputs.put(state[: model.nq], state[model.nq : model.nq + model.nv]):
+            if not outputs.put(*bases.ours(state[: model.nq], state[model.nq : model.nq + model.nv])):
                 break
         return outputs.outcome(seconds, EVALUATIONS[self.stepper] * steps)
+
+
+class Bases:
+    """States with floating bases in MuJoCo's numbers: places in the world, velocities along its axes.
+
+    There the quaternion comes scalar first. All other joints have the same numbers here and there.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self._bases = [
+            (joint.idx_q, joint.idx_v, mechanism.model.jointPlacements[joint.index])
+            for joint in mechanism.joints
+            if joint.kind is JointKind.FREE_FLYER
+        ]
+
+    def theirs(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """qpos and qvel of q and v."""
+        qpos, qvel = q.copy(), v.copy()
+        for i, j, placement in self._bases:
+            place = placement * pin.XYZQUATToSE3(q[i : i + 7])
+            qpos[i : i + 7] = pin.SE3ToXYZQUAT(place)[ORDER]
+            qvel[j : j + 3] = place.rotation @ v[j : j + 3]
+        return qpos, qvel
+
+    def ours(self, qpos: Array, qvel: Array) -> tuple[Array, Array]:
+        """q and v of qpos and qvel; its quaternion goes on as theirs does."""
+        q, v = qpos.copy(), qvel.copy()
+        for i, j, placement in self._bases:
+            x, y, z, w = pin.Quaternion(placement.rotation.T).coeffs()
+            turn, now = pin.Quaternion(w, x, y, z), pin.Quaternion(*qpos[i + 3 : i + 7])
+            q[i : i + 3] = placement.actInv(qpos[i : i + 3])
+            q[i + 3 : i + 7] = (turn * now).coeffs()
+            v[j : j + 3] = now.matrix().T @ qvel[j : j + 3]
+        return q, v
 
 
 def _state(model: Any, data: Any, kind: int) -> Array:

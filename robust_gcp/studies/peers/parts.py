@@ -19,19 +19,28 @@ Place = tuple[int, pin.SE3]
 
 @dataclass(frozen=True)
 class Joint:
-    """A hinge or slider with its body."""
+    """A hinge, a slider or a free-flyer with its body."""
 
     name: str
     parent: int  # index of the parent joint; 0 is the ground
     placement: pin.SE3  # on the parent's body
-    hinge: bool  # else a slider
-    axis: Array  # (3,): unit vector in the joint's own axes
+    kind: JointKind
+    axis: Array  # (3,): unit vector in the joint's own axes; of no meaning for a free-flyer
     inertia: pin.Inertia  # of the body, in the joint's own axes
 
+    @property
+    def hinge(self) -> bool:
+        """Whether it turns about its axis."""
+        return self.kind is JointKind.HINGE
 
-def has_simple_joints(mechanism: Mechanism) -> bool:
-    """Whether all joints are hinges and sliders with one number in q."""
-    return all(joint.kind in (JointKind.HINGE, JointKind.SLIDE) for joint in mechanism.joints)
+
+def has_simple_joints(mechanism: Mechanism, floating: bool = False) -> bool:
+    """Whether all joints are hinges and sliders with one number in q; or free-flyers on the ground."""
+    return all(
+        joint.kind in (JointKind.HINGE, JointKind.SLIDE)
+        or (floating and joint.kind is JointKind.FREE_FLYER and mechanism.model.parents[joint.index] == 0)
+        for joint in mechanism.joints
+    )
 
 
 def joints(mechanism: Mechanism) -> list[Joint]:
@@ -39,10 +48,10 @@ def joints(mechanism: Mechanism) -> list[Joint]:
     model = mechanism.model
     found = []
     for joint in mechanism.joints:
-        i, hinge = joint.index, joint.kind is JointKind.HINGE
-        assert joint.axis is not None  # see `has_simple_joints`
+        i = joint.index
         placement, inertia = model.jointPlacements[i], model.inertias[i]
-        found.append(Joint(joint.name, int(model.parents[i]), placement, hinge, joint.axis, inertia))
+        axis = np.zeros(3) if joint.axis is None else joint.axis
+        found.append(Joint(joint.name, int(model.parents[i]), placement, joint.kind, axis, inertia))
     return found
 
 
