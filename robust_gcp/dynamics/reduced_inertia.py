@@ -18,6 +18,9 @@ CANCELLED = 1e-6
 """Gᵀ M G of one coordinate, relative to the size of the products in it, below which they have lost as many
 digits; the bodies' sum has not. Where no loop ties the joints, G puts them in order and nothing cancels."""
 
+TAKES_PART = 1e-3
+"""Share of a lost motion from which a joint is named."""
+
 DEFINITE = 1e-11
 """Smallest squared pivot of Gᵀ M G with a unit diagonal: below, ÿ has fewer than five digits left."""
 
@@ -50,16 +53,17 @@ class ReducedInertia:
             single = 2.0 * self._tree.kinetic(q, direction)
             # a bound that costs one product decides nearly always; NaN goes on to the stepper's own check
             if single <= self._suspect * direction.dot(direction) and single <= LOST * self._alone(direction):
-                raise self._singular()
+                raise self._singular(np.ones(1))
             return force / single
         inertia = self._matrix(q, G)
         diagonal = inertia.diagonal()
-        if any(a <= LOST * self._alone(column) for a, column in zip(diagonal, G.T, strict=True)):
-            raise self._singular()
+        lost = [a <= LOST * self._alone(column) for a, column in zip(diagonal, G.T, strict=True)]
+        if any(lost):
+            raise self._singular(np.array(lost, dtype=float))
         size = 1.0 / np.sqrt(diagonal)
         factor, info = scipy.linalg.lapack.dpotrf(inertia * size[:, None] * size, lower=1)
         if info > 0 or factor.diagonal().min(initial=1.0) ** 2 <= DEFINITE:
-            raise self._singular()
+            raise self._singular(np.linalg.eigh(inertia * size[:, None] * size)[1][:, 0])
         found: Array = scipy.linalg.lapack.dpotrs(factor, (size * force.T).T, lower=1)[0]
         ydd: Array = (size * found.T).T
         return ydd
@@ -87,9 +91,14 @@ class ReducedInertia:
         pace = float(np.abs(direction * self._scale).max())
         return self._own * pace * pace
 
-    def _singular(self) -> SimulationError:
-        names = ", ".join(self._mechanism.independent)
+    def _singular(self, motion: Array) -> SimulationError:
+        """The error for a lost motion (m,) of the independent joints, which names those that take part."""
+        names = self._mechanism.independent
+        if len(names) == len(motion):
+            part = np.abs(motion) >= TAKES_PART * np.abs(motion).max()
+            names = tuple(name for name, moves in zip(names, part, strict=True) if moves)
         return SimulationError(
-            f"the reduced inertia Gᵀ M G of {self._mechanism.name!r} is singular: a motion of {names} moves "
-            "no mass, or too little to be told from rounding; give its links inertia"
+            f"the reduced inertia Gᵀ M G of {self._mechanism.name!r} is singular: a motion of "
+            f"{', '.join(names)} moves no mass, or too little to be told from rounding; give its links "
+            "inertia"
         )

@@ -156,7 +156,7 @@ class Mechanism(Coordinates):
         """
         contents = read_urdf(urdf, base)
         tell_left_out(contents.left_out, _called(urdf, "URDF"), strict)
-        contents.closures += listed(closures, "closures", "closures, such as PointClosure(frame1, frame2)")
+        contents.close(listed(closures, "closures", "closures, such as PointClosure(frame1, frame2)"))
         contents.forces += listed(forces, "forces", "forces, such as JointSpring(joint, stiffness)")
         return cls.from_contents(contents, independent, home, name)
 

@@ -39,7 +39,7 @@ from .stepped import HeldRun
 from .steppers import check_stepper, rk4_step
 from .tableau import Tableau
 from .trajectory import Trajectory
-from .unnamed import STIFF, in_parts, is_guarded, with_error_control, words_of
+from .unnamed import STIFF, in_parts, is_guarded, taken_again, words_of
 
 RECORDS = ("a", "energy", "multipliers", "tau")
 
@@ -187,9 +187,9 @@ def simulate(
     asked = checked_events(events)
     guarded = guarded and is_guarded(tableau, method, drive, applied, backend)
     again = partial(
-        simulate, mechanism, q0, v0, duration, step, torque=torque, wrenches=wrenches, events=events, t0=t0,
-        outputs=outputs, record=record, mode=mode, rtol=rtol, atol=atol, on_toggle=on_toggle, options=options,
-        progress=progress,
+        simulate, mechanism, q0, v0, duration, step=step, torque=torque, wrenches=wrenches, events=events,
+        t0=t0, outputs=outputs, record=record, mode=mode, rtol=rtol, atol=atol, on_toggle=on_toggle,
+        options=options, progress=progress,
     )  # fmt: skip
     drives = None
     if drive is not None:
@@ -253,7 +253,7 @@ def simulate(
         coarse = Coarse(mechanism, step)
         fault = coarse.fault(finished) if guarded else None
     if fault is not None:
-        return with_error_control(again, step, fault)
+        return taken_again(again, schedule, step, fault)
     if fixed and method == "bridge":
         coarse.judge(finished)
     return finished

@@ -24,6 +24,9 @@ from .trajectory import Trajectory
 CONTROLLED, STIFF = "DOP853", "Radau"
 """What takes over: where a motion becomes too fast on the way, and where it is stiff from the start."""
 
+FINER = 16
+"""Parts of the step where that stops too, as where coordinates have to be changed on the way."""
+
 TOO_LONG = (BranchError, NonFiniteError)
 """Errors that shorter steps may mend."""
 
@@ -53,11 +56,14 @@ def words_of(stop: SimulationError | ClosureError) -> str | None:
     return f"{type(stop).__name__}: {stop}" if isinstance(stop, TOO_LONG) else None
 
 
-def with_error_control(run: Callable[..., Trajectory], step: float, fault: str) -> Trajectory:
-    """The run taken once more by a stepper that chooses its steps, which is told."""
-    warn(
-        f"no step was named, and steps of {step:g} s do not serve ({fault}); the motion is taken again with "
-        f"error control, stepper={CONTROLLED!r}, and recorded as before",
-        CoarseStepWarning,
-    )
-    return run(stepper=CONTROLLED)
+def taken_again(run: Callable[..., Trajectory], schedule: Schedule, step: float, fault: str) -> Trajectory:
+    """The run by a stepper that chooses its steps, or, where that stops, in finer ones of RK4; it is told."""
+    told = f"no step was named, and steps of {step:g} s do not serve ({fault}); the motion is taken again"
+    try:
+        found = run(stepper=CONTROLLED)
+    except SimulationError as stop:
+        finer = step / FINER
+        warn(f"{told} in steps of {finer:.4g} s, as {CONTROLLED} stops ({stop})", CoarseStepWarning)
+        return run(step=finer, outputs=schedule.outputs)
+    warn(f"{told} with error control, stepper={CONTROLLED!r}, and recorded as before", CoarseStepWarning)
+    return found

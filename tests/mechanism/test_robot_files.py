@@ -52,7 +52,7 @@ LOADING = {
     "grbda/tello_humanoid.urdf": Loaded(42, 0, 42),
     "newton_boxes_fourbar": Loaded(3, 2, 1),
     "reachy_mini/reachy_mini.xml": Loaded(30, 15, 15),
-    "reachy_mini/robot_no_collision.urdf": Loaded(30, 0, 30),
+    "reachy_mini/robot_no_collision.urdf": Loaded(30, 15, 15),
     "robotiq_2f85/2f85.xml": Loaded(8, 5, 3),
     "toddlerbot/toddlerbot.xml": Loaded(62, 30, 38),
 }
@@ -83,7 +83,7 @@ RUNNING = (
 STEPS = {
     "agility_cassie/cassie.xml": 1e-3,
     "gepetto/cassie_like": 1e-3,
-    "reachy_mini/robot_no_collision.urdf": 1e-3,
+    "reachy_mini/robot_no_collision.urdf": 2.5e-4,
     "robotiq_2f85/2f85.xml": 2.5e-4,
 }
 """Where dampers, or fast small links, allow none of 2 ms."""

@@ -206,3 +206,87 @@ def test_numbers_by_name() -> None:
     q = mech.assemble({"q1": 0.5, "q2": -0.45})
     assert q[0] == 0.5
     assert mech.closure_residual(q) < 1e-12
+
+
+# --------------------------------------------------------------------------- loops known by names of links
+
+
+def ends(first: str, second: str) -> str:
+    """Massless links where the rhombus is cut."""
+    fixed = (
+        '<joint name="{0}_at" type="fixed"><parent link="{1}"/><child link="{0}"/>'
+        '<origin xyz="0 1 0"/></joint>'
+    )
+    return "".join(
+        f'<link name="{end}"/>' + fixed.format(end, link)
+        for end, link in ((first, "coupler"), (second, "rocker"))
+    )
+
+
+def test_pairs_of_links_that_name_a_cut_are_held_together(tmp_path: Path) -> None:
+    """As onshape-to-robot writes them; the same φ as of the folder's rhombus, once."""
+    text = four_bar(ends("closing_tip_1", "closing_tip_2"))
+    (tmp_path / "arm.urdf").write_text(text, encoding="utf-8")
+    mech = rg.load(tmp_path / "arm.urdf")
+    assert (mech.m, mech.closures) == (1, (rg.PointClosure("closing_tip_1", "closing_tip_2"),))
+    q = np.array([0.3, 0.7, -0.4])
+    np.testing.assert_allclose(mech.phi(q), rg.load("rhombus").phi(q), atol=1e-15)
+    own = rg.RevoluteClosure("closing_tip_2", "closing_tip_1", axis=(1.0, 0.0, 0.0))
+    assert rg.Mechanism.from_urdf(text, [own], ["q1"]).closures == (own,)
+    alone = four_bar(ends("closing_tip_1", "closing_other_2"))
+    assert rg.Mechanism.from_urdf(alone, independent=["q1", "q2", "q3"]).closures == ()
+
+
+def test_a_file_is_read_with_the_robot_yaml_that_closes_it(tmp_path: Path) -> None:
+    """Beside none, ends named as in example-parallel-robots are not left open without a word."""
+    (tmp_path / "robot.urdf").write_text(four_bar(ends("closedloop1_A_3D", "closedloop1_B_3D")), "utf-8")
+    with pytest.raises(rg.ModelError, match=r"'closedloop1_A_3D' and 'closedloop1_B_3D' are named as"):
+        rg.load(tmp_path / "robot.urdf")
+    yaml = "closed_loop: [[closedloop1_A_3D, closedloop1_B_3D]]\ntype: [3d]\nname_mot: [q1]\n"
+    (tmp_path / "robot.yaml").write_text(yaml, encoding="utf-8")
+    for path in (tmp_path / "robot.urdf", tmp_path):
+        assert (rg.load(path).m, rg.load(path).independent) == (1, ("q1",))
+
+
+def test_a_urdf_may_be_called_xml(tmp_path: Path) -> None:
+    (tmp_path / "arm.xml").write_text(four_bar(DIALECTS["URDF+"]), encoding="utf-8")
+    assert rg.load(tmp_path / "arm.xml").m == rg.load(tmp_path).m == 1
+
+
+@pytest.mark.parametrize(
+    ("suffix", "message"), [("sdf", "SDF cannot be read"), ("usd", "USD"), ("xacro", "run")]
+)
+def test_other_formats_are_refused_by_name(suffix: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / f"robot.{suffix}").write_text("<sdf/>", encoding="utf-8")
+    with pytest.raises(rg.ModelError, match=message):
+        rg.load(tmp_path / f"robot.{suffix}")
+
+
+def test_words_that_only_look_like_ties_are_passed_over() -> None:
+    text = four_bar(DIALECTS["URDF+"] + '<properties arm="0.1" kf="3e-10"/>')
+    contents = read_urdf(text)
+    assert len(contents.closures) == 1
+    assert "<properties> (unnamed)" in contents.left_out
+
+
+def test_a_robot_that_nothing_moves_is_refused_by_name() -> None:
+    still = f'<robot name="r"><link name="a">{ROD}</link></robot>'
+    with pytest.raises(rg.ModelError, match="no joint moves"):
+        rg.Mechanism.from_urdf(still)
+    assert rg.Mechanism.from_urdf(still, independent="auto", base="free").m == 6
+
+
+def test_moments_of_inertia_may_be_zero_up_to_rounding() -> None:
+    """As exporters write those of links without any."""
+    rounded = four_bar(DIALECTS["URDF+"]).replace('iyy="0"', 'iyy="-5.4e-20"')
+    assert rg.Mechanism.from_urdf(rounded, independent=["q1"]).m == 1
+    with pytest.raises(rg.ModelError, match=r"iyy='-5\.4e-09'> is negative"):
+        rg.Mechanism.from_urdf(rounded.replace("e-20", "e-09"), independent=["q1"])
+
+
+def test_the_links_without_mass_are_named() -> None:
+    """Of three joints the last alone moves none."""
+    text = four_bar(DIALECTS["URDF+"] + '<link name="flag"/>' + joint("q4", "rocker", "flag", "0 1 0"))
+    mech = rg.Mechanism.from_urdf(text, independent=["q1", "q4"])
+    with pytest.raises(rg.SimulationError, match="a motion of q4 moves no mass"):
+        rg.simulate(mech, mech.assemble({"q1": 0.5, "q2": -0.5, "q3": 0.5}), duration=0.01, step=1e-3)

@@ -10,6 +10,7 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.examples.linkages import four_bar
+from robust_gcp.simulation.adaptive import AdaptiveRun
 
 pytestmark = pytest.mark.filterwarnings("ignore::robust_gcp.ModelWarning")
 
@@ -83,6 +84,21 @@ def test_a_run_that_stops_for_its_steps_goes_on_with_error_control() -> None:
     # the crank stops at once, after 1/c of its momentum, and creeps on by gravity τ/c
     assert abs(run.q[-1, 0] - 0.02) < 5e-3
     assert np.abs(run.energy_error()).max() < 1e-6
+
+
+def test_where_error_control_stops_too_finer_steps_are_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where coordinates have to be changed in a zone that a solver's trial steps leave."""
+
+    def stops(self: Any) -> None:
+        raise rg.BranchError("lost")
+
+    linkage = four_bar(4.0, 1.0, 3.5, 3.0, y=1.0)
+    v0 = linkage.lift(linkage.home, [300.0])
+    monkeypatch.setattr(AdaptiveRun, "go", stops)
+    with pytest.warns(rg.CoarseStepWarning, match=r"in steps of 6.25e-05 s, as DOP853 stops \(lost\)"):
+        run = rg.simulate(linkage, v0=v0, duration=0.05)
+    assert (run.stats.stepper, run.stats.step, len(run.t)) == ("rk4", USUAL / 16, 51)
+    assert np.abs(run.energy_error()).max() < 1e-5 * linkage.tree.kinetic(run.q[0], v0)
 
 
 def test_what_serves_is_left_alone() -> None:

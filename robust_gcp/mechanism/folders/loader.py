@@ -26,6 +26,7 @@ from ..tolerances import NEARLY_CLOSED
 from ..tree import Array
 from .gepetto import joint_changes, with_changed_forces, with_joint_changes
 from .own_block import forces_of, home_of, own_block, recommended_of, set_gravity, with_axes
+from .robot_file import READERS, UNREAD, alone, has_yaml, is_mjcf, robot_file
 from .yaml_text import parsed_yaml
 
 KEYS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type", "robust_gcp")
@@ -56,8 +57,9 @@ def load(
     """A mechanism from a shipped model's name, a folder, or a robot's file (URDF: *.urdf, MJCF: *.xml).
 
     A folder holds robot.yaml and robot.urdf, or robot.xml (MJCF) in its place; without robot.yaml, one such
-    file. The YAML's keys are those of the parallel-robot community around Pinocchio: `closed_loop` (pairs of
-    frame names), `type` ('3d', '6d', 'revolute' or 'prismatic'), `name_mot` (motors, or "auto"),
+    file. A file beside a robot.yaml that belongs to it is read with it. The YAML's keys are those of the
+    parallel-robot community around Pinocchio: `closed_loop` (pairs of frame names), `type` ('3d', '6d',
+    'revolute' or 'prismatic'), `name_mot` (motors, or "auto"),
     `joint_name` and `joint_type` (joints of the URDF that stand for SPHERICAL, UJOINT_XY, … or FIXED ones);
     the block `robust_gcp` is this package's own and optional: `schema`, `description`, `home`
     (configuration by joint), `guess` (the same, closed on loading), `gravity`, `axes` (of revolute and
@@ -89,19 +91,20 @@ def load(
     """
     check_base(base)
     path = path_of(name_or_folder, "load")
+    if path.suffix in UNREAD:
+        raise ModelError(f"{path}: {UNREAD[path.suffix]}")
+    if path.suffix in READERS and not has_yaml(path):
+        return _mechanism(alone(path, base), path, path.stem, {}, {}, independent, strict)
+    folder, path = _folder(path.parent if path.suffix in READERS else path, name_or_folder)
     if path.suffix in READERS:
-        contents = READERS[path.suffix](path, base)
-        return _mechanism(contents, path, path.stem, {}, {}, independent, strict)
-    folder, path = _folder(path, name_or_folder)
-    if path.suffix in READERS:
-        contents = READERS[path.suffix](inside(folder, path.name), base)
+        contents = alone(inside(folder, path.name), base)
         return _mechanism(contents, path, folder.name, {}, {}, independent, strict)
     settings = _settings(path)
     own = own_block(settings, path)
     closures = with_axes(own.get("axes"), _closures(settings, path), path)
     changes = joint_changes(settings, path)
-    robot = inside(folder, _robot_file(folder))
-    if robot.suffix == ".xml":
+    robot = inside(folder, robot_file(folder))
+    if is_mjcf(robot):
         contents = read_mjcf(robot, base)
         if changes:
             raise ModelError(f"{path}: joint_name is for URDF; write the joint as it is in {robot.name}")
@@ -109,13 +112,10 @@ def load(
         contents = read_urdf(robot, base)
         contents.model = with_joint_changes(contents.model, changes, path)
         contents.forces = with_changed_forces(contents.forces, changes)
-    contents.closures += closures
+    contents.close(closures)
     contents.forces += forces_of(own, path)
     set_gravity(own.get("gravity"), contents.model, path)
     return _mechanism(contents, path, folder.name, settings, own, independent, strict)
-
-
-READERS = {".urdf": read_urdf, ".xml": read_mjcf}
 
 
 def _folder(path: Path, given: str | Path) -> tuple[Path, Path]:
@@ -134,21 +134,6 @@ def _folder(path: Path, given: str | Path) -> tuple[Path, Path]:
         f"{shown(str(given))} is neither a folder with robot.yaml or one robot's file{found} nor one of the "
         f"shipped models {', '.join(names)}{hint(given, names)}"
     )
-
-
-def _robot_file(folder: Path) -> str:
-    """The robot's file beside robot.yaml: of that name, or the only one."""
-    for name in ("robot.urdf", "robot.xml"):
-        if is_file(folder / name) or is_link(folder / name):
-            return name
-    names = sorted(f.name for f in files_in(folder) if f.suffix in READERS)
-    if len(names) == 1:
-        return names[0]
-    for name in ("robot.urdf", "robot.xml"):
-        if (folder / name).exists():  # a folder or a device: whoever reads it refuses it by name
-            return name
-    beside = f"stands beside {', '.join(names)}: call the one that is meant" if names else "needs"
-    raise ModelError(f"{folder}: robot.yaml {beside} robot.urdf or robot.xml")
 
 
 def _mechanism(

@@ -11,7 +11,7 @@ import pinocchio as pin
 from ...checks import check_choice, hint
 from ...errors import ModelError, ModelWarning, OptionError
 from ...warning import warn
-from ..couplings import AnyClosure
+from ..couplings import AnyClosure, CouplingClosure
 from ..forces import Force
 from ..tree import Array
 
@@ -48,6 +48,12 @@ class FileContents:
     actuated: tuple[str, ...] = ()
     left_out: list[str] = field(default_factory=list)
 
+    def close(self, closures: Iterable[AnyClosure]) -> None:
+        """Add closures given beside the file's, in place of those between the same two frames."""
+        added = list(closures)
+        pairs = {_frames(closure) for closure in added}
+        self.closures = [c for c in self.closures if _frames(c) not in pairs] + added
+
     def pose(self) -> Array | None:
         """The keyframe "home", or the first, or home."""
         first = next(iter(self.keyframes.values()), self.home)
@@ -64,6 +70,13 @@ class FileContents:
         if name not in self.keyframes:
             raise ModelError(f"home: there is no keyframe {name!r}{hint(name, list(self.keyframes))}")
         return self.keyframes[name]
+
+
+def _frames(closure: AnyClosure) -> frozenset[str] | int:
+    """The frames that a closure holds together; of a coupling what is its own."""
+    if isinstance(closure, CouplingClosure):
+        return id(closure)
+    return frozenset((closure.frame1, closure.frame2))
 
 
 def check_base(base: str | None) -> None:

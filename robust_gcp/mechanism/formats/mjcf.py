@@ -32,9 +32,9 @@ def read_mjcf(mjcf: str | Path, base: str | None = None) -> FileContents:
     from geoms of simple shape), armature, joint stiffness and damping, gravity, and of equalities `connect`,
     `weld`, `joint` and `tendon` (fixed ones) are read. Equality constraints are rigid whatever their `solref`
     says. Home is qpos0, where every `connect` of two bodies is closed by definition; bodies and sites are
-    frames of the same name. Actuators, contacts, limits, dry friction, tendons, sensors, extensions and the
-    masses of meshes on bodies without joints are left out and listed; what else would change the motion is
-    refused by name.
+    frames of the same name. Actuators, contacts, limits, dry friction, tendons, sensors, extensions, drag,
+    gravity compensation, springs of ball joints and the masses of meshes are left out and listed, mocap
+    bodies stand still; what else would change the motion is refused by name.
 
     Parameters
     ----------
@@ -69,14 +69,15 @@ def read_mjcf(mjcf: str | Path, base: str | None = None) -> FileContents:
         model.addFrame(pin.Frame(label, *place, pin.FrameType.OP_FRAME), False)
     forces: list[Force] = [JointSpring(*spring) for spring in parts.springs]
     forces += [JointDamper(*damper) for damper in parts.dampers]
+    forces += _oscillators(model, parts, home)
     closures: list[AnyClosure] = []
     for i, item in enumerate(parts.equalities):
         if item.tag in ("joint", "tendon"):
             closures.append(coupling_of(model, item, parts, home, name))
         else:
             closures.append(_closure(model, item, i, parts, home, name))
-    left_out = named("dry friction of joints", parts.frictions) + named("limits of joints", parts.limits)
-    left_out += named("masses of meshes on bodies", parts.meshes) + parts.left_out
+    left_out = [entry for kind, where in parts.unread.items() for entry in named(kind, where)]
+    left_out += parts.left_out
     return FileContents(
         model, closures, forces, home, configurations, None, actuated_by(root, parts), left_out
     )
@@ -110,6 +111,20 @@ def _place_on(model: pin.Model, body: str, where: str, offset: pin.SE3) -> tuple
         raise ModelError(f"{where}: there is no body {body!r}{hint(body, bodies)}")
     frame = model.frames[model.getFrameId(body, pin.FrameType.BODY)]
     return int(frame.parentJoint), frame.placement * offset
+
+
+def _oscillators(model: pin.Model, parts: Reduced, home: Array) -> list[Force]:
+    """`springdamper`: stiffness m / (t d)² and damping 2 m / t, with m = 1 / (M⁻¹)ᵢᵢ at qpos0."""
+    if not parts.oscillators:
+        return []
+    M = np.triu(pin.crba(model, workspace(model), home))
+    mobility = np.linalg.pinv(M + np.triu(M, 1).T).diagonal()
+    found: list[Force] = []
+    for joint, time, ratio, rest in parts.oscillators:
+        own = float(1.0 / mobility[model.joints[model.getJointId(joint)].idx_v])
+        found.append(JointSpring(joint, own / (time * ratio) ** 2, rest))
+        found.append(JointDamper(joint, 2.0 * own / time))
+    return found
 
 
 def _closure(

@@ -15,9 +15,6 @@ from ..tree import Array
 
 Element = ElementTree.Element
 
-SOLIDS = {"sphere": 1, "capsule": 2, "cylinder": 2, "box": 3, "ellipsoid": 3}
-"""Shapes whose inertia is computed, and how many sizes each has."""
-
 TURNED = frozenset(("quat", "axisangle", "euler", "xyaxes", "zaxis"))
 """Ways to write an orientation: one of an element's own replaces that of its class."""
 
@@ -50,10 +47,12 @@ class Reduced:
         Active equality constraints, defaults resolved.
     springs : list of (joint, stiffness, rest)
     dampers : list of (joint, damping)
+    oscillators : list of (joint, time constant, damping ratio, rest)
+        Springs and dampers that are given so.
     tendons : dict of str to list of (joint, coefficient)
         The fixed ones.
-    frictions, limits, meshes : list of str
-        Joints with dry friction and with limits, bodies with meshes whose mass is not known.
+    unread : dict of str to list of str
+        What is not simulated, a kind each, and where it is.
     left_out : list of str
         Other parts that are not simulated.
     gravity : ndarray (3,)
@@ -68,12 +67,15 @@ class Reduced:
     equalities: list[Element] = field(default_factory=list)
     springs: list[tuple[str, float, float]] = field(default_factory=list)
     dampers: list[tuple[str, float]] = field(default_factory=list)
+    oscillators: list[tuple[str, float, float, float]] = field(default_factory=list)
     tendons: dict[str, list[tuple[str, float]]] = field(default_factory=dict)
-    frictions: list[str] = field(default_factory=list)
-    limits: list[str] = field(default_factory=list)
-    meshes: list[str] = field(default_factory=list)
+    unread: dict[str, list[str]] = field(default_factory=dict)
     left_out: list[str] = field(default_factory=list)
     gravity: Array = field(default_factory=lambda: np.array([0.0, 0.0, -9.81]))
+
+    def leave_out(self, kind: str, where: str) -> None:
+        """Take note of a part that is not simulated."""
+        self.unread.setdefault(kind, []).append(where)
 
 
 class Defaults:
@@ -131,48 +133,6 @@ def number(element: Element, key: str, where: str, default: float = 0.0) -> floa
 def text_of(values: Iterable[float]) -> str:
     """Numbers as an attribute: all digits."""
     return " ".join(repr(float(value)) for value in values)
-
-
-def inertia_of(inertial: Element, where: str, balanced: bool = False) -> dict[str, str]:
-    """Mass and inertia of an <inertial>, checked; `checks.check_model` sees to their signs.
-
-    `balanced`: moments that break the triangle inequality are replaced by their mean.
-    """
-    keys = [key for key in ("diaginertia", "fullinertia") if key in inertial.attrib]
-    if len(keys) != 1:
-        raise ModelError(f"{where}: give one of diaginertia and fullinertia")
-    moments = vector(inertial, keys[0], 3 if keys[0] == "diaginertia" else 6, where)
-    mass = text_of(vector(inertial, "mass", 1, where))
-    if balanced:
-        xx, yy, zz, xy, xz, yz = [*moments, 0.0, 0.0, 0.0][:6]
-        principal = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        if principal[0] + principal[1] < principal[2]:
-            return {"mass": mass, "diaginertia": text_of(np.full(3, principal.mean()))}
-    return {"mass": mass, keys[0]: text_of(moments)}
-
-
-def solid_of(geom: Element, kind: str, where: str) -> dict[str, str]:
-    """Shape, size and mass of a geom, checked."""
-    given = {"type": kind}
-    sizes = words(geom, "size", where)
-    needed = SOLIDS[kind]
-    if "fromto" in geom.attrib:
-        ends = vector(geom, "fromto", 6, where)
-        direction(ends[3:] - ends[:3], where, "fromto")
-        given["fromto"] = text_of(ends)
-        needed -= 1
-    if len(sizes) < needed or not np.all(sizes[:needed] > 0.0):
-        raise ModelError(
-            f"{where}: size={geom.get('size')!r} is not that of a {kind}; give {needed} positive number(s)"
-        )
-    given["size"] = text_of(sizes)
-    for key in ("mass", "density"):
-        if key in geom.attrib:
-            value = number(geom, key, where)
-            if value < 0.0:
-                raise ModelError(f"{where}: {key}={geom.get(key)!r} is negative")
-            given[key] = repr(value)
-    return given
 
 
 def words(element: Element, key: str, where: str) -> Array:

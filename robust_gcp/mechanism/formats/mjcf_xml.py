@@ -16,21 +16,19 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import ModelError
-from .mjcf_frames import frame_of, framed_ends, pose_between, with_frames_applied
+from .mjcf_frames import frame_of, pose_between, with_frames_applied
 from .mjcf_left_out import SECTIONS, left_out_of
-from .mjcf_options import IN_FULL, check_compiler, gravity_of, group_range
+from .mjcf_masses import Masses
+from .mjcf_options import IN_FULL, check_compiler, disabled, drag_of, gravity_of
 from .mjcf_parts import (
-    SOLIDS,
     Defaults,
     Element,
     Reduced,
     Site,
     direction,
     flag,
-    inertia_of,
     number,
     placement,
-    solid_of,
     text_of,
     vector,
     words,
@@ -78,10 +76,10 @@ class _Reader:
             self._compiler |= compiler.attrib
         self._radians = self._compiler.get("angle", "degree") == "radian"
         self._sequence = self._compiler.get("eulerseq", "xyz")
-        self._groups = group_range(self._compiler, name)
-        self._balanced = self._compiler.get("balanceinertia", "false") == "true"
+        self._disabled = disabled(root)
         with_frames_applied(root, name, self._radians, self._sequence)
         self._defaults = Defaults(root, name)
+        self._masses = Masses(self._compiler, self._defaults, name, self._placement)
         self._out = Reduced()
         self._names: dict[str, set[str]] = {"body": {"world"}, "joint": set()}
         for kind in self._names:
@@ -97,6 +95,7 @@ class _Reader:
         check_compiler(self._compiler, self._name)
         self._out.gravity = gravity_of(self._root, self._name)
         self._out.left_out = left_out_of(self._root, self._defaults, self._name)
+        self._out.unread["drag of a medium"] = drag_of(self._root, self._name)
         self._read_tendons()
         if self._base == "free":
             self._let_float()
@@ -113,6 +112,8 @@ class _Reader:
                 qpos = self._configuration(key, f"{self._name}: keyframe {label!r}")
                 ElementTree.SubElement(section, "key", {"name": label, "qpos": qpos})
         self._read_equalities()
+        self._masses.write()
+        self._out.unread["masses of meshes on bodies"] = self._masses.meshes
         require_shallow(top, self._name)
         self._out.xml = ElementTree.tostring(top, encoding="unicode")
         return self._out
@@ -149,6 +150,8 @@ class _Reader:
         return " ".join(kept)
 
     def _read_equalities(self) -> None:
+        if not self._disabled.isdisjoint(("equality", "constraint")):
+            return
         for item in (e for section in self._root.findall("equality") for e in section):
             item = self._defaults.resolved(item, "", "equality")
             if not flag(item, "active", True):
@@ -162,9 +165,7 @@ class _Reader:
 
     # ----------------------------------------------------------------- bodies
 
-    def _read_parts(
-        self, source: Element, target: Element, body: str, inherited: str, still: bool, jointed: bool = False
-    ) -> None:
+    def _read_parts(self, source: Element, target: Element, body: str, inherited: str, still: bool) -> None:
         """Inertia, sites and children of a body into the reduced one; `still`: it is part of the ground."""
         for part in source:
             if part.tag not in BODY_PARTS:
@@ -174,8 +175,8 @@ class _Reader:
             if site.get("name"):
                 pose = self._placement(site) if not site.get("fromto") else pose_between(site, self._name)
                 self._out.sites[site.get("name", "")] = Site(body, pose)
-        if not still:
-            self._read_inertia(source, target, body, inherited, jointed)
+        if source.tag == "body":
+            self._masses.read(source, None if still else target, body, inherited)
         for child in source.findall("body"):
             self._read_body(child, target, inherited, still)
 
@@ -183,11 +184,9 @@ class _Reader:
         inherited = source.get("childclass", inherited)
         name = source.get("name") or self._fresh("body", "body")
         if number(source, "gravcomp", f"{self._name}: body {name!r}") != 0.0:
-            raise ModelError(
-                f"{self._name}: body {name!r}: gravcomp cannot be read; put the force into torque="
-            )
+            self._out.leave_out("gravity compensation of bodies", name)
         if flag(source, "mocap", False):
-            raise ModelError(f"{self._name}: body {name!r} is a mocap body; remove it, it moves by itself")
+            self._out.leave_out("motion of mocap bodies", name)
         self._out.bodies.append(name)
         place = self._placement(source)
         joints = [self._defaults.resolved(j, inherited) for j in source if j.tag in ("joint", "freejoint")]
@@ -209,7 +208,7 @@ class _Reader:
             place = pin.SE3.Identity()
         if not joints:
             target = _posed(target, "body", place, {"name": name})
-        self._read_parts(source, target, name, inherited, still and not joints, bool(joints))
+        self._read_parts(source, target, name, inherited, still and not joints)
 
     def _read_joint(self, joint: Element, target: Element, body: str) -> None:
         kind = "free" if joint.tag == "freejoint" else joint.get("type", "hinge")
@@ -231,59 +230,31 @@ class _Reader:
             self._numbers.append((4 if kind == "ball" else 1, None))
             attributes["armature"] = repr(number(joint, "armature", where))
         elif joint.tag == "joint" and number(joint, "armature", where) != 0.0:
-            raise ModelError(f"{where}: armature of a free joint cannot be read; leave it out")
-        if words(joint, "springdamper", where).any():
-            raise ModelError(f"{where}: springdamper cannot be read; give stiffness and damping")
+            self._out.leave_out("armature of free joints", name)
         if number(joint, "frictionloss", where) != 0.0:
-            self._out.frictions.append(name)
+            self._out.leave_out("dry friction of joints", name)
         limited = joint.get("limited", "auto")
         if limited == "true" or (limited == "auto" and joint.get("range") and kind != "free"):
-            self._out.limits.append(name)
-        stiffness, damping = number(joint, "stiffness", where), number(joint, "damping", where)
-        if stiffness != 0.0 and kind in ("ball", "free"):
-            raise ModelError(f"{where}: stiffness of a {kind} joint cannot be read; put it into torque=")
-        if stiffness != 0.0:
-            self._out.springs.append((name, stiffness, number(joint, "springref", where) * unit))
-        if damping != 0.0:
-            self._out.dampers.append((name, damping))
+            self._out.leave_out("limits of joints", name)
+        self._read_forces(joint, name, kind, unit, where)
         ElementTree.SubElement(target, "joint", attributes)
 
-    def _read_inertia(
-        self, source: Element, target: Element, body: str, inherited: str, jointed: bool
-    ) -> None:
-        from_geom = self._compiler.get("inertiafromgeom", "auto")
-        inertial = source.find("inertial")
-        if inertial is not None and from_geom != "true":
-            given = inertia_of(inertial, f"{self._name}: inertial of body {body!r}", self._balanced)
-            _posed(target, "inertial", self._placement(inertial), given)
+    def _read_forces(self, joint: Element, name: str, kind: str, unit: float, where: str) -> None:
+        """Springs and dampers of a joint, unless the options switch them off."""
+        springs = self._disabled.isdisjoint(("spring", "passive"))
+        dampers = self._disabled.isdisjoint(("damper", "passive"))
+        stiffness, damping = number(joint, "stiffness", where), number(joint, "damping", where)
+        rest = number(joint, "springref", where) * unit
+        time, ratio = vector(joint, "springdamper", 2, where, (0.0, 0.0))
+        if time > 0.0 and ratio > 0.0 and kind in ("hinge", "slide") and springs and dampers:
+            self._out.oscillators.append((name, time, ratio, rest))
             return
-        for geom in source.findall("geom"):
-            geom = self._defaults.resolved(geom, inherited)
-            where = f"{self._name}: geom {geom.get('name', '')!r} of body {body!r}"
-            group = number(geom, "group", where)
-            if from_geom == "false" or not self._groups[0] <= group <= self._groups[1]:
-                continue
-            if number(geom, "mass", where, 1.0) == 0.0:
-                continue
-            if "mass" not in geom.attrib and number(geom, "density", where, 1000.0) == 0.0:
-                continue
-            kind = geom.get("type", "sphere")
-            if kind in ("plane", "hfield"):
-                continue
-            if (kind == "mesh" or geom.get("mesh")) and not jointed:
-                self._out.meshes.append(body)  # its joint moves a body of known mass besides
-                continue
-            if kind not in SOLIDS or geom.get("mesh") or flag(geom, "shellinertia", False):
-                raise ModelError(
-                    f"{where}: the inertia of a {'shell' if kind in SOLIDS else kind} cannot be computed; "
-                    "give the body an <inertial>"
-                )
-            keep = solid_of(geom, kind, where)
-            if "fromto" in keep:
-                keep["fromto"] = text_of(framed_ends(geom, where))
-                ElementTree.SubElement(target, "geom", keep)
-            else:
-                _posed(target, "geom", self._placement(geom), keep)
+        if (stiffness != 0.0 or time > 0.0) and springs and kind in ("ball", "free"):
+            self._out.leave_out("springs of ball and free joints", name)
+        elif stiffness != 0.0 and springs:
+            self._out.springs.append((name, stiffness, rest))
+        if damping != 0.0 and dampers:
+            self._out.dampers.append((name, damping))
 
     # ----------------------------------------------------------------- helpers
 

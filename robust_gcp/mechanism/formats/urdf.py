@@ -67,6 +67,10 @@ def read_urdf(urdf: str | Path, base: str | None = None) -> FileContents:
         model = pin.buildModelFromXML(ElementTree.tostring(_reduced(root), encoding="unicode"))
     except (ValueError, RuntimeError) as error:
         raise ModelError(f"{name}: Pinocchio cannot build a model from it ({error})") from error
+    if model.nv == 0:
+        raise ModelError(
+            f"{name}: no joint moves; a mechanism needs one at least, or base='free' that lets it float"
+        )
     closures = closures_of(root, model, name)
     contents = FileContents(model, closures, _dampers(root, name), left_out=left_out)
     contents.independent = _marked(root, name)

@@ -29,6 +29,12 @@ WORLD = "world"
 GROUND = "universe"
 """Pinocchio's name of the ground."""
 
+ROUNDED = 1e-9
+"""Share of a link's largest moment of inertia that rounding may leave of one that is zero."""
+
+SMALL = 1e-3
+"""m: links smaller than that are judged as if they were that large."""
+
 LONGEST_CHAIN = 1000
 """Joints from the root to a link; Pinocchio's parser calls itself for each and crashes at some thousand."""
 
@@ -99,8 +105,10 @@ def _check_link(link: Element, owner: str) -> None:
         value = number_in(mass, "value", owner)
         if value < 0.0:
             raise ModelError(f"{owner}: <mass value={mass.get('value')!r}> is negative; give it in kg")
-        for key in (*MOMENTS, *PRODUCTS):
-            if number_in(inertia, key, owner) < 0.0 and key in MOMENTS:
+        numbers = [number_in(inertia, key, owner) for key in (*MOMENTS, *PRODUCTS)]
+        size = max(*map(abs, numbers), value * SMALL**2)
+        for key, moment in zip(MOMENTS, numbers, strict=False):
+            if moment < -ROUNDED * size:
                 raise ModelError(
                     f"{owner}: <inertia {key}={inertia.get(key)!r}> is negative; a moment of inertia, kg m², "
                     "is not"

@@ -1,7 +1,8 @@
 """Loops and couplings in URDF: the elements beside the tree that close it, as closures.
 
 Read are `<loop>` and `<coupling>` of URDF+, `<loop_joint>` of RigidBodyDynamics.jl, Drake's first parser and
-Isaac Sim, `drake:ball_constraint`, and the standard's `<mimic>`.
+Isaac Sim, `drake:ball_constraint`, the standard's `<mimic>`, and pairs of links that onshape-to-robot names
+`closing_NAME_1` and `closing_NAME_2`, as points held together.
 """
 
 from __future__ import annotations
@@ -25,9 +26,17 @@ LOOP_TAGS = ("loop", "loop_joint", "coupling", "drake:ball_constraint")
 """Elements below <robot> that tie links together and are read."""
 
 SUSPECT = re.compile(
-    r"loop|constraint|coupl|closure|closing|mimic|gear|weld|connect|bushing|equality|tie|differential", re.I
+    r"loop|constraint|coupl|closure|closing|mimic|gear|weld|connect|bushing|equality|differential"
+    r"|(?<![a-z])ties?(?![a-z])",
+    re.I,
 )
 """Words in a tag that tell of a tie."""
+
+CUT = re.compile(r"(closing_.+)_1")
+"""Names of links that onshape-to-robot puts where it cut a loop; the other end's ends in 2."""
+
+ENDS = re.compile(r"(closedloop.*_)A(.*)", re.I)
+"""The same in example-parallel-robots, whose robot.yaml says what kind of joint was cut."""
 
 TREELIKE = ("link", "joint", "material", "transmission", "sensor", "ros2_control", "gazebo")
 """Elements below <robot> whose meaning is known, and that tie nothing (a <joint> in <gazebo> does)."""
@@ -88,11 +97,36 @@ def closures_of(root: Element, model: pin.Model, name: str) -> list[AnyClosure]:
             found.append(_ball(model, element, label, where))
         elif element.tag == "coupling":
             found.append(_coupling(root, element, where))
+    found += _cut_by_name(model)
     for joint in root.findall("joint"):
         mimic = joint.find("mimic")
         if mimic is not None and joint.get("type") != "fixed":
             found.append(_mimic(joint, mimic, name))
     return found
+
+
+def _cut_by_name(model: pin.Model) -> list[AnyClosure]:
+    """Points held together where the names of links say that a loop was cut."""
+    links = {f.name for f in model.frames if f.type == pin.FrameType.BODY}
+    found: list[AnyClosure] = []
+    for first in sorted(links):
+        cut = CUT.fullmatch(first)
+        second = f"{cut[1]}_2" if cut else ""
+        if second in links and _carrier(model, first) != _carrier(model, second):
+            found.append(PointClosure(first, second))
+    return found
+
+
+def open_ends(model: pin.Model) -> list[tuple[str, str]]:
+    """Pairs of frames that mark where a loop is cut, and that a robot.yaml ought to close."""
+    names = {f.name for f in model.frames}
+    pairs = [(name, ENDS.fullmatch(name)) for name in sorted(names)]
+    ends = [(name, f"{found[1]}B{found[2]}") for name, found in pairs if found]
+    return [(name, other) for name, other in ends if other in names]
+
+
+def _carrier(model: pin.Model, link: str) -> int:
+    return int(model.frames[model.getFrameId(link, pin.FrameType.BODY)].parentJoint)
 
 
 def _part(element: Element, tag: str, where: str) -> Element:

@@ -1,0 +1,143 @@
+"""Masses, springs and switches of MJCF: compiled as MuJoCo does it, what is left out told."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import robust_gcp as rg
+from robust_gcp.mechanism.formats.mjcf import read_mjcf
+
+GEOMS = """
+<geom type="box" size="0.1 0.2 0.3" pos="0.1 0.2 0.3" euler="10 20 30"/>
+<geom type="box" size="0.05 0.7" fromto="0 0 0 0.3 0.1 -0.5" density="300"/>
+<geom type="ellipsoid" size="0.04 0.1 0.2" pos="-0.2 0 0" mass="0.7"/>
+<geom type="ellipsoid" size="0.04" fromto="0.1 0 0 0.3 0.1 0.5"/>
+<geom type="capsule" size="0.05 0.2" pos="0 0.3 0" zaxis="1 2 3"/>
+<geom type="capsule" size="0.03" fromto="0 0 0 0.3 0.4 0.5"/>
+<geom type="cylinder" size="0.05 0.2" quat="1 2 3 4"/>
+<geom type="cylinder" size="0.03" fromto="0 0 0 -0.3 0.4 0.5"/>
+<geom size="0.07" pos="0 0 1"/><geom size="0.4" mass="0"/><geom size="0.4" group="4"/>
+"""
+DOCUMENT = f"""<mujoco><compiler angle="degree" {{compiler}}/><option {{option}}>{{flags}}</option><worldbody>
+<geom type="plane" size="1 1 1"/><body name="stand" pos="0 0 1"><geom size="0.2"/>
+  <body name="arm" {{arm}}><joint name="j" axis="0 1 0" {{joint}}/>{GEOMS}
+    <body name="plate" pos="0 0 1"><joint name="k" axis="1 0 0" armature="0.2"/>
+      <inertial pos="0.1 0 0" quat="1 2 3 4" mass="0.5" diaginertia="0.01 0.011 0.05"/>
+      <body name="knob" pos="0 1 0"><joint name="l" type="slide" axis="1 1 0"/>
+        <inertial pos="0 0 0.2" mass="0.4" fullinertia="0.02 0.03 0.025 0.001 -0.002 0.003"/></body>
+    </body></body></body></worldbody>
+<equality><joint joint1="j" joint2="k" polycoef="0 2 0 0 0"/></equality></mujoco>"""
+
+
+def document(**given: str) -> str:
+    return DOCUMENT.format_map({"compiler": "", "option": "", "flags": "", "arm": "", "joint": ""} | given)
+
+
+BALANCED = 'balanceinertia="true"'
+
+
+@pytest.mark.parametrize(
+    "compiler",
+    [
+        BALANCED,
+        f'{BALANCED} boundmass="20"',
+        f'{BALANCED} boundinertia="0.03"',
+        f'{BALANCED} boundmass="0.45" boundinertia="0.02" settotalmass="14"',
+        f'{BALANCED} inertiafromgeom="false" settotalmass="3"',
+        f'{BALANCED} inertiagrouprange="4 4" boundmass="0.1" boundinertia="0.01"',
+    ],
+)
+def test_masses_are_those_that_mujoco_compiles(
+    compiler: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """M and gravity's torques at random configurations."""
+    monkeypatch.chdir(tmp_path)  # MuJoCo writes a log of what it deprecates
+    mujoco = pytest.importorskip("mujoco", reason="mujoco (extra `bench`) is not installed")
+    if "inertiafromgeom" in compiler:  # the arm's own mass is then zero there too
+        compiler += ' boundmass="0.2" boundinertia="0.01"'
+    theirs = mujoco.MjModel.from_xml_string(document(compiler=compiler))
+    ours, state, rng = read_mjcf(document(compiler=compiler)), mujoco.MjData(theirs), np.random.default_rng(0)
+    for _ in range(3):
+        q = rng.uniform(-1.0, 1.0, 3)
+        state.qpos[:] = q
+        mujoco.mj_forward(theirs, state)
+        M = np.zeros((3, 3))
+        for column, direction in zip(M, np.eye(3), strict=True):
+            mujoco.mj_mulM(theirs, state, column, direction.copy())
+        found = pin.crba(ours.model, ours.model.createData(), q)
+        np.testing.assert_allclose(np.triu(found) + np.triu(found, 1).T, M, rtol=1e-12, atol=1e-13)
+        weight = pin.computeGeneralizedGravity(ours.model, ours.model.createData(), q)
+        np.testing.assert_allclose(weight, state.qfrc_bias, rtol=1e-12, atol=1e-12)
+
+
+def test_springs_given_by_time_and_damping_ratio_are_those_of_mujoco() -> None:
+    mujoco = pytest.importorskip("mujoco", reason="mujoco (extra `bench`) is not installed")
+    text = document(
+        compiler=BALANCED, joint='springdamper="0.1 0.5" springref="20" stiffness="7" damping="3"'
+    )
+    theirs = mujoco.MjModel.from_xml_string(text)
+    spring, damper = read_mjcf(text).forces
+    assert isinstance(spring, rg.JointSpring)
+    assert isinstance(damper, rg.JointDamper)
+    np.testing.assert_allclose(spring.stiffness, theirs.jnt_stiffness[0], rtol=1e-12)
+    np.testing.assert_allclose(spring.rest, theirs.qpos_spring[0], rtol=1e-12)
+    np.testing.assert_allclose(damper.damping, theirs.dof_damping[0], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("switch", "closures", "forces"),
+    [
+        ("", 1, ["JointSpring", "JointDamper"]),
+        ("equality", 0, ["JointSpring", "JointDamper"]),
+        ("constraint", 0, ["JointSpring", "JointDamper"]),
+        ("spring", 1, ["JointDamper"]),
+        ("damper", 1, ["JointSpring"]),
+        ("contact", 1, ["JointSpring", "JointDamper"]),
+    ],
+)
+def test_what_the_options_switch_off_is_not_there(switch: str, closures: int, forces: list[str]) -> None:
+    flags = f'<flag {switch}="disable"/>' if switch else ""
+    parts = read_mjcf(document(compiler=BALANCED, flags=flags, joint='stiffness="7" damping="3"'))
+    assert len(parts.closures) == closures
+    assert [type(force).__name__ for force in parts.forces] == forces
+
+
+MESH = '<geom type="mesh" mesh="a"/>'
+LEFT_OUT: list[tuple[dict[str, Any], str]] = [
+    ({"option": 'density="1.2" viscosity="0.1"'}, "drag of a medium (density, viscosity)"),
+    ({"arm": 'gravcomp="1"'}, "gravity compensation of bodies (arm)"),
+    ({"joint": 'frictionloss="1"'}, "dry friction of joints (j)"),
+    ({"joint": 'range="-1 1"'}, "limits of joints (j)"),
+]
+
+
+@pytest.mark.parametrize(("given", "entry"), LEFT_OUT)
+def test_what_is_left_out_is_told(given: dict[str, Any], entry: str) -> None:
+    assert entry in read_mjcf(document(compiler=BALANCED, **given)).left_out
+
+
+def test_bodies_whose_masses_only_meshes_know_load_and_are_told_of() -> None:
+    """Files without their meshes; a body that has other mass keeps that."""
+    text = document(compiler=BALANCED)
+    parts = read_mjcf(text.replace('<geom size="0.07"', f'{MESH}<geom size="0.07"'))
+    assert "masses of meshes on bodies (arm)" in parts.left_out
+    assert parts.model.inertias[1].mass == read_mjcf(text).model.inertias[1].mass
+    bare = f"<mujoco><worldbody><body><joint name='j' armature='1'/>{MESH}</body></worldbody></mujoco>"
+    assert read_mjcf(bare).model.inertias[1].mass == 0.0
+
+
+def test_bodies_that_a_user_moves_stand_still() -> None:
+    held = """<mujoco><worldbody><body name="hand" mocap="true" pos="0 0 1"/>
+    <body name="ball" pos="0 0 1"><joint name="s" type="ball" stiffness="2"/><geom size="0.1"/></body>
+    <body name="free"><freejoint name="f"/><geom size="0.1"/></body></worldbody>
+    <equality><connect body1="free" body2="hand" anchor="0.5 0 0"/></equality></mujoco>"""
+    parts = read_mjcf(held)
+    assert parts.model.njoints == 3
+    assert "motion of mocap bodies (hand)" in parts.left_out
+    assert "springs of ball and free joints (s)" in parts.left_out
+    assert len(parts.closures) == 1
