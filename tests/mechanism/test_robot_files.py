@@ -89,6 +89,10 @@ STEPS = {
 """Where dampers, or fast small links, allow none of 2 ms."""
 
 
+SPAN = 0.016
+"""s of a thrown robot."""
+
+
 @pytest.fixture(scope="module")
 def robots() -> Any:
     """Each file loaded once."""
@@ -189,6 +193,35 @@ def test_a_heavy_linkage_with_light_links_runs_without_a_step(robots: Any) -> No
     assert run.closure_error().max() < 1e-13
     kinetic = max(mech.tree.kinetic(q, v) for q, v in zip(run.q, run.v, strict=True))
     assert np.abs(run.energy_error()).max() < 1e-6 * kinetic
+
+
+def test_floating_cassie_keeps_its_momentum_and_the_order(robots: Any) -> None:
+    """Thrown without gravity, its springs at work: order 4, closed loops, momentum to the stepper's error."""
+    cassie: rg.Mechanism = robots("agility_cassie/cassie.xml")
+    model = cassie.model.copy()
+    model.gravity.linear = np.zeros(3)
+    springs = [force for force in cassie.forces if isinstance(force, rg.JointSpring)]
+    assert len(springs) >= 4
+    mech = rg.Mechanism.from_pinocchio(
+        model, cassie.closures, cassie.independent, home=cassie.home, forces=springs
+    )
+    v = mech.lift(mech.home, 2.0 * np.random.default_rng(0).normal(size=mech.m))
+
+    def momentum(q: Any, v: Any) -> Any:
+        data = model.createData()
+        h = pin.computeCentroidalMomentum(model, data, q, v)
+        return np.concatenate([h.linear, h.angular + np.cross(data.com[0], h.linear)])
+
+    begun, errors, drifts = momentum(mech.home, v), [], []
+    exact = rg.simulate(mech, v0=v, duration=SPAN, step=SPAN, stepper="DOP853", rtol=1e-12, atol=1e-14)
+    for steps in (16, 32, 64):
+        run = rg.simulate(mech, v0=v, duration=SPAN, step=SPAN / steps)
+        assert run.closure_error().max() < 1e-13
+        turned = np.abs(mech.tree.difference(run.q[-1], exact.q[-1])).max()
+        errors.append(max(turned, np.abs(run.v[-1] - exact.v[-1]).max()))
+        drifts.append(np.abs(momentum(run.q[-1], run.v[-1]) - begun).max())
+    np.testing.assert_allclose(np.log2(np.array(errors[:-1]) / errors[1:]), 4.0, atol=0.1)
+    assert drifts[-1] < errors[-1]
 
 
 # --------------------------------------------------------------------------- MuJoCo's own reading

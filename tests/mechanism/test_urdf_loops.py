@@ -34,6 +34,8 @@ def four_bar(loop: str = "", marks: str = "", root: str = "robot", more: str = "
 DIALECTS = {
     "URDF+": """<loop name="l" type="revolute"><predecessor link="coupler"><origin xyz="0 1 0"/></predecessor>
       <successor link="rocker"><origin xyz="0 1 0"/></successor><axis xyz="1 0 0"/></loop>""",
+    "URDF+, early": """<loop_constraint name="l"><parent link="coupler"/><parent_origin xyz="0 1 0"/>
+      <child link="rocker"/><child_origin xyz="0 1 0"/></loop_constraint>""",
     "RigidBodyDynamics": """<loop_joint name="l" type="continuous">
       <link1 link="coupler" xyz="0 1 0" rpy="0 0 0"/><link2 link="rocker" xyz="0 1 0"/></loop_joint>""",
     "Isaac": """<loop_joint name="l" type="spherical"><link1 link="coupler" xyz="0 1 0"/>
@@ -139,6 +141,16 @@ def test_couplings_of_urdf_plus() -> None:
     mech = rg.Mechanism.from_urdf(four_bar(coupling), independent=["q1", "q2"])
     assert mech.m == 2
     np.testing.assert_allclose(mech.K(np.zeros(3)), [[-3.0, -3.0, 1.0]], atol=1e-15)
+
+
+def test_couplings_of_early_urdf_plus() -> None:
+    """A rotor turns by the gear ratio times its link: q3 = 6 (q1 + q2), both seen from the ground."""
+    coupling = """<joint_constraint name="c"><parent link="coupler"/><child link="rocker"/>
+      <gear_ratio value="6"/></joint_constraint>"""
+    mech = rg.Mechanism.from_urdf(four_bar(coupling), independent=["q1", "q2"])
+    np.testing.assert_allclose(mech.K(np.zeros(3)), [[-6.0, -6.0, 1.0]], atol=1e-15)
+    with pytest.raises(rg.ModelError, match="lacks <gear_ratio"):
+        rg.Mechanism.from_urdf(four_bar(coupling.replace("gear_ratio", "ratio")))
 
 
 def test_marks_of_urdf_plus_choose_coordinates(tmp_path: Path) -> None:

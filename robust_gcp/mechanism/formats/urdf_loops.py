@@ -1,6 +1,7 @@
 """Loops and couplings in URDF: the elements beside the tree that close it, as closures.
 
-Read are `<loop>` and `<coupling>` of URDF+, `<loop_joint>` of RigidBodyDynamics.jl, Drake's first parser and
+Read are `<loop>` and `<coupling>` of URDF+, its earlier `<loop_constraint>` (points held together) and
+`<joint_constraint>` with a gear ratio, `<loop_joint>` of RigidBodyDynamics.jl, Drake's first parser and
 Isaac Sim, `drake:ball_constraint`, the standard's `<mimic>`, and pairs of links that onshape-to-robot names
 `closing_NAME_1` and `closing_NAME_2`, as points held together.
 """
@@ -22,7 +23,14 @@ from ..couplings import AnyClosure, CouplingClosure
 from .pin_constraints import close_between
 from .urdf_numbers import number_in, numbers_in
 
-LOOP_TAGS = ("loop", "loop_joint", "coupling", "drake:ball_constraint")
+LOOP_TAGS = (
+    "loop",
+    "loop_joint",
+    "loop_constraint",
+    "coupling",
+    "joint_constraint",
+    "drake:ball_constraint",
+)
 """Elements below <robot> that tie links together and are read."""
 
 SUSPECT = re.compile(
@@ -93,10 +101,15 @@ def closures_of(root: Element, model: pin.Model, name: str) -> list[AnyClosure]:
             if len(links) != 2:
                 raise ModelError(f"{where} needs <link1 link=…> and <link2 link=…>, where the loop is cut")
             found.append(_loop(model, element, label, (links[0], links[1]), where, "1 0 0"))
+        elif element.tag == "loop_constraint":
+            placed = [_with_origin(element, tag, where) for tag in ("parent", "child")]
+            found.append(_loop(model, element, label, (placed[0], placed[1]), where, "0 0 1"))
         elif element.tag == "drake:ball_constraint":
             found.append(_ball(model, element, label, where))
         elif element.tag == "coupling":
-            found.append(_coupling(root, element, where))
+            found.append(_coupling(root, element, ("predecessor", "successor", "ratio"), where))
+        elif element.tag == "joint_constraint":
+            found.append(_coupling(root, element, ("parent", "child", "gear_ratio"), where))
     found += _cut_by_name(model)
     for joint in root.findall("joint"):
         mimic = joint.find("mimic")
@@ -136,6 +149,13 @@ def _part(element: Element, tag: str, where: str) -> Element:
     return part
 
 
+def _with_origin(element: Element, tag: str, where: str) -> Element:
+    """A link of `<loop_constraint>` with the place on it, which stands beside it."""
+    origin = element.find(f"{tag}_origin")
+    given = {} if origin is None else {key: origin.get(key, "") for key in ("xyz", "rpy") if origin.get(key)}
+    return Element(tag, {"link": _part(element, tag, where).get("link", "")} | given)
+
+
 def _loop(
     model: pin.Model,
     element: Element,
@@ -145,7 +165,7 @@ def _loop(
     default_axis: str,
 ) -> Closure:
     """A cut joint of the element's type between two links."""
-    kind = element.get("type", "")
+    kind = element.get("type", "spherical" if element.tag == "loop_constraint" else "")
     axis = element.find("axis")
     make: Callable[[str, str], Closure]
     if kind in ("revolute", "continuous", "prismatic"):
@@ -198,15 +218,18 @@ def _on_link(model: pin.Model, link: str, place: pin.SE3, where: str) -> tuple[i
     return int(frame.parentJoint), frame.placement * place
 
 
-def _coupling(root: Element, element: Element, where: str) -> CouplingClosure:
-    """Σ successors' joints = ratio Σ predecessors' joints, each below the links' nearest common ancestor."""
+def _coupling(root: Element, element: Element, tags: tuple[str, str, str], where: str) -> CouplingClosure:
+    """Σ successors' joints = ratio Σ predecessors' joints, each below the links' nearest common ancestor.
+
+    `tags` are those of the predecessor, the successor and the ratio.
+    """
     above = {}
     for joint in root.findall("joint"):
         child, parent = joint.find("child"), joint.find("parent")
         if child is not None and parent is not None:
             above[child.get("link", "")] = (joint, parent.get("link", ""))
     chains = []
-    for tag in ("predecessor", "successor"):
+    for tag in tags[:2]:
         link = _part(element, tag, where).get("link", "")
         chain = []
         while link in above:
@@ -219,9 +242,9 @@ def _coupling(root: Element, element: Element, where: str) -> CouplingClosure:
         raise ModelError(
             f"{where} needs a moving joint on either side, below the links' nearest common ancestor"
         )
-    ratio_element = element.find("ratio")
+    ratio_element = element.find(tags[2])
     if ratio_element is None:
-        raise ModelError(f"{where} lacks <ratio value=…>; give the successor's rate over the predecessor's")
+        raise ModelError(f"{where} lacks <{tags[2]} value=…>; give the {tags[1]}'s rate over the {tags[0]}'s")
     ratio = number_in(ratio_element, "value", where)
     names = [j.get("name", "") for j in (*after, *before)]
     further = [(n, -1.0) for n in names[1 : len(after)]] + [(n, ratio) for n in names[len(after) + 1 :]]
