@@ -188,8 +188,14 @@ class Mechanism(Coordinates):
         home: ArrayLike | None = None,
         name: str = "",
     ) -> Mechanism:
-        """A mechanism from what a reader of files found; the parameters are those of `from_pinocchio`."""
-        made = cls.from_pinocchio(contents.model, contents.closures, independent, home, name, contents.forces)
+        """A mechanism from what a reader of files found; the parameters are those of `from_pinocchio`.
+
+        Without a name it is called as the file calls itself.
+        """
+        named = name or str(contents.model.name)  # as the file calls itself
+        made = cls.from_pinocchio(
+            contents.model, contents.closures, independent, home, named, contents.forces
+        )
         made.actuated, made.left_out = contents.actuated, tuple(contents.left_out)
         return made
 

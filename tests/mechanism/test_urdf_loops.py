@@ -302,3 +302,13 @@ def test_the_links_without_mass_are_named() -> None:
     mech = rg.Mechanism.from_urdf(text, independent=["q1", "q4"])
     with pytest.raises(rg.SimulationError, match="a motion of q4 moves no mass"):
         rg.simulate(mech, mech.assemble({"q1": 0.5, "q2": -0.5, "q3": 0.5}), duration=0.01, step=1e-3)
+
+
+def test_a_mechanism_is_called_as_its_file_calls_it() -> None:
+    """So that errors name it."""
+    mech = rg.Mechanism.from_urdf(four_bar(DIALECTS["URDF+"]), independent=["q1"])
+    assert mech.name == "r"
+    weld = DIALECTS["URDF+"].replace("revolute", "fixed")
+    rigid = rg.Mechanism.from_urdf(four_bar(weld), independent=[])
+    with pytest.raises(rg.PartitionError, match="'r' is rigid"):
+        rg.simulate(rigid, duration=0.01)
