@@ -54,6 +54,9 @@ class Blocks {
             if (block.n > 2) {
                 block.lu = Lu(block.n);
                 block.last.resize(block.filled.size());
+            } else {
+                std::fill(block.at, block.at + 4, entries);
+                for (const Link& link : block.filled) block.at[block.n * link.row + link.other] = link.entry;
             }
             widest_ = std::max(widest_, block.n);
             blocks_.push_back(block);
@@ -76,8 +79,7 @@ class Blocks {
                 good = good && b.lu.regular && std::isfinite(b.det);
                 continue;
             }
-            std::fill(b.e, b.e + 4, 0.0);
-            for (const Link& link : b.filled) b.e[b.n * link.row + link.other] = values_[link.entry];
+            for (int i = 0; i < b.n * b.n; ++i) b.e[i] = values_[b.at[i]];
             b.det = b.n == 2 ? b.e[0] * b.e[3] - b.e[1] * b.e[2] : b.e[0];
             b.inverse = 1.0 / b.det;
             good = good && std::isfinite(b.inverse);
@@ -137,6 +139,7 @@ class Blocks {
         int n = 0, number = 0;
         std::vector<int> rows, columns;
         std::vector<Link> filled, known, given;
+        int at[4] = {};  // entries of a small block, row by row, and their values
         double e[4] = {}, det = 0.0, inverse = 0.0, reference = 1.0;
         double parity = 1.0;  // of the order of its rows and columns
         Lu lu;

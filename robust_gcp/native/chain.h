@@ -1,6 +1,7 @@
 // The joints of the spanning tree in world axes: placements, velocities, accelerations.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <vector>
@@ -16,6 +17,8 @@ struct Body {
     int parent = 0, kind = HINGE, q = 0, first = 0, count = 1;  // first, count: its freedoms
     bool aligned = false;                                       // placed without a rotation
     bool held = false;                                          // in its neutral position
+    bool upright = false;                                       // turns about its own z only, seen from the ground
+    bool heavy = false;                                         // has mass or inertia
     Axes placed;
     Vec at;
     double mass = 0.0;
@@ -55,6 +58,9 @@ struct Chain {
             b.mass = i[0];
             b.centre = {i[1], i[2], i[3]};
             for (int k = 0; k < 6; ++k) b.inertia[k] = i[4 + k];
+            b.heavy = std::any_of(i, i + 10, [](double x) { return x != 0.0; });
+            const bool along = m[2] == 0.0 && m[5] == 0.0 && m[8] == 1.0;
+            b.upright = (is_hinge(b.kind) || b.kind == SLIDE) && (b.parent == 0 || (along && bodies[b.parent].upright));
             b.q = q;
             for (int i = 0; i < NUMBERS[b.kind].v; ++i) number_at.push_back(q + i);
             b.first = static_cast<int>(freedoms.size());
@@ -102,15 +108,16 @@ struct Chain {
             const Vec w = carried ? omega[b.parent] : none, turning = carried ? alpha[b.parent] : none;
             const Vec& arm = r[j];
             u[j] = (carried ? u[b.parent] : none) + cross(w, arm);
-            a[j] = (carried ? a[b.parent] : none) + cross(turning, arm) + centripetal(w, arm);
-            omega[j] = w;
-            alpha[j] = turning;
+            a[j] = (carried ? a[b.parent] : none) + centripetal(w, arm);
+            if (!b.upright) a[j] += cross(turning, arm);  // 0 where all turn about one axis
             if (is_hinge(b.kind)) {
                 const Vec turn = v[b.first] * axes[j].z;
-                omega[j] += turn;
-                alpha[j] += cross(w, turn);
+                omega[j] = w + turn;
+                alpha[j] = b.upright ? none : turning + cross(w, turn);
                 continue;
             }
+            omega[j] = w;
+            alpha[j] = turning;
             Vec turn, slide;
             for (int i = b.first; i < b.first + b.count; ++i)
                 (freedoms[i].turning ? turn : slide) += v[i] * axes[j][freedoms[i].column];

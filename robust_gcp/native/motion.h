@@ -25,7 +25,8 @@ class Motion {
 
     Motion(const Description& d, Path& path)
         : v(d.nv), tau(d.nv), ydd(d.m), path_(path), sweep_(d, path), forces_(d),
-          own_(*d.own), size_(d.size, d.size + d.nv), armature_(d.armature, d.armature + d.nv) {}
+          own_(*d.own), size_(d.size, d.size + d.nv), armature_(d.armature, d.armature + d.nv),
+          turned_(path.chain.bodies.size()), shifted_(path.chain.bodies.size()) {}
 
     // ÿ at a point whose placements (m = 1: velocities too) the path's chain holds.
     Reason evaluate(double t, Point& point, const Request& r) {
@@ -81,35 +82,43 @@ class Motion {
     Reason one_coordinate(Point& point) {
         Chain& c = path_.chain;
         const double *G = point.G(), *bend = point.curvature();
-        double mass = 0.0, bent = 0.0, weight = 0.0;
-        turned_.resize(c.bodies.size());
-        shifted_.resize(c.bodies.size());
+        double mass = 0.0, bent = 0.0;
+        Vec momentum;
         for (std::size_t j = 1; j < c.bodies.size(); ++j) {
             const Body& b = c.bodies[j];
+            const Axes& axes = c.axes[j];
             Vec turned = turned_[b.parent];
             Vec shifted = shifted_[b.parent] + cross(turned, c.r[j]);
             for (int i = b.first; i < b.first + b.count; ++i) {
-                const Vec add = bend[i] * c.axes[j][c.freedoms[i].column];
+                const Vec add = bend[i] * axes[c.freedoms[i].column];
                 (c.freedoms[i].turning ? turned : shifted) += add;
                 mass += armature_[i] * G[i] * G[i];
                 bent += armature_[i] * G[i] * bend[i];
             }
             turned_[j] = turned;
             shifted_[j] = shifted;
-            const Axes& axes = c.axes[j];
+            if (!b.heavy) continue;
             const Vec centre = axes.turn(b.centre);
             const Vec& omega = c.omega[j];
             const Vec alpha = c.alpha[j] + turned;
-            const Vec velocity = c.u[j] + cross(omega, centre);
+            const Vec velocity = c.u[j] + cross(omega, centre), push = b.mass * velocity;
             const Vec acceleration = c.a[j] + shifted + cross(alpha, centre) + centripetal(omega, centre);
-            const Vec spin = axes.local(omega), moment = times_inertia(b.inertia, spin);
-            mass += b.mass * dot(velocity, velocity) + dot(moment, spin);
-            bent += b.mass * dot(velocity, acceleration) + dot(moment, axes.local(alpha));
-            weight += b.mass * dot(c.gravity, velocity);
+            mass += dot(push, velocity);
+            bent += dot(push, acceleration);
+            momentum += push;
+            if (b.upright) {
+                const double spin = b.inertia[5] * dot(axes.z, omega);
+                mass += spin * dot(axes.z, omega);
+                bent += spin * dot(axes.z, alpha);
+            } else {
+                const Vec spin = axes.local(omega), moment = times_inertia(b.inertia, spin);
+                mass += dot(moment, spin);
+                bent += dot(moment, axes.local(alpha));
+            }
         }
         if (!(mass > LOST * alone(path_.parts.all_velocities, G, 0))) return INERTIA;
         const double speed = point.ydot()[0];
-        double force = weight - speed * speed * bent;
+        double force = dot(c.gravity, momentum) - speed * speed * bent;
         if (acting_)
             for (std::size_t i = 0; i < tau.size(); ++i) force += G[i] * tau[i];
         ydd[0] = force / mass;

@@ -29,8 +29,6 @@ class Sweep {
         }
         V_.resize(n), A_.resize(n), massive_.resize(n), wrench_.resize(n), ways_at_.resize(n);
         freed_.resize(n), yielded_.resize(n);
-        for (const Body& b : path.chain.bodies)
-            heavy_.push_back(b.mass != 0.0 || std::any_of(b.inertia, b.inertia + 6, [](double i) { return i != 0.0; }));
         bears_.assign(n, 0);
         std::size_t ways = 0, widest = 0, square = 0;
         for (const Part& part : parts_) {
@@ -111,7 +109,7 @@ class Sweep {
         std::fill(alone, alone + count, 0.0);
         std::fill(push, push + count, Wrench{});
         for (int j : part.joints) {
-            if (!heavy_[j] && !bears_[j]) continue;
+            if (!path_.chain.bodies[j].heavy && !bears_[j]) continue;
             const Twist* X = ways_.data() + ways_at_[j];
             for (int a = 0; a < count; ++a) {
                 const Wrench f = bears_[j] ? freed_[j] * X[a] : massive_[j] * X[a];
@@ -178,7 +176,7 @@ class Sweep {
                 const Vec from = chain.p[j] - near;
                 move(chain, part, j, from, point, v);
                 if (bears_[j]) freed_[j] = {}, massive_[j] = {}, wrench_[j] = {};
-                if (!heavy_[j]) continue;
+                if (!chain.bodies[j].heavy) continue;
                 massive_[j] = Massive(chain.bodies[j], chain.axes[j], from);
                 if (bears_[j]) freed_[j].add(massive_[j]);
                 const Wrench momentum = massive_[j] * V_[j];
@@ -219,7 +217,7 @@ class Sweep {
     const std::vector<Part>& parts_;
     std::unique_ptr<Chain> world_;  // where joints on groups are, which the path's chain holds still
     Cells<double> armature_;
-    std::vector<char> heavy_, bears_;  // by body: whether it has inertia, and whether it carries parts
+    std::vector<char> bears_;  // by body: whether it carries parts
     Cells<Twist> V_, A_;
     Cells<Massive> massive_;    // of each body, then with all that it carries
     Cells<Articulated> freed_;  // of bodies that carry parts: with these moving freely
