@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING, Any
 from .analysis.configuration_space import ConfigurationSpace, ModeCurve
 from .analysis.local import LocalAnalysis, analyse
 from .analysis.space import trace_modes
-from .dynamics.derivatives import Derivatives, derivatives, forward_dynamics
-from .dynamics.discrete import step_jacobians
+from .dynamics.derivatives import Derivatives
 from .dynamics.equations import implicit_dynamics
 from .dynamics.inverse import inverse_dynamics
-from .dynamics.linearise import Linearisation, linearise
+from .dynamics.linearise import Linearisation
 from .dynamics.loads import Wrench
 from .dynamics.motion import Motion
 from .dynamics.regressor import Regressor, regressor
@@ -44,6 +43,7 @@ from .native import Backend, NativeBuildWarning, backends
 from .simulation.access import FrameMotion, Sample
 from .simulation.coarse import CoarseStepWarning
 from .simulation.cost import Cost
+from .simulation.derivatives import derivatives, forward_dynamics, linearise, step_jacobians
 from .simulation.events import Event
 from .simulation.gradient import Gradient, gradient
 from .simulation.load import load_trajectory

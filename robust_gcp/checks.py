@@ -177,6 +177,22 @@ def checked_vector(value: ArrayLike, size: int, what: str, letter: str) -> Array
     return array
 
 
+def checked_rows(value: ArrayLike, count: int | None, size: int, what: str, letter: str) -> Array:
+    """A finite float array (count, size), or a StateError; any number of rows where `count` is None."""
+    try:
+        array = real_array(value)
+    except TypeError as error:
+        raise StateError(f"{what}: {shown(value)} is no table with {size} numbers a row") from error
+    wanted = len(array) if count is None and array.ndim == 2 else count
+    if array.shape != (wanted, size):
+        raise StateError(
+            f"{what} has shape {array.shape}, expected (N, {letter}) = ({wanted or 'N'}, {size})"
+        )
+    if not np.all(np.isfinite(array)):
+        raise StateError(f"{what} holds entries that are not finite")
+    return array
+
+
 def require_finite(value: Array, what: str) -> Array:
     """The value, or a StateError: finite states can be so large that their products are not."""
     if np.isfinite(value).all():

@@ -58,6 +58,13 @@ class Derivatives:
     G: Array
     dv_dy: Array
 
+    @classmethod
+    def room(cls, n: int, m: int, nv: int) -> Derivatives:
+        """Room for those at n states, the number of the state first."""
+        square, tall = (n, m, m), (n, nv, m)
+        shapes = ((n, m), square, square, (n, m, nv), tall, tall)
+        return cls(*(np.full(shape, np.nan) for shape in shapes))
+
 
 def forward_dynamics(
     mechanism: Mechanism,
@@ -67,30 +74,7 @@ def forward_dynamics(
     mode: ArrayLike | None = None,
     t: float = 0.0,
 ) -> Array:
-    """u̇ = (Gᵀ M G)⁻¹ Gᵀ (τ − C − M g), Eq. (3), at a state.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-    q, v : array_like (nq,), (nv,)
-        Closed, and K v = 0; at rest when v is left out.
-    tau : optional
-        Torques as in `simulate`, besides the mechanism's own springs, dampers and drives.
-    mode : array_like, optional
-        As in `simulate`, where q is singular.
-    t : float
-        Time for the torques, s.
-
-    Returns
-    -------
-    ndarray (m,)
-        Of the independent velocities, in the order of `mechanism.independent`.
-
-    Raises
-    ------
-    StateError, SimulationError
-        As `simulate` does for a start, NonFiniteError where it is not finite.
-    """
+    """The reference of `robust_gcp.forward_dynamics`, where its arguments are told."""
     check_mechanism(mechanism, Mechanism, "forward_dynamics")
     check_finite("t", t)
     motion = set_out(mechanism, q, v, mode, one_torque(mechanism, tau))
@@ -107,25 +91,7 @@ def derivatives(
     tau_slopes: TorqueSlopes | None = None,
     wrenches: Sequence[Wrench] = (),
 ) -> Derivatives:
-    """First derivatives of `forward_dynamics`, also at singular configurations on a mode.
-
-    Parameters
-    ----------
-    mechanism, q, v, tau, mode, t
-        As of `forward_dynamics`.
-    tau_slopes : callable (t, q, v) -> ((nv, nv), (nv, nv)), optional
-        ∂τ/∂q and ∂τ/∂v where tau is a function; by central differences when left out.
-    wrenches : sequence of Wrench
-        As in `simulate`; their slopes by central differences.
-
-    Raises
-    ------
-    StateError, SimulationError
-        As `simulate` does for a start; NotCertifiedError where modes do not part clearly at q, NonFiniteError
-        where forces have no finite slope.
-    ModelError
-        For ellipsoid joints.
-    """
+    """The reference of `robust_gcp.derivatives`, where its arguments are told."""
     check_mechanism(mechanism, Mechanism, "derivatives")
     check_finite("t", t)
     check_callable("tau_slopes", tau_slopes, "(t, q, v)")

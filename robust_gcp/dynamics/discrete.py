@@ -121,33 +121,7 @@ def step_jacobians(
     step: float,
     mode: ArrayLike | None = None,
 ) -> tuple[Array, Array]:
-    """Jacobians of one step of RK4, the torques held over it.
-
-    δ(η, u) after the step = A δ(η, u) before it + B δτ, η along the velocities G e_j at either end and u the
-    independent velocities.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-    q, v : array_like (nq,), (nv,)
-        Closed, and K v = 0; at rest where v is None.
-    tau : array_like (nv,) or mapping {joint: torque}, optional
-        N m and N, besides the mechanism's own forces; None: none.
-    step : float
-        s.
-    mode : array_like, optional
-        As in `simulate`, where q is singular.
-
-    Returns
-    -------
-    A : ndarray (2m, 2m)
-    B : ndarray (2m, nv)
-
-    Raises
-    ------
-    StateError, SimulationError, ModelError
-        As `derivatives` does.
-    """
+    """The reference of `robust_gcp.step_jacobians`, where its arguments are told."""
     check_mechanism(mechanism, Mechanism, "step_jacobians")
     check_positive("step", step)
     held = None if tau is None else mechanism.velocity(tau, "tau")

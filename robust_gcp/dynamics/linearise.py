@@ -125,35 +125,10 @@ def linearise(
     wrenches: Sequence[Wrench] = (),
     drive: Mapping[str, Motion] | None = None,
 ) -> Linearisation:
-    """Linearise ÿ = (Gᵀ M G)⁻¹ Gᵀ (τ − C − M g) at a state.
+    """The reference of `robust_gcp.linearise`, where its arguments are told.
 
-    By the analytic `derivatives`, at a singular configuration on a mode; by central differences of the
-    right-hand side where there are none: for ellipsoid joints, and beside modes that pass each
-    other; beside joints that are driven.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-    q, v : array_like (nq,), (nv,)
-        Closed, and K v = 0; at rest when v is left out.
-    torque, wrenches : optional
-        As in `simulate`.
-    t : float
-        Time for torques and prescribed motions, s.
-    mode : array_like, optional
-        As in `simulate`, where q is singular.
-    drive : mapping of str to Motion, optional
-        Joints that move as prescribed, which q and v agree with at time t; left out, v is with the free
-        joints at rest. Linearised are the free ones: A is (2f, 2f) for f of them, in the order of y.
-
-    Returns
-    -------
-    Linearisation
-
-    Raises
-    ------
-    StateError, SimulationError
-        As `simulate` does for a start, NonFiniteError where A is not finite.
+    By the analytic `derivatives`; by central differences of the right-hand side where there are none: for
+    ellipsoid joints, beside modes that pass each other, and beside joints that are driven.
     """
     check_mechanism(mechanism, Mechanism, "linearise")
     check_finite("t", t)

@@ -87,6 +87,22 @@ struct Bridging {  // see maps/cluster/options.py
     double closure_tolerance, geometric_tolerance, transversality;
 };
 
+struct States {  // where derivatives are asked for
+    std::int64_t count;
+    const double* q;        // (count, nq)
+    const double* v;        // (count, nv)
+    const double* tau;      // (count, nv), or null
+    double zone;            // conditioning below which K_d is too poor
+    double close, same;     // how far q and v may be from closed ones, and a step's end from the next state
+    double at_rest;         // what is added to the largest |v| where differences of v are relative to it
+    // results, null where not wanted
+    double* ydd;            // (count, m)
+    double* rows;           // (count, m, 2m + nv): ∂u̇ by y, u and τ
+    double* G;              // (count, nv, m)
+    double* v_y;            // (count, nv, m): ∂v/∂y
+    std::int32_t* status;   // (count,): a Reason
+};
+
 enum Beginning : std::int32_t {
     GO_ON = 0,    // from the last step that was accepted here
     REGULAR = 1,  // from `anchor`, on regular ground

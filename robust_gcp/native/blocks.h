@@ -98,6 +98,25 @@ class Blocks {
         return size;
     }
 
+    // λ = K_d⁻ᵀ rhs by row, rhs by velocity, which is overwritten.
+    void solve_transposed(double* rhs, double* lambda) {
+        for (std::size_t at = blocks_.size(); at-- > 0;) {
+            Block& b = blocks_[at];
+            for (int i = 0; i < b.n; ++i) left_[i] = rhs[b.columns[i]];
+            if (b.n > 2) {
+                b.lu.solve_transposed(left_.data());
+            } else if (b.n == 2) {
+                const double x = left_[0], y = left_[1];
+                left_[0] = (b.e[3] * x - b.e[2] * y) * b.inverse;
+                left_[1] = (b.e[0] * y - b.e[1] * x) * b.inverse;
+            } else {
+                left_[0] *= b.inverse;
+            }
+            for (int i = 0; i < b.n; ++i) lambda[b.rows[i]] = left_[i];
+            for (const Link& link : b.known) rhs[link.other] -= values_[link.entry] * left_[link.row];
+        }
+    }
+
     // The column of −K_d⁻¹ K_i of one of the part's inputs, by velocity.
     void solve_given(int input, double* u) {
         for (Block& b : blocks_) {

@@ -34,6 +34,13 @@ struct Row {
     std::vector<Term> terms;
 };
 
+struct Loop {  // one closure: its two cut points
+    int joint[2];
+    Vec point[2], arm[2], at[2];
+    std::vector<Lever> levers;
+    int first_row = 0, rows = 0;
+};
+
 class Closures {
   public:
     std::vector<Entry> entries;
@@ -209,14 +216,13 @@ class Closures {
         }
     }
 
-  private:
-    struct Loop {
-        int joint[2];
-        Vec point[2], arm[2], at[2];
-        std::vector<Lever> levers;
-        int first_row = 0, rows = 0;
-    };
+    const std::vector<Loop>& loops() const { return loops_; }
+    const Couplings& couplings() const { return couplings_; }
+    // One of a loop's rows, and its number in the description.
+    const Row& row(const Loop& loop, int i) const { return rows_[loop.first_row + i]; }
+    int number(const Loop& loop, int i) const { return target_[loop.first_row + i]; }
 
+  private:
     const Axes& first(const Loop& loop) const { return chain_.axes[loop.joint[0]]; }
     const Axes& second(const Loop& loop) const { return chain_.axes[loop.joint[1]]; }
 

@@ -94,6 +94,24 @@ class Couplings {
         for (const Tie& tie : ties_) k[tie.row] = tie.weight * tie.bend * v[tie.v2] * v[tie.v2];
     }
 
+    // Changes of φ̇ and φ̈ along dq (at `stride`), where v and a are held, and of φ̈ where v changes by dv, after
+    // `residual` at the same q.
+    void rows_changed(const double* q, const double* v, const double* a, const double* dq, const double* dv, int stride,
+                      double* d, double* dd) const {
+        for (const Tie& tie : ties_) {
+            const double speed = v[tie.v2], along = dq[tie.v2 * stride], faster = dv[tie.v2 * stride];
+            d[tie.row] = -tie.weight * tie.bend * speed * along;
+            dd[tie.row] = -tie.weight * ((tie.third(q[tie.q2]) * speed * speed + tie.bend * a[tie.v2]) * along +
+                                         2.0 * tie.bend * speed * faster);
+        }
+    }
+
+    // Visits the only entry of each row of K that changes: row, velocity, its change by that joint's number.
+    template <typename Visit>
+    void each_bend(Visit visit) const {
+        for (const Tie& tie : ties_) visit(tie.row, tie.v2, -tie.weight * tie.bend);
+    }
+
   private:
     struct Arm {
         int q;
@@ -105,6 +123,14 @@ class Couplings {
         std::vector<double> curve;  // coefficients of P by rising power
         std::vector<Arm> further;
         double slope = 0.0, bend = 0.0;
+
+        // P‴ at x.
+        double third(double x) const {
+            double sum = 0.0;
+            for (std::size_t i = curve.size(); i-- > 3;)
+                sum = sum * x + static_cast<double>(i * (i - 1) * (i - 2)) * curve[i];
+            return sum;
+        }
     };
 
     std::size_t first_ = 0;

@@ -12,6 +12,16 @@ namespace rg {
 
 class Forces {
   public:
+    struct Spring {
+        int q, v;
+        double stiffness, rest;
+    };
+    struct Line {
+        int joint[2];
+        Vec at[2];
+        double stiffness, rest, damping;
+    };
+
     explicit Forces(const Description& d)
         : some_(d.forces != 0),
           damping_(d.damping, d.damping + d.nv),
@@ -27,6 +37,9 @@ class Forces {
     }
 
     bool some() const { return some_; }
+    const Cells<double>& damping() const { return damping_; }
+    const std::vector<Spring>& springs() const { return springs_; }
+    const std::vector<Line>& lines() const { return lines_; }
 
     // τ (nv,) and the power of dampers and drives; false where a point spring has no direction.
     bool at(const Chain& chain, const double* q, const double* v, double* tau, double& power) const {
@@ -77,22 +90,12 @@ class Forces {
         return energy;
     }
 
-  private:
-    struct Spring {
-        int q, v;
-        double stiffness, rest;
-    };
-    struct Line {
-        int joint[2];
-        Vec at[2];
-        double stiffness, rest, damping;
-    };
-
     static Vec point(const Chain& chain, const Line& line, int end) {
         const int j = line.joint[end];
         return chain.p[j] + chain.axes[j].turn(line.at[end]);
     }
 
+  private:
     // What each velocity adds to the line's rate of length through one of its ends.
     template <typename Visit>
     static void over_freedoms(const Chain& chain, const Line& line, int end, const Vec& at, const Vec& u,

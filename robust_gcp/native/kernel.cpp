@@ -5,6 +5,7 @@
 #include <exception>
 
 #include "abi.h"
+#include "derivation.h"
 #include "stepper.h"
 
 #define RG_EXPORT extern "C" __attribute__((visibility("default")))
@@ -14,7 +15,7 @@ RG_EXPORT std::int32_t rg_version() { return rg::VERSION; }
 // Size of a structure of abi.h, to compare with the caller's.
 RG_EXPORT std::int32_t rg_size(std::int32_t structure) {
     constexpr std::size_t sizes[] = {sizeof(rg::Description), sizeof(rg::Cluster), sizeof(rg::Bridging),
-                                     sizeof(rg::Request)};
+                                     sizeof(rg::Request), sizeof(rg::States)};
     return static_cast<std::int32_t>(sizes[structure]);
 }
 
@@ -41,6 +42,31 @@ RG_EXPORT const double* rg_trackers(void* stepper, std::int64_t* count) {
 
 // Makes a start of a configuration and velocities, for rg_run.
 RG_EXPORT void rg_begin(void* stepper, rg::Request* request) { static_cast<rg::Stepper*>(stepper)->set_out(*request); }
+
+// A workspace for derivatives of a mechanism, or null with the reason in `why`.
+RG_EXPORT void* rg_derive(const rg::Description* description, char* why, std::int32_t length) {
+    try {
+        return new rg::Derivation(*description);
+    } catch (const std::exception& error) {
+        std::strncpy(why, error.what(), static_cast<std::size_t>(length) - 1);
+        return nullptr;
+    }
+}
+
+RG_EXPORT void rg_derived(void* derivation) { delete static_cast<rg::Derivation*>(derivation); }
+
+RG_EXPORT void rg_slopes(void* derivation, const rg::States* states) {
+    static_cast<rg::Derivation*>(derivation)->at(*states);
+}
+
+RG_EXPORT void rg_take(void* derivation, const rg::States* states, const double* times) {
+    static_cast<rg::Derivation*>(derivation)->take(*states, times);
+}
+
+RG_EXPORT void rg_pull(void* derivation, std::int64_t first, std::int64_t last, std::int32_t count, double* rows,
+                       const double* after, const double* before, double* by_tau) {
+    static_cast<rg::Derivation*>(derivation)->pull(first, last, count, rows, after, before, by_tau);
+}
 
 // Seconds per call of what a right-hand side asks of Pinocchio: computeJointJacobians, rnea twice, crba.
 RG_EXPORT double rg_time_pinocchio(void* stepper, const double* q, const double* v, std::int32_t repeats) {

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ..warning import warn
-from .structures import VERSION, Bridging, Cluster, Description, Request
+from .structures import VERSION, Bridging, Cluster, Description, Request, States
 
 NAME = "kernel.dylib" if sys.platform == "darwin" else "kernel.so"
 
@@ -60,7 +60,7 @@ class Library:
         library = ctypes.CDLL(str(path))
         if library.rg_version() != VERSION:
             raise OSError(f"{path} has interface {library.rg_version()}, this package needs {VERSION}")
-        for i, structure in enumerate((Description, Cluster, Bridging, Request)):
+        for i, structure in enumerate((Description, Cluster, Bridging, Request, States)):
             theirs, ours = library.rg_size(i), ctypes.sizeof(structure)
             if theirs != ours:
                 raise OSError(f"its {structure.__name__} has {theirs} bytes, this package's {ours}")
@@ -76,6 +76,17 @@ class Library:
         self.trackers.argtypes, self.trackers.restype = [c_void_p, POINTER(c_int64)], POINTER(c_double)
         self.begin = library.rg_begin
         self.begin.argtypes, self.begin.restype = [c_void_p, POINTER(Request)], None
+        self.derive = library.rg_derive
+        self.derive.argtypes, self.derive.restype = self.create.argtypes, c_void_p
+        self.derived = library.rg_derived
+        self.derived.argtypes, self.derived.restype = [c_void_p], None
+        self.slopes = library.rg_slopes
+        self.slopes.argtypes, self.slopes.restype = [c_void_p, POINTER(States)], None
+        self.take = library.rg_take
+        self.take.argtypes, self.take.restype = [c_void_p, POINTER(States), c_void_p], None
+        self.pull = library.rg_pull
+        self.pull.argtypes = [c_void_p, c_int64, c_int64, c_int32, *4 * [c_void_p]]
+        self.pull.restype = None
         self.time_pinocchio = library.rg_time_pinocchio
         self.time_pinocchio.argtypes = [c_void_p, c_void_p, c_void_p, c_int32]
         self.time_pinocchio.restype = c_double

@@ -63,6 +63,18 @@ class Lu {
         }
     }
 
+    void solve_transposed(double* x) const {
+        const int n = n_;
+        for (int i = 0; i < n; ++i) {
+            for (int j = 0; j < i; ++j) x[i] -= a_[i * n + j] * x[j];
+            x[i] *= inverse_[i];
+        }
+        for (int i = n - 1; i >= 0; --i)
+            for (int j = i + 1; j < n; ++j) x[i] -= a_[i * n + j] * x[j];
+        for (int k = n - 1; k >= 0; --k)
+            if (swap_[k] != k) std::swap(x[k], x[swap_[k]]);
+    }
+
     // 1/‖A⁻¹‖₁ with Higham's estimate of the norm, as LAPACK's dgecon makes it (Higham, ACM Trans. Math.
     // Softw. 14, 1988).
     double least_stretch() {
@@ -78,18 +90,6 @@ class Lu {
         if (entry == 0.0) return;
         const double* __restrict column = &a_[j * n_];
         for (int i = first; i < last; ++i) x[i] -= entry * column[i];
-    }
-
-    void solve_transposed(double* x) const {
-        const int n = n_;
-        for (int i = 0; i < n; ++i) {
-            for (int j = 0; j < i; ++j) x[i] -= a_[i * n + j] * x[j];
-            x[i] *= inverse_[i];
-        }
-        for (int i = n - 1; i >= 0; --i)
-            for (int j = i + 1; j < n; ++j) x[i] -= a_[i * n + j] * x[j];
-        for (int k = n - 1; k >= 0; --k)
-            if (swap_[k] != k) std::swap(x[k], x[swap_[k]]);
     }
 
     double inverse_norm() {

@@ -48,6 +48,17 @@ class Motion {
         return kinetic_ + potential + forces_.energy(chain, point.q());
     }
 
+    // Where all bodies are, at the point evaluated last.
+    const Chain& placed(Point& point) { return sweep_.place(point); }
+    const Forces& forces() const { return forces_; }
+    bool acting() const { return acting_; }
+
+    // (Gᵀ M G)⁻¹ times rows (m, width) at the point evaluated last.
+    void lift(double* rows, int width) {
+        if (!by_virtual_power()) return sweep_.solve_more(rows, width);
+        for (int i = 0; i < width; ++i) rows[i] /= mass_;
+    }
+
   private:
     bool by_virtual_power() const { return path_.layout.m == 1 && !path_.on_groups; }
 
@@ -122,6 +133,7 @@ class Motion {
         if (acting_)
             for (std::size_t i = 0; i < tau.size(); ++i) force += G[i] * tau[i];
         ydd[0] = force / mass;
+        mass_ = mass;
         kinetic_ = 0.5 * mass * speed * speed;
         return DONE;
     }
@@ -151,7 +163,7 @@ class Motion {
     double own_;
     Cells<double> size_, armature_;
     Cells<Vec> turned_, shifted_;
-    double kinetic_ = 0.0;
+    double kinetic_ = 0.0, mass_ = 0.0;
     bool acting_ = false;
 };
 

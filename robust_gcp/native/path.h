@@ -27,6 +27,26 @@ constexpr double DETERMINANT_RATIO = 2.5, POOR = 0.3, CORRECTION = 0.25, ROUNDIN
 
 class Path {
   public:
+    // The closures and couplings of a part, and its share of K_d.
+    struct Loops {
+        Loops(const Description& d, Chain& chain, const Parts& parts, int number)
+            : closures(d, chain, parts.list[number]), blocks(d, closures, parts, number) {
+            for (int i : parts.list[number].velocities)
+                if (std::find(d.independent, d.independent + d.m, i) == d.independent + d.m)
+                    dependent.push_back(i);
+            for (int j : parts.list[number].joints) {
+                const Numbers& numbers = NUMBERS[chain.bodies[j].kind];
+                flat = flat && numbers.q == numbers.v;
+            }
+        }
+
+        Closures closures;
+        Blocks blocks;  // refers to `closures`
+        std::vector<int> dependent;
+        bool flat = true;  // v is the rate of q
+        std::int64_t iterations = 0, evaluations = 0;
+    };
+
     Chain chain;  // as if joints on groups stood still
     const Parts parts;
     RigidBodies rigid;
@@ -177,27 +197,12 @@ class Path {
         }
     }
 
+    // Those of a part; none where nothing is tied.
+    Loops* loops(std::size_t part) const { return loops_[part].get(); }
+    // What a correction of a velocity is multiplied by.
+    double scale(int velocity) const { return scale_[velocity]; }
+
   private:
-    // The closures and couplings of a part, and its share of K_d.
-    struct Loops {
-        Loops(const Description& d, Chain& chain, const Parts& parts, int number)
-            : closures(d, chain, parts.list[number]), blocks(d, closures, parts, number) {
-            for (int i : parts.list[number].velocities)
-                if (std::find(d.independent, d.independent + d.m, i) == d.independent + d.m)
-                    dependent.push_back(i);
-            for (int j : parts.list[number].joints) {
-                const Numbers& numbers = NUMBERS[chain.bodies[j].kind];
-                flat = flat && numbers.q == numbers.v;
-            }
-        }
-
-        Closures closures;
-        Blocks blocks;  // refers to `closures`
-        std::vector<int> dependent;
-        bool flat = true;  // v is the rate of q
-        std::int64_t iterations = 0, evaluations = 0;
-    };
-
     void product(const Part& part, Point& point, const double* u, double* v) const {
         const int m = layout.m;
         const double* G = point.G();

@@ -115,6 +115,17 @@ class Request(ctypes.Structure):
     ]
 
 
+class States(ctypes.Structure):
+    """States at which derivatives are asked for; see abi.h."""
+
+    _fields_ = [
+        ("count", c_int64),
+        *_fields("", "q v tau"),
+        *_all(c_double, "zone close same at_rest"),
+        *_fields("", "ydd rows G v_y status"),
+    ]
+
+
 class Arrays:
     """Fills a structure's pointers and keeps the arrays alive."""
 

@@ -95,6 +95,64 @@ class Sweep {
         }
     }
 
+    // The same for more right sides after `eliminate`: rows (m, width) in y.
+    void solve_more(double* rows, std::size_t width) {
+        const auto row = [&](const Part& part, int a) { return rows + static_cast<std::size_t>(part.inputs[a]) * width; };
+        more_.resize(V_.size() * 6 * width);
+        const auto of = [&](int body) { return more_.data() + static_cast<std::size_t>(body) * 6 * width; };
+        const auto take = [width](double* from, double share, const double* x) {
+            if (share == 0.0) return;
+            for (std::size_t c = 0; c < width; ++c) from[c] -= share * x[c];
+        };
+        std::fill(more_.begin(), more_.end(), 0.0);  // wrenches
+        for (std::size_t i = parts_.size(); i-- > 0;) {
+            const Part& part = parts_[i];
+            const int count = part.count();
+            const double* L = factors_.data() + factors_at_[i];
+            for (int j : part.joints) {
+                if (!bears_[j]) continue;
+                for (int a = 0; a < count; ++a) {
+                    const Twist& X = ways_[ways_at_[j] + a];
+                    for (int k = 0; k < 6; ++k) take(row(part, a), k < 3 ? X.linear[k] : X.angular[k - 3], of(j) + k * width);
+                }
+                if (part.root > 0)
+                    for (int k = 0; k < 6; ++k) take(of(part.root) + k * width, -1.0, of(j) + k * width);
+            }
+            for (int a = 0; a < count; ++a) {
+                for (int b = 0; b < a; ++b) take(row(part, a), L[a * count + b], row(part, b));
+                for (double *x = row(part, a), *end = x + width; x != end; ++x) *x *= L[a * count + a];
+                if (part.root == 0) continue;
+                const Wrench& push = push_[part.first + a];
+                for (int k = 0; k < 6; ++k)
+                    take(of(part.root) + k * width, k < 3 ? -push.force[k] : -push.moment[k - 3], row(part, a));
+            }
+        }
+        for (std::size_t i = 0; i < parts_.size(); ++i) {  // twists
+            const Part& part = parts_[i];
+            const int count = part.count();
+            const double* L = factors_.data() + factors_at_[i];
+            for (int a = count; a-- > 0;) {
+                const Wrench& push = push_[part.first + a];
+                if (part.root > 0)
+                    for (int k = 0; k < 6; ++k)
+                        take(row(part, a), k < 3 ? push.force[k] : push.moment[k - 3], of(part.root) + k * width);
+                for (int b = a + 1; b < count; ++b) take(row(part, a), L[b * count + a], row(part, b));
+                for (double *x = row(part, a), *end = x + width; x != end; ++x) *x *= L[a * count + a];
+            }
+            for (int j : part.joints) {
+                if (!bears_[j]) continue;
+                if (part.root > 0)
+                    std::copy(of(part.root), of(part.root) + 6 * width, of(j));
+                else
+                    std::fill(of(j), of(j) + 6 * width, 0.0);
+                for (int a = 0; a < count; ++a) {
+                    const Twist& X = ways_[ways_at_[j] + a];
+                    for (int k = 0; k < 6; ++k) take(of(j) + k * width, k < 3 ? -X.linear[k] : -X.angular[k - 3], row(part, a));
+                }
+            }
+        }
+    }
+
   private:
     // One part: its square of what is left of Gᵀ M G becomes L with inverse pivots, its right-hand side L⁻¹ of
     // that, and `push_` L⁻¹ of what its inputs ask of the body that carries it, to which it is added.
@@ -228,6 +286,7 @@ class Sweep {
     Cells<Wrench> push_;     // by input in a row
     Cells<double> factors_;  // L of each part
     Cells<double> right_, alone_;
+    Cells<double> more_;  // by body: wrenches, then twists, of more right sides
 };
 
 }  // namespace rg

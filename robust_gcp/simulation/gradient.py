@@ -24,6 +24,7 @@ from ..dynamics.parameters import Parameters
 from ..dynamics.problem import Problem, set_out
 from ..errors import OptionError, SimulationError
 from ..mechanism.tree import Array
+from .backwards import Backwards, backwards, kernel_of
 from .charts import in_new_chart
 from .cost import Cost, Slopes, checked_torques
 from .trajectory import Trajectory
@@ -143,35 +144,63 @@ class _Sweep:
         self._function = torque_function(self._mechanism, applied) if callable(applied) else None
         steps = len(trajectory.t) - 1
         self._table = None if callable(applied) else checked_torques(self._mechanism, applied, steps)
+        self._begun_with_end, self._value = False, 0.0
+        self._adjoint: Array = np.zeros(2 * self._mechanism.m)
+        self._by_torque: Array = np.zeros((steps, self._mechanism.nv))
+        self._by_parameters: Array = np.zeros(len(self._parameters.names))
 
     def gradient(self) -> Gradient:
         """The sweep, stretch by stretch from the end."""
-        run, mechanism, m = self._run, self._mechanism, self._mechanism.m
-        end = len(run.t) - 1
-        last: Derivatives | None = None
-        value = 0.0
-        adjoint: Array = np.zeros(2 * m)
-        by_torque = np.zeros((end, mechanism.nv))
-        by_parameters: Array = np.zeros(len(self._parameters.names))
-        while last is None or end > 0:
-            begin, taken, ahead = self._stretch(end)
-            if last is None:
-                value, slopes = self._cost.at_end(mechanism, run.q[-1], run.v[-1])
-                adjoint, last = _reduced(slopes, ahead), ahead
-            for step in reversed(taken):
-                i, h = step.i, step.step.h
-                now = step.step.stages[0].slopes
-                after, before = self._running(i, i + 1), self._running(i, i)
-                value += 0.5 * h * (after[0] + before[0])
-                adjoint = adjoint + 0.5 * h * _reduced(after[1], last)
-                A, B, P = step.step.jacobians_by(step.by_parameters)
-                by_torque[i] = B.T @ adjoint + 0.5 * h * (after[1][2] + before[1][2])
-                by_parameters += P.T @ adjoint
-                adjoint = A.T @ adjoint + 0.5 * h * _reduced(before[1], now)
-                last = now
-            end = begin
-        found = dict(zip(self._parameters.names, by_parameters.tolist(), strict=True))
-        return Gradient(float(value), adjoint[:m], adjoint[m:], by_torque, found)
+        end, m = len(self._run.t) - 1, self._mechanism.m
+        by_kernel = self._table is not None and not self._parameters.names
+        kernel = kernel_of(self._run) if by_kernel else None
+        while not self._begun_with_end or end > 0:
+            stretch = None
+            if kernel is not None and self._table is not None:
+                stretch = backwards(kernel, self._run, self._table, end)
+            end = self._by_reference(end) if stretch is None else self._by_kernel(stretch)
+        found = dict(zip(self._parameters.names, self._by_parameters.tolist(), strict=True))
+        return Gradient(float(self._value), self._adjoint[:m], self._adjoint[m:], self._by_torque, found)
+
+    def _begin_with_end(self, G: Array, dv_dy: Array) -> None:
+        """Take up the terminal term, with the map's slopes there."""
+        if not self._begun_with_end:
+            self._begun_with_end = True
+            self._value, slopes = self._cost.at_end(self._mechanism, self._run.q[-1], self._run.v[-1])
+            self._adjoint = _reduced(slopes, G, dv_dy)
+
+    def _by_kernel(self, stretch: Backwards) -> int:
+        """Sweep through a stretch that the kernel took again; returns where it begins."""
+        begin, end = stretch.begin, stretch.end
+        self._begin_with_end(stretch.G[-1], stretch.dv_dy[-1])
+        after = before = None
+        if self._cost.running is not None:
+            half = 0.5 * np.diff(self._run.t[begin : end + 1])
+            first, last = self._running_at(begin, end, 0), self._running_at(begin, end, 1)
+            self._value += float(half @ (first[0] + last[0]))
+            self._by_torque[begin:end] = half[:, None] * (first[3] + last[3])
+            before = half[:, None] * stretch.reduced(first[1], first[2], 0)
+            after = half[:, None] * stretch.reduced(last[1], last[2], 1)
+        self._adjoint, by_torque = stretch.sweep(self._adjoint, after, before)
+        self._by_torque[begin:end] += by_torque
+        return begin
+
+    def _by_reference(self, end: int) -> int:
+        """Sweep through a stretch that ends at this output; returns where it begins."""
+        begin, taken, last = self._stretch(end)
+        self._begin_with_end(last.G, last.dv_dy)
+        for step in reversed(taken):
+            i, h = step.i, step.step.h
+            now = step.step.stages[0].slopes
+            after, before = self._running(i, i + 1), self._running(i, i)
+            self._value += 0.5 * h * (after[0] + before[0])
+            adjoint = self._adjoint + 0.5 * h * _reduced(after[1], last.G, last.dv_dy)
+            A, B, P = step.step.jacobians_by(step.by_parameters)
+            self._by_torque[i] = B.T @ adjoint + 0.5 * h * (after[1][2] + before[1][2])
+            self._by_parameters += P.T @ adjoint
+            self._adjoint = A.T @ adjoint + 0.5 * h * _reduced(before[1], now.G, now.dv_dy)
+            last = now
+        return begin
 
     def _running(self, i: int, at: int) -> tuple[float, Slopes]:
         """The running term at output `at` under the torque of step i, with its slopes."""
@@ -184,6 +213,12 @@ class _Sweep:
             return value, (by_q, by_v, by_tau)
         tau_q, tau_v = self._slopes_of(t, q, v)
         return value, (by_q + by_tau @ tau_q, by_v + by_tau @ tau_v, by_tau)
+
+    def _running_at(self, begin: int, end: int, later: int) -> tuple[Array, Array, Array, Array]:
+        """The running term and its slopes at either end of the steps: `later` is 0 or 1; rows by step."""
+        values, slopes = zip(*(self._running(i, i + later) for i in range(begin, end)), strict=True)
+        by_q, by_v, by_tau = (np.array(part) for part in zip(*slopes, strict=True))
+        return np.array(values), by_q, by_v, by_tau
 
     def _stretch(self, end: int) -> tuple[int, list[_Taken], Derivatives]:
         """The steps that end at output `end`, from where they begin, and the derivatives at the end."""
@@ -234,7 +269,7 @@ class _Sweep:
             )
 
 
-def _reduced(slopes: Slopes, here: Derivatives) -> Array:
+def _reduced(slopes: Slopes, G: Array, dv_dy: Array) -> Array:
     """Slopes by q and v as those by the independent positions and velocities, (2m,)."""
     by_q, by_v, _ = slopes
-    return np.concatenate([by_q @ here.G + by_v @ here.dv_dy, by_v @ here.G])
+    return np.concatenate([by_q @ G + by_v @ dv_dy, by_v @ G])

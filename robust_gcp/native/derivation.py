@@ -1,0 +1,246 @@
+"""First derivatives in the compiled kernel: at many states, and of many steps of RK4.
+
+On regular ground, for torques that are held. What the kernel has not, it says state by state; the reference
+in `dynamics` has it.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import threading
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..dynamics.derivatives import Derivatives
+from ..dynamics.mode_rates import ZONE
+from ..dynamics.problem import set_out
+from ..errors import ClosureError, RobustGcpError
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.rows import ROTATION, rows_of
+from ..mechanism.tolerances import NEARLY_CLOSED, RANK
+from ..mechanism.tree import Array
+from .description import NotNativeError, describe
+from .library import Library, library
+from .structures import States
+
+CLOSED = 1e-8
+"""How far q may be from a closed one, dimensionless, and v from G u, relative to its largest entry; beyond it
+the reference says what is wrong."""
+
+SAME = 1e-7
+"""How far a step that is taken again may end from the next state: dimensionless, and relative for v."""
+
+
+@dataclass(frozen=True)
+class Slopes:
+    """What the kernel found at N states; rows of those that are not `good` hold nothing.
+
+    Attributes
+    ----------
+    good : ndarray of bool (N,)
+    udot : ndarray (N, m)
+    rows : ndarray (N, m, 2m + nv)
+        ∂u̇ by y, u and τ.
+    G, dv_dy : ndarray (N, nv, m)
+    """
+
+    good: NDArray[np.bool_]
+    udot: Array
+    rows: Array
+    G: Array
+    dv_dy: Array
+
+    def at(self, i: int | slice) -> Derivatives:
+        """Those of a state, or of several with their number as the first axis."""
+        m, rows = self.G.shape[2], self.rows[i]
+        by_y, by_v, by_tau = rows[..., :m], rows[..., m : 2 * m], rows[..., 2 * m :]
+        return Derivatives(self.udot[i], by_y, by_v, by_tau, self.G[i], self.dv_dy[i])
+
+
+class Derivation:
+    """A mechanism's derivatives in the kernel; for one thread at a time.
+
+    Parameters
+    ----------
+    library : Library
+    mechanism : Mechanism
+    q : ndarray (nq,)
+        A closed configuration, which picks the rows of φ.
+
+    Raises
+    ------
+    NotNativeError
+        When the kernel cannot take the mechanism.
+    """
+
+    def __init__(self, library: Library, mechanism: Mechanism, q: Array) -> None:
+        self._library, self._mechanism, self._m, self._nv = library, mechanism, mechanism.m, mechanism.nv
+        path = set_out(mechanism, q).explicit.path
+        self._left_over = mechanism.nc > path.nd
+        self._turns = any(row.axis == ROTATION for row in rows_of(mechanism.loops))
+        description = describe(mechanism, path, None, False)
+        why = ctypes.create_string_buffer(200)
+        self._handle: int | None = library.derive(ctypes.byref(description.structure), why, len(why))
+        if not self._handle:
+            raise NotNativeError(why.value.decode(errors="replace"))
+
+    def __del__(self) -> None:
+        """Free the kernel's memory."""
+        handle = getattr(self, "_handle", None)
+        if handle:
+            self._library.derived(handle)
+
+    def forward_dynamics(self, q: Array, v: Array, tau: Array | None) -> tuple[NDArray[np.bool_], Array]:
+        """Which of N states are good, and u̇ (N, m)."""
+        udot, status = np.empty((len(q), self._m)), np.empty(len(q), dtype=np.int32)
+        G = np.empty((len(q), self._nv, self._m))
+        states = self._states(q, v, tau, status, ydd=udot, G=G)
+        self._library.slopes(self._handle, ctypes.byref(states))
+        return self._sound(status, q, G), udot
+
+    def slopes(self, q: Array, v: Array, tau: Array | None) -> Slopes:
+        """The derivatives at N states.
+
+        Parameters
+        ----------
+        q, v : ndarray (N, nq), (N, nv)
+        tau : ndarray (N, nv) or None
+        """
+        n, nv, m = len(q), self._nv, self._m
+        udot, rows, status = np.empty((n, m)), np.empty((n, m, 2 * m + nv)), np.empty(n, dtype=np.int32)
+        G, v_y = np.empty((n, nv, m)), np.empty((n, nv, m))
+        states = self._states(q, v, tau, status, ydd=udot, rows=rows, G=G, v_y=v_y)
+        self._library.slopes(self._handle, ctypes.byref(states))
+        return Slopes(self._sound(status, q, G), udot, rows, G, v_y)
+
+    def _sound(self, status: NDArray[np.int32], q: Array, G: Array) -> NDArray[np.bool_]:
+        """Which states are good, those rows of φ included that the kernel does not have."""
+        good = np.asarray(status == 0)
+        if not (self._left_over or self._turns):
+            return good
+        mechanism, columns = self._mechanism, self._mechanism.column_scale
+        for i in np.flatnonzero(good):
+            try:
+                if self._turns:
+                    mechanism.require_proper(q[i])
+            except ClosureError:
+                good[i] = False
+            if self._left_over:
+                K = mechanism.scaled(mechanism.K(q[i]))
+                moved = G[i] / columns[:, None] * columns[mechanism.iv_independent]
+                open_rate = np.abs(K @ moved).max(initial=0.0) / np.abs(moved).max()
+                good[i] &= mechanism.closure_residual(q[i]) <= NEARLY_CLOSED and open_rate <= RANK
+        return good
+
+    def take(
+        self, times: Array, q: Array, v: Array, tau: Array | None, same: float = SAME
+    ) -> tuple[NDArray[np.bool_], Array, Array]:
+        """Take the N steps between states again, for `pull`.
+
+        Parameters
+        ----------
+        times : ndarray (N + 1,)
+            s.
+        q, v : ndarray (N + 1, nq), (N + 1, nv)
+        tau : ndarray (N, nv) or None
+            Held over each step.
+        same : float
+            How far a step may end from the next state.
+
+        Returns
+        -------
+        good : ndarray of bool (N + 1,)
+            Whether a state, and the step that begins there, are.
+        G, v_y : ndarray (N + 1, nv, m)
+            At the states.
+        """
+        n, nv, m = len(times), self._nv, self._m
+        G, v_y, status = np.empty((n, nv, m)), np.empty((n, nv, m)), np.empty(n, dtype=np.int32)
+        times = np.ascontiguousarray(times, dtype=float)
+        states = self._states(q, v, tau, status, at_rest=1.0, same=same, G=G, v_y=v_y)
+        self._library.take(self._handle, ctypes.byref(states), times.ctypes.data)
+        return status == 0, G, v_y
+
+    def step_jacobians(self, q: Array, v: Array, tau: Array | None, h: float) -> tuple[Array, Array] | None:
+        """A (2m, 2m) and B (2m, nv) of one step from a state, given as rows of one; None where not good."""
+        both = np.repeat(q, 2, axis=0), np.repeat(v, 2, axis=0)
+        if not self.take(np.array([0.0, h]), *both, tau, np.inf)[0][0]:
+            return None
+        A, B = self.pull(0, 1, np.eye(2 * self._m))
+        return A, B[0]
+
+    def pull(
+        self, first: int, last: int, rows: Array, after: Array | None = None, before: Array | None = None
+    ) -> tuple[Array, Array]:
+        """What multiplies changes of (η, u) at the end of step last − 1 taken back to before step `first`.
+
+        Parameters
+        ----------
+        first, last : int
+            Steps that were taken, all of them good.
+        rows : ndarray (k, 2m)
+        after, before : ndarray (N, 2m), optional
+            Added at the end and at the begin of each step.
+
+        Returns
+        -------
+        rows : ndarray (k, 2m)
+            Of changes before.
+        by_tau : ndarray (last − first, k, nv)
+            Of the torques of each step.
+        """
+        rows = np.array(rows, dtype=float, order="C")
+        by_tau = np.empty((last - first, len(rows), self._nv))
+        more = [None if part is None else np.ascontiguousarray(part) for part in (after, before)]
+        places = [None if part is None else part.ctypes.data for part in more]
+        self._library.pull(
+            self._handle, first, last, len(rows), rows.ctypes.data, *places, by_tau.ctypes.data
+        )
+        return rows, by_tau
+
+    def _states(
+        self,
+        q: Array,
+        v: Array,
+        tau: Array | None,
+        status: NDArray[np.int32],
+        at_rest: float = 0.0,
+        same: float = 0.0,
+        **results: Array,
+    ) -> States:
+        """A request; the arrays must outlive it."""
+        given: dict[str, Any] = {"q": q, "v": v, "tau": tau, "status": status, **results}
+        places = {name: None if part is None else part.ctypes.data for name, part in given.items()}
+        return States(count=len(q), zone=ZONE, close=CLOSED, same=same, at_rest=at_rest, **places)
+
+
+class _Made(threading.local):
+    """One `Derivation` a thread; None where the kernel does not take the mechanism."""
+
+    found: Derivation | None = None
+    asked = False
+
+
+def derivation(mechanism: Mechanism, q: Array) -> Derivation | None:
+    """The compiled derivatives of a mechanism; None where the reference is to do the work.
+
+    Parameters
+    ----------
+    q : ndarray (nq,)
+        A state's configuration.
+    """
+    made: _Made = mechanism.memo.once("compiled derivatives", _Made)
+    if not made.asked:
+        kernel = library()
+        if kernel is not None:
+            try:
+                made.found = Derivation(kernel, mechanism, q)
+            except NotNativeError:
+                pass
+            except RobustGcpError:  # no regular start: the reference says what is wrong, and others may serve
+                return None
+        made.asked = True
+    return made.found
