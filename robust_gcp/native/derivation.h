@@ -130,7 +130,7 @@ class Derivation {
     void write(const States& s, std::int64_t i, Point& point) {
         if (s.ydd != nullptr) std::copy(motion_.ydd.begin(), motion_.ydd.end(), s.ydd + i * m_);
         if (s.G != nullptr) std::copy(point.G(), point.G() + nv_ * m_, s.G + i * nv_ * m_);
-        if (s.v_y != nullptr) std::copy(slopes_.v_y.begin(), slopes_.v_y.end(), s.v_y + i * nv_ * m_);
+        if (s.v_y != nullptr) std::copy(slopes_.v_y().begin(), slopes_.v_y().end(), s.v_y + i * nv_ * m_);
     }
 
     // Largest difference between a point and a state: of numbers in q, dimensionless, and of v relative to the

@@ -195,9 +195,10 @@ def test_slopes_of_the_cost_that_are_given() -> None:
 
 
 def test_memory_is_that_of_one_stretch(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever the length of the run, and the same gradient by stretches of another length."""
+    """Whatever the length of the run, and the same gradient by stretches of another length; of the reference."""
     import robust_gcp.simulation.gradient as module
 
+    monkeypatch.setattr(module, "kernel_of", lambda run: None)
     case = Case(rg.load("rhombus"), [1.0], 3 * STRETCH + 7, 1e-3)
     run, kept = case.run(), []
     stretch = module._Sweep._stretch
