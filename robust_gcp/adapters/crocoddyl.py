@@ -25,6 +25,7 @@ from ..maps.grouped import GroupMap, joined
 from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from ..native.derivation import derivation
 from ..simulation.steppers import rk4_step
 
 try:
@@ -149,7 +150,7 @@ class ClosedLoopAction(crocoddyl.ActionModelAbstract):  # type: ignore[misc]
             return
         try:
             start = data.go_to(x, self.B @ c)
-            A, B = differentiated_step(data.slopes, 0.0, start[: 2 * self.mechanism.m], self.step).jacobians()
+            A, B = data.jacobians(start[: 2 * self.mechanism.m], self.step)
             data.Fx, data.Fu = A, B @ self.B
         except SimulationError as stop:
             data.stopped = stop
@@ -204,6 +205,17 @@ class ClosedLoopData(crocoddyl.ActionDataAbstract):  # type: ignore[misc]
         for k in range(1, steps):
             explicit.at(y - (1.0 - k / steps) * away, u)
         return np.concatenate([y, u, self.motion.x[2 * m :]])
+
+    def jacobians(self, x: Array, step: float) -> tuple[Array, Array]:
+        """Of one step from a state of the motion: by the kernel on regular ground, else by the reference."""
+        mechanism, explicit, m = self.motion.mechanism, self.motion.explicit, self.m
+        point = explicit.at(x[:m], x[m:])
+        kernel = derivation(mechanism, point.q)
+        found = None
+        if kernel is not None:
+            v = point.G @ point.ydot
+            found = kernel.step_jacobians(point.q[None], v[None], self.tau[None], step)
+        return differentiated_step(self.slopes, 0.0, x, step).jacobians() if found is None else found
 
     def numbers(self, state: Array) -> Array:
         """x of a state of the motion in the chart of the step."""

@@ -70,6 +70,10 @@ class Derivation:
     q : ndarray (nq,)
         A closed configuration, which picks the rows of φ.
 
+    Attributes
+    ----------
+    m, nv : int
+
     Raises
     ------
     NotNativeError
@@ -77,7 +81,7 @@ class Derivation:
     """
 
     def __init__(self, library: Library, mechanism: Mechanism, q: Array) -> None:
-        self._library, self._mechanism, self._m, self._nv = library, mechanism, mechanism.m, mechanism.nv
+        self._library, self._mechanism, self.m, self.nv = library, mechanism, mechanism.m, mechanism.nv
         path = set_out(mechanism, q).explicit.path
         self._left_over = mechanism.nc > path.nd
         self._turns = any(row.axis == ROTATION for row in rows_of(mechanism.loops))
@@ -93,28 +97,33 @@ class Derivation:
         if handle:
             self._library.derived(handle)
 
-    def forward_dynamics(self, q: Array, v: Array, tau: Array | None) -> tuple[NDArray[np.bool_], Array]:
-        """Which of N states are good, and u̇ (N, m)."""
-        udot, status = np.empty((len(q), self._m)), np.empty(len(q), dtype=np.int32)
-        G = np.empty((len(q), self._nv, self._m))
+    def forward_dynamics(
+        self, q: Array, v: Array, tau: Array | None, known: bool = False
+    ) -> tuple[NDArray[np.bool_], Array]:
+        """Which of N states are good, and u̇ (N, m); see `slopes`."""
+        udot, status = np.empty((len(q), self.m)), np.empty(len(q), dtype=np.int32)
+        G = np.empty((len(q), self.nv, self.m))
         states = self._states(q, v, tau, status, ydd=udot, G=G)
         self._library.slopes(self._handle, ctypes.byref(states))
-        return self._sound(status, q, G), udot
+        return status == 0 if known else self._sound(status, q, G), udot
 
-    def slopes(self, q: Array, v: Array, tau: Array | None) -> Slopes:
+    def slopes(self, q: Array, v: Array, tau: Array | None, known: bool = False) -> Slopes:
         """The derivatives at N states.
 
         Parameters
         ----------
         q, v : ndarray (N, nq), (N, nv)
         tau : ndarray (N, nv) or None
+        known : bool
+            Whether the states are those of a motion: rows of φ that the kernel does not have are closed.
         """
-        n, nv, m = len(q), self._nv, self._m
+        n, nv, m = len(q), self.nv, self.m
         udot, rows, status = np.empty((n, m)), np.empty((n, m, 2 * m + nv)), np.empty(n, dtype=np.int32)
         G, v_y = np.empty((n, nv, m)), np.empty((n, nv, m))
         states = self._states(q, v, tau, status, ydd=udot, rows=rows, G=G, v_y=v_y)
         self._library.slopes(self._handle, ctypes.byref(states))
-        return Slopes(self._sound(status, q, G), udot, rows, G, v_y)
+        good = status == 0 if known else self._sound(status, q, G)
+        return Slopes(good, udot, rows, G, v_y)
 
     def _sound(self, status: NDArray[np.int32], q: Array, G: Array) -> NDArray[np.bool_]:
         """Which states are good, those rows of φ included that the kernel does not have."""
@@ -157,7 +166,7 @@ class Derivation:
         G, v_y : ndarray (N + 1, nv, m)
             At the states.
         """
-        n, nv, m = len(times), self._nv, self._m
+        n, nv, m = len(times), self.nv, self.m
         G, v_y, status = np.empty((n, nv, m)), np.empty((n, nv, m)), np.empty(n, dtype=np.int32)
         times = np.ascontiguousarray(times, dtype=float)
         states = self._states(q, v, tau, status, at_rest=1.0, same=same, G=G, v_y=v_y)
@@ -169,7 +178,7 @@ class Derivation:
         both = np.repeat(q, 2, axis=0), np.repeat(v, 2, axis=0)
         if not self.take(np.array([0.0, h]), *both, tau, np.inf)[0][0]:
             return None
-        A, B = self.pull(0, 1, np.eye(2 * self._m))
+        A, B = self.pull(0, 1, np.eye(2 * self.m))
         return A, B[0]
 
     def pull(
@@ -193,7 +202,7 @@ class Derivation:
             Of the torques of each step.
         """
         rows = np.array(rows, dtype=float, order="C")
-        by_tau = np.empty((last - first, len(rows), self._nv))
+        by_tau = np.empty((last - first, len(rows), self.nv))
         more = [None if part is None else np.ascontiguousarray(part) for part in (after, before)]
         places = [None if part is None else part.ctypes.data for part in more]
         self._library.pull(

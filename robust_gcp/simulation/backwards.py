@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..native.derivation import Derivation, derivation
 from .trajectory import Trajectory
@@ -56,23 +57,25 @@ class Backwards:
         return rows[0], by_torque[:, 0]
 
 
-def kernel_of(run: Trajectory) -> Derivation | None:
-    """The compiled derivatives of a run's mechanism; None where the reference is to do the work."""
-    found = (derivation(run.mechanism, q) for q in (run.q[-1], run.q[0], run.q[len(run.q) // 2]))
+def kernel_of(mechanism: Mechanism, run: Trajectory) -> Derivation | None:
+    """A run's compiled derivatives in these coordinates; None where the reference is to do the work."""
+    found = (derivation(mechanism, q) for q in (run.q[-1], run.q[0], run.q[len(run.q) // 2]))
     return next((kernel for kernel in found if kernel is not None), None)
 
 
-def backwards(kernel: Derivation, run: Trajectory, table: Array, end: int) -> Backwards | None:
+def backwards(kernel: Derivation, run: Trajectory, table: Array, first: int, end: int) -> Backwards | None:
     """The longest stretch that ends at output `end` and that the kernel takes; None where it takes no step.
 
     Parameters
     ----------
+    first : int
+        Output that it does not go beyond.
     table : ndarray (N, nv)
         The torques held over each step.
     """
-    m, nv = run.mechanism.m, run.mechanism.nv
+    m, nv = kernel.m, kernel.nv
     length = max(1, min(LONGEST, ROOM // (4 * m * (2 * m + nv))))
-    taken = max(0, end - length)
+    taken = max(first, end - length)
     if taken == end:
         return None
     good, G, dv_dy = kernel.take(

@@ -23,10 +23,12 @@ from ..dynamics.loads import one_torque
 from ..dynamics.parameters import Parameters
 from ..dynamics.problem import Problem, set_out
 from ..errors import OptionError, SimulationError
+from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .backwards import Backwards, backwards, kernel_of
 from .charts import in_new_chart
 from .cost import Cost, Slopes, checked_torques
+from .derivatives import derivatives
 from .trajectory import Trajectory
 
 STRETCH = 25
@@ -104,22 +106,16 @@ def gradient(
     Raises
     ------
     OptionError
-        Where steps taken again do not end at the recorded states: another torque, stepper or mode; or where
-        the run changed its independent joints.
+        Where steps taken again do not end at the recorded states: another torque, stepper or mode.
     SimulationError
-        Where a state on the way has no certified derivatives.
+        Where a state on the way has no certified derivatives; where the independent joints turn back at the
+        start, so that the run took others.
     """
     if not isinstance(trajectory, Trajectory):
         raise OptionError(f"gradient: {shown(trajectory)} is no Trajectory; give what simulate returns")
     if not isinstance(cost, Cost):
         raise OptionError(f"gradient: cost = {shown(cost)} is no Cost; give rg.Cost(terminal, running)")
     check_callable("torque_slopes", torque_slopes, "(t, q, v)")
-    changes = trajectory.stats.repartitions
-    if changes:
-        raise OptionError(
-            f"gradient: at t = {changes[0][0]:.6g} s the run changed its independent joints to "
-            f"{', '.join(changes[0][1])}; begin with joints that last, as mech.with_independent(...)"
-        )
     return _Sweep(trajectory, cost, torque, parameters, torque_slopes, mode).gradient()
 
 
@@ -137,6 +133,7 @@ class _Sweep:
     ) -> None:
         self._run, self._cost, self._mode = trajectory, cost, mode
         self._mechanism, self._torque_slopes = trajectory.mechanism, torque_slopes
+        self._first = 0
         self._parameters = Parameters(self._mechanism, parameters)
         applied = torque
         if callable(torque) or isinstance(torque, Mapping):
@@ -151,16 +148,30 @@ class _Sweep:
 
     def gradient(self) -> Gradient:
         """The sweep, stretch by stretch from the end."""
-        end, m = len(self._run.t) - 1, self._mechanism.m
+        run, end, m = self._run, len(self._run.t) - 1, self._mechanism.m
         by_kernel = self._table is not None and not self._parameters.names
-        kernel = kernel_of(self._run) if by_kernel else None
-        while not self._begun_with_end or end > 0:
-            stretch = None
-            if kernel is not None and self._table is not None:
-                stretch = backwards(kernel, self._run, self._table, end)
-            end = self._by_reference(end) if stretch is None else self._by_kernel(stretch)
+        for first, mechanism in reversed(_coordinates(run)):
+            if self._begun_with_end:
+                self._change_to(mechanism, end)
+            self._mechanism, self._first = mechanism, first
+            kernel = kernel_of(mechanism, run) if by_kernel else None
+            while not self._begun_with_end or end > first:
+                stretch = None
+                if kernel is not None and self._table is not None:
+                    stretch = backwards(kernel, run, self._table, first, end)
+                end = self._by_reference(end) if stretch is None else self._by_kernel(stretch)
+        if self._mechanism.independent != run.mechanism.independent:
+            self._change_to(run.mechanism, 0)
         found = dict(zip(self._parameters.names, self._by_parameters.tolist(), strict=True))
         return Gradient(float(self._value), self._adjoint[:m], self._adjoint[m:], self._by_torque, found)
+
+    def _change_to(self, mechanism: Mechanism, i: int) -> None:
+        """Take the adjoint at output i to other coordinates: δη = G δη' and δu = G δu' + ∂v/∂y' δη'."""
+        own, mode = self._mechanism.iv_independent, self._mode if i == 0 else None
+        rates = derivatives(mechanism, self._run.q[i], self._run.v[i], mode=mode)
+        G, m = rates.G[own], self._mechanism.m
+        by_y, by_u = self._adjoint[:m], self._adjoint[m:]
+        self._adjoint = np.concatenate([by_y @ G + by_u @ rates.dv_dy[own], by_u @ G])
 
     def _begin_with_end(self, G: Array, dv_dy: Array) -> None:
         """Take up the terminal term, with the map's slopes there."""
@@ -225,7 +236,7 @@ class _Sweep:
         run, m = self._run, self._mechanism.m
         held = HeldTorque(np.zeros(self._mechanism.nv))
         torque: Any = held if self._table is not None else self._function
-        begin, motion = self._begun(max(0, end - STRETCH), torque)
+        begin, motion = self._begun(max(self._first, end - STRETCH), torque)
         slopes = PointDerivatives(motion, self._function, self._torque_slopes)
         self._slopes_of = slopes.torque_slopes
         equations, x, taken = motion.equations, motion.x[: 2 * m], []
@@ -244,17 +255,17 @@ class _Sweep:
 
     def _begun(self, begin: int, torque: Any) -> tuple[int, Problem]:
         """The motion from this output, or from an earlier one that is regular."""
-        run = self._run
+        run, first = self._run, self._first
         while True:
             mode = self._mode if begin == 0 else None
             try:
                 motion = set_out(self._mechanism, run.q[begin], run.v[begin], mode, torque)
-                if begin == 0 or motion.start.point.conditioning >= REGULAR:
+                if begin == first or motion.start.point.conditioning >= REGULAR:
                     return begin, motion
             except SimulationError:
-                if begin == 0:
+                if begin == first:
                     raise
-            begin = max(0, begin - 5)
+            begin = max(first, begin - 5)
 
     def _require_same(self, i: int, now: Evaluation) -> None:
         """Refuse a step that does not end where it did."""
@@ -267,6 +278,15 @@ class _Sweep:
                 f"lengths and {fast.max():.1e} in v from the trajectory; give the torque of the run, and a "
                 'run of stepper="rk4" with an output at each step'
             )
+
+
+def _coordinates(run: Trajectory) -> list[tuple[int, Mechanism]]:
+    """From which output on a run has which independent joints."""
+    found = [(0, run.mechanism)]
+    for t, names in run.stats.repartitions:
+        at = int(np.argmin(np.abs(run.t - t)))
+        found = [part for part in found if part[0] < at] + [(at, run.mechanism.with_independent(names))]
+    return found
 
 
 def _reduced(slopes: Slopes, G: Array, dv_dy: Array) -> Array:

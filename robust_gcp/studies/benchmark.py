@@ -26,6 +26,7 @@ from ..native.library import Library, library
 from ..native.workspace import Workspace
 from ..printing import along, table, write_json
 from ..simulation.simulate import simulate
+from . import derivative_cost
 from .threads import gain
 
 Batch = Callable[[], tuple[float, float]]
@@ -200,6 +201,8 @@ def arguments(add_to: Arguments) -> None:
     add_to.add("--shipped", action="store_true", help="the same for shipped robots")
     text = "steps per second of so many starts at once, beside mujoco.rollout"
     add_to.add("--starts", whole(2, 100_000), type=int, metavar="N", help=text)
+    text = "what derivatives cost: of some models, of the robots where they are given"
+    add_to.add("--derivatives", action="store_true", help=text)
     text = "what robots stand on: fixed or free; as their files say when left out"
     add_to.add("--base", word(("fixed", "free")), metavar="BASE", help=text)
 
@@ -208,6 +211,9 @@ def run(args: argparse.Namespace) -> int:
     """Print the tables."""
     if args.starts is not None:
         return _starts(args)
+    if args.derivatives:
+        derivative_cost.tell(args.robots, args.base, 3 if args.quick else 4 * ROUNDS, args.out)
+        return 0
     if args.robots is not None or args.shipped:
         return _robots(args)
     rows = [measure(n, 0.01 if args.quick else 0.2) for n in along(args.sizes, "benchmark")]

@@ -58,9 +58,11 @@ def tables(measured: Mapping[str, list[Row]], fixed: Mapping[str, float], foot: 
     told = (
         f"Once: the first run of a four-bar takes {fixed['first run']:.2g} ms, the start of each further one "
         f"{fixed['start']:.2g} ms, its first crossing {fixed['crossing']:.2g} ms; two threads do "
-        f"{fixed['threads']:.2f} times the work of one.\n\nOf the delta robot `rg.derivatives` takes "
-        f"{fixed['derivatives']:.2g} times as long as `rg.forward_dynamics`, `rg.step_jacobians` "
-        f"{fixed['jacobians']:.2g} times as long as a run of one step."
+        f"{fixed['threads']:.2f} times the work of one.\n\n"
+        "Of the delta robot derivatives by the Python reference take "
+        f"{fixed['derivatives']:.2g} times as long as its forward dynamics, the Jacobians of a step "
+        f"{fixed['jacobians']:.2g} times as long as a run of one step; compiled ones: "
+        "[derivatives](derivatives.md#what-they-cost)."
     )
     return "\n\n".join([*parts, told, f"*µs of an RK4 step. Measured {foot}.*"])
 

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import root
 
-from ...dynamics.linearise import linearise
 from ...errors import SimulationError
 from ...examples.linkages import four_bar
 from ...mechanism.forces import JointDamper, JointSpring
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
+from ...simulation.derivatives import linearise
 from ...simulation.simulate import simulate
 from .case import Start, at_rest
 from .truth import SHAFT, A, B, governor, with_forces

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...dynamics.equations import Torque
-from ...dynamics.linearise import ReducedJacobian, linearise
+from ...dynamics.linearise import ReducedJacobian
 from ...dynamics.problem import set_out
 from ...maps.choice import MapChoice
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
+from ...simulation.derivatives import linearise
 from ...simulation.steppers import IMPLICIT
 from .stiff import drive, driven
 from .truth import SHAFT, A, B, Servo, governor, of_run

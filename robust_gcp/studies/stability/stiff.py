@@ -8,11 +8,11 @@ from functools import cache, partial
 import numpy as np
 
 from ...dynamics.equations import Torque
-from ...dynamics.linearise import linearise
 from ...examples.linkages import four_bar
 from ...mechanism.forces import Force, JointDamper, JointSpring
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
+from ...simulation.derivatives import linearise
 from ...simulation.simulate import simulate
 from .bound import KICK, System, systems
 from .case import Case, Families, Setting, Start, at_rest, family, row

@@ -1,0 +1,146 @@
+"""What derivatives cost in the compiled kernel, in forward evaluations and in runs."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import ModelWarning, RobustGcpError
+from ..examples.legged import legged
+from ..mechanism.folders.loader import load
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+from ..native import backends
+from ..native.derivation import derivation
+from ..printing import along, table, write_json
+from ..simulation.cost import Cost
+from ..simulation.gradient import gradient
+from ..simulation.simulate import simulate
+from .contender import clock
+from .robot_speed import robots_in
+
+SHIPPED: dict[str, Callable[[], Mechanism]] = {
+    "a four-bar": lambda: load("crank_rocker"),
+    "a five-bar": lambda: load("five_bar"),
+    "a strandbeest": lambda: load("strandbeest"),
+    "a delta robot": lambda: load("delta"),
+    "a Stewart platform": lambda: load("stewart"),
+    "a walker": lambda: load("walker"),
+    "four legs, floating": lambda: legged(4, floating=True),
+}
+
+STATES = 50
+"""In one call, so that the call itself does not count."""
+
+STEPS, STEP = 1000, 1e-4
+"""Of the run whose end is differentiated; s."""
+
+SPEED = 0.1
+"""Of all independent coordinates, rad/s or m/s."""
+
+HEADER = ("mechanism", "nv", "m", "forward, µs", "derivatives, µs", "ratio", "gradient / run")
+
+
+@dataclass(frozen=True)
+class DerivativeCost:
+    """µs of one forward evaluation and of derivatives with it; time of a gradient over that of the run."""
+
+    name: str
+    nv: int
+    m: int
+    forward: float
+    derivatives: float
+    gradient: float
+
+    @property
+    def cells(self) -> list[str]:
+        """A row of the table."""
+        ratio = self.derivatives / self.forward
+        micro = [f"{value:.3g}" for value in (self.forward, self.derivatives)]
+        rest = [f"{value:.2g}" for value in (ratio, self.gradient)]
+        return [self.name, str(self.nv), str(self.m), *micro, *rest]
+
+
+def measured(name: str, mechanism: Mechanism, rounds: int) -> DerivativeCost | None:
+    """Least times of some rounds at home; None where the kernel has no derivatives of it there."""
+    q = mechanism.home
+    kernel = derivation(mechanism, q)
+    if kernel is None:
+        return None
+    v, tau = mechanism.lift(q, np.full(mechanism.m, SPEED)), np.zeros(mechanism.nv)
+    states, fast, held = (np.tile(part, (STATES, 1)) for part in (q, v, tau))
+    if not kernel.slopes(states, fast, held).good.all():
+        return None
+    forward = _least(lambda: kernel.forward_dynamics(states, fast, held, known=True), rounds) / STATES
+    derivatives = _least(lambda: kernel.slopes(states, fast, held, known=True), rounds) / STATES
+    ratio = _gradient(mechanism, q, v, rounds)
+    return DerivativeCost(name, mechanism.nv, mechanism.m, 1e6 * forward, 1e6 * derivatives, ratio)
+
+
+def rows(robots: Mapping[str, Path] | None, base: str | None, rounds: int) -> list[DerivativeCost]:
+    """Of shipped models, or of the robots that are given; without those that the kernel does not take."""
+    made: dict[str, Callable[[], Mechanism | None]] = dict(SHIPPED)
+    if robots is not None:
+        made = {name: partial(_robot, path, base) for name, path in robots.items()}
+    found = []
+    for name in along(list(made), "benchmark"):
+        mechanism = made[name]()
+        row = None if mechanism is None else measured(name, mechanism, rounds)
+        found += [] if row is None else [row]
+    return found
+
+
+def tell(folder: Path | None, base: str | None, rounds: int, out: Path | None) -> None:
+    """Print the table, of the robots in a folder that is named; write its figures to a file that is named."""
+    if not backends()["native"].available:
+        print(f"no compiled kernel: {backends()['native'].reason}")
+        return
+    robots = None if folder is None else {str(p.relative_to(folder)): p for p in robots_in(folder)}
+    found = rows(robots, base, rounds)
+    print("Least times in the kernel. forward: u̇ at a state; derivatives: with ∂u̇ by y, u and τ;")
+    print(f"gradient / run: of a cost at the end of {STEPS} steps of RK4, over the time of the run")
+    print(table(HEADER, [row.cells for row in found], None))
+    if out:
+        write_json(out, [asdict(row) for row in found])
+
+
+def _robot(path: Path, base: str | None) -> Mechanism | None:
+    """A robot of a folder; None where its file does not load."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ModelWarning)
+            return load(path, base=base)
+    except RobustGcpError:
+        return None
+
+
+def _gradient(mechanism: Mechanism, q: Array, v: Array, rounds: int) -> float:
+    """Time of the gradient of a terminal cost over that of the run; NaN where there is none."""
+    by_q, by_v = np.zeros(mechanism.nv), np.ones(mechanism.nv)
+    cost = Cost(terminal=lambda q, v: float(by_v @ v), terminal_slopes=lambda q, v: (by_q, by_v))
+
+    def make() -> object:
+        return simulate(mechanism, q, v, duration=STEPS * STEP, step=STEP)
+
+    try:
+        run = simulate(mechanism, q, v, duration=STEPS * STEP, step=STEP)
+        gradient(run, cost)
+    except RobustGcpError:  # it falls to where its coordinates end, or its modes
+        return float("nan")
+    few = max(2, rounds // 10)
+    return _least(lambda: gradient(run, cost), few) / _least(make, few)
+
+
+def _least(call: Callable[[], object], rounds: int) -> float:
+    """s."""
+    times = []
+    for _ in range(rounds):
+        begun = clock()
+        call()
+        times.append(clock() - begun)
+    return min(times)
