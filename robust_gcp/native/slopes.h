@@ -14,7 +14,7 @@
 #include "cells.h"
 #include "closure_slopes.h"
 #include "displacements.h"
-#include "inertial.h"
+#include "coriolis.h"
 #include "motion.h"
 #include "path.h"
 
@@ -170,7 +170,7 @@ class Slopes {
             loop.reactions(lambda_.data(), on);
             for (int side = 0; side < 2; ++side) {
                 const int body = loop.loop.joint[side];
-                if (path_.parts.of_joint[body] == static_cast<int>(p)) all_[body] = all_[body] - on[side];
+                if (path_.parts.of_joint[body] == static_cast<int>(p)) all_[body] -= on[side];
             }
             for (int a = 0; a < part.count(); ++a) {
                 const Change ends[2] = {moved_.change(p, loop.loop.joint[0], a), moved_.change(p, loop.loop.joint[1], a)};
@@ -179,8 +179,7 @@ class Slopes {
                 for (int side = 0; side < 2; ++side) {
                     const int body = loop.loop.joint[side];
                     if (path_.parts.of_joint[body] != static_cast<int>(p)) continue;
-                    Wrench& push = push_y_[moved_.first(body) + a];
-                    push = push - changed[side];
+                    push_y_[moved_.first(body) + a] -= changed[side];
                 }
             }
         }

@@ -2,11 +2,9 @@
 #pragma once
 
 #include "groups.h"
-#include "sweep.h"
+#include "inertias.h"
 
 namespace rg {
-
-inline Wrench operator-(const Wrench& a, const Wrench& b) { return {a.force - b.force, a.moment - b.moment}; }
 
 // How a wrench changes that is displaced by X.
 inline Wrench carried(const Twist& X, const Wrench& f) {
