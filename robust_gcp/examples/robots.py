@@ -1,9 +1,11 @@
-"""Two robots with closed loops, built on example-robot-data (the optional extra `robots`)."""
+"""Three robots with closed loops, built on example-robot-data (the optional extra `robots`)."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from importlib import metadata
 from pathlib import Path
+from xml.etree import ElementTree
 
 import coal
 import numpy as np
@@ -18,7 +20,14 @@ from ..mechanism.workspace import workspace
 
 SOLO = "solo_description/robots/solo12.urdf"
 BAXTER = "baxter_description/urdf/baxter.urdf"
+TALOS = "talos_data/robots/talos_reduced.urdf"
 """Files of example-robot-data."""
+
+LEVER, ROD, ASIDE = 0.11, 0.225, 0.05
+"""Talos' cranks behind the shins and levers at its feet, the rods between, and how far beside the leg, m."""
+
+SHIN = 0.325
+"""Talos' ankle below its knee, m."""
 
 LEGS = ("FL", "FR", "HL", "HR")
 
@@ -90,7 +99,7 @@ def solo12_pinned(stiffness: float = 10.0) -> Mechanism:
         independent,
         home=home,
         name="solo12_pinned",
-        forces=_springs(model, home, dict.fromkeys(joints, stiffness)),
+        forces=_springs(_at(model, home, joints), dict.fromkeys(joints, stiffness)),
     )
 
 
@@ -136,8 +145,53 @@ def baxter_bar(stiffness: float = 200.0) -> Mechanism:
         independent,
         home=home,
         name="baxter_bar",
-        forces=_springs(model, home, springs),
+        forces=_springs(_at(model, home, springs), springs),
     )
+
+
+def talos_ankles(stiffness: float = 300.0) -> Mechanism:
+    """The humanoid Talos, hung up by its waist, its ankles driven by two cranks and rods each: mobility 32.
+
+    On each shin two cranks turn above the ankle, and rods lead from their tips to the foot, where balls hold
+    them. Cranks that turn alike pitch the foot by the same angle, as crank, rod and foot are a parallelogram;
+    turned against each other they roll it. y has the cranks in place of the ankles' own joints.
+
+    Parameters
+    ----------
+    stiffness : float
+        Of a spring on each leg joint above the ankle and on each crank, relaxed at home, N m/rad; 0 for none.
+    """
+    root = ElementTree.parse(robot_file(TALOS)).getroot()
+    ankles = [f"leg_{side}_{i}_joint" for side in ("left", "right") for i in (5, 6)]
+    moving = [j.get("name", "") for j in root.findall("joint") if j.get("type") != "fixed"]
+    cranks = []
+    for side in ("left", "right"):
+        for place, y in (("inner", -ASIDE), ("outer", ASIDE)):
+            cranks.append(f"ankle_{side}_{place}")
+            root.extend(ElementTree.fromstring(_crank_and_rod(cranks[-1], f"leg_{side}", y)))
+    independent = [name for name in moving if name not in ankles] + cranks
+    held = {name: stiffness for name in independent if name.startswith(("leg_", "ankle_"))}
+    text = ElementTree.tostring(root, encoding="unicode")
+    forces = _springs(dict.fromkeys(held, 0.0), held)
+    return Mechanism.from_urdf(text, independent=independent, name="talos_ankles", forces=forces)
+
+
+def _crank_and_rod(name: str, leg: str, y: float) -> str:
+    """One of the two that drive an ankle, in URDF+; 0.2 kg and 0.15 kg."""
+    return f"""<robot><link name="{name}_fork"/>
+    <link name="{name}_crank"><inertial><origin xyz="{-0.5 * LEVER} 0 0"/><mass value="0.2"/>
+      <inertia ixx="1e-4" iyy="3e-4" izz="3e-4" ixy="0" ixz="0" iyz="0"/></inertial></link>
+    <link name="{name}_rod"><inertial><origin xyz="0 0 {-0.5 * ROD}"/><mass value="0.15"/>
+      <inertia ixx="7e-4" iyy="7e-4" izz="2e-5" ixy="0" ixz="0" iyz="0"/></inertial></link>
+    <joint name="{name}" type="continuous"><parent link="{leg}_4_link"/><child link="{name}_crank"/>
+      <origin xyz="0 {y} {ROD - SHIN}"/><axis xyz="0 1 0"/></joint>
+    <joint name="{name}_pitch" type="continuous"><parent link="{name}_crank"/><child link="{name}_fork"/>
+      <origin xyz="{-LEVER} 0 0"/><axis xyz="0 1 0"/></joint>
+    <joint name="{name}_roll" type="continuous"><parent link="{name}_fork"/><child link="{name}_rod"/>
+      <axis xyz="1 0 0"/></joint>
+    <loop name="{name}_foot" type="spherical">
+      <predecessor link="{name}_rod"><origin xyz="0 0 {-ROD}"/></predecessor>
+      <successor link="{leg}_6_link"><origin xyz="{-LEVER} {y} 0"/></successor></loop></robot>"""
 
 
 def shapes(mechanism: Mechanism) -> pin.GeometryModel:
@@ -174,11 +228,11 @@ def _frame_places(model: pin.Model, q: Array, names: list[str]) -> list[pin.SE3]
     return [data.oMf[model.getFrameId(name)].copy() for name in names]
 
 
-def _springs(model: pin.Model, home: Array, stiffness: dict[str, float]) -> list[Force]:
+def _at(model: pin.Model, q: Array, joints: Iterable[str]) -> dict[str, float]:
+    return {name: float(q[_iq(model, name)]) for name in joints}
+
+
+def _springs(rest: dict[str, float], stiffness: dict[str, float]) -> list[Force]:
     if any(value < 0.0 for value in stiffness.values()):
         raise OptionError("stiffness must not be negative; 0 leaves the springs out")
-    return [
-        JointSpring(name, value, float(home[_iq(model, name)]))
-        for name, value in stiffness.items()
-        if value > 0.0
-    ]
+    return [JointSpring(name, value, rest[name]) for name, value in stiffness.items() if value > 0.0]

@@ -140,3 +140,24 @@ def test_shapes_show_every_body_that_a_loop_is_cut_at(scenes: dict[str, rg.Mecha
 def test_shapes_of_other_mechanisms_are_refused() -> None:
     with pytest.raises(rg.OptionError, match="'rhombus' is none of the robots here"):
         robots.shapes(rg.load("rhombus"))
+
+
+@pytest.mark.filterwarnings("ignore::robust_gcp.ModelWarning")
+def test_ankles_driven_by_parallel_cranks() -> None:
+    """Alike they pitch the foot by their own angle (a parallelogram), against each other they roll it."""
+    talos = robots.talos_ankles()
+    assert (talos.nv, talos.nc, talos.m, len(talos.clusters)) == (44, 12, 32, 2)
+    pitch, roll = (talos.joint_names.index(f"leg_left_{i}_joint") for i in (5, 6))
+    for angle in (-0.4, 0.3):
+        q = talos.assemble({f"ankle_{s}_{p}": angle for s in ("left", "right") for p in ("inner", "outer")})
+        np.testing.assert_allclose(q[[pitch, roll]], [angle, 0.0], atol=1e-12)
+    q = talos.assemble({"ankle_left_inner": 0.2, "ankle_left_outer": -0.2})
+    mirrored = talos.assemble({"ankle_left_inner": -0.2, "ankle_left_outer": 0.2})
+    assert abs(q[roll]) > 0.4
+    np.testing.assert_allclose(mirrored[roll], -q[roll], atol=1e-12)
+    errors = []
+    for step in (1e-3, 5e-4):
+        run = rg.simulate(talos, q, duration=0.1, step=step)
+        assert run.closure_error().max() < 1e-13
+        errors.append(float(np.abs(run.energy_error()).max()))
+    assert np.log2(errors[0] / errors[1]) > 3.5
