@@ -12,6 +12,8 @@ from ..dynamics.equations import Evaluation
 from ..dynamics.problem import set_out
 from ..errors import SimulationError
 from ..maps.classical import SingularityWarning
+from ..maps.cluster.cluster_map import ClusterMap
+from ..maps.cluster.product import turned
 from ..mechanism.tree import Array
 from ..warning import warn
 from .recovery import Checkpoint, Recovery
@@ -104,14 +106,20 @@ class RefinedRun(Run):
         if names is None:
             return False
         m, mechanism = self._motion.mechanism.m, self._in_coordinates(names)
+        explicit = self._motion.explicit
         try:
-            start = set_out(mechanism, begun.point.q, begun.v, choice=self._choice)
+            if isinstance(explicit, ClusterMap) and explicit.beside_apex(mechanism) is not None:
+                first = turned(begun.point, mechanism)
+                first_x = np.concatenate([first.y, first.ydot])
+            else:
+                start = set_out(mechanism, begun.point.q, begun.v, choice=self._choice)
+                first, first_x = start.start.point, start.x[: 2 * m]
             self._x = x
             self._repartition(i, t, names)
         except SimulationError:
             return False
-        state = np.concatenate([start.x[: 2 * m], self._behind[2 * m :]])
-        self._recovery.safe = Checkpoint(i, state, start.start.point)
+        state = np.concatenate([first_x, self._behind[2 * m :]])
+        self._recovery.safe = Checkpoint(i, state, first)
         return True
 
     def _rounding(self) -> float:

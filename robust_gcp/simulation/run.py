@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..dynamics.equations import Evaluation, Torque
-from ..dynamics.problem import Problem, set_out
+from ..dynamics.problem import Problem, over, set_out
 from ..maps.choice import MapChoice
 from ..maps.cluster.cluster_map import ClusterMap
 from ..maps.point import Counters, Point
+from ..maps.start import Start
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .charts import map_of_rest, q_of_rest
@@ -166,10 +167,7 @@ class Run:
         old, x = self._motion, self._x
         here, m = old.explicit.anchor, old.mechanism.m
         mechanism = self._in_coordinates(names)
-        v = here.G @ x[m : 2 * m]
-        self._motion = set_out(
-            mechanism, here.q, v, torque=self._torque, choice=self._choice, counters=self._counters
-        )
+        self._motion = self._set_out(mechanism, here, here.G @ x[m : 2 * m])
         self._coordinates = self._looked_after()
         self._x = np.concatenate([self._motion.x[: 2 * m], x[2 * m :]])
         self._calls += old.equations.calls
@@ -177,6 +175,16 @@ class Run:
         self._repartitions = [(when, what) for when, what in self._repartitions if when < t]
         self._repartitions.append((t, names))
         return Checkpoint(i, self._x, self._motion.start.point)
+
+    def _set_out(self, mechanism: Mechanism, here: Point, v: Array) -> Problem:
+        """The motion from here on in the coordinates of `mechanism`."""
+        explicit = self._motion.explicit
+        apart = explicit.beside_apex(mechanism) if isinstance(explicit, ClusterMap) else None
+        if apart is not None:
+            path, point, trackers = apart
+            return over(Start(path, point, v[mechanism.iv_independent], trackers), self._torque, self._choice)
+        torque, choice, counters = self._torque, self._choice, self._counters
+        return set_out(mechanism, here.q, v, torque=torque, choice=choice, counters=counters)
 
     # --------------------------------------------------------------------- record
 

@@ -8,6 +8,8 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.examples import linkages
+from robust_gcp.maps.cluster.apex import BesideApex
+from robust_gcp.maps.cluster.space import space_of
 
 APEX = np.array([0.0, 0.0, 0.0, np.pi])
 
@@ -44,23 +46,58 @@ def beside(distance: float) -> tuple[rg.Mechanism, np.ndarray]:
     return five_bar(q), 2.0 * v / np.linalg.norm(v)
 
 
-@pytest.mark.parametrize("distance", [1e-2, 1e-3])
+@pytest.mark.parametrize("distance", [1e-2, 1e-3, 1e-4])
 def test_the_way_past_a_cone_is_the_way_back(distance: float) -> None:
-    """Without friction a motion goes back as it came: through the pass, to 2e-9, energy to 1e-7 of 4 J."""
+    """Without friction a motion goes back as it came: through the pass, to 1e-11, energy to 1e-8 of 4 J."""
     mechanism, v = beside(distance)
-    back = rg.simulate(mechanism, v0=-v, duration=0.005, step=1e-3)
-    run = rg.simulate(mechanism, back.q[-1], -back.v[-1], duration=0.01, step=1e-3)
-    assert np.abs(run.q[5] - mechanism.home).max() < 2e-9
-    assert np.abs(run.energy_error()).max() < 1e-7
+    back = rg.simulate(mechanism, v0=-v, duration=0.002, step=1e-3)
+    run = rg.simulate(mechanism, back.q[-1], -back.v[-1], duration=0.004, step=1e-3)
+    assert np.abs(run.q[2] - mechanism.home).max() < 1e-11
+    assert np.abs(run.energy_error()).max() < 1e-8
     assert run.closure_error().max() < 1e-12
     assert run.stats.refined_steps > 0
     assert not run.crossings
 
 
-def test_a_pass_that_rounding_spoils_is_refused_by_that_name() -> None:
-    mechanism, v = beside(1e-4)
+def towards(share: float) -> tuple[rg.Mechanism, np.ndarray]:
+    """2e-3 from the apex, with the velocity 2 towards it but for this share around it."""
+    mechanism, around = beside(2e-3)
+    free = np.linalg.svd(mechanism.K(mechanism.home))[2][2:].T
+    inward = free @ (free.T @ (APEX - mechanism.home))
+    inward /= np.linalg.norm(inward)
+    around = around - inward * (around @ inward)
+    around /= np.linalg.norm(around)
+    return mechanism, 2.0 * (inward * np.sqrt(1.0 - share**2) + around * share)
+
+
+def test_a_pass_close_to_the_apex_goes_back_as_it_came() -> None:
+    mechanism, v = towards(1.5e-2)
+    run = rg.simulate(mechanism, v0=v, duration=0.002, step=1e-3)
+    assert min(np.linalg.norm(run.q - APEX, axis=1)) < 1e-4
+    back = rg.simulate(mechanism, run.q[-1], -run.v[-1], duration=0.002, step=1e-3)
+    assert np.abs(back.q[-1] - mechanism.home).max() < 1e-9
+    assert np.abs(run.energy_error()).max() < 1e-7
+    assert np.abs(back.energy_error()).max() < 1e-7
+
+
+def test_a_motion_through_the_apex_is_refused_by_that_name() -> None:
+    mechanism, v = towards(5e-3)  # what is curved of the way there makes up for the share
     with pytest.raises(rg.NotCertifiedError, match="isolated cone"):
-        rg.simulate(mechanism, v0=v, duration=0.005, step=1e-3)
+        rg.simulate(mechanism, v0=v, duration=0.002, step=1e-3)
+
+
+def test_phi_beside_the_apex_keeps_the_digits_that_phi_itself_loses() -> None:
+    """1e-6 beside it uᵀφ is 1e-12, of which φ keeps three digits; exactly, cos a − 1 = −2 sin²(a/2)."""
+    mechanism = five_bar(APEX)
+    space = space_of(mechanism, mechanism.clusters[0], APEX)
+    apex = space.x(APEX)
+    x = apex + np.array([3e-7, -8e-7, 5e-7, 4e-7])
+    a, b, c, d = space.D * (x - apex)
+    squares = np.sin(0.5 * np.array([a, a + b, c, c + d])) ** 2
+    exact = 2.0 * float(np.array([-1.0, -1.4, 1.0, -1.4]) @ squares) / space.loops.length
+    near = BesideApex(space, apex).linear(x)[0][0]
+    assert abs(near - exact) < 1e-21
+    assert abs(space.linear(x)[0][0] - exact) > 1e-17
 
 
 def test_a_start_at_the_apex_is_refused() -> None:

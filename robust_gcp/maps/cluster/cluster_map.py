@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 
 from ...errors import BranchError, SimulationError
 from ...mechanism.clusters import LoopCluster
+from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ..explicit import Charted, Passage, Stretch
 from ..march import POOR
 from ..point import Counters, Point
 from ..regular_path import RegularPath
+from .apex import BesideApex, rounding
 from .chart import CHANGE, quality
 from .curve import Curve
 from .ground import RegularGround
@@ -130,8 +133,31 @@ class ClusterMap(Charted):
             if self._in_zone and tracker.current is None:
                 near = max(tracker.anchor.delta(), APEX)
                 nearest = min(nearest, near)
-                lost = max(lost, 2e-14 / near if tracker.space.m == 1 else 1e-16 / near**2)
+                lost = max(lost, rounding(tracker.space, near))
         return lost, nearest
+
+    def beside_apex(self, mechanism: Mechanism) -> tuple[RegularPath, Point, Mapping[int, Tracker]] | None:
+        """Where the map is, in the coordinates of `mechanism`; None but beside the apex of a cone.
+
+        There a start would find G anew from K_d, which is known to ε/δ² only.
+        """
+        here, old = self.anchor, self._trackers or []
+        known = all(t.current is None and t.anchor.solved and t.space.flat for t in old)
+        if not (self._in_zone and known and any(isinstance(t.space, BesideApex) for t in old)):
+            return None
+        trackers, jets = {}, []
+        for cluster, tracker in zip(mechanism.clusters, old, strict=True):
+            space = space_of(mechanism, cluster, here.q[cluster.iq])
+            if isinstance(tracker.space, BesideApex):
+                space = BesideApex(space, tracker.space.apex)
+            anchor = replace(tracker.anchor.recharted(space.chart(cluster.chosen)), space=space)
+            trackers[cluster.index] = Tracker(anchor, self.options, tracker.zone, self.counters)
+            jets.append(anchor)
+        y = mechanism.y_about(here.q)
+        ydot = (here.G @ here.ydot)[mechanism.iv_independent]
+        path = type(self.path)(mechanism, self.path.rows, self.counters)
+        point = _point(y, ydot, product(mechanism, jets, y, ydot), 0.0, len(path.blocks))
+        return path, path.renewed(point), trackers
 
     @property
     def met(self) -> bool:
@@ -219,18 +245,18 @@ class ClusterMap(Charted):
             self._enter(self.anchor, {})
         trackers = self._known_trackers()
         jets = [self._tracked(c, t, y) for c, t in zip(self.clusters, trackers, strict=True)]
-        q, G, g = product(self.mechanism, jets, y, ydot)
+        parts = product(self.mechanism, jets, y, ydot)
         if all(tracker.current is None for tracker in trackers):
-            regular = self._ground.settled(q, y, ydot, self.anchor.origin)
+            regular = self._ground.settled(parts[0], y, ydot, self.anchor.origin)
             if regular is not None:
                 self._in_zone = False
                 return regular
         self.counters.zone_evaluations += 1
         obstructed = any(self._obstacle(t) is not None for t in trackers)
-        conditioning = self.path.worst_conditioning(q) if obstructed else 0.0
-        blocks = np.zeros(len(self.path.blocks))
-        curvature = product(self.mechanism, jets, y, np.ones(1))[2] if len(y) == 1 else None
-        point = Point(y.copy(), ydot.copy(), q, G, g, curvature, blocks, blocks, conditioning)
+        conditioning = self.path.worst_conditioning(parts[0]) if obstructed else 0.0
+        point = _point(y, ydot, parts, conditioning, len(self.path.blocks))
+        if len(y) == 1:
+            point.curvature = product(self.mechanism, jets, y, np.ones(1))[2]
         point.origin = self.anchor.origin
         return point
 
@@ -317,3 +343,11 @@ class ClusterMap(Charted):
             self._trackers = read(self._arriving(), spaces, self.options, self.counters)
             self._arriving = None
         return self._trackers or []
+
+
+def _point(
+    y: Array, ydot: Array, parts: tuple[Array, Array, Array], conditioning: float, blocks: int
+) -> Point:
+    """The point at y with these q, G and g of the product."""
+    none = np.zeros(blocks)
+    return Point(y.copy(), ydot.copy(), *parts, None, none, none, conditioning)

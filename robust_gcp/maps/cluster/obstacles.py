@@ -19,9 +19,9 @@ DEEP = 0.3
 FARTHEST_LOOK = 0.5
 """Distance beyond which nothing is looked for, dimensionless joint units."""
 
-APEX = 2e-4
-"""Distance to the singular set beside a cone within which the motion is refused: G is known to ε/δ² there,
-and at the apex itself the motion is not determined."""
+APEX = 1e-6
+"""Distance to the singular set beside a cone within which the motion is refused: at the apex itself it is not
+determined."""
 
 CONE_WORDS = "an isolated cone of the configuration space: modes meet there in a point, none crosses it"
 

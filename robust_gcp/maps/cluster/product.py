@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
+from ..point import Point
 from .jet import Jet
 from .reference import in_charts
 from .space import ClusterSpace
@@ -49,3 +51,12 @@ def product(mechanism: Mechanism, jets: Sequence[Jet], y: Array, ydot: Array) ->
     G[mechanism.iv_independent] = np.eye(mechanism.m)
     g[mechanism.iv_independent] = 0.0
     return q, G, g
+
+
+def turned(point: Point, mechanism: Mechanism) -> Point:
+    """A point of several coordinates, all numbers in q, in those of `mechanism`: G (G_y)⁻¹, g − G g_y."""
+    own = mechanism.iv_independent
+    G = point.G @ np.linalg.inv(point.G[own])
+    ydot = point.G[own] @ point.ydot
+    y = point.q[mechanism.iq_independent].copy()
+    return replace(point, y=y, ydot=ydot, G=G, g=point.g - G @ point.g[own], curvature=None)

@@ -6,15 +6,20 @@ import numpy as np
 
 from ...mechanism.tree import Array
 from ..point import Counters
+from .apex import BESIDE, LEFT, BesideApex, apart, apex_near
 from .curve import Curve
 from .jet import Jet, LostError, jet, solve
-from .obstacles import APEX, FARTHEST_LOOK, Obstacle, ObstacleError, approaching, judge
+from .obstacles import APEX, CONE_WORDS, FARTHEST_LOOK, Obstacle, ObstacleError, approaching, judge
 from .options import BridgeOptions, NoBridgeError
 from .patch import Patch
 from .space import ClusterSpace
 
 REACH = 0.4
 """Continuation step as a fraction of the distance to the singular set."""
+
+NEAR_APEX, TURNED = 0.1, 0.3
+"""The same beside the apex of a cone, and the sine by which its tangent plane may turn in such a step: two
+sheets are as near to each other there as the apex is."""
 
 CORRECTION = 0.25
 """Newton's first correction against the step: more is another branch."""
@@ -61,6 +66,7 @@ class Tracker:
         self.touched: list[Curve | Patch[Tracker]] = []
         self.obstacles: list[Obstacle] = []
         self.seen: Obstacle | None = None
+        self._apexless = np.full(self.space.nv, np.inf)  # where no apex was found last
 
     def copy(self) -> Tracker:
         """Another tracker at the same point, which knows the same curves."""
@@ -133,12 +139,14 @@ class Tracker:
         limit = 1.0
         for _ in range(MAX_STEPS):
             distance, way = here.nearest()
+            if self.careful and self.space.m > 1:
+                self._look_for_apex(here, distance)
             step = y - here.y
             size = float(np.linalg.norm(here.J @ step))
             if distance < self.zone and self._enter(here, way, y):
                 return None
             self._look_ahead(here, size)
-            reach = REACH * min(here.delta(), limit)
+            reach = (NEAR_APEX if isinstance(self.space, BesideApex) else REACH) * min(here.delta(), limit)
             share = min(1.0, reach / size) if size > 0.0 else 1.0
             target = y if share == 1.0 else here.y + share * step
             found = self._step(here, share * step, target, share * size)
@@ -177,7 +185,9 @@ class Tracker:
         found = jet(self.space, x, self.C)
         # rounding of φ looks like a lost branch where K is poor
         allowed = CORRECTION * size + 1e-12 + 1e-14 / max(min(here.sigma, found.sigma), 1e-12)
-        return found if first <= allowed else None
+        if first > allowed or (isinstance(self.space, BesideApex) and apart(here, found) > TURNED):
+            return None
+        return found
 
     # ----------------------------------------------------------------- bridges
 
@@ -233,10 +243,6 @@ class Tracker:
 
     def _enter_patch(self, here: Jet, way: Array, y: Array) -> bool:
         if self.careful:
-            if here.nearest()[0] < APEX:
-                obstacle = approaching(here, self.options)
-                if obstacle.kind == "cone":
-                    raise ObstacleError(obstacle)
             return False
         try:
             patch = Patch(self, here, way, self.options, self.zone)
@@ -248,6 +254,21 @@ class Tracker:
             return False
         self.current = patch
         return True
+
+    def _look_for_apex(self, here: Jet, distance: float) -> None:
+        """Take φ relative to the apex of a cone that is near; an error where it is too near."""
+        space = self.space
+        if isinstance(space, BesideApex):
+            if distance > LEFT:
+                self.space = space.plain
+            elif distance < APEX:
+                raise ObstacleError(Obstacle("cone", here.x, 0.5 * distance, 0.0, CONE_WORDS, distance))
+        elif distance < BESIDE and float(np.linalg.norm(here.x - self._apexless)) > 0.5 * distance:
+            apex = apex_near(here, self.options.largest_gap)
+            if apex is None:
+                self._apexless = here.x
+            else:
+                self.space = BesideApex(space, apex)
 
     def _blocked(self, here: Jet, failure: NoBridgeError) -> bool:
         """Remember a place without a bridge; an error unless the caller controls its own."""

@@ -1,0 +1,66 @@
+"""Beside the apex of an isolated cone: φ relative to the apex, so that rounding costs ε/δ of G, not ε/δ²."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from ...mechanism.tree import Array
+from .jet import Jet
+from .place import place
+from .space import ClusterSpace
+
+BESIDE, LEFT = 1e-2, 2e-2
+"""Distances to the singular set below which φ is taken relative to an apex, and above which no longer."""
+
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(5)
+"""Of Gauss' rule on (−1, 1): exact to the tenth order of the distance."""
+
+
+class BesideApex(ClusterSpace):
+    """The space of a cluster beside an apex x*, where K loses rank and the loops close.
+
+    φ(x) = ∫₀¹ K(x* + s ξ) ξ ds with ξ = x − x*, exact to rounding ε |ξ|, where φ itself is known to ε. What
+    is left of φ at x* is below its rounding, and counts as none.
+
+    Parameters
+    ----------
+    plain : ClusterSpace
+    apex : ndarray (nv,)
+    """
+
+    def __init__(self, plain: ClusterSpace, apex: Array) -> None:
+        vars(self).update(vars(plain))
+        self.plain, self.apex = plain, apex
+
+    def linear(self, x: Array) -> tuple[Array, Array]:
+        """φ (rows,) relative to the apex, and K (rows, nv)."""
+        away = x - self.apex
+        phi = np.zeros(self.rows)
+        for point, weight in zip(_shares(), _WEIGHTS, strict=True):
+            phi += 0.5 * weight * (self.plain.K(self.apex + point * away) @ away)
+        return phi, self.plain.K(x)
+
+
+def _shares() -> Iterable[float]:
+    return (0.5 + 0.5 * _POINTS).tolist()
+
+
+def apex_near(here: Jet, largest_gap: float) -> Array | None:
+    """The apex of an isolated cone next to a point; None where there is none."""
+    found = place(here)
+    return found.x if found.is_cone and found.gap <= largest_gap else None
+
+
+def apart(one: Jet, other: Jet) -> float:
+    """Sine of the largest angle between two tangent spaces."""
+    T, own = other.tangent(), one.tangent()
+    return float(np.linalg.norm(T - own @ (own.T @ T), 2))
+
+
+def rounding(space: ClusterSpace, distance: float) -> float:
+    """What rounding leaves uncertain of G at this distance from a singular place without a bridge."""
+    if space.m == 1:
+        return 2e-14 / distance
+    return 2e-15 / distance if isinstance(space, BesideApex) else 1e-16 / distance**2
