@@ -394,3 +394,30 @@ def test_a_start_where_modes_meet_is_the_same_in_every_coordinate() -> None:
             changed += len(run.stats.repartitions)
         np.testing.assert_allclose(ends, ends[0][None].repeat(len(ends), 0), atol=1e-9)
     assert changed > 0
+
+
+def test_three_coordinates_of_one_cluster_pass_a_singular_surface_alike() -> None:
+    """A change-point four-bar, with a chain of four links from its coupler to the ground."""
+    q = FourBar(*CHANGE_POINT, 1).evaluate(3.08)[0]
+    A = 2.0 * np.exp(1j * q[0])
+    B = A + 3.0 * np.exp(1j * (q[0] + q[1]))
+    T = 0.5 * (A + B)
+    C = T + 1.1 * np.exp(0.6j)
+    D = C + 1.3 * np.exp(-0.5j)
+    places = {"O": 0j, "Q": 4.0 + 0j, "R": 3.0 - 3.0j, "A": A, "B": B, "T": T, "C": C, "D": D}
+    places["E"] = D + 1.2 * np.exp(-2.0j)
+    points = {name: (float(z.real), float(z.imag)) for name, z in places.items()}
+    names = ("ground", "crank", "coupler", "rocker", "one", "two", "three", "four")
+    links = dict(zip(names, ("OQR", "OA", "ATB", "BQ", "TC", "CD", "DE", "ER"), strict=True))
+    ends = ("01", "12", "23", "30", "24", "45", "56", "67", "70")
+    joints = [(j, names[int(a)], names[int(b)]) for j, (a, b) in zip("oabqtcder", ends, strict=True)]
+    first = families.planar_linkage(points, links, joints, ["o", "t", "c"])
+    assert [cluster.m for cluster in first.clusters] == [3]
+    v0 = first.lift(first.home, [3.0, 0.5, -0.7])
+    options = {"v0": v0, "duration": 0.04, "step": 1e-3}
+    run = rg.simulate(first, **options)
+    assert [c.corank for c in run.crossings] == [1]
+    assert_at_their_place(run)
+    assert_same(run, rg.simulate(first, backend="python", **options), 1e-10)
+    for other in (["b", "t", "c"], ["o", "d", "e"], ["a", "c", "e"]):
+        assert_same(run, rg.simulate(first.with_independent(other), **options), 1e-9)
