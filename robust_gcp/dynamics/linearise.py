@@ -87,10 +87,18 @@ class ReducedJacobian:
     equations : EquationsOfMotion
     central : bool
         Central differences, twice the work for errors of ε^⅔ instead of ε^½.
+    rate : callable (t, x) -> ẋ, optional
+        The same right-hand side by other means.
     """
 
-    def __init__(self, equations: EquationsOfMotion, central: bool = False) -> None:
+    def __init__(
+        self,
+        equations: EquationsOfMotion,
+        central: bool = False,
+        rate: Callable[[float, Array], Array] | None = None,
+    ) -> None:
         self._equations, self._central = equations, central
+        self._rate = equations if rate is None else rate
         self._unit = equations.mechanism.units[equations.mechanism.iv_independent]
 
     def __call__(self, t: float, x: Array) -> Array:
@@ -101,7 +109,7 @@ class ReducedJacobian:
         rest = x[2 * m :]
 
         def rate(state: Array) -> Array:
-            return self._equations(t, np.concatenate([state, rest]))[known:]
+            return self._rate(t, np.concatenate([state, rest]))[known:]
 
         base = rate(x[: 2 * m])
         speed = np.abs(x[m : 2 * m])
@@ -153,18 +161,30 @@ def linearise(
     return Linearisation.of(A)
 
 
-def linearise_motion(motion: Problem, t: float, central: bool) -> Linearisation:
-    """Linearise at the start of a motion; see `linearise`."""
+def linearise_motion(
+    motion: Problem, t: float, central: bool, rate: Callable[[float, Array], Array] | None = None
+) -> Linearisation:
+    """Linearise at the start of a motion, by its equations or by other means; see `linearise`."""
+    return Linearisation.of(slopes_at(motion, t, central, rate))
+
+
+def slopes_at(
+    motion: Problem, t: float, central: bool, rate: Callable[[float, Array], Array] | None = None
+) -> Array:
+    """A of `linearise_motion`, (2m, 2m)."""
     m, y = motion.mechanism.m, motion.start.point.y
     with np.errstate(all="ignore"):  # what is not finite is told below
-        A = ReducedJacobian(motion.equations, central)(t, motion.x)[: 2 * m, : 2 * m]
+        A = ReducedJacobian(motion.equations, central, rate)(t, motion.x)[: 2 * m, : 2 * m]
     if not np.all(np.isfinite(A)):
         raise NonFiniteError(f"the linearisation at y = {y} is not finite", y)
-    return Linearisation.of(A)
+    return A
 
 
 def limiting_eigenvalue(
-    motion: Problem, step: float, push: Callable[[Array], Array] | None = None
+    motion: Problem,
+    step: float,
+    push: Callable[[Array], Array] | None = None,
+    rate: Callable[[float, Array], Array] | None = None,
 ) -> complex:
     """The eigenvalue that limits a step of RK4 at the start of a motion, 1/s; 0 where none was found.
 
@@ -179,22 +199,26 @@ def limiting_eigenvalue(
         s.
     push : callable (2m,) -> (m,), optional
         What δ(y, ẏ) adds to ÿ besides the motion's own equations.
+    rate : callable (t, x) -> ẋ, optional
+        These equations by other means.
     """
     m, x = motion.mechanism.m, motion.x
     unit = motion.mechanism.units[motion.mechanism.iv_independent]
     size = np.concatenate([unit, unit / step])
 
-    def rate(state: Array) -> Array:
-        return motion.equations(0.0, np.concatenate([state, x[2 * m :]]))[: 2 * m]
+    f = motion.equations if rate is None else rate
+
+    def moved(state: Array) -> Array:
+        return f(0.0, np.concatenate([state, x[2 * m :]]))[: 2 * m]
 
     with np.errstate(all="ignore"):  # what is not finite says nothing
-        base = rate(x[: 2 * m])
+        base = moved(x[: 2 * m])
         first = np.random.default_rng(0).normal(size=2 * m)
         basis = [first / np.linalg.norm(first)]
         H = np.zeros((DIRECTIONS + 1, DIRECTIONS))
         for k in range(DIRECTIONS):
             small = FORWARD / float(np.abs(basis[k]).max())
-            change = (rate(x[: 2 * m] + small * size * basis[k]) - base) / small
+            change = (moved(x[: 2 * m] + small * size * basis[k]) - base) / small
             if push is not None:
                 change[m:] += push(size * basis[k])
             w = step * change / size

@@ -16,7 +16,7 @@ from ..maps.start_check import require_freedom
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .driven import DrivenEquations, driven_start
-from .equations import EquationsOfMotion, Torque
+from .equations import EquationsOfMotion, Evaluation, Torque
 from .motion import Drive
 
 
@@ -34,6 +34,8 @@ class Problem:
     x : ndarray
         The first state: (y, u), with the work done so far, 0 J, where something does work. u = ẏ but on
         groups, see `maps.grouped`.
+    first : Evaluation or None
+        At x, where it is known already.
     """
 
     mechanism: Mechanism
@@ -41,6 +43,7 @@ class Problem:
     explicit: ExplicitMap
     equations: EquationsOfMotion
     x: Array
+    first: Evaluation | None = None
 
 
 def set_out(

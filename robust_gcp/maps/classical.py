@@ -42,7 +42,9 @@ class ClassicalMap(Unaware):
         self.path, self.anchor, self.newton_start = path, start, newton_start
         self._warned = False
 
-    def resume(self, anchor: Point, trackers: Callable[[], Array] | None) -> None:
+    def resume(
+        self, anchor: Point, trackers: Callable[[], Array] | None, in_zone: bool | None = None
+    ) -> None:
         """Go on from a point that was reached elsewhere; there are no bridges here."""
         self.anchor = anchor
 

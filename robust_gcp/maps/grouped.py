@@ -112,12 +112,14 @@ class GroupMap:
         self.anchor = self._anchor = replace(point, y=y, origin=point.q[groups.iq].copy(), rest=rest)
         return self._anchor
 
-    def resume(self, anchor: Point, trackers: Callable[[], Array] | None) -> None:
+    def resume(
+        self, anchor: Point, trackers: Callable[[], Array] | None, in_zone: bool | None = None
+    ) -> None:
         """Go on from a point that the kernel reached; see `ClusterMap.resume`."""
         assert isinstance(anchor, GroupPoint)
         assert isinstance(self.rest, ClusterMap | ClassicalMap)  # the kernel knows no other map
         self._anchor = anchor
-        self.rest.resume(anchor.rest, trackers)
+        self.rest.resume(anchor.rest, trackers, in_zone)
 
     def outgrown(self, point: Point) -> bool:
         """Whether the chart ought to be renewed at a point."""

@@ -6,7 +6,7 @@
 
 namespace rg {
 
-constexpr std::int32_t VERSION = 6;
+constexpr std::int32_t VERSION = 7;
 
 enum Reason : std::int32_t {
     DONE = 0,
@@ -83,6 +83,7 @@ struct Cluster {  // a loop cluster: its joints have one number each
 struct Bridging {  // see maps/cluster/options.py
     std::int32_t count;
     const double* nodes;                // (count,)
+    std::int32_t careful;               // the caller controls its error: no lines, no look ahead
     double reach, reach_of_several;     // distances at which bridges take over, for one coordinate and for more
     double closure_tolerance, geometric_tolerance, transversality;
 };
@@ -127,6 +128,7 @@ struct Request {
     const double* held;       // (nv,): a constant torque, or null
     const double* trackers;   // as `rg_trackers` gave them
     double* x;                // state, in and out
+    double* rate;             // its rate, out; n numbers as in x, or null
     double* anchor;           // point at the state, in and out
     double* ydd;              // (m,), in and out
     double* tau;              // (nv,), in and out
@@ -148,7 +150,8 @@ struct Request {
     double power;             // in and out
     std::int32_t in_zone;     // whether the last accepted state is in a zone
     std::int32_t reason;
-    std::int32_t plain;       // whether all steps were taken and there is nothing to tell of them
+    std::int32_t met;         // whether trackers have met bridges that nobody was told of
+    std::int32_t plain;       // whether all was done and there is nothing to tell of it
 };
 
 }  // namespace rg

@@ -1,11 +1,59 @@
-"""A torque function of the user's, asked by the kernel."""
+"""What acts in the kernel besides the mechanism's own forces: a torque held, or a function of the user's."""
 
 from __future__ import annotations
 
 from collections.abc import Generator
 
+import numpy as np
+
 from ..dynamics.equations import CheckedTorque
+from ..dynamics.held import HeldTorque
 from ..mechanism.tree import Array
+from .structures import Request, TorqueCallback
+
+
+class Acting:
+    """The buffers by which the kernel learns of a torque.
+
+    Parameters
+    ----------
+    request : Request
+    nq, nv : int
+    torque : callable, ndarray (nv,) or None
+
+    Attributes
+    ----------
+    held : bool
+        Whether it is a `HeldTorque`.
+    tau : ndarray (nv,)
+    raised : list of BaseException
+        What the function raised since `listen`.
+    """
+
+    def __init__(self, request: Request, nq: int, nv: int, torque: CheckedTorque | Array | None) -> None:
+        self._held = torque if isinstance(torque, HeldTorque) else None
+        self.held = self._held is not None
+        self._supplied = torque if callable(torque) and not self.held else None
+        self._q, self._v, self.tau = np.zeros(nq), np.zeros(nv), np.zeros(nv)
+        self._request, self._callback = request, TorqueCallback()
+        request.torque_q, request.torque_v = self._q.ctypes.data, self._v.ctypes.data
+        request.torque_tau = self.tau.ctypes.data
+        self.raised: list[BaseException] = []
+        if torque is not None and self._supplied is None:
+            request.held = self.tau.ctypes.data
+        if torque is not None and not callable(torque):
+            self.tau[:] = torque
+
+    def listen(self) -> None:
+        """The torque held, or a callback for the next batch, and where it leaves an exception."""
+        self.raised = []
+        if self._held is not None:
+            self.tau[:] = self._held.value
+        if self._supplied is not None:
+            answers = answering(self._supplied, (self._q, self._v, self.tau), self.raised)
+            next(answers)
+            self._callback = TorqueCallback(answers.send)
+            self._request.torque = self._callback
 
 
 def answering(

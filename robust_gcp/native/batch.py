@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
@@ -12,7 +13,7 @@ from ..dynamics.equations import Evaluation
 from ..maps.explicit import Crossing
 from ..maps.point import Point
 from ..mechanism.tree import Array
-from .structures import Reason
+from .structures import Reason, Request, address
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,12 @@ class Outputs:
         widths = {"a": (n, nv), "tau": (n, nv), "energy": (n,), "work": (n,)}
         more = {name: np.zeros(widths[name]) for name in wanted}
         return cls(np.empty((n, nq)), np.empty((n, nv)), **more)
+
+    def written_by(self, request: Request) -> None:
+        """Have the kernel write into these rows, from the first on."""
+        request.q_out, request.v_out = address(self.q), address(self.v)
+        request.a_out, request.tau_out = address(self.a), address(self.tau)
+        request.energy_out, request.work_out = address(self.energy), address(self.work)
 
     def first(self, n: int) -> Outputs:
         """The first n of them."""
@@ -107,3 +114,30 @@ class Trackers:
         """Itself, with the numbers, which do not change any more."""
         self()
         return self
+
+
+class Handed:
+    """Hands out trackers, and sees that the last ones are fetched while they are what they were.
+
+    Parameters
+    ----------
+    fetch : callable () -> ndarray
+        Their present numbers.
+    """
+
+    def __init__(self, fetch: Callable[[], Array]) -> None:
+        self._fetch = fetch
+        self._last: weakref.ref[Trackers] | None = None
+
+    def new(self) -> Trackers:
+        """The trackers as they are."""
+        self.secure()
+        trackers = Trackers(self._fetch)
+        self._last = weakref.ref(trackers)
+        return trackers
+
+    def secure(self) -> None:
+        """The kernel is about to go on."""
+        last = None if self._last is None else self._last()
+        if last is not None:
+            last()

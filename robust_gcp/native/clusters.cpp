@@ -12,7 +12,7 @@
 namespace rg {
 
 // As in cluster_map.py and chart.py, where it says why.
-constexpr double ONE_TURN = 6.283185307179586, CHANGE = 0.35, SAME_PLACE = 1e-6;
+constexpr double ONE_TURN = 6.283185307179586, CHANGE = 0.35;
 
 // σ_min of the chosen rows of a tangent basis (nv, m).
 static double smallest(const Matrix& tangent, const std::vector<int>& chosen) {
@@ -111,7 +111,7 @@ Clusters::~Clusters() = default;
 
 void Clusters::use(const Bridging& b) {
     if (!some_) return;
-    inside_->options = {{b.nodes, b.nodes + b.count}, b.reach, b.reach_of_several, b.closure_tolerance, b.geometric_tolerance,
+    inside_->options = {{b.nodes, b.nodes + b.count}, b.careful != 0, b.reach, b.reach_of_several, b.closure_tolerance, b.geometric_tolerance,
                         b.transversality};
 }
 
@@ -120,8 +120,7 @@ bool Clusters::at(Point& anchor, const double* y, const double* ydot, Point& poi
     try {
         if (!in_zone_) {
             if (path_.turn(anchor, y) > ONE_TURN) return false;
-            in.enter(anchor);
-            in_zone_ = true;
+            enter(anchor);
         }
         std::vector<JetPtr> jets;
         bool bridged = false;
@@ -179,6 +178,21 @@ void Clusters::passed(const Step& step, std::vector<double>& log) {
         const Space& space = *in.spaces[static_cast<std::size_t>(one.cluster)];
         for (int i = 0; i < space.nv; ++i) q[space.iq[i]] = space.D[i] * one.x[i];
     }
+}
+
+void Clusters::enter(Point& anchor) {
+    inside_->enter(anchor);
+    in_zone_ = true;
+}
+
+void Clusters::forget() {
+    if (!some_) return;
+    for (Tracker& tracker : inside_->trackers) tracker.forget_touched();
+}
+
+void Clusters::renew() {
+    in_zone_ = false;
+    if (some_) inside_->trackers.clear();
 }
 
 std::vector<double> Clusters::written() const {

@@ -17,6 +17,8 @@ struct Step {
     const double *ydd0, *ydd1;
 };
 
+constexpr double SAME_PLACE = 1e-6;  // as in ground.py
+
 class Clusters {
   public:
     Clusters(const Description& d, Path& path);
@@ -32,6 +34,12 @@ class Clusters {
     void use(const Bridging& options);
     // On regular ground from now on.
     void leave() { in_zone_ = false; }
+    // Every cluster by itself from now on, from a point of the mode.
+    void enter(Point& anchor);
+    // What was met so far was told of.
+    void forget();
+    // As if nothing had been done.
+    void renew();
     // The point at y, where the regular path was not good enough from the anchor; false where Python has to say
     // what to do.
     bool at(Point& anchor, const double* y, const double* ydot, Point& point, double zone);

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..maps.cluster.space import space_of
 from ..maps.regular_path import RegularPath
@@ -24,15 +24,13 @@ class NotNativeError(Exception):
     """The kernel cannot take this mechanism; the message says why."""
 
 
-def describe(mechanism: Mechanism, path: RegularPath, constant: ArrayLike | None, works: bool) -> Arrays:
-    """The kernel's `Description`; kept for each mechanism and choice of rows where nothing else acts.
+def describe(mechanism: Mechanism, path: RegularPath, works: bool) -> Arrays:
+    """The kernel's `Description`; kept for each mechanism and choice of rows.
 
     Parameters
     ----------
     path : RegularPath
         Of the mechanism, or of what is left of it without joints on groups.
-    constant : array_like (nv,) or None
-        A constant torque that acts besides the mechanism's forces.
     works : bool
         Whether the state ends with the work done.
 
@@ -41,13 +39,11 @@ def describe(mechanism: Mechanism, path: RegularPath, constant: ArrayLike | None
     NotNativeError
         For a joint that the kernel does not know.
     """
-    if constant is not None or works:
-        return _described(mechanism, path, constant, works)
-    key = ("description for the kernel", *path.rows.tolist())
-    return mechanism.memo.once(key, lambda: _described(mechanism, path, None, False))
+    key = ("description for the kernel", works, *path.rows.tolist())
+    return mechanism.memo.once(key, lambda: _described(mechanism, path, works))
 
 
-def _described(mechanism: Mechanism, path: RegularPath, constant: ArrayLike | None, works: bool) -> Arrays:
+def _described(mechanism: Mechanism, path: RegularPath, works: bool) -> Arrays:
     if mechanism.m == 0:
         raise NotNativeError("the mechanism has no degree of freedom")
     if mechanism.chart_joints:
@@ -73,7 +69,7 @@ def _described(mechanism: Mechanism, path: RegularPath, constant: ArrayLike | No
     _closures(mechanism, path.mechanism, path.rows, turns, arrays)
     _couplings(mechanism, path.mechanism, path.rows, arrays)
     _blocks(mechanism, path, arrays)
-    _forces(mechanism, constant, turns, arrays)
+    _forces(mechanism, turns, arrays)
     _clusters(mechanism, path, arrays)
     return arrays
 
@@ -227,12 +223,10 @@ def _blocks(mechanism: Mechanism, path: RegularPath, arrays: Arrays) -> None:
     arrays.reals(reference=path.factor.reference)
 
 
-def _forces(mechanism: Mechanism, constant: ArrayLike | None, turns: list[Array], arrays: Arrays) -> None:
+def _forces(mechanism: Mechanism, turns: list[Array], arrays: Arrays) -> None:
     """Springs, dampers, drives and point springs."""
     model = mechanism.model
     damping, drive = np.zeros(mechanism.nv), np.zeros(mechanism.nv)
-    if constant is not None:
-        drive += mechanism.velocity(constant, "torque")
     spring_at, spring, line_joint, line = [], [], [], []
     for force in mechanism.forces:
         if isinstance(force, PointSpring):
@@ -250,6 +244,6 @@ def _forces(mechanism: Mechanism, constant: ArrayLike | None, turns: list[Array]
         elif isinstance(force, JointTorque):
             drive[joint.idx_v] += force.torque
     arrays.structure.springs, arrays.structure.lines = len(spring), len(line)
-    arrays.structure.forces = bool(mechanism.forces) or constant is not None
+    arrays.structure.forces = bool(mechanism.forces)
     arrays.integers(spring_at=spring_at, line_joint=line_joint)
     arrays.reals(spring=spring, damping=damping, drive=drive, line=line)

@@ -6,7 +6,7 @@
 
 #include "abi.h"
 #include "derivation.h"
-#include "stepper.h"
+#include "solver.h"
 
 #define RG_EXPORT extern "C" __attribute__((visibility("default")))
 
@@ -22,26 +22,38 @@ RG_EXPORT std::int32_t rg_size(std::int32_t structure) {
 // A workspace for a mechanism, or null with the reason in `why`.
 RG_EXPORT void* rg_create(const rg::Description* description, char* why, std::int32_t length) {
     try {
-        return new rg::Stepper(*description);
+        return new rg::Solver(*description);
     } catch (const std::exception& error) {
         std::strncpy(why, error.what(), static_cast<std::size_t>(length) - 1);
         return nullptr;
     }
 }
 
-RG_EXPORT void rg_destroy(void* stepper) { delete static_cast<rg::Stepper*>(stepper); }
+RG_EXPORT void rg_destroy(void* stepper) { delete static_cast<rg::Solver*>(stepper); }
 
-RG_EXPORT void rg_run(void* stepper, rg::Request* request) { static_cast<rg::Stepper*>(stepper)->run(*request); }
+RG_EXPORT void rg_run(void* stepper, rg::Request* request) { static_cast<rg::Solver*>(stepper)->run(*request); }
 
-RG_EXPORT void rg_look(void* stepper, rg::Request* request) { static_cast<rg::Stepper*>(stepper)->look(*request); }
+RG_EXPORT void rg_look(void* stepper, rg::Request* request) { static_cast<rg::Solver*>(stepper)->look(*request); }
 
 // The state of the clusters' trackers, as many numbers as `count` then says; valid until the next call.
 RG_EXPORT const double* rg_trackers(void* stepper, std::int64_t* count) {
-    return static_cast<rg::Stepper*>(stepper)->trackers(*count);
+    return static_cast<rg::Solver*>(stepper)->trackers(*count);
 }
 
 // Makes a start of a configuration and velocities, for rg_run.
-RG_EXPORT void rg_begin(void* stepper, rg::Request* request) { static_cast<rg::Stepper*>(stepper)->set_out(*request); }
+RG_EXPORT void rg_begin(void* stepper, rg::Request* request) { static_cast<rg::Solver*>(stepper)->set_out(*request); }
+
+RG_EXPORT void rg_follow(void* stepper, rg::Request* request) {
+    static_cast<rg::Solver*>(stepper)->follow(*request);
+}
+
+RG_EXPORT void rg_tell(void* stepper, rg::Request* request) { static_cast<rg::Solver*>(stepper)->tell(*request); }
+
+RG_EXPORT void rg_keep(void* stepper) { static_cast<rg::Solver*>(stepper)->keep(); }
+
+RG_EXPORT void rg_forget(void* stepper) { static_cast<rg::Solver*>(stepper)->clusters.forget(); }
+
+RG_EXPORT void rg_renew(void* stepper) { static_cast<rg::Solver*>(stepper)->renew(); }
 
 // A workspace for derivatives of a mechanism, or null with the reason in `why`.
 RG_EXPORT void* rg_derive(const rg::Description* description, char* why, std::int32_t length) {
@@ -70,7 +82,7 @@ RG_EXPORT void rg_pull(void* derivation, std::int64_t first, std::int64_t last, 
 
 // Seconds per call of what a right-hand side asks of Pinocchio: computeJointJacobians, rnea twice, crba.
 RG_EXPORT double rg_time_pinocchio(void* stepper, const double* q, const double* v, std::int32_t repeats) {
-    rg::RigidBodies& rigid = static_cast<rg::Stepper*>(stepper)->path.rigid;
+    rg::RigidBodies& rigid = static_cast<rg::Solver*>(stepper)->path.rigid;
     double best = 1e300;
     for (int round = 0; round < 5; ++round) {
         const auto begun = std::chrono::steady_clock::now();

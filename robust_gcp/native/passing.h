@@ -17,11 +17,17 @@ class Writer {
 
     void tracker(const Tracker& t) {
         std::vector<CurvePtr> curves = t.bridges;
-        auto used = std::find(curves.begin(), curves.end(), t.curve);
-        if (t.curve && used == curves.end()) used = curves.insert(used, t.curve);
+        const auto place = [&curves](const CurvePtr& one) {
+            const auto at = std::find(curves.begin(), curves.end(), one);
+            return static_cast<double>((at == curves.end() ? curves.insert(at, one) : at) - curves.begin());
+        };
+        const double used = t.curve ? place(t.curve) : -1.0;
+        std::vector<double> touched;
+        for (const CurvePtr& one : t.touched) touched.push_back(place(one));
         number(t.u), number(t.zone), jet(*t.anchor);
         number(static_cast<double>(curves.size()));
-        number(t.curve ? static_cast<double>(used - curves.begin()) : -1.0);
+        number(used);
+        list(touched);
         for (const CurvePtr& one : curves) curve(*one);
         number(t.patch ? 1.0 : 0.0);
         if (t.patch) t.patch->write(*this);
@@ -70,10 +76,12 @@ class Reader {
         Tracker made(jet(space), options_, zone, tally_);
         made.u = u;
         const int count = static_cast<int>(number()), used = static_cast<int>(number());
+        const std::vector<double> touched = list();
         for (int i = 0; i < count; ++i) made.bridges.push_back(curve(space));
         if (used >= 0) made.curve = made.bridges[static_cast<std::size_t>(used)];
         if (number() != 0.0) made.patch = std::make_shared<Patch>(*this, *made.anchor, options_);
-        made.forget_touched();
+        made.touched_patch = made.patch;
+        for (const double at : touched) made.touched.push_back(made.bridges[static_cast<std::size_t>(at)]);
         return made;
     }
 

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from ..maps.cluster.options import BridgeOptions
 from ..maps.explicit import Crossing
+from ..mechanism.tree import Array
+from .library import Library
 from .structures import Arrays, Bridging, Request
 
 
@@ -45,6 +47,13 @@ def crossings(request: Request, nq: int, numbers: NDArray[np.int64]) -> list[Cro
         )
         for row in log
     ]
+
+
+def tracker_numbers(library: Library, handle: int | None) -> Array:
+    """The present state of the trackers as plain numbers."""
+    count = ctypes.c_int64()
+    numbers = library.trackers(handle, ctypes.byref(count))
+    return np.ctypeslib.as_array(numbers, (count.value,)).copy()
 
 
 def bridging(options: BridgeOptions) -> Arrays:

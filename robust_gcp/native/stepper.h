@@ -95,6 +95,12 @@ class alignas(CACHE_LINE) Stepper {
         return true;
     }
 
+    // For another motion: nothing of those before is known any more.
+    void renew() {
+        anchor_ = accepted_ = safe_ = nullptr;
+        clusters.renew();
+    }
+
     // The state of the clusters' trackers as plain numbers.
     const double* trackers(std::int64_t& count) {
         trackers_ = clusters.written();
@@ -117,7 +123,7 @@ class alignas(CACHE_LINE) Stepper {
         r.power = motion_.power;
     }
 
-  private:
+  protected:
     // Whether the independent velocities are about to turn back, or may be: see simulation/coordinates.py.
     bool exceeds(const Request& r, Point& point) const {
         if (r.sizes == nullptr) return false;

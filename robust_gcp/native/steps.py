@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from ..dynamics.equations import Evaluation, Torque, does_work, torque_function
+from ..dynamics.held import HeldTorque
 from ..errors import OptionError
 from ..maps.classical import DIGITS_LOST, ClassicalMap
 from ..maps.cluster.cluster_map import ClusterMap
@@ -20,6 +22,7 @@ from .batch import Batch, Outputs
 from .description import NotNativeError
 from .library import Library, backends, library
 from .prepared import Prepared
+from .rates import Rates
 from .workspace import Workspace
 
 KernelMap = ClusterMap | ClassicalMap | GroupMap
@@ -42,7 +45,7 @@ def chosen_library(backend: str, stepper: object, method: str, newton_start: str
     if backend == "python":
         return None
     why = None
-    if stepper != "rk4":
+    if not isinstance(stepper, str):
         why = f'it takes steps of stepper="rk4", not of {stepper!r}'
     elif method not in ("bridge", "classical"):
         why = f'it knows the methods "bridge" and "classical", not {method!r}'
@@ -99,12 +102,22 @@ class NativeSteps:
                     ) from error
         return self._workspace
 
+    @property
+    def asks(self) -> bool:
+        """Whether a function of the user's is asked for the torque."""
+        return callable(self._torque) and not isinstance(self._torque, HeldTorque)
+
     def release(self) -> None:
         """Give the kernel's memory back, whoever still holds these steps, such as an error's traceback."""
         self._path = self._workspace = None
 
-    def look(self, t: float, now: Evaluation) -> Evaluation | None:
-        """The evaluation taken last under the torque that is held now; None where Python has to look."""
+    def look(self, explicit: KernelMap, now: Evaluation, x: Array, t: float) -> Evaluation | None:
+        """An evaluation at x under the torque that is held now; None where Python has to look."""
+        if self._workspace is None or not self._workspace.at(now.point):
+            begun = self.take(explicit, now, x, np.array([t]), ())  # no step, but the kernel is there
+            if begun is None:
+                return None
+            now = begun.now
         return None if self._workspace is None else self._workspace.look(t, now)
 
     def take(
@@ -153,6 +166,21 @@ class NativeSteps:
             return None
         options, zone = _limits(explicit.rest if isinstance(explicit, GroupMap) else explicit)
         return self._workspace.prepared(times, outputs, zone, options, chart)
+
+    def rates(
+        self, explicit: KernelMap, now: Evaluation, x: Array, chart: tuple[Array, float] | None
+    ) -> Rates | None:
+        """ẋ by the kernel from an evaluation at x on regular ground on; None where it cannot.
+
+        Joints on groups are left to Python.
+        """
+        if isinstance(explicit, GroupMap):
+            return None
+        workspace = self.prepare(explicit.path.mechanism, explicit.path)
+        if workspace is None:
+            return None
+        options, zone = _limits(explicit)
+        return workspace.rates(now, x, zone, options, chart)
 
     def settled(self, begun: int, reached: int) -> Batch:
         """What prepared steps came to; see `Workspace.settled`."""

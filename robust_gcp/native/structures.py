@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-VERSION = 6
+VERSION = 7
 """Of the interface; a library with another one is not used."""
 
 TorqueCallback: Any = ctypes.CFUNCTYPE(c_int32, c_double)
@@ -84,6 +84,7 @@ class Bridging(ctypes.Structure):
 
     _fields_ = [
         *_fields("count", "nodes"),
+        ("careful", c_int32),
         *_all(c_double, "reach reach_of_several closure_tolerance geometric_tolerance transversality"),
     ]
 
@@ -103,7 +104,7 @@ class Request(ctypes.Structure):
         ("limit", c_double),
         ("torque", TorqueCallback),
         *_fields("", "torque_q torque_v torque_tau held trackers"),
-        *_fields("", "x anchor ydd tau safe q_out v_out a_out tau_out energy_out work_out"),
+        *_fields("", "x rate anchor ydd tau safe q_out v_out a_out tau_out energy_out work_out"),
         *_all(
             c_int64,
             "completed safe_step rhs newton constraint_evaluations force_evaluations zone_evaluations",
@@ -111,7 +112,7 @@ class Request(ctypes.Structure):
         *_all(c_int64, "marching_steps svds bridges_built second_order logged"),
         ("log", c_void_p),
         ("power", c_double),
-        *_fields("in_zone reason plain", ""),
+        *_fields("in_zone reason met plain", ""),
     ]
 
 

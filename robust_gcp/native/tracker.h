@@ -120,6 +120,7 @@ class Tracker {
 
     // Stop before a step that would pass too fast by modes that veer away from each other.
     void look_ahead(const Jet& here, double size) {
+        if (options_->careful) return;
         if (here.delta() >= std::min(std::max(zone, STAGES_AHEAD * size), FARTHEST_LOOK)) return;
         if (!seen_ || !seen_->covers(here.x)) seen_ = approaching(here, options_->largest_gap());
         if (!seen_->crossing && seen_->approach < STAGES_AHEAD * size) throw Stop{};

@@ -3,28 +3,28 @@
 from __future__ import annotations
 
 import ctypes
-import weakref
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..dynamics.equations import CheckedTorque, Evaluation
-from ..dynamics.held import HeldTorque
 from ..maps.cluster.options import BridgeOptions
 from ..maps.point import Point
 from ..maps.regular_path import RegularPath
 from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from .answers import answering
-from .batch import Batch, Outputs, Trackers
-from .description import NotNativeError, describe
+from .answers import Acting
+from .batch import Batch, Handed, Outputs
+from .handles import Handles
 from .layout import Layout
 from .library import Library
 from .prepared import Prepared
-from .results import bridging, counted, crossings
-from .structures import Arrays, Beginning, Reason, Request, TorqueCallback, address
+from .rates import Rates
+from .results import bridging, counted, crossings, tracker_numbers
+from .structures import Arrays, Beginning, Reason, Request, address
 
 
 class Workspace:
@@ -56,60 +56,34 @@ class Workspace:
         works: bool = False,
     ) -> None:
         self._library, self.path, self._groups = library, path, groups_of(mechanism)
-        self._held = torque if isinstance(torque, HeldTorque) else None
-        supplied = torque if callable(torque) and self._held is None else None
         self._acts = mechanism.applied is not None or torque is not None
-        arrays = describe(mechanism, path, None if callable(torque) else torque, works)
-        why = ctypes.create_string_buffer(200)
-        self._handle: int | None = library.create(ctypes.byref(arrays.structure), why, len(why))
-        if not self._handle:
-            raise NotNativeError(why.value.decode(errors="replace"))
+        self._handles = Handles(library, mechanism, path, works)
+        self._taken = self._handles.take()
+        self._handle = self._taken.address
         self._nq, self._nv, self._m = mechanism.nq, mechanism.nv, mechanism.m
         self._numbers_in_q = mechanism.iq_numbers
         self._numbers = np.arange(self._m) if self._groups is None else self._groups.rest_inputs
         n = 2 * self._m + int(works)
         self._layout = Layout(mechanism, path, self._groups)
+        self._time, self._rate = np.zeros(1), np.zeros(n)
         self._x, self._ydd, self._tau = np.zeros(n), np.zeros(self._m), np.zeros(self._nv)
         self._anchor = np.zeros(self._layout.size)
         self._safe = np.zeros(self._layout.size + n)
         self._bridging: tuple[BridgeOptions, Arrays] | None = None
         self._latest: Point | None = None
-        self._handed: weakref.ref[Trackers] | None = None
-        self._raised: list[BaseException] = []
+        self._handed = Handed(partial(tracker_numbers, library, self._handle))  # no cycle back to this
         self._request = Request()
         self._by_reference = ctypes.byref(self._request)
-        self._keep = Arrays(self._request)
-        self._share(supplied)
-        for name in ("x", "anchor", "ydd", "tau", "safe"):
+        acts = mechanism.velocity(torque, "torque") if not callable(torque) and torque is not None else torque
+        self._acting = Acting(self._request, self._nq, self._nv, acts)
+        for name in ("x", "rate", "anchor", "ydd", "tau", "safe"):
             setattr(self._request, name, getattr(self, f"_{name}").ctypes.data)
 
     def __del__(self) -> None:
-        """Free the kernel's memory."""
-        handle = getattr(self, "_handle", None)
-        if handle:
-            self._library.destroy(handle)
-
-    def _share(self, supplied: CheckedTorque | None) -> None:
-        """The buffers that a torque callback reads and writes."""
-        q, v, tau = np.zeros(self._nq), np.zeros(self._nv), np.zeros(self._nv)
-        self._shared = q, v, tau
-        self._request.torque_q, self._request.torque_v = q.ctypes.data, v.ctypes.data
-        self._request.torque_tau = tau.ctypes.data
-        self._callback = TorqueCallback()
-        self._supplied = supplied
-        if self._held is not None:
-            self._request.held = tau.ctypes.data
-
-    def _listen(self) -> None:
-        """The torque held, or a callback for the next batch, and where it leaves an exception."""
-        self._raised = []
-        if self._held is not None:
-            self._shared[2][:] = self._held.value
-        if self._supplied is not None:
-            answers = answering(self._supplied, self._shared, self._raised)
-            next(answers)
-            self._callback = TorqueCallback(answers.send)
-            self._request.torque = self._callback
+        """Leave the kernel's memory to the next one."""
+        if hasattr(self, "_acting"):
+            self._handed.secure()
+            self._handles.give_back(self._taken)
 
     def run(
         self,
@@ -157,12 +131,12 @@ class Workspace:
             numbers = None if trackers is None else np.ascontiguousarray(trackers())
             r.trackers = None if numbers is None else numbers.ctypes.data
             self._layout.pack(now.point, self._anchor)
-        self._put_out(outputs)
-        self._fetch_handed()
-        self._listen()
+        outputs.written_by(r)
+        self._handed.secure()
+        self._acting.listen()
         self._library.run(self._handle, self._by_reference)
-        if r.reason == Reason.TORQUE and not self._raised:
-            self._raised.append(KeyboardInterrupt())  # raised between two lines of the generator
+        if r.reason == Reason.TORQUE and not self._acting.raised:
+            self._acting.raised.append(KeyboardInterrupt())  # raised between two lines of the generator
         return self._batch(0, int(r.completed), outputs.first(int(r.completed) // every))
 
     def at(self, point: Point) -> bool:
@@ -191,43 +165,64 @@ class Workspace:
         r = self._request
         r.every, r.times, r.steps, r.first = 1, address(times), 0, 0
         self._choose(zone, options, chart)
-        self._put_out(outputs.between(1, len(times)))
-        self._fetch_handed()
-        self._listen()
+        outputs.between(1, len(times)).written_by(r)
+        self._handed.secure()
+        self._acting.listen()
         r.beginning = Beginning.GO_ON
         self._library.run(self._handle, self._by_reference)  # no step: counts begin
-        return Prepared(self._library.run, self._handle, r, self._by_reference, self._shared[2])
+        return Prepared(self._library.run, self._handle, r, self._by_reference, self._acting.tau)
 
     def settled(self, begun: int, reached: int) -> Batch:
         """What prepared steps came to, from one time to another; their outputs are where they belong."""
         return self._batch(begun, reached - begun, Outputs.room(0, self._nq, self._nv))
 
-    def _choose(self, zone: float, options: BridgeOptions | None, chart: tuple[Array, float] | None) -> None:
+    def rates(
+        self,
+        now: Evaluation,
+        x: Array,
+        zone: float,
+        options: BridgeOptions | None,
+        chart: tuple[Array, float] | None,
+    ) -> Rates:
+        """ẋ from an evaluation at x on regular ground on; parameters as for `run`.
+
+        The solver controls its error: uncertified zones are followed on the true curve.
+        """
+        r, self._latest = self._request, None
+        self._choose(zone, options, chart, careful=True)
+        r.power, r.first, r.times, r.beginning = now.power, 0, address(self._time), Beginning.REGULAR
+        self._x[:], self._ydd[:] = x, now.ydd
+        self._layout.pack(now.point, self._anchor)
+        self._handed.secure()
+        self._acting.listen()
+        buffers = self._time, self._x, self._rate
+        told = self._told, self._handed.new
+        raised = self._acting.raised
+        return Rates(self._library, self._handle, r, self._by_reference, buffers, raised, *told)
+
+    def _told(self) -> Evaluation:
+        return self._evaluation(self._layout.point(self._anchor))
+
+    def _choose(
+        self,
+        zone: float,
+        options: BridgeOptions | None,
+        chart: tuple[Array, float] | None,
+        careful: bool = False,
+    ) -> None:
         r = self._request
         r.zone = zone
-        r.bridging = None if options is None else ctypes.pointer(self._options(options))
+        r.bridging = None if options is None else ctypes.pointer(self._options(options, careful))
         sizes, r.limit = (None, 0.0) if chart is None else chart
         r.sizes = address(sizes)
 
-    def _put_out(self, outputs: Outputs) -> None:
-        r = self._request
-        r.q_out, r.v_out = address(outputs.q), address(outputs.v)
-        r.a_out, r.tau_out = address(outputs.a), address(outputs.tau)
-        r.energy_out, r.work_out = address(outputs.energy), address(outputs.work)
-
-    def _fetch_handed(self) -> None:
-        """Take the trackers handed out last while they are what they were."""
-        handed = None if self._handed is None else self._handed()
-        if handed is not None:
-            handed()
-
     def look(self, t: float, now: Evaluation) -> Evaluation | None:
         """The last batch's last state under the torque that is held now; None where that is not known."""
-        if not self.at(now.point) or self._held is None:
+        if not self.at(now.point) or not self._acting.held:
             return None
         r, time = self._request, np.array([t])
         r.times, r.first, r.beginning = address(time), 0, Beginning.GO_ON
-        self._shared[2][:] = self._held.value
+        self._acting.listen()
         self._library.look(self._handle, self._by_reference)
         if r.reason != Reason.DONE:
             return None
@@ -238,8 +233,10 @@ class Workspace:
 
         None where the regular path has no such point, or K_d is conditioned below `zone` there.
         """
-        r, times = self._request, np.array([t])
+        r, times, self._latest = self._request, np.array([t]), None
         r.times, r.zone, r.power = times.ctypes.data, zone, 0.0
+        if self._acting.held:
+            self._acting.listen()
         self._x[:], self._anchor[:] = 0.0, 0.0
         self._x[self._numbers] = q[self._numbers_in_q]
         self._x[self._m : 2 * self._m] = u
@@ -258,8 +255,7 @@ class Workspace:
         r = self._request
         point = self._layout.point(self._anchor)
         self._latest = point if r.reason in (Reason.DONE, Reason.CHART) else None
-        trackers = Trackers(self._trackers) if r.in_zone else None
-        self._handed = None if trackers is None else weakref.ref(trackers)
+        trackers = self._handed.new() if r.in_zone else None
         now = self._evaluation(point)
         safe = None
         if 0 <= r.safe_step == begun + steps:
@@ -278,7 +274,7 @@ class Workspace:
             safe,
             int(r.rhs),
             {"native_steps": steps, **counted(r)},
-            self._raised[0] if self._raised else None,
+            self._acting.raised[0] if self._acting.raised else None,
         )
 
     def _evaluation(self, point: Point) -> Evaluation:
@@ -286,13 +282,9 @@ class Workspace:
         tau = self._tau.copy() if self._acts else None
         return Evaluation(point, point.G.dot(point.ydot), self._ydd.copy(), tau, float(self._request.power))
 
-    def _options(self, options: BridgeOptions) -> ctypes.Structure:
+    def _options(self, options: BridgeOptions, careful: bool) -> ctypes.Structure:
         if self._bridging is None or self._bridging[0] is not options:
             self._bridging = options, bridging(options)
-        return self._bridging[1].structure
-
-    def _trackers(self) -> Array:
-        """The state of the trackers after the last batch."""
-        count = ctypes.c_int64()
-        numbers = self._library.trackers(self._handle, ctypes.byref(count))
-        return np.ctypeslib.as_array(numbers, (count.value,)).copy()
+        structure = self._bridging[1].structure
+        structure.careful = careful
+        return structure

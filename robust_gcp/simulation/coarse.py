@@ -74,12 +74,12 @@ class Coarse:
         self._warn(self._leak(run))
 
     def _leak(self, run: Trajectory) -> str | None:
-        rows = np.unique(np.linspace(0, len(run.t) - 1, LOOKS).astype(int))
+        last = len(run.t) - 1
+        rows = sorted({last * i // (LOOKS - 1) for i in range(LOOKS)})
         if self._leaked or len(rows) < 2:
             return None
-        energy, still = run.mechanism.energy, np.zeros(run.mechanism.nv)
-        resting = np.array([energy(run.q[i], still) for i in rows])
-        moving = np.array([energy(run.q[i], run.v[i]) for i in rows]) - resting
+        mechanism = run.mechanism
+        moving, resting = np.array([mechanism.energies(run.q[i], run.v[i]) for i in rows]).T
         total = resting + moving if run.work is None else resting + moving - run.work[rows]
         leak = float(np.abs(total - total[0]).max())
         at_work = max(float(moving.max()), float(np.ptp(resting)))

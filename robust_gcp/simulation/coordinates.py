@@ -66,14 +66,9 @@ class Coordinates:
 
     def __init__(self, mechanism: Mechanism, named: Sequence[str], counters: Counters) -> None:
         self.mechanism, self._counters = mechanism, counters
-        self._parts = _parts(mechanism, named)
+        key = ("clusters with a choice of coordinates", *named)
+        self._parts, self.sizes, self._weights = mechanism.memo.once(key, lambda: _sized(mechanism, named))
         self.limit = 1.0 / CHANGE
-        self.sizes = np.zeros(mechanism.nv)
-        self._weights = np.zeros((mechanism.nv, mechanism.m))
-        for part in self._parts:
-            size = 1.0 / part.cluster.loops.column_scale
-            self.sizes[part.iv] = size
-            self._weights[np.ix_(part.iv, part.inputs)] = size[:, None] / size[part.cluster.chosen]
 
     def suspicious(self, point: Point) -> bool:
         """Whether an entry of J is larger than those of good coordinates."""
@@ -147,6 +142,20 @@ def _quality(part: _Part, tangent: Array) -> float:
     return smallest(tangent, part.cluster.chosen) / smallest(
         tangent, part.candidates[best(tangent[part.candidates])]
     )
+
+
+def _sized(mechanism: Mechanism, named: Sequence[str]) -> tuple[list[_Part], Array, Array]:
+    """Clusters with a choice, 1 / unit of each velocity (nv,), and what makes their J of G, (nv, m)."""
+    parts, sizes, weights = (
+        _parts(mechanism, named),
+        np.zeros(mechanism.nv),
+        np.zeros((mechanism.nv, mechanism.m)),
+    )
+    for part in parts:
+        size = 1.0 / part.cluster.loops.column_scale
+        sizes[part.iv] = size
+        weights[np.ix_(part.iv, part.inputs)] = size[:, None] / size[part.cluster.chosen]
+    return parts, sizes, weights
 
 
 def _parts(mechanism: Mechanism, named: Sequence[str]) -> list[_Part]:

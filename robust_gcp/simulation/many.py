@@ -21,7 +21,7 @@ from ..errors import OptionError, RobustGcpError
 from ..maps.cluster.options import BridgeOptions
 from ..maps.regular_path import RegularPath
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tolerances import COMPATIBLE, NEARLY_CLOSED
+from ..mechanism.tolerances import NEARLY_CLOSED
 from ..mechanism.tree import Array
 from ..native.batch import Outputs
 from ..native.description import NotNativeError
@@ -32,6 +32,7 @@ from ..native.workspace import Workspace
 from .coarse import Coarse
 from .schedule import planned
 from .simulate import checked_record, simulate
+from .starting import closed_by_kernel
 from .stats import Stats
 from .trajectory import Trajectory
 
@@ -227,15 +228,10 @@ class _Plain(threading.local):
         q = mechanism.home if q0 is None else mechanism.configuration(q0, "q0")
         v0 = mechanism.recommended.velocity(q0, None) if v0 is None else v0
         v = np.zeros(mechanism.nv) if v0 is None else mechanism.velocity(v0, "v0")
-        mechanism.require_proper(q)
-        begun = self._workspace.begin(q, v[mechanism.iv_independent], self._options.zone)
+        begun = closed_by_kernel(self._workspace, mechanism, q, v, self._options.zone)
         if begun is None:
             return None
         x, now = begun
-        moved = np.abs(mechanism.tree.difference(q, now.point.q) / mechanism.units).max()
-        apart = np.abs((now.v - v) / mechanism.units).max()
-        if not (moved <= NEARLY_CLOSED and apart <= COMPATIBLE * max(np.abs(v / mechanism.units).max(), 1.0)):
-            return None
         outputs = Outputs.room(len(times), mechanism.nq, mechanism.nv, self._wanted)
         outputs.q[0], outputs.v[0] = now.point.q, now.v
         if outputs.a is not None:

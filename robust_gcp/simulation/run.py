@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import fields
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +26,8 @@ from .schedule import Schedule
 from .stats import Stats, Stretches
 from .trajectory import Trajectory
 from .within import FixedStep, SolverSteps
+
+COUNTED = tuple(field.name for field in fields(Counters))
 
 
 class Run:
@@ -214,7 +216,7 @@ class Run:
     def trajectory(self, begun: float) -> Trajectory:
         """What was recorded so far."""
         stats = Stats(
-            **asdict(self._counters),
+            **{name: getattr(self._counters, name) for name in COUNTED},
             rhs=self._calls + self._motion.equations.calls,
             repartitions=self._repartitions,
             refined=self._stretches,

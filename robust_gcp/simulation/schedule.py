@@ -69,13 +69,13 @@ class Schedule:
 
     def within(self, i: int) -> range:
         """The outputs between the step's ends i − 1 and i."""
-        if not len(self._interrupted):
+        if self.plain or not len(self._interrupted):
             return NONE
         return range(int(self.first[i - 1] + (self.row[i - 1] >= 0)), int(self.first[i]))
 
     def free_until(self, i: int) -> int:
         """The last end of a step after i before one that has outputs within; i itself where that is next."""
-        if not len(self._interrupted):
+        if self.plain or not len(self._interrupted):
             return len(self.times) - 1
         k = np.searchsorted(self._interrupted, i, side="right")
         return int(self._interrupted[k]) - 1 if k < len(self._interrupted) else len(self.times) - 1

@@ -17,7 +17,6 @@ from ..dynamics.equations import Torque
 from ..dynamics.held import HeldTorque
 from ..dynamics.loads import Torques, Wrench, one_torque
 from ..dynamics.motion import Drive, Motion, checked_motions
-from ..dynamics.problem import set_out
 from ..errors import ClosureError, NonFiniteError, OptionError, SimulationError
 from ..maps.choice import METHODS, MapChoice, Method
 from ..maps.classical import NewtonStart
@@ -29,12 +28,12 @@ from ..native.steps import BACKENDS, NativeSteps, chosen_library
 from ..printing import progress_bar
 from .adaptive import AdaptiveRun
 from .coarse import Coarse
-from .coordinates import set_out_well
 from .events import EventFunction, checked_events
 from .fixed import FixedRun
 from .run import Run
 from .schedule import Schedule, last_output, planned
 from .stability import MOST_PARTS, StabilityCheck
+from .starting import rates_at, started
 from .stepped import HeldRun
 from .steppers import check_stepper, rk4_step
 from .tableau import Tableau
@@ -139,8 +138,9 @@ def simulate(
         A function is called after each step with the fraction of the duration that is done; the compiled
         kernel takes some steps at once, and the calls follow.
     backend : {"auto", "python", "native"}
-        "native" takes the regular steps of "rk4" in the compiled kernel (see `backends`) for the
-        methods "bridge" and "classical"; "auto" does so where it can; the results are the same to rounding.
+        "native" takes the steps of "rk4" and SciPy's right-hand sides in the compiled kernel (see `backends`)
+        for the methods "bridge" and "classical"; "auto" does so where it can; the results are the same to
+        rounding.
 
     Returns
     -------
@@ -206,27 +206,24 @@ def simulate(
         stability = StabilityCheck(mechanism, applied if held is None else None, step, options)
         applied = stability.torque
     applied = applied if held is None else held
-    if on_toggle == "error":
-        motion = set_out(mechanism, q0, v0, mode, applied, choice, counters, drives)
-    else:
-        motion = set_out_well(mechanism, q0, v0, mode, applied, choice, counters)
+    native = None if kernel is None else NativeSteps(kernel, applied, backend == "native")
+    start = q0, v0, mode
+    motion = started(native, mechanism, start, applied, choice, counters, on_toggle, drives, t0)
+    rate = None if stability is None else rates_at(native, motion)
     if stability is not None and guarded:
-        divided = stability.parts(motion)
+        divided = stability.parts(motion, rate)
         if divided > MOST_PARTS:
             return again(stepper=STIFF)
         schedule, step = in_parts(t0, duration, step, divided, outputs)
     elif stability is not None:
-        stability.before(motion)
+        stability.before(motion, rate)
     fault: str | None = None
-    native = None if kernel is None else NativeSteps(kernel, applied, backend == "native")
-    if native is not None:
-        native.prepare(motion.mechanism, motion.start.path)
     take = tableau.step if isinstance(tableau, Tableau) else rk4_step
     with _reporting(progress, schedule, mechanism.name) as report:
         parts = motion, choice, applied, schedule, record, counters, on_toggle, report, asked, mechanism
         run: Run
         if not fixed:
-            run = AdaptiveRun(str(stepper), rtol, atol, *parts)
+            run = AdaptiveRun(str(stepper), rtol, atol, native, *parts)
         else:
             run = FixedRun(take, native, *parts) if held is None else HeldRun(held, take, native, *parts)
         try:

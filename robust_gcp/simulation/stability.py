@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..dynamics.equations import Torque, TorqueFunction
-from ..dynamics.linearise import Linearisation, limiting_eigenvalue, linearise_motion, stable_step
+from ..dynamics.linearise import Linearisation, limiting_eigenvalue, linearise_motion, slopes_at, stable_step
 from ..dynamics.problem import Problem, over
 from ..dynamics.reduced_inertia import ReducedInertia
 from ..errors import RobustGcpError
@@ -40,6 +40,12 @@ INSIDE = 0.5
 MOST_PARTS = 64
 """Parts of a step beyond which an implicit stepper costs less."""
 
+
+NEAREST = 2.5
+"""Less than the distance of the region's boundary from 0, in the left half-plane."""
+
+Rate = Callable[[float, Array], Array]
+"""ẋ by t and x."""
 
 Call = tuple[float, Array, Array, Array]
 """t, q, v and τ."""
@@ -81,10 +87,16 @@ class StabilityCheck:
         self._listener = _Listener(torque, mechanism.nv) if callable(torque) else None
         self.torque = self._listener or torque
 
-    def before(self, motion: Problem) -> None:
-        """Warn before a run that begins with this motion, where no torque function has to be known."""
+    def before(self, motion: Problem, rate: Rate | None = None) -> None:
+        """Warn before a run that begins with this motion, where no torque function has to be known.
+
+        Parameters
+        ----------
+        rate : callable (t, x) -> ẋ, optional
+            The right-hand side by other means, which may be asked without harm to the run.
+        """
         if self._listener is None:
-            self._warn(self._too_fast(motion, self._limiting, self.torque))
+            self._warn(self._too_fast(motion, self._limiting, self.torque, rate))
 
     def after(self, motion: Problem) -> None:
         """Warn after it where one had to."""
@@ -92,12 +104,12 @@ class StabilityCheck:
             torque = self._listener.heard[0][3]
             self._warn(self._too_fast(motion, self._limiting_with_torque, torque))
 
-    def parts(self, motion: Problem) -> int:
+    def parts(self, motion: Problem, rate: Rate | None = None) -> int:
         """Into how many parts a step that nobody named is cut before a run, 1 where it is stable; it is told.
 
-        More than `MOST_PARTS` ask for an implicit stepper.
+        More than `MOST_PARTS` ask for an implicit stepper. Parameters are those of `before`.
         """
-        value = None if self._listener else self._too_fast(motion, self._limiting, self.torque)
+        value = None if self._listener else self._too_fast(motion, self._limiting, self.torque, rate)
         if value is None:
             return 1
         parts = 1 << max(1, math.ceil(math.log2(self._step / (INSIDE * stable_step(value)))))
@@ -116,15 +128,16 @@ class StabilityCheck:
     def _too_fast(
         self,
         motion: Problem,
-        limiting: Callable[[Problem], complex | None],
+        limiting: Callable[[Problem, Rate | None], complex | None],
         torque: Torque | ArrayLike | None,
+        rate: Rate | None = None,
     ) -> complex | None:
         """The eigenvalue at the start, under a constant torque, that allows no such step; else None."""
         start = motion.start
         if start.trackers or start.point.conditioning < self._options.zone:
             return None
         try:
-            value = limiting(self._beside(start, torque))
+            value = limiting(self._beside(start, torque) if rate is None else motion, rate)
         except (RobustGcpError, OverflowError):
             return None
         return None if value is None or self._step <= stable_step(value) else value
@@ -149,12 +162,20 @@ class StabilityCheck:
         choice = MapChoice(options=self._options, error_controlled=True)
         return over(start.afresh(), torque, choice)
 
-    def _limiting(self, motion: Problem) -> complex:
+    def _limiting(self, motion: Problem, rate: Rate | None) -> complex | None:
         if motion.mechanism.m > MANY:
-            return limiting_eigenvalue(motion, self._step)
-        return linearise_motion(motion, 0.0, central=False).limiting
+            return limiting_eigenvalue(motion, self._step, rate=rate)
+        A, m, h = slopes_at(motion, 0.0, False, rate), motion.mechanism.m, self._step
+        # no eigenvalue is larger than the rows' sums; of A in y and h ẏ, times h
+        size = np.abs(A)
+        size[:m, :m] *= h
+        size[m:, :m] *= h * h
+        size[m:, m:] *= h
+        if size.sum(axis=1).max(initial=0.0) < NEAREST:
+            return None
+        return Linearisation.of(A).limiting
 
-    def _limiting_with_torque(self, motion: Problem) -> complex | None:
+    def _limiting_with_torque(self, motion: Problem, rate: Rate | None) -> complex | None:
         """Of A with (Gᵀ M G)⁻¹ Gᵀ ∂τ/∂(y, ẏ) of the torque function below; None where that is not known."""
         answer = _answer(motion.mechanism, self._listener.heard if self._listener else [], self._step)
         if answer is None:

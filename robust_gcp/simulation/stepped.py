@@ -15,7 +15,7 @@ from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..native.prepared import Prepared
-from ..native.steps import NativeSteps, most_steps
+from ..native.steps import KernelMap, NativeSteps, most_steps
 from .fixed import FixedRun
 from .schedule import Schedule
 from .trajectory import Trajectory
@@ -147,7 +147,10 @@ class SteppedRun(FixedRun):
         last = self.last
         self._note(i, torque, bits)
         t = float(self.times[i])
-        known = None if self._native is None else self._native.look(t, last)
+        native, explicit = self._native, self._motion.explicit
+        known = None
+        if native is not None and isinstance(explicit, KernelMap):
+            known = native.look(explicit, last, self._x, t)
         if known is None:
             self._last = self._motion.equations.at_point(t, last.point)
         else:
@@ -215,6 +218,7 @@ class HeldRun(SteppedRun):
         start, times = motion.start, self.times.tolist()
         first = ask(times[0], start.point.q, start.point.G.dot(start.ydot))
         self._held.value, self._torques, self._bits = first, [first], first.tobytes()
+        self._first = None  # under no torque
         self.begin()
         self.take(first, 1)
         for t in times[1:-1]:

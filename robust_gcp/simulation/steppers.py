@@ -147,11 +147,12 @@ def solver_steps(
     from scipy import integrate
 
     refused: list[SimulationError] = []  # since the last headway
+    nothing = np.zeros_like(x)
     started = False
 
     def guarded(t: float, state: Array) -> Array:
         nonlocal started
-        if not np.all(np.isfinite(state)):  # of a trial that a refusal has spoilt
+        if state.dot(nothing) != 0.0:  # not finite: of a trial that a refusal has spoilt
             return np.full_like(state, np.nan)
         try:
             value = f(t, state.copy())  # LSODA overwrites its state in place

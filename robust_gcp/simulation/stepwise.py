@@ -14,7 +14,6 @@ from ..checks import check_choice, check_finite, check_mechanism, check_positive
 from ..dynamics.driven import driving
 from ..dynamics.held import HeldTorque
 from ..dynamics.motion import Drive, Motion, checked_motions
-from ..dynamics.problem import set_out
 from ..errors import ClosureError, OptionError, SimulationError
 from ..maps.choice import METHODS, MapChoice, Method
 from ..maps.explicit import Crossing
@@ -23,10 +22,10 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..native.steps import BACKENDS, NativeSteps, chosen_library
 from .coarse import Coarse
-from .coordinates import set_out_well
 from .schedule import Schedule
 from .simulate import check_drive_goes_with, checked_record
 from .stability import StabilityCheck
+from .starting import rates_at, started
 from .stepped import SteppedRun
 from .steppers import rk4_step
 from .trajectory import ARRAYS, Trajectory
@@ -91,40 +90,75 @@ class Simulation:
         check_choice("backend", backend, BACKENDS)
         record = checked_record(record)
         check_finite("t0", t0)
-        kernel = chosen_library(backend, "rk4", method, "tangent")
-        drives = None
+        self._kernel = chosen_library(backend, "rk4", method, "tangent"), backend == "native"
         if drive is not None:
             check_drive_goes_with(backend)
-            motions, kernel = checked_motions(mechanism, drive, np.array([t0, t0 + step])), None
+        self._named, self._drive, self._choice = mechanism, drive, MapChoice(method)
+        self._record, self._step, self._t0 = record, float(step), float(t0)
+        self._none = np.zeros(mechanism.nv)
+        self._held = HeldTorque(self._none)
+        self._places = {joint.name: joint.idx_v for joint in mechanism.joints if joint.single}
+        self.reset(q0, v0, mode=mode)
+
+    def reset(
+        self, q0: ArrayLike | None = None, v0: ArrayLike | None = None, *, mode: ArrayLike | None = None
+    ) -> Simulation:
+        """Begin anew at t0, from a start as for a new simulation; returns itself.
+
+        What `save` gave before still leads back.
+
+        Parameters
+        ----------
+        q0, v0, mode : array_like, optional
+            Home, and at rest, when left out.
+
+        Raises
+        ------
+        OptionError, StateError, SimulationError
+            As `simulate` does for a start; the simulation is then as it was.
+        """
+        mechanism, choice, drives, t0 = self._named, self._choice, None, self._t0
+        begun, held, counters = time.perf_counter(), self._held, Counters()
+        kernel, required = self._kernel
+        if self._drive is not None:
+            kernel = None
+            motions = checked_motions(mechanism, self._drive, np.array([t0, t0 + self._step]))
             mechanism = driving(mechanism, tuple(motions), mechanism.home if q0 is None else q0)
             drives = Drive(mechanism, motions, t0)
-        self.mechanism, self._step, self._t0 = mechanism, float(step), float(t0)
-        self._begun = time.perf_counter()
-        self._none = np.zeros(mechanism.nv)
-        self._places = {joint.name: joint.idx_v for joint in mechanism.joints if joint.single}
-        self._held = HeldTorque(self._none)
-        choice, counters = MapChoice(method), Counters()
-        toggle = "repartition" if method == "bridge" and drives is None else "error"
-        if toggle == "error":
-            problem = set_out(mechanism, q0, v0, mode, self._held, choice, counters, drives)
-        else:
-            problem = set_out_well(mechanism, q0, v0, mode, self._held, choice, counters)
-        if drives is None:
-            StabilityCheck(mechanism, None, self._step, choice.options).before(problem)
-        native = None if kernel is None else NativeSteps(kernel, self._held, backend == "native")
-        if native is not None:
-            native.prepare(problem.mechanism, problem.start.path)
-        plan = Schedule.every(self._times(ROOM))
-        self._run = SteppedRun(
-            self._held, rk4_step, native, problem, choice, self._held, plan, record, counters, toggle,
-            named=mechanism,
-        )  # fmt: skip
-        self._coarse = Coarse(mechanism, self._step) if method == "bridge" else None
+        native = None if kernel is None else NativeSteps(kernel, held, required)
+        toggle = "repartition" if choice.method == "bridge" and drives is None else "error"
+        before, held.value = held.value, self._none
         try:
-            self._run.begin()
+            start = q0, v0, mode
+            problem = started(native, mechanism, start, held, choice, counters, toggle, drives, t0)
+        except Exception:
+            held.value = before
+            raise
+        if drives is None:
+            check = StabilityCheck(mechanism, None, self._step, choice.options)
+            check.before(problem, rates_at(native, problem))
+        plan = Schedule.every(self._times(ROOM))
+        run = SteppedRun(
+            held,
+            rk4_step,
+            native,
+            problem,
+            choice,
+            held,
+            plan,
+            self._record,
+            counters,
+            toggle,
+            named=mechanism,
+        )
+        self.mechanism, self._begun, self._run = mechanism, begun, run
+        self._coarse = Coarse(mechanism, self._step) if choice.method == "bridge" else None
+        try:
+            run.begin()
         except (SimulationError, ClosureError) as error:
             error.trajectory = self.trajectory
             raise
+        return self
 
     def step(self, tau: ArrayLike | Mapping[str, Any] | None = None, n: int = 1) -> Simulation:
         """Take n steps under the torque tau, which is held over all of them; returns itself.

@@ -112,8 +112,6 @@ def test_the_order_holds_in_a_singular_configuration(backend: Any) -> None:
 @pytest.mark.parametrize("stepper", ("rk4", "DOP853"))
 def test_random_functions_against_solve_ivp(seed: int, stepper: str, backend: Any) -> None:
     """A double pendulum; as many events, at the same times, in the same states, by direction."""
-    if stepper != "rk4" and backend == "native":
-        pytest.skip("the kernel takes steps of RK4")
     rng, mech = np.random.default_rng(seed), chain(2)
     q0, v0 = rng.normal(size=2), rng.normal(size=2)
     weights, shifts = rng.normal(size=(4, 5)), 0.5 * rng.normal(size=4)

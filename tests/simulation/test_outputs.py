@@ -83,8 +83,6 @@ def test_outputs_of_a_solver() -> None:
 @pytest.mark.parametrize("stepper", ("rk4", "DOP853"))
 def test_changes_of_coordinates_lose_no_output(stepper: str, backend: Any) -> None:
     """Where steps are taken again, outputs are too; rare ones do not make the way back longer."""
-    if stepper != "rk4" and backend == "native":
-        pytest.skip("the kernel takes steps of RK4")
     mech = rg.load("slider_crank").with_independent(["q3"])
     asked = np.array([0.0203, 0.5, 0.5001, 0.93331, 1.4])
     runs = [
@@ -124,8 +122,6 @@ def test_outputs_of_a_floating_mechanism() -> None:
 @pytest.mark.parametrize("stepper", ("rk4", "RK45"))
 def test_a_run_that_begins_later_is_the_same_run(stepper: str, backend: Any) -> None:
     """Functions of time see the time since the start plus t0; crossings too are told in it."""
-    if stepper != "rk4" and backend == "native":
-        pytest.skip("the kernel takes steps of RK4")
     later = 64.0  # exact sums
     step = 2.0**-7
     runs = [

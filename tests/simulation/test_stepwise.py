@@ -183,3 +183,31 @@ def test_a_simulation_says_what_it_is() -> None:
     assert repr(rg.Simulation(rg.load("rhombus"), step=0.5**8).step(n=64)) == (
         "Simulation of 'rhombus': t = 0.25 s, step 0.00390625 s, 1 crossings"
     )
+
+
+def test_a_new_beginning(backend: Any) -> None:
+    """The digits of a new simulation, from home or elsewhere; what was saved before leads back."""
+    mech = rg.load("rhombus")
+    sim = rg.Simulation(mech, *START, STEP, backend=backend).step(TAU, n=60)
+    there, state = sim.q, sim.save()
+    for start in ((None, None), START):
+        fresh = rg.Simulation(mech, *start, STEP, backend=backend)
+        assert sim.reset(*start) is sim
+        assert sim.t == 0.0
+        assert not sim.crossings
+        np.testing.assert_array_equal(sim.q, fresh.q)
+        np.testing.assert_array_equal(sim.step(n=40).q, fresh.step(n=40).q)
+    sim.reset().restore(state)
+    np.testing.assert_array_equal(sim.q, there)
+    np.testing.assert_allclose(
+        sim.step(TAU, n=5).q, rg.Simulation(mech, *START, STEP).step(TAU, n=65).q, atol=1e-12
+    )
+
+
+def test_a_start_that_is_none_leaves_the_simulation_as_it_was(backend: Any) -> None:
+    sim = rg.Simulation(rg.load("rhombus"), *START, STEP, backend=backend).step(TAU, n=3)
+    state = sim.save()
+    with pytest.raises(rg.ClosureError):
+        sim.reset([0.3, 0.9, 0.1])
+    ahead = sim.step(TAU, n=3).q
+    np.testing.assert_array_equal(sim.restore(state).step(TAU, n=3).q, ahead)

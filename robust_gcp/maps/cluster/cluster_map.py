@@ -329,10 +329,16 @@ class ClusterMap(Charted):
         """The trackers as plain numbers."""
         return written(self._known_trackers())
 
-    def resume(self, anchor: Point, trackers: Callable[[], Array] | None) -> None:
-        """Go on from a point that was reached elsewhere; in a zone, with these trackers as plain numbers."""
+    def resume(
+        self, anchor: Point, trackers: Callable[[], Array] | None, in_zone: bool | None = None
+    ) -> None:
+        """Go on from a point that was reached elsewhere, with these trackers as plain numbers.
+
+        Where they are given it is in a zone, unless said otherwise: they know then what was met.
+        """
         self.anchor = self._own = anchor
-        self._in_zone, self._arriving = trackers is not None, trackers
+        self._arriving = trackers
+        self._in_zone = trackers is not None if in_zone is None else in_zone
         for tracker in self._trackers or []:
             tracker.current, tracker.touched = None, []
 

@@ -50,14 +50,19 @@ class Writer:
 
     def tracker(self, tracker: Tracker) -> None:
         """A tracker with the bridges that it knows and uses."""
-        curves, used = list(tracker.bridges), -1
-        if isinstance(tracker.current, Curve):
-            if tracker.current not in curves:
-                curves.append(tracker.current)
-            used = curves.index(tracker.current)
+        curves = list(tracker.bridges)
+
+        def place(curve: Curve) -> int:
+            if curve not in curves:
+                curves.append(curve)
+            return curves.index(curve)
+
+        used = place(tracker.current) if isinstance(tracker.current, Curve) else -1
+        touched = [place(bridge) for bridge in tracker.touched if isinstance(bridge, Curve)]
         self.numbers += [tracker.u, tracker.zone]
         self._jet(tracker.anchor)
         self.numbers += [len(curves), used]
+        self.array(np.array(touched, dtype=float))
         for curve in curves:
             self._curve(curve)
         patch = tracker.current if isinstance(tracker.current, Patch) else None
@@ -115,12 +120,15 @@ class Reader:
         u, zone = self.number(), self.number()
         tracker = Tracker(self._jet(space), self._options, zone, self._counters)
         count, used = int(self.number()), int(self.number())
+        touched = [int(at) for at in self.array().ravel()]
         tracker.u, tracker.bridges = u, [self._curve(space) for _ in range(count)]
         if used >= 0:
             tracker.current = tracker.bridges[used]
         if self.number():
             tracker.current = self._patch(space)
-        tracker.touched = [] if tracker.current is None else [tracker.current]
+        tracker.touched = [tracker.bridges[at] for at in touched]
+        if isinstance(tracker.current, Patch):
+            tracker.touched.append(tracker.current)
         return tracker
 
     def _jet(self, space: ClusterSpace) -> Jet:

@@ -1,0 +1,104 @@
+"""ẋ by the kernel for a solver that chooses its own steps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from ..dynamics.equations import Evaluation
+from ..mechanism.tree import Array
+from .batch import Trackers
+from .library import Library
+from .results import counted
+from .structures import Reason, Request
+
+DONE, TORQUE = int(Reason.DONE), int(Reason.TORQUE)
+
+
+class Rates:
+    """ẋ = f(t, x) in a workspace, from the point evaluated last or from the one that was kept.
+
+    Any other use of the workspace ends this.
+
+    Parameters
+    ----------
+    library : Library
+    handle : int
+    request : Request
+        With all choices and the point to begin from.
+    reference : pointer
+        To the request.
+    time, x, rate : ndarray (1,), (n,), (n,)
+        Where the kernel reads and writes.
+    raised : list
+        Of what the torque function raised.
+    evaluation, trackers : callable
+        Read what the kernel has told, and the state of its trackers.
+    """
+
+    def __init__(
+        self,
+        library: Library,
+        handle: Any,
+        request: Request,
+        reference: Any,
+        buffers: tuple[Array, Array, Array],
+        raised: list[BaseException],
+        evaluation: Callable[[], Evaluation],
+        trackers: Callable[[], Trackers],
+    ) -> None:
+        self._library, self._follow = library, library.follow
+        self._handle, self._request, self._reference = handle, request, reference
+        self._time, self._x, self._rate = buffers
+        self._raised, self._evaluation, self._trackers = raised, evaluation, trackers
+
+    def __call__(self, t: float, x: Array) -> Array | None:
+        """ẋ, (n,); None where the kernel cannot tell, which ends this.
+
+        Raises
+        ------
+        BaseException
+            What the torque function raised.
+        """
+        self._time[0] = t
+        self._x[:] = x
+        self._follow(self._handle, self._reference)
+        reason = self._request.reason
+        if reason == DONE:
+            return self._rate.copy()
+        if reason == TORQUE:  # or it was interrupted between two lines of the generator
+            raise self._raised[0] if self._raised else KeyboardInterrupt
+        return None
+
+    def told(self) -> tuple[Evaluation, Trackers | None, bool]:
+        """The evaluation made last, the trackers where they know something, and whether it is in a zone."""
+        self._library.tell(self._handle, self._reference)
+        knows = self._request.in_zone or self._request.met
+        return self._evaluation(), self._trackers() if knows else None, bool(self._request.in_zone)
+
+    def keep(self) -> Evaluation:
+        """The evaluation made last, which is gone back to where that is nearer than what comes after."""
+        self._library.tell(self._handle, self._reference)
+        self._library.keep(self._handle)
+        return self._evaluation()
+
+    def looked(self, limit: float | None) -> None:
+        """What was met so far was told of; the largest entry of J that is not told of."""
+        self._library.forget(self._handle)
+        if limit is not None:
+            self._request.limit = limit
+
+    @property
+    def plain(self) -> bool:
+        """Whether no bridge was met since they were forgotten, and no entry of J is large."""
+        return bool(self._request.plain)
+
+    @property
+    def taken(self) -> dict[str, int]:
+        """What was computed, right-hand sides apart."""
+        return counted(self._request)
+
+    @property
+    def calls(self) -> int:
+        """Right-hand sides that were told."""
+        return int(self._request.rhs)

@@ -1,0 +1,81 @@
+// ẋ for a solver that chooses its own steps and takes trials back; see native/rates.py and simulation/following.py.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "stepper.h"
+
+namespace rg {
+
+class Solver : public Stepper {
+  public:
+    using Stepper::Stepper;
+
+    // ẋ at the state x and times[0]; NaN at one that is not finite, of a trial that a refusal has spoilt. From
+    // the point evaluated last, or from the one that was kept where that is nearer.
+    void follow(Request& r) {
+        if (r.beginning < ON) {
+            count_anew(r);
+            begin(r);
+            r.beginning = ON;
+        }
+        r.reason = DONE;
+        if (!std::all_of(r.x, r.x + n_, [](double number) { return std::isfinite(number); })) {
+            std::fill(r.rate, r.rate + n_, std::numeric_limits<double>::quiet_NaN());
+            return;
+        }
+        if (accepted_ != anchor_ && apart(r.x, *accepted_) < apart(r.x, *anchor_)) go_back(r);
+        r.in_zone = clusters.in_zone();
+        std::copy(r.x, r.x + n_, stage_.begin());
+        r.reason = evaluate(r, r.times[0]);
+        r.met = clusters.met();
+        if (r.reason != DONE) {  // Python evaluates it, and counts
+            --rhs_;
+            return;
+        }
+        count(r);
+        r.in_zone = clusters.in_zone();
+        rate(*anchor_, rate_);
+        std::copy(rate_.begin(), rate_.end(), r.rate);
+        r.plain = !r.met && !exceeds(r, *anchor_);
+    }
+
+    // The point evaluated last, and ÿ, τ and the power there.
+    void tell(Request& r) const {
+        anchor_->write(r.anchor);
+        std::copy(motion_.ydd.begin(), motion_.ydd.end(), r.ydd);
+        std::copy(motion_.tau.begin(), motion_.tau.end(), r.tau);
+        r.power = motion_.power;
+    }
+
+    // Go back to the point evaluated last where that is nearer to a state than those after it.
+    void keep() { accepted_ = anchor_; }
+
+  private:
+    double apart(const double* y, Point& point) const {
+        double worst = 0.0;
+        for (int i = 0; i < path.layout.m; ++i) worst = std::max(worst, std::fabs(y[i] - point.y()[i]));
+        return worst;
+    }
+
+    // On regular ground at the point that was kept, or beside it cluster by cluster; see ClusterMap._restart.
+    void go_back(const Request& r) {
+        Point& point = spare();
+        point = *accepted_;
+        anchor_ = accepted_;
+        if (r.bridging == nullptr) return;
+        const bool numbers = path.layout.nq == path.layout.nv;  // by which the places are compared
+        const bool regular = path.settle(point) && point.conditioning() >= r.zone &&
+                             !(numbers && path.apart(accepted_->q(), point) >= SAME_PLACE);
+        if (regular) {
+            anchor_ = &point;
+            clusters.leave();
+        } else if (clusters.some()) {
+            clusters.enter(*accepted_);
+        }
+    }
+};
+
+}  // namespace rg

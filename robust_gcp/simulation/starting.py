@@ -1,0 +1,136 @@
+"""How a motion begins: the usual start is closed, checked and evaluated by the kernel, others in Python."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..dynamics.equations import Evaluation, Torque
+from ..dynamics.motion import Drive
+from ..dynamics.problem import Problem, over, set_out
+from ..errors import BranchError
+from ..maps.choice import MapChoice
+from ..maps.point import Counters
+from ..maps.regular_path import RegularPath
+from ..maps.start import Start
+from ..maps.start_check import require_finite_energy
+from ..mechanism.groups import groups_of
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tolerances import COMPATIBLE, NEARLY_CLOSED
+from ..mechanism.tree import Array
+from ..native.steps import KernelMap, NativeSteps
+from ..native.workspace import Workspace
+from .coordinates import set_out_well
+
+
+def is_plain(mechanism: Mechanism) -> bool:
+    """Whether all rows of φ determine the dependent joints, wherever it stands, and y are numbers in q."""
+    determined = mechanism.nc == len(mechanism.iv_dependent)
+    numbers = len(mechanism.numbers) == mechanism.m and groups_of(mechanism) is None
+    return determined and numbers and mechanism.m > 0
+
+
+def closed_by_kernel(
+    workspace: Workspace, mechanism: Mechanism, q: Array, v: Array, zone: float, t: float = 0.0
+) -> tuple[Array, Evaluation] | None:
+    """The state and its evaluation at a start that is closed, with a velocity that the loops allow.
+
+    None where it is not on regular ground (K_d conditioned to `zone`), or is no such start.
+    """
+    mechanism.require_proper(q)
+    begun = workspace.begin(q, v[mechanism.iv_independent], zone, t)
+    if begun is None:
+        return None
+    _, now = begun
+    units = mechanism.units
+    moved = np.abs(mechanism.tree.difference(q, now.point.q) / units).max()
+    apart, size = np.abs((now.v - v) / units).max(), np.abs(v / units).max()
+    return begun if moved <= NEARLY_CLOSED and apart <= COMPATIBLE * max(size, 1.0) else None
+
+
+def rates_at(native: NativeSteps | None, motion: Problem) -> Callable[[float, Array], Array] | None:
+    """ẋ about a start that the kernel has evaluated, beside the run; None where it has not."""
+    explicit = motion.explicit
+    if native is None or motion.first is None or not isinstance(explicit, KernelMap):
+        return None
+    rates = native.rates(explicit, motion.first, motion.x, None)
+
+    def rate(t: float, x: Array) -> Array:
+        found = None if rates is None else rates(t, x)
+        if found is None:
+            raise BranchError(f"the kernel cannot evaluate the motion at y = {x[: motion.mechanism.m]}", x)
+        return found
+
+    return rate
+
+
+def _plain(
+    native: NativeSteps | None,
+    mechanism: Mechanism,
+    q0: ArrayLike | None,
+    v0: ArrayLike | None,
+    torque: Torque | ArrayLike | None,
+    choice: MapChoice,
+    counters: Counters,
+    t0: float,
+) -> Problem | None:
+    """What `set_out` gives, with the evaluation there where no function has to be asked for a torque.
+
+    None where `set_out` has to look, and to say what is wrong.
+    """
+    if native is None or not is_plain(mechanism):
+        return None
+    q = mechanism.home if q0 is None else mechanism.configuration(q0, "q0")
+    v = mechanism.tree.zero if v0 is None else mechanism.velocity(v0, "v0")
+    require_finite_energy(mechanism, v)
+    path = RegularPath(mechanism, np.arange(mechanism.nc), counters)
+    workspace = native.prepare(mechanism, path)
+    if workspace is None:
+        return None
+    begun = closed_by_kernel(workspace, mechanism, q, v, choice.options.zone, t0)
+    if begun is None:
+        return None
+    _, now = begun
+    motion = over(Start(path, now.point, now.point.ydot), torque, choice)
+    return motion if native.asks else replace(motion, first=now)
+
+
+def started(
+    native: NativeSteps | None,
+    mechanism: Mechanism,
+    start: tuple[ArrayLike | None, ArrayLike | None, ArrayLike | None],
+    torque: Torque | ArrayLike | None,
+    choice: MapChoice,
+    counters: Counters,
+    on_toggle: str,
+    drives: Drive | None,
+    t0: float,
+) -> Problem:
+    """The motion from a start, by the kernel where it is a plain one.
+
+    Parameters
+    ----------
+    native : NativeSteps or None
+    start : (q0, v0, mode)
+        As `simulate` takes them; so are the others.
+
+    Raises
+    ------
+    StateError, ClosureError, OptionError, SimulationError
+        As `dynamics.problem.set_out` does.
+    """
+    q0, v0, mode = start
+    if mode is None and drives is None:
+        motion = _plain(native, mechanism, q0, v0, torque, choice, counters, t0)
+        if motion is not None:
+            return motion
+    if on_toggle == "error":
+        motion = set_out(mechanism, q0, v0, mode, torque, choice, counters, drives)
+    else:
+        motion = set_out_well(mechanism, q0, v0, mode, torque, choice, counters)
+    if native is not None:
+        native.prepare(motion.mechanism, motion.start.path)
+    return motion
