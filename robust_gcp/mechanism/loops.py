@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..checks import check_model, checked_vector, listed, require_finite
 from ..errors import ClosureError, ModelError, StateError
-from .closures import closure_frames
+from .closures import Closure, closure_frames
 from .constraint import without_zero_rows
 from .couplings import AnyClosure, CouplingClosure, Couplings
 from .joints import Joint, in_v, joint_named
@@ -208,6 +208,8 @@ class ClosedLoops:
 
     def require_proper(self, q: Array) -> None:
         """Refuse the false zeros of the rotation rows: frames or axes turned by π to each other."""
+        if all(type(closure).is_proper is Closure.is_proper for closure in self.loops):
+            return  # any rotation is
         self.tree.jacobians(q)
         for i, closure in enumerate(self.loops):
             R1, R2 = self.tree.frame_R[i], self.tree.frame_R[len(self.loops) + i]

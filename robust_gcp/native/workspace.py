@@ -64,7 +64,9 @@ class Workspace:
         self._numbers_in_q = mechanism.iq_numbers
         self._numbers = np.arange(self._m) if self._groups is None else self._groups.rest_inputs
         n = 2 * self._m + int(works)
-        self._layout = Layout(mechanism, path, self._groups)
+        self._layout: Layout = mechanism.memo.once(
+            ("layout in the kernel", *path.rows.tolist()), lambda: Layout(mechanism, path, self._groups)
+        )
         self._time, self._rate = np.zeros(1), np.zeros(n)
         self._x, self._ydd, self._tau = np.zeros(n), np.zeros(self._m), np.zeros(self._nv)
         self._anchor = np.zeros(self._layout.size)
