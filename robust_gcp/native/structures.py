@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-VERSION = 7
+VERSION = 8
 """Of the interface; a library with another one is not used."""
 
 TorqueCallback: Any = ctypes.CFUNCTYPE(c_int32, c_double)
