@@ -385,7 +385,7 @@ def test_coordinates_change_at_toggles() -> None:
 def test_unsupported_choices_are_refused_with_a_reason() -> None:
     """backend="native" says why not; "auto" goes on in Python."""
     rhombus = rg.load("rhombus")
-    for options in ({"stepper": "DOP853"}, {"method": "projection"}, {"method": "closed_form"}):
+    for options in ({"method": "projection"}, {"method": "closed_form"}):
         with pytest.raises(rg.OptionError, match='backend="native"'):
             rg.simulate(rhombus, q0=[0.2, -0.2, 0.2], duration=0.01, backend="native", **options)
     with pytest.raises(rg.OptionError, match="previous"):
