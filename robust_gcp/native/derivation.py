@@ -236,6 +236,8 @@ class _Made(threading.local):
 def derivation(mechanism: Mechanism, q: Array) -> Derivation | None:
     """The compiled derivatives of a mechanism; None where the reference is to do the work.
 
+    Whoever asks in this thread has the same one: steps that were taken are there until someone else takes some.
+
     Parameters
     ----------
     q : ndarray (nq,)
@@ -243,13 +245,26 @@ def derivation(mechanism: Mechanism, q: Array) -> Derivation | None:
     """
     made: _Made = mechanism.memo.once("compiled derivatives", _Made)
     if not made.asked:
-        kernel = library()
-        if kernel is not None:
-            try:
-                made.found = Derivation(kernel, mechanism, q)
-            except NotNativeError:
-                pass
-            except RobustGcpError:  # no regular start: the reference says what is wrong, and others may serve
-                return None
+        try:
+            made.found = own_derivation(mechanism, q)
+        except RobustGcpError:  # no regular start: the reference says what is wrong, and others may serve
+            return None
         made.asked = True
     return made.found
+
+
+def own_derivation(mechanism: Mechanism, q: Array) -> Derivation | None:
+    """The same for the caller alone, whose steps stay as they are whatever others take.
+
+    Raises
+    ------
+    RobustGcpError
+        Where q is no regular state to begin with.
+    """
+    kernel = library()
+    if kernel is None:
+        return None
+    try:
+        return Derivation(kernel, mechanism, q)
+    except NotNativeError:
+        return None

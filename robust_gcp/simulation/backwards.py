@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..errors import RobustGcpError
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from ..native.derivation import Derivation, derivation
+from ..native.derivation import Derivation, own_derivation
 from .trajectory import Trajectory
 
 ROOM = 4_000_000
@@ -58,9 +59,16 @@ class Backwards:
 
 
 def kernel_of(mechanism: Mechanism, run: Trajectory) -> Derivation | None:
-    """A run's compiled derivatives in these coordinates; None where the reference is to do the work."""
-    found = (derivation(mechanism, q) for q in (run.q[-1], run.q[0], run.q[len(run.q) // 2]))
-    return next((kernel for kernel in found if kernel is not None), None)
+    """A run's compiled derivatives in these coordinates; None where the reference is to do the work.
+
+    They are the sweep's own: a cost may ask for derivatives of steps itself while a stretch is kept.
+    """
+    for q in (run.q[-1], run.q[0], run.q[len(run.q) // 2]):
+        try:
+            return own_derivation(mechanism, q)
+        except RobustGcpError:  # no regular state: another one may serve
+            continue
+    return None
 
 
 def backwards(kernel: Derivation, run: Trajectory, table: Array, first: int, end: int) -> Backwards | None:

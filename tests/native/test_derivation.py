@@ -343,3 +343,33 @@ class TestSteps:
         parts = rg.gradient(run, cost)
         for part in ("dy", "dv", "dtau"):
             np.testing.assert_allclose(getattr(parts, part), getattr(whole, part), rtol=1e-12, atol=1e-15)
+
+    def test_costs_that_ask_for_derivatives_themselves(self) -> None:
+        """Steps of the same mechanism, taken in the middle of the sweep, leave it as it is."""
+        mech = rg.load("five_bar")
+        run = rg.simulate(mech, None, mech.lift(mech.home, np.ones(2)), duration=0.2, step=1e-3)
+        a, asked = np.arange(1.0, 5.0), [0]
+
+        def plain(t: float, q: Array, v: Array, tau: Array) -> tuple[Array, Array, Array]:
+            return a, a, 0.0 * tau
+
+        def asking(t: float, q: Array, v: Array, tau: Array) -> tuple[Array, Array, Array]:
+            rg.step_jacobians(mech, q, v, None, 1e-2)
+            asked[0] += 1
+            return plain(t, q, v, tau)
+
+        found = [
+            rg.gradient(
+                run,
+                rg.Cost(
+                    terminal=lambda q, v: a @ v,
+                    running=lambda t, q, v, tau: a @ q + a @ v,
+                    running_slopes=slopes,
+                ),
+            )
+            for slopes in (plain, asking)
+        ]
+        assert asked[0] >= 200
+        np.testing.assert_array_equal(found[1].dy, found[0].dy)
+        np.testing.assert_array_equal(found[1].dv, found[0].dv)
+        np.testing.assert_array_equal(found[1].dtau, found[0].dtau)
