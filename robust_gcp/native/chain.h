@@ -99,16 +99,15 @@ struct Chain {
     }
 
     // Velocities, and accelerations where all joints' accelerations are zero, for velocities v, as seen from
-    // the body `still`; −1: the ground.
-    void move(const std::vector<int>& joints, const double* v, int still = -1) {
+    // the body `still`, which closures of these joints may end on.
+    void move(const std::vector<int>& joints, const double* v, int still = 0) {
         const Vec none;
+        omega[still] = alpha[still] = u[still] = a[still] = none;
         for (int j : joints) {
             const Body& b = bodies[j];
-            const bool carried = b.parent != still;
-            const Vec w = carried ? omega[b.parent] : none, turning = carried ? alpha[b.parent] : none;
-            const Vec& arm = r[j];
-            u[j] = (carried ? u[b.parent] : none) + cross(w, arm);
-            a[j] = (carried ? a[b.parent] : none) + centripetal(w, arm);
+            const Vec w = omega[b.parent], turning = alpha[b.parent], &arm = r[j];
+            u[j] = u[b.parent] + cross(w, arm);
+            a[j] = a[b.parent] + centripetal(w, arm);
             if (!b.upright) a[j] += cross(turning, arm);  // 0 where all turn about one axis
             if (is_hinge(b.kind)) {
                 const Vec turn = v[b.first] * axes[j].z;

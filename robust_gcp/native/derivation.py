@@ -236,7 +236,7 @@ class _Made(threading.local):
 def derivation(mechanism: Mechanism, q: Array) -> Derivation | None:
     """The compiled derivatives of a mechanism; None where the reference is to do the work.
 
-    Whoever asks in this thread has the same one: steps that were taken are there until someone else takes some.
+    Whoever asks in this thread has the same one: steps that were taken are there until someone takes others.
 
     Parameters
     ----------
