@@ -143,7 +143,7 @@ def listed(value: Any, what: str, items: str, error_type: type[RobustGcpError] =
 
 
 def real_array(value: Any) -> Array:
-    """A new float array of the real numbers given.
+    """A new float array of the real numbers given, row by row.
 
     NumPy would drop imaginary parts and masks, and read numbers out of text, times and truths.
 
@@ -160,7 +160,7 @@ def real_array(value: Any) -> Array:
             raise TypeError(f"no array: {error}") from error
     if given.dtype.kind not in "iuf" or np.ma.isMaskedArray(value):
         raise TypeError(f"numbers of kind {given.dtype}")
-    return given.astype(float)
+    return given.astype(float, order="C")
 
 
 def checked_vector(value: ArrayLike, size: int, what: str, letter: str) -> Array:

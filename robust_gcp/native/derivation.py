@@ -9,7 +9,6 @@ from __future__ import annotations
 import ctypes
 import threading
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +23,7 @@ from ..mechanism.tolerances import NEARLY_CLOSED, RANK
 from ..mechanism.tree import Array
 from .description import NotNativeError, describe
 from .library import Library, library
-from .structures import States
+from .structures import Arrays, States
 
 CLOSED = 1e-8
 """How far q may be from a closed one, dimensionless, and v from G u, relative to its largest entry; beyond it
@@ -104,7 +103,7 @@ class Derivation:
         udot, status = np.empty((len(q), self.m)), np.empty(len(q), dtype=np.int32)
         G = np.empty((len(q), self.nv, self.m))
         states = self._states(q, v, tau, status, ydd=udot, G=G)
-        self._library.slopes(self._handle, ctypes.byref(states))
+        self._library.slopes(self._handle, ctypes.byref(states.structure))
         return status == 0 if known else self._sound(status, q, G), udot
 
     def slopes(self, q: Array, v: Array, tau: Array | None, known: bool = False) -> Slopes:
@@ -121,7 +120,7 @@ class Derivation:
         udot, rows, status = np.empty((n, m)), np.empty((n, m, 2 * m + nv)), np.empty(n, dtype=np.int32)
         G, v_y = np.empty((n, nv, m)), np.empty((n, nv, m))
         states = self._states(q, v, tau, status, ydd=udot, rows=rows, G=G, v_y=v_y)
-        self._library.slopes(self._handle, ctypes.byref(states))
+        self._library.slopes(self._handle, ctypes.byref(states.structure))
         good = status == 0 if known else self._sound(status, q, G)
         return Slopes(good, udot, rows, G, v_y)
 
@@ -170,7 +169,7 @@ class Derivation:
         G, v_y, status = np.empty((n, nv, m)), np.empty((n, nv, m)), np.empty(n, dtype=np.int32)
         times = np.ascontiguousarray(times, dtype=float)
         states = self._states(q, v, tau, status, at_rest=1.0, same=same, G=G, v_y=v_y)
-        self._library.take(self._handle, ctypes.byref(states), times.ctypes.data)
+        self._library.take(self._handle, ctypes.byref(states.structure), times.ctypes.data)
         return status == 0, G, v_y
 
     def step_jacobians(self, q: Array, v: Array, tau: Array | None, h: float) -> tuple[Array, Array] | None:
@@ -219,11 +218,12 @@ class Derivation:
         at_rest: float = 0.0,
         same: float = 0.0,
         **results: Array,
-    ) -> States:
-        """A request; the arrays must outlive it."""
-        given: dict[str, Any] = {"q": q, "v": v, "tau": tau, "status": status, **results}
-        places = {name: None if part is None else part.ctypes.data for name, part in given.items()}
-        return States(count=len(q), zone=ZONE, close=CLOSED, same=same, at_rest=at_rest, **places)
+    ) -> Arrays:
+        """A request, which keeps what is given, as rows in a row; the results must outlive it."""
+        places = {name: part.ctypes.data for name, part in {"status": status, **results}.items()}
+        request = Arrays(States(count=len(q), zone=ZONE, close=CLOSED, same=same, at_rest=at_rest, **places))
+        request.reals(q=q, v=v, **({} if tau is None else {"tau": tau}))
+        return request
 
 
 class _Made(threading.local):
