@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <stdexcept>
 #include <vector>
 
 #include "abi.h"
@@ -25,7 +26,8 @@ struct Part {
 };
 
 // Parts, carriers first. Joints of a closure lie on its two paths below their lowest common ancestor; parts
-// that share a joint are one, and so are those between which couplings would leave a part with two roots.
+// that share a joint are one, and so are those between which couplings would leave a part with two roots: an
+// exception where that takes a joint on a group in, which the steps know as a part of its own alone.
 class Parts {
   public:
     std::vector<Part> list;
@@ -77,6 +79,8 @@ class Parts {
         for (Part& part : list) {
             part.first = first;
             first += part.count();
+            if (part.on_group && part.joints.size() > 1)
+                throw std::invalid_argument("joints are coupled across a ball or a floating joint");
         }
     }
 

@@ -178,8 +178,9 @@ class Slopes {
                 loop.reactions_changed(lambda_.data(), ends, changed);
                 for (int side = 0; side < 2; ++side) {
                     const int body = loop.loop.joint[side];
-                    if (path_.parts.of_joint[body] != static_cast<int>(p)) continue;
-                    push_y_[moved_.first(body) + a] -= changed[side];
+                    // on the root it counts where carriers move all of them: beside its opposite
+                    const bool own = path_.parts.of_joint[body] == static_cast<int>(p);
+                    (own ? push_y_[moved_.first(body) + a] : sum_y_[a]) -= changed[side];
                 }
             }
         }

@@ -14,6 +14,7 @@ pytestmark = pytest.mark.skipif(
 )
 
 CLOSURES = {"point": rg.PointClosure, "frame": rg.FrameClosure, "hinge": rg.RevoluteClosure}
+IN_SPACE = {"hinge": rg.RevoluteClosure, "slide": rg.PrismaticClosure}
 
 
 def carried(floating: bool, second: str = "point") -> rg.Mechanism:
@@ -65,6 +66,41 @@ def test_as_in_python(floating: bool, second: str) -> None:
     for part in ("q", "v", "a"):
         found, exact = (getattr(run, part) for run in runs)
         np.testing.assert_allclose(found, exact, rtol=0.0, atol=1e-11 * np.abs(exact).max())
+    found, exact = (by(mech, q, v, tau) for by in (rg.derivatives, reference.derivatives))
+    for part in ("udot", "da_dy", "da_dv", "da_dtau"):
+        one, other = getattr(found, part), getattr(exact, part)
+        np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-11 * np.abs(other).max())
+
+
+def in_space(closure: str) -> rg.Mechanism:
+    """A loop of seven freedoms in space that ends on the swinging body that carries it."""
+    rng, model = np.random.default_rng(4), pin.Model()
+    at = [
+        model.addJoint(0, pin.JointModelRX(), pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3)), "j0")
+    ]
+    for i in range(6):
+        axis = pin.exp3(rng.normal(size=3))[0]
+        place = pin.SE3(pin.exp3(rng.normal(size=3)), 0.5 * rng.normal(size=3))
+        at.append(model.addJoint(at[-1], pin.JointModelRevoluteUnaligned(*axis), place, f"j{i + 1}"))
+    for joint in at:
+        inertia = pin.Inertia(rng.uniform(0.5, 2.0), 0.2 * rng.normal(size=3), 0.1 * np.eye(3))
+        model.appendBodyToJoint(joint, inertia, pin.SE3.Identity())
+    home, data = rng.normal(size=model.nq), model.createData()
+    pin.forwardKinematics(model, data, home)
+    there = data.oMi[at[-1]] * pin.SE3(pin.exp3(rng.normal(size=3)), 0.4 * rng.normal(size=3))
+    for name, joint in (("tip", at[-1]), ("root", at[0])):
+        model.addFrame(pin.Frame(name, joint, data.oMi[joint].actInv(there), pin.FrameType.OP_FRAME))
+    made = rg.Mechanism.from_pinocchio(model, [IN_SPACE[closure]("tip", "root")], "auto", home=home)
+    assert made.m == 2
+    return made
+
+
+@pytest.mark.parametrize("closure", IN_SPACE)
+def test_derivatives_in_space(closure: str) -> None:
+    """The carrier also bears the reactions of the loops that end on it."""
+    mech, rng = in_space(closure), np.random.default_rng(1)
+    q, tau = mech.home, rng.normal(size=mech.nv)
+    v = mech.lift(q, rng.normal(size=mech.m))
     found, exact = (by(mech, q, v, tau) for by in (rg.derivatives, reference.derivatives))
     for part in ("udot", "da_dy", "da_dv", "da_dtau"):
         one, other = getattr(found, part), getattr(exact, part)
