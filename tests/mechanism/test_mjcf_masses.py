@@ -49,6 +49,8 @@ BALANCED = 'balanceinertia="true"'
         f'{BALANCED} boundinertia="0.03"',
         f'{BALANCED} boundmass="0.45" boundinertia="0.02" settotalmass="14"',
         f'{BALANCED} inertiafromgeom="false" settotalmass="3"',
+        f'{BALANCED} inertiafromgeom="true"',
+        f'{BALANCED} inertiafromgeom="true" inertiagrouprange="4 4" settotalmass="3"',
         f'{BALANCED} inertiagrouprange="4 4" boundmass="0.1" boundinertia="0.01"',
     ],
 )
@@ -73,6 +75,20 @@ def test_masses_are_those_that_mujoco_compiles(
         np.testing.assert_allclose(np.triu(found) + np.triu(found, 1).T, M, rtol=1e-12, atol=1e-13)
         weight = pin.computeGeneralizedGravity(ours.model, ours.model.createData(), q)
         np.testing.assert_allclose(weight, state.qfrc_bias, rtol=1e-12, atol=1e-12)
+
+
+def test_bounds_of_bodies_that_nothing_weighs() -> None:
+    """MuJoCo has their centre at their own `pos`, in their own axes, whatever frame they are in."""
+    mujoco = pytest.importorskip("mujoco", reason="mujoco (extra `bench`) is not installed")
+    text = """<mujoco><compiler boundmass="0.5" boundinertia="0.01"/><worldbody>
+      <body name="a" pos="0 0 1"><joint name="j" axis="0 1 0"/><geom size="0.1"/>
+        <frame pos="1 2 3" euler="10 20 30">
+          <body name="b" pos="0.1 0.2 0.3" euler="40 0 0"><joint name="k" axis="1 0 0"/>
+            <body name="c"><joint name="l" axis="0 0 1"/></body></body></frame></body></worldbody></mujoco>"""
+    theirs, ours = mujoco.MjModel.from_xml_string(text), read_mjcf(text).model
+    for i in (2, 3):
+        np.testing.assert_allclose(ours.inertias[i].lever, theirs.body_ipos[i], rtol=0.0, atol=1e-14)
+        assert ours.inertias[i].mass == theirs.body_mass[i] == 0.5
 
 
 def test_springs_given_by_time_and_damping_ratio_are_those_of_mujoco() -> None:

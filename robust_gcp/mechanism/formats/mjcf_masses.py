@@ -79,10 +79,13 @@ class Masses:
         if target is None and self._total <= 0.0:
             return
         with np.errstate(all="ignore"):  # numbers beyond reason are told of with the model
-            found = self._given(source, body) or self._of_geoms(source, body, inherited)
+            ways = [lambda: self._given(source, body), lambda: self._of_geoms(source, body, inherited)]
+            if self._from_geom == "true":  # what is given stands for bodies none of whose geoms counts
+                ways.reverse()
+            found = ways[0]() or ways[1]()
             if found is None and not (self._lightest or self._least):
                 return
-            found = self._bounded(found or together([]))
+            found = self._bounded(found or self._of_nothing(source, body))
         inertial = None if target is None else ElementTree.SubElement(target, "inertial")
         self._written.append((inertial, found))
 
@@ -107,7 +110,7 @@ class Masses:
 
     def _given(self, source: Element, body: str) -> Body | None:
         inertial = source.find("inertial")
-        if inertial is None or self._from_geom == "true":
+        if inertial is None:
             return None
         where = f"{self._name}: inertial of body {body!r}"
         keys = [key for key in ("diaginertia", "fullinertia") if key in inertial.attrib]
@@ -118,6 +121,11 @@ class Masses:
         I = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         mass = float(vector(inertial, "mass", 1, where)[0])
         return Body(mass, np.zeros(3), I).placed(self._place(inertial))
+
+    def _of_nothing(self, source: Element, body: str) -> Body:
+        """What bounds start from where nothing weighs: MuJoCo reads the body's own `pos` in its axes."""
+        place = vector(source, "pos", 3, f"{self._name}: body {body!r}", (0.0, 0.0, 0.0))
+        return Body(0.0, place, np.zeros((3, 3)))
 
     def _bounded(self, body: Body) -> Body:
         mass, moments = max(body.mass, self._lightest), body.inertia
