@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from ..checks import check_number, check_text, shown
 from ..errors import ModelError, OptionError, SimulationError
-from .closures import frame_of
+from .closures import Closure, PrismaticClosure, frame_of
 from .joints import joint_named, single_joint, support
 from .tree import Array, Tree
 
@@ -240,6 +241,23 @@ class _Lines:
                 f"the point spring {self._labels[lost[0]]} has shrunk to a point, where its force has "
                 "no direction; move one of its frames off the other's path, or give it "
                 "rest_length = 0 and damping = 0"
+            )
+
+
+def require_length(forces: Sequence[Force], closures: Sequence[Any]) -> None:
+    """Refuse point springs between points that a closure holds together: their direction is rounding."""
+    held = {
+        frozenset((closure.frame1, closure.frame2))
+        for closure in closures
+        if isinstance(closure, Closure) and not isinstance(closure, PrismaticClosure)
+    }
+    for force in forces:
+        if not isinstance(force, PointSpring) or not (force.rest_length or force.damping):
+            continue
+        if frozenset((force.frame1, force.frame2)) in held:
+            raise ModelError(
+                f"the point spring {force.frame1} – {force.frame2} is between points that a closure holds "
+                "together, where it has no length and no direction; leave it out, or move one of its frames"
             )
 
 

@@ -15,7 +15,7 @@ from ..errors import ModelError
 from .assembly import assembled
 from .coordinates import Coordinates
 from .couplings import AnyClosure
-from .forces import AppliedForces, Force
+from .forces import AppliedForces, Force, require_length
 from .formats.contents import FileContents, tell_left_out
 from .formats.mjcf import read_mjcf
 from .formats.pin_constraints import with_named_frames
@@ -71,6 +71,7 @@ class Mechanism(Coordinates):
         super().__init__(model, closures)
         self.forces = tuple(listed(forces, "forces", "forces, such as JointSpring(joint, stiffness)"))
         self.applied = AppliedForces(self.tree, self.forces) if self.forces else None
+        require_length(self.forces, self.closures)
         check_text("name", name)
         self.name = name or str(model.name)
         self.recommended = Recommended()

@@ -288,3 +288,30 @@ def test_names_that_are_not_there(force: Force, message: str) -> None:
 def test_a_joint_spring_needs_a_joint_of_one_number(spatial: dict[str, rg.Mechanism]) -> None:
     with pytest.raises(rg.ModelError, match=r"'platform' .* has 7 numbers in q and 6 velocities"):
         with_forces(spatial["tripod"], rg.JointSpring("platform", 1.0))
+
+
+@pytest.mark.parametrize("name", ("five_bar", "delta"))
+def test_springs_between_points_that_a_closure_holds_together_are_refused(name: str) -> None:
+    """At a length of 1e-17 m their force has the direction of rounding, and derivatives are made of it."""
+    mech = rg.load(name)
+    closure = mech.closures[0]
+    ends = closure.frame2, closure.frame1
+    for rest, damping in ((0.3, 0.0), (0.0, 0.5)):
+        with pytest.raises(rg.ModelError, match="no length and no direction"):
+            rg.Mechanism.from_pinocchio(
+                mech.model,
+                mech.closures,
+                list(mech.independent),
+                home=mech.home,
+                forces=[rg.PointSpring(*ends, 10.0, rest, damping)],
+            )
+    plain = rg.Mechanism.from_pinocchio(
+        mech.model,
+        mech.closures,
+        list(mech.independent),
+        home=mech.home,
+        forces=[*mech.forces, rg.PointSpring(*ends, 10.0)],
+    )
+    np.testing.assert_allclose(
+        rg.forward_dynamics(plain, mech.home), rg.forward_dynamics(mech, mech.home), rtol=0.0, atol=1e-9
+    )
