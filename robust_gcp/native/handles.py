@@ -3,18 +3,60 @@
 from __future__ import annotations
 
 import ctypes
+from functools import partial
 
 from ..maps.regular_path import RegularPath
 from ..mechanism.mechanism import Mechanism
+from .batch import Handed
 from .description import NotNativeError, describe
 from .library import Library
+from .results import tracker_numbers
 
 IDLE = 2
-"""Handles that are kept for the next runs of a mechanism with the same rows of φ."""
+"""Mechanisms in the kernel that are kept for the next runs, for one choice of rows of φ and of the state."""
+
+
+class Pool:
+    """Addresses that nobody uses; they are freed with the pool, which lives as long as its mechanism.
+
+    Parameters
+    ----------
+    library : Library
+    """
+
+    def __init__(self, library: Library) -> None:
+        self._library = library
+        self._idle: list[int] = []
+        self._room = IDLE
+
+    def take(self) -> int | None:
+        """One that knows nothing of another motion, where there is one."""
+        try:
+            address = self._idle.pop()
+        except IndexError:
+            return None
+        self._library.renew(address)
+        return address
+
+    def give_back(self, address: int) -> None:
+        """It is not used any more."""
+        if len(self._idle) < self._room:
+            self._idle.append(address)
+        else:
+            self._library.destroy(address)
+
+    def __del__(self) -> None:
+        """Free the kernel's memory; what comes back later is freed at once."""
+        self._room = 0
+        while self._idle:
+            self._library.destroy(self._idle.pop())
 
 
 class Handle:
     """A mechanism in the kernel; for one thread at a time.
+
+    The collector calls the finalisers of a dead cycle in any order. What is left to others is therefore a
+    plain number, and this finaliser the only one of a run that touches the kernel's memory.
 
     Parameters
     ----------
@@ -28,6 +70,8 @@ class Handle:
     Attributes
     ----------
     address : int
+    handed : Handed
+        Of its trackers.
 
     Raises
     ------
@@ -36,44 +80,20 @@ class Handle:
     """
 
     def __init__(self, library: Library, mechanism: Mechanism, path: RegularPath, works: bool) -> None:
-        arrays = describe(mechanism, path, works)
-        why = ctypes.create_string_buffer(200)
-        self._library = library
-        self.address: int | None = library.create(ctypes.byref(arrays.structure), why, len(why))
-        if not self.address:
-            raise NotNativeError(why.value.decode(errors="replace"))
+        key = ("idle in the kernel", library, works, *path.rows.tolist())
+        self._pool = mechanism.memo.once(key, lambda: Pool(library))
+        address = self._pool.take()
+        if address is None:
+            arrays = describe(mechanism, path, works)
+            why = ctypes.create_string_buffer(200)
+            address = library.create(ctypes.byref(arrays.structure), why, len(why))
+            if not address:
+                raise NotNativeError(why.value.decode(errors="replace"))
+        self.address: int = address
+        self.handed = Handed(partial(tracker_numbers, library, address))
 
     def __del__(self) -> None:
-        """Free the kernel's memory."""
-        address = getattr(self, "address", None)
-        if address:
-            self._library.destroy(address)
-
-
-class Handles:
-    """Those of one mechanism that nobody uses, for one choice of rows and states.
-
-    Parameters
-    ----------
-    library, mechanism, path, works
-        See `Handle`.
-    """
-
-    def __init__(self, library: Library, mechanism: Mechanism, path: RegularPath, works: bool) -> None:
-        self._library, self._what = library, (mechanism, path, works)
-        key = ("idle in the kernel", library, works, *path.rows.tolist())
-        self._idle: list[Handle] = mechanism.memo.once(key, list)
-
-    def take(self) -> Handle:
-        """One that knows nothing of another motion."""
-        try:
-            handle = self._idle.pop()
-        except IndexError:
-            return Handle(self._library, *self._what)
-        self._library.renew(handle.address)
-        return handle
-
-    def give_back(self, handle: Handle) -> None:
-        """It is not used any more."""
-        if len(self._idle) < IDLE:
-            self._idle.append(handle)
+        """Leave the kernel's memory to the next one."""
+        if hasattr(self, "handed"):
+            self.handed.secure()
+            self._pool.give_back(self.address)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,13 +16,13 @@ from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .answers import Acting
-from .batch import Batch, Handed, Outputs
-from .handles import Handles
+from .batch import Batch, Outputs
+from .handles import Handle
 from .layout import Layout
 from .library import Library
 from .prepared import Prepared
 from .rates import Rates
-from .results import bridging, counted, crossings, tracker_numbers
+from .results import bridging, counted, crossings
 from .structures import Arrays, Beginning, Reason, Request, address
 
 
@@ -57,9 +56,8 @@ class Workspace:
     ) -> None:
         self._library, self.path, self._groups = library, path, groups_of(mechanism)
         self._acts = mechanism.applied is not None or torque is not None
-        self._handles = Handles(library, mechanism, path, works)
-        self._taken = self._handles.take()
-        self._handle = self._taken.address
+        self._taken = Handle(library, mechanism, path, works)
+        self._handle, self._handed = self._taken.address, self._taken.handed
         self._nq, self._nv, self._m = mechanism.nq, mechanism.nv, mechanism.m
         self._numbers_in_q = mechanism.iq_numbers
         self._numbers = np.arange(self._m) if self._groups is None else self._groups.rest_inputs
@@ -73,19 +71,12 @@ class Workspace:
         self._safe = np.zeros(self._layout.size + n)
         self._bridging: tuple[BridgeOptions, Arrays] | None = None
         self._latest: Point | None = None
-        self._handed = Handed(partial(tracker_numbers, library, self._handle))  # no cycle back to this
         self._request = Request()
         self._by_reference = ctypes.byref(self._request)
         acts = mechanism.velocity(torque, "torque") if not callable(torque) and torque is not None else torque
         self._acting = Acting(self._request, self._nq, self._nv, acts)
         for name in ("x", "rate", "anchor", "ydd", "tau", "safe"):
             setattr(self._request, name, getattr(self, f"_{name}").ctypes.data)
-
-    def __del__(self) -> None:
-        """Leave the kernel's memory to the next one."""
-        if hasattr(self, "_acting"):
-            self._handed.secure()
-            self._handles.give_back(self._taken)
 
     def run(
         self,
