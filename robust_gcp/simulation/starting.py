@@ -27,8 +27,9 @@ from .coordinates import set_out_well
 
 
 def is_plain(mechanism: Mechanism) -> bool:
-    """Whether all rows of φ determine the dependent joints, wherever it stands, and y are numbers in q."""
+    """Whether the rows of each cluster are as many as its dependent velocities, and y are numbers in q."""
     determined = mechanism.nc == len(mechanism.iv_dependent)
+    determined = determined and all(c.loops.nc == len(c.iv) - c.m for c in mechanism.clusters)
     numbers = len(mechanism.numbers) == mechanism.m and groups_of(mechanism) is None
     return determined and numbers and mechanism.m > 0
 

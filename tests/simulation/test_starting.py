@@ -11,7 +11,7 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.dynamics.problem import set_out
-from robust_gcp.native.handles import Handle
+from robust_gcp.native.library import library
 
 pytestmark = pytest.mark.skipif(not rg.backends()["native"].available, reason="no compiled kernel")
 
@@ -77,13 +77,15 @@ def test_a_step_outside_of_the_region_of_stability_is_told_in_the_same_words() -
 
 def test_a_handle_serves_run_after_run_and_knows_nothing_of_the_last(monkeypatch: pytest.MonkeyPatch) -> None:
     """Bridges are built anew and counted, whatever was run before; the digits stay the same."""
-    made, init = [], Handle.__init__
+    kernel = library()
+    assert kernel is not None
+    made, create = [], kernel.create
 
-    def counted(self: Any, *args: Any) -> None:
-        made.append(self)
-        init(self, *args)
+    def counted(*args: Any) -> Any:
+        made.append(create(*args))
+        return made[-1]
 
-    monkeypatch.setattr(Handle, "__init__", counted)
+    monkeypatch.setattr(kernel, "create", counted)
     mech = rg.load("rhombus")
     runs = [rg.simulate(mech, [0.1, -0.1, 0.1], [-1.0, 1.0, -1.0], 0.5, 1e-3) for _ in range(3)]
     rg.simulate(mech, [0.2, -0.2, 0.2], [1.0, -1.0, 1.0], 0.5, 1e-3)
