@@ -22,6 +22,10 @@ def runs_natively(parameters: Mapping[str, Any]) -> bool:
     choices = [parameters.get(name, _DEFAULTS[name]) for name in CHOICES]
     if not all(isinstance(choice, str) for choice in choices) or _calls_back(parameters):
         return False
+    if (
+        choices[CHOICES.index("stepper")] != "rk4"
+    ):  # SciPy's solvers are Python and ask the kernel for rates alone
+        return False
     if not backends()["native"].available:  # asked first: to look for a broken kernel would warn
         return False
     try:

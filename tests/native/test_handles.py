@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import gc
+from collections.abc import Callable
+from typing import Any
 
 import pytest
 
@@ -11,15 +13,27 @@ from robust_gcp.native.library import library
 
 
 @pytest.fixture
-def freed(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """The addresses that were freed, in order."""
+def living(monkeypatch: pytest.MonkeyPatch) -> Callable[[], int]:
+    """How many that were made in this test live; one that is freed twice, or unknown, is an error."""
     kernel = library()
     if kernel is None:
         pytest.skip("the kernel is not built")
-    addresses: list[int] = []
-    destroy = kernel.destroy
-    monkeypatch.setattr(kernel, "destroy", lambda address: (addresses.append(address), destroy(address)))
-    return addresses
+    create, destroy = kernel.create, kernel.destroy
+    gc.collect()
+    addresses: set[int] = set()
+
+    def created(*args: Any) -> int:
+        address = int(create(*args))
+        addresses.add(address)
+        return address
+
+    def destroyed(address: int) -> None:
+        addresses.remove(address)
+        destroy(address)
+
+    monkeypatch.setattr(kernel, "create", created)
+    monkeypatch.setattr(kernel, "destroy", destroyed)
+    return lambda: len(addresses)
 
 
 def abandoned_in_a_cycle(mechanism: rg.Mechanism) -> None:
@@ -28,25 +42,22 @@ def abandoned_in_a_cycle(mechanism: rg.Mechanism) -> None:
     cycle["itself"] = cycle
 
 
-def test_what_a_dead_cycle_leaves_to_the_next_run_is_not_freed(freed: list[int]) -> None:
+def test_what_a_dead_cycle_leaves_to_the_next_run_is_not_freed(living: Callable[[], int]) -> None:
     mechanism = rg.load("rhombus")
-    reference = rg.simulate(rg.load("rhombus"), duration=0.1).q
-    gc.collect()
-    freed.clear()
+    reference = rg.simulate(mechanism, duration=0.1).q
     for _ in range(3):
         abandoned_in_a_cycle(mechanism)
         gc.collect()
-        assert freed == []
+        assert living() >= 1
         assert (rg.simulate(mechanism, duration=0.1).q == reference).all()
 
 
-def test_memory_is_freed_with_its_mechanism_and_once(freed: list[int]) -> None:
+def test_memory_is_freed_with_its_mechanism(living: Callable[[], int]) -> None:
     mechanism = rg.load("crank_rocker")
-    gc.collect()
-    freed.clear()
     for _ in range(4):
         abandoned_in_a_cycle(mechanism)
     kept = [rg.Simulation(mechanism, step=1e-3).step() for _ in range(5)]
+    assert living() >= 5
     del kept, mechanism
     gc.collect()
-    assert len(freed) == len(set(freed)) >= 5
+    assert living() == 0

@@ -81,6 +81,7 @@ def test_each_solve_evaluates_the_constraint_once_more_than_it_corrects(costs: d
 def test_far_from_singular_the_method_evaluates_nothing_more(name: str) -> None:
     """Classical GCP and the bridge count the same parts, to the last one, and give the same motion."""
     robot = rg.load(name)
+    rg.simulate(robot, duration=1e-3, step=1e-3, backend="python")  # finds the structure of K_d, once
     methods: tuple[Any, ...] = ("classical", "bridge")
     runs = [
         rg.simulate(robot, v0=robot.recommended.v0, duration=0.02, step=1e-3, method=method, backend="python")
