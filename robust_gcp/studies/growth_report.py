@@ -74,10 +74,11 @@ def sentence(measured: Mapping[str, list[Row]], fixed: Mapping[str, float]) -> s
     told = f"An RK4 step of a four-bar takes {first} µs, of {ends[1]['size']} four-bars in a row {last} µs."
     if any("compiled" not in row for row in ends):
         return told
-    few, many = (f"{float(row['Python']) / float(row['compiled']):.2g}" for row in ends)
+    ratios = [float(row["Python"]) / float(row["compiled"]) for row in ends]
+    few, many, fall = (f"{float(f'{ratio:.2g}'):g}" for ratio in (*ratios, fixed["fall in Python"]))
     return (
         f"{told}\nIn an installation without a compiler they take {few} and {many} times as long, a fall of "
-        f"the rhombus\nthrough three crossings {fixed['fall in Python']:.2g} times."
+        f"the rhombus\nthrough three crossings {fall} times."
     )
 
 

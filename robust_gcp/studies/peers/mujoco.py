@@ -51,11 +51,15 @@ class Connect:
     kind: Kind = "fixed"
 
     def refuses(self, scene: Scene) -> str:
-        """Why not: joints other than hinges and sliders, or closures of whole frames."""
+        """Why not: joints other than hinges and sliders, closures of whole frames, or what MuJoCo does not compile."""
         if not has_simple_joints(scene.mechanism, floating=True):
             return "the adapter knows hinges, sliders and floating bases only"
         if any(c.kind not in ("3d", "revolute") for c in scene.mechanism.closures):
             return "connect holds points together, and a closure here holds whole frames"
+        try:
+            compiled(scene.mechanism, self.stepper, self.time_constant is not None)
+        except ValueError as error:  # bodies without mass
+            return f"MuJoCo refuses the model: {error}"
         return ""
 
     def run(self, scene: Scene, setting: float) -> Outcome:
