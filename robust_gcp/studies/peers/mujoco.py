@@ -51,7 +51,7 @@ class Connect:
     kind: Kind = "fixed"
 
     def refuses(self, scene: Scene) -> str:
-        """Why not: joints other than hinges and sliders, closures of whole frames, or what MuJoCo does not compile."""
+        """Why not: other joints, closures of whole frames, or what MuJoCo itself does not compile."""
         if not has_simple_joints(scene.mechanism, floating=True):
             return "the adapter knows hinges, sliders and floating bases only"
         if any(c.kind not in ("3d", "revolute") for c in scene.mechanism.closures):
