@@ -28,13 +28,21 @@ class Prepared:
         To the request.
     held : ndarray (nv,)
         Where the kernel reads the torque.
+    owner : object
+        Has the memory that the request points to, and lives as long as this.
     """
 
     def __init__(
-        self, run: Callable[..., None], handle: int | None, request: Request, reference: Any, held: Array
+        self,
+        run: Callable[..., None],
+        handle: int,
+        request: Request,
+        reference: Any,
+        held: Array,
+        owner: object,
     ) -> None:
         self._run, self._handle, self._request, self._reference = run, handle, request, reference
-        self._held = held
+        self._held, self._owner = held, owner
 
     def __call__(self, first: int, steps: int, torque: Array | None = None) -> bool:
         """Steps from a time on, the one reached last; whether all were taken, with nothing to tell of them.

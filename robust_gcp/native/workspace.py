@@ -163,7 +163,7 @@ class Workspace:
         self._acting.listen()
         r.beginning = Beginning.GO_ON
         self._library.run(self._handle, self._by_reference)  # no step: counts begin
-        return Prepared(self._library.run, self._handle, r, self._by_reference, self._acting.tau)
+        return Prepared(self._library.run, self._handle, r, self._by_reference, self._acting.tau, self)
 
     def settled(self, begun: int, reached: int) -> Batch:
         """What prepared steps came to, from one time to another; their outputs are where they belong."""
