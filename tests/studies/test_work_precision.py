@@ -19,7 +19,7 @@ from robust_gcp.studies import machine
 from robust_gcp.studies.contender import Contender, Outcome, Scene
 from robust_gcp.studies.work_precision import command, floor, measure, ours, scenes, verdicts
 from robust_gcp.studies.work_precision.implicit import Equations, Implicit, TunedImplicit
-from robust_gcp.studies.work_precision.looks import Labels
+from robust_gcp.studies.work_precision.looks import Labels, looks
 from robust_gcp.studies.work_precision.measure import Judge, Point
 from robust_gcp.studies.work_precision.references import Reference
 
@@ -379,3 +379,9 @@ def test_a_run_that_went_beyond_all_numbers_is_judged_as_lost(
     assert found["lost"] == motion.scene.times[200]
     assert found["error"] > 1e199
     assert found["energy"] == np.inf
+
+
+def test_any_number_of_contenders_can_be_drawn() -> None:
+    found = looks([(f"tuning {i}", "Pinocchio") for i in range(60)])
+    assert len(found) == 60
+    assert len({look["color"] for look in found.values()}) == 1

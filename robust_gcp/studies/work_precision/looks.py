@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -39,13 +40,13 @@ def looks(contenders: Sequence[tuple[str, str]]) -> dict[str, Look]:
     """
     found: dict[str, Look] = {}
     counts: dict[str, int] = {}
-    spare = iter((PURPLE, VERMILLION, GREEN) * 9)
+    spare = itertools.cycle((PURPLE, VERMILLION, GREEN))
     for name, family in contenders:
         if family == floor.FAMILY:
             continue
         k = counts[family] = counts.get(family, -1) + 1
         strong = family == OURS
-        color = COLORS.setdefault(family, next(spare))
+        color = COLORS[family] if family in COLORS else COLORS.setdefault(family, next(spare))
         found[name] = {
             "color": color,
             "linestyle": DASHES[k % len(DASHES)],
