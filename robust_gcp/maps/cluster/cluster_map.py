@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
 
 import numpy as np
 
@@ -13,21 +12,20 @@ from ...mechanism.clusters import LoopCluster
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ..explicit import Charted, Passage, Stretch
-from ..march import POOR
 from ..point import Counters, Point
 from ..regular_path import RegularPath
-from .apex import BesideApex, rounding
+from .apex import rounding
 from .chart import CHANGE, quality
-from .curve import Curve
 from .ground import RegularGround
-from .jet import Jet, LostError, jet
+from .jet import Jet, LostError
 from .obstacles import APEX, Obstacle, ObstacleError
 from .options import BridgeOptions
 from .passages import passages
 from .plain import read, written
 from .product import chart_coordinates, product
-from .reference import in_charts, is_far, reference
-from .refusal import refusal
+from .reference import in_charts, is_far
+from .refusal import obstacle_at, refusal, what_stopped
+from .renewal import jet_at, recharted, tracker_at, whole_point
 from .space import space_of
 from .tracker import Tracker
 
@@ -137,27 +135,9 @@ class ClusterMap(Charted):
         return lost, nearest
 
     def beside_apex(self, mechanism: Mechanism) -> tuple[RegularPath, Point, Mapping[int, Tracker]] | None:
-        """Where the map is, in the coordinates of `mechanism`; None but beside the apex of a cone.
-
-        There a start would find G anew from K_d, which is known to ε/δ² only.
-        """
-        here, old = self.anchor, self._trackers or []
-        known = all(t.current is None and t.anchor.solved and t.space.flat for t in old)
-        if not (self._in_zone and known and any(isinstance(t.space, BesideApex) for t in old)):
-            return None
-        trackers, jets = {}, []
-        for cluster, tracker in zip(mechanism.clusters, old, strict=True):
-            space = space_of(mechanism, cluster, here.q[cluster.iq])
-            if isinstance(tracker.space, BesideApex):
-                space = BesideApex(space, tracker.space.apex)
-            anchor = replace(tracker.anchor.recharted(space.chart(cluster.chosen)), space=space)
-            trackers[cluster.index] = Tracker(anchor, self.options, tracker.zone, self.counters)
-            jets.append(anchor)
-        y = mechanism.y_about(here.q)
-        ydot = (here.G @ here.ydot)[mechanism.iv_independent]
-        path = type(self.path)(mechanism, self.path.rows, self.counters)
-        point = _point(y, ydot, product(mechanism, jets, y, ydot), 0.0, len(path.blocks))
-        return path, path.renewed(point), trackers
+        """Where the map is, in the coordinates of `mechanism`; None but beside the apex of a cone."""
+        trackers = self._trackers if self._in_zone else None
+        return recharted(mechanism, self.path, self.anchor, trackers or [], self.options)
 
     @property
     def met(self) -> bool:
@@ -194,22 +174,11 @@ class ClusterMap(Charted):
             elif old is None or not old[c.index].space.flat:
                 self._trackers.append(self._tracker(c, anchor, None if old is None else old[c.index]))
             else:
-                old[c.index].place_at(self._jet(c, anchor))
+                old[c.index].place_at(jet_at(self.mechanism, c, anchor, self.counters))
                 self._trackers.append(old[c.index])
 
     def _tracker(self, cluster: LoopCluster, anchor: Point, before: Tracker | None) -> Tracker:
-        """A tracker on the mode, in coordinates that serve at the anchor; it still tells of curves met."""
-        tracker = Tracker(
-            self._jet(cluster, anchor), self.options, self.options.reach(cluster.m), self.counters
-        )
-        if before is not None:
-            tracker.touched = [bridge for bridge in before.touched if isinstance(bridge, Curve)]
-        return tracker
-
-    def _jet(self, cluster: LoopCluster, anchor: Point) -> Jet:
-        space = space_of(self.mechanism, cluster, reference(self.mechanism, cluster, anchor))
-        self.counters.svds += 1
-        return jet(space, space.x(anchor.q[cluster.iq]), space.chart(cluster.chosen))
+        return tracker_at(self.mechanism, cluster, anchor, self.options, self.counters, before)
 
     def renewed(self, point: Point) -> Point:
         """See `ExplicitMap.renewed`; not on a bridge, which is in coordinates of its own."""
@@ -252,9 +221,9 @@ class ClusterMap(Charted):
                 self._in_zone = False
                 return regular
         self.counters.zone_evaluations += 1
-        obstructed = any(self._obstacle(t) is not None for t in trackers)
+        obstructed = any(obstacle_at(t) is not None for t in trackers)
         conditioning = self.path.worst_conditioning(parts[0]) if obstructed else 0.0
-        point = _point(y, ydot, parts, conditioning, len(self.path.blocks))
+        point = whole_point(y, ydot, parts, conditioning, len(self.path.blocks))
         if len(y) == 1:
             point.curvature = product(self.mechanism, jets, y, np.ones(1))[2]
         point.origin = self.anchor.origin
@@ -279,27 +248,10 @@ class ClusterMap(Charted):
         except (ObstacleError, LostError, np.linalg.LinAlgError) as stop:
             if isinstance(stop, ObstacleError) and not self.error_controlled:
                 raise
-            obstacle = self._told(cluster, tracker, stop)
+            obstacle = what_stopped(cluster, tracker, stop)
             if not self.error_controlled:
                 raise ObstacleError(obstacle) from stop
             raise refusal(self.mechanism, cluster, obstacle, self.anchor) from stop
-
-    def _told(self, cluster: LoopCluster, tracker: Tracker, stop: Exception) -> Obstacle:
-        """What stopped a tracker: a toggle where the independent components are about to turn back."""
-        here, reason = tracker.anchor.x, str(stop)
-        known = stop.obstacle if isinstance(stop, ObstacleError) else self._obstacle(tracker)
-        known = known or Obstacle("unknown", here, 0.1, np.nan, reason)
-        undecided = known.kind == "unknown" or not isinstance(stop, ObstacleError)
-        if undecided and quality(tracker.anchor, cluster.chosen) < POOR:
-            return Obstacle("toggle", here, 0.1, np.nan, reason)
-        return known
-
-    def _obstacle(self, tracker: Tracker) -> Obstacle | None:
-        """What the tracker is at, where it has no bridge."""
-        if tracker.current is not None:
-            return None
-        at = tracker.anchor.x
-        return next((o for o in reversed(tracker.obstacles) if o.covers(at)), None)
 
     def require_closed(self, q: Array, when: str) -> None:
         """All rows of φ at an output, not only those that determine the dependent joints.
@@ -317,7 +269,7 @@ class ClusterMap(Charted):
     def refusal(self) -> SimulationError:
         """The error to stop with where the present place cannot be passed."""
         for cluster, tracker in zip(self.clusters, self._known_trackers(), strict=False):
-            obstacle = self._obstacle(tracker)
+            obstacle = obstacle_at(tracker)
             if obstacle is not None:
                 return refusal(self.mechanism, cluster, obstacle, self.anchor)
         words = "the motion could not be followed with error control"
@@ -349,11 +301,3 @@ class ClusterMap(Charted):
             self._trackers = read(self._arriving(), spaces, self.options, self.counters)
             self._arriving = None
         return self._trackers or []
-
-
-def _point(
-    y: Array, ydot: Array, parts: tuple[Array, Array, Array], conditioning: float, blocks: int
-) -> Point:
-    """The point at y with these q, G and g of the product."""
-    none = np.zeros(blocks)
-    return Point(y.copy(), ydot.copy(), *parts, None, none, none, conditioning)

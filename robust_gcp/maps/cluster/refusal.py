@@ -1,4 +1,4 @@
-"""What to say where a motion cannot go on."""
+"""Why a motion cannot go on, and what to say."""
 
 from __future__ import annotations
 
@@ -8,8 +8,30 @@ from ...errors import BranchError, NotCertifiedError, SimulationError, ToggleErr
 from ...mechanism.clusters import LoopCluster
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.partition import spelled
+from ..march import POOR
 from ..point import Point
-from .obstacles import Obstacle
+from .chart import quality
+from .obstacles import Obstacle, ObstacleError
+from .tracker import Tracker
+
+
+def obstacle_at(tracker: Tracker) -> Obstacle | None:
+    """What a tracker is at, where it has no bridge."""
+    if tracker.current is not None:
+        return None
+    at = tracker.anchor.x
+    return next((o for o in reversed(tracker.obstacles) if o.covers(at)), None)
+
+
+def what_stopped(cluster: LoopCluster, tracker: Tracker, stop: Exception) -> Obstacle:
+    """What stopped a tracker: a toggle where the independent components are about to turn back."""
+    here, reason = tracker.anchor.x, str(stop)
+    known = stop.obstacle if isinstance(stop, ObstacleError) else obstacle_at(tracker)
+    known = known or Obstacle("unknown", here, 0.1, np.nan, reason)
+    undecided = known.kind == "unknown" or not isinstance(stop, ObstacleError)
+    if undecided and quality(tracker.anchor, cluster.chosen) < POOR:
+        return Obstacle("toggle", here, 0.1, np.nan, reason)
+    return known
 
 
 def refusal(mechanism: Mechanism, cluster: LoopCluster, obstacle: Obstacle, here: Point) -> SimulationError:
