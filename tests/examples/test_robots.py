@@ -1,4 +1,4 @@
-"""solo12 with pinned feet and Baxter holding a bar; skipped where their data is not installed."""
+"""solo12 with pinned feet, Baxter with a bar, talos with closed ankles; skipped where the data is missing."""
 
 from __future__ import annotations
 
@@ -142,6 +142,7 @@ def test_shapes_of_other_mechanisms_are_refused() -> None:
         robots.shapes(rg.load("rhombus"))
 
 
+@needs_data
 @pytest.mark.filterwarnings("ignore::robust_gcp.ModelWarning")
 def test_ankles_driven_by_parallel_cranks() -> None:
     """Alike they pitch the foot by their own angle (a parallelogram), against each other they roll it."""
