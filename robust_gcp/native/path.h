@@ -182,6 +182,19 @@ class Path {
         for (const Part& part : parts.list) product(part, point, u, v);
     }
 
+    // max |g| / (max |v|)² of a part, in radians and lengths; 0 at rest. See simulation/evenness.py.
+    double unevenness(const Part& part, Point& point) const {
+        const double *G = point.G(), *g = point.g(), *u = point.ydot();
+        double bent = 0.0, fastest = 0.0;
+        for (int i : part.velocities) {
+            double v = 0.0;
+            for (int k : part.inputs) v += G[i * layout.m + k] * u[k];
+            bent = std::max(bent, std::fabs(g[i] * turn_[i]));
+            fastest = std::max(fastest, std::fabs(v * turn_[i]));
+        }
+        return fastest > 0.0 ? bent / (fastest * fastest) : 0.0;
+    }
+
     // ẏ of joints on groups, whose y is w in a chart; of others it is u.
     void rate_on_groups(Point& point, double* rate) const {
         double w[6], u[6], turned[6];

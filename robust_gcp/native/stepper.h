@@ -124,18 +124,23 @@ class alignas(CACHE_LINE) Stepper {
     }
 
   protected:
-    // Whether the independent velocities are about to turn back, or may be: see simulation/coordinates.py.
+    // Whether the independent velocities turn back soon, or the others move unevenly, or may do so: see
+    // simulation/coordinates.py.
     bool exceeds(const Request& r, Point& point) const {
         if (r.sizes == nullptr) return false;
         const int m = path.layout.m;
         const double* G = point.G();
-        for (const Part& part : path.parts.list)
+        for (const Part& part : path.parts.list) {
+            double even = -1.0;  // the largest unevenness that its inputs were found to be good at
             for (int j : part.inputs) {
                 const double own = r.sizes[independent_[j]];
                 if (!(own > 0.0)) continue;
+                even = std::max(even, r.uneven[j]);
                 for (int i : part.velocities)
                     if (std::abs(G[i * m + j]) * r.sizes[i] > r.limit * own) return true;
             }
+            if (even >= 0.0 && path.unevenness(part, point) > even) return true;
+        }
         return false;
     }
 

@@ -23,6 +23,7 @@ from .description import NotNativeError
 from .library import Library, backends, library
 from .prepared import Prepared
 from .rates import Rates
+from .watch import Watch
 from .workspace import Workspace
 
 KernelMap = ClusterMap | ClassicalMap | GroupMap
@@ -127,7 +128,7 @@ class NativeSteps:
         x: Array,
         times: Array,
         wanted: Sequence[str],
-        chart: tuple[Array, float] | None = None,
+        watch: Watch | None = None,
     ) -> Batch | None:
         """Steps from times[0] as far as nothing rare happens; None where the map is not on its regular path.
 
@@ -137,7 +138,7 @@ class NativeSteps:
             The evaluation and the state at times[0].
         wanted : sequence of str
             Outputs besides q and v.
-        chart : (ndarray (nv,), float), optional
+        watch : Watch, optional
             See `Workspace.run`.
         """
         followed = explicit.rest if isinstance(explicit, GroupMap) else explicit
@@ -151,7 +152,7 @@ class NativeSteps:
             return None
         n = min(len(times) - 1, most_steps(mechanism))
         outputs = Outputs.room(n, mechanism.nq, mechanism.nv, wanted)
-        return workspace.run(times[: n + 1], x, now, outputs, zone, options, trackers, chart=chart)
+        return workspace.run(times[: n + 1], x, now, outputs, zone, options, trackers, watch=watch)
 
     def prepared(
         self,
@@ -159,17 +160,15 @@ class NativeSteps:
         now: Evaluation,
         times: Array,
         outputs: Outputs,
-        chart: tuple[Array, float] | None = None,
+        watch: Watch | None = None,
     ) -> Prepared | None:
         """Steps to come from where the kernel is, see `Workspace.prepared`; None where it is not at `now`."""
         if self._workspace is None or not self._workspace.at(now.point):
             return None
         options, zone = _limits(explicit.rest if isinstance(explicit, GroupMap) else explicit)
-        return self._workspace.prepared(times, outputs, zone, options, chart)
+        return self._workspace.prepared(times, outputs, zone, options, watch)
 
-    def rates(
-        self, explicit: KernelMap, now: Evaluation, x: Array, chart: tuple[Array, float] | None
-    ) -> Rates | None:
+    def rates(self, explicit: KernelMap, now: Evaluation, x: Array, watch: Watch | None) -> Rates | None:
         """ẋ by the kernel from an evaluation at x on regular ground on; None where it cannot.
 
         Joints on groups are left to Python.
@@ -180,7 +179,7 @@ class NativeSteps:
         if workspace is None:
             return None
         options, zone = _limits(explicit)
-        return workspace.rates(now, x, zone, options, chart)
+        return workspace.rates(now, x, zone, options, watch)
 
     def settled(self, begun: int, reached: int) -> Batch:
         """What prepared steps came to; see `Workspace.settled`."""

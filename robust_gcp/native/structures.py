@@ -102,6 +102,7 @@ class Request(ctypes.Structure):
         ("beginning", c_int32),
         ("sizes", c_void_p),
         ("limit", c_double),
+        ("uneven", c_void_p),
         ("torque", TorqueCallback),
         *_fields("", "torque_q torque_v torque_tau held trackers"),
         *_fields("", "x rate anchor ydd tau safe q_out v_out a_out tau_out energy_out work_out"),

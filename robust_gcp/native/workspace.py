@@ -24,6 +24,7 @@ from .prepared import Prepared
 from .rates import Rates
 from .results import bridging, counted, crossings
 from .structures import Arrays, Beginning, Reason, Request, address
+from .watch import Watch
 
 
 class Workspace:
@@ -88,7 +89,7 @@ class Workspace:
         options: BridgeOptions | None = None,
         trackers: Callable[[], Array] | None = None,
         every: int = 1,
-        chart: tuple[Array, float] | None = None,
+        watch: Watch | None = None,
     ) -> Batch:
         """Steps from times[0] to times[-1], or until something rare happens.
 
@@ -107,14 +108,14 @@ class Workspace:
             whether Newton left the branch.
         trackers : callable () -> ndarray, optional
             Where `now` is in a zone, and not the last state of this workspace's last batch.
-        chart : (ndarray (nv,), float), optional
-            1 / unit of each velocity, and the largest entry of J up to which the steps go on.
+        watch : Watch, optional
+            Up to where the steps go on in the same coordinates.
         """
         r = self._request
         times = np.ascontiguousarray(times, dtype=float)
         r.steps, r.every, r.first, r.times = len(times) - 1, every, 0, address(times)
         r.power = now.power
-        self._choose(zone, options, chart)
+        self._choose(zone, options, watch)
         self._x[:], self._ydd[:] = x, now.ydd
         self._tau[:] = 0.0 if now.tau is None else now.tau
         if self.at(now.point):
@@ -142,7 +143,7 @@ class Workspace:
         outputs: Outputs,
         zone: float,
         options: BridgeOptions | None,
-        chart: tuple[Array, float] | None,
+        watch: Watch | None,
     ) -> Prepared:
         """Steps to come from the last batch's last point on, under a torque that is held.
 
@@ -152,12 +153,12 @@ class Workspace:
             s, contiguous; as all arrays here to be kept by the caller as long as steps are taken.
         outputs : Outputs
             N + 1 rows, of which those reached are written.
-        zone, options, chart
+        zone, options, watch
             As for `run`.
         """
         r = self._request
         r.every, r.times, r.steps, r.first = 1, address(times), 0, 0
-        self._choose(zone, options, chart)
+        self._choose(zone, options, watch)
         outputs.between(1, len(times)).written_by(r)
         self._handed.secure()
         self._acting.listen()
@@ -175,14 +176,14 @@ class Workspace:
         x: Array,
         zone: float,
         options: BridgeOptions | None,
-        chart: tuple[Array, float] | None,
+        watch: Watch | None,
     ) -> Rates:
         """ẋ from an evaluation at x on regular ground on; parameters as for `run`.
 
         The solver controls its error: uncertified zones are followed on the true curve.
         """
         r, self._latest = self._request, None
-        self._choose(zone, options, chart, careful=True)
+        self._choose(zone, options, watch, careful=True)
         r.power, r.first, r.times, r.beginning = now.power, 0, address(self._time), Beginning.REGULAR
         self._x[:], self._ydd[:] = x, now.ydd
         self._layout.pack(now.point, self._anchor)
@@ -200,14 +201,16 @@ class Workspace:
         self,
         zone: float,
         options: BridgeOptions | None,
-        chart: tuple[Array, float] | None,
+        watch: Watch | None,
         careful: bool = False,
     ) -> None:
         r = self._request
         r.zone = zone
         r.bridging = None if options is None else ctypes.pointer(self._options(options, careful))
-        sizes, r.limit = (None, 0.0) if chart is None else chart
-        r.sizes = address(sizes)
+        self._watched = watch  # keeps what r points to
+        r.sizes = r.uneven = None
+        if watch is not None:
+            r.sizes, r.limit, r.uneven = address(watch.sizes), watch.limit, address(watch.uneven)
 
     def look(self, t: float, now: Evaluation) -> Evaluation | None:
         """The last batch's last state under the torque that is held now; None where that is not known."""

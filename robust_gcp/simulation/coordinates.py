@@ -2,7 +2,8 @@
 
 With T an orthonormal basis of a cluster's motions, components E serve as well as σ_min(T[E]) against that of
 the best ones (pivoted QR of Tᵀ). In the chart E itself T = J R⁻¹ and J[E] = 1: while the entries of J stay
-small, E is good, and nothing is computed.
+small, E is good, and nothing is computed. Fixed steps ask besides that the other joints move evenly; see
+`evenness`.
 """
 
 from __future__ import annotations
@@ -24,12 +25,17 @@ from ..mechanism.groups import groups_of
 from ..mechanism.joints import in_v
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from ..native.watch import Watch
+from .evenness import GAIN, UNEVEN, evenest, unevenness
 
 GOOD = 0.6
 """Share of the best components' quality from which those that were named at first are taken again."""
 
 PATIENCE = 1.2
 """By how much the largest entry of J grows until components that proved good are looked at again."""
+
+PATIENCE_EVEN = 1.05
+"""The same of the unevenness: little, so that the time of a change does not hang on the step."""
 
 Index = NDArray[np.int64]
 
@@ -41,6 +47,7 @@ class _Part:
     cluster: LoopCluster
     iv: Index
     inputs: Index
+    units: Array
     candidates: Index
     at_first: Index | None
 
@@ -55,68 +62,142 @@ class Coordinates:
     named : sequence of str
         The joints that were independent at first: they are taken again where they serve.
     counters : Counters
+    even : bool
+        Whether the steps ask for joints that move evenly, as those with error control do not.
 
     Attributes
     ----------
-    sizes : ndarray (nv,)
-        1 / unit of each velocity in its cluster's dimensionless coordinates; 0 outside of clusters.
-    limit : float
-        Largest entry of J up to which the coordinates are good.
+    watch : Watch
+        What tells that other joints may serve better.
     """
 
-    def __init__(self, mechanism: Mechanism, named: Sequence[str], counters: Counters) -> None:
-        self.mechanism, self._counters = mechanism, counters
+    def __init__(
+        self, mechanism: Mechanism, named: Sequence[str], counters: Counters, even: bool = True
+    ) -> None:
+        self.mechanism, self._counters, self._even = mechanism, counters, even
         key = ("clusters with a choice of coordinates", *named)
-        self._parts, self.sizes, self._weights = mechanism.memo.once(key, lambda: _sized(mechanism, named))
-        self.limit = 1.0 / CHANGE
+        self._parts, sizes, self._weights = mechanism.memo.once(key, lambda: _sized(mechanism, named))
+        uneven = np.full(mechanism.m, UNEVEN if even else np.inf)
+        self.watch = Watch(sizes, 1.0 / CHANGE, uneven)
 
     def suspicious(self, point: Point) -> bool:
+        """Whether an entry of J is larger, or a cluster less even, than where coordinates are good."""
+        return self.turns_back(point) or bool(self._uneven(point))
+
+    def turns_back(self, point: Point) -> bool:
         """Whether an entry of J is larger than those of good coordinates."""
-        return self.limit < float((np.abs(point.G) * self._weights).max(initial=0.0)) < np.inf
+        return self.watch.limit < float((np.abs(point.G) * self._weights).max(initial=0.0)) < np.inf
 
     def better(self, point: Point) -> tuple[str, ...] | None:
         """Independent joints that serve better, changed in poor clusters alone; None where all do well."""
-        if not self.suspicious(point):
+        turning, uneven = self.turns_back(point), self._uneven(point)
+        if not turning and not uneven:
             return None
-        names = self._changed(point.G, CHANGE)
-        if names is None:
-            self.limit = PATIENCE * float((np.abs(point.G) * self._weights).max())
-        return names
+        names = self._changed(point, CHANGE if turning else 0.0)
+        if names is not None:
+            return names
+        if turning:
+            self.watch = self.watch._replace(limit=PATIENCE * float((np.abs(point.G) * self._weights).max()))
+        for part, eta in uneven:
+            self.watch.uneven[part.inputs] = PATIENCE_EVEN * eta
+        return None
 
     def best(self, point: Point) -> tuple[str, ...] | None:
         """The same with the worst cluster changed wherever others serve better at all."""
         shares = [_quality(part, _tangent(part, point.G)) for part in self._parts]
-        return self._changed(point.G, min(max(CHANGE, min(shares, default=0.0) + 1e-9), 1.0 - 1e-9))
+        return self._changed(point, min(max(CHANGE, min(shares, default=0.0) + 1e-9), 1.0 - 1e-9))
 
     def at_rest(self, q: Array) -> tuple[str, ...] | None:
         """Independent joints for a start where those named turn back, by K's kernel; None where none help."""
-        G, groups = np.zeros_like(self._weights), groups_of(self.mechanism)
+        mechanism, groups, replaced = self.mechanism, groups_of(self.mechanism), dict[int, str]()
         for part in self._parts:
             own = (q if groups is None else q[groups.rest_iq])[part.cluster.iq]
             loops = part.cluster.loops
             self._counters.svds += 1
             Vt = np.linalg.svd(loops.scaled(loops.K(own)))[2]
-            kernel = loops.column_scale[:, None] * Vt[loops.nv - part.cluster.m :].T
-            G[np.ix_(part.iv, part.inputs)] = kernel
-        return self._changed(G, CHANGE)
+            tangent = Vt[loops.nv - part.cluster.m :].T
+            if _quality(part, tangent) < CHANGE:
+                replaced |= _names(part, _best(part, tangent))
+        return self._other(_renamed(mechanism, replaced))
 
-    def _changed(self, G: Array, share: float) -> tuple[str, ...] | None:
-        replaced: dict[int, str] = {}
+    def _uneven(self, point: Point) -> list[tuple[_Part, float]]:
+        """Clusters that move less evenly than was found to be good, and how evenly."""
+        if not self._even:
+            return []
+        v = point.G.dot(point.ydot)
+        found = [(part, _unevenness(part, point, v)) for part in self._parts]
+        return [(part, eta) for part, eta in found if self.watch.uneven[part.inputs[0]] < eta < np.inf]
+
+    def _changed(self, point: Point, share: float) -> tuple[str, ...] | None:
+        """With other components where their quality is below a share of the best, or they are uneven."""
+        replaced, v = dict[int, str](), point.G.dot(point.ydot)
         for part in self._parts:
-            tangent = _tangent(part, G)
+            tangent = _tangent(part, point.G)
             if part.cluster.m > 1:
                 self._counters.svds += 1
-            if _quality(part, tangent) >= share:
+            eta = _unevenness(part, point, v) if self._even else 0.0
+            poor = _quality(part, tangent) < share
+            if not poor and eta <= UNEVEN:
                 continue
-            chosen = part.candidates[best(tangent[part.candidates])]
-            if part.at_first is not None and GOOD * smallest(tangent, chosen) < smallest(
-                tangent, part.at_first
-            ):
-                chosen = part.at_first
-            numbers = in_v(part.cluster.loops.joints)
-            replaced |= zip(part.inputs.tolist(), (numbers[i].name for i in chosen.tolist()), strict=True)
-        names = _renamed(self.mechanism, replaced)
+            chosen = _best(part, tangent) if poor else part.cluster.chosen
+            if self._even:
+                chosen = _evenest(part, tangent, point, v, chosen, np.inf if poor else eta / GAIN)
+            replaced |= _names(part, chosen)
+        return self._other(_renamed(self.mechanism, replaced))
+
+    def _other(self, names: tuple[str, ...]) -> tuple[str, ...] | None:
         return None if set(names) == set(self.mechanism.independent) else names
+
+
+def _names(part: _Part, chosen: Index) -> dict[int, str]:
+    """The names of components in a cluster, by their positions in y."""
+    numbers = in_v(part.cluster.loops.joints)
+    return dict(zip(part.inputs.tolist(), (numbers[i].name for i in chosen.tolist()), strict=True))
+
+
+def _best(part: _Part, tangent: Array) -> Index:
+    """The best conditioned components, or those named at first where they are not much worse."""
+    chosen = part.candidates[best(tangent[part.candidates])]
+    if part.at_first is not None and GOOD * smallest(tangent, chosen) < smallest(tangent, part.at_first):
+        return part.at_first
+    return chosen
+
+
+def _evenest(part: _Part, tangent: Array, point: Point, v: Array, chosen: Index, most: float) -> Index:
+    """`chosen`, or well-conditioned components that are by far more even, and more so than `most`."""
+    best_ones = part.candidates[best(tangent[part.candidates])]
+    least = GOOD * smallest(tangent, best_ones)
+    J, g, v = _in_units(part, point, v)
+
+    def serves(way: Index) -> bool:
+        return smallest(tangent, way) >= least
+
+    found = [evenest(J, start, g, v, part.candidates, serves) for start in (chosen, best_ones)]
+    found = [way for way in found if serves(way)]
+    etas = [unevenness(J, way, g, v) for way in found]
+    if not min(etas, default=np.inf) < min(most, unevenness(J, chosen, g, v) / GAIN):
+        return chosen
+    first = part.at_first
+    if first is not None and serves(first) and unevenness(J, first, g, v) <= max(min(etas), UNEVEN / GAIN):
+        return first
+    return found[int(np.argmin(etas))]
+
+
+def _unevenness(part: _Part, point: Point, v: Array) -> float:
+    """That of the present components, whose part of g is zero."""
+    _, g, v = _in_units(part, point, v)
+    fastest = float(np.abs(v).max()) ** 2
+    return float(np.abs(g).max()) / fastest if fastest > 0.0 else 0.0
+
+
+def _in_units(part: _Part, point: Point, v: Array) -> tuple[Array, Array, Array]:
+    """G, g and v of a cluster in radians and lengths."""
+    units = part.units
+    return (
+        point.G[np.ix_(part.iv, part.inputs)] / units[:, None],
+        point.g[part.iv] / units,
+        v[part.iv] / units,
+    )
 
 
 def _renamed(mechanism: Mechanism, replaced: dict[int, str]) -> tuple[str, ...]:
@@ -176,7 +257,7 @@ def _parts(mechanism: Mechanism, named: Sequence[str]) -> list[_Part]:
         known = [n for n in named if n in cluster.joints or n.rpartition(".")[0] in cluster.joints]
         first = [i for n in known for i in cluster.loops.velocities_of(n) if i in candidates]
         at_first = np.array(first, dtype=np.int64) if len(first) == cluster.m else None
-        found.append(_Part(cluster, iv, inputs, candidates, at_first))
+        found.append(_Part(cluster, iv, inputs, mechanism.units[iv], candidates, at_first))
     return found
 
 

@@ -13,6 +13,7 @@ from ..mechanism.tree import Array
 from ..native.batch import Batch
 from ..native.steps import KernelMap, NativeSteps
 from ..native.structures import Reason
+from ..native.watch import Watch
 from .charts import in_new_chart, motion_at, placed_between, stretch_between
 from .crossings import located
 from .recovery import Checkpoint
@@ -148,10 +149,9 @@ class FixedRun(RefinedRun):
         for j in range(len(q) - 1, -1, -max(1, len(q) // WATCHED)):
             self._watch(q[j], i + 1 + j)
 
-    def _chart(self) -> tuple[Array, float] | None:
-        """The sizes and the limit by which the kernel tells that coordinates are about to turn back."""
-        coordinates = self._coordinates
-        return None if coordinates is None else (coordinates.sizes, coordinates.limit)
+    def _watch_coordinates(self) -> Watch | None:
+        """What tells the kernel that other coordinates may serve better."""
+        return None if self._coordinates is None else self._coordinates.watch
 
     def _batch(self, native: NativeSteps, i: int, last: int, now: Evaluation) -> Batch | None:
         """Steps from i on, up to one that has an output or an event within; that one is taken alone.
@@ -161,7 +161,7 @@ class FixedRun(RefinedRun):
 
         def take(end: int) -> Batch | None:
             times, wanted = self.times[i : end + 1], self._record.wanted
-            return native.take(self._kernel_map(), now, self._x, times, wanted, self._chart())
+            return native.take(self._kernel_map(), now, self._x, times, wanted, self._watch_coordinates())
 
         until = min(last, max(self._schedule.free_until(i), i + 1))
         if not self._events:

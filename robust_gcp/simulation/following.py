@@ -71,7 +71,7 @@ class Following:
     def looked(self) -> None:
         """What was met on the way was told of, and the limit of the coordinates may be another."""
         if self._rates is not None:
-            self._rates.looked(None if self._coordinates is None else self._coordinates.limit)
+            self._rates.looked(None if self._coordinates is None else self._coordinates.watch.limit)
 
     def drop(self) -> None:
         """The kernel is not to go on; what it took is counted."""
@@ -125,8 +125,8 @@ class Following:
         mechanism = self._motion.mechanism
         if len(mechanism.numbers) < mechanism.m or not np.isfinite(now.ydd).all():
             return
-        chart = None if self._coordinates is None else (self._coordinates.sizes, self._coordinates.limit)
-        self._rates = self._native.rates(explicit, now, x, chart)
+        watch = None if self._coordinates is None else self._coordinates.watch
+        self._rates = self._native.rates(explicit, now, x, watch)
 
 
 def _apart(a: Array, b: Array) -> float:

@@ -100,7 +100,7 @@ class RefinedRun(Run):
 
     def _renewed_within(self, i: int, begun: Evaluation, t: float, x: Array) -> bool:
         """Whether a step from time i, begun there, goes on at t in better coordinates, which are taken."""
-        if not self._suspicious(self._motion.explicit.anchor):
+        if not self._turns_back(self._motion.explicit.anchor):
             return False
         names = self._better(self._motion.equations.evaluate(t, x).point)
         if names is None:

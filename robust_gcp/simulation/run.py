@@ -138,11 +138,15 @@ class Run:
         """What looks after the present coordinates, where they may be changed."""
         if self._on_toggle == "error":
             return None
-        return Coordinates(self._motion.mechanism, self._named.independent, self._counters)
+        return Coordinates(self._motion.mechanism, self._named.independent, self._counters, self.fixed)
 
     def _suspicious(self, point: Point) -> bool:
         """Whether the independent joints are to be looked at."""
         return self._coordinates is not None and self._coordinates.suspicious(point)
+
+    def _turns_back(self, point: Point) -> bool:
+        """Whether the independent joints are about to turn back, however evenly the others move."""
+        return self._coordinates is not None and self._coordinates.turns_back(point)
 
     def _better(self, point: Point) -> tuple[str, ...] | None:
         """Joints that serve better than the independent ones beside bridges; None where these do well."""

@@ -153,6 +153,20 @@ def test_files_run(file: str, robots: Any) -> None:
     assert errors[1] < 1e-12 * max(size, 1.0) or np.log2(errors[0] / errors[1]) > 3.5
 
 
+@pytest.mark.parametrize(
+    ("file", "step", "most"),
+    [("gepetto/digit_like_2legs", 5e-4, 5e-5), ("robotiq_2f85/2f85.xml", 1e-3, 1e-5)],
+)
+def test_energy_falls_with_the_order_where_joints_turn_back_fast(
+    file: str, step: float, most: float, robots: Any
+) -> None:
+    run, finer = (rg.simulate(robots(file), duration=0.3, step=h) for h in (step, step / 2.0))
+    assert run.stats.repartitions
+    error, less = (float(np.abs(r.energy_error()).max()) for r in (run, finer))
+    assert error < most
+    assert less < error / 10.0
+
+
 def test_a_fixed_base_runs_what_a_floating_one_does_not() -> None:
     mech = rg.load(ROBOTS / "toddlerbot/toddlerbot.xml", base="fixed")
     assert mech.nv == 62 - 6
