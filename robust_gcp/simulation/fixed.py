@@ -126,7 +126,11 @@ class FixedRun(RefinedRun):
                 raise batch.failure
             if batch.steps == 1:
                 self._look_within(i, before, now)
-            if self._ended or self._suspicious(now.point) or batch.reason is not Reason.DONE:
+            if self._ended or batch.reason not in (Reason.DONE, Reason.CHART):
+                break
+            if self._suspicious(now.point) and (
+                self._recovery.changing or self._better(now.point) is not None
+            ):
                 break
         return i, now
 
