@@ -83,7 +83,7 @@ struct Cluster {  // a loop cluster: its joints have one number each
 struct Bridging {  // see maps/cluster/options.py
     std::int32_t count;
     const double* nodes;                // (count,)
-    std::int32_t careful;               // the caller controls its error: no lines, no look ahead
+    std::int32_t careful;               // the caller controls its error: no look ahead
     double reach, reach_of_several;     // distances at which bridges take over, for one coordinate and for more
     double closure_tolerance, geometric_tolerance, transversality;
 };

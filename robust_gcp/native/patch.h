@@ -234,13 +234,7 @@ inline JetPtr Tracker::on_patch(const Vector& y) {
     return nullptr;
 }
 
-constexpr double APEX = 2e-4;  // as in obstacles.py
-
 inline bool Tracker::enter_patch(const JetPtr& here, const Vector& way, const Vector& y) {
-    if (options_->careful) {  // on the true curve, but for what Python looks at
-        if (here->nearest().size < APEX) throw Stop{};
-        return false;
-    }
     std::shared_ptr<Patch> made;
     try {
         made = std::make_shared<Patch>(*this, here, way, *options_, zone);

@@ -14,8 +14,7 @@ from ..native.batch import Batch
 from ..native.steps import KernelMap, NativeSteps
 from ..native.structures import Reason
 from ..native.watch import Watch
-from .charts import in_new_chart, motion_at, placed_between, stretch_between
-from .crossings import located
+from .charts import in_new_chart
 from .recovery import Checkpoint
 from .refined import RefinedRun
 from .stats import until
@@ -62,7 +61,7 @@ class FixedRun(RefinedRun):
                 now = self._evaluated(i) if known is None else known
                 if known is None:
                     if self._last is not None:
-                        self._cross(i, self._last.point, self._last.ydd, now)
+                        self._cross(i, float(self.times[i]), now)
                         self._look_within(i, self._last, now)
                         if self._ended:
                             return
@@ -82,7 +81,7 @@ class FixedRun(RefinedRun):
                         return
                     if i > begun and self._changed(i, now.point):
                         continue
-                self._behind, self._refinement = self._x, None
+                self._behind, self._refinement, self._renewed_at = self._x, None, None
                 self._x = (self._refined if recovery.careful else self._stepped)(i, now)
                 i += 1
             except (ObstacleError, BranchError, ToggleError) as stop:
@@ -219,15 +218,3 @@ class FixedRun(RefinedRun):
         self._events.forget(back)
         self._stretches = until(self._stretches, back)
         return safe.i
-
-    def _cross(self, i: int, before: Point, ydd: Array, now: Evaluation) -> None:
-        """Log what was passed in the fixed step that ends at time i."""
-        if not self._motion.explicit.met:
-            return
-        t0, t1 = float(self.times[i - 1]), float(self.times[i])
-        explicit, mechanism = self._motion.explicit, self._motion.mechanism
-        ends = (before, ydd), (now.point, now.ydd)
-        stretch = stretch_between(explicit, mechanism, (t0, t1), *ends)
-        crossings = located(explicit.passed(before, now.point, stretch), stretch)
-        states = (motion_at(*end) for end in ends)
-        self._record.cross(placed_between(mechanism, crossings, (t0, t1), *states))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,8 @@ from ..maps.cluster.cluster_map import ClusterMap
 from ..maps.cluster.product import turned
 from ..mechanism.tree import Array
 from ..warning import warn
+from .charts import motion_at, placed_between, stretch_between
+from .crossings import located
 from .recovery import Checkpoint, Recovery
 from .run import Run
 from .stats import extended
@@ -46,6 +49,7 @@ class RefinedRun(Run):
         self._behind: Array = self._x  # the state before the last step
         self._refinement: SolverSteps | None = None
         self._told = False
+        self._renewed_at: float | None = None  # when the present step went on in other coordinates
         self._recovery = Recovery(self._on_toggle, Checkpoint(0, self._x, self._motion.explicit.anchor))
 
     def _looked_for(self, i: int) -> bool:
@@ -102,9 +106,12 @@ class RefinedRun(Run):
         """Whether a step from time i, begun there, goes on at t in better coordinates, which are taken."""
         if not self._turns_back(self._motion.explicit.anchor):
             return False
-        names = self._better(self._motion.equations.evaluate(t, x).point)
+        here = self._motion.equations.evaluate(t, x)
+        names = self._better(here.point)
         if names is None:
             return False
+        self._cross(i + 1, t, here)  # in all clusters: the map that met their bridges is left
+        self._last, self._renewed_at = here, t
         m, mechanism = self._motion.mechanism.m, self._in_coordinates(names)
         explicit = self._motion.explicit
         try:
@@ -115,12 +122,26 @@ class RefinedRun(Run):
                 start = set_out(mechanism, begun.point.q, begun.v, choice=self._choice)
                 first, first_x = start.start.point, start.x[: 2 * m]
             self._x = x
-            self._repartition(i, t, names)
+            new = self._repartition(i, t, names).point
         except SimulationError:
             return False
+        self._last = replace(here, point=new, ydd=here.a[self._motion.mechanism.iv_independent])
         state = np.concatenate([first_x, self._behind[2 * m :]])
         self._recovery.safe = Checkpoint(i, state, first)
         return True
+
+    def _cross(self, i: int, t: float, now: Evaluation) -> None:
+        """Log what was passed until t in the step that ends at time i, or since coordinates changed in it."""
+        explicit, mechanism, before = self._motion.explicit, self._motion.mechanism, self._last
+        if before is None or not explicit.met:
+            return
+        since = self._renewed_at
+        times = float(self.times[i - 1]) if since is None else since, t
+        ends = (before.point, before.ydd), (now.point, now.ydd)
+        stretch = stretch_between(explicit, mechanism, times, *ends)
+        crossings = located(explicit.passed(before.point, now.point, stretch), stretch)
+        states = (motion_at(*end) for end in ends)
+        self._record.cross(placed_between(mechanism, crossings, times, *states))
 
     def _rounding(self) -> float:
         """What rounding leaves uncertain of G here; told once where that shows in the motion."""

@@ -9,6 +9,7 @@ from ..point import Counters
 from .apex import BESIDE, LEFT, BesideApex, apart, apex_near
 from .curve import Curve
 from .jet import Jet, LostError, jet, solve
+from .kept import curve_through, passes
 from .obstacles import APEX, CONE_WORDS, FARTHEST_LOOK, Obstacle, ObstacleError, approaching, judge
 from .options import BridgeOptions, NoBridgeError
 from .patch import Patch
@@ -66,21 +67,25 @@ class Tracker:
         self.touched: list[Curve | Patch[Tracker]] = []
         self.obstacles: list[Obstacle] = []
         self.seen: Obstacle | None = None
+        self._left: Patch[Tracker] | None = None  # in use before the tracker was put elsewhere
         self._apexless = np.full(self.space.nv, np.inf)  # where no apex was found last
 
     def copy(self) -> Tracker:
         """Another tracker at the same point, which knows the same curves."""
         other = Tracker(self.anchor, self.options, self.zone, self.counters)
-        other.bridges, other.u = list(self.bridges), self.u
+        other.bridges, other.u, other.careful = list(self.bridges), self.u, self.careful
         other.current = self.current if isinstance(self.current, Curve) else None
         return other
 
     def nested(self, anchor: Jet) -> Tracker:
         """A tracker of half the zone for a node."""
-        return Tracker(anchor, self.options, 0.5 * self.zone, self.counters)
+        other = Tracker(anchor, self.options, 0.5 * self.zone, self.counters)
+        other.careful = self.careful
+        return other
 
     def place_at(self, anchor: Jet) -> None:
         """Go on from another solved point of the mode."""
+        self._left = self.current if isinstance(self.current, Patch) else self._left
         self.anchor, self.C, self.current = anchor, anchor.C, None
 
     def at(self, y: Array) -> Jet:
@@ -198,7 +203,7 @@ class Tracker:
         return self._enter_patch(here, way, y) if self.space.m > 1 else self._enter_curve(here, y)
 
     def _enter_curve(self, here: Jet, y: Array) -> bool:
-        found = self._kept(here)
+        found = curve_through(self.bridges, here, self.zone)
         if found is None:
             try:
                 curve = Curve(here, self.options, self.zone)
@@ -208,6 +213,8 @@ class Tracker:
             self.counters.second_order += 1
             self._keep(curve)
             found = curve, curve.u(here.x)
+        elif found[0] not in self.bridges:
+            self._keep(found[0])
         curve, u = found
         to = curve.parameter(self.C, float(y[0]), u)
         if to is None:
@@ -218,40 +225,20 @@ class Tracker:
         self._use(curve, u)
         return True
 
-    def _kept(self, here: Jet) -> tuple[Curve, float] | None:
-        """A kept curve through this point and its u, if the nearest singular place is one of its own."""
-        for curve in reversed(self.bridges):
-            turned = self._turned(curve, here.x)
-            u = turned.passes(here.x)
-            if u is None:
-                continue
-            mu = here.recharted(turned.C).roots(np.ones(1))
-            ahead = u + float(mu[np.argmin(np.abs(mu))].real)
-            if turned.contains(u) or min(abs(ahead - root) for root in turned.roots) < 0.5 * self.zone:
-                if turned is not curve:
-                    self._keep(turned)
-                return turned, u
-        return None
-
-    def _turned(self, curve: Curve, x: Array) -> Curve:
-        """The curve after the whole turns of the hinges that bring it next to x."""
-        if not self.space.flat:
-            return curve
-        away = (x - curve.point(curve.center)[0]) * self.space.D
-        turns = np.where(self.space.tree.periodic, np.round(away / (2.0 * np.pi)), 0.0)
-        return curve.turned(2.0 * np.pi * turns / self.space.D) if np.any(turns) else curve
-
     def _enter_patch(self, here: Jet, way: Array, y: Array) -> bool:
-        if self.careful:
+        if isinstance(self.space, BesideApex):
             return False
         try:
             patch = Patch(self, here, way, self.options, self.zone)
-        except NoBridgeError as failure:
-            return self._blocked(here, failure)
-        self.counters.bridges_built += 1
-        s = patch.s(y)
-        if not patch.contains(s) and patch.center * (patch.center - s) > 0.0:
-            return False
+            self.counters.bridges_built += 1
+        except (NoBridgeError, ObstacleError) as failure:
+            known = self._left
+            if known is None or not passes(known, here):
+                return self._blocked(here, failure)
+            patch = known
+        s, begun = patch.s(y), patch.s(here.y)
+        if not patch.contains(s) and (begun - patch.center) * (s - patch.center) > 0.0:
+            return False  # beside it, not across
         self.current = patch
         return True
 
@@ -270,8 +257,12 @@ class Tracker:
             else:
                 self.space = BesideApex(space, apex)
 
-    def _blocked(self, here: Jet, failure: NoBridgeError) -> bool:
+    def _blocked(self, here: Jet, failure: NoBridgeError | ObstacleError) -> bool:
         """Remember a place without a bridge; an error unless the caller controls its own."""
+        if isinstance(failure, ObstacleError):  # met by a node
+            if not self.careful:
+                raise failure
+            failure = NoBridgeError(failure.obstacle.reason)
         obstacle = judge(here, failure, self.options, self.zone)
         self.obstacles = [*self.obstacles[-MAX_STEPS:], obstacle]
         if not self.careful or obstacle.stops(here.nearest()[0], self.zone):
