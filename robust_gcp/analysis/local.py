@@ -176,8 +176,8 @@ def _factored(
 ) -> tuple[Kind, tuple[Array, ...], str]:
     """Factor each form into two hyperplanes and combine them into modes.
 
-    Where hyperplanes of several forms coincide, redundant loops ask for one thing twice, and second order
-    does not say whether there is a motion: `moves` (basis, conditions) looks.
+    Where hyperplanes of several forms coincide, or the two of one form, loops ask for one thing twice, and
+    second order does not say whether there is a motion: `moves` (basis, conditions) looks.
     """
     planes: list[list[Array]] = []
     for form in forms:
@@ -187,6 +187,9 @@ def _factored(
         signs = np.sign(values[active])
         if len(active) == kernel.shape[1] and abs(int(signs.sum())) == len(active):
             return "singular", (), "the second-order form is definite: an isolated point"
+        if len(active) == 1 and len(forms) > 1:  # a square, which forms of other trees or cuts hide in a sum
+            planes.append([vectors[:, active[0]]])
+            continue
         if len(active) != 2 or signs.sum() != 0:
             return (
                 "not certified",
@@ -197,6 +200,7 @@ def _factored(
         (low, high), v = values[active], vectors[:, active]
         a, b = np.sqrt(-low) * v[:, 0], np.sqrt(high) * v[:, 1]
         planes.append([a + b, a - b])
+    squares = any(len(pair) == 1 for pair in planes)
     if 2 ** len(planes) > MAX_COMBINATIONS:
         words = f"{len(planes)} loops are singular at once: too many combinations of modes to list"
         return "not certified", (), words
@@ -216,7 +220,7 @@ def _factored(
         if any(np.linalg.norm(T - known @ (known.T @ T), 2) < 1e-6 for known in kept):
             continue
         kept.append(T)
-        if conditions == len(forms) or moves(T, conditions):
+        if (conditions == len(forms) and not squares) or moves(T, conditions):
             modes.append(_direction(kernel @ T))
         else:
             undecided = True
