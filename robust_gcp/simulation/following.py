@@ -108,6 +108,8 @@ class Following:
     def _in_python(self, t: float, x: Array) -> Evaluation:
         self.near(x)
         now = self._motion.equations.evaluate(t, x)
+        if self._kept is None:  # where the solver begins
+            self._kept = now
         self._hand_over(now, x)
         return now
 

@@ -167,6 +167,14 @@ def test_energy_falls_with_the_order_where_joints_turn_back_fast(
     assert less < error / 10.0
 
 
+def test_a_trial_beyond_a_toggle_is_taken_back_to_where_the_solver_began(robots: Any) -> None:
+    """The first trial in coordinates just taken leaps over a place where these turn back themselves."""
+    robot = robots("reachy_mini/robot_no_collision.urdf")
+    run = rg.simulate(robot, duration=0.1, stepper="DOP853", rtol=1e-10, atol=1e-12)
+    assert run.stats.repartitions
+    assert np.abs(run.energy_error()).max() < 1e-9
+
+
 def test_a_fixed_base_runs_what_a_floating_one_does_not() -> None:
     mech = rg.load(ROBOTS / "toddlerbot/toddlerbot.xml", base="fixed")
     assert mech.nv == 62 - 6
