@@ -12,8 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..arguments import DEFAULT, Arguments, file, known_folder, pathname, whole, word
+from ..arguments import DEFAULT, Arguments, existing_file, file, known_folder, pathname, whole, word
 from ..dynamics.problem import set_out
+from ..errors import OptionError
 from ..examples.linkages import n_four_bar
 from ..maps.choice import MapChoice
 from ..maps.cluster.options import BridgeOptions
@@ -203,16 +204,20 @@ def arguments(add_to: Arguments) -> None:
     add_to.add("--starts", whole(2, 100_000), type=int, metavar="N", help=text)
     text = "what derivatives cost: of some models, of the robots where they are given"
     add_to.add("--derivatives", action="store_true", help=text)
+    text = "with --derivatives: renew the table in this document"
+    add_to.add("--refresh", existing_file, type=pathname, metavar="FILE", help=text)
     text = "what robots stand on: fixed or free; as their files say when left out"
     add_to.add("--base", word(("fixed", "free")), metavar="BASE", help=text)
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the tables."""
+    if args.refresh is not None and not args.derivatives:
+        raise OptionError("--refresh: renews the table of --derivatives alone; give both, or neither")
     if args.starts is not None:
         return _starts(args)
     if args.derivatives:
-        derivative_cost.tell(args.robots, args.base, 3 if args.quick else 4 * ROUNDS, args.out)
+        derivative_cost.tell(args.robots, args.base, 3 if args.quick else 4 * ROUNDS, args.out, args.refresh)
         return 0
     if args.robots is not None or args.shipped:
         return _robots(args)

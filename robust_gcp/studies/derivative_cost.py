@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import ModelWarning, RobustGcpError
+from ..errors import ModelWarning, OptionError, RobustGcpError
 from ..examples.legged import legged
 from ..mechanism.folders.loader import load
 from ..mechanism.mechanism import Mechanism
@@ -21,6 +21,7 @@ from ..printing import along, table, write_json
 from ..simulation.cost import Cost
 from ..simulation.gradient import gradient
 from ..simulation.simulate import simulate
+from . import pages
 from .contender import clock
 from .robot_speed import robots_in
 
@@ -95,18 +96,33 @@ def rows(robots: Mapping[str, Path] | None, base: str | None, rounds: int) -> li
     return found
 
 
-def tell(folder: Path | None, base: str | None, rounds: int, out: Path | None) -> None:
-    """Print the table, of the robots in a folder that is named; write its figures to a file that is named."""
+def tell(folder: Path | None, base: str | None, rounds: int, out: Path | None, page: Path | None) -> None:
+    """Print the table, of the robots in a folder that is named.
+
+    Writes its figures to a file that is named, and renews the block of these names in a page.
+
+    Raises
+    ------
+    OptionError
+        When the page has no marks of the block.
+    """
+    block = "derivatives" if folder is None else "derivatives of robots"
+    if page is not None and not pages.marked(page, [block]):
+        raise OptionError(f"--refresh {page}: there are no marks of a block named {block}")
     if not backends()["native"].available:
         print(f"no compiled kernel: {backends()['native'].reason}")
         return
     robots = None if folder is None else {str(p.relative_to(folder)): p for p in robots_in(folder)}
     found = rows(robots, base, rounds)
+    cells = [row.cells for row in found]
     print("Least times in the kernel. forward: u̇ at a state; derivatives: with ∂u̇ by y, u and τ;")
     print(f"gradient / run: of a cost at the end of {STEPS} steps of RK4, over the time of the run")
-    print(table(HEADER, [row.cells for row in found], None))
+    print(table(HEADER, cells, None))
     if out:
         write_json(out, [asdict(row) for row in found])
+    if page is not None:
+        pages.renew(page, {block: pages.table([HEADER, *cells], range(1, len(HEADER)))})
+        print(f"renewed {page}")
 
 
 def _robot(path: Path, base: str | None) -> Mechanism | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 import robust_gcp as rg
+from robust_gcp.__main__ import main
 from robust_gcp.examples.linkages import n_four_bar
 from robust_gcp.mechanism.folders.loader import models_folder
 from robust_gcp.native.library import library
@@ -62,3 +64,32 @@ def test_robots_of_a_folder_are_timed_beside_pinocchio(
         if not why_not():
             assert row.aba > 1e-2 and 1e-2 < row.constrained < 1e3
             assert row.ratio == row.step / row.constrained
+
+
+def test_what_derivatives_cost_is_told_and_renews_its_page(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(models_folder() / "crank_rocker", tmp_path / "robots" / "crank_rocker")
+    page, out = tmp_path / "page.md", tmp_path / "costs.json"
+    begin, end = "<!-- begin: derivatives of robots -->", "<!-- end: derivatives of robots -->"
+    page.write_text(f"# T\n\n{begin}\nold\n{end}\n", encoding="utf-8")
+    line = ["benchmark", "--derivatives", "--quick", "--robots", str(tmp_path / "robots")]
+    assert main([*line, "--out", str(out), "--refresh", str(page)]) == 0
+    assert "crank_rocker" in capsys.readouterr().out
+    (row,) = json.loads(out.read_text(encoding="utf-8"))
+    assert (row["name"], row["nv"], row["m"]) == ("crank_rocker", 3, 1)
+    assert 1e-2 < row["forward"] < row["derivatives"] < 1e3, "µs"
+    assert row["gradient"] > 0.0
+    text = page.read_text(encoding="utf-8")
+    assert "| crank_rocker | 3 | 1 |" in text and "old" not in text
+
+
+@pytest.mark.parametrize("line", ("--derivatives", ""))
+def test_a_page_without_marks_or_table_is_refused(
+    line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("# T\n", encoding="utf-8")
+    assert main(["benchmark", *line.split(), "--quick", "--refresh", str(page)]) != 0
+    assert "--refresh" in capsys.readouterr().err
+    assert page.read_text(encoding="utf-8") == "# T\n"
