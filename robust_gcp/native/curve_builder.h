@@ -45,6 +45,8 @@ class CurveBuilder {
     }
 
   private:
+    static constexpr double SAME = 1e-9;   // between places that are one
+    static constexpr double ALONE = 0.05;  // share of the way to the next place at which a root is of this one
     static constexpr double COARSE = 0.015625, FINE = 0.000244140625;
 
     static double rounded(double x, double grid) { return grid * std::nearbyint(x / grid); }
@@ -141,23 +143,33 @@ class CurveBuilder {
         return found;
     }
 
-    // u of all singular places between the inner nodes, to rounding.
+    // u of all singular places between the inner nodes, to rounding. Of loops that are singular at once the pencil
+    // has as many roots that are one: they are not looked for again.
     void find_places(double center, double w) {
         const Hermite& through = shape_.through;
-        std::vector<double> found;
+        std::vector<double> found, apart;  // and how far from each the next one is
         for (const double start : places(center, w)) {
             double at = center + start;
-            for (int i = 0; i < 10; ++i) {
+            bool again = false;
+            for (std::size_t k = 0; k < found.size(); ++k)
+                again = again || std::fabs(at - found[k]) < ALONE * apart[k];
+            for (int i = again ? 10 : 0; i < 10; ++i) {
                 if (!(through.us.front() <= at && at <= through.us.back())) break;
                 const std::vector<double> mu = places(at, w);
                 if (mu.empty()) break;
                 const double step = *std::min_element(
                     mu.begin(), mu.end(), [](double a, double b) { return std::fabs(a) < std::fabs(b); });
                 at += step;
-                if (std::fabs(step) >= 1e-9) continue;
+                if (std::fabs(step) >= SAME) continue;
                 const bool known = std::any_of(found.begin(), found.end(),
-                                               [at](double one) { return std::fabs(at - one) < 1e-9; });
-                if (shape_.left < at && at < shape_.right && !known) found.push_back(at);
+                                               [at](double one) { return std::fabs(at - one) < SAME; });
+                if (shape_.left < at && at < shape_.right && !known) {
+                    double next = shape_.right - shape_.left;
+                    for (const double one : mu)
+                        if (std::fabs(one) >= SAME) next = std::min(next, std::fabs(one));
+                    found.push_back(at);
+                    apart.push_back(next);
+                }
                 break;
             }
         }

@@ -70,11 +70,16 @@ static void tall(const Matrix& A, Matrix& left, Vector& s, Matrix& right) {
 }
 
 constexpr Eigen::Index SMALL = 16;  // up to which Jacobi's method is faster than Eigen's
+constexpr Eigen::Index LARGE = 40;  // from which dividing and conquering is faster than both
 
 Svd::Svd(const Matrix& A) {
-    if (std::max(A.rows(), A.cols()) > SMALL) {
-        const Eigen::JacobiSVD<Matrix> svd(A, Eigen::ComputeFullU | Eigen::ComputeFullV);
-        U = svd.matrixU(), V = svd.matrixV(), s = svd.singularValues();
+    constexpr unsigned FULL = Eigen::ComputeFullU | Eigen::ComputeFullV;
+    const auto take = [this](const auto& svd) { U = svd.matrixU(), V = svd.matrixV(), s = svd.singularValues(); };
+    const Eigen::Index size = std::max(A.rows(), A.cols());
+    if (size >= LARGE) {
+        take(Eigen::BDCSVD<Matrix>(A, FULL));
+    } else if (size > SMALL) {
+        take(Eigen::JacobiSVD<Matrix>(A, FULL));
     } else if (A.rows() >= A.cols()) {
         tall(A, U, s, V);
     } else {

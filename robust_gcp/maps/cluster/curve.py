@@ -22,6 +22,12 @@ from .space import ClusterSpace
 SHRINKS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.17, 0.12, 0.08)
 """Half widths tried, relative to the zone's: a mode with much curvature needs a shorter bridge."""
 
+SAME = 1e-9
+"""Between singular places that are one."""
+
+ALONE = 0.05
+"""Share of the way to the next singular place at which a root of the pencil is of this one."""
+
 GOOD = 1e-9
 """Relative error of Γ over the bridge at which no shorter one is tried."""
 
@@ -247,7 +253,11 @@ class Curve:
         return solved(self.space, guess, self.C, y, P)
 
     def _singular_places(self, center: float, w: float) -> list[float]:
-        """u of all singular places between the inner nodes, to rounding: Newton by the pencil's roots."""
+        """u of all singular places between the inner nodes, to rounding: Newton by the pencil's roots.
+
+        Of loops that are singular at once the pencil has as many roots that are one: they are not looked
+        for again.
+        """
         P = self.through.nodes[0].P
 
         def places(u: float) -> Array:
@@ -256,8 +266,11 @@ class Curve:
             return np.asarray(mu[np.abs(mu.imag) <= 0.5 * np.abs(mu) + 1e-6].real)
 
         found: list[float] = []
+        apart: list[float] = []  # how far from each the next one is
         for start in center + places(center):
             u = float(start)
+            if any(abs(u - known) < ALONE * to_next for known, to_next in zip(found, apart, strict=True)):
+                continue
             for _ in range(10):
                 if not self.through.reaches(u):
                     break
@@ -266,9 +279,11 @@ class Curve:
                     break
                 step = float(mu[np.argmin(np.abs(mu))])
                 u += step
-                if abs(step) < 1e-9:
-                    if self.left < u < self.right and not any(abs(u - known) < 1e-9 for known in found):
+                if abs(step) < SAME:
+                    if self.left < u < self.right and not any(abs(u - known) < SAME for known in found):
+                        others = np.abs(mu)[np.abs(mu) >= SAME]
                         found.append(u)
+                        apart.append(float(others.min(initial=self.right - self.left)))
                     break
         if not found:
             raise NoBridgeError("no singular place lies between the nodes")
