@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -165,15 +166,18 @@ def solver_steps(
         return value
 
     more = {"jac": _KeptJacobian(f, jacobian)} if method in IMPLICIT else {}
-    solver: Any = getattr(integrate, method)(
-        guarded, float(times[0]), x, float(times[-1]), rtol=rtol, atol=atol, **more
-    )
+    alone = _Alone(method)
+    with alone:
+        solver: Any = getattr(integrate, method)(
+            guarded, float(times[0]), x, float(times[-1]), rtol=rtol, atol=atol, **more
+        )
     i, mark, begun = 1, (float(times[0]), 0), None
     while i < len(times):
         if rounding is not None:
             noise = rounding()
             solver.rtol, solver.atol = max(rtol, noise), max(atol, 0.01 * noise)
-        message = solver.step() if solver.status == "running" else None
+        with alone:
+            message = solver.step() if solver.status == "running" else None
         if solver.t - mark[0] >= HEADWAY * (times[-1] - times[0]) or solver.status == "finished":
             mark = (solver.t, solver.nfev)
             refused.clear()
@@ -192,6 +196,40 @@ def solver_steps(
             outputs.append(solver.y.copy() if times[i] == solver.t else between(float(times[i])))
             i += 1
         yield SolverStep(float(begun), float(solver.t), solver.y.copy(), outputs, between)
+
+
+class _Running(threading.local):
+    """Whether LSODA takes a step in this thread."""
+
+    lsoda = False
+
+
+_running = _Running()
+
+
+class _Alone:
+    """While a step is taken: LSODA keeps one state in each thread, which a run within it would overwrite.
+
+    Raises
+    ------
+    OptionError
+        Where LSODA is to begin within a right-hand side that LSODA asks for.
+    """
+
+    def __init__(self, method: str) -> None:
+        self._lsoda = method == "LSODA"
+
+    def __enter__(self) -> None:
+        if self._lsoda and _running.lsoda:
+            raise OptionError(
+                'stepper="LSODA" within a torque function of a run by LSODA: it keeps one state for both; '
+                'use another stepper for one of them, as "Radau" or "BDF"'
+            )
+        _running.lsoda = _running.lsoda or self._lsoda
+
+    def __exit__(self, *failure: object) -> None:
+        if self._lsoda:
+            _running.lsoda = False
 
 
 class _KeptJacobian:

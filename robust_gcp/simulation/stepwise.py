@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal
+from typing import Any, Literal, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,6 +22,7 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..native.steps import BACKENDS, NativeSteps, chosen_library
 from .coarse import Coarse
+from .saved import SavedState
 from .schedule import Schedule
 from .simulate import check_drive_goes_with, checked_record
 from .stability import StabilityCheck
@@ -252,16 +253,28 @@ class Simulation:
             self._coarse.weigh(run)
         return run
 
-    def save(self) -> dict[str, Any]:
+    def save(self) -> SavedState:
         """All that steps change, to be given to `restore` as often as one likes."""
-        return self._run.copied()
+        return SavedState(self, self._run.copied())
 
-    def restore(self, state: Any) -> Simulation:
-        """Go back, to the last bit, to where `save` of this simulation gave the state; returns itself."""
-        if not isinstance(state, dict) or state.keys() != self._run.parts().keys():
+    def restore(self, state: SavedState) -> Simulation:
+        """Go back, to the last bit, to where `save` of this simulation gave the state; returns itself.
+
+        Raises
+        ------
+        OptionError
+            For what is no such state, or another simulation's.
+        """
+        if not isinstance(state, SavedState):
             raise OptionError(f"state = {shown(state)} is not what save() returned")
-        self._run.put_back(state)
+        self._run.put_back(state.parts_of(self))
         return self
+
+    def __reduce_ex__(self, protocol: Any) -> NoReturn:
+        raise OptionError(
+            f"{self!r} cannot be copied or pickled, as it goes on in the kernel's memory; for another one "
+            "from here: Simulation(mechanism, sim.q, sim.v, t0=sim.t); trajectory.save(path) keeps the motion"
+        )
 
 
 def _whole(n: Any) -> bool:

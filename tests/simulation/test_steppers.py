@@ -294,3 +294,16 @@ def test_simulation_with_an_adaptive_stepper(name: str) -> None:
     assert np.abs(traj.q - np.outer(y, [1.0, -1.0, 1.0])).max() < 1e-5
     assert traj.closure_error().max() < 1e-12
     assert len(traj.crossings) == 1
+
+
+def test_lsoda_within_lsoda_is_refused_by_name():
+    mech = rg.load("rhombus")
+
+    def torque(t, q, v):
+        return 0.0 * rg.simulate(mech, duration=1e-3, stepper="LSODA").v[-1]
+
+    with pytest.raises(rg.OptionError, match="one state for both"):
+        rg.simulate(mech, duration=0.01, stepper="LSODA", torque=torque)
+    within = rg.simulate(mech, duration=2e-3, stepper="Radau", torque=torque)
+    np.testing.assert_allclose(within.q, rg.simulate(mech, duration=2e-3, stepper="Radau").q, atol=1e-12)
+    assert len(rg.simulate(mech, duration=0.01, stepper="LSODA").t) > 1  # as before

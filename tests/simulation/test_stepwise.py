@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from typing import Any
 
 import numpy as np
@@ -121,6 +123,26 @@ def test_what_was_given_out_stays() -> None:
     sim.restore(state).step(TAU)
     np.testing.assert_array_equal(run.q, kept)
     np.testing.assert_array_equal(sim.trajectory.q[:6], kept)
+
+
+@pytest.mark.parametrize("backend", ["python", "auto"])
+def test_a_state_leads_back_the_simulation_that_saved_it_alone(backend: Any) -> None:
+    mech = rg.load("rhombus")
+    sim, twin = (rg.Simulation(mech, *START, backend=backend) for _ in range(2))
+    other = rg.Simulation(rg.load("crank_rocker"), backend=backend)
+    state = sim.step(n=5).save()
+    for stranger in (twin, other, rg.Simulation(mech, *START, step=2e-3, backend=backend)):
+        before = stranger.q
+        with pytest.raises(rg.OptionError, match=r"another simulation .*rhombus"):
+            stranger.restore(state)
+        np.testing.assert_array_equal(stranger.q, before)
+    assert copy.deepcopy(state) is state
+    assert sim.step().restore(state).t == 5e-3
+    for kept in (sim, state):
+        with pytest.raises(rg.OptionError, match=r"cannot be (copied or )?pickled"):
+            pickle.dumps(kept)
+    with pytest.raises(rg.OptionError, match="for another one from here"):
+        copy.deepcopy(sim)
 
 
 def test_what_cannot_be_stepped_is_refused() -> None:
