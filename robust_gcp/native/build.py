@@ -46,6 +46,15 @@ class BuildError(Exception):
         self.status = status
 
 
+def fingerprint(folder: Path) -> str | None:
+    """What tells the C++ sources in a folder from others; None where there are none."""
+    files = sorted(path for path in folder.iterdir() if path.suffix in (".h", ".cpp"))
+    whole = hashlib.sha256()
+    for path in files:
+        whole.update(f"{path.name}\0".encode() + path.read_bytes().replace(b"\r\n", b"\n") + b"\0")
+    return whole.hexdigest() if files else None
+
+
 def compiler() -> list[str]:
     """The command of CXX, or the first compiler on the PATH."""
     named = shlex.split(os.environ.get("CXX", ""))
@@ -129,6 +138,8 @@ def attempt(into: Path, sanitize: bool = False) -> dict[str, str]:
             "detail": f"{library.name} in {time.monotonic() - begun:.0f} s",
             "sha256": hashlib.sha256(library.read_bytes()).hexdigest(),
         }
+        if not sanitize:
+            report["sources"] = fingerprint(HERE) or ""
     except BuildError as error:
         report = {"status": error.status, "detail": str(error)}
         if error.status == "failed":

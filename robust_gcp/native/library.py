@@ -133,10 +133,30 @@ def _look() -> tuple[Library | None, str]:
 
 
 def _installed(name: str) -> Path:
-    """A file beside this one; an editable installation keeps built files in another folder."""
+    """A file beside this one; an editable installation keeps built files in another folder.
+
+    A checkout without a build of its own takes the kernel that was installed from it.
+    """
     import robust_gcp.native as package
 
-    return _first(name, tuple(package.__path__)) or Path(__file__).parent / name
+    folders = tuple(package.__path__)
+    found = _first(name, folders)
+    if found is None and name == NAME and _first(REPORT, folders) is None:
+        found = _of_another(tuple(sys.path))
+    return found or Path(__file__).parent / name
+
+
+@functools.cache
+def _of_another(entries: tuple[str, ...]) -> Path | None:
+    """The kernel of another installation, for a checkout that was not built: of the same sources or none."""
+    from .build import fingerprint  # a script of its own, which must not be imported before it is run
+
+    own = fingerprint(Path(__file__).parent)
+    for entry in entries:
+        folder = Path(entry or ".") / "robust_gcp" / "native"
+        if own is not None and _report(folder / REPORT).get("sources") == own and (folder / NAME).exists():
+            return folder / NAME
+    return None
 
 
 def _first(name: str, folders: tuple[str, ...]) -> Path | None:

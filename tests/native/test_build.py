@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import ctypes
 import json
+import os
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -85,3 +89,37 @@ def test_the_library_has_the_same_structures() -> None:
     shared = (structures.Description, structures.Cluster, structures.Bridging, structures.Request)
     for i, structure in enumerate(shared):
         assert found.rg_size(i) == ctypes.sizeof(structure)
+
+
+@pytest.mark.skipif(not rg.backends()["native"].available, reason="no compiled kernel")
+def test_a_checkout_takes_the_kernel_that_was_installed_from_it(tmp_path: Path) -> None:
+    """Of the same sources; of others it has none, and where its own build was skipped neither."""
+    kernel = Path(rg.backends()["native"].reason.removeprefix("compiled kernel "))
+    if not _in_checkout() or _report(kernel.parent).get("sources") != build.fingerprint(build.HERE):
+        pytest.skip("the sources of the kernel are not here")
+    checkout, site = tmp_path / "checkout", tmp_path / "site"
+    left = shutil.ignore_patterns(kernel.name, "build_report.json", "__pycache__")
+    native = shutil.copytree(build.HERE.parent, checkout / "robust_gcp", ignore=left) / "native"
+    installed = site / "robust_gcp" / "native"
+    installed.mkdir(parents=True)
+    for file in (kernel, kernel.with_name("build_report.json")):
+        shutil.copy(file, installed)
+
+    def reason() -> str:
+        told = "import robust_gcp as rg; print(rg.backends()['native'].reason)"
+        paths = os.pathsep.join([str(checkout), str(site)])
+        more = {"PYTHONPATH": paths, "ROBUST_GCP_NATIVE": ""}
+        done = subprocess.run(
+            [sys.executable, "-c", told], env=os.environ | more, cwd=tmp_path, capture_output=True, text=True
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout.strip()
+
+    assert reason() == f"compiled kernel {installed / kernel.name}"
+    source = native / "lu.h"
+    before = source.read_text()
+    source.write_text(before + "// changed\n")
+    assert "not built in this checkout" in reason()
+    source.write_text(before)
+    (native / "build_report.json").write_text('{"status": "skipped", "detail": ""}')
+    assert "skipped" in reason()
