@@ -99,7 +99,7 @@ def _cluster(mechanism: Mechanism, cluster: LoopCluster) -> Arrays:
     rows = np.arange(len(loops.implicit.rows))
     _closures(loops, loops, rows, turns, description)
     _couplings(loops, loops, rows, description)
-    description.reals(scale=loops.column_scale)
+    description.reals(scale=space.D)
     description.integers(independent=cluster.chosen)
     part = Arrays(Cluster(phi_size=space.phi_size))
     part.another("loops", description)
