@@ -71,12 +71,13 @@ struct Description {
 };
 
 struct Cluster {  // a loop cluster: its joints have one number each
-    const Description* loops;           // all its rows; `scale` is of all columns
+    const Description* loops;           // all its rows; `scale` is what x is multiplied by
     const std::int32_t* iq;             // (nv,) in q
     const std::int32_t* iv;             // (nv,) in v
     const std::int32_t* inputs;         // (m,) in y
     const std::int32_t* rotates;        // (nv,)
     const std::int32_t* periodic;       // (nv,)
+    const double* balance;              // (nv,): makes columns of K of size one, 1 but for very short links
     double phi_size;                    // what a second-order form is compared with
 };
 

@@ -47,9 +47,9 @@ class BuildError(Exception):
 
 
 def fingerprint(folder: Path) -> str | None:
-    """What tells the C++ sources in a folder from others; None where there are none."""
+    """What tells the C++ sources in a folder, and how they are compiled, from others; None without any."""
     files = sorted(path for path in folder.iterdir() if path.suffix in (".h", ".cpp"))
-    whole = hashlib.sha256()
+    whole = hashlib.sha256(repr((FLAGS, DEFINES)).encode())
     for path in files:
         whole.update(f"{path.name}\0".encode() + path.read_bytes().replace(b"\r\n", b"\n") + b"\0")
     return whole.hexdigest() if files else None
@@ -132,14 +132,15 @@ def attempt(into: Path, sanitize: bool = False) -> dict[str, str]:
     try:
         if os.environ.get(SWITCH) == "0":
             raise BuildError(f"{SWITCH}=0", "skipped")
+        sources = fingerprint(HERE)
         library = build(into, log, sanitize)
         report = {
             "status": "built",
             "detail": f"{library.name} in {time.monotonic() - begun:.0f} s",
             "sha256": hashlib.sha256(library.read_bytes()).hexdigest(),
         }
-        if not sanitize:
-            report["sources"] = fingerprint(HERE) or ""
+        if not sanitize and sources is not None and sources == fingerprint(HERE):  # not edited meanwhile
+            report["sources"] = sources
     except BuildError as error:
         report = {"status": error.status, "detail": str(error)}
         if error.status == "failed":

@@ -110,6 +110,7 @@ def _cluster(mechanism: Mechanism, cluster: LoopCluster) -> Arrays:
         rotates=loops.tree.rotates,
         periodic=loops.tree.periodic,
     )
+    part.reals(balance=space.balance)
     return part
 
 

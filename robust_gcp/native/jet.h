@@ -150,12 +150,12 @@ inline JetPtr jet_at(Space& space, const Vector& x, const Chart& C) {
     Vector phi;
     Matrix K;
     space.linear(x, phi, K);
-    const Svd svd(K);
+    const Svd svd(Matrix(K * space.balance.asDiagonal()));
     made->P = std::make_shared<Matrix>(svd.U.leftCols(nd).transpose());
     Matrix B(nv, nv);
     B.topRows(nd) = svd.s.head(nd).asDiagonal() * svd.V.leftCols(nd).transpose();
-    B.bottomRows(m) = C->transpose();
-    const Matrix undone = inverse(B);
+    B.bottomRows(m) = C->transpose() * space.balance.asDiagonal();
+    const Matrix undone = space.balance.asDiagonal() * inverse(B);
     if (!undone.allFinite()) throw Lost{};
     made->J = undone.rightCols(m);
     made->W = undone.leftCols(nd);
@@ -173,7 +173,7 @@ inline JetPtr jet_at(Space& space, const Vector& x, const Chart& C) {
     if (nd > 0) {
         made->sigma = made->smallest = svd.s[nd - 1];
         made->u = svd.U.col(nd - 1);
-        made->V = svd.V.rightCols(m + 1);
+        made->V = space.balance.asDiagonal() * svd.V.rightCols(m + 1);
     }
     return made;
 }
@@ -194,9 +194,9 @@ inline double solve(Space& space, Vector& x, const Matrix& C, const Vector& y, c
         right.tail(space.m) = C.transpose() * x - y;
         const Vector dx = solution(B, right);
         x -= dx;
-        size = dx.cwiseAbs().maxCoeff();
+        size = dx.cwiseQuotient(space.balance).cwiseAbs().maxCoeff();  // rounding of φ turns short links far
         if (!(size < 1e3) || !dx.allFinite()) throw Lost{};
-        if (iteration == 0) first = size;
+        if (iteration == 0) first = dx.cwiseAbs().maxCoeff();
         if (size < CONVERGED || (size < STAGNANT && size > 0.3 * last)) return first;
         last = size;
     }

@@ -129,7 +129,7 @@ inline void on_patch(Tracker& tracker, int cluster, const Step& step, std::vecto
             Vector phi;
             Matrix K;
             space.linear(point->x, phi, K);
-            const Vector sigma = Svd(times(*point->P, K)).s;
+            const Vector sigma = Svd(Matrix(times(*point->P, K) * space.balance.asDiagonal())).s;
             int corank = 0;
             for (int i = 0; i < space.nd; ++i) corank += sigma[i] < 1e-6;
             found.push_back({t, cluster, std::max(1, corank), bridge->closure, bridge->transversality,

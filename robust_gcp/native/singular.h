@@ -11,6 +11,13 @@
 
 namespace rg {
 
+// Cᵀ with its columns balanced as those of K, and rows of size one at most.
+inline Matrix chart_rows(const Space& space, const Matrix& C) {
+    Matrix rows = C.transpose() * space.balance.asDiagonal();
+    for (Eigen::Index i = 0; i < rows.rows(); ++i) rows.row(i) /= std::max(1.0, rows.row(i).norm());
+    return rows;
+}
+
 // Places μ along `way` (dx/ds) from x where [P K; Cᵀ] loses rank. The pencil is shifted by a distance of about
 // `far` in x, where it is regular: B itself is singular at the places that are looked for.
 inline Roots pencil_roots(Space& space, const Matrix& P, const Vector& x, const Vector& way, const Matrix& C,
@@ -20,9 +27,10 @@ inline Roots pencil_roots(Space& space, const Matrix& P, const Vector& x, const 
     Matrix K, rates;
     space.linear(x, phi, K);
     space.second(x, way, rates);
-    const Matrix closed = times(P, K), turned = times(P, rates);
+    const auto balance = space.balance.asDiagonal();
+    const Matrix closed = times(P, K) * balance, turned = times(P, rates) * balance;
     Matrix B(nv, nv);
-    B.bottomRows(space.m) = C.transpose();
+    B.bottomRows(space.m) = chart_rows(space, C);
     const double scale = far / way.norm();
     double best = -1.0, shift = 0.0;
     Matrix W;
@@ -47,15 +55,15 @@ inline std::pair<int, double> null_pairing(Space& space, const Matrix& P, const 
     Matrix K, rates;
     space.linear(x, phi, K);
     Matrix B(nv, nv);
-    B.topRows(nd) = times(P, K);
-    B.bottomRows(space.m) = C.transpose();
+    B.topRows(nd) = times(P, K) * space.balance.asDiagonal();
+    B.bottomRows(space.m) = chart_rows(space, C);
     const Svd svd(B);
     int r = 0;
     for (int i = 0; i < nv; ++i) r += svd.s[i] < 1e-6;
     if (r == 0) return {0, 1.0};
     space.second(x, way, rates);
     Matrix turned = Matrix::Zero(nv, nv);
-    turned.topRows(nd) = times(P, rates);
+    turned.topRows(nd) = times(P, rates) * space.balance.asDiagonal();
     const Matrix pairing = transposed_times(svd.U.rightCols(r), times(turned, svd.V.rightCols(r)));
     const double smallest = r == 1 ? std::fabs(pairing(0, 0)) : Svd(pairing).s[r - 1];
     return {r, smallest / (space.phi_size * way.norm())};
@@ -92,7 +100,12 @@ inline Verdict approaching(const Jet& here, double largest_gap) {
         Vector residual(nd + m);
         residual.head(nd - 1) = svd.U.leftCols(nd - 1).transpose() * phi;
         residual.tail(m + 1) = N.transpose() * (K.transpose() * u);
-        const Vector dx = -least_squares(rows, residual, 1e-6);
+        rows = rows * space.balance.asDiagonal();
+        for (int i = 0; i < nd + m; ++i) {  // some are small between links of very different lengths
+            const double largest = rows.row(i).cwiseAbs().maxCoeff();
+            if (largest > 1e-12) rows.row(i) /= largest, residual[i] /= largest;
+        }
+        const Vector dx = -space.balance.cwiseProduct(least_squares(rows, residual, 1e-6));
         size = dx.norm();
         x += dx * std::min(1.0, size > 0.0 ? 0.5 / size : 1.0);
         if (size < 1e-14) break;

@@ -27,13 +27,15 @@ class Space {
     const int nv, m, nd, rows;
     const double phi_size;
     const std::vector<int> iq, iv, chosen, inputs;
-    const Vector D;
+    const Vector D;        // q = D x
+    const Vector balance;  // K · balance has columns of size one
     const Chart chart;  // that y is given in
 
     explicit Space(const Cluster& c)
         : nv(c.loops->nv), m(c.loops->m), nd(nv - m), rows(c.loops->rows), phi_size(c.phi_size),
           iq(c.iq, c.iq + nv), iv(c.iv, c.iv + nv), chosen(c.loops->independent, c.loops->independent + m),
           inputs(c.inputs, c.inputs + m), D(Eigen::Map<const Vector>(c.loops->scale, nv)),
+          balance(Eigen::Map<const Vector>(c.balance, nv)),
           chart(std::make_shared<Matrix>(picking(nv, chosen))), chain_(*c.loops), closures_(*c.loops, chain_, whole(*c.loops, chain_)),
           rotates_(c.rotates, c.rotates + nv), periodic_(c.periodic, c.periodic + nv),
           q_(nv), v_(nv), placed_(Vector::Constant(nv, std::nan(""))), rate_(closures_.entries.size() + 1) {}

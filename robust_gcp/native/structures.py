@@ -74,7 +74,7 @@ class Cluster(ctypes.Structure):
     """A loop cluster as plain arrays."""
 
     _fields_ = [
-        *_fields("", "loops iq iv inputs rotates periodic"),
+        *_fields("", "loops iq iv inputs rotates periodic balance"),
         *_all(c_double, "phi_size"),
     ]
 

@@ -123,3 +123,26 @@ def test_a_checkout_takes_the_kernel_that_was_installed_from_it(tmp_path: Path) 
     source.write_text(before)
     (native / "build_report.json").write_text('{"status": "skipped", "detail": ""}')
     assert "skipped" in reason()
+
+
+def test_sources_edited_while_they_were_compiled_are_not_vouched_for(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    sources = tmp_path / "sources"
+    sources.mkdir()
+    (sources / "lu.h").write_text("// as compiled\n")
+    monkeypatch.setattr(build, "HERE", sources)
+    monkeypatch.setenv("ROBUST_GCP_NATIVE", "1")
+
+    def compiled(into: Path, log: list[str], sanitize: bool = False) -> Path:
+        (into / "kernel.so").write_bytes(b"made")
+        return into / "kernel.so"
+
+    def edited(into: Path, log: list[str], sanitize: bool = False) -> Path:
+        (sources / "lu.h").write_text("// edited since\n")
+        return compiled(into, log)
+
+    monkeypatch.setattr(build, "build", compiled)
+    assert build.attempt(tmp_path)["sources"] == build.fingerprint(sources)
+    monkeypatch.setattr(build, "build", edited)
+    assert "sources" not in build.attempt(tmp_path)

@@ -156,3 +156,23 @@ def test_python_takes_over_on_a_bridge() -> None:
     a, b = (run.t_events[0] for run in found)
     assert len(a) == len(b) == 1
     assert abs(a[0] - b[0]) < 1e-11
+
+
+@pytest.mark.parametrize("short", [0.3, 0.05, 0.01])
+@pytest.mark.parametrize("start", [0.02, 0.3])
+def test_very_short_links_are_measured_alike(short: float, start: float) -> None:
+    """Joints of short links turn far: D stops at ten radians, K is balanced instead. From in the zone too."""
+    linkage = linkages.four_bar(short, 4.0, 4.0 - 0.4 * short, 0.6 * short, y=start)  # flat at y = 0
+    v0 = linkage.lift(linkage.home, [-2.0])
+    python, native = (
+        rg.simulate(linkage, v0=v0, duration=0.5, step=1e-3, backend=backend)
+        for backend in ("python", "native")
+    )
+    assert native.stats.native_steps > 400
+    assert native.closure_error().max() < 1e-12
+    assert len(python.crossings) == len(native.crossings) >= 1
+    for one, other in zip(python.crossings, native.crossings, strict=True):
+        assert one.time == pytest.approx(other.time, abs=1e-10)
+    np.testing.assert_allclose(native.q, python.q, atol=1e-9)
+    for name in COUNTED:
+        assert getattr(native.stats, name) == getattr(python.stats, name)
