@@ -12,12 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from ..dynamics.equations import Torque
-from ..dynamics.problem import Problem, set_out
-from ..errors import PartitionError, SimulationError, ToggleError
-from ..maps.choice import MapChoice
 from ..maps.cluster.chart import CHANGE, best, smallest
 from ..maps.point import Counters, Point
 from ..mechanism.clusters import LoopCluster
@@ -36,6 +32,9 @@ PATIENCE = 1.2
 
 PATIENCE_EVEN = 1.05
 """The same of the unevenness: little, so that the time of a change does not hang on the step."""
+
+SOON = 0.75 * GAIN
+"""Times that of the evenest others, from where on it is looked at so often."""
 
 Index = NDArray[np.int64]
 
@@ -79,6 +78,7 @@ class Coordinates:
         self._parts, sizes, self._weights = mechanism.memo.once(key, lambda: _sized(mechanism, named))
         uneven = np.full(mechanism.m, UNEVEN if even else np.inf)
         self.watch = Watch(sizes, 1.0 / CHANGE, uneven)
+        self._evenest: dict[int, float] = {}  # by a cluster's first velocity: what others came to
 
     def suspicious(self, point: Point) -> bool:
         """Whether an entry of J is larger, or a cluster less even, than where coordinates are good."""
@@ -99,7 +99,7 @@ class Coordinates:
         if turning:
             self.watch = self.watch._replace(limit=PATIENCE * float((np.abs(point.G) * self._weights).max()))
         for part, eta in uneven:
-            self.watch.uneven[part.inputs] = PATIENCE_EVEN * eta
+            self.watch.uneven[part.inputs] = max(PATIENCE_EVEN * eta, SOON * self._evenest[part.iv[0]])
         return None
 
     def best(self, point: Point) -> tuple[str, ...] | None:
@@ -141,7 +141,8 @@ class Coordinates:
                 continue
             chosen = _best(part, tangent) if poor else part.cluster.chosen
             if self._even:
-                chosen = _evenest(part, tangent, point, v, chosen, np.inf if poor else eta / GAIN)
+                most = np.inf if poor else eta / GAIN
+                chosen, self._evenest[part.iv[0]] = _evenest(part, tangent, point, v, chosen, most)
             replaced |= _names(part, chosen)
         return self._other(_renamed(self.mechanism, replaced))
 
@@ -163,8 +164,13 @@ def _best(part: _Part, tangent: Array) -> Index:
     return chosen
 
 
-def _evenest(part: _Part, tangent: Array, point: Point, v: Array, chosen: Index, most: float) -> Index:
-    """`chosen`, or well-conditioned components that are by far more even, and more so than `most`."""
+def _evenest(
+    part: _Part, tangent: Array, point: Point, v: Array, chosen: Index, most: float
+) -> tuple[Index, float]:
+    """`chosen`, or well-conditioned components that are by far more even, and more so than `most`.
+
+    Also the least unevenness that was found.
+    """
     best_ones = part.candidates[best(tangent[part.candidates])]
     least = GOOD * smallest(tangent, best_ones)
     J, g, v = _in_units(part, point, v)
@@ -175,12 +181,14 @@ def _evenest(part: _Part, tangent: Array, point: Point, v: Array, chosen: Index,
     found = [evenest(J, start, g, v, part.candidates, serves) for start in (chosen, best_ones)]
     found = [way for way in found if serves(way)]
     etas = [unevenness(J, way, g, v) for way in found]
-    if not min(etas, default=np.inf) < min(most, unevenness(J, chosen, g, v) / GAIN):
-        return chosen
+    now = unevenness(J, chosen, g, v)
+    evenest_eta = min(etas, default=now)
+    if not evenest_eta < min(most, now / GAIN):
+        return chosen, evenest_eta
     first = part.at_first
-    if first is not None and serves(first) and unevenness(J, first, g, v) <= max(min(etas), UNEVEN / GAIN):
-        return first
-    return found[int(np.argmin(etas))]
+    if first is not None and serves(first) and unevenness(J, first, g, v) <= max(evenest_eta, UNEVEN / GAIN):
+        return first, evenest_eta
+    return found[int(np.argmin(etas))], evenest_eta
 
 
 def _unevenness(part: _Part, point: Point, v: Array) -> float:
@@ -259,40 +267,3 @@ def _parts(mechanism: Mechanism, named: Sequence[str]) -> list[_Part]:
         at_first = np.array(first, dtype=np.int64) if len(first) == cluster.m else None
         found.append(_Part(cluster, iv, inputs, mechanism.units[iv], candidates, at_first))
     return found
-
-
-def set_out_well(
-    mechanism: Mechanism,
-    q0: ArrayLike | None,
-    v0: ArrayLike | None,
-    mode: ArrayLike | None,
-    torque: Torque | ArrayLike | None,
-    choice: MapChoice,
-    counters: Counters,
-) -> Problem:
-    """`set_out`, in other coordinates where those of the mechanism turn back at the start.
-
-    Raises
-    ------
-    ToggleError
-        Where no others serve either.
-    """
-    try:
-        return set_out(mechanism, q0, v0, mode, torque, choice, counters)
-    except ToggleError as stop:
-        q = mechanism.home if q0 is None else mechanism.configuration(q0, "q0")
-        found = Coordinates(mechanism, mechanism.independent, counters).at_rest(q)
-        for names in ([] if found is None else [found]) + _whole(mechanism, stop.choices):
-            other = mechanism.with_independent(names)
-            try:
-                return set_out(other, q0, v0, mode, torque, choice, counters)
-            except (SimulationError, PartitionError):
-                continue
-        raise
-
-
-def _whole(mechanism: Mechanism, choices: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
-    """Choices of independent joints with those on groups, which are in all of them."""
-    groups = groups_of(mechanism)
-    kept = [] if groups is None else [n for n in mechanism.independent if n not in groups.rest.independent]
-    return [(*kept, *names) for names in choices]

@@ -23,7 +23,7 @@ from ..mechanism.tolerances import COMPATIBLE, NEARLY_CLOSED
 from ..mechanism.tree import Array
 from ..native.steps import KernelMap, NativeSteps
 from ..native.workspace import Workspace
-from .coordinates import set_out_well
+from .turned_start import set_out_well
 
 
 def is_plain(mechanism: Mechanism) -> bool:
