@@ -22,8 +22,6 @@ struct BridgeOptions {
     double largest_gap() const { return std::max(closure_tolerance, geometric_tolerance); }
 };
 
-constexpr double REACH = 0.4, FAR_SIDE[] = {0.1, 0.02};
-
 // What all whole turns of a curve have in common.
 struct CurveShape {
     Space* space = nullptr;

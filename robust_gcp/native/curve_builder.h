@@ -1,4 +1,4 @@
-// Builds a curve from a solved point beside singular places, and certifies it; see maps/cluster/curve.py.
+// Builds a curve from a solved point beside singular places, and certifies it; see maps/cluster/curve_builder.py.
 #pragma once
 
 #include <algorithm>
@@ -10,6 +10,8 @@
 #include "curve.h"
 
 namespace rg {
+
+constexpr double REACH = 0.4, FAR_SIDE[] = {0.1, 0.02};
 
 class CurveBuilder {
   public:
@@ -153,7 +155,8 @@ class CurveBuilder {
             bool again = false;
             for (std::size_t k = 0; k < found.size(); ++k)
                 again = again || std::fabs(at - found[k]) < ALONE * apart[k];
-            for (int i = again ? 10 : 0; i < 10; ++i) {
+            if (again) continue;
+            for (int i = 0; i < 10; ++i) {
                 if (!(through.us.front() <= at && at <= through.us.back())) break;
                 const std::vector<double> mu = places(at, w);
                 if (mu.empty()) break;

@@ -107,7 +107,7 @@ class Displacements {
     void displace(std::size_t p, const Chain& chain, Point& point) {
         const Part& part = parts_[p];
         const int count = part.count();
-        Path::Loops* tie = path_.loops(p);
+        Loops* tie = path_.loops(p);
         const double* G = point.G();
         for (int j : part.joints) {
             const Body& b = chain.bodies[j];
@@ -182,13 +182,13 @@ class Displacements {
         return {{}, to_[first_[body] + a].X, by_u_[first_[body] + a]};
     }
 
-    void tied(Path::Loops& loops, Point& point, const double* dq, const double* dv) {
+    void tied(Loops& loops, Point& point, const double* dq, const double* dv) {
         loops.closures.couplings().rows_changed(point.q(), motion_.v.data(), a.data(), dq, dv, path_.layout.m,
                                                 d_.data(), dd_.data());
     }
 
     // −K_d⁻¹ rows into a column of x (nv, m).
-    void solve(Path::Loops& loops, const Cells<double>& rows, double* x) {
+    void solve(Loops& loops, const Cells<double>& rows, double* x) {
         loops.blocks.solve(rows.data(), u_.data());
         for (int i : loops.dependent) x[i * path_.layout.m] = -path_.scale(i) * u_[i];
     }

@@ -9,44 +9,21 @@
 #include <vector>
 
 #include "abi.h"
-#include "blocks.h"
 #include "cells.h"
 #include "chain.h"
-#include "closures.h"
 #include "groups.h"
+#include "loops.h"
 #include "parts.h"
 #include "point.h"
 #include "rigid_bodies.h"
 
 namespace rg {
 
-constexpr double CONVERGED = 2e-15, STAGNANT = 1e-12;
-constexpr int MAX_NEWTON = 12;
 constexpr double DETERMINANT_RATIO = 2.5, POOR = 0.3, CORRECTION = 0.25, ROUNDING = 1e-12,
                  FARTHEST = 0.5, PACE = 3.0;
 
 class Path {
   public:
-    // The closures and couplings of a part, and its share of K_d.
-    struct Loops {
-        Loops(const Description& d, Chain& chain, const Parts& parts, int number)
-            : closures(d, chain, parts.list[number]), blocks(d, closures, parts, number) {
-            for (int i : parts.list[number].velocities)
-                if (std::find(d.independent, d.independent + d.m, i) == d.independent + d.m)
-                    dependent.push_back(i);
-            for (int j : parts.list[number].joints) {
-                const Numbers& numbers = NUMBERS[chain.bodies[j].kind];
-                flat = flat && numbers.q == numbers.v;
-            }
-        }
-
-        Closures closures;
-        Blocks blocks;  // refers to `closures`
-        std::vector<int> dependent;
-        bool flat = true;  // v is the rate of q
-        std::int64_t iterations = 0, evaluations = 0;
-    };
-
     Chain chain;  // as if joints on groups stood still
     const Parts parts;
     RigidBodies rigid;
@@ -68,15 +45,14 @@ class Path {
           input_(d.nv, -1),
           size_(d.size, d.size + d.nv),
           turn_(d.turn, d.turn + d.nv),
-          scale_(d.scale, d.scale + d.nv),
-          step_(d.nv),
+          scratch_(d),
           u_(d.nv),
           v_(d.nv) {
         for (int k = 0; k < d.m; ++k) input_[independent_[k]] = k;
         for (std::size_t i = 0; i < parts.list.size(); ++i) {
             const Part& part = parts.list[i];
             for (int j : part.joints) chain.bodies[j].held = part.on_group;
-            loops_.emplace_back(part.tied() ? new Loops(d, chain, parts, static_cast<int>(i)) : nullptr);
+            loops_.emplace_back(part.tied() ? new Loops(d, chain, parts, static_cast<int>(i), scratch_) : nullptr);
         }
     }
 
@@ -108,7 +84,7 @@ class Path {
                 chain.place(parts.list[i].joints, point.q());
                 continue;
             }
-            if (!close(parts.list[i], *loops_[i], point)) return false;
+            if (!loops_[i]->close(point)) return false;
             iterations = std::max(iterations, loops_[i]->iterations);
             looked = std::max(looked, loops_[i]->evaluations);
         }
@@ -213,7 +189,7 @@ class Path {
     // Those of a part; none where nothing is tied.
     Loops* loops(std::size_t part) const { return loops_[part].get(); }
     // What a correction of a velocity is multiplied by.
-    double scale(int velocity) const { return scale_[velocity]; }
+    double scale(int velocity) const { return scratch_.scale[velocity]; }
 
   private:
     void product(const Part& part, Point& point, const double* u, double* v) const {
@@ -253,59 +229,15 @@ class Path {
         for (int i : part.velocities) {
             double sum = weight * bend[i];
             for (int k : part.inputs) sum += G[i * m + k] * (y[k] - from[k]);
-            step_[i] = sum;
+            scratch_.step[i] = sum;
             point.distance = std::max(point.distance, std::fabs(sum * size_[i]));
             point.turn = std::max(point.turn, std::fabs(sum * turn_[i]));
         }
         for (int j : part.joints) {
             const Body& b = chain.bodies[j];
-            integrate_joint(b.kind, anchor.q() + b.q, step_.data() + b.first, point.q() + b.q);
+            integrate_joint(b.kind, anchor.q() + b.q, scratch_.step.data() + b.first, point.q() + b.q);
         }
         for (int k : part.inputs) point.q()[independent_q_[k]] = y[k];
-    }
-
-    // Newton on the dependent joints; leaves the chain placed and K evaluated at the result.
-    bool close(const Part& part, Loops& loops, Point& point) {
-        double* q = point.q();
-        const double infinite = std::numeric_limits<double>::infinity();
-        double last_size = infinite, last_step = infinite;
-        loops.iterations = loops.evaluations = 0;
-        for (int iteration = 0; iteration < MAX_NEWTON; ++iteration) {
-            if (iteration == 0)
-                chain.place(part.joints, q);
-            else
-                chain.place_after(part.joints, q, step_.data());
-            const double size = loops.closures.residual(q);
-            ++loops.evaluations;
-            if (!std::isfinite(size)) return false;
-            loops.closures.jacobian();
-            if (size <= CONVERGED || (size <= STAGNANT && size >= 0.25 * last_size)) return true;
-            loops.blocks.factor();
-            const double step = loops.blocks.solve(loops.closures.phi.data(), u_.data());
-            if (iteration == 0)
-                point.correction = std::max(point.correction, step);
-            else if (!(step <= 0.5 * last_step) && size > STAGNANT)
-                return false;
-            last_size = size;
-            last_step = step;
-            correct(part, loops, q);
-            ++loops.iterations;
-        }
-        return false;
-    }
-
-    // Takes u off q, and leaves the step in `step_`.
-    void correct(const Part& part, const Loops& loops, double* q) {
-        for (int k : part.inputs) step_[independent_[k]] = 0.0;
-        for (int i : loops.dependent) step_[i] = -u_[i] * scale_[i];
-        if (loops.flat) {
-            for (int i : loops.dependent) q[chain.number_at[i]] += step_[i];
-            return;
-        }
-        for (int j : part.joints) {
-            const Body& b = chain.bodies[j];
-            integrate_joint(b.kind, q + b.q, step_.data() + b.first, q + b.q);
-        }
     }
 
     // G = [I; −K_d⁻¹ K_i] and g = [0; K_d⁻¹ k] where `close` has ended. Entries that are always zero stay so.
@@ -320,36 +252,28 @@ class Path {
             blocks.factor();
             const double conditioning = blocks.measure(enough, point.det(), point.rcond());
             if (!(conditioning >= point.conditioning())) point.conditioning() = conditioning;  // keeps a NaN
-            for (int a = 0; a < part.count(); ++a) {
-                blocks.solve_given(a, u_.data());
-                for (int v : loops_[i]->dependent) G[v * m + part.inputs[a]] = scale_[v] * u_[v];
-            }
+            loops_[i]->velocities(G, m);
             if (m > 1) {
                 product(part, point, point.ydot(), v_.data());
                 chain.move(part.joints, v_.data(), part.root);
-                bend(*loops_[i], v_.data(), g);
+                loops_[i]->bend(v_.data(), g);
             }
         }
         if (m > 1) return;
         double* curvature = point.curvature();
         chain.move(chain.all, G);
         for (auto& loops : loops_)
-            if (loops != nullptr) bend(*loops, G, curvature);
+            if (loops != nullptr) loops->bend(G, curvature);
         const double square = point.ydot()[0] * point.ydot()[0];
         for (int i = 0; i < layout.nv; ++i) g[i] = curvature[i] * square;
-    }
-
-    // g = [0; K_d⁻¹ k] for velocities v, with which the chain moves.
-    void bend(Loops& loops, const double* v, double* g) {
-        loops.closures.bias(v);
-        loops.blocks.solve(loops.closures.k.data(), u_.data());
-        for (int i : loops.dependent) g[i] = scale_[i] * u_[i];
     }
 
     std::vector<std::unique_ptr<Loops>> loops_;  // by part; none where nothing is tied
     std::vector<int> independent_, independent_q_;
     std::vector<int> input_;  // by velocity, −1 where it is dependent
-    Cells<double> size_, turn_, scale_, step_, u_, v_;
+    Cells<double> size_, turn_;
+    Scratch scratch_;  // of all loops, in turn
+    Cells<double> u_, v_;
 };
 
 }  // namespace rg

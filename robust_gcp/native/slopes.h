@@ -78,7 +78,7 @@ class Slopes {
     void balance(std::size_t p, const Chain& chain, Point& point) {
         const Part& part = parts_[p];
         const int count = part.count(), m = path_.layout.m;
-        Path::Loops* loops = path_.loops(p);
+        Loops* loops = path_.loops(p);
         const double* G = point.G();
         for (int a = 0; a < count; ++a) sum_y_[a] = sum_u_[a] = momentum_[a] = {}, rate_[a] = {};
         for (int j : part.joints) {
@@ -154,7 +154,7 @@ class Slopes {
     }
 
     // Takes the closures' reactions off what the bodies take.
-    void react(std::size_t p, const Chain& chain, Point& point, Path::Loops& loops) {
+    void react(std::size_t p, const Chain& chain, Point& point, Loops& loops) {
         const Part& part = parts_[p];
         for (int j : part.joints) {
             const Body& b = chain.bodies[j];

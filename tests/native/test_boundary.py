@@ -175,10 +175,11 @@ def constants(header: str) -> dict[str, float]:
     [
         ("abi.h", ["native.structures"]),
         ("path.h", ["maps.regular_path", "maps.march", "maps.cluster.ground"]),
+        ("loops.h", ["maps.regular_path", "maps.march"]),
         ("jet.h", ["maps.cluster.jet"]),
         ("singular.h", ["maps.cluster.obstacles", "maps.cluster.place"]),
         ("curve.h", ["maps.cluster.curve"]),
-        ("curve_builder.h", ["maps.cluster.curve"]),
+        ("curve_builder.h", ["maps.cluster.curve_builder"]),
         ("tracker.h", ["maps.cluster.tracker", "maps.cluster.obstacles"]),
         ("clusters.cpp", ["maps.cluster.cluster_map", "maps.cluster.chart", "maps.cluster.ground"]),
         ("motion.h", ["dynamics.reduced_inertia"]),

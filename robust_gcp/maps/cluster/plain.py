@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...mechanism.tree import Array
+from ..explicit import CrossingKind
 from ..point import Counters
 from .curve import Curve
 from .hermite_curve import HermiteCurve
@@ -142,15 +143,13 @@ class Reader:
         C, reference, shift, us = (self.array() for _ in range(4))
         through = HermiteCurve(us[:, 0].tolist(), [self._jet(space) for _ in us])
         left, right = self.number(), self.number()
-        roots, corank = self.array(), self.array()
+        roots, corank = self.array()[:, 0].tolist(), self.array()[:, 0].astype(int).tolist()
         closure, transversality, error, near_miss = (self.number() for _ in range(4))
-        known = {
-            "shift": shift[:, 0], "through": through, "left": left, "right": right,
-            "roots": roots[:, 0].tolist(), "corank": [int(r) for r in corank[:, 0]], "closure": closure,
-            "transversality": transversality, "error": error,
-            "kind": "near miss" if near_miss else "transversal",
-        }  # fmt: skip
-        return Curve.known(space, self._options, C, reference[:, 0], known)
+        kind: CrossingKind = "near miss" if near_miss else "transversal"
+        return Curve(
+            space, C, reference[:, 0], through, left, right, roots, corank, kind, closure, transversality,
+            error, shift[:, 0],
+        )  # fmt: skip
 
     def _patch(self, space: ClusterSpace) -> Patch[Tracker]:
         d, C, origin = (self.array() for _ in range(3))

@@ -8,6 +8,7 @@ from ...mechanism.tree import Array
 from ..point import Counters
 from .apex import BESIDE, LEFT, BesideApex, apart, apex_near
 from .curve import Curve
+from .curve_builder import CurveBuilder
 from .jet import Jet, LostError, jet, solve
 from .kept import curve_through, passes
 from .obstacles import APEX, CONE_WORDS, FARTHEST_LOOK, Obstacle, ObstacleError, approaching, judge
@@ -206,7 +207,7 @@ class Tracker:
         found = curve_through(self.bridges, here, self.zone)
         if found is None:
             try:
-                curve = Curve(here, self.options, self.zone)
+                curve = CurveBuilder(here, self.options, self.zone).build()
             except NoBridgeError as failure:
                 return self._blocked(here, failure)
             self.counters.bridges_built += 1

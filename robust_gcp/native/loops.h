@@ -1,0 +1,126 @@
+// The loops of one part: Newton on its dependent joints, and its share of G and g. See maps/regular_path.py.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "abi.h"
+#include "blocks.h"
+#include "cells.h"
+#include "chain.h"
+#include "closures.h"
+#include "groups.h"
+#include "parts.h"
+#include "point.h"
+
+namespace rg {
+
+constexpr double CONVERGED = 2e-15, STAGNANT = 1e-12;
+constexpr int MAX_NEWTON = 12;
+
+// Room for numbers (nv,) that one part after the other uses.
+struct Scratch {
+    explicit Scratch(const Description& d) : scale(d.scale, d.scale + d.nv), step(d.nv), u(d.nv) {}
+
+    const Cells<double> scale;  // what a correction of a velocity is multiplied by
+    Cells<double> step, u;
+};
+
+// The closures and couplings of a part, and its share of K_d.
+class Loops {
+  public:
+    Closures closures;
+    Blocks blocks;  // refers to `closures`
+    std::vector<int> dependent;
+    std::int64_t iterations = 0, evaluations = 0;  // of the last `close`
+
+    Loops(const Description& d, Chain& chain, const Parts& parts, int number, Scratch& scratch)
+        : closures(d, chain, parts.list[number]),
+          blocks(d, closures, parts, number),
+          part_(parts.list[number]),
+          chain_(chain),
+          scratch_(scratch),
+          independent_(d.independent, d.independent + d.m) {
+        for (int i : part_.velocities)
+            if (std::find(independent_.begin(), independent_.end(), i) == independent_.end()) dependent.push_back(i);
+        for (int j : part_.joints) {
+            const Numbers& numbers = NUMBERS[chain.bodies[j].kind];
+            flat_ = flat_ && numbers.q == numbers.v;
+        }
+    }
+
+    // Newton on the dependent joints; leaves the chain placed and K evaluated at the result.
+    bool close(Point& point) {
+        double* q = point.q();
+        double* step = scratch_.step.data();
+        double* u = scratch_.u.data();
+        const double infinite = std::numeric_limits<double>::infinity();
+        double last_size = infinite, last_length = infinite;
+        iterations = evaluations = 0;
+        for (int iteration = 0; iteration < MAX_NEWTON; ++iteration) {
+            if (iteration == 0)
+                chain_.place(part_.joints, q);
+            else
+                chain_.place_after(part_.joints, q, step);
+            const double size = closures.residual(q);
+            ++evaluations;
+            if (!std::isfinite(size)) return false;
+            closures.jacobian();
+            if (size <= CONVERGED || (size <= STAGNANT && size >= 0.25 * last_size)) return true;
+            blocks.factor();
+            const double length = blocks.solve(closures.phi.data(), u);
+            if (iteration == 0)
+                point.correction = std::max(point.correction, length);
+            else if (!(length <= 0.5 * last_length) && size > STAGNANT)
+                return false;
+            last_size = size;
+            last_length = length;
+            correct(q, step, u);
+            ++iterations;
+        }
+        return false;
+    }
+
+    // −K_d⁻¹ K_i, the dependent rows of G, where `close` has ended and K_d is factorised.
+    void velocities(double* G, int m) {
+        double* u = scratch_.u.data();
+        for (int a = 0; a < part_.count(); ++a) {
+            blocks.solve_given(a, u);
+            for (int i : dependent) G[i * m + part_.inputs[a]] = scratch_.scale[i] * u[i];
+        }
+    }
+
+    // g = [0; K_d⁻¹ k] for velocities v, with which the chain moves.
+    void bend(const double* v, double* g) {
+        double* u = scratch_.u.data();
+        closures.bias(v);
+        blocks.solve(closures.k.data(), u);
+        for (int i : dependent) g[i] = scratch_.scale[i] * u[i];
+    }
+
+  private:
+    // Takes u off q, and leaves the step in `step`.
+    void correct(double* q, double* step, const double* u) const {
+        for (int k : part_.inputs) step[independent_[k]] = 0.0;
+        for (int i : dependent) step[i] = -u[i] * scratch_.scale[i];
+        if (flat_) {
+            for (int i : dependent) q[chain_.number_at[i]] += step[i];
+            return;
+        }
+        for (int j : part_.joints) {
+            const Body& b = chain_.bodies[j];
+            integrate_joint(b.kind, q + b.q, step + b.first, q + b.q);
+        }
+    }
+
+    const Part& part_;
+    Chain& chain_;
+    Scratch& scratch_;
+    const std::vector<int> independent_;
+    bool flat_ = true;  // v is the rate of q
+};
+
+}  // namespace rg
