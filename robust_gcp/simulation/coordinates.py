@@ -22,7 +22,7 @@ from ..mechanism.joints import in_v
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..native.watch import Watch
-from .evenness import GAIN, UNEVEN, evenest, unevenness
+from .evenness import GAIN, UNEVEN, bent, evenest, unevenness
 
 GOOD = 0.6
 """Share of the best components' quality from which those that were named at first are taken again."""
@@ -104,7 +104,7 @@ class Coordinates:
 
     def best(self, point: Point) -> tuple[str, ...] | None:
         """The same with the worst cluster changed wherever others serve better at all."""
-        shares = [_quality(part, _tangent(part, point.G)) for part in self._parts]
+        shares = [_Choice(part, _tangent(part, point.G)).share for part in self._parts]
         return self._changed(point, min(max(CHANGE, min(shares, default=0.0) + 1e-9), 1.0 - 1e-9))
 
     def at_rest(self, q: Array) -> tuple[str, ...] | None:
@@ -116,8 +116,9 @@ class Coordinates:
             self._counters.svds += 1
             Vt = np.linalg.svd(loops.scaled(loops.K(own)))[2]
             tangent = Vt[loops.nv - part.cluster.m :].T
-            if _quality(part, tangent) < CHANGE:
-                replaced |= _names(part, _best(part, tangent))
+            choice = _Choice(part, tangent)
+            if choice.share < CHANGE:
+                replaced |= _names(part, choice.conditioned())
         return self._other(_renamed(mechanism, replaced))
 
     def _uneven(self, point: Point) -> list[tuple[_Part, float]]:
@@ -132,17 +133,17 @@ class Coordinates:
         """With other components where their quality is below a share of the best, or they are uneven."""
         replaced, v = dict[int, str](), point.G.dot(point.ydot)
         for part in self._parts:
-            tangent = _tangent(part, point.G)
+            choice = _Choice(part, _tangent(part, point.G))
             if part.cluster.m > 1:
                 self._counters.svds += 1
             eta = _unevenness(part, point, v) if self._even else 0.0
-            poor = _quality(part, tangent) < share
+            poor = choice.share < share
             if not poor and eta <= UNEVEN:
                 continue
-            chosen = _best(part, tangent) if poor else part.cluster.chosen
+            chosen = choice.conditioned() if poor else part.cluster.chosen
             if self._even:
                 most = np.inf if poor else eta / GAIN
-                chosen, self._evenest[part.iv[0]] = _evenest(part, tangent, point, v, chosen, most)
+                chosen, self._evenest[part.iv[0]] = choice.evenest(point, v, chosen, most)
             replaced |= _names(part, chosen)
         return self._other(_renamed(self.mechanism, replaced))
 
@@ -156,46 +157,61 @@ def _names(part: _Part, chosen: Index) -> dict[int, str]:
     return dict(zip(part.inputs.tolist(), (numbers[i].name for i in chosen.tolist()), strict=True))
 
 
-def _best(part: _Part, tangent: Array) -> Index:
-    """The best conditioned components, or those named at first where they are not much worse."""
-    chosen = part.candidates[best(tangent[part.candidates])]
-    if part.at_first is not None and GOOD * smallest(tangent, chosen) < smallest(tangent, part.at_first):
-        return part.at_first
-    return chosen
+class _Choice:
+    """How well the components of a cluster serve at a point.
 
+    Parameters
+    ----------
+    part : _Part
+    tangent : ndarray (n, m)
+        Orthonormal basis of its motions, dimensionless.
 
-def _evenest(
-    part: _Part, tangent: Array, point: Point, v: Array, chosen: Index, most: float
-) -> tuple[Index, float]:
-    """`chosen`, or well-conditioned components that are by far more even, and more so than `most`.
-
-    Also the least unevenness that was found.
+    Attributes
+    ----------
+    share : float
+        σ_min of the present components against that of the best ones.
     """
-    best_ones = part.candidates[best(tangent[part.candidates])]
-    least = GOOD * smallest(tangent, best_ones)
-    J, g, v = _in_units(part, point, v)
 
-    def serves(way: Index) -> bool:
-        return smallest(tangent, way) >= least
+    def __init__(self, part: _Part, tangent: Array) -> None:
+        self._part, self._tangent = part, tangent
+        self._best = part.candidates[best(tangent[part.candidates])]
+        self._most = smallest(tangent, self._best)
+        self.share = smallest(tangent, part.cluster.chosen) / self._most
 
-    found = [evenest(J, start, g, v, part.candidates, serves) for start in (chosen, best_ones)]
-    found = [way for way in found if serves(way)]
-    etas = [unevenness(J, way, g, v) for way in found]
-    now = unevenness(J, chosen, g, v)
-    evenest_eta = min(etas, default=now)
-    if not evenest_eta < min(most, now / GAIN):
-        return chosen, evenest_eta
-    first = part.at_first
-    if first is not None and serves(first) and unevenness(J, first, g, v) <= max(evenest_eta, UNEVEN / GAIN):
-        return first, evenest_eta
-    return found[int(np.argmin(etas))], evenest_eta
+    def _serves(self, chosen: Index) -> bool:
+        return smallest(self._tangent, chosen) >= GOOD * self._most
+
+    def conditioned(self) -> Index:
+        """The best conditioned components, or those named at first where they are not much worse."""
+        first = self._part.at_first
+        return first if first is not None and self._serves(first) else self._best
+
+    def evenest(self, point: Point, v: Array, chosen: Index, most: float) -> tuple[Index, float]:
+        """`chosen`, or well-conditioned components that are by far more even, and more so than `most`.
+
+        Also the least unevenness that was found.
+        """
+        part = self._part
+        J, g, v = _in_units(part, point, v)
+
+        def eta(way: Index) -> float:
+            return unevenness(J, way, g, v)
+
+        found = [evenest(J, start, g, part.candidates, self._serves) for start in (chosen, self._best)]
+        found = [way for way in found if self._serves(way)]
+        etas, now = [eta(way) for way in found], eta(chosen)
+        least = min(etas, default=now)
+        if not least < min(most, now / GAIN):
+            return chosen, least
+        first = part.at_first
+        if first is not None and self._serves(first) and eta(first) <= max(least, UNEVEN / GAIN):
+            return first, least
+        return found[int(np.argmin(etas))], least
 
 
 def _unevenness(part: _Part, point: Point, v: Array) -> float:
     """That of the present components, whose part of g is zero."""
-    _, g, v = _in_units(part, point, v)
-    fastest = float(np.abs(v).max()) ** 2
-    return float(np.abs(g).max()) / fastest if fastest > 0.0 else 0.0
+    return bent(point.g[part.iv] / part.units, v[part.iv] / part.units)
 
 
 def _in_units(part: _Part, point: Point, v: Array) -> tuple[Array, Array, Array]:
@@ -225,12 +241,6 @@ def _tangent(part: _Part, G: Array) -> Array:
     """Orthonormal basis of a cluster's motions, dimensionless."""
     J = G[np.ix_(part.iv, part.inputs)] / part.cluster.loops.column_scale[:, None]
     return np.asarray(np.linalg.qr(J)[0])
-
-
-def _quality(part: _Part, tangent: Array) -> float:
-    return smallest(tangent, part.cluster.chosen) / smallest(
-        tangent, part.candidates[best(tangent[part.candidates])]
-    )
 
 
 def _sized(mechanism: Mechanism, named: Sequence[str]) -> tuple[list[_Part], Array, Array]:

@@ -42,14 +42,17 @@ def kept_rates(tangent: Array, chosen: Index, g: Array) -> tuple[Array, Array]:
 
 def unevenness(tangent: Array, chosen: Index, g: Array, v: Array) -> float:
     """η_E; 0 at rest."""
+    return bent(kept_rates(tangent, chosen, g)[1], v)
+
+
+def bent(a: Array, v: Array) -> float:
+    """max |a| / (max |v|)²; 0 at rest. With g for a that is η of the components that are independent now."""
     largest = float(np.abs(v).max(initial=0.0)) ** 2
-    if largest == 0.0:
-        return 0.0
-    return float(np.abs(kept_rates(tangent, chosen, g)[1]).max(initial=0.0)) / largest
+    return float(np.abs(a).max(initial=0.0)) / largest if largest > 0.0 else 0.0
 
 
 def evenest(
-    tangent: Array, chosen: Index, g: Array, v: Array, candidates: Index, serves: Callable[[Index], bool]
+    tangent: Array, chosen: Index, g: Array, candidates: Index, serves: Callable[[Index], bool]
 ) -> Index:
     """Components that are more even than `chosen`, one exchanged for another as long as that helps.
 
@@ -58,8 +61,8 @@ def evenest(
     tangent : ndarray (n, m)
         Its columns span the motions, in radians and lengths.
     chosen, candidates : ndarray of int
-    g, v : ndarray (n,)
-        An acceleration that the loops have at velocity v, and v.
+    g : ndarray (n,)
+        An acceleration that the loops have.
     serves : callable
         Whether components are conditioned well enough.
     """

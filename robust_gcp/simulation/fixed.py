@@ -76,11 +76,12 @@ class FixedRun(RefinedRun):
                 if self._changed(i, now.point):
                     continue
                 if self._native is not None and not recovery.careful:
-                    begun, (i, now) = i, self._natively(self._native, i, last, now)
+                    i, going = self._natively(self._native, i, last, now)
                     if i == last or self._ended:
                         return
-                    if i > begun and self._changed(i, now.point):
+                    if going is None:
                         continue
+                    now = going
                 self._behind, self._refinement, self._renewed_at = self._x, None, None
                 self._x = (self._refined if recovery.careful else self._stepped)(i, now)
                 i += 1
@@ -108,8 +109,14 @@ class FixedRun(RefinedRun):
         with self._accuracy():
             return self._motion.equations.evaluate(float(self.times[i]), self._x)
 
-    def _natively(self, native: NativeSteps, i: int, last: int, now: Evaluation) -> tuple[int, Evaluation]:
-        """As many steps after output i, up to output `last`, as the kernel can take."""
+    def _natively(
+        self, native: NativeSteps, i: int, last: int, now: Evaluation
+    ) -> tuple[int, Evaluation | None]:
+        """As many steps after output i, up to output `last`, as the kernel can take.
+
+        Returns the output that was reached, and the evaluation there; none where other coordinates were
+        taken.
+        """
         while i < last:
             batch = self._batch(native, i, last, now)
             if batch is None:
@@ -125,11 +132,11 @@ class FixedRun(RefinedRun):
                 raise batch.failure
             if batch.steps == 1:
                 self._look_within(i, before, now)
-            if self._ended or batch.reason not in (Reason.DONE, Reason.CHART):
+            if self._ended:
                 break
-            if self._suspicious(now.point) and (
-                self._recovery.changing or self._better(now.point) is not None
-            ):
+            if i < last and self._suspicious(now.point) and self._changed(i, now.point):
+                return i, None
+            if batch.reason not in (Reason.DONE, Reason.CHART):
                 break
         return i, now
 

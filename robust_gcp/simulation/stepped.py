@@ -175,7 +175,9 @@ class SteppedRun(FixedRun):
         super()._look_within(i, before, now)
         self._held.value = after
 
-    def _natively(self, native: NativeSteps, i: int, last: int, now: Evaluation) -> tuple[int, Evaluation]:
+    def _natively(
+        self, native: NativeSteps, i: int, last: int, now: Evaluation
+    ) -> tuple[int, Evaluation | None]:
         if self._changes[-1] > i:  # over steps taken once more, one by one
             return i, now
         return super()._natively(native, i, last, now)
