@@ -24,13 +24,12 @@ from ..examples.families import Lengths, four_bars
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..printing import along
-from ..simulation.refined import REFINED_ATOL, REFINED_RTOL
 from ..simulation.simulate import simulate
 from ..simulation.stats import Stats
-from ..simulation.steppers import adaptive, rk4_step
 from . import random_cases
 from .loops_in_closed_form import LoopsInClosedForm
 from .random_cases import RandomCase
+from .same_steps import same_steps
 
 WITHIN = 1.1
 """Error of the bridges over that of the same steps on the closed forms."""
@@ -40,9 +39,6 @@ LARGEST_OFFSET = 0.3
 
 MOST_CALLS = 4000
 """Right-hand sides of the exact motion; one that comes near a dead point takes more, and is drawn anew."""
-
-LATE = 1e-9
-"""Steps before the end of one within which a change of coordinates belongs to the next."""
 
 
 @dataclass(frozen=True)
@@ -202,34 +198,19 @@ def measured(tree: Tree, equations: EquationsOfMotion, exact: Array) -> Tree:
         crossings=tuple(found.tolist()),
         changes=len(run.stats.repartitions),
         refined=run.stats.refined_steps,
-        floor=float(np.abs(_same_steps(tree, equations, exact[0], run.stats) - truth).max()),
+        floor=float(np.abs(_floor_steps(tree, equations, exact[0], run.stats) - truth).max()),
         error=float(np.abs(run.q - truth).max()),
         told=str(caught[0].message) if caught else "",
     )
 
 
-def _same_steps(tree: Tree, equations: EquationsOfMotion, x: Array, stats: Stats) -> Array:
-    """q of the same steps on the closed forms, in the coordinates that the run changed to."""
-    found, times = [], _times(tree)
-    found.append(equations.explicit.at(x[: equations.m], x[equations.m :]).q)
-    coming = list(stats.repartitions)
-    for t, end in zip(times[:-1].tolist(), times[1:].tolist(), strict=True):
-        refined = any(t0 < 0.5 * (t + end) < t1 for t0, t1 in stats.refined)
-        while coming and coming[0][0] < end - LATE * tree.step:
-            when, names = coming.pop(0)
-            if when > t:  # within a step with error control
-                t, x = when, _refined(equations, x, t, when)
-            equations, x = _in_other(tree, equations, x, names)
-        f = equations
-        x = _refined(f, x, t, end) if refined else rk4_step(f, t, x, end - t, f(t, x))
-        found.append(equations.explicit.at(x[: equations.m], x[equations.m :]).q)
-    return np.array(found)
+def _floor_steps(tree: Tree, equations: EquationsOfMotion, x: Array, stats: Stats) -> Array:
+    """q of the run's steps on the closed forms, in the coordinates that it changed to."""
 
+    def other(f: EquationsOfMotion, x: Array, names: Sequence[str]) -> tuple[EquationsOfMotion, Array]:
+        return _in_other(tree, f, x, names)
 
-def _refined(f: EquationsOfMotion, x: Array, t: float, end: float) -> Array:
-    """The state at the end of steps with the run's error control."""
-    times = np.array([t, end])
-    return next(adaptive("DOP853", f, x, times, REFINED_RTOL, REFINED_ATOL))
+    return np.array(list(same_steps(equations, x, _times(tree), stats, other)))
 
 
 def _in_other(

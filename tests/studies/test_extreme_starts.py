@@ -4,7 +4,7 @@ import pytest
 
 from robust_gcp.studies.stability import extreme_starts
 from robust_gcp.studies.stability.extreme_starts import draw_linkages, grashof
-from robust_gcp.studies.stability.judge import judge_all
+from robust_gcp.studies.stability.judge import judge, judge_all
 
 
 @pytest.mark.parametrize(
@@ -44,3 +44,10 @@ def test_drawing_covers_every_class():
 def test_grashof_classes(lengths, name):
     # shortest + longest against the sum of the others; then by the place of the shortest
     assert grashof(lengths) == name
+
+
+@pytest.mark.parametrize("number", [95, 569, 777])
+def test_a_linkage_beside_its_dead_point_is_judged_by_its_own_steps(number: int) -> None:
+    """Some of them were taken with error control, or further than a step of fixed length is let pass."""
+    (cell,) = judge(draw_linkages(number + 1, 7)[number])
+    assert cell.verdict == "right", cell.reason

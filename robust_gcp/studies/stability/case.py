@@ -17,6 +17,7 @@ from ...dynamics.equations import Torque
 from ...maps.choice import Method
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
+from ...simulation.stats import Stats
 
 Verdict = Literal["right", "coarse", "stopped", "wrong"]
 Start = tuple[Mechanism, Array, Array]
@@ -57,8 +58,8 @@ class Setting:
         return stepper if self.method == "bridge" else f"{stepper} {self.method}"
 
 
-Allowed = float | Callable[[Setting], float]
-"""A bound, or one that depends on the column, such as C h⁴."""
+Allowed = float | Callable[[Setting, Stats], float]
+"""A bound, or one that depends on the column, such as C h⁴, and on the steps that the run took."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ class Case:
     # (t) -> q (len(t), nq), or None: the truth. None: errors are found by a second run, with half the step or
     # a hundredth of the tolerances (self-convergence)
     reference: Callable[[Array], Array] | None = None
-    energy_allowed: Allowed | None = None  # largest |energy error|, relative to `energy_scale`
+    energy_allowed: float | None = None  # largest |energy error|, relative to `energy_scale`
     energy_scale: float | None = None  # J; None: the range of the kinetic energy over the run
     closure_allowed: float = 1e-9  # largest max |φ| in characteristic lengths of the mechanism
     crossings: int | None = None  # how many must be logged; None: any number

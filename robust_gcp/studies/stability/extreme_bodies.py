@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...examples.linkages import four_bar, swinging_four_bar
+from ...simulation.stats import Stats
 from .case import Case, Families, Start, at_rest, family, row
 from .extreme_tools import (
     ANTIPARALLELOGRAM,
@@ -134,6 +135,11 @@ def units(quick: bool) -> Iterator[Case]:
             yield _scaled(name, motion, scale)
 
 
+def _slower(stats: Stats, time: float) -> Stats:
+    """The same with `time` seconds as one."""
+    return replace(stats, refined=[(begun / time, end / time) for begun, end in stats.refined])
+
+
 def _scaled(name: str, motion: Motion, scale: tuple[float, float, float]) -> Case:
     """Lengths, masses and times multiplied; gravity with them."""
     length, mass, time = scale
@@ -146,7 +152,7 @@ def _scaled(name: str, motion: Motion, scale: tuple[float, float, float]) -> Cas
         small.build,
         time,
         columns(time, (200,), ()),
-        lambda setting: truth.allowed(columns(1.0, (200,), ())[0]),
+        lambda setting, stats: truth.allowed(columns(1.0, (200,), ())[0], _slower(stats, time)),
         lambda t: truth.exact(t / time),
         closure_allowed=1e-12,
         mode_kept=motion.kept,

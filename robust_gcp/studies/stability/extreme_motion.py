@@ -126,7 +126,7 @@ def long_runs(quick: bool) -> Iterator[Case]:
         motion.build,
         count * step,
         (Setting(step=step, name="RK4"),),
-        lambda setting: 1.1 * floor() + least,
+        lambda setting, stats: 1.1 * floor() + least,
         exact,
         energy_allowed=1e-7 * max(1.0, count / 1e5),
         mode_kept=motion.kept,

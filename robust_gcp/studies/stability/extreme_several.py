@@ -14,6 +14,7 @@ from ...examples.families import four_bars
 from ...mechanism.couplings import CouplingClosure
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
+from ...simulation.stats import Stats
 from ..stepping import stepped
 from ..work_precision.reduced import Reduced
 from ..work_precision.references import integrate
@@ -108,8 +109,7 @@ def _row(
     def exact(count: int) -> Array:
         return integrate(reduced, np.linspace(0.0, duration, count), rtol=1e-12, atol=1e-13)[1]
 
-    @cache
-    def allowed(setting: Setting) -> float:
+    def allowed(setting: Setting, stats: Stats) -> float:
         times = setting.step * np.arange(round(duration / setting.step) + 1)
         found = _stepped(reduced, reduced.x0, times)
         moved = _stepped(reduced, reduced.x0 + NUDGE * np.maximum(1.0, np.abs(reduced.x0)), times)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -11,13 +12,17 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from ...dynamics.problem import set_out
 from ...errors import RobustGcpError
 from ...examples.linkages import four_bar
+from ...maps.choice import MapChoice
 from ...maps.closed_form import FourBar
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ...simulation.simulate import simulate
+from ...simulation.stats import Stats
 from ...simulation.trajectory import Trajectory
+from ..same_steps import same_steps
 from .case import Case, Setting, Start, row
 
 CHANGE_POINT = (4.0, 2.0, 3.0, 3.0)
@@ -34,6 +39,9 @@ SENSITIVE = 10.0
 ROUNDINGS = 1000.0
 """Times ε and the ratio of lengths: φ is rounded at the longest link, a short one turns by as much more.
 Newton stops at 9 ε; at the edge of a zone, with a conditioning of 0.05, G errs by 180 ε, γ'' by 3600 ε."""
+
+LOOSE = 10.0
+"""Times the tolerances of steps with error control, which the run chooses by itself."""
 
 LEAST = 1e-11
 """rad: an error below is rounding."""
@@ -115,32 +123,38 @@ class Truth:
             q[: len(known.q)] = known.q[: len(t)]
         return q
 
-    def floor(self, setting: Setting) -> float:
-        """Largest error of the judged stepper on the closed form, rad; NaN where it does not arrive."""
-        found = self._stepped(setting, 0.0)
-        if found is None or len(found.t) < 2:
-            return float("nan")
-        return float(np.abs(found.q - self.exact(found.t)).max())
+    def allowed(self, setting: Setting, stats: Stats) -> float:
+        """What the run's steps come to on the closed form and a tenth, what rounding does to them; rounding.
 
-    def sensitivity(self, setting: Setting) -> float:
-        """How far the nudge moves the motion, rad."""
-        plain, moved = self._stepped(setting, 0.0), self._stepped(setting, NUDGE)
-        if plain is None or moved is None:
+        Where steps are chosen by error control they may be others: ten times as much for an adaptive
+        stepper, ten times the tolerance where fixed steps went over to it. 0 where there are none.
+        """
+        found, moved = (self._steps(setting, stats, nudge) for nudge in (0.0, NUDGE))
+        if found is None:
             return 0.0
-        n = min(len(plain.q), len(moved.q))
-        return float(np.abs(plain.q[:n] - moved.q[:n]).max(initial=0.0))
-
-    def allowed(self, setting: Setting) -> float:
-        """The floor and a tenth (ten floors for adaptive steppers, which choose other steps), rounding."""
-        floor = self.floor(setting)
+        t, q = found
+        floor = float(np.abs(q - self.exact(t)).max())
         if not np.isfinite(floor):
             return 0.0
+        n = 0 if moved is None else min(len(q), len(moved[1]))
+        sensitivity = 0.0 if moved is None else float(np.abs(q[:n] - moved[1][:n]).max(initial=0.0))
         share = 1.1 if setting.stepper == "rk4" else 10.0
         least = LEAST + ROUNDINGS * rounding(self.motion.lengths)
-        return share * floor + SENSITIVE * self.sensitivity(setting) + least
+        return share * floor + SENSITIVE * sensitivity + least
 
-    def _stepped(self, setting: Setting, nudge: float) -> Trajectory | None:
-        return self._simulate(nudge, self.duration, **setting.options)
+    def _steps(self, setting: Setting, stats: Stats, nudge: float) -> tuple[Array, Array] | None:
+        """Times and q of the same steps on the closed form, as far as they go."""
+        if setting.stepper != "rk4":
+            run = self._simulate(nudge, self.duration, **setting.options)
+            return None if run is None else (run.t, run.q)
+        q0, v0 = (self.motion.build(nudge) if nudge else self.start)[1:]
+        choice = MapChoice("closed_form", error_controlled=True)
+        times = setting.step * np.arange(round(self.duration / setting.step) + 1)
+        found: list[Array] = []
+        with contextlib.suppress(RobustGcpError):  # the motion is known as far as this
+            problem = set_out(self.start[0], q0, v0, mode=self.mode, choice=choice)
+            found.extend(same_steps(problem.equations, problem.x, times, stats, loose=LOOSE))
+        return (times[: len(found)], np.array(found)) if len(found) > 1 else None
 
     def _simulate(self, nudge: float, duration: float, **options: Any) -> Trajectory | None:
         """A run on the closed form, or what there is of one that stopped; made once."""

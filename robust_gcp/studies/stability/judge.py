@@ -16,7 +16,7 @@ from ...simulation.coarse import CoarseStepWarning
 from ...simulation.simulate import simulate
 from ...simulation.stability import StabilityWarning
 from ...simulation.trajectory import Trajectory
-from .case import Allowed, Case, Cell, Setting, Start
+from .case import Case, Cell, Setting, Start
 
 MOST_CHECKED = 2000
 """Outputs of a long run at which error, energy and closure are looked at."""
@@ -74,11 +74,6 @@ def judge_setting(case: Case, setting: Setting, start: Start) -> Cell:
 def judge_all(cases: Sequence[Case]) -> list[Cell]:
     """All cells of the cases, row by row, with a bar."""
     return [cell for case in along(cases, "stability") for cell in judge(case)]
-
-
-def bound(allowed: Allowed, setting: Setting) -> float:
-    """The bound of this column."""
-    return float(allowed(setting) if callable(allowed) else allowed)
 
 
 def _simulate(case: Case, setting: Setting, start: Start) -> Trajectory:
@@ -140,9 +135,10 @@ def _faults(cell: Cell, run: Trajectory, start: Start) -> list[str]:
                 cell.error = _converged(case, setting, run, start)
             except RobustGcpError as error:
                 return [f"no error known, the finer run stopped: {_spelled(error)}"]
-        faults += _over("error", cell.error, bound(case.allowed, setting))
+        allowed = case.allowed(setting, run.stats) if callable(case.allowed) else case.allowed
+        faults += _over("error", cell.error, allowed)
     if case.energy_allowed is not None:
-        faults += _over("energy drift", cell.energy_drift, bound(case.energy_allowed, setting))
+        faults += _over("energy drift", cell.energy_drift, case.energy_allowed)
     faults += _over("closure error", cell.closure_error, case.closure_allowed)
     if case.crossings is not None and cell.crossings != case.crossings:
         faults.append(f"{cell.crossings} crossings logged instead of {case.crossings}")

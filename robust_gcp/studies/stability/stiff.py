@@ -14,6 +14,7 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ...simulation.derivatives import linearise
 from ...simulation.simulate import simulate
+from ...simulation.stats import Stats
 from .bound import KICK, System, systems
 from .case import Case, Families, Setting, Start, at_rest, family, row
 from .extreme_tools import EXACT
@@ -71,7 +72,7 @@ def _servo_case(name: str, servo: Servo, settings: Sequence[Setting]) -> Case:
     mechanism = driven(servo)
     floors = cache(servo.floor)
 
-    def allowed(setting: Setting) -> float:
+    def allowed(setting: Setting, stats: Stats) -> float:
         if setting.stepper != "rk4":
             return WITHIN * setting.rtol
         floor = floors(setting.step, duration)
@@ -169,7 +170,7 @@ def _across_case(name: str, mechanism: Mechanism) -> Case:
         run = simulate(mechanism, duration=duration, **setting.options | {"method": "closed_form"})
         return float(np.abs(run.q - exact(run.t)).max())
 
-    def allowed(setting: Setting) -> float:
+    def allowed(setting: Setting, stats: Stats) -> float:
         lost = CLASSICAL_LOSS if setting.method == "classical" else 1e-10
         return 3.0 * floor(setting) + (lost if setting.stepper == "rk4" else WITHIN * setting.rtol)
 
