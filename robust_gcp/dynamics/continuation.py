@@ -173,17 +173,14 @@ def _mirrored(half: int) -> Array:
 def circle(rates: ClusterRates, q: Array, center: Array, radius: Array, u: Array) -> Circle:
     """Follow the mode around from the real configuration q at center + radius.
 
-    u̇ is zero in the values: A_y is ∂g/∂y.
-
     Raises
     ------
     NotCertifiedError
         Where Newton leaves the mode.
     """
-    m, nv = len(center), rates.cluster.loops.nv
-    place, still = Place(rates, q), np.zeros(nv)
+    place, still = Place(rates, q), np.zeros(rates.cluster.loops.nv)
     here = place.move(still)
-    values = [rates.at(here, u, np.zeros(m))]
+    values = [rates.at(here, u)]
     turns = np.exp(1j * np.pi * np.arange(HALF + 1) / HALF)
     for before, after in pairwise(turns.tolist()):
         last, step = values[-1], (after - before) * radius
@@ -198,5 +195,5 @@ def circle(rates: ClusterRates, q: Array, center: Array, radius: Array, u: Array
             here = place.move(dv)
             if residual < CLOSED or first < 1e-15:
                 break
-        values.append(rates.at(here, u, np.zeros(m)))
+        values.append(rates.at(here, u))
     return Circle(center, radius, values, here)

@@ -24,6 +24,7 @@ from ..mechanism.tree import Array
 from .differences import differences
 from .equations import CheckedTorque, Evaluation, torque_function
 from .loads import Torques, Wrench, one_torque
+from .map_rates import MapRates
 from .mode_rates import ModeRates
 from .problem import Problem, set_out
 from .reduced_inertia import ReducedInertia
@@ -134,9 +135,11 @@ class PointDerivatives:
     def _at(self, t: float, now: Evaluation) -> Derivatives:
         mechanism, point = self.mechanism, now.point
         q, u = point.q, point.ydot
-        rates = self._mode.at(point, now.ydd)
+        rates = self._mode.at(point)
         G = rates.G
-        v, a = G @ u, G @ now.ydd + rates.g
+        v = G @ u
+        ydd = now.ydd if np.array_equal(G, point.G) else self._accelerations(q, v, now, rates)
+        a, A_y = G @ ydd + rates.g, rates.A_y + np.einsum("i,inj->nj", ydd, rates.bend)
         force = mechanism.tree.rnea(q, v, a).copy()
         if now.tau is not None:
             force -= now.tau
@@ -147,7 +150,7 @@ class PointDerivatives:
         bent = np.einsum("n,inj->ij", force, rates.bend)
         rest = np.hstack(
             [
-                -(bent + pulled_q @ G + pulled_v @ rates.V_y + G.T @ M @ rates.A_y),
+                -(bent + pulled_q @ G + pulled_v @ rates.V_y + G.T @ M @ A_y),
                 -(pulled_v @ G + G.T @ M @ rates.A_u),
                 G.T,
             ]
@@ -156,7 +159,14 @@ class PointDerivatives:
         found = self._inertia.solve(q, G, rest)
         if not np.all(np.isfinite(found)):
             raise NonFiniteError(f"the linearisation at y = {point.y} is not finite", point.y)
-        return Derivatives(now.ydd, found[:, :m], found[:, m : 2 * m], found[:, 2 * m :], G, rates.V_y)
+        return Derivatives(ydd, found[:, :m], found[:, m : 2 * m], found[:, 2 * m :], G, rates.V_y)
+
+    def _accelerations(self, q: Array, v: Array, now: Evaluation, rates: MapRates) -> Array:
+        """u̇ by Eq. (3) with a G and g that were found otherwise than the point's own."""
+        force = -self.mechanism.tree.rnea(q, v, rates.g)
+        if now.tau is not None:
+            force = force + now.tau
+        return self._inertia.solve(q, rates.G, rates.G.T @ force)
 
     def torque_slopes(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
         """∂τ/∂q and ∂τ/∂v of the user's torques, (nv, nv) each."""

@@ -1,10 +1,11 @@
 """Derivatives of G ẏ and G ÿ + g along a mode: how the explicit map bends.
 
-Along y_j, with u = ẏ and u̇ held, v = G u and a = G u̇ + g change by
+Along y_j, with u = ẏ held and at u̇ = 0, v = G u and a = g change by
 
     V_y = −K_d⁻¹ (∂φ̇/∂q G),  A_y = −K_d⁻¹ (∂φ̈/∂q G + ∂φ̈/∂v V_y),  A_u = −K_d⁻¹ (∂φ̈/∂v G)
 
-in the dependent components, and not in the others. ∂G_i/∂y is V_y at v = G_i.
+in the dependent components, and not in the others. ∂G_i/∂y is V_y at v = G_i; Σ u̇_i ∂G_i/∂y comes on top of
+A_y.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 from ..errors import NotCertifiedError
 from ..mechanism.closure_rates import ClosureRates, Placement
 from ..mechanism.clusters import LoopCluster
+from ..mechanism.extended import ExtendedClosures
 from ..mechanism.tree import Array
 
 LOST = 1e-4
@@ -24,6 +26,9 @@ LOST = 1e-4
 
 SLOW = 1e-3
 """Speed without units above which what is linear in v is taken from v itself, 1/s."""
+
+MAX_POLISH = 4
+"""Newton steps in extended precision; the second one is rounding already."""
 
 
 @dataclass
@@ -38,7 +43,7 @@ class MapRates:
     bend : ndarray (m, nv, m)
         bend[i][:, j] = ∂G_i/∂y_j.
     V_y, A_y, A_u : ndarray (nv, m)
-        ∂v/∂y, ∂a/∂y and ∂a/∂u; ∂v/∂u is G.
+        ∂v/∂y, ∂a/∂y at u̇ = 0, and ∂a/∂u; ∂v/∂u is G.
     """
 
     G: Array
@@ -63,6 +68,7 @@ class ClusterRates:
         self.dependent = np.setdiff1d(np.arange(cluster.loops.nv), cluster.chosen)
         self.scale = cluster.loops.column_scale
         self._still = np.zeros(cluster.loops.nv)
+        self._extended = ExtendedClosures(self.rates)
 
     def across(self, place: Placement, G: Array) -> Array:
         """The way in y, of unit length along the mode without units, in which K becomes regular fastest.
@@ -95,8 +101,37 @@ class ClusterRates:
         here = self.rates.at(place, self._still, self._still)
         return self._solver(here.x_q)(here.x), float(np.abs(here.x).max(initial=0.0))
 
-    def at(self, place: Placement, u: Array, udot: Array) -> MapRates:
-        """The map's rates at a closed placement, (m,) velocities and accelerations.
+    def closed(self, q: Array) -> Array:
+        """q with its dependent joints closed as well as its own rounding lets them.
+
+        Raises
+        ------
+        NotCertifiedError
+            Where K_d is singular.
+        """
+        tree, size = self.cluster.loops.tree, np.inf
+        for _ in range(MAX_POLISH):
+            K = self.rates.at(self.rates.real(q), self._still, self._still).x_q
+            dv = self._solver(K)(self._extended.residual(q).astype(float))
+            before, size = size, float(np.abs(dv / self.scale).max(initial=0.0))
+            if not size < 0.5 * before:
+                break
+            q = tree.integrate(q, dv)
+        return q
+
+    def reopened(self, q: Array, rows: Array) -> Array:
+        """q where φ would be computed with these errors, dimensionless by rows.
+
+        Raises
+        ------
+        NotCertifiedError
+            Where K_d is singular.
+        """
+        K = self.rates.at(self.rates.real(q), self._still, self._still).x_q
+        return self.cluster.loops.tree.integrate(q, self._solver(K)(rows))
+
+    def at(self, place: Placement, u: Array) -> MapRates:
+        """The map's rates at a closed placement, (m,) velocities.
 
         Raises
         ------
@@ -108,9 +143,9 @@ class ClusterRates:
         solved = self._solver(K)
         G = solved(K[:, self.independent])
         G[self.independent] = np.eye(m)
-        return self.along(place, u, udot, G, solved(rates.at(place, G @ u, still).dd))
+        return self.along(place, u, G, solved(rates.at(place, G @ u, still).dd))
 
-    def along(self, place: Placement, u: Array, udot: Array, G: Array, g: Array) -> MapRates:
+    def along(self, place: Placement, u: Array, G: Array, g: Array) -> MapRates:
         """The same where G and g are known.
 
         Raises
@@ -119,7 +154,7 @@ class ClusterRates:
             Where K_d is singular.
         """
         rates, still = self.rates, self._still
-        here = rates.at(place, G @ u, G @ udot + g)
+        here = rates.at(place, G @ u, g)
         solved = self._solver(here.x_q)
         if len(u) == 1 and abs(u[0]) > SLOW * self.scale[self.independent[0]]:
             bend = solved(here.d_q @ G)[None] / u[0]  # it is linear in v

@@ -18,6 +18,7 @@ from ..maps.explicit import ExplicitMap
 from ..maps.point import Point
 from ..maps.start import Start
 from ..mechanism.closure_rates import Placement
+from ..mechanism.extended import EPS
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .continuation import Circle, circle
@@ -26,11 +27,13 @@ from .map_rates import ClusterRates, MapRates
 ZONE = 0.05
 """Conditioning of K_d, as `Point` has it, below which rounding is looked at."""
 
-STEADY, UNSTEADY = 3e-12, 3e-11
-"""Change of a cluster's rates, where q is rounded otherwise, up to which they are taken where they are; and
-from which they are not even where no circle serves, as on modes that veer."""
+STEADY, UNSTEADY = 2e-11, 2e-10
+"""Change of a cluster's rates, where q and φ are rounded otherwise, up to which they are taken where they
+are; and from which they are not even where no circle serves, as on modes that veer. The error is a fifth of
+it or less."""
 
-ROUNDING = 8.0 * float(np.finfo(float).eps)
+ROUNDINGS, DOUBLE = 8.0, float(np.finfo(float).eps)
+"""How many roundings q and φ are taken to be off by, and their size in q; `extended.EPS` in φ."""
 
 RADII = (0.8, 0.5, 0.3, 0.15)
 """Of circles that are tried, dimensionless joint units along the mode."""
@@ -80,7 +83,7 @@ class ModeRates:
         self._clusters = cluster_rates(self._mechanism)
         self._known: list[list[_Around]] = [[] for _ in self._clusters]
 
-    def at(self, point: Point, udot: Array) -> MapRates:
+    def at(self, point: Point) -> MapRates:
         """At a point of the mode.
 
         Raises
@@ -99,35 +102,31 @@ class ModeRates:
             if not len(inputs):
                 continue
             here = np.ix_(own, inputs)
-            found = self._of(rates, point, u[inputs], udot[inputs])
+            found = self._of(rates, point, u[inputs])
             G[here], g[own] = found.G, found.g
             bend[np.ix_(inputs, own, inputs)] = found.bend
             V_y[here], A_y[here], A_u[here] = found.V_y, found.A_y, found.A_u
         return MapRates(G, g, bend, V_y, A_y, A_u)
 
-    def _of(self, rates: ClusterRates, point: Point, u: Array, udot: Array) -> MapRates:
+    def _of(self, rates: ClusterRates, point: Point, u: Array) -> MapRates:
         """Those of one cluster."""
-        place = rates.rates.real(point.q[rates.cluster.iq])
+        q = point.q[rates.cluster.iq]
         cluster = rates.cluster
         G, g = point.G[np.ix_(cluster.iv, cluster.inputs)], point.g[cluster.iv]
         if point.conditioning >= ZONE:
-            return rates.along(place, u, udot, G, g)
+            return rates.along(rates.rates.real(q), u, G, g)
         found = self._remembered(rates, point, u, G)
-        if found is None:
-            change = _rounding(rates, point.q[cluster.iq])
-            if change < STEADY:
-                return rates.along(place, u, udot, G, g)
-            try:
-                found = self._around(rates, point, place, u, G)
-            except NotCertifiedError:
-                if change >= UNSTEADY:
-                    raise
-                return rates.at(place, u, udot)
-        # on the circle u̇ = 0; ∂(G u̇)/∂y is linear in it
-        return MapRates(
-            found.G, found.g, found.bend, found.V_y,
-            found.A_y + np.einsum("i,inj->nj", udot, found.bend), found.A_u,
-        )  # fmt: skip
+        if found is not None:
+            return found
+        q, change = _rounding(rates, q)
+        if change < STEADY:
+            return rates.at(rates.rates.real(q), u)
+        try:
+            return self._around(rates, point, rates.rates.real(q), u, G)
+        except NotCertifiedError:
+            if change >= UNSTEADY:
+                raise
+            return rates.at(rates.rates.real(q), u)
 
     def _remembered(self, rates: ClusterRates, point: Point, u: Array, G: Array) -> MapRates | None:
         """From a circle that was made before, for a cluster of mobility 1."""
@@ -162,12 +161,13 @@ class ModeRates:
     def _circle(self, rates: ClusterRates, point: Point, place: Placement, u: Array, G: Array) -> Circle:
         """The best certified circle about a point; G is what the map has there."""
         inputs = rates.cluster.inputs
+        walks = [_Walk(self._start, point.y, inputs) for _ in range(2)]
         best: Circle | None = None
         reason = "none could be followed"
         for size in RADII:
             radius = size * rates.across(place, G)
             try:
-                near, far = (self._walked(point, inputs, radius * side) for side in (1.0, -1.0))
+                near, far = (walk.to(radius * side) for walk, side in zip(walks, (1.0, -1.0), strict=True))
                 made = circle(rates, near.q[rates.cluster.iq], point.y[inputs], radius, u)
             except SimulationError as error:
                 reason = str(error)
@@ -192,24 +192,50 @@ class ModeRates:
             )
         return best
 
-    def _walked(self, point: Point, inputs: NDArray[np.int64], radius: Array) -> Point:
-        """The mode's real point beside this one, by a map of its own from the start."""
-        goal = point.y.copy()
-        goal[inputs] += radius
-        try:
-            return self._led(MapChoice().over(self._start), point.y, goal)
-        except ObstacleError:  # no bridge, or coordinates that serve poorly: the true curve
-            return self._led(MapChoice(error_controlled=True).over(self._start), point.y, goal)
 
-    def _led(self, explicit: ExplicitMap, *goals: Array) -> Point:
-        """The point at the last goal, reached by way of the others in small steps."""
-        mechanism = self._mechanism
-        unit, here, found = mechanism.units[mechanism.iv_independent], explicit.anchor.y, explicit.anchor
-        for goal in goals:
-            count = max(1, int(np.ceil(np.abs((goal - here) / unit).max() / STRIDE)))
+class _Walk:
+    """The mode's real points to one side of a place, by a map of its own from the start.
+
+    Parameters
+    ----------
+    start : Start
+    place : ndarray (m,)
+        y there, which it goes by.
+    inputs : ndarray of int
+        Those that change from there.
+    """
+
+    def __init__(self, start: Start, place: Array, inputs: NDArray[np.int64]) -> None:
+        self._start, self._place, self._inputs = start, place, inputs
+        self._choice = MapChoice()
+        self._explicit: ExplicitMap | None = None
+
+    def to(self, change: Array) -> Point:
+        """The point where the inputs have changed by so much."""
+        goal = self._place.copy()
+        goal[self._inputs] += change
+        try:
+            return self._led(goal)
+        except ObstacleError:  # no bridge, or coordinates that serve poorly: the true curve
+            if self._choice.error_controlled:
+                raise
+            self._choice = MapChoice(error_controlled=True)
+            return self._led(goal)
+
+    def _led(self, goal: Array) -> Point:
+        """The point at the goal, in small steps from where it was last."""
+        explicit, self._explicit = self._explicit, None  # none after a failure
+        goals = [goal] if explicit is not None else [self._place, goal]
+        if explicit is None:
+            explicit = self._choice.over(self._start)
+        mechanism, here, found = self._start.mechanism, explicit.anchor.y, explicit.anchor
+        unit = mechanism.units[mechanism.iv_independent]
+        for there in goals:
+            count = max(1, int(np.ceil(np.abs((there - here) / unit).max() / STRIDE)))
             for share in np.arange(1, count + 1) / count:
-                found = explicit.at(here + share * (goal - here), np.zeros(mechanism.m))
-            here = goal
+                found = explicit.at(here + share * (there - here), np.zeros(mechanism.m))
+            here = there
+        self._explicit = explicit
         return found
 
 
@@ -221,21 +247,30 @@ def cluster_rates(mechanism: Mechanism) -> list[ClusterRates]:
     return made
 
 
-def _rounding(rates: ClusterRates, q: Array) -> float:
-    """How much G and its two derivatives change, without units, where q is rounded otherwise."""
+def _rounding(rates: ClusterRates, q: Array) -> tuple[Array, float]:
+    """q closed anew, and how much G and its two derivatives change there, without units.
+
+    Where q, and what φ was when q was closed, are rounded otherwise.
+    """
     scale, tree = rates.scale, rates.cluster.loops.tree
-    unit, still = scale[rates.independent], np.zeros(len(rates.independent))
-    found: list[Array] = []
+    unit = scale[rates.independent]
+
+    def parts(at: Array) -> Array:
+        found = rates.at(rates.rates.real(at), unit)
+        return np.array((found.G, *found.bend, found.A_y)) / scale[:, None] * unit
+
     try:
-        for seed in range(3):
-            size = ROUNDING * np.random.default_rng(seed).choice([-1.0, 1.0], len(scale)) * min(seed, 1)
-            at = rates.at(rates.rates.real(tree.integrate(q, size * scale)), unit, still)
-            parts = (at.G, *at.bend, at.A_y)
-            found.append(np.array(parts) / scale[:, None] * unit)
+        q = rates.closed(q)
+        here, change = parts(q), 0.0
+        for seed in (1, 2):
+            sign = np.random.default_rng(seed).choice([-1.0, 1.0], len(scale) + rates.cluster.loops.nc)
+            moved = rates.reopened(q, ROUNDINGS * EPS * sign[len(scale) :])
+            moved = tree.integrate(moved, ROUNDINGS * DOUBLE * sign[: len(scale)] * scale)
+            off = np.abs(here - parts(moved)) / (1.0 + np.abs(here))
+            change = max(change, float(off.max()))
     except NotCertifiedError:
-        return np.inf
-    here = found[0]
-    return max(float(np.max(np.abs(here - other) / (1.0 + np.abs(here)))) for other in found[1:])
+        return q, np.inf
+    return q, change
 
 
 def _apart(rates: ClusterRates, one: Array, other: Array) -> float:

@@ -15,6 +15,8 @@ from robust_gcp.examples.linkages import four_bar
 from robust_gcp.maps.closed_form import parallelogram_pendulum
 from robust_gcp.mechanism.closure_rates import ClosureRates
 from robust_gcp.mechanism.columns import Columns, with_simple_joints
+from robust_gcp.mechanism.extended import ExtendedClosures
+from robust_gcp.mechanism.loops import ClosedLoops
 from robust_gcp.mechanism.motions import Motions
 from robust_gcp.mechanism.tree import Tree
 from robust_gcp.studies.stability.truth import with_forces
@@ -307,6 +309,22 @@ class TestEveryKindOfJoint:
                 assert off(mine, exact) < 1e-11, (kind, name)
             exact = differences(lambda d, k=kind: vectors(still, d)[k].dd.ravel(), model.nv, 1e-2)
             assert off(np.moveaxis(found.dd_v, 1, 2).reshape(exact.shape), exact) < 1e-11
+
+    def test_closures_in_more_digits(self) -> None:
+        """Nothing is closed here: φ is large, and the same in both precisions."""
+        model = all_kinds()
+        rng, names = np.random.default_rng(3), []
+        for i, joint in enumerate((3, 7, 11, model.njoints - 1)):
+            place = pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3))
+            names.append(f"f{i}")
+            model.addFrame(pin.Frame(names[-1], joint, place, pin.FrameType.OP_FRAME))
+        closures = [rg.FrameClosure(*names[:2]), rg.RevoluteClosure(*names[2:], axis=(1.0, 2.0, 0.5))]
+        loops = ClosedLoops(model, [*closures, rg.CouplingClosure("j0", "j2", 0.7, 0.1, (0.3,))])
+        extended = ExtendedClosures(ClosureRates(loops))
+        q = pin.integrate(model, pin.neutral(model), rng.normal(size=model.nv))
+        found = extended.residual(q)
+        assert found.dtype == np.longdouble and np.abs(found).min() > 1e-3
+        np.testing.assert_allclose(found.astype(float), loops.phi(q) / loops.row_scale, rtol=0, atol=2e-15)
 
     def test_ellipsoids_are_refused_by_name(self) -> None:
         model = pin.Model()

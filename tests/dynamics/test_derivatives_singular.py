@@ -11,10 +11,12 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
+from robust_gcp.dynamics.map_rates import ClusterRates
 from robust_gcp.dynamics.problem import set_out
 from robust_gcp.examples.families import four_bars, scissor_lift
 from robust_gcp.examples.linkages import four_bar, swinging_four_bar
 from robust_gcp.maps.closed_form import parallelogram_pendulum
+from robust_gcp.mechanism.extended import EPS
 
 from ..exact import ONE, Exact, pi
 from ..simulation.test_floating import CHANGE_POINT
@@ -159,10 +161,42 @@ def test_modes_that_pass_each_other(gap: float, beside: float) -> None:
     assert max(beside_a_change_point(gap, beside)) < 1e-10
 
 
-@pytest.mark.parametrize("gap", (1e-6, 1e-7, 1e-8))
+@pytest.mark.parametrize("gap", (1e-6, 1e-7, 1e-8, 1e-9))
 @pytest.mark.parametrize("beside", (-0.3, -0.1, 0.06, 0.2))
 def test_beside_gaps_that_can_hardly_be_seen(gap: float, beside: float) -> None:
     assert max(beside_a_change_point(gap, beside)) < 1e-9
+
+
+@pytest.mark.skipif(EPS > 1e-18, reason="no wider floating-point type here")
+def test_q_is_closed_to_its_own_rounding() -> None:
+    """Not to ε over the conditioning of K_d, which is 2e-4 here."""
+    mech = four_bar(4.0, 2.0, 3.0, 3.0 + 1e-7, y=np.pi + 1e-4)
+    exact = Exact(mech).closed([Decimal(float(x)) for x in mech.home], [Decimal(float(mech.home[0]))])
+
+    def off(q: Array) -> float:
+        return max(abs(float(a - Decimal(float(b)))) for a, b in zip(exact, q, strict=True))
+
+    rates = ClusterRates(mech.clusters[0])
+    apart = mech.home + 1e-12 * np.array([0.0, 1.0, -1.0])
+    assert off(apart) > 5e-13 and off(rates.closed(apart)) < 5e-16
+
+
+RIGHT = {1e-5: 3, 1e-6: 3, 1e-7: 2, 1e-8: 1, 1e-9: 0}
+"""How many of the places below a gap at least leaves derivatives, where φ has more digits than q."""
+
+
+@pytest.mark.parametrize("gap", RIGHT)
+def test_right_to_nine_digits_or_refused(gap: float) -> None:
+    """Nearer than the gap's root K_d says less at every place, and its inverse stands in them cubed."""
+    right = 0
+    for beside in (1e-2, -1e-3, 1e-4, -1e-4, -1e-6):
+        try:
+            error = max(beside_a_change_point(gap, beside))
+        except rg.NotCertifiedError:
+            continue
+        assert error < 1e-9, f"{beside} beside: {error:.1e}"
+        right += 1
+    assert right >= RIGHT[gap] or EPS > 1e-18
 
 
 def test_where_rounding_has_eaten_the_digits() -> None:
