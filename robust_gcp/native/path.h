@@ -133,11 +133,13 @@ class Path {
         const double allowed =
             CORRECTION * after.distance + ROUNDING / std::max(conditioning, 1e-12);
         if (n > 0 && after.correction > 0.0 && after.correction > allowed) return false;
-        const bool watched = !(conditioning >= POOR && before.conditioning() >= POOR);
         const double *a = before.det(), *b = after.det();
+        int changed = 0;  // of all blocks at once, as vectors: none is left early
+        for (int i = 0; i < n; ++i) changed |= !(a[i] * b[i] > 0.0);
+        if (changed) return false;
+        if (conditioning >= POOR && before.conditioning() >= POOR) return true;
         for (int i = 0; i < n; ++i) {
-            if (!(a[i] * b[i] > 0.0)) return false;
-            if (!watched || std::min(before.rcond()[i], after.rcond()[i]) >= POOR) continue;
+            if (std::min(before.rcond()[i], after.rcond()[i]) >= POOR) continue;
             const double ratio = b[i] / a[i];
             if (!(1.0 / DETERMINANT_RATIO < ratio && ratio < DETERMINANT_RATIO)) return false;
         }
@@ -158,17 +160,22 @@ class Path {
         for (const Part& part : parts.list) product(part, point, u, v);
     }
 
-    // max |g| / (max |v|)² of a part, in radians and lengths; 0 at rest. See simulation/evenness.py.
-    double unevenness(const Part& part, Point& point) const {
+    // Whether max |g| / (max |v|)² of a part exceeds a bound, in radians and lengths; not at rest. See
+    // simulation/evenness.py.
+    bool uneven(const Part& part, Point& point, double bound) const {
         const double *G = point.G(), *g = point.g(), *u = point.ydot();
-        double bent = 0.0, fastest = 0.0;
+        const int m = layout.m;
+        double bent[2] = {}, fastest[2] = {};  // of every other velocity: two chains that do not wait
+        int chain = 0;
         for (int i : part.velocities) {
             double v = 0.0;
-            for (int k : part.inputs) v += G[i * layout.m + k] * u[k];
-            bent = std::max(bent, std::fabs(g[i] * turn_[i]));
-            fastest = std::max(fastest, std::fabs(v * turn_[i]));
+            for (int k : part.inputs) v += G[i * m + k] * u[k];
+            bent[chain] = std::max(bent[chain], std::fabs(g[i] * turn_[i]));
+            fastest[chain] = std::max(fastest[chain], std::fabs(v * turn_[i]));
+            chain = 1 - chain;
         }
-        return fastest > 0.0 ? bent / (fastest * fastest) : 0.0;
+        const double most = std::max(fastest[0], fastest[1]);
+        return most > 0.0 && std::max(bent[0], bent[1]) > bound * most * most;
     }
 
     // ẏ of joints on groups, whose y is w in a chart; of others it is u.

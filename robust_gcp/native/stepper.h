@@ -139,7 +139,7 @@ class alignas(CACHE_LINE) Stepper {
                 for (int i : part.velocities)
                     if (std::abs(G[i * m + j]) * r.sizes[i] > r.limit * own) return true;
             }
-            if (even >= 0.0 && path.unevenness(part, point) > even) return true;
+            if (even >= 0.0 && path.uneven(part, point, even)) return true;
         }
         return false;
     }
