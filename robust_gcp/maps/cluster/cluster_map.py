@@ -235,23 +235,21 @@ class ClusterMap(Charted):
         tracker.careful = self.error_controlled
         wanted = chart_coordinates(self.mechanism, space, y)
         here = quality(tracker.anchor, cluster.chosen)
-        if here < CHANGE:
-            obstacle = Obstacle(
-                "toggle", tracker.anchor.x, 0.1, np.nan, "the independent components turn back here"
-            )
-            if not self.error_controlled:
-                raise ObstacleError(obstacle)
-            if here < LAST_RESORT:
-                raise refusal(self.mechanism, cluster, obstacle, self.anchor)
+        if here < CHANGE and not (self.error_controlled and here >= LAST_RESORT):
+            why = "the independent components turn back here"
+            raise self._stop(cluster, Obstacle("toggle", tracker.anchor.x, 0.1, np.nan, why))
         try:
             return tracker.at(wanted)
         except (ObstacleError, LostError, np.linalg.LinAlgError) as stop:
             if isinstance(stop, ObstacleError) and not self.error_controlled:
                 raise
-            obstacle = what_stopped(cluster, tracker, stop)
-            if not self.error_controlled:
-                raise ObstacleError(obstacle) from stop
-            raise refusal(self.mechanism, cluster, obstacle, self.anchor) from stop
+            raise self._stop(cluster, what_stopped(cluster, tracker, stop)) from stop
+
+    def _stop(self, cluster: LoopCluster, obstacle: Obstacle) -> SimulationError:
+        """What ends the motion there, or asks for error control."""
+        if self.error_controlled:
+            return refusal(self.mechanism, cluster, obstacle, self.anchor)
+        return ObstacleError(obstacle)
 
     def require_closed(self, q: Array, when: str) -> None:
         """All rows of φ at an output, not only those that determine the dependent joints.
@@ -288,8 +286,7 @@ class ClusterMap(Charted):
 
         Where they are given it is in a zone, unless said otherwise: they know then what was met.
         """
-        self.anchor = self._own = anchor
-        self._arriving = trackers
+        self.anchor, self._own, self._arriving = anchor, anchor, trackers
         self._in_zone = trackers is not None if in_zone is None else in_zone
         for tracker in self._trackers or []:
             tracker.current, tracker.touched = None, []
