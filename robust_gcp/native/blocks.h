@@ -98,6 +98,28 @@ class Blocks {
         return size;
     }
 
+    // The same of several right sides, one after the other (count, rows), side by side in u (nv, count).
+    void solve(const double* rhs, std::size_t rows, double* u, int count) {
+        for (Block& b : blocks_) {
+            many_.resize(static_cast<std::size_t>(b.n * count));
+            double* x = many_.data();
+            for (int i = 0; i < b.n; ++i)
+                for (int c = 0; c < count; ++c) x[i * count + c] = rhs[static_cast<std::size_t>(c) * rows + b.rows[i]];
+            for (const Link& link : b.known)
+                for (int c = 0; c < count; ++c)
+                    x[link.row * count + c] -= values_[link.entry] * u[link.other * count + c];
+            if (b.n > 2) b.lu.solve(x, count);
+            for (int c = 0; c < count; ++c) {
+                const double first = x[c], second = b.n == 2 ? x[count + c] : 0.0;
+                if (b.n == 1) x[c] *= b.inverse;
+                if (b.n != 2) continue;
+                x[c] = (b.e[3] * first - b.e[1] * second) * b.inverse;
+                x[count + c] = (b.e[0] * second - b.e[2] * first) * b.inverse;
+            }
+            for (int i = 0; i < b.n; ++i) std::copy(x + i * count, x + (i + 1) * count, u + b.columns[i] * count);
+        }
+    }
+
     // λ = K_d⁻ᵀ rhs by row, rhs by velocity, which is overwritten.
     void solve_transposed(double* rhs, double* lambda) {
         for (std::size_t at = blocks_.size(); at-- > 0;) {
@@ -230,7 +252,7 @@ class Blocks {
 
     Cells<double>& values_;
     std::vector<Block> blocks_;
-    Cells<double> left_, sizes_, changes_;
+    Cells<double> left_, sizes_, changes_, many_;
     int inputs_ = 0, widest_ = 1;
 };
 

@@ -48,12 +48,13 @@ inline Moved direction_changed(const Moved& n, const Change& c) {
 
 inline Moved operator-(const Moved& a, const Moved& b) { return {a.x - b.x, a.d - b.d, a.dd - b.dd}; }
 
-// Changes of the first and second rate of a · b.
-inline void product_changed(const Moved& a, const Moved& b, const Moved& da, const Moved& db, double w, double& d,
-                            double& dd) {
-    d += w * (dot(da.d, b.x) + dot(a.d, db.x) + dot(da.x, b.d) + dot(a.x, db.d));
-    dd += w * (dot(da.dd, b.x) + dot(a.dd, db.x) + dot(da.x, b.dd) + dot(a.x, db.dd) +
-               2.0 * (dot(da.d, b.d) + dot(a.d, db.d)));
+// Changes of the first and of the second rate of a · b.
+inline double rate_changed(const Moved& a, const Moved& b, const Moved& da, const Moved& db) {
+    return dot(da.d, b.x) + dot(a.d, db.x) + dot(da.x, b.d) + dot(a.x, db.d);
+}
+
+inline double second_rate_changed(const Moved& a, const Moved& b, const Moved& da, const Moved& db) {
+    return dot(da.dd, b.x) + dot(a.dd, db.x) + dot(da.x, b.dd) + dot(a.x, db.dd) + 2.0 * (dot(da.d, b.d) + dot(a.d, db.d));
 }
 
 // One closure at a point of a motion, in the world's axes.
@@ -81,28 +82,24 @@ class LoopMoved {
                                   direction_moved(chain.axes[second].turn(t.n), V[second], A[second])};
     }
 
-    // Changes of φ̇ and φ̈, by the description's number of each row.
-    void rows_changed(const Change* change, double* d, double* dd) const {
+    // Changes of φ̇, or of φ̈, by the description's number of each row.
+    template <bool SECOND>
+    void rows_changed(const Change* change, double* rows) const {
+        const auto product = [](const Moved& a, const Moved& b, const Moved& da, const Moved& db) {
+            return SECOND ? second_rate_changed(a, b, da, db) : rate_changed(a, b, da, db);
+        };
         const Moved apart = ends_[0] - ends_[1];
         const Moved moved = point_changed(ends_[0], change[0]) - point_changed(ends_[1], change[1]);
         std::size_t term = 0;
         for (int i = 0; i < loop.rows; ++i) {
-            double first = 0.0, second = 0.0;
-            if (row(i).axis >= 0) {
-                first = dot(axis(i), moved.d);
-                second = dot(axis(i), moved.dd);
-            }
+            double sum = row(i).axis >= 0 ? dot(axis(i), SECOND ? moved.dd : moved.d) : 0.0;
             for (const Term& t : row(i).terms) {
                 const Pair& pair = terms_[term++];
                 const Moved n = direction_changed(pair.n, change[1]);
-                if (row(i).axis == ALONG)
-                    product_changed(apart, pair.n, moved, n, 1.0, first, second);
-                else
-                    product_changed(pair.u, pair.n, direction_changed(pair.u, change[0]), n, t.w, first, second);
+                sum += row(i).axis == ALONG ? product(apart, pair.n, moved, n)
+                                            : t.w * product(pair.u, pair.n, direction_changed(pair.u, change[0]), n);
             }
-            const int number = closures_.number(loop, i);
-            d[number] = row(i).weight * first;
-            dd[number] = row(i).weight * second;
+            rows[closures_.number(loop, i)] = row(i).weight * sum;
         }
     }
 

@@ -25,9 +25,10 @@ class Displacements {
     Displacements(const Description& d, Path& path, Motion& motion)
         : path_(path), motion_(motion), parts_(path.parts.list), first_(path.chain.bodies.size()) {
         const std::size_t nv = static_cast<std::size_t>(d.nv), m = static_cast<std::size_t>(d.m);
-        V.resize(first_.size()), A.resize(first_.size()), S.resize(nv), a.resize(nv), u_.resize(nv);
-        for (Cells<double>* changes : {&v_y, &a_y, &a_u, &zeros_}) changes->resize(nv * m);
-        d_.resize(d.rows), dd_.resize(d.rows), part_of_.resize(m), local_of_.resize(m), loops.resize(parts_.size());
+        V.resize(first_.size()), A.resize(first_.size()), S.resize(nv), faster_.resize(nv), harder_.resize(nv), twice_.resize(nv);
+        a.resize(nv);
+        for (Cells<double>* changes : {&v_y, &a_y, &a_u}) changes->resize(nv * m);
+        part_of_.resize(m), local_of_.resize(m), loops.resize(parts_.size());
         for (std::size_t p = 0; p < parts_.size(); ++p) {
             const Part& part = parts_[p];
             for (int j : part.joints) {
@@ -42,7 +43,10 @@ class Displacements {
             const Closures& closures = path.loops(p)->closures;
             for (const Loop& loop : closures.loops()) loops[p].emplace_back(closures, loop);
         }
-        own_.resize(ways_), to_.resize(ways_), by_u_.resize(ways_), more_.resize(ways_);
+        std::size_t widest = 0;
+        for (const Part& part : parts_) widest = std::max(widest, part.inputs.size());
+        idle_.resize(d.rows), rows_.resize(widest * d.rows), u_.resize(widest * nv);
+        to_.resize(ways_), by_u_.resize(ways_), more_.resize(ways_), further_.resize(ways_);
     }
 
     // At the point that the motion evaluated last, whose bodies are where the chain says.
@@ -57,9 +61,8 @@ class Displacements {
     // Entries by body and input of its part: how many, and where those of a body begin.
     std::size_t ways() const { return ways_; }
     std::size_t first(int body) const { return first_[body]; }
-    // Along an input of its part: all, what its own joint adds to X, and what comes on top of A by the velocity.
+    // Along an input of its part: all, and what comes on top of A by the velocity.
     const Change& to(std::size_t way) const { return to_[way]; }
-    const Twist& own(std::size_t way) const { return own_[way]; }
     const Twist& by_u(std::size_t way) const { return by_u_[way]; }
 
     // Along an input of a part: of a body of that part, nothing of others.
@@ -84,113 +87,116 @@ class Displacements {
         for (int j : chain.all) {
             const Body& b = chain.bodies[j];
             const Vec from = chain.p[j] - near;
+            const Twist& before = V[b.parent];
             Twist own, bent;
             for (int i = b.first; i < b.first + b.count; ++i) {
                 const Vec& axis = chain.axes[j][chain.freedoms[i].column];
                 S[i] = chain.freedoms[i].turning ? Twist{cross(from, axis), axis} : Twist{axis, {}};
+                faster_[i] = bracket(before, S[i]);
                 own += v[i] * S[i];
-                bent += a[i] * S[i];
+                bent += a[i] * S[i] + v[i] * faster_[i];
             }
-            V[j] = V[b.parent] + own;
-            A[j] = A[b.parent] + bent + bracket(V[b.parent], own);
+            V[j] = before + own;
+            A[j] = A[b.parent] + bent;
+            for (int i = b.first; i < b.first + b.count; ++i) {
+                harder_[i] = bracket(A[b.parent], S[i]) + bracket(before, faster_[i]);
+                twice_[i] = faster_[i] + bracket(V[j], S[i]);
+            }
         }
     }
 
-    // Σ S_i x_i over a joint, of the column k of x (nv, m).
-    Twist joint(const Body& b, const double* x, int k) const {
-        Twist sum;
-        for (int i = b.first; i < b.first + b.count; ++i) sum += x[i * path_.layout.m + k] * S[i];
-        return sum;
+    // sum += Σ way_i x_i over a joint, of the column k of x (nv, m).
+    void take(Twist& sum, const Body& b, const Cells<Twist>& way, const double* x, int k) const {
+        for (int i = b.first; i < b.first + b.count; ++i) {
+            const double share = x[i * path_.layout.m + k];
+            if (share != 0.0) sum += share * way[i];
+        }
     }
 
     // X, P and Q along each input of a part, and what comes on top of A by each velocity, of its bodies.
     void displace(std::size_t p, const Chain& chain, Point& point) {
         const Part& part = parts_[p];
-        const int count = part.count();
         Loops* tie = path_.loops(p);
         const double* G = point.G();
         for (int j : part.joints) {
             const Body& b = chain.bodies[j];
-            for (int a = 0; a < count; ++a) {
-                const Change* before = b.parent == part.root ? &still_ : &to_[first_[b.parent] + a];
-                const Twist own = own_[first_[j] + a] = joint(b, G, part.inputs[a]);
-                to_[first_[j] + a] = {before->X + own, before->P + bracket(V[b.parent], own), {}};
-            }
-        }
-        if (tie != nullptr) {
-            for (LoopMoved& loop : loops[p]) loop.place(chain, near, turned(part, chain), V.data(), A.data());
-            for (int a = 0; a < count; ++a) {
-                for (LoopMoved& loop : loops[p]) {
-                    const Change ends[2] = {change(p, loop.loop.joint[0], a), change(p, loop.loop.joint[1], a)};
-                    loop.rows_changed(ends, d_.data(), dd_.data());
-                }
-                tied(*tie, point, G + part.inputs[a], zeros_.data());
-                solve(*tie, d_, v_y.data() + part.inputs[a]);
-            }
-            for (int j : part.joints)
-                for (int a = 0; a < count; ++a)
-                    to_[first_[j] + a].P += along(part, chain, j, a, joint(chain.bodies[j], v_y.data(), part.inputs[a]));
-        }
-        for (int j : part.joints) {
-            const Body& b = chain.bodies[j];
-            const Twist &before = V[b.parent], twice = before + V[j];
-            for (int a = 0; a < count; ++a) {
-                const bool rooted = b.parent == part.root;
-                const Twist& own = own_[first_[j] + a];
-                Twist Q = bracket(A[b.parent], own) + bracket(before, bracket(before, own)), U = bracket(twice, own);
-                if (tie != nullptr) Q += bracket(twice, joint(b, v_y.data(), part.inputs[a]));
-                to_[first_[j] + a].Q = rooted ? Q : to_[first_[b.parent] + a].Q + Q;
-                by_u_[first_[j] + a] = rooted ? U : by_u_[first_[b.parent] + a] + U;
+            const bool rooted = b.parent == part.root;
+            for (int a = 0; a < part.count(); ++a) {
+                const std::size_t at = first_[j] + a, from = first_[b.parent] + a;
+                to_[at] = rooted ? still_ : to_[from];
+                take(to_[at].X, b, S, G, part.inputs[a]);
+                take(to_[at].P, b, faster_, G, part.inputs[a]);
+                take(to_[at].Q, b, harder_, G, part.inputs[a]);
+                if (tie != nullptr) continue;
+                by_u_[at] = rooted ? Twist{} : by_u_[from];
+                take(by_u_[at], b, twice_, G, part.inputs[a]);
             }
         }
         if (tie == nullptr) return;
-        for (int a = 0; a < count; ++a) {
-            const int k = part.inputs[a];
-            for (LoopMoved& loop : loops[p]) {
-                const Change ends[2] = {change(p, loop.loop.joint[0], a), change(p, loop.loop.joint[1], a)};
-                loop.rows_changed(ends, d_.data(), dd_.data());
+        for (LoopMoved& loop : loops[p]) loop.place(chain, near, turned(part, chain), V.data(), A.data());
+        depend<false>(p, *tie, point, v_y);
+        for (int j : part.joints)
+            for (int a = 0; a < part.count(); ++a) {
+                Change& change = to_[first_[j] + a];
+                change.P += along(part, chain, j, a, S, v_y, more_);
+                change.Q += along(part, chain, j, a, twice_, v_y, further_);
+                // as the map's second derivatives are symmetric, for inputs that are numbers in q
+                by_u_[first_[j] + a] = 2.0 * change.P;
             }
-            tied(*tie, point, G + k, v_y.data() + k);
-            solve(*tie, dd_, a_y.data() + k);
-            for (LoopMoved& loop : loops[p]) {
-                const Change ends[2] = {hastened(p, loop.loop.joint[0], a), hastened(p, loop.loop.joint[1], a)};
-                loop.rows_changed(ends, d_.data(), dd_.data());
+        depend<true>(p, *tie, point, a_y);
+        for (int j : part.joints)
+            for (int a = 0; a < part.count(); ++a) to_[first_[j] + a].Q += along(part, chain, j, a, S, a_y, more_);
+        for (int j : part.joints) by_velocity(part, chain, j, G);
+    }
+
+    // ∂a/∂u of a joint in a loop: 2 ∂v/∂y, and where its velocities are no rates, in its own axes, [G, v].
+    void by_velocity(const Part& part, const Chain& chain, int j, const double* G) {
+        const Body& b = chain.bodies[j];
+        const int m = path_.layout.m;
+        const Freedom* freedoms = chain.freedoms.data() + b.first;
+        for (int k : part.inputs) {
+            for (int i = b.first; i < b.first + b.count; ++i) a_u[i * m + k] = 2.0 * v_y[i * m + k];
+            if (NUMBERS[b.kind].q == b.count || b.count == 1) continue;
+            Twist way, speed;
+            for (int c = 0; c < b.count; ++c) {
+                (freedoms[c].turning ? way.angular : way.linear)[freedoms[c].column] = G[(b.first + c) * m + k];
+                (freedoms[c].turning ? speed.angular : speed.linear)[freedoms[c].column] = motion_.v[b.first + c];
             }
-            tied(*tie, point, zeros_.data(), G + k);
-            solve(*tie, dd_, a_u.data() + k);
+            const Twist turned = bracket(way, speed);
+            for (int c = 0; c < b.count; ++c)
+                a_u[(b.first + c) * m + k] += (freedoms[c].turning ? turned.angular : turned.linear)[freedoms[c].column];
         }
-        for (int j : part.joints)
-            for (int a = 0; a < count; ++a)
-                to_[first_[j] + a].Q += along(part, chain, j, a, joint(chain.bodies[j], a_y.data(), part.inputs[a]));
-        for (int j : part.joints)
-            for (int a = 0; a < count; ++a)
-                by_u_[first_[j] + a] += along(part, chain, j, a, joint(chain.bodies[j], a_u.data(), part.inputs[a]));
     }
 
     // The sum of what each joint adds, from the part's root to a body; bodies are asked for in order.
-    const Twist& along(const Part& part, const Chain& chain, int j, int a, const Twist& own) {
-        const int parent = chain.bodies[j].parent;
-        Twist& sum = more_[first_[j] + a];
-        sum = own;
-        if (parent != part.root) sum += more_[first_[parent] + a];
+    const Twist& along(const Part& part, const Chain& chain, int j, int a, const Cells<Twist>& way,
+                       const Cells<double>& x, Cells<Twist>& sums) {
+        const Body& b = chain.bodies[j];
+        Twist& sum = sums[first_[j] + a];
+        sum = b.parent == part.root ? Twist{} : sums[first_[b.parent] + a];
+        take(sum, b, way, x.data(), part.inputs[a]);
         return sum;
     }
 
-    // The same where velocities change in place of positions.
-    Change hastened(std::size_t p, int body, int a) const {
-        if (path_.parts.of_joint[body] != static_cast<int>(p)) return still_;
-        return {{}, to_[first_[body] + a].X, by_u_[first_[body] + a]};
-    }
-
-    void tied(Loops& loops, Point& point, const double* dq, const double* dv) {
-        loops.closures.couplings().rows_changed(point.q(), motion_.v.data(), a.data(), dq, dv, path_.layout.m,
-                                                d_.data(), dd_.data());
-    }
-
-    // −K_d⁻¹ rows into a column of x (nv, m).
-    void solve(Loops& loops, const Cells<double>& rows, double* x) {
-        loops.blocks.solve(rows.data(), u_.data());
-        for (int i : loops.dependent) x[i * path_.layout.m] = -path_.scale(i) * u_[i];
+    // What closures ask of the dependent velocities, or accelerations, along each input, into columns of x (nv, m).
+    template <bool SECOND>
+    void depend(std::size_t p, Loops& tie, Point& point, Cells<double>& x) {
+        const Part& part = parts_[p];
+        const int count = part.count(), m = path_.layout.m;
+        const double *v = motion_.v.data(), *G = point.G();
+        for (int a = 0; a < count; ++a) {
+            const int k = part.inputs[a];
+            double *rows = rows_.data() + static_cast<std::size_t>(a) * idle_.size(), *other = idle_.data();
+            for (LoopMoved& loop : loops[p]) {
+                const Change ends[2] = {change(p, loop.loop.joint[0], a), change(p, loop.loop.joint[1], a)};
+                loop.rows_changed<SECOND>(ends, rows);
+            }
+            tie.closures.couplings().rows_changed(point.q(), v, this->a.data(), G + k, v_y.data() + k, m,
+                                                  SECOND ? other : rows, SECOND ? rows : other);
+        }
+        tie.blocks.solve(rows_.data(), idle_.size(), u_.data(), count);
+        for (int i : tie.dependent)
+            for (int a = 0; a < count; ++a) x[i * m + part.inputs[a]] = -path_.scale(i) * u_[i * count + a];
     }
 
     // The axes of the path's chain, in which a part's root may be held still.
@@ -208,8 +214,9 @@ class Displacements {
     std::size_t ways_ = 0;
     std::vector<std::size_t> first_;
     Cells<Change> to_;
-    Cells<Twist> own_, by_u_, more_;
-    Cells<double> u_, zeros_, d_, dd_;
+    Cells<Twist> by_u_, more_, further_;
+    Cells<Twist> faster_, harder_, twice_;  // of each velocity: what it adds to P, to Q, and by u
+    Cells<double> rows_, idle_, u_;  // of closures by input, of one input that are not asked for; of velocities
     std::vector<int> part_of_, local_of_;  // of each input
 };
 

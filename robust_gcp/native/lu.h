@@ -63,6 +63,19 @@ class Lu {
         }
     }
 
+    // The same of several right sides, side by side (n, count); L and U are sparse.
+    void solve(double* x, int count) const {
+        if (count == 1) return solve(x);
+        for (int k = 0; k < n_; ++k)
+            if (swap_[k] != k) std::swap_ranges(x + k * count, x + (k + 1) * count, x + swap_[k] * count);
+        for (int j = 0; j < n_; ++j)
+            for (int i = j + 1; i < n_; ++i) take(x + i * count, a_[j * n_ + i], x + j * count, count);
+        for (int j = n_; j-- > 0;) {
+            for (int c = 0; c < count; ++c) x[j * count + c] *= inverse_[j];
+            for (int i = 0; i < j; ++i) take(x + i * count, a_[j * n_ + i], x + j * count, count);
+        }
+    }
+
     void solve_transposed(double* x) const {
         const int n = n_;
         for (int i = 0; i < n; ++i) {
@@ -84,6 +97,11 @@ class Lu {
     }
 
   private:
+    static void take(double* __restrict from, double share, const double* __restrict x, int count) {
+        if (share == 0.0) return;
+        for (int c = 0; c < count; ++c) from[c] -= share * x[c];
+    }
+
     // Rows `first` to `last` of x less those of column j times its entry.
     void take(double* __restrict x, int j, int first, int last) const {
         const double entry = x[j];

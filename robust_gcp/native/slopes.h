@@ -8,13 +8,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <vector>
 
 #include "abi.h"
 #include "cells.h"
 #include "closure_slopes.h"
-#include "displacements.h"
 #include "coriolis.h"
+#include "displacements.h"
+#include "line_slopes.h"
 #include "motion.h"
 #include "path.h"
 
@@ -30,10 +32,13 @@ class Slopes {
         const std::size_t n = path.chain.bodies.size();
         massive_.resize(n), wrench_.resize(n), coriolis_.resize(n), all_.resize(n), force_.resize(d.nv);
         rows.resize(static_cast<std::size_t>(d.m) * (2 * d.m + d.nv)), lambda_.resize(d.rows);
-        push_y_.resize(moved_.ways());
+        push_y_.resize(moved_.ways()), push_u_.resize(moved_.ways());
+        for (const Body& body : path.chain.bodies) loaded_.push_back(body.heavy);
+        for (const Part& part : parts_) loaded_[part.root] = 1;
         std::size_t widest = 0;
         for (const Part& part : parts_) widest = std::max(widest, part.inputs.size());
         sum_y_.resize(widest), sum_u_.resize(widest), momentum_.resize(widest), rate_.resize(widest);
+        force_y_.resize(widest), force_u_.resize(widest), square_.resize(2 * widest * widest);
     }
 
     // ∂v/∂y (nv, m).
@@ -66,6 +71,10 @@ class Slopes {
     // Inertias, the wrenches that V and A take, and how these change with V.
     void weigh(const Chain& chain) {
         for (int j : chain.all) {
+            if (!chain.bodies[j].heavy) {
+                massive_[j] = {}, wrench_[j] = {}, coriolis_[j] = {};
+                continue;
+            }
             const Twist& V = moved_.V[j];
             massive_[j] = Massive(chain.bodies[j], chain.axes[j], chain.p[j] - moved_.near);
             wrench_[j] = massive_[j] * moved_.A[j];
@@ -77,52 +86,83 @@ class Slopes {
     // A part's share of Gᵀ δf, after all that it carries.
     void balance(std::size_t p, const Chain& chain, Point& point) {
         const Part& part = parts_[p];
-        const int count = part.count(), m = path_.layout.m;
+        const int count = part.count();
         Loops* loops = path_.loops(p);
-        const double* G = point.G();
         for (int a = 0; a < count; ++a) sum_y_[a] = sum_u_[a] = momentum_[a] = {}, rate_[a] = {};
         for (int j : part.joints) {
             all_[j] = wrench_[j];
-            for (int a = 0; a < count; ++a) {
-                const Change& c = moved_.to(moved_.first(j) + a);
-                Wrench& push = push_y_[moved_.first(j) + a] = carried(c.X, wrench_[j]);
-                push += massive_[j] * c.Q;
-                push += coriolis_[j] * c.P.angular;
+            for (std::size_t at = moved_.first(j), end = at + part.inputs.size(); at != end; ++at) {
+                if (!loaded_[j]) {
+                    push_y_[at] = push_u_[at] = {};
+                    continue;
+                }
+                const Change& c = moved_.to(at);
+                push_y_[at] = carried(c.X, wrench_[j]);
+                push_y_[at] += massive_[j] * c.Q;
+                push_y_[at] += coriolis_[j] * c.P.angular;
+                push_u_[at] = massive_[j] * moved_.by_u(at);
+                push_u_[at] += coriolis_[j] * c.X.angular;
             }
         }
         gather(part, chain);
         if (loops != nullptr) react(p, chain, point, *loops);
+        gather_pushes(part, chain);
+        project(part, chain, point.G());
+        for (const Forces::Spring& spring : motion_.forces().springs())
+            if (path_.parts.of_velocity[spring.v] == static_cast<int>(p)) stiffen(part, spring.v, spring.stiffness, point.G());
+        if (part.carrier >= 0) with_carriers(part);
+    }
+
+    // −Gᵀ F of the part's own inputs: what each joint's force changes by along each of them, F, is that of its
+    // axis with what follows in the part, and that of what follows with its axis.
+    void project(const Part& part, const Chain& chain, const double* G) {
+        const int count = part.count(), m = path_.layout.m;
+        const Cells<double>& damping = motion_.forces().damping();
+        std::fill(square_.begin(), square_.begin() + 2 * count * count, 0.0);
+        double *y = force_y_.data(), *u = force_u_.data();
         for (int j : part.joints) {
+            const Body& body = chain.bodies[j];
             const std::size_t at = moved_.first(j);
-            for (int a = 0; a < count; ++a) {
-                const Twist& X = moved_.to(at + a).X;
-                const Wrench momentum = massive_[j] * X;
-                Wrench push = massive_[j] * moved_.by_u(at + a);
-                push += coriolis_[j] * X.angular;
-                const Wrench turned = carried(moved_.own(at + a), all_[j]);
+            for (int i = body.first; i < body.first + body.count; ++i) {
+                const Twist& S = moved_.S[i];
+                const Wrench turned = carried(S, all_[j]);
                 for (int b = 0; b < count; ++b) {
-                    by_y(part.inputs[b], part.inputs[a]) -= dot(moved_.to(at + b).X, push_y_[at + a]);
-                    by_u(part.inputs[b], part.inputs[a]) -= dot(moved_.to(at + b).X, push);
-                    by_y(part.inputs[a], part.inputs[b]) -= dot(moved_.to(at + b).X, turned);
+                    y[b] = dot(S, push_y_[at + b]) + dot(moved_.to(at + b).X, turned);
+                    u[b] = dot(S, push_u_[at + b]);
                 }
-                sum_y_[a] += push_y_[at + a];
-                sum_u_[a] += push;
-                momentum_[a] += momentum;
+                if (armature_[i] != 0.0 || damping[i] != 0.0)
+                    for (int b = 0; b < count; ++b) {
+                        const int to = i * m + part.inputs[b];
+                        y[b] += armature_[i] * moved_.a_y[to] + damping[i] * moved_.v_y[to];
+                        u[b] += armature_[i] * moved_.a_u[to] + damping[i] * G[to];
+                    }
+                for (int a = 0; a < count; ++a) {
+                    const double share = G[i * m + part.inputs[a]];
+                    if (share == 0.0) continue;
+                    double* row = square_.data() + 2 * count * a;
+                    for (int b = 0; b < count; ++b) row[b] += share * y[b];
+                    for (int b = 0; b < count; ++b) row[count + b] += share * u[b];
+                }
+            }
+        }
+        const double* row = square_.data();
+        for (int a : part.inputs) {
+            for (int b : part.inputs) by_y(a, b) -= *row++;
+            for (int b : part.inputs) by_u(a, b) -= *row++;
+        }
+    }
+
+    // What a part's inputs and those of the parts that carry it change for each other.
+    void with_carriers(const Part& part) {
+        const int count = part.count();
+        for (int j : part.joints) {
+            if (!loaded_[j]) continue;
+            for (int a = 0; a < count; ++a) {
+                const Twist& X = moved_.to(moved_.first(j) + a).X;
+                momentum_[a] += massive_[j] * X;
                 rate_[a] += coriolis_[j].transposed(X);
             }
         }
-        const Cells<double>& damping = motion_.forces().damping();
-        for (int i : part.velocities) {
-            if (armature_[i] == 0.0 && damping[i] == 0.0) continue;
-            for (int j : part.inputs)
-                for (int k : part.inputs) {
-                    const int to = i * m + k;
-                    by_y(j, k) -= G[i * m + j] * (armature_[i] * moved_.a_y[to] + damping[i] * moved_.v_y[to]);
-                    by_u(j, k) -= G[i * m + j] * (armature_[i] * moved_.a_u[to] + damping[i] * G[to]);
-                }
-        }
-        for (const Forces::Spring& spring : motion_.forces().springs())
-            if (path_.parts.of_velocity[spring.v] == static_cast<int>(p)) stiffen(part, spring.v, spring.stiffness, G);
         for (int root = part.root, c = part.carrier; c >= 0; root = parts_[c].root, c = parts_[c].carrier)
             for (int b = 0; b < parts_[c].count(); ++b) {
                 const Change& change = moved_.to(moved_.first(root) + b);
@@ -136,6 +176,20 @@ class Slopes {
                     by_u(j, k) = -dot(U, momentum_[a]) - dot(rate_[a], change.X.angular);
                 }
             }
+    }
+
+    // push_y_ and push_u_: those of each body of a part with those of the part that follow it; all in all, sum_y_
+    // and sum_u_.
+    void gather_pushes(const Part& part, const Chain& chain) {
+        const std::size_t count = part.inputs.size();
+        for (std::size_t i = part.joints.size(); i-- > 0;) {
+            const int j = part.joints[i], parent = chain.bodies[j].parent;
+            const std::size_t at = moved_.first(j), to = moved_.first(parent);
+            for (std::size_t a = 0; a < count; ++a) {
+                (parent == part.root ? sum_y_[a] : push_y_[to + a]) += push_y_[at + a];
+                (parent == part.root ? sum_u_[a] : push_u_[to + a]) += push_u_[at + a];
+            }
+        }
     }
 
     // all_: what each body of a part takes with those of the part that follow it.
@@ -203,47 +257,12 @@ class Slopes {
     // Share of a point spring, which may tie any two bodies.
     void pull(const Forces::Line& line, const Chain& chain, Point& point) {
         const int m = path_.layout.m;
-        Moved ends[2];
-        for (int end = 0; end < 2; ++end)
-            ends[end] = point_moved(Forces::point(chain, line, end) - moved_.near, moved_.V[line.joint[end]], moved_.A[line.joint[end]]);
-        const Moved apart = ends[1] - ends[0];
-        const double length = std::sqrt(dot(apart.x, apart.x));
-        const Vec u = length > 0.0 ? (1.0 / length) * apart.x : Vec{};
-        const double tension = line.stiffness * (length - line.rest) + line.damping * dot(u, apart.d);
-        for (int k = 0; k < m; ++k) {
-            Moved moved[2];
-            Change changes[2];
-            for (int end = 0; end < 2; ++end) {
-                changes[end] = moved_.displaced(line.joint[end], k);
-                moved[end] = point_changed(ends[end], changes[end]);
+        line_changed(line, chain, moved_, m, [&](int i, int k, double y, double u) {
+            for (int input : parts_[path_.parts.of_velocity[i]].inputs) {
+                by_y(input, k) -= point.G()[i * m + input] * y;
+                by_u(input, k) -= point.G()[i * m + input] * u;
             }
-            const Moved change = moved[1] - moved[0];
-            const double longer = dot(u, change.x);
-            // of the force on the second body, by y and by u
-            Vec stiff = line.stiffness * change.x, damped;
-            if (length > 0.0) {
-                const Vec turn = (1.0 / length) * (change.x - longer * u);
-                const double faster = dot(turn, apart.d) + dot(u, change.d);
-                stiff = (line.stiffness * longer + line.damping * faster) * u + tension * turn;
-                damped = line.damping * longer * u;
-            }
-            for (int end = 0; end < 2; ++end) {
-                const double sign = end == 1 ? 1.0 : -1.0;
-                const Vec &at = ends[end].x, f = sign * tension * u, df = sign * stiff, du = sign * damped;
-                const Wrench w{f, cross(at, f)}, dw{df, cross(at, df) + cross(moved[end].x, f)}, dwu{du, cross(at, du)};
-                for (int j = line.joint[end]; j > 0; j = chain.bodies[j].parent) {
-                    const Body& b = chain.bodies[j];
-                    const Twist X = moved_.displaced(j, k).X;
-                    for (int i = b.first; i < b.first + b.count; ++i) {
-                        const double y = dot(moved_.S[i], dw) + dot(bracket(X, moved_.S[i]), w), v = dot(moved_.S[i], dwu);
-                        for (int input : parts_[path_.parts.of_velocity[i]].inputs) {
-                            by_y(input, k) -= point.G()[i * m + input] * y;
-                            by_u(input, k) -= point.G()[i * m + input] * v;
-                        }
-                    }
-                }
-            }
-        }
+        });
     }
 
     Path& path_;
@@ -255,10 +274,12 @@ class Slopes {
     Cells<Wrench> wrench_;
     Cells<Coriolis> coriolis_;
     Cells<Wrench> all_;     // with what follows in the part, less reactions
-    Cells<Wrench> push_y_;  // along each input of its part
+    std::vector<char> loaded_;  // by body: whether it, or what it carries, weighs anything
+    Cells<Wrench> push_y_, push_u_;  // along each input of its part
     Cells<Wrench> sum_y_, sum_u_, momentum_;  // of each input of a part
     Cells<Vec> rate_;
     Cells<double> force_, lambda_;
+    Cells<double> force_y_, force_u_, square_;  // one row of F; and Gᵀ F of a part
 };
 
 }  // namespace rg

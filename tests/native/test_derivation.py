@@ -22,6 +22,7 @@ from robust_gcp.dynamics.mode_rates import ZONE
 from robust_gcp.dynamics.problem import set_out
 from robust_gcp.examples.legged import legged
 from robust_gcp.examples.linkages import four_bar, n_four_bar
+from robust_gcp.mechanism.joints import JointKind
 from robust_gcp.native.derivation import derivation
 from robust_gcp.simulation import gradient as gradients
 from robust_gcp.studies.stability.truth import with_forces
@@ -163,6 +164,18 @@ class TestDerivatives:
     @pytest.mark.parametrize("name", ("tripod", "spherical loop", "seven hinges", "humanoid"))
     def test_in_space(self, name: str, spatial: dict[str, rg.Mechanism]) -> None:
         mech = spatial[name]
+        q, v, tau = state(mech)
+        assert derivation(mech, q) is not None
+        same(rg.derivatives(mech, q, v, tau), reference.derivatives(mech, q, v, tau))
+
+    @pytest.mark.parametrize("name", ("delta", "tripod", "spherical loop"))
+    def test_rotors_on_balls_in_loops(self, name: str, spatial: dict[str, rg.Mechanism]) -> None:
+        """Their velocities are no rates of numbers: ∂a/∂u is not 2 ∂v/∂y there."""
+        bare = spatial[name] if name in spatial else rg.load(name)
+        model = bare.model.copy()
+        model.armature = np.random.default_rng(2).uniform(0.0, 0.5, model.nv)
+        mech = rg.Mechanism.from_pinocchio(model, bare.loops, bare.independent, home=bare.home)
+        assert any(j.kind in (JointKind.SPHERICAL, JointKind.FREE_FLYER) for j in mech.joints), name
         q, v, tau = state(mech)
         assert derivation(mech, q) is not None
         same(rg.derivatives(mech, q, v, tau), reference.derivatives(mech, q, v, tau))
