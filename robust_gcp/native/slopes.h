@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <vector>
 
 #include "abi.h"
@@ -57,10 +58,13 @@ class Slopes {
         }
         for (const Forces::Line& line : motion_.forces().lines()) pull(line, chain, point);
         const double* G = point.G();
-        for (int k = 0; k < m; ++k)
-            for (int i = 0; i < path_.layout.nv; ++i) rows[k * width + 2 * m + i] = G[i * m + k];
+        for (const Part& part : parts_)
+            for (int k : part.inputs)
+                for (int i : part.velocities) rows[k * width + 2 * m + i] = G[i * m + k];
         motion_.lift(rows.data(), width);
-        return std::all_of(rows.begin(), rows.end(), [](double x) { return std::isfinite(x); });
+        bool finite = true;
+        for (double x : rows) finite &= std::fabs(x) <= std::numeric_limits<double>::max();
+        return finite;
     }
 
   private:

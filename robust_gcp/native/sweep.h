@@ -13,6 +13,7 @@
 #include "cells.h"
 #include "inertias.h"
 #include "path.h"
+#include "tree_factor.h"
 
 namespace rg {
 
@@ -28,22 +29,20 @@ class Sweep {
             for (Body& b : world_->bodies) b.held = false;
         }
         V_.resize(n), A_.resize(n), massive_.resize(n), wrench_.resize(n), ways_at_.resize(n);
-        freed_.resize(n), yielded_.resize(n);
-        bears_.assign(n, 0);
-        std::size_t ways = 0, widest = 0, square = 0;
+        freed_.resize(n), yielded_.resize(n), bears_.assign(n, 0);
+        std::size_t ways = 0, square = 0;
         for (const Part& part : parts_) {
             bears_[part.root] = part.root > 0;
             for (int j : part.joints) {
                 ways_at_[j] = ways;
                 ways += part.inputs.size();
             }
-            widest = std::max(widest, part.inputs.size());
             factors_at_.push_back(square);
             square += part.inputs.size() * part.inputs.size();
         }
-        ways_.resize(ways);
-        factors_.resize(square);
+        ways_.resize(ways), factors_.resize(square);
         const std::size_t m = static_cast<std::size_t>(d.m);
+        factor_ = TreeFactor(parts_, ways_at_, m);
         push_.resize(m), right_.resize(m), alone_.resize(m);
     }
 
@@ -97,14 +96,21 @@ class Sweep {
 
     // The same for more right sides after `eliminate`: rows (m, width) in y.
     void solve_more(double* rows, std::size_t width) {
+        if (factor_.entries() > DEEP * right_.size()) return go_round(rows, width);
+        factor_.solve(parts_, {factors_.data(), factors_at_.data(), ways_.data(), push_.data()}, rows, width);
+    }
+
+  private:
+    static constexpr std::size_t DEEP = 24;  // inputs that carry another one, on average, too many to go one by one
+    // `solve_more` by wrenches and twists, at the same cost for each input, however many carry it.
+    void go_round(double* rows, std::size_t width) {
         const auto row = [&](const Part& part, int a) { return rows + static_cast<std::size_t>(part.inputs[a]) * width; };
-        more_.resize(V_.size() * 6 * width);
         const auto of = [&](int body) { return more_.data() + static_cast<std::size_t>(body) * 6 * width; };
         const auto take = [width](double* from, double share, const double* x) {
             if (share == 0.0) return;
             for (std::size_t c = 0; c < width; ++c) from[c] -= share * x[c];
         };
-        std::fill(more_.begin(), more_.end(), 0.0);  // wrenches
+        more_.assign(V_.size() * 6 * width, 0.0);  // wrenches
         for (std::size_t i = parts_.size(); i-- > 0;) {
             const Part& part = parts_[i];
             const int count = part.count();
@@ -153,7 +159,6 @@ class Sweep {
         }
     }
 
-  private:
     // One part: its square of what is left of Gᵀ M G becomes L with inverse pivots, its right-hand side L⁻¹ of
     // that, and `push_` L⁻¹ of what its inputs ask of the body that carries it, to which it is added.
     bool eliminate(std::size_t i, Point& point, const double* tau, double least) {
@@ -286,6 +291,7 @@ class Sweep {
     Cells<Wrench> push_;     // by input in a row
     Cells<double> factors_;  // L of each part
     Cells<double> right_, alone_;
+    TreeFactor factor_;
     Cells<double> more_;  // by body: wrenches, then twists, of more right sides
 };
 

@@ -121,11 +121,25 @@ def branching(seed: int) -> rg.Mechanism:
     )
 
 
+def serial(length: int) -> rg.Mechanism:
+    """A chain of hinges without loops: each is carried by all before it."""
+    rng, model, parent = np.random.default_rng(0), pin.Model(), 0
+    for i in range(length):
+        axis = pin.JointModelRevoluteUnaligned(*pin.exp3(rng.normal(size=3))[0])
+        place = pin.SE3(pin.exp3(rng.normal(size=3)), 0.3 * rng.normal(size=3))
+        parent = model.addJoint(parent, axis, place, f"j{i}")
+        inertia = pin.Inertia(1.0, 0.1 * rng.normal(size=3), np.diag([0.1] * 3))
+        model.appendBodyToJoint(parent, inertia, pin.SE3.Identity())
+    model.armature = np.full(length, 10.0)  # or M_r has a conditioning of 1e5
+    return rg.Mechanism.from_pinocchio(model, [], [f"j{i}" for i in range(length)])
+
+
 MADE: dict[str, Callable[[], rg.Mechanism]] = {
     **{name: (lambda name=name: rg.load(name)) for name in rg.model_names()},
     **{f"on a {name} joint": (lambda joint=joint: floating(joint)) for name, joint in FLOATING.items()},
     "geared": geared,
     "sprung": sprung,
+    **{f"serial of {n}": (lambda n=n: serial(n)) for n in (9, 60)},
     "five four-bars in a row": lambda: n_four_bar(5, 1.2),
     "legged": lambda: legged(4),
     "legged and floating": lambda: legged(3, floating=True),
