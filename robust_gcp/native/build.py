@@ -35,7 +35,7 @@ SANITIZED = ("-std=c++17", "-O1", "-fPIC", "-fsanitize=address")
 CHECKED = ("-DNDEBUG", "-Deigen_assert(x)=((x)?void(0):__builtin_abort())")
 """Eigen's assertions without Pinocchio's, which want a whole `Data` where the lean one does."""
 UNDEFINED = ("-g", "-fsanitize=undefined", "-fno-omit-frame-pointer")
-"""Only of the kernel's own code: in Pinocchio's templates it would cost minutes and gigabytes."""
+"""Of the kernel's own code: in Pinocchio's templates it would cost many minutes and gigabytes."""
 
 
 class BuildError(Exception):
@@ -91,7 +91,8 @@ def build(into: Path, log: list[str], sanitize: bool = False) -> Path:
     BuildError
     """
     command = [*compiler(), *(SANITIZED if sanitize else FLAGS), *DEFINES]
-    more = {"kernel.cpp": UNDEFINED, "rigid_bodies.cpp": CHECKED} if sanitize else {}
+    own = dict.fromkeys(("kernel.cpp", "clusters.cpp", "dense.cpp"), UNDEFINED)
+    more = {**own, "rigid_bodies.cpp": CHECKED} if sanitize else {}
     for folder in headers():
         command += ["-isystem", str(folder)]
     mac = sys.platform == "darwin"
