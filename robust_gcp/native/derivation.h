@@ -17,7 +17,7 @@ namespace rg {
 class Derivation {
   public:
     explicit Derivation(const Description& d)
-        : path_(d), motion_(d, path_), slopes_(d, path_, motion_), m_(d.m), nq_(d.nq), nv_(d.nv),
+        : path_(d, true), motion_(d, path_), slopes_(d, path_, motion_), m_(d.m), nq_(d.nq), nv_(d.nv),
           width_(2 * d.m + d.nv), independent_(d.independent, d.independent + d.m),
           independent_q_(d.independent_q, d.independent_q + d.m), size_(d.size, d.size + d.nv),
           points_(3, Point(path_.layout)), x_(2 * d.m), state_(2 * d.m), sum_(2 * d.m), rate_(2 * d.m) {
@@ -47,8 +47,9 @@ class Derivation {
     }
 
     // Takes the steps between states again; G and ∂v/∂y are written for each state. A step is good where the states
-    // at both its ends are, and where it ends at the second one.
+    // at both its ends are, and where it ends at the second one. None is where inputs are no rates in a loop.
     void take(const States& s, const double* times) {
+        if (path_.charted) return std::fill(s.status, s.status + s.count, CHART);
         const auto steps = static_cast<std::size_t>(s.count - 1);
         stages_.resize(4 * steps * static_cast<std::size_t>(m_ * width_));
         charts_.resize(5 * steps * groups_.size());
@@ -93,9 +94,7 @@ class Derivation {
     }
 
   private:
-    struct OnGroup {
-        int kind, q, count, input[6];
-    };
+    struct OnGroup { int kind, q, count, input[6]; };
 
     static constexpr double SHARE[] = {0.0, 0.5, 0.5, 1.0}, WEIGHT[] = {1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0};
 

@@ -24,7 +24,7 @@ class NotNativeError(Exception):
     """The kernel cannot take this mechanism; the message says why."""
 
 
-def describe(mechanism: Mechanism, path: RegularPath, works: bool) -> Arrays:
+def describe(mechanism: Mechanism, path: RegularPath, works: bool, standing: bool = False) -> Arrays:
     """The kernel's `Description`; kept for each mechanism and choice of rows.
 
     Parameters
@@ -33,12 +33,16 @@ def describe(mechanism: Mechanism, path: RegularPath, works: bool) -> Arrays:
         Of the mechanism, or of what is left of it without joints on groups.
     works : bool
         Whether the state ends with the work done.
+    standing : bool
+        For states that are given, and no steps: single velocities of balls in loops may be independent.
 
     Raises
     ------
     NotNativeError
         For a joint that the kernel does not know.
     """
+    if mechanism.chart_joints and not standing:
+        raise NotNativeError(f"joint {mechanism.chart_joints[0].name!r} is independent on a group, in a loop")
     key = ("description for the kernel", works, *path.rows.tolist())
     return mechanism.memo.once(key, lambda: _described(mechanism, path, works))
 
@@ -46,8 +50,6 @@ def describe(mechanism: Mechanism, path: RegularPath, works: bool) -> Arrays:
 def _described(mechanism: Mechanism, path: RegularPath, works: bool) -> Arrays:
     if mechanism.m == 0:
         raise NotNativeError("the mechanism has no degree of freedom")
-    if mechanism.chart_joints:
-        raise NotNativeError(f"joint {mechanism.chart_joints[0].name!r} is independent on a group, in a loop")
     if mechanism.m > 1 and workspace_bytes(mechanism.model) > memory_left():
         needed = workspace_bytes(mechanism.model) / 1e9
         raise NotNativeError(f"the mechanism has {mechanism.nv} velocities, which take {needed:.3g} GB")
@@ -62,7 +64,7 @@ def _described(mechanism: Mechanism, path: RegularPath, works: bool) -> Arrays:
     column_scale[own] = rest.column_scale
     scale[own[path.dependent]] = rest.column_scale[path.dependent]
     in_q: NDArray[np.int64] = np.full(mechanism.m, -1)
-    in_q[np.isin(mechanism.iv_independent, own)] = mechanism.iq_numbers
+    in_q[mechanism.numbers] = mechanism.iq_numbers
     arrays.integers(independent=mechanism.iv_independent, independent_q=in_q)
     arrays.reals(size=1.0 / column_scale, turn=1.0 / mechanism.units, scale=scale)
     arrays.reals(own=[mechanism.joint_inertia])

@@ -28,7 +28,7 @@ class Displacements {
         V.resize(first_.size()), A.resize(first_.size()), S.resize(nv), faster_.resize(nv), harder_.resize(nv), twice_.resize(nv);
         a.resize(nv);
         for (Cells<double>* changes : {&v_y, &a_y, &a_u}) changes->resize(nv * m);
-        part_of_.resize(m), local_of_.resize(m), loops.resize(parts_.size());
+        part_of_.resize(m), local_of_.resize(m), loops.resize(parts_.size()), spins_.resize(parts_.size());
         for (std::size_t p = 0; p < parts_.size(); ++p) {
             const Part& part = parts_[p];
             for (int j : part.joints) {
@@ -38,6 +38,13 @@ class Displacements {
             for (int a = 0; a < part.count(); ++a) {
                 part_of_[part.inputs[a]] = static_cast<int>(p);
                 local_of_[part.inputs[a]] = a;
+            }
+            for (int a = 0; part.charted && a < part.count(); ++a)
+                if (d.independent_q[part.inputs[a]] < 0) spins_[p].push_back({0, d.independent[part.inputs[a]], a, {}});
+            for (Spin& spin : spins_[p]) {
+                for (int j : part.joints)
+                    if (path.chain.bodies[j].first <= spin.velocity) spin.body = std::max(spin.body, j);
+                spin.bent.resize(part.inputs.size());
             }
             if (path.loops(p) == nullptr) continue;
             const Closures& closures = path.loops(p)->closures;
@@ -77,6 +84,13 @@ class Displacements {
     }
 
   private:
+    // An input of a part that is no rate of a number in q: its joint, its velocity, its place among the inputs, and
+    // for each of these [G, v] in it.
+    struct Spin {
+        int body, velocity, local;
+        Cells<double> bent;
+    };
+
     // V and A of all bodies.
     void forward(const Chain& chain, Point& point) {
         path_.product(point, motion_.ydd.data(), a.data());
@@ -135,37 +149,55 @@ class Displacements {
         if (tie == nullptr) return;
         for (LoopMoved& loop : loops[p]) loop.place(chain, near, turned(part, chain), V.data(), A.data());
         depend<false>(p, *tie, point, v_y);
+        for (Spin& spin : spins_[p])
+            for (int a = 0; a < part.count(); ++a)
+                spin.bent[a] = entry(bent(chain, spin.body, part.inputs[a], G), chain.freedoms[spin.velocity]);
         for (int j : part.joints)
             for (int a = 0; a < part.count(); ++a) {
                 Change& change = to_[first_[j] + a];
                 change.P += along(part, chain, j, a, S, v_y, more_);
                 change.Q += along(part, chain, j, a, twice_, v_y, further_);
-                // as the map's second derivatives are symmetric, for inputs that are numbers in q
-                by_u_[first_[j] + a] = 2.0 * change.P;
+                // as the map's second derivatives are symmetric, but for inputs that are no rates
+                Twist& hastened = by_u_[first_[j] + a] = 2.0 * change.P;
+                for (const Spin& spin : spins_[p]) hastened += -spin.bent[a] * to_[first_[j] + spin.local].X;
             }
         depend<true>(p, *tie, point, a_y);
         for (int j : part.joints)
             for (int a = 0; a < part.count(); ++a) to_[first_[j] + a].Q += along(part, chain, j, a, S, a_y, more_);
-        for (int j : part.joints) by_velocity(part, chain, j, G);
+        for (int j : part.joints) by_velocity(p, chain, j, G);
     }
 
-    // ∂a/∂u of a joint in a loop: 2 ∂v/∂y, and where its velocities are no rates, in its own axes, [G, v].
-    void by_velocity(const Part& part, const Chain& chain, int j, const double* G) {
+    // ∂a/∂u of a joint in a loop: 2 ∂v/∂y, and where its velocities are no rates, [G, v]; less what brings inputs
+    // that are none to rest.
+    void by_velocity(std::size_t p, const Chain& chain, int j, const double* G) {
         const Body& b = chain.bodies[j];
         const int m = path_.layout.m;
-        const Freedom* freedoms = chain.freedoms.data() + b.first;
-        for (int k : part.inputs) {
-            for (int i = b.first; i < b.first + b.count; ++i) a_u[i * m + k] = 2.0 * v_y[i * m + k];
-            if (NUMBERS[b.kind].q == b.count || b.count == 1) continue;
-            Twist way, speed;
-            for (int c = 0; c < b.count; ++c) {
-                (freedoms[c].turning ? way.angular : way.linear)[freedoms[c].column] = G[(b.first + c) * m + k];
-                (freedoms[c].turning ? speed.angular : speed.linear)[freedoms[c].column] = motion_.v[b.first + c];
+        const std::vector<int>& inputs = parts_[p].inputs;
+        const bool rates = NUMBERS[b.kind].q == b.count || b.count == 1;
+        for (std::size_t a = 0; a < inputs.size(); ++a) {
+            const int k = inputs[a];
+            const Twist turned = rates ? Twist{} : bent(chain, j, k, G);
+            for (int i = b.first; i < b.first + b.count; ++i) {
+                double& change = a_u[i * m + k] = 2.0 * v_y[i * m + k] + entry(turned, chain.freedoms[i]);
+                for (const Spin& spin : spins_[p]) change -= spin.bent[a] * G[i * m + inputs[spin.local]];
             }
-            const Twist turned = bracket(way, speed);
-            for (int c = 0; c < b.count; ++c)
-                a_u[(b.first + c) * m + k] += (freedoms[c].turning ? turned.angular : turned.linear)[freedoms[c].column];
         }
+    }
+
+    // [G_k, v] of a joint, in its own axes.
+    Twist bent(const Chain& chain, int j, int k, const double* G) const {
+        const Body& b = chain.bodies[j];
+        Twist way, speed;
+        for (int i = b.first; i < b.first + b.count; ++i) {
+            const Freedom& freedom = chain.freedoms[i];
+            (freedom.turning ? way.angular : way.linear)[freedom.column] = G[i * path_.layout.m + k];
+            (freedom.turning ? speed.angular : speed.linear)[freedom.column] = motion_.v[i];
+        }
+        return bracket(way, speed);
+    }
+
+    static double entry(const Twist& x, const Freedom& freedom) {
+        return (freedom.turning ? x.angular : x.linear)[freedom.column];
     }
 
     // The sum of what each joint adds, from the part's root to a body; bodies are asked for in order.
@@ -217,6 +249,7 @@ class Displacements {
     Cells<Twist> by_u_, more_, further_;
     Cells<Twist> faster_, harder_, twice_;  // of each velocity: what it adds to P, to Q, and by u
     Cells<double> rows_, idle_, u_;  // of closures by input, of one input that are not asked for; of velocities
+    std::vector<std::vector<Spin>> spins_;  // by part
     std::vector<int> part_of_, local_of_;  // of each input
 };
 

@@ -20,6 +20,7 @@ struct Part {
     int first = 0;                // where its inputs begin when those of all parts are put in a row
     int carrier = -1;             // the part of the root, −1 for the ground
     bool on_group = false;        // a joint whose velocities are inputs and no rates of numbers in q
+    bool charted = false;         // some of its inputs are such velocities, of joints among others
 
     bool tied() const { return !closures.empty() || !couplings.empty(); }
     int count() const { return static_cast<int>(inputs.size()); }
@@ -27,14 +28,15 @@ struct Part {
 
 // Parts, carriers first. Joints of a closure lie on its two paths below their lowest common ancestor; parts
 // that share a joint are one, and so are those between which couplings would leave a part with two roots: an
-// exception where that takes a joint on a group in, which the steps know as a part of its own alone.
+// exception where that takes a joint on a group in, which the steps know as a part of its own alone; `standing`
+// where there are no steps.
 class Parts {
   public:
     std::vector<Part> list;
     std::vector<int> of_joint, of_velocity;
     std::vector<int> all_velocities;
 
-    Parts(const Description& d, const Chain& chain) : chain_(chain), owner_(chain.bodies.size()) {
+    Parts(const Description& d, const Chain& chain, bool standing) : chain_(chain), owner_(chain.bodies.size()) {
         const int n = static_cast<int>(owner_.size());
         for (int j = 0; j < n; ++j) owner_[j] = j;
         std::vector<int> joint_of_v(d.nv), closure_at(d.closures), coupling_at(d.couplings, 0);
@@ -79,8 +81,10 @@ class Parts {
         for (Part& part : list) {
             part.first = first;
             first += part.count();
-            if (part.on_group && part.joints.size() > 1)
-                throw std::invalid_argument("joints are coupled across a ball or a floating joint");
+            if (!part.on_group || part.joints.size() == 1) continue;
+            if (!standing) throw std::invalid_argument("joints are coupled across a ball or a floating joint");
+            part.on_group = false;
+            part.charted = true;
         }
     }
 

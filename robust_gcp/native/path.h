@@ -28,17 +28,19 @@ class Path {
     const Parts parts;
     RigidBodies rigid;
     const Layout layout;
-    const bool on_groups;
+    const bool on_groups, charted;  // whether any part is
     const bool redundant;  // whether rows of φ are left over
     std::int64_t newton_iterations = 0, evaluations = 0;
     double enough = POOR;  // conditioning above which it need not be known
 
-    explicit Path(const Description& d)
+    // `standing`: for points that are given, and no steps.
+    explicit Path(const Description& d, bool standing = false)
         : chain(d),
-          parts(d, chain),
+          parts(d, chain, standing),
           rigid(d),
           layout(d),
           on_groups(std::any_of(parts.list.begin(), parts.list.end(), [](const Part& p) { return p.on_group; })),
+          charted(std::any_of(parts.list.begin(), parts.list.end(), [](const Part& p) { return p.charted; })),
           redundant(d.redundant != 0),
           independent_(d.independent, d.independent + d.m),
           independent_q_(d.independent_q, d.independent_q + d.m),

@@ -227,7 +227,7 @@ def linearise(
     """
     check_mechanism(mechanism, Mechanism, "linearise")
     check_finite("t", t)
-    if mode is None and drive is None and not wrenches:
+    if mode is None and drive is None and not wrenches and not mechanism.chart_joints:
         state = _state(mechanism, q, v, one_torque(mechanism, torque))
         if state is not None:
             found = state.kernel.slopes(state.q, state.v, state.tau)

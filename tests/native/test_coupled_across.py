@@ -7,7 +7,11 @@ import pinocchio as pin
 import pytest
 
 import robust_gcp as rg
+from robust_gcp.dynamics import derivatives as reference
+from robust_gcp.dynamics import discrete
 from robust_gcp.native.derivation import derivation
+
+from .test_derivation import same
 
 pytestmark = pytest.mark.skipif(
     not rg.backends()["native"].available, reason=f"no compiled kernel: {rg.backends()['native'].reason}"
@@ -53,9 +57,25 @@ def test_energy_is_kept_and_the_coupling_closed(between: str, grounded: bool) ->
     np.testing.assert_allclose(rg.forward_dynamics(again, mech.home, start), u, rtol=1e-12)
 
 
+@pytest.mark.parametrize("grounded", (False, True))
+@pytest.mark.parametrize("between", BETWEEN)
+def test_derivatives_where_no_step_is_taken(between: str, grounded: bool) -> None:
+    mech = coupled(between, grounded)
+    rng = np.random.default_rng(4)
+    v, tau = mech.lift(mech.home, rng.normal(size=mech.m)), rng.normal(size=mech.nv)
+    kernel = derivation(mech, mech.home)
+    assert kernel is not None and kernel.slopes(mech.home[None], v[None], tau[None]).good.all()
+    same(rg.derivatives(mech, mech.home, v, tau), reference.derivatives(mech, mech.home, v, tau))
+    for one, other in zip(
+        rg.step_jacobians(mech, mech.home, v, tau, 0.01),
+        discrete.step_jacobians(mech, mech.home, v, tau, 0.01),
+        strict=True,
+    ):
+        np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-12 * np.abs(other).max())
+
+
 @pytest.mark.parametrize("between", ("ball", "free"))
 def test_the_kernel_says_why_not(between: str) -> None:
     mech = coupled(between, False)
-    assert derivation(mech, mech.home) is None
     with pytest.raises(rg.OptionError, match="coupled across a ball or a floating joint"):
         rg.simulate(mech, duration=0.01, step=1e-3, backend="native")

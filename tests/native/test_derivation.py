@@ -28,6 +28,7 @@ from robust_gcp.simulation import gradient as gradients
 from robust_gcp.studies.stability.truth import with_forces
 
 from ..dynamics.test_derivatives import FLOATING, floating, geared
+from ..simulation.test_idle_spins import rssr
 
 Array = NDArray[np.float64]
 
@@ -182,6 +183,28 @@ class TestDerivatives:
         assert derivation(mech, q) is not None
         same(rg.derivatives(mech, q, v, tau), reference.derivatives(mech, q, v, tau))
 
+    @pytest.mark.parametrize(
+        "own", (("crank", "ball.rx"), ("base", "crank", "ball.ry"), ("base", "crank", "ball.rx"))
+    )
+    def test_idle_spins(self, own: tuple[str, ...]) -> None:
+        """Single velocities of a ball in a loop are independent: the fields G e_j do not commute."""
+        mech = rssr(*own, floating="base" in own)
+        model = mech.model.copy()
+        model.armature = np.random.default_rng(2).uniform(0.0, 0.5, model.nv)
+        mech = rg.Mechanism.from_pinocchio(model, mech.loops, own, home=mech.home)
+        q, v, tau = state(mech)
+        kernel = derivation(mech, q)
+        assert mech.chart_joints and kernel is not None
+        same(rg.derivatives(mech, q, v, tau), reference.derivatives(mech, q, v, tau))
+        assert kernel.step_jacobians(q[None], v[None], tau[None], 0.01) is None, "steps are the reference's"
+        for one, other in zip(
+            rg.step_jacobians(mech, q, v, tau, 0.01),
+            discrete.step_jacobians(mech, q, v, tau, 0.01),
+            strict=True,
+        ):
+            np.testing.assert_array_equal(one, other)
+        np.testing.assert_array_equal(rg.linearise(mech, q, v).A, by_reference.linearise(mech, q, v).A)
+
     @pytest.mark.parametrize("name", ("delta", "tripod", "spherical loop"))
     def test_rotors_on_balls_in_loops(self, name: str, spatial: dict[str, rg.Mechanism]) -> None:
         """Their velocities are no rates of numbers: ∂a/∂u is not 2 ∂v/∂y there."""
@@ -196,7 +219,7 @@ class TestDerivatives:
 
     @pytest.mark.skipif(not ROBOTS.is_dir(), reason="no folder of robots: name one in ROBUST_GCP_ROBOTS")
     @pytest.mark.parametrize(
-        "name", ("gepetto/cassie_like", "gepetto/digit_like_2legs", "robotiq_2f85/2f85.xml")
+        "name", ("gepetto/cassie_like", "gepetto/digit_like_2legs", "robotiq_2f85/2f85.xml", "agility_cassie")
     )
     def test_robots(self, name: str) -> None:
         """Their reduced inertia has a conditioning of 1e5: M_r⁻¹ rounds accordingly."""
