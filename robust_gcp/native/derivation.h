@@ -38,10 +38,8 @@ class Derivation {
             Point& point = points_[0];
             Reason reason = set_out(s, i, point);
             if (reason == DONE) reason = evaluate(s, i, point);
-            if (reason == DONE && s.rows != nullptr && !slopes_.at(point)) reason = NON_FINITE;
+            if (reason == DONE && s.rows != nullptr && !slopes_.at(point, s.rows + i * m_ * width_)) reason = NON_FINITE;
             if (reason == DONE) write(s, i, point);
-            if (reason == DONE && s.rows != nullptr)
-                std::copy(slopes_.rows.begin(), slopes_.rows.end(), s.rows + i * m_ * width_);
             s.status[i] = reason;
         }
     }
@@ -51,7 +49,7 @@ class Derivation {
     void take(const States& s, const double* times) {
         if (path_.charted) return std::fill(s.status, s.status + s.count, CHART);
         const auto steps = static_cast<std::size_t>(s.count - 1);
-        stages_.resize(4 * steps * static_cast<std::size_t>(m_ * width_));
+        stages_.resize((4 * steps + 1) * static_cast<std::size_t>(m_ * width_));  // and at the last state
         charts_.resize(5 * steps * groups_.size());
         h_.resize(steps);
         bool ready = false;
@@ -60,7 +58,7 @@ class Derivation {
             const std::int64_t held = std::min<std::int64_t>(i, s.count - 2);
             Reason reason = ready ? DONE : set_out(s, i, *begin_);
             if (reason == DONE) reason = evaluate(s, held, *begin_);
-            if (reason == DONE && !slopes_.at(*begin_)) reason = NON_FINITE;
+            if (reason == DONE && !slopes_.at(*begin_, stage(static_cast<std::size_t>(i), 0))) reason = NON_FINITE;
             s.status[i] = reason;
             ready = false;
             if (reason != DONE) continue;
@@ -179,12 +177,11 @@ class Derivation {
                 for (int k = 0; k < 2 * m_; ++k) state_[k] = x_[k] + h * SHARE[stage] * rate_[k];
                 Reason reason = move(s, *anchor, *spare);
                 if (reason == DONE) reason = evaluate(s, i, *spare);
-                if (reason == DONE && !slopes_.at(*spare)) reason = NON_FINITE;
+                if (reason == DONE && !slopes_.at(*spare, this->stage(number, stage))) reason = NON_FINITE;
                 if (reason != DONE) return reason;
                 std::swap(anchor, spare);
                 if (spare == begin_) spare = end_;  // the start is needed until the end
             }
-            std::copy(slopes_.rows.begin(), slopes_.rows.end(), this->stage(number, stage));
             if (!chart(*anchor, 5 * number + stage)) return CHART;
             std::copy(anchor->ydot(), anchor->ydot() + m_, rate_.begin());
             path_.rate_on_groups(*anchor, rate_.data());

@@ -25,14 +25,12 @@ namespace rg {
 
 class Slopes {
   public:
-    Cells<double> rows;  // (m, 2m + nv): ∂u̇/∂y, ∂u̇/∂u, ∂u̇/∂τ
-
     Slopes(const Description& d, Path& path, Motion& motion)
         : path_(path), motion_(motion), parts_(path.parts.list), armature_(d.armature, d.armature + d.nv),
           moved_(d, path, motion) {
         const std::size_t n = path.chain.bodies.size();
         massive_.resize(n), wrench_.resize(n), coriolis_.resize(n), all_.resize(n), force_.resize(d.nv);
-        rows.resize(static_cast<std::size_t>(d.m) * (2 * d.m + d.nv)), lambda_.resize(d.rows);
+        lambda_.resize(d.rows);
         push_y_.resize(moved_.ways()), push_u_.resize(moved_.ways());
         for (const Body& body : path.chain.bodies) loaded_.push_back(body.heavy);
         for (const Part& part : parts_) loaded_[part.root] = 1;
@@ -45,11 +43,13 @@ class Slopes {
     // ∂v/∂y (nv, m).
     const Cells<double>& v_y() const { return moved_.v_y; }
 
-    // At the point that the motion evaluated last; false where they are not finite.
-    bool at(Point& point) {
+    // Into rows (m, 2m + nv), ∂u̇/∂y, ∂u̇/∂u and ∂u̇/∂τ, at the point that the motion evaluated last; false where they
+    // are not finite.
+    bool at(Point& point, double* rows) {
         const Chain& chain = motion_.placed(point);
         const int m = path_.layout.m, width = 2 * m + path_.layout.nv;
-        std::fill(rows.begin(), rows.end(), 0.0);
+        rows_ = rows;
+        std::fill(rows, rows + m * width, 0.0);
         moved_.at(chain, point);
         weigh(chain);
         for (std::size_t p = parts_.size(); p-- > 0;) {
@@ -61,15 +61,15 @@ class Slopes {
         for (const Part& part : parts_)
             for (int k : part.inputs)
                 for (int i : part.velocities) rows[k * width + 2 * m + i] = G[i * m + k];
-        motion_.lift(rows.data(), width);
-        bool finite = true;
-        for (double x : rows) finite &= std::fabs(x) <= std::numeric_limits<double>::max();
-        return finite;
+        motion_.lift(rows, width);
+        int lost = 0;  // not one by one
+        for (int i = 0; i < m * width; ++i) lost |= !(std::fabs(rows[i]) <= std::numeric_limits<double>::max());
+        return !lost;
     }
 
   private:
     // −Gᵀ δf by y and by u.
-    double& by_y(int j, int k) { return rows[j * (2 * path_.layout.m + path_.layout.nv) + k]; }
+    double& by_y(int j, int k) { return rows_[j * (2 * path_.layout.m + path_.layout.nv) + k]; }
     double& by_u(int j, int k) { return by_y(j, path_.layout.m + k); }
 
     // Inertias, the wrenches that V and A take, and how these change with V.
@@ -269,6 +269,7 @@ class Slopes {
         });
     }
 
+    double* rows_ = nullptr;
     Path& path_;
     Motion& motion_;
     const std::vector<Part>& parts_;
