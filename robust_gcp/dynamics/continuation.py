@@ -32,6 +32,9 @@ MAX_NEWTON = 8
 CORRECTION = 0.25
 """Newton's first correction against the step along the circle: more is another branch."""
 
+INSIDE = 0.5
+"""Share of its radius within which a circle of mobility 1 serves other points."""
+
 
 class Place:
     """Complex motions of a cluster's parts from a real placement, by the product of exponentials.
@@ -161,6 +164,48 @@ class Circle:
     def _mean(self) -> Array:
         found: Array = (_mirrored(HALF) @ self._samples).real
         return found
+
+
+@dataclass(frozen=True)
+class Around:
+    """A circle of a cluster of mobility 1 as a Taylor series about its centre, at u = 1.
+
+    Attributes
+    ----------
+    circle : Circle
+    coefficients : ndarray
+        Its own.
+    q : ndarray (nq,)
+        The cluster's at the centre.
+    """
+
+    circle: Circle
+    coefficients: Array
+    q: Array
+
+    def covers(self, y: float) -> bool:
+        """Whether it serves so far from its centre."""
+        return abs(y - self.circle.center[0]) <= INSIDE * abs(self.circle.radius[0])
+
+    def moved(self, y: float) -> Array:
+        """∫ G dy from the centre, (nv,)."""
+        share, orders = self._share(y), np.arange(1, len(self.coefficients) + 1)
+        G = self.coefficients[:, : len(self.circle.values[0].G)]
+        found: Array = self.circle.radius[0] * ((share**orders / orders) @ G)
+        return found
+
+    def at(self, y: float, u: float) -> MapRates:
+        """The rates at y."""
+        share = self._share(y)
+        one = self.circle.unflattened(share ** np.arange(len(self.coefficients)) @ self.coefficients)
+        return MapRates(one.G, one.g * u * u, one.bend, one.V_y * u, one.A_y * u * u, one.A_u * u)
+
+    def _share(self, y: float) -> float:
+        return float((y - self.circle.center[0]) / self.circle.radius[0])
+
+
+Circles = dict[int, list[Around]]
+"""Those that were made, by cluster."""
 
 
 def _mirrored(half: int) -> Array:

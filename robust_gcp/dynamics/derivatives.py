@@ -21,6 +21,7 @@ from ..errors import NonFiniteError, OptionError
 from ..mechanism.force_slopes import ForceSlopes
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from .continuation import Circles
 from .differences import differences
 from .equations import CheckedTorque, Evaluation, torque_function
 from .loads import Torques, Wrench, one_torque
@@ -89,12 +90,19 @@ def derivatives(
     t: float = 0.0,
     tau_slopes: TorqueSlopes | None = None,
     wrenches: Sequence[Wrench] = (),
+    known: Circles | None = None,
 ) -> Derivatives:
-    """The reference of `robust_gcp.derivatives`, where its arguments are told and checked."""
+    """The reference of `robust_gcp.derivatives`, where its arguments are told and checked.
+
+    Parameters
+    ----------
+    known : Circles, optional
+        Of other states of the mechanism; those made here are added.
+    """
     check_callable("tau_slopes", tau_slopes, "(t, q, v)")
     applied = one_torque(mechanism, tau, wrenches)
     motion = set_out(mechanism, q, v, mode, applied)
-    return PointDerivatives(motion, applied, tau_slopes).at_start(t)
+    return PointDerivatives(motion, applied, tau_slopes, known).at_start(t)
 
 
 class PointDerivatives:
@@ -106,11 +114,16 @@ class PointDerivatives:
     torque : callable, array_like (nv,) or None
         The user's; what it was set out with.
     tau_slopes : callable, optional
+    known : Circles, optional
         See `derivatives`.
     """
 
     def __init__(
-        self, motion: Problem, torque: object = None, tau_slopes: TorqueSlopes | None = None
+        self,
+        motion: Problem,
+        torque: object = None,
+        tau_slopes: TorqueSlopes | None = None,
+        known: Circles | None = None,
     ) -> None:
         self.motion, self.mechanism = motion, motion.mechanism
         self._torque = torque_function(self.mechanism, torque) if callable(torque) else None
@@ -120,7 +133,7 @@ class PointDerivatives:
         self._rigid: RigidSlopes = memo.once("rigid slopes", lambda: RigidSlopes(self.mechanism))
         forces = self.mechanism.forces
         self._forces = ForceSlopes(self.mechanism.tree, forces) if forces else None
-        self._mode = ModeRates(motion.start)
+        self._mode = ModeRates(motion.start, known)
 
     def at_start(self, t: float) -> Derivatives:
         """At the start of the motion."""

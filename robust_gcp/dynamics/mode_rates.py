@@ -6,8 +6,6 @@ differentiated where it is; near a singular place, from a circle around it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,7 +19,7 @@ from ..mechanism.closure_rates import Placement
 from ..mechanism.extended import EPS
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from .continuation import Circle, circle
+from .continuation import Around, Circle, Circles, circle
 from .map_rates import ClusterRates, MapRates
 
 ZONE = 0.05
@@ -47,27 +45,8 @@ LARGEST_ERROR = 1e-9
 SAME_MODE = 1e-7
 """Agreement of the circle's mean with the map, and of its far side with the real mode there."""
 
-INSIDE = 0.5
-"""Share of its radius within which a circle of mobility 1 serves other points."""
-
 STRIDE = 0.1
 """Step in which a map walks to a circle, dimensionless joint units."""
-
-
-@dataclass(frozen=True)
-class _Around:
-    """A circle of a cluster of mobility 1 as a Taylor series about its centre, at u = 1."""
-
-    circle: Circle
-    coefficients: Array
-
-    def covers(self, y: float) -> bool:
-        return abs(y - self.circle.center[0]) <= INSIDE * abs(self.circle.radius[0])
-
-    def at(self, y: float, u: float) -> MapRates:
-        share = (y - self.circle.center[0]) / self.circle.radius[0]
-        one = self.circle.unflattened(share ** np.arange(len(self.coefficients)) @ self.coefficients)
-        return MapRates(one.G, one.g * u * u, one.bend, one.V_y * u, one.A_y * u * u, one.A_u * u)
 
 
 class ModeRates:
@@ -76,12 +55,15 @@ class ModeRates:
     Parameters
     ----------
     start : Start
+    known : Circles, optional
+        Of other starts of the mechanism, whatever their modes; those made here are added.
     """
 
-    def __init__(self, start: Start) -> None:
+    def __init__(self, start: Start, known: Circles | None = None) -> None:
         self._start, self._mechanism = start, start.mechanism
         self._clusters = cluster_rates(self._mechanism)
-        self._known: list[list[_Around]] = [[] for _ in self._clusters]
+        self._known: Circles = {} if known is None else known
+        self._alone = known is None
 
     def at(self, point: Point) -> MapRates:
         """At a point of the mode.
@@ -133,12 +115,16 @@ class ModeRates:
         cluster = rates.cluster
         if len(cluster.inputs) != 1:
             return None
-        y = float(point.y[cluster.inputs[0]])
-        for around in self._known[cluster.index]:
-            if around.covers(y):
-                found = around.at(y, float(u[0]))
-                if _apart(rates, found.G, G) < SAME_MODE:
-                    return found
+        y, q, tree = float(point.y[cluster.inputs[0]]), point.q[cluster.iq], cluster.loops.tree
+        for around in self._known.get(cluster.index, []):
+            if not around.covers(y):
+                continue
+            found = around.at(y, float(u[0]))
+            off = _apart(rates, found.G, G)
+            if tree.vector_space:
+                off = max(off, float(np.abs((q - around.q - around.moved(y)) / rates.scale).max()))
+            if off < SAME_MODE:
+                return found
         return None
 
     def _around(self, rates: ClusterRates, point: Point, place: Placement, u: Array, G: Array) -> MapRates:
@@ -154,8 +140,9 @@ class ModeRates:
         if len(inputs) > 1:
             return self._circle(rates, point, place, u, G).mean()
         made = self._circle(rates, point, place, np.ones(1), G)
-        kept = _Around(made, made.coefficients())
-        self._known[cluster.index].append(kept)
+        kept = Around(made, made.coefficients(), point.q[cluster.iq])
+        if self._alone or cluster.loops.tree.vector_space:  # else it does not tell whose mode it is
+            self._known.setdefault(cluster.index, []).append(kept)
         return kept.at(float(point.y[inputs[0]]), float(u[0]))
 
     def _circle(self, rates: ClusterRates, point: Point, place: Placement, u: Array, G: Array) -> Circle:

@@ -16,6 +16,7 @@ from ..checks import check_finite, check_mechanism, check_positive, checked_rows
 from ..dynamics import derivatives as reference
 from ..dynamics import discrete
 from ..dynamics import linearise as by_reference
+from ..dynamics.continuation import Circles
 from ..dynamics.derivatives import Derivatives, TorqueSlopes
 from ..dynamics.linearise import Linearisation
 from ..dynamics.loads import Torques, Wrench, one_torque
@@ -135,8 +136,11 @@ def _at_many(
         if kernel is not None:
             found = kernel.slopes(states, fast, None if held[0] is None else np.array(held, dtype=float))
             whole, missing = found.at(slice(None)), np.flatnonzero(~found.good)
+    known: Circles = {}
     for i in missing:
-        one = reference.derivatives(mechanism, states[i], fast[i], torques[i], mode, t, tau_slopes, wrenches)
+        one = reference.derivatives(
+            mechanism, states[i], fast[i], torques[i], mode, t, tau_slopes, wrenches, known
+        )
         for field in fields(Derivatives):
             getattr(whole, field.name)[i] = getattr(one, field.name)
     return whole

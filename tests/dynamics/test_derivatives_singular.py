@@ -108,6 +108,22 @@ def test_beside_a_singular_configuration(y: float, distance: float) -> None:
     assert off(found.da_dtau, mode[None] / A) < 1e-12
 
 
+def test_many_states_of_both_modes_at_once() -> None:
+    """What was found around one state serves others of its own mode alone; both pass the same y."""
+    mech, both = rg.load("rhombus"), (np.array([1.0, -1.0, 1.0]), np.array([0.0, 1.0, 1.0]))
+    for name in ("q3", "q1"):
+        made = mech.with_independent([name])
+        passing = [mode for mode in both if mode[mech.velocities_of(name)[0]]]
+        q = np.array([y * mode for y in (-0.03, 0.01, 0.02, 0.04) for mode in passing])
+        v = np.array([1.3 * mode for _ in range(4) for mode in passing])
+        together = rg.derivatives(made, q, v)
+        for i in range(len(q)):
+            alone = rg.derivatives(made, q[i], v[i])
+            for part in ("da_dy", "da_dv", "da_dtau", "dv_dy"):
+                one, other = getattr(together, part)[i], getattr(alone, part)
+                assert np.abs(one - other).max() < 1e-10 * max(1.0, np.abs(other).max()), (name, i, part)
+
+
 class TestOnAFreeBase:
     """A flat linkage on a floating body, on both of its modes, seven coordinates."""
 
