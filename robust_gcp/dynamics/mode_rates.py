@@ -27,11 +27,14 @@ ZONE = 0.05
 
 STEADY, UNSTEADY = 2e-11, 2e-10
 """Change of a cluster's rates, where q and φ are rounded otherwise, up to which they are taken where they
-are; and from which they are not even where no circle serves, as on modes that veer. The error is a fifth of
-it or less."""
+are; and from which they are not even where no circle serves, as on modes that veer. Beside change points of
+four four-bars missed by 1e-4 to 1e-9 m the error was 1.6 times as large at most, and a tenth mostly."""
 
 ROUNDINGS, DOUBLE = 8.0, float(np.finfo(float).eps)
 """How many roundings q and φ are taken to be off by, and their size in q; `extended.EPS` in φ."""
+
+SAMPLES = 4
+"""Ways of rounding that are tried."""
 
 RADII = (0.8, 0.5, 0.3, 0.15)
 """Of circles that are tried, dimensionless joint units along the mode."""
@@ -249,7 +252,7 @@ def _rounding(rates: ClusterRates, q: Array) -> tuple[Array, float]:
     try:
         q = rates.closed(q)
         here, change = parts(q), 0.0
-        for seed in (1, 2):
+        for seed in range(1, SAMPLES + 1):
             sign = np.random.default_rng(seed).choice([-1.0, 1.0], len(scale) + rates.cluster.loops.nc)
             moved = rates.reopened(q, ROUNDINGS * EPS * sign[len(scale) :])
             moved = tree.integrate(moved, ROUNDINGS * DOUBLE * sign[: len(scale)] * scale)
