@@ -163,7 +163,7 @@ void Clusters::passed(const Step& step, std::vector<double>& log) {
     for (std::size_t i = 0; i < in.trackers.size(); ++i) {
         Tracker& tracker = in.trackers[i];
         for (const CurvePtr& curve : tracker.touched) on_curve(*curve, static_cast<int>(i), step, found);
-        if (tracker.touched_patch) on_patch(tracker, static_cast<int>(i), step, found);
+        if (tracker.touched_patch) on_patch(tracker, static_cast<int>(i), step, path_, found);
         tracker.forget_touched();
     }
     std::sort(found.begin(), found.end(), [](const Passage& a, const Passage& b) { return a.time < b.time; });

@@ -12,11 +12,10 @@
 
 namespace rg {
 
-// Columns of `W` made orthogonal to each other by rotations from the right, which `R` collects (one-sided Jacobi;
+// Columns of `W` made orthogonal to each other by rotations from the right, which `R` goes on with (one-sided Jacobi;
 // Golub and Van Loan, Matrix Computations, 8.6.3).
 static void orthogonalise(Matrix& W, Matrix& R) {
     const Eigen::Index n = W.cols();
-    R.setIdentity(n, n);
     for (int sweep = 0; sweep < 60; ++sweep) {
         bool turned = false;
         for (Eigen::Index i = 0; i + 1 < n; ++i)
@@ -27,26 +26,34 @@ static void orthogonalise(Matrix& W, Matrix& R) {
                 const double zeta = (b - a) / (2.0 * c);
                 const double t = std::copysign(1.0, zeta) / (std::fabs(zeta) + std::sqrt(1.0 + zeta * zeta));
                 const double cosine = 1.0 / std::sqrt(1.0 + t * t), sine = cosine * t;
-                for (Matrix* M : {&W, &R})
+                for (Matrix* M : {&W, &R}) {
+                    double *__restrict x = M->col(i).data(), *__restrict y = M->col(j).data();
                     for (Eigen::Index k = 0; k < M->rows(); ++k) {
-                        const double x = (*M)(k, i), y = (*M)(k, j);
-                        (*M)(k, i) = cosine * x - sine * y;
-                        (*M)(k, j) = sine * x + cosine * y;
+                        const double turned_x = cosine * x[k] - sine * y[k];
+                        y[k] = sine * x[k] + cosine * y[k];
+                        x[k] = turned_x;
                     }
+                }
             }
         if (!turned) return;
     }
 }
 
+// The places of the values, the largest first.
+static std::vector<Eigen::Index> descending(const Vector& values) {
+    std::vector<Eigen::Index> order(static_cast<std::size_t>(values.size()));
+    std::iota(order.begin(), order.end(), Eigen::Index{0});
+    std::sort(order.begin(), order.end(), [&](Eigen::Index a, Eigen::Index b) { return values[a] > values[b]; });
+    return order;
+}
+
 // A = left diag(s) rightᵀ for A at least as high as wide, `left` square and completed to an orthonormal basis.
 static void tall(const Matrix& A, Matrix& left, Vector& s, Matrix& right) {
     const Eigen::Index rows = A.rows(), n = A.cols();
-    Matrix W = A, R;
+    Matrix W = A, R = Matrix::Identity(n, n);
     orthogonalise(W, R);
-    Vector sizes = W.colwise().norm().transpose();
-    std::vector<Eigen::Index> order(static_cast<std::size_t>(n));
-    std::iota(order.begin(), order.end(), Eigen::Index{0});
-    std::sort(order.begin(), order.end(), [&](Eigen::Index a, Eigen::Index b) { return sizes[a] > sizes[b]; });
+    const Vector sizes = W.colwise().norm().transpose();
+    const std::vector<Eigen::Index> order = descending(sizes);
     left.resize(rows, rows), right.resize(n, n), s.resize(n);
     Eigen::Index known = 0;
     for (Eigen::Index k = 0; k < n; ++k) {
@@ -87,9 +94,23 @@ Svd::Svd(const Matrix& A) {
     }
 }
 
+Matrix left_vectors(const Matrix& A, const Matrix* near) {
+    const Eigen::Index n = A.rows();
+    if (near == nullptr || near->cols() != n || n > A.cols() || A.cols() > SMALL) return Svd(A).U;
+    // what rounding took from the right angles would add up from place to place
+    Matrix R = near->lazyProduct(1.5 * Matrix::Identity(n, n) - 0.5 * transposed_times(*near, *near));
+    Matrix W = transposed_times(A, R);
+    orthogonalise(W, R);
+    Matrix U(n, n);
+    Eigen::Index k = 0;
+    for (const Eigen::Index from : descending(W.colwise().norm().transpose())) U.col(k++) = R.col(from);
+    return U;
+}
+
 // Elimination with partial pivoting of a small A, beside right-hand sides B that become A⁻¹ B; returns the
 // smallest pivot as a share of the largest.
-static double eliminate(Matrix A, Matrix& B) {
+template <typename Right>
+static double eliminate(Matrix& A, Right& B) {
     const Eigen::Index n = A.rows(), m = B.cols();
     double least = INFINITY, most = 0.0;
     for (Eigen::Index k = 0; k < n; ++k) {
@@ -101,18 +122,16 @@ static double eliminate(Matrix A, Matrix& B) {
             for (Eigen::Index j = 0; j < m; ++j) std::swap(B(k, j), B(pivot, j));
         }
         least = std::min(least, std::fabs(A(k, k))), most = std::max(most, std::fabs(A(k, k)));
-        for (Eigen::Index i = k + 1; i < n; ++i) {
-            const double factor = A(i, k) / A(k, k);
-            if (factor == 0.0) continue;
-            for (Eigen::Index j = k + 1; j < n; ++j) A(i, j) -= factor * A(k, j);
-            for (Eigen::Index j = 0; j < m; ++j) B(i, j) -= factor * B(k, j);
-        }
+        const Eigen::Index below = n - k - 1;
+        auto factor = A.col(k).tail(below);
+        factor /= A(k, k);
+        for (Eigen::Index j = k + 1; j < n; ++j) A.col(j).tail(below) -= A(k, j) * factor;
+        for (Eigen::Index j = 0; j < m; ++j) B.col(j).tail(below) -= B(k, j) * factor;
     }
     for (Eigen::Index j = 0; j < m; ++j)
-        for (Eigen::Index i = n; i-- > 0;) {
-            double sum = B(i, j);
-            for (Eigen::Index k = i + 1; k < n; ++k) sum -= A(i, k) * B(k, j);
-            B(i, j) = sum / A(i, i);
+        for (Eigen::Index k = n; k-- > 0;) {
+            B(k, j) /= A(k, k);
+            B.col(j).head(k) -= B(k, j) * A.col(k).head(k);
         }
     return least / most;
 }
@@ -132,17 +151,16 @@ Matrix inverse(const Matrix& A, double* pivots) {
         if (pivots != nullptr) *pivots = diagonal.minCoeff() / diagonal.maxCoeff();
         return lu.inverse();
     }
-    Matrix undone = Matrix::Identity(A.rows(), A.cols());
-    const double share = eliminate(A, undone);
+    Matrix undone = Matrix::Identity(A.rows(), A.cols()), reduced = A;
+    const double share = eliminate(reduced, undone);
     if (pivots != nullptr) *pivots = share;
     return undone;
 }
 
-Vector solution(const Matrix& A, const Vector& b) {
+Vector solution(Matrix A, Vector b) {
     if (A.rows() > SMALL) return A.partialPivLu().solve(b);
-    Matrix x = b;
-    eliminate(A, x);
-    return x;
+    eliminate(A, b);
+    return b;
 }
 
 Matrix orthonormal(const Matrix& A) {

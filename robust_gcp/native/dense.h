@@ -23,11 +23,13 @@ struct Svd {
     explicit Svd(const Matrix& A);
 };
 
+// The left vectors of A, σ descending, (rows, rows); sooner from those of a matrix near to it.
+Matrix left_vectors(const Matrix& A, const Matrix* near = nullptr);
 Matrix times(const Matrix& A, const Matrix& B);             // A B
 Matrix transposed_times(const Matrix& A, const Matrix& B);  // Aᵀ B
 // Not finite where A is singular; also the smallest pivot as a share of the largest.
 Matrix inverse(const Matrix& A, double* pivots = nullptr);
-Vector solution(const Matrix& A, const Vector& b);          // of A x = b, likewise
+Vector solution(Matrix A, Vector b);                        // of A x = b, likewise
 Matrix orthonormal(const Matrix& A);  // Q of A = Q R, as wide as A, or square where A is wider than high
 std::vector<int> best_rows(const Matrix& A);  // as many as A has columns: a pivoted QR of Aᵀ
 Roots eigenvalues(const Matrix& A);

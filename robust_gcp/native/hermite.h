@@ -30,13 +30,13 @@ struct Hermite {
         const auto n = static_cast<Eigen::Index>(us.size());
         middle_ = std::accumulate(us.begin(), us.end(), 0.0) / static_cast<double>(n);
         half_ = 0.5 * (us.back() - us.front());
-        Matrix data(3 * n, nodes[0]->x.size());
+        Matrix data(nodes[0]->x.size(), 3 * n);
         std::vector<double> units;
         for (Eigen::Index i = 0; i < n; ++i) {
             const Jet& node = *nodes[static_cast<std::size_t>(i)];
-            data.row(3 * i) = node.x.transpose();
-            data.row(3 * i + 1) = half_ * node.J.col(0).transpose();
-            data.row(3 * i + 2) = half_ * half_ * node.bend.col(0).transpose();
+            data.col(3 * i) = node.x;
+            data.col(3 * i + 1) = half_ * node.J.col(0);
+            data.col(3 * i + 2) = half_ * half_ * node.bend.col(0);
             units.push_back((us[static_cast<std::size_t>(i)] - middle_) / half_);
         }
         form_ = NewtonForm(units, 3, data);

@@ -33,8 +33,7 @@ struct Jet {
     double sigma = 0.0;
     bool solved = false;               // the rest is there only where it was solved for
     double smallest = 0.0;             // σ of rank nd
-    Vector u;                          // its left vector
-    Matrix V;                          // (nv, m + 1): its right vector, and the null vectors of K
+    Vector v;                          // its right vector; the left one is the last row of P
     Matrix W;                          // (nv, nd): P K W = 1, Cᵀ W = 0
     std::vector<Matrix> rate;          // (nd, nv) each: P φ''[J_i, ·]
 
@@ -92,29 +91,59 @@ struct Jet {
             if (!mu.empty()) found.size = std::abs(nearest_of(mu));
             return found;
         }
-        Matrix rates;
-        space->second(x, V.col(0), rates);
-        const Vector gradient = J.transpose() * (rates.transpose() * u);
+        const Vector gradient = J.transpose() * slope();
         const Vector way = solution(transposed_times(J, J), gradient);
         const double pace = std::sqrt(std::max(gradient.dot(way), 0.0));
         if (pace > 0.0) found.size = smallest / pace, found.way = way / pace;
         return found;
     }
 
-    double find_ambient() const {
-        if (!solved || space->nd == 0) return FAR;
-        Matrix rows(V.cols(), space->nv), rates;
-        for (Eigen::Index i = 0; i < V.cols(); ++i) {
-            space->second(x, V.col(i), rates);
-            rows.row(i) = u.transpose() * rates;
+    // The gradient of σ by x.
+    const Vector& slope() const {
+        if (slope_.size() == 0) {
+            Matrix rates;
+            space->second(x, v, rates);
+            slope_ = rates.transpose() * P->bottomRows(1).transpose();
         }
-        Vector target = Vector::Zero(V.cols());
+        return slope_;
+    }
+
+    // The shortest dx with uᵀ φ''[v] dx = −σ and uᵀ φ''[N] dx = 0 for the null vectors N of K: its length is σ
+    // against the part of the gradient that is at right angles to the rows of N.
+    double find_ambient() const {
+        constexpr double CLEARLY = 1e-2;
+        if (!solved || space->nd == 0) return FAR;
+        const Eigen::Index m = J.cols();
+        Matrix rows(space->nv, m + 1);
+        for (Eigen::Index i = 0; i < m; ++i) rows.col(i) = rate[static_cast<std::size_t>(i)].bottomRows(1).transpose();
+        rows.col(m) = slope();
+        const double least = CLEARLY * rows.colwise().norm().maxCoeff();
+        Matrix across = rows;
+        double length = 0.0;
+        for (Eigen::Index i = 0; i <= m; ++i) {
+            length = across.col(i).norm();
+            if (m > 2 || !(length > least)) return shortest(rows);
+            for (Eigen::Index j = i + 1; j <= m; ++j)
+                across.col(j) -= across.col(i) * (across.col(i).dot(across.col(j)) / (length * length));
+        }
+        return smallest / length;
+    }
+
+    // The same where the rows may depend on each other.
+    double shortest(const Matrix& rows) const {
+        const Eigen::Index m = J.cols();
+        const Matrix N = space->balance.asDiagonal() * orthonormal(space->balance.cwiseInverse().asDiagonal() * J);
+        Matrix A(m + 1, space->nv);
+        A.row(0) = rows.col(m).transpose();
+        A.bottomRows(m) = (times(rows.leftCols(m), transposed_times(*C, N))).transpose();
+        Vector target = Vector::Zero(m + 1);
         target[0] = -smallest;
-        return least_squares(rows, target, 1e-8).norm();
+        return least_squares(A, target, 1e-8).norm();
     }
 
     mutable bool known_nearest_ = false, known_ambient_ = false;
     mutable Distance nearest_;
+    mutable Vector slope_;
     mutable double ambient_ = FAR;
 };
 
@@ -125,7 +154,7 @@ inline JetPtr recharted(const JetPtr& jet, const Chart& C) {
     const Matrix W = inverse(transposed_times(*C, jet->J));
     auto made = std::make_shared<Jet>();
     made->space = jet->space, made->x = jet->x, made->C = C, made->P = jet->P, made->sigma = jet->sigma;
-    made->solved = jet->solved, made->smallest = jet->smallest, made->u = jet->u, made->V = jet->V;
+    made->solved = jet->solved, made->smallest = jet->smallest, made->v = jet->v;
     made->J = times(jet->J, W);
     made->bend.resize(jet->x.size(), m * m);
     for (Eigen::Index i = 0; i < m; ++i)
@@ -142,18 +171,15 @@ inline JetPtr recharted(const JetPtr& jet, const Chart& C) {
     return made;
 }
 
-// The jet at a closed x where K is regular: B = [P K; Cᵀ], J = B⁻¹ [0; I], Γ = −B⁻¹ [P φ''[J, J]; 0].
-inline JetPtr jet_at(Space& space, const Vector& x, const Chart& C) {
+// The jet at a closed x where K is regular, whose rows P are known: B = [P K; Cᵀ], J = B⁻¹ [0; I],
+// Γ = −B⁻¹ [P φ''[J, J]; 0].
+inline JetPtr jet_of(Space& space, const Vector& x, const Chart& C, const Matrix& K,
+                     std::shared_ptr<const Matrix> P) {
     const int nd = space.nd, m = space.m, nv = space.nv;
     auto made = std::make_shared<Jet>();
-    made->space = &space, made->x = x, made->C = C, made->solved = true;
-    Vector phi;
-    Matrix K;
-    space.linear(x, phi, K);
-    const Svd svd(Matrix(K * space.balance.asDiagonal()));
-    made->P = std::make_shared<Matrix>(svd.U.leftCols(nd).transpose());
+    made->space = &space, made->x = x, made->C = C, made->P = std::move(P), made->solved = true;
     Matrix B(nv, nv);
-    B.topRows(nd) = svd.s.head(nd).asDiagonal() * svd.V.leftCols(nd).transpose();
+    B.topRows(nd) = times(*made->P, K);
     B.bottomRows(m) = C->transpose() * space.balance.asDiagonal();
     const Matrix undone = space.balance.asDiagonal() * inverse(B);
     if (!undone.allFinite()) throw Lost{};
@@ -171,11 +197,21 @@ inline JetPtr jet_at(Space& space, const Vector& x, const Chart& C) {
             made->bend.col(i * m + j) = 0.5 * (bend.col(i * m + j) + bend.col(j * m + i));
     made->sigma = FAR;
     if (nd > 0) {
-        made->sigma = made->smallest = svd.s[nd - 1];
-        made->u = svd.U.col(nd - 1);
-        made->V = space.balance.asDiagonal() * svd.V.rightCols(m + 1);
+        made->sigma = made->smallest = B.row(nd - 1).norm();
+        made->v = space.balance.asDiagonal() * B.row(nd - 1).transpose() / made->sigma;
     }
     return made;
+}
+
+// The same with P from the left vectors of K, sooner from those of a point near to it.
+inline JetPtr jet_at(Space& space, const Vector& x, const Chart& C, const Matrix* near = nullptr) {
+    Vector phi;
+    Matrix K;
+    space.linear(x, phi, K);
+    K = K * space.balance.asDiagonal();
+    const Matrix beside = near != nullptr ? Matrix(near->transpose()) : Matrix();
+    const Matrix U = left_vectors(K, near != nullptr ? &beside : nullptr);
+    return jet_of(space, x, C, K, std::make_shared<Matrix>(U.leftCols(space.nd).transpose()));
 }
 
 // Newton on P φ = 0, Cᵀ x = y from the guess x (overwritten); returns the size of the first correction.
@@ -208,7 +244,7 @@ inline double solve(Space& space, Vector& x, const Matrix& C, const Vector& y, c
 inline std::pair<JetPtr, double> solved(Space& space, Vector guess, const Chart& C, const Vector& y,
                                         const Matrix& P) {
     const double first = solve(space, guess, *C, y, P);
-    return {jet_at(space, guess, C), first};
+    return {jet_at(space, guess, C, &P), first};
 }
 
 }  // namespace rg

@@ -82,7 +82,7 @@ inline void on_curve(const Curve& curve, int cluster, const Step& step, std::vec
 }
 
 // With several coordinates: Newton in time on the pencil along the velocity.
-inline void on_patch(Tracker& tracker, int cluster, const Step& step, std::vector<Passage>& found) {
+inline void on_patch(Tracker& tracker, int cluster, const Step& step, const Path& path, std::vector<Passage>& found) {
     Space& space = *tracker.anchor->space;
     const std::shared_ptr<Patch> bridge = tracker.touched_patch;
     const JetPtr anchor = tracker.anchor;
@@ -92,7 +92,20 @@ inline void on_patch(Tracker& tracker, int cluster, const Step& step, std::vecto
     std::vector<Quintic> motion;
     for (const int input : space.inputs) motion.emplace_back(step, input);
     JetPtr point;
+    const auto real = [&](const Roots& all) {
+        std::vector<double> kept;
+        for (const auto& mu : all)
+            if (std::fabs(mu.imag()) <= 0.5 * std::abs(mu) + 1e-9 * h) kept.push_back(mu.real());
+        return kept;
+    };
     // times until K is singular along the motion, to first order
+    const auto at_end = [&](Point& end) {
+        std::vector<double> v(static_cast<std::size_t>(path.layout.nv));
+        path.velocity(end, v.data());
+        Vector way(space.nv);
+        for (int i = 0; i < space.nv; ++i) way[i] = v[static_cast<std::size_t>(space.iv[i])] / space.D[i];
+        return real(pencil_roots(space, *anchor->P, space.x(end.q()), way, *anchor->C, tracker.zone));
+    };
     const auto roots = [&](double t) {
         Vector y(space.m), rate(space.m);
         for (int i = 0; i < space.m; ++i) {
@@ -101,16 +114,13 @@ inline void on_patch(Tracker& tracker, int cluster, const Step& step, std::vecto
             rate[i] = motion[static_cast<std::size_t>(i)].rate(t) / unit;
         }
         point = tracker.at(y);
-        std::vector<double> real;
-        for (const auto& mu : pencil_roots(space, *point->P, point->x, point->J * rate, *point->C, tracker.zone))
-            if (std::fabs(mu.imag()) <= 0.5 * std::abs(mu) + 1e-9 * h) real.push_back(mu.real());
-        return real;
+        return real(pencil_roots(space, *point->P, point->x, point->J * rate, *point->C, tracker.zone));
     };
     const std::size_t first = found.size();
     try {
         std::vector<double> starts;
-        for (const double end : {step.t0, step.t1})
-            for (const double mu : roots(end)) starts.push_back(end + mu);
+        for (const double mu : at_end(*step.before)) starts.push_back(step.t0 + mu);
+        for (const double mu : at_end(*step.after)) starts.push_back(step.t1 + mu);
         for (const double start : starts) {
             if (!(step.t0 - 0.5 * h <= start && start <= step.t1 + 0.5 * h)) continue;
             double t = start, move = FAR;

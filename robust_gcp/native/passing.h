@@ -108,7 +108,11 @@ class Reader {
         made->J = array(), made->bend = array();
         made->P = std::make_shared<Matrix>(array());
         made->sigma = number();
-        return number() != 0.0 ? jet_at(space, made->x, made->C) : made;
+        if (number() == 0.0) return made;
+        Vector phi;
+        Matrix K;
+        space.linear(made->x, phi, K);
+        return jet_of(space, made->x, made->C, K * space.balance.asDiagonal(), made->P);
     }
 
   private:

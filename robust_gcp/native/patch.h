@@ -110,7 +110,7 @@ class Patch {
             Vector x = interpolated(ss, jets, s)->x;
             const double first = solve(space_, x, *C_, origin_ + s * d_, *P);
             if (first > FAR_SIDE[std::min<std::size_t>(k, 1)] * w) throw NoBridge{};
-            const JetPtr beyond = jet_at(space_, x, C_);
+            const JetPtr beyond = jet_at(space_, x, C_, P.get());
             P = beyond->P;
             ss.push_back(s);
             trackers.push_back(tracker.nested(beyond));
@@ -161,21 +161,21 @@ class Patch {
         double half = 0.5 * (ss[order.back()] - ss[order.front()]);
         if (half == 0.0) half = 1.0;
         std::vector<double> units;
-        Matrix x_data(3 * n, nv), J_data(2 * n, m * nv), bend_data(n, m * m * nv);
+        Matrix x_data(nv, 3 * n), J_data(m * nv, 2 * n), bend_data(m * m * nv, n), along(nv, m);
         double sigma = -1.0;
         std::shared_ptr<const Matrix> P;
         for (Eigen::Index i = 0; i < n; ++i) {
             const std::size_t at = order[static_cast<std::size_t>(i)];
             const Jet& node = *jets[at];
             units.push_back((ss[at] - center) / half);
-            Matrix along = Matrix::Zero(nv, m);  // Γ[d, ·]
+            along.setZero();  // Γ[d, ·]
             for (Eigen::Index a = 0; a < m; ++a) along += d_[a] * node.bend.middleCols(a * m, m);
-            x_data.row(3 * i) = node.x.transpose();
-            x_data.row(3 * i + 1) = half * (node.J * d_).transpose();
-            x_data.row(3 * i + 2) = half * half * (along * d_).transpose();
-            J_data.row(2 * i) = node.J.reshaped().transpose();
-            J_data.row(2 * i + 1) = half * along.reshaped().transpose();
-            bend_data.row(i) = node.bend.reshaped().transpose();
+            x_data.col(3 * i) = node.x;
+            x_data.col(3 * i + 1) = half * node.J.lazyProduct(d_);
+            x_data.col(3 * i + 2) = half * half * along.lazyProduct(d_);
+            J_data.col(2 * i) = node.J.reshaped();
+            J_data.col(2 * i + 1) = half * along.reshaped();
+            bend_data.col(i) = node.bend.reshaped();
             if (node.sigma > sigma) sigma = node.sigma, P = node.P;
         }
         const double z = (s - center) / half;

@@ -137,7 +137,7 @@ class Tracker {
             return nullptr;
         }
         ++tally_->svds;
-        JetPtr found = jet_at(*space_, x, C);
+        JetPtr found = jet_at(*space_, x, C, here->P.get());
         // rounding of φ looks like a lost branch where K is poor
         const double allowed =
             CORRECTION * size + 1e-12 + 1e-14 / std::max(std::min(here->sigma, found->sigma), 1e-12);

@@ -176,3 +176,16 @@ def test_very_short_links_are_measured_alike(short: float, start: float) -> None
     np.testing.assert_allclose(native.q, python.q, atol=1e-9)
     for name in COUNTED:
         assert getattr(native.stats, name) == getattr(python.stats, name)
+
+
+def test_steps_that_pass_nothing_follow_each_node_once_a_stage() -> None:
+    """What tells that a step passed no singular place needs no points of the mode beside its two ends."""
+    sim = on_a_bridge("two coordinates in a cluster")
+    counters = sim._run._motion.explicit.counters
+    begun = counters.marching_steps, counters.zone_evaluations
+    run = sim.step(n=2)._run
+    run.settle()
+    assert not sim.crossings
+    nodes, stages = 2 * len(rg.BridgeOptions().nodes), counters.zone_evaluations - begun[1]
+    assert stages == 2 * 4
+    assert counters.marching_steps - begun[0] == stages * nodes

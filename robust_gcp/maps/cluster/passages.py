@@ -140,17 +140,26 @@ def _on_patch(
     h = stretch.t1 - stretch.t0
     eps = 1e-4 * h
 
+    def real(mu: Array) -> Array:
+        return np.asarray(mu[np.abs(mu.imag) <= 0.5 * np.abs(mu) + 1e-9 * h].real)
+
+    def at_end(end: Point) -> Array:
+        """Times until K is singular along the motion, to first order."""
+        x = space.x(end.q[cluster.iq])
+        way = np.linalg.solve(space.turn(x), (end.G @ end.ydot)[cluster.iv])
+        return real(pencil_roots(space, kept[0].P, x, way, kept[0].C))
+
     def roots(t: float) -> tuple[Array, Array, Array]:
-        """Times until K is singular along the motion, to first order; x and P at t."""
+        """The same at t, with x and P there."""
         rate = (stretch.y(t + eps) - stretch.y(t - eps))[inputs] / (2.0 * eps * unit)
         point = tracker.at(stretch.y(t)[inputs] / unit + shift)
         mu = pencil_roots(space, point.P, point.x, point.J @ rate, point.C)
-        return mu[np.abs(mu.imag) <= 0.5 * np.abs(mu) + 1e-9 * h].real, point.x, point.P
+        return real(mu), point.x, point.P
 
     found: list[Passage] = []
     try:
-        ends = (stretch.t0, stretch.t1)
-        starts = [t + mu for t in ends for mu in roots(t)[0]]
+        ends = (stretch.t0, before), (stretch.t1, after)
+        starts = [t + mu for t, end in ends for mu in at_end(end)]
         for start in starts:
             if not stretch.t0 - 0.5 * h <= start <= stretch.t1 + 0.5 * h:
                 continue

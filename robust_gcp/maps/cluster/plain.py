@@ -7,6 +7,7 @@ of `Writer.tracker`, which native/passing.h mirrors.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -136,7 +137,8 @@ class Reader:
         x, C, J, bend, P = (self.array() for _ in range(5))
         sigma, m = self.number(), C.shape[1]
         if self.number():
-            return jet(space, x[:, 0], C)
+            # with P of other signs the last bits differ
+            return replace(jet(space, x[:, 0], C), P=P)
         return Jet(space, x[:, 0], C, J, bend.T.reshape(m, m, -1), P, sigma)
 
     def _curve(self, space: ClusterSpace) -> Curve:
