@@ -106,7 +106,7 @@ class CurveBuilder {
             const double to = center - side * options_.nodes[k] * w;
             Vector guess, slope, bend;
             Hermite(us, nodes).evaluate(to, guess, slope, bend);
-            const auto [node, first] = solve_at(guess, to, *P);
+            const auto [node, first] = solve_at(guess, to, P);
             if (first > FAR_SIDE[std::min<std::size_t>(k, 1)] * w) throw NoBridge{};
             P = node->P;
             us.push_back(to);
@@ -122,15 +122,17 @@ class CurveBuilder {
             const double at = u(here->x), limit = REACH * std::min(here->delta(), 1.0);
             const bool last = std::fabs(to - at) <= limit;
             const double next = last ? to : at + std::min(std::max(to - at, -limit), limit);
-            const auto [found, first] = solve_at(here->predicted(Vector::Constant(1, next - at)), next, *here->P);
+            const auto [found, first] = solve_at(here->predicted(Vector::Constant(1, next - at)), next, here->P);
             here = found;
-            if (first > 0.25 * std::fabs(next - at) + 1e-14 / std::max(here->sigma, 1e-12)) throw NoBridge{};
+            const double allowed = 0.25 * std::fabs(next - at);
+            if (first > allowed && first > allowed + 1e-14 / std::max(here->sigma(), 1e-12)) throw NoBridge{};
             if (last) return here;
         }
         throw NoBridge{};
     }
 
-    std::pair<JetPtr, double> solve_at(const Vector& guess, double at, const Matrix& P) const {
+    std::pair<JetPtr, double> solve_at(const Vector& guess, double at,
+                                       const std::shared_ptr<const Matrix>& P) const {
         const Vector y = shape_.C->transpose() * shape_.reference + Vector::Constant(1, at);
         return solved(space_, guess, shape_.C, y, P);
     }
@@ -217,7 +219,7 @@ class CurveBuilder {
             const double at = 0.5 * (us[inner] + us[outer]);
             Vector x, slope, bend;
             through.evaluate(at, x, slope, bend);
-            const JetPtr known = solve_at(x, at, *through.nodes[inner]->P).first;
+            const JetPtr known = solve_at(x, at, through.nodes[inner]->P).first;
             const double off = (known->bend.col(0) - bend).cwiseAbs().maxCoeff() /
                                (1.0 + known->bend.col(0).cwiseAbs().maxCoeff());
             double growth = 1.0;

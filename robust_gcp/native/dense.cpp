@@ -94,12 +94,10 @@ Svd::Svd(const Matrix& A) {
     }
 }
 
-Matrix left_vectors(const Matrix& A, const Matrix* near) {
+Matrix left_vectors(const Matrix& A) {
     const Eigen::Index n = A.rows();
-    if (near == nullptr || near->cols() != n || n > A.cols() || A.cols() > SMALL) return Svd(A).U;
-    // what rounding took from the right angles would add up from place to place
-    Matrix R = near->lazyProduct(1.5 * Matrix::Identity(n, n) - 0.5 * transposed_times(*near, *near));
-    Matrix W = transposed_times(A, R);
+    if (n > A.cols() || A.cols() > SMALL) return Svd(A).U;
+    Matrix W = A.transpose(), R = Matrix::Identity(n, n);
     orthogonalise(W, R);
     Matrix U(n, n);
     Eigen::Index k = 0;

@@ -23,8 +23,7 @@ struct Svd {
     explicit Svd(const Matrix& A);
 };
 
-// The left vectors of A, σ descending, (rows, rows); sooner from those of a matrix near to it.
-Matrix left_vectors(const Matrix& A, const Matrix* near = nullptr);
+Matrix left_vectors(const Matrix& A);  // σ descending, (rows, rows); soon where rows are nearly orthogonal
 Matrix times(const Matrix& A, const Matrix& B);             // A B
 Matrix transposed_times(const Matrix& A, const Matrix& B);  // Aᵀ B
 // Not finite where A is singular; also the smallest pivot as a share of the largest.

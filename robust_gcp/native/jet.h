@@ -30,12 +30,14 @@ struct Jet {
     Matrix J;                          // (nv, m)
     Matrix bend;                       // (nv, m²): Γ_ij in column i m + j
     std::shared_ptr<const Matrix> P;   // (nd, rows)
-    double sigma = 0.0;
+    double given = 0.0;                // σ where it was not solved for
     bool solved = false;               // the rest is there only where it was solved for
-    double smallest = 0.0;             // σ of rank nd
-    Vector v;                          // its right vector; the left one is the last row of P
+    Matrix closed;                     // (nd, nv): P K, balanced
     Matrix W;                          // (nv, nd): P K W = 1, Cᵀ W = 0
     std::vector<Matrix> rate;          // (nd, nv) each: P φ''[J_i, ·]
+
+    // The smallest of the nd leading singular values of K, balanced.
+    double sigma() const { return !solved ? given : space->nd == 0 ? FAR : smallest().sigma; }
 
     Vector y() const { return C->transpose() * x; }
 
@@ -77,7 +79,24 @@ struct Jet {
     double delta() const { return regular() ? FAR : std::min(nearest().size, ambient()); }
 
   private:
-    bool regular() const { return !solved || space->nd == 0 || sigma > FILTER; }
+    bool regular() const { return !solved || space->nd == 0 || sigma() > FILTER; }
+
+    // The smallest singular value of K, with its vectors: Pᵀ u on the left, v on the right.
+    struct Smallest {
+        double sigma = 0.0;
+        Vector u, v;
+    };
+
+    const Smallest& smallest() const {
+        if (smallest_.u.size() == 0) {
+            smallest_.u = left_vectors(closed).rightCols(1);
+            const Vector row = closed.transpose() * smallest_.u;
+            smallest_.sigma = row.norm();
+            smallest_.v = space->balance.cwiseProduct(row) / smallest_.sigma;
+        }
+        return smallest_;
+    }
+
 
     Distance find_nearest() const {
         Distance found;
@@ -94,7 +113,7 @@ struct Jet {
         const Vector gradient = J.transpose() * slope();
         const Vector way = solution(transposed_times(J, J), gradient);
         const double pace = std::sqrt(std::max(gradient.dot(way), 0.0));
-        if (pace > 0.0) found.size = smallest / pace, found.way = way / pace;
+        if (pace > 0.0) found.size = sigma() / pace, found.way = way / pace;
         return found;
     }
 
@@ -102,8 +121,8 @@ struct Jet {
     const Vector& slope() const {
         if (slope_.size() == 0) {
             Matrix rates;
-            space->second(x, v, rates);
-            slope_ = rates.transpose() * P->bottomRows(1).transpose();
+            space->second(x, smallest().v, rates);
+            slope_ = rates.transpose() * (P->transpose() * smallest().u);
         }
         return slope_;
     }
@@ -111,13 +130,12 @@ struct Jet {
     // The shortest dx with uᵀ φ''[v] dx = −σ and uᵀ φ''[N] dx = 0 for the null vectors N of K: its length is σ
     // against the part of the gradient that is at right angles to the rows of N.
     double find_ambient() const {
-        constexpr double CLEARLY = 1e-2;
         if (!solved || space->nd == 0) return FAR;
         const Eigen::Index m = J.cols();
         Matrix rows(space->nv, m + 1);
-        for (Eigen::Index i = 0; i < m; ++i) rows.col(i) = rate[static_cast<std::size_t>(i)].bottomRows(1).transpose();
+        for (Eigen::Index i = 0; i < m; ++i) rows.col(i) = rate[static_cast<std::size_t>(i)].transpose() * smallest().u;
         rows.col(m) = slope();
-        const double least = CLEARLY * rows.colwise().norm().maxCoeff();
+        const double least = 1e-2 * rows.colwise().norm().maxCoeff();
         Matrix across = rows;
         double length = 0.0;
         for (Eigen::Index i = 0; i <= m; ++i) {
@@ -126,7 +144,7 @@ struct Jet {
             for (Eigen::Index j = i + 1; j <= m; ++j)
                 across.col(j) -= across.col(i) * (across.col(i).dot(across.col(j)) / (length * length));
         }
-        return smallest / length;
+        return sigma() / length;
     }
 
     // The same where the rows may depend on each other.
@@ -137,13 +155,14 @@ struct Jet {
         A.row(0) = rows.col(m).transpose();
         A.bottomRows(m) = (times(rows.leftCols(m), transposed_times(*C, N))).transpose();
         Vector target = Vector::Zero(m + 1);
-        target[0] = -smallest;
+        target[0] = -sigma();
         return least_squares(A, target, 1e-8).norm();
     }
 
     mutable bool known_nearest_ = false, known_ambient_ = false;
     mutable Distance nearest_;
     mutable Vector slope_;
+    mutable Smallest smallest_;
     mutable double ambient_ = FAR;
 };
 
@@ -153,8 +172,8 @@ inline JetPtr recharted(const JetPtr& jet, const Chart& C) {
     const auto m = jet->J.cols();
     const Matrix W = inverse(transposed_times(*C, jet->J));
     auto made = std::make_shared<Jet>();
-    made->space = jet->space, made->x = jet->x, made->C = C, made->P = jet->P, made->sigma = jet->sigma;
-    made->solved = jet->solved, made->smallest = jet->smallest, made->v = jet->v;
+    made->space = jet->space, made->x = jet->x, made->C = C, made->P = jet->P, made->given = jet->given;
+    made->solved = jet->solved, made->closed = jet->closed;
     made->J = times(jet->J, W);
     made->bend.resize(jet->x.size(), m * m);
     for (Eigen::Index i = 0; i < m; ++i)
@@ -195,23 +214,20 @@ inline JetPtr jet_of(Space& space, const Vector& x, const Chart& C, const Matrix
     for (int i = 0; i < m; ++i)
         for (int j = 0; j < m; ++j)
             made->bend.col(i * m + j) = 0.5 * (bend.col(i * m + j) + bend.col(j * m + i));
-    made->sigma = FAR;
-    if (nd > 0) {
-        made->sigma = made->smallest = B.row(nd - 1).norm();
-        made->v = space.balance.asDiagonal() * B.row(nd - 1).transpose() / made->sigma;
-    }
+    made->closed = B.topRows(nd);
     return made;
 }
 
-// The same with P from the left vectors of K, sooner from those of a point near to it.
-inline JetPtr jet_at(Space& space, const Vector& x, const Chart& C, const Matrix* near = nullptr) {
+// The same with P from the left vectors of K, or that of a point near to it where all rows are in P.
+inline JetPtr jet_at(Space& space, const Vector& x, const Chart& C,
+                     std::shared_ptr<const Matrix> P = nullptr) {
     Vector phi;
     Matrix K;
     space.linear(x, phi, K);
     K = K * space.balance.asDiagonal();
-    const Matrix beside = near != nullptr ? Matrix(near->transpose()) : Matrix();
-    const Matrix U = left_vectors(K, near != nullptr ? &beside : nullptr);
-    return jet_of(space, x, C, K, std::make_shared<Matrix>(U.leftCols(space.nd).transpose()));
+    if (P == nullptr || space.rows != space.nd)
+        P = std::make_shared<Matrix>(left_vectors(K).leftCols(space.nd).transpose());
+    return jet_of(space, x, C, K, std::move(P));
 }
 
 // Newton on P φ = 0, Cᵀ x = y from the guess x (overwritten); returns the size of the first correction.
@@ -242,9 +258,9 @@ inline double solve(Space& space, Vector& x, const Matrix& C, const Vector& y, c
 
 // `solve` and the jet there.
 inline std::pair<JetPtr, double> solved(Space& space, Vector guess, const Chart& C, const Vector& y,
-                                        const Matrix& P) {
-    const double first = solve(space, guess, *C, y, P);
-    return {jet_at(space, guess, C, &P), first};
+                                        const std::shared_ptr<const Matrix>& P) {
+    const double first = solve(space, guess, *C, y, *P);
+    return {jet_at(space, guess, C, P), first};
 }
 
 }  // namespace rg

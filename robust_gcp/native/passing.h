@@ -51,7 +51,7 @@ class Writer {
 
     void jet(const Jet& j) {
         array(j.x), array(*j.C), array(j.J), array(j.bend), array(*j.P);
-        number(j.sigma), number(j.solved ? 1.0 : 0.0);
+        number(j.sigma()), number(j.solved ? 1.0 : 0.0);
     }
 
   private:
@@ -107,7 +107,7 @@ class Reader {
         made->C = C == *space.chart ? space.chart : std::make_shared<Matrix>(C);
         made->J = array(), made->bend = array();
         made->P = std::make_shared<Matrix>(array());
-        made->sigma = number();
+        made->given = number();
         if (number() == 0.0) return made;
         Vector phi;
         Matrix K;

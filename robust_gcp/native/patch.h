@@ -110,7 +110,7 @@ class Patch {
             Vector x = interpolated(ss, jets, s)->x;
             const double first = solve(space_, x, *C_, origin_ + s * d_, *P);
             if (first > FAR_SIDE[std::min<std::size_t>(k, 1)] * w) throw NoBridge{};
-            const JetPtr beyond = jet_at(space_, x, C_, P.get());
+            const JetPtr beyond = jet_at(space_, x, C_, P);
             P = beyond->P;
             ss.push_back(s);
             trackers.push_back(tracker.nested(beyond));
@@ -162,7 +162,7 @@ class Patch {
         if (half == 0.0) half = 1.0;
         std::vector<double> units;
         Matrix x_data(nv, 3 * n), J_data(m * nv, 2 * n), bend_data(m * m * nv, n), along(nv, m);
-        double sigma = -1.0;
+        double sigma = 0.0;
         std::shared_ptr<const Matrix> P;
         for (Eigen::Index i = 0; i < n; ++i) {
             const std::size_t at = order[static_cast<std::size_t>(i)];
@@ -176,7 +176,8 @@ class Patch {
             J_data.col(2 * i) = node.J.reshaped();
             J_data.col(2 * i + 1) = half * along.reshaped();
             bend_data.col(i) = node.bend.reshaped();
-            if (node.sigma > sigma) sigma = node.sigma, P = node.P;
+            if (P == nullptr || (space_.rows != space_.nd && node.sigma() > sigma))  // else any serves
+                sigma = space_.rows != space_.nd ? node.sigma() : 0.0, P = node.P;
         }
         const double z = (s - center) / half;
         auto made = std::make_shared<Jet>();

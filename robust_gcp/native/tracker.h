@@ -99,9 +99,11 @@ class Tracker {
         for (int i = 0; i < MAX_STEPS; ++i) {
             const Vector step = y - here->y();
             const double size = (here->J * step).norm();
-            if (here->nearest().size < zone && enter(here, here->nearest().way, y)) return nullptr;
-            look_ahead(*here, size);
-            const double reach = REACH * std::min(here->delta(), limit);
+            const double ahead = std::min(std::max(zone, STAGES_AHEAD * size), FARTHEST_LOOK);
+            const double delta = room(*here, std::max({zone, ahead, size / REACH}));
+            if (delta < zone && in_zone(*here) && enter(here, here->nearest().way, y)) return nullptr;
+            if (delta < ahead) look_ahead(*here, size);
+            const double reach = REACH * std::min(delta, limit);
             const double share = size > 0.0 ? std::min(1.0, reach / size) : 1.0;
             const Vector target = share == 1.0 ? y : Vector(here->y() + share * step);
             JetPtr found = this->step(here, share * step, target, share * size);
@@ -112,16 +114,19 @@ class Tracker {
             }
             limit = std::min(1.0, 2.0 * limit);
             here = anchor = found;
-            if (share == 1.0)
-                return here->nearest().size < zone && enter(here, here->nearest().way, y) ? nullptr : here;
+            if (share == 1.0) {
+                const bool met = room(*here, zone) < zone && in_zone(*here) && enter(here, here->nearest().way, y);
+                return met ? nullptr : here;
+            }
         }
         throw Lost{};
     }
 
+    bool in_zone(const Jet& here) const { return here.nearest().size < zone; }
+
     // Stop before a step that would pass too fast by modes that veer away from each other.
     void look_ahead(const Jet& here, double size) {
         if (options_->careful) return;
-        if (here.delta() >= std::min(std::max(zone, STAGES_AHEAD * size), FARTHEST_LOOK)) return;
         if (!seen_ || !seen_->covers(here.x)) seen_ = approaching(here, options_->largest_gap());
         if (!seen_->crossing && seen_->approach < STAGES_AHEAD * size) throw Stop{};
     }
@@ -137,11 +142,20 @@ class Tracker {
             return nullptr;
         }
         ++tally_->svds;
-        JetPtr found = jet_at(*space_, x, C, here->P.get());
+        JetPtr found = jet_at(*space_, x, C, here->P);
         // rounding of φ looks like a lost branch where K is poor
-        const double allowed =
-            CORRECTION * size + 1e-12 + 1e-14 / std::max(std::min(here->sigma, found->sigma), 1e-12);
-        return first <= allowed ? found : nullptr;
+        const double allowed = CORRECTION * size + 1e-12;
+        if (first <= allowed) return found;
+        return first <= allowed + 1e-14 / std::max(std::min(here->sigma(), found->sigma()), 1e-12) ? found : nullptr;
+    }
+
+    // What the distance to singular places is at least, which need not be known beyond `wanted`: next to a point
+    // where it was looked at, it is not looked at again while it is clearly enough.
+    double room(const Jet& here, double wanted) {
+        const double left = 0.8 * clear_;
+        if (clear_ < FAR && left >= wanted && (here.x - cleared_).norm() <= 0.05 * clear_) return left;
+        cleared_ = here.x;
+        return clear_ = here.delta();
     }
 
     // Put a bridge in use at a point in the zone, when y lies on it or beyond it.
@@ -211,6 +225,8 @@ class Tracker {
     const BridgeOptions* options_;
     Tally* tally_;
     std::optional<Verdict> seen_;
+    Vector cleared_;      // where the distance to singular places was looked at last
+    double clear_ = FAR;  // that distance
 };
 
 }  // namespace rg
