@@ -15,6 +15,11 @@ namespace rg {
 
 constexpr double FILTER = 0.6;
 
+// P times rows of φ; the rows themselves where none are left over, as any P serves there.
+inline Matrix determining(const Space& space, const Matrix& P, const Matrix& rows) {
+    return space.rows == space.nd ? rows : times(P, rows);
+}
+
 struct Jet;
 using JetPtr = std::shared_ptr<const Jet>;
 
@@ -32,9 +37,9 @@ struct Jet {
     std::shared_ptr<const Matrix> P;   // (nd, rows)
     double given = 0.0;                // σ where it was not solved for
     bool solved = false;               // the rest is there only where it was solved for
-    Matrix closed;                     // (nd, nv): P K, balanced
+    Matrix closed;                     // (nd, nv): `determining` K, balanced
     Matrix W;                          // (nv, nd): P K W = 1, Cᵀ W = 0
-    std::vector<Matrix> rate;          // (nd, nv) each: P φ''[J_i, ·]
+    std::vector<Matrix> rate;          // (nd, nv) each: the same of φ''[J_i, ·]
 
     // The smallest of the nd leading singular values of K, balanced.
     double sigma() const { return !solved ? given : space->nd == 0 ? FAR : smallest().sigma; }
@@ -81,7 +86,8 @@ struct Jet {
   private:
     bool regular() const { return !solved || space->nd == 0 || sigma() > FILTER; }
 
-    // The smallest singular value of K, with its vectors: Pᵀ u on the left, v on the right.
+    // The smallest singular value of K, with its vectors: Pᵀ u on the left, or u where no rows are left over; v on
+    // the right.
     struct Smallest {
         double sigma = 0.0;
         Vector u, v;
@@ -122,7 +128,7 @@ struct Jet {
         if (slope_.size() == 0) {
             Matrix rates;
             space->second(x, smallest().v, rates);
-            slope_ = rates.transpose() * (P->transpose() * smallest().u);
+            slope_ = determining(*space, *P, rates).transpose() * smallest().u;
         }
         return slope_;
     }
@@ -198,7 +204,7 @@ inline JetPtr jet_of(Space& space, const Vector& x, const Chart& C, const Matrix
     auto made = std::make_shared<Jet>();
     made->space = &space, made->x = x, made->C = C, made->P = std::move(P), made->solved = true;
     Matrix B(nv, nv);
-    B.topRows(nd) = times(*made->P, K);
+    B.topRows(nd) = determining(space, *made->P, K);
     B.bottomRows(m) = C->transpose() * space.balance.asDiagonal();
     const Matrix undone = space.balance.asDiagonal() * inverse(B);
     if (!undone.allFinite()) throw Lost{};
@@ -207,7 +213,7 @@ inline JetPtr jet_of(Space& space, const Vector& x, const Chart& C, const Matrix
     Matrix bend(nv, m * m), rates;
     for (int i = 0; i < m; ++i) {
         space.second(x, made->J.col(i), rates);
-        made->rate.push_back(times(*made->P, rates));
+        made->rate.push_back(determining(space, *made->P, rates));
         bend.middleCols(i * m, m) = -times(made->W, times(made->rate.back(), made->J));
     }
     made->bend.resize(nv, m * m);
@@ -240,9 +246,9 @@ inline double solve(Space& space, Vector& x, const Matrix& C, const Vector& y, c
     Matrix K, B(nv, nv);
     for (int iteration = 0; iteration < MAX_NEWTON; ++iteration) {
         space.linear(x, phi, K);
-        B.topRows(nd) = times(P, K);
+        B.topRows(nd) = determining(space, P, K);
         B.bottomRows(space.m) = C.transpose();
-        right.head(nd) = P * phi;
+        right.head(nd) = space.rows == nd ? phi : Vector(P * phi);
         right.tail(space.m) = C.transpose() * x - y;
         const Vector dx = solution(B, right);
         x -= dx;

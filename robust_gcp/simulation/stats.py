@@ -33,6 +33,7 @@ class Stats:
     svds : int
         Singular value decompositions; 0 in a scene that never comes near a singularity and has no
         redundant closures, whose rank is looked at once. An analysis at second order counts as one.
+        As many as the reference takes: in zones the kernel leaves out those that decide nothing.
     repartitions : list of (float, tuple of str)
         Time and new independent joints of each change of coordinates.
     refined : list of (float, float)
