@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "abi.h"
@@ -18,7 +19,7 @@ class alignas(CACHE_LINE) Stepper {
     explicit Stepper(const Description& d)
         : path(d), clusters(d, path), motion_(d, path), works_(d.works), n_(2 * d.m + d.works),
           independent_(d.independent, d.independent + d.m), slots_(SLOTS, Point(path.layout)), x_(n_), stage_(n_),
-          sum_(n_), rate_(n_) {
+          sum_(n_), rate_(n_), limits_(d.m) {
         for (int k = 0; k < d.m; ++k)
             if (d.independent_q[k] < 0) on_groups_.push_back(k);
     }
@@ -126,20 +127,16 @@ class alignas(CACHE_LINE) Stepper {
   protected:
     // Whether the independent velocities turn back soon, or the others move unevenly, or may do so: see
     // simulation/coordinates.py.
-    bool exceeds(const Request& r, Point& point) const {
+    bool exceeds(const Request& r, Point& point) {
         if (r.sizes == nullptr) return false;
-        const int m = path.layout.m;
-        const double* G = point.G();
         for (const Part& part : path.parts.list) {
             double even = -1.0;  // the largest unevenness that its inputs were found to be good at
-            for (int j : part.inputs) {
-                const double own = r.sizes[independent_[j]];
-                if (!(own > 0.0)) continue;
-                even = std::max(even, r.uneven[j]);
-                for (int i : part.velocities)
-                    if (std::abs(G[i * m + j]) * r.sizes[i] > r.limit * own) return true;
+            for (int k : part.inputs) {
+                const double own = r.sizes[independent_[k]];
+                limits_[k] = own > 0.0 ? r.limit * own : std::numeric_limits<double>::infinity();
+                if (own > 0.0) even = std::max(even, r.uneven[k]);
             }
-            if (even >= 0.0 && path.uneven(part, point, even)) return true;
+            if (even >= 0.0 && path.poor(part, point, r.sizes, limits_.data(), even)) return true;
         }
         return false;
     }
@@ -285,7 +282,7 @@ class alignas(CACHE_LINE) Stepper {
     std::vector<int> independent_;
     std::vector<int> on_groups_;  // which of y belong to joints on groups
     std::vector<Point> slots_;
-    Cells<double> x_, stage_, sum_, rate_, safe_x_;
+    Cells<double> x_, stage_, sum_, rate_, safe_x_, limits_;
     Point *anchor_ = nullptr, *accepted_ = nullptr, *safe_ = nullptr;
     std::vector<double> log_, passed_, trackers_;
     std::int64_t rhs_ = 0;

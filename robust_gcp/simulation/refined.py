@@ -12,11 +12,9 @@ import numpy as np
 from ..dynamics.equations import Evaluation
 from ..dynamics.problem import set_out
 from ..errors import SimulationError
-from ..maps.classical import SingularityWarning
 from ..maps.cluster.cluster_map import ClusterMap
 from ..maps.cluster.product import turned
 from ..mechanism.tree import Array
-from ..warning import warn
 from .charts import motion_at, placed_between, stretch_between
 from .crossings import located
 from .recovery import Checkpoint, Recovery
@@ -30,9 +28,6 @@ REFINED_RTOL, REFINED_ATOL = 1e-10, 1e-12
 
 REFINED_EFFORT = 5_000
 """Right-hand sides that one such step may take."""
-
-TOLD = 3e-9
-"""Relative uncertainty of G by rounding that a warning tells."""
 
 
 class RefinedRun(Run):
@@ -48,7 +43,6 @@ class RefinedRun(Run):
         super().__init__(*parts, **options)
         self._behind: Array = self._x  # the state before the last step
         self._refinement: SolverSteps | None = None
-        self._told = False
         self._renewed_at: float | None = None  # when the present step went on in other coordinates
         self._recovery = Recovery(self._on_toggle, Checkpoint(0, self._x, self._motion.explicit.anchor))
 
@@ -142,15 +136,3 @@ class RefinedRun(Run):
         crossings = located(explicit.passed(before.point, now.point, stretch), stretch)
         states = (motion_at(*end) for end in ends)
         self._record.cross(placed_between(mechanism, crossings, times, *states))
-
-    def _rounding(self) -> float:
-        """What rounding leaves uncertain of G here; told once where that shows in the motion."""
-        lost, distance = self._cluster_map().rounding()
-        if lost > TOLD and not self._told:
-            self._told = True
-            warn(
-                f"the motion passes a singular place without a bridge at a distance of {distance:.1g} or "
-                f"less: rounding leaves it right to {lost:.0e} there, whatever the step",
-                SingularityWarning,
-            )
-        return lost

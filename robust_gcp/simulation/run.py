@@ -12,11 +12,13 @@ from numpy.typing import ArrayLike
 from ..dynamics.equations import Evaluation, Torque
 from ..dynamics.problem import Problem, over, set_out
 from ..maps.choice import MapChoice
+from ..maps.classical import SingularityWarning
 from ..maps.cluster.cluster_map import ClusterMap
 from ..maps.point import Counters, Point
 from ..maps.start import Start
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from ..warning import warn
 from .charts import map_of_rest, q_of_rest
 from .coordinates import Coordinates
 from .events import Event, Events, Zero
@@ -28,6 +30,9 @@ from .trajectory import Trajectory
 from .within import FixedStep, SolverSteps
 
 COUNTED = tuple(field.name for field in fields(Counters))
+
+TOLD = 3e-9
+"""Relative uncertainty of G by rounding that a warning tells."""
 
 
 class Run:
@@ -86,6 +91,7 @@ class Run:
         if motion.mechanism is not self._named:
             self._repartitions.append((float(times[0]), motion.mechanism.independent))
         self._stretches: Stretches = []  # taken with error control
+        self._told = False
         self._coordinates = self._looked_after()
         self._calls = 0
         self._last: Evaluation | None = None
@@ -133,6 +139,19 @@ class Run:
         explicit = map_of_rest(self._motion.explicit)
         assert isinstance(explicit, ClusterMap)  # no other map knows uncertified zones
         return explicit
+
+    def _rounding(self, wanted: float = 0.0) -> float:
+        """What rounding leaves uncertain of G here; told once where that shows in the accuracy wanted."""
+        explicit = map_of_rest(self._motion.explicit)
+        lost, distance = explicit.rounding() if isinstance(explicit, ClusterMap) else (0.0, np.inf)
+        if lost > max(TOLD, wanted) and not self._told:
+            self._told = True
+            warn(
+                f"the motion passes a singular place without a bridge at a distance of {distance:.1g} or "
+                f"less: rounding leaves it right to {lost:.0e} there, whatever the step",
+                SingularityWarning,
+            )
+        return lost
 
     def _looked_after(self) -> Coordinates | None:
         """What looks after the present coordinates, where they may be changed."""

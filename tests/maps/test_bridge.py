@@ -1,6 +1,7 @@
 """The bridge: full order through singular configurations, with a certificate."""
 
 import warnings
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -235,11 +236,28 @@ def test_a_scene_far_from_singular_runs_no_svd_and_no_bridge():
 def test_near_miss_follows_the_true_curve(gap):
     # l0 + l1 just below l2 + l3: the modes veer instead of crossing, q1 still turns over
     linkage = linkages.four_bar(4 - gap, 2, 3, 3, y=2.5)
-    run = rg.simulate(linkage, duration=1.0, step=4e-3)
+    # G is right to ε / gap there, which is told where it shows in a motion followed to 1e-10
+    told = (
+        pytest.warns(rg.SingularityWarning, match="rounding leaves it right") if gap < 1e-6 else nullcontext()
+    )
+    with told:
+        run = rg.simulate(linkage, duration=1.0, step=4e-3)
     exact = rg.simulate(linkage, duration=1.0, step=4e-2, **EXACT)
     # the veer is √gap wide; rounding ε/gap^1.5 of g and RK4's 1e-6 elsewhere
     assert np.abs(run.q[::10] - exact.q).max() < 1e-5
     assert run.crossings == []
+
+
+@pytest.mark.parametrize("stepper", ["rk4", "DOP853"])
+def test_what_rounding_costs_beside_a_near_miss_is_told(stepper):
+    """An error above 1e-9 of a motion that is followed to 1e-12 comes with a warning."""
+    linkage = linkages.four_bar(1.0, 2.0 + 1e-8, 1.0, 2.0, y=0.3, assembly=-1)
+    v0 = linkage.lift(linkage.home, [-2.0])
+    more = {} if stepper == "rk4" else {"stepper": stepper, "rtol": 1e-12, "atol": 1e-13}
+    with pytest.warns(rg.SingularityWarning, match="rounding leaves it right to"):
+        run = rg.simulate(linkage, v0=v0, duration=0.6, step=2e-3, **more)
+    exact = rg.simulate(linkage, v0=v0, duration=0.6, step=2e-3, **EXACT)
+    assert np.abs(run.q - exact.q).max() < 1e-7
 
 
 def test_gap_below_the_geometric_tolerance_is_bridged_and_reported():

@@ -60,7 +60,8 @@ def apart(one: Jet, other: Jet) -> float:
 
 
 def rounding(space: ClusterSpace, distance: float) -> float:
-    """What rounding leaves uncertain of G at this distance from a singular place without a bridge."""
-    if space.m == 1:
-        return 2e-14 / distance
+    """What rounding leaves uncertain of G at this distance from a singular place without a bridge.
+
+    x is known to ε/δ, and G changes within δ. Relative to an apex φ is known to ε δ.
+    """
     return 2e-15 / distance if isinstance(space, BesideApex) else 1e-16 / distance**2

@@ -127,8 +127,8 @@ class ClusterMap(Charted):
     def rounding(self) -> tuple[float, float]:
         """What rounding leaves uncertain of G beside singular places without a bridge, and their distance."""
         lost, nearest = 0.0, np.inf
-        for tracker in self._trackers or []:
-            if self._in_zone and tracker.current is None:
+        for tracker in self._known_trackers() if self._in_zone else []:
+            if tracker.current is None:
                 near = max(tracker.anchor.delta(), APEX)
                 nearest = min(nearest, near)
                 lost = max(lost, rounding(tracker.space, near))

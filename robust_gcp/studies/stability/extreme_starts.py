@@ -32,6 +32,9 @@ BRIDGED = 0.9e-9
 APART = 1e4
 """Largest distance of the motions of two linkages over the difference of their lengths, rad/m."""
 
+ROUNDED = 1e-16
+"""Times length / gap: K is known to ε, and where modes pass each other at δ = √(gap / length) G to ε / δ²."""
+
 TURNING = {"on_toggle": "repartition"}
 
 
@@ -76,7 +79,8 @@ def _near_miss(name: str, motion: Motion, link: int, gap: float, quick: bool) ->
     missed = replace(motion, lengths=(l0, l1, l2, l3))
     case, settings = f"{name} {gap:+.0e} m", columns(0.6, (300,), ())
     if abs(gap) > BRIDGED * max(motion.lengths):
-        yield four_bar_row(case, missed, 0.6, settings)
+        rounded = ROUNDED * max(motion.lengths) / abs(gap)
+        yield four_bar_row(case, missed, 0.6, settings, rounded=rounded)
         if not quick:  # where y turns back there is no γ(y): judged by energy and against half the step
             judged: dict[str, Any] = {"energy_allowed": 1e-5, "more": TURNING}
             yield row(f"{case}, repartition", missed.build, 0.6, settings, 1e-4, **judged)
