@@ -19,10 +19,13 @@ class CurveBuilder {
         : space_(*anchor->space), options_(options), zone_(zone) {
         // as in Python: numbers that do not carry the anchor's rounding
         shape_.space = &space_;
-        shape_.C = std::make_shared<Matrix>(rounded(anchor->tangent(), COARSE));
+        shape_.C = std::make_shared<Matrix>(coarse(anchor->tangent()));
         shape_.reference = rounded(Matrix(anchor->x), COARSE);
         anchor_ = recharted(anchor, shape_.C);
     }
+
+    // In round numbers.
+    static Matrix coarse(const Matrix& numbers) { return rounded(numbers, COARSE); }
 
     // The best certified curve of several widths.
     CurvePtr build() {

@@ -142,8 +142,9 @@ inline void on_patch(Tracker& tracker, int cluster, const Step& step, const Path
             const Vector sigma = Svd(Matrix(times(*point->P, K) * space.balance.asDiagonal())).s;
             int corank = 0;
             for (int i = 0; i < space.nd; ++i) corank += sigma[i] < 1e-6;
-            found.push_back({t, cluster, std::max(1, corank), bridge->closure, bridge->transversality,
-                             bridge->near_miss, point->x});
+            const Bridged& by = bridge->bridged();
+            found.push_back(
+                {t, cluster, std::max(1, corank), by.closure, by.transversality, by.near_miss, point->x});
         }
     } catch (const Lost&) {  // beside the step the mode may end; what was found stands
     } catch (const Stop&) {

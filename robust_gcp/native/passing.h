@@ -79,7 +79,7 @@ class Reader {
         const std::vector<double> touched = list();
         for (int i = 0; i < count; ++i) made.bridges.push_back(curve(space));
         if (used >= 0) made.curve = made.bridges[static_cast<std::size_t>(used)];
-        if (number() != 0.0) made.patch = std::make_shared<Patch>(*this, *made.anchor, options_);
+        if (number() != 0.0) made.patch = std::make_shared<Patch>(Patch::read(*this, space, options_));
         made.touched_patch = made.patch;
         for (const double at : touched) made.touched.push_back(made.bridges[static_cast<std::size_t>(at)]);
         return made;
@@ -142,24 +142,25 @@ class Reader {
 
 template <typename W>
 void Patch::write(W& writer) const {
-    writer.array(d_), writer.array(*C_), writer.array(origin_);
-    writer.number(left_), writer.number(right_);
-    writer.number(closure), writer.number(transversality), writer.number(near_miss ? 1.0 : 0.0);
-    writer.list(ss_);
-    for (const Tracker& tracker : trackers_) writer.tracker(tracker);
+    writer.array(line_.d), writer.array(*line_.C), writer.array(origin_);
+    writer.number(now_.left), writer.number(now_.right);
+    writer.number(now_.closure), writer.number(now_.transversality), writer.number(now_.near_miss ? 1.0 : 0.0);
+    writer.list(now_.ss);
+    for (const Tracker& tracker : now_.trackers) writer.tracker(tracker);
 }
 
 template <typename R>
-Patch::Patch(R& reader, const Jet& beside, const BridgeOptions& options)
-    : d_(reader.array()), space_(*beside.space), options_(options) {
+Patch Patch::read(R& reader, Space& space, const BridgeOptions& options) {
+    const Vector d = reader.array();
     const Matrix C = reader.array();
-    C_ = C == *space_.chart ? space_.chart : std::make_shared<Matrix>(C);
-    origin_ = reader.array();
-    left_ = reader.number(), right_ = reader.number();
-    closure = reader.number(), transversality = reader.number(), near_miss = reader.number() != 0.0;
-    ss_ = reader.list();
-    for (std::size_t i = 0; i < ss_.size(); ++i) trackers_.push_back(reader.tracker(space_));
-    complete_basis();
+    Patch made(Line(space, C == *space.chart ? space.chart : std::make_shared<Matrix>(C), d), options);
+    made.origin_ = reader.array();
+    Bridged& now = made.now_;
+    now.left = reader.number(), now.right = reader.number();
+    now.closure = reader.number(), now.transversality = reader.number(), now.near_miss = reader.number() != 0.0;
+    now.ss = reader.list();
+    for (std::size_t i = 0; i < now.ss.size(); ++i) now.trackers.push_back(reader.tracker(space));
+    return made;
 }
 
 }  // namespace rg

@@ -45,8 +45,8 @@ class Tracker {
         return other;
     }
 
-    // A tracker of half the zone for a node.
-    Tracker nested(JetPtr at) const { return {std::move(at), *options_, 0.5 * zone, *tally_}; }
+    // A tracker of a smaller zone for a node.
+    Tracker nested(JetPtr at, double smaller) const { return {std::move(at), *options_, smaller, *tally_}; }
 
     // Go on from another solved point of the mode.
     void place_at(JetPtr at) {
@@ -75,7 +75,7 @@ class Tracker {
     static constexpr int MAX_STEPS = 400, MAX_BRIDGES = 16;
 
     JetPtr on_patch(const Vector& y);
-    bool enter_patch(const JetPtr& here, const Vector& way, const Vector& y);
+    bool enter_patch(const JetPtr& here, const Vector& y);
 
     JetPtr on_curve(double y) {
         const int c = space_->chosen[0];
@@ -101,7 +101,7 @@ class Tracker {
             const double size = (here->J * step).norm();
             const double ahead = std::min(std::max(zone, STAGES_AHEAD * size), FARTHEST_LOOK);
             const double delta = room(*here, std::max({zone, ahead, size / REACH}));
-            if (delta < zone && in_zone(*here) && enter(here, here->nearest().way, y)) return nullptr;
+            if (delta < zone && in_zone(*here) && enter(here, y)) return nullptr;
             if (delta < ahead) look_ahead(*here, size);
             const double reach = REACH * std::min(delta, limit);
             const double share = size > 0.0 ? std::min(1.0, reach / size) : 1.0;
@@ -115,7 +115,7 @@ class Tracker {
             limit = std::min(1.0, 2.0 * limit);
             here = anchor = found;
             if (share == 1.0) {
-                const bool met = room(*here, zone) < zone && in_zone(*here) && enter(here, here->nearest().way, y);
+                const bool met = room(*here, zone) < zone && in_zone(*here) && enter(here, y);
                 return met ? nullptr : here;
             }
         }
@@ -159,8 +159,8 @@ class Tracker {
     }
 
     // Put a bridge in use at a point in the zone, when y lies on it or beyond it.
-    bool enter(const JetPtr& here, const Vector& way, const Vector& y) {
-        return space_->m > 1 ? enter_patch(here, way, y) : enter_curve(here, y[0]);
+    bool enter(const JetPtr& here, const Vector& y) {
+        return space_->m > 1 ? enter_patch(here, y) : enter_curve(here, y[0]);
     }
 
     bool enter_curve(const JetPtr& here, double y) {
@@ -225,6 +225,7 @@ class Tracker {
     const BridgeOptions* options_;
     Tally* tally_;
     std::optional<Verdict> seen_;
+    std::shared_ptr<Patch> beside_;  // built last where the motion had not reached it
     Vector cleared_;      // where the distance to singular places was looked at last
     double clear_ = FAR;  // that distance
 };

@@ -56,12 +56,11 @@ def passes(patch: Patch[F], here: Jet) -> bool:
 
     For a point at a singular place, where it does not tell its mode, and no line can be begun.
     """
-    if patch.space is not here.space or not np.array_equal(patch.C, here.C):
-        return False
-    if not patch.contains(patch.s(here.y)):
+    eta = patch.C.T @ here.x
+    if patch.space is not here.space or not patch.contains(patch.s(eta)):
         return False
     try:
-        point = patch.at(here.y)
+        point = patch.point(eta)
     except (SimulationError, np.linalg.LinAlgError):
         return False
     return point is not None and float(np.linalg.norm(point.x - here.x)) < SAME

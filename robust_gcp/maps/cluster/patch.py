@@ -7,21 +7,34 @@ open bridges of their own: surfaces that overlap become nested lines.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
 from ...mechanism.tree import Array
 from ..explicit import CrossingKind
+from .curve_builder import COARSE
 from .jet import Jet, LostError, null_pairing, pencil_roots, solve
 from .jet import jet as jet_at
-from .newton_form import NewtonForm
+from .line import Line
 from .options import BridgeOptions, NoBridgeError
 from .space import ClusterSpace
 
-SHRINKS = (1.0, 0.7, 0.5, 0.35)
+SHRINKS = (1.0, 0.6, 0.36)
+"""Half widths tried, relative to the zone's: a mode with much curvature needs a shorter line."""
+
+GOOD = 1e-9
+"""Relative error of Γ on the line at which no shorter one is tried."""
+
+NESTED = 0.5
+"""Zone of the nodes' own bridges, in half widths: that of the surface crossed does not reach them."""
+
 FAR_SIDE = (0.1, 0.02)
 """Newton's first correction at the first node beyond, and at the others, in half widths."""
+
+MAX_NEWTON, CONVERGED = 12, 1e-11
+"""Steps in η to the point at y, and the size of the last: Γ changes by less than its error in it."""
 
 
 class Follower(Protocol):
@@ -33,8 +46,8 @@ class Follower(Protocol):
         """The point at y on the mode, which becomes the anchor."""
         ...
 
-    def nested(self: F, anchor: Jet) -> F:
-        """Another one from this point, for zones half as wide."""
+    def nested(self: F, anchor: Jet, zone: float) -> F:
+        """Another one from this point, for zones of this size."""
         ...
 
     def copy(self: F) -> F:
@@ -46,7 +59,10 @@ F = TypeVar("F", bound=Follower)
 
 
 class Patch(Generic[F]):
-    """A certified line y₀ + s d across a singular surface, moved along with y.
+    """A certified line η₀ + s d across a singular surface, moved along with the motion.
+
+    Its coordinates η = Cᵀ x are tangential to the mode, whatever y is: in coordinates that hardly move where
+    others do the same mode is bent much more, and Γ across the line is interpolated by its values alone.
 
     Parameters
     ----------
@@ -54,10 +70,21 @@ class Patch(Generic[F]):
         Makes the trackers of the nodes.
     anchor : Jet
         A solved point beside the surface.
-    d : ndarray (m,)
-        Towards the surface, in the chart; of unit arc length.
+    options : BridgeOptions
     zone : float
         Half width.
+
+    Attributes
+    ----------
+    C : ndarray (nv, m)
+        Near enough to the tangent space at the anchor, in round numbers.
+    d : ndarray (m,)
+        Across the surface, in η; of unit arc length.
+    left, right : float
+        s of the innermost nodes: between them the line is used.
+    kind : {"transversal", "near miss"}
+    closure, transversality : float
+        The certificate: max |φ| between the nodes, in lengths, and `null_pairing`.
 
     Raises
     ------
@@ -67,18 +94,33 @@ class Patch(Generic[F]):
 
     kind: CrossingKind
 
-    def __init__(self, tracker: F, anchor: Jet, d: Array, options: BridgeOptions, zone: float) -> None:
+    def __init__(self, tracker: F, anchor: Jet, options: BridgeOptions, zone: float) -> None:
         self.space, self.options = anchor.space, options
-        self.C, self.d, self.origin = anchor.C, d, anchor.y
+        self.C: Array = np.round(anchor.tangent() / COARSE) * COARSE
+        anchor = anchor.recharted(self.C)
+        self.d: Array = anchor.nearest()[1]
+        self.origin: Array = anchor.y
+        self._line = Line(self.space, self.C, self.d)
+        best: dict[str, object] | None = None
+        least = np.inf
         failures: list[NoBridgeError] = []
         for shrink in SHRINKS:
             try:
-                return self._build(tracker, anchor, zone * shrink, zone)
+                self._build(tracker, anchor, zone * shrink, zone)
+                error = max(self._held_out(), self.closure)
             except NoBridgeError as failure:
                 failures.append(failure)
+                continue
             except (LostError, np.linalg.LinAlgError) as lost:
                 failures.append(NoBridgeError(str(lost)))
-        raise min(failures, key=lambda failure: failure.residual)
+                continue
+            if error < least:
+                best, least = dict(vars(self)), error
+            if error <= GOOD and self.kind == "transversal":
+                break
+        if best is None:
+            raise min(failures, key=lambda failure: failure.residual)
+        vars(self).update(best)
 
     @classmethod
     def known(
@@ -93,6 +135,7 @@ class Patch(Generic[F]):
         """A line that was built elsewhere, from its attributes."""
         patch = cls.__new__(cls)
         patch.space, patch.options, patch.C, patch.d, patch.origin = space, options, C, d, origin
+        patch._line = Line(space, C, d)
         vars(patch).update(attributes)
         return patch
 
@@ -103,21 +146,55 @@ class Patch(Generic[F]):
         """Middle of the piece in use."""
         return 0.5 * (self.left + self.right)
 
-    def s(self, y: Array) -> float:
-        """Parameter of the foot of y."""
-        return float((y - self.origin) @ self.d) / float(self.d @ self.d)
+    def s(self, eta: Array) -> float:
+        """Parameter of the foot of η."""
+        return float((eta - self.origin) @ self.d) / float(self.d @ self.d)
 
     def contains(self, s: float) -> bool:
         """Whether the line is used at s."""
         return self.left <= s <= self.right
 
-    def at(self, y: Array) -> Jet | None:
-        """The point at y from the line through it, with the nodes moved there; None beside the line."""
-        s = self.s(y)
-        foot = y - s * self.d
+    def towards(self, near: Jet, y: Array) -> Array:
+        """η of the point at y in the chart of another point near by, to second order."""
+        return np.asarray(self.C.T @ near.predicted(y - near.y))
+
+    def at(self, y: Array, C: Array, eta: Array) -> Jet | None:
+        """The point with Cᵀ x = y in that chart, by Newton in η from a guess; None beside the line.
+
+        Raises
+        ------
+        LostError
+            When Newton does not converge.
+        """
+        for _ in range(MAX_NEWTON):
+            point = self.point(eta)
+            if point is None:
+                return None
+            step = np.linalg.solve(C.T @ point.J, y - C.T @ point.x)
+            if np.abs(step).max() < CONVERGED:
+                J = point.J + np.einsum("i,ijn->nj", step, point.bend)
+                return replace(point, x=point.x + point.J @ step, J=J).recharted(C)
+            eta = np.asarray(eta + step)
+        raise LostError("Newton along a line across a singular surface does not converge")
+
+    def point(self, eta: Array) -> Jet | None:
+        """The point at η from the line through it, with the nodes moved there; None beside the line."""
+        s = self.s(eta)
+        foot = eta - s * self.d
         for at, tracker in zip(self.ss, self.trackers, strict=True):
             tracker.at(foot + at * self.d)
-        return self._interpolated(self.ss, self.nodes, s) if self.contains(s) else None
+        return self._line.at(self.ss, self.nodes, s) if self.contains(s) else None
+
+    def leads_to(self, here: Jet) -> bool:
+        """Whether the surface next to a solved point is the one that the line crosses near its middle."""
+        distance, way = here.nearest()  # σ grows that way
+        ahead = self.s(self.C.T @ (here.x - here.J @ (distance * way)))
+        return here.space is self.space and abs(ahead - self.center) < 0.25 * (self.right - self.left)
+
+    def serves(self, here: Jet, y: Array) -> bool:
+        """Whether the point at y, from a solved one, lies on the line or beyond it."""
+        begun, s = self.s(self.C.T @ here.x), self.s(self.towards(here, y))
+        return self.contains(s) or (begun - self.center) * (s - self.center) <= 0.0
 
     def inner(self, s: float) -> F:
         """The innermost node on the side of s."""
@@ -142,7 +219,7 @@ class Patch(Generic[F]):
         for _ in range(4):
             ss: list[float] = []
             trackers: list[F] = []
-            here = tracker.nested(anchor)
+            here = tracker.nested(anchor, NESTED * w)
             for factor in self.options.nodes:
                 s = center + side * factor * w
                 here = here.copy()
@@ -152,14 +229,14 @@ class Patch(Generic[F]):
             P = trackers[0].anchor.P
             for k, factor in enumerate(self.options.nodes):
                 s = center - side * factor * w
-                guess = self._interpolated(np.array(ss), [t.anchor for t in trackers], s).x
+                guess = self._line.at(ss, [t.anchor for t in trackers], s).x
                 x, first = solve(space, guess, self.C, self.origin + s * d, P)
                 if first > FAR_SIDE[min(k, 1)] * w:
                     raise NoBridgeError("beyond the singular surface the mode does not go on smoothly", first)
                 beyond = jet_at(space, x, self.C)
                 P = beyond.P
                 ss.append(s)
-                trackers.append(tracker.nested(beyond))
+                trackers.append(tracker.nested(beyond, NESTED * w))
             order = np.argsort(ss)
             self.ss, self.trackers = np.array(ss)[order], [trackers[i] for i in order]
             self.left, self.right = center - w, center + w
@@ -174,12 +251,12 @@ class Patch(Generic[F]):
     def _certify(self, zero: float) -> None:
         space, options = self.space, self.options
         samples = np.linspace(self.left, self.right, 9)[1:-1]
-        self.closure = max(space.residual(self._interpolated(self.ss, self.nodes, s).x) for s in samples)
+        self.closure = max(space.residual(self._line.at(self.ss, self.nodes, s).x) for s in samples)
         allowed = options.closure_tolerance + space.noise(self.nodes[0].x)
         if self.closure > max(allowed, options.geometric_tolerance):
             raise NoBridgeError("the interpolated mode does not close the loops", self.closure)
         self.kind = "transversal" if self.closure <= allowed else "near miss"
-        point = self._interpolated(self.ss, self.nodes, zero)
+        point = self._line.at(self.ss, self.nodes, zero)
         _, self.transversality = null_pairing(space, point.P, point.x, point.J @ self.d, self.C)
         if self.transversality < options.transversality:
             words = "the modes part at higher than second order"
@@ -189,7 +266,7 @@ class Patch(Generic[F]):
         """Where the line meets the surface, to rounding; None where it does not."""
         s = start
         for _ in range(10):
-            point = self._interpolated(self.ss, self.nodes, s)
+            point = self._line.at(self.ss, self.nodes, s)
             mu = pencil_roots(self.space, point.P, point.x, point.J @ self.d, self.C)
             if not len(mu):
                 return None
@@ -201,33 +278,15 @@ class Patch(Generic[F]):
                 break
         return s
 
-    def _interpolated(self, ss: Array, nodes: list[Jet], s: float) -> Jet:
-        """x by Hermite in (x, J d, Γ[d, d]), J in (J, Γ[d, ·]); Γ by values, its parts along d from these."""
-        d, m, nv = self.d, self.space.m, self.space.nv
-        ss = np.asarray(ss)
-        order = np.argsort(ss)
-        center, half = float(ss.mean()), float(np.ptp(ss)) / 2.0 or 1.0
-        at, z = (ss[order] - center) / half, np.array([(s - center) / half])
-        sorted_nodes = [nodes[i] for i in order]
-        along = [np.einsum("i,ijn->jn", d, node.bend) for node in sorted_nodes]  # Γ[d, ·], (m, nv)
-        x_data = [
-            [n.x, (n.J @ d) * half, (d @ row) * half**2] for n, row in zip(sorted_nodes, along, strict=True)
-        ]
-        J_data = [[n.J.T.ravel(), row.ravel() * half] for n, row in zip(sorted_nodes, along, strict=True)]
-        x_form = NewtonForm(at, np.array(x_data)).with_derivatives(z)
-        J_form = NewtonForm(at, np.array(J_data)).with_derivatives(z)
-        bend_form = NewtonForm(at, np.array([[n.bend.ravel()] for n in sorted_nodes]))
-        J = J_form[0][0].reshape(m, nv).T
-        rate = J_form[1][0].reshape(m, nv) / half
-        bend = bend_form(z)[0].reshape(m, m, nv)
-        # in a basis whose first direction is d, the parts along d are derivatives of what is known better
-        basis = np.linalg.qr(np.column_stack([d, np.eye(m)]))[0]
-        length = float(basis[:, 0] @ d)
-        turned = np.einsum("ia,jb,ijn->abn", basis, basis, bend)
-        row = (basis.T @ rate) / length
-        row[0] = x_form[2][0] / (half * length) ** 2
-        turned[0] = row
-        turned[:, 0] = row
-        bend = np.einsum("ia,jb,abn->ijn", basis, basis, turned)
-        best = max(sorted_nodes, key=lambda node: node.sigma)
-        return Jet(self.space, x_form[0][0], self.C, J, bend, best.P)
+    def _held_out(self) -> float:
+        """Relative error of Γ on the line, from solved points that the polynomials do not know."""
+        ss, nodes, worst = self.ss, self.nodes, 0.0
+        n = len(ss)
+        for inner, outer in ((n // 2 - 1, n // 2 - 2), (n // 2, n // 2 + 1)):
+            s = 0.5 * (ss[inner] + ss[outer])
+            guess = self._line.at(ss, nodes, s)
+            x, _ = solve(self.space, guess.x, self.C, self.origin + s * self.d, nodes[inner].P)
+            known = jet_at(self.space, x, self.C).bend
+            off = float(np.abs(known - guess.bend).max() / (1.0 + np.abs(known).max()))
+            worst = max(worst, off * float(np.prod(np.abs((ss - self.center) / (ss - s)))))
+        return worst

@@ -68,6 +68,7 @@ class Tracker:
         self.touched: list[Curve | Patch[Tracker]] = []
         self.obstacles: list[Obstacle] = []
         self.seen: Obstacle | None = None
+        self._beside: Patch[Tracker] | None = None  # built last where the motion had not reached it
         self._left: Patch[Tracker] | None = None  # in use before the tracker was put elsewhere
         self._apexless = np.full(self.space.nv, np.inf)  # where no apex was found last
 
@@ -78,9 +79,9 @@ class Tracker:
         other.current = self.current if isinstance(self.current, Curve) else None
         return other
 
-    def nested(self, anchor: Jet) -> Tracker:
-        """A tracker of half the zone for a node."""
-        other = Tracker(anchor, self.options, 0.5 * self.zone, self.counters)
+    def nested(self, anchor: Jet, zone: float) -> Tracker:
+        """A tracker of a smaller zone for a node."""
+        other = Tracker(anchor, self.options, zone, self.counters)
         other.careful = self.careful
         return other
 
@@ -113,12 +114,13 @@ class Tracker:
         bridge = self.current
         assert bridge is not None
         if isinstance(bridge, Patch):
-            point = bridge.at(y)
+            eta = bridge.towards(self.anchor, y)
+            point = bridge.at(y, self.C, eta)
             if point is not None:
                 self._touch(bridge)
                 return point
-            node = bridge.inner(bridge.s(y))
-            self.anchor, self.current, self.u = node.anchor, node.current, node.u
+            node = bridge.inner(bridge.s(eta))
+            self.anchor, self.current, self.u = node.anchor.recharted(self.C), node.current, node.u
             return None
         u = bridge.parameter(self.C, float(y[0]), self.u)
         if u is not None and bridge.contains(u):
@@ -144,12 +146,12 @@ class Tracker:
             here = self.anchor = jet(self.space, here.x, self.C)
         limit = 1.0
         for _ in range(MAX_STEPS):
-            distance, way = here.nearest()
+            distance = here.nearest()[0]
             if self.careful and self.space.m > 1:
                 self._look_for_apex(here, distance)
             step = y - here.y
             size = float(np.linalg.norm(here.J @ step))
-            if distance < self.zone and self._enter(here, way, y):
+            if distance < self.zone and self._enter(here, y):
                 return None
             self._look_ahead(here, size)
             reach = (NEAR_APEX if isinstance(self.space, BesideApex) else REACH) * min(here.delta(), limit)
@@ -164,8 +166,7 @@ class Tracker:
             limit = min(1.0, 2.0 * limit)
             here = self.anchor = found
             if share == 1.0:
-                distance, way = here.nearest()
-                return None if distance < self.zone and self._enter(here, way, y) else here
+                return None if here.nearest()[0] < self.zone and self._enter(here, y) else here
         raise LostError("the mode cannot be followed: too many small steps")
 
     def _look_ahead(self, here: Jet, size: float) -> None:
@@ -197,11 +198,11 @@ class Tracker:
 
     # ----------------------------------------------------------------- bridges
 
-    def _enter(self, here: Jet, way: Array, y: Array) -> bool:
+    def _enter(self, here: Jet, y: Array) -> bool:
         """Put a bridge in use at a point in the zone, when y lies on it or beyond it."""
         if self._known(here) is not None:
             return False
-        return self._enter_patch(here, way, y) if self.space.m > 1 else self._enter_curve(here, y)
+        return self._enter_patch(here, y) if self.space.m > 1 else self._enter_curve(here, y)
 
     def _enter_curve(self, here: Jet, y: Array) -> bool:
         found = curve_through(self.bridges, here, self.zone)
@@ -226,20 +227,22 @@ class Tracker:
         self._use(curve, u)
         return True
 
-    def _enter_patch(self, here: Jet, way: Array, y: Array) -> bool:
+    def _enter_patch(self, here: Jet, y: Array) -> bool:
         if isinstance(self.space, BesideApex):
             return False
+        if self._beside is not None and self._beside.leads_to(here) and not self._beside.serves(here, y):
+            return False
         try:
-            patch = Patch(self, here, way, self.options, self.zone)
+            patch = Patch(self, here, self.options, self.zone)
             self.counters.bridges_built += 1
         except (NoBridgeError, ObstacleError) as failure:
             known = self._left
             if known is None or not passes(known, here):
                 return self._blocked(here, failure)
             patch = known
-        s, begun = patch.s(y), patch.s(here.y)
-        if not patch.contains(s) and (begun - patch.center) * (s - patch.center) > 0.0:
-            return False  # beside it, not across
+        if not patch.serves(here, y):
+            self._beside = patch
+            return False
         self.current = patch
         return True
 
