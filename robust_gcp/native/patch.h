@@ -219,7 +219,7 @@ class Patch {
             const double at = 0.5 * (ss[inner] + ss[outer]);
             const JetPtr guess = line_.at(ss, jets, at);
             const Matrix known =
-                solved(space_, guess->x, line_.C, origin_ + at * line_.d, *jets[inner]->P).first->bend;
+                solved(space_, guess->x, line_.C, origin_ + at * line_.d, jets[inner]->P).first->bend;
             const double off = (known - guess->bend).cwiseAbs().maxCoeff() / (1.0 + known.cwiseAbs().maxCoeff());
             double growth = 1.0;
             for (const double node : ss) growth *= std::fabs((node - center()) / (node - at));
