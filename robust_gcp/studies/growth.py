@@ -107,6 +107,7 @@ def step_seconds(contender: Contender, mechanism: Mechanism, rounds: int = ROUND
     if contender.refuses(Scene("", mechanism, mechanism.home, np.zeros(mechanism.nv), STEP * np.arange(3))):
         return None
     few = 1
+    seconds(few)  # what is made once, as other coordinates at the start
     while few < (8 if rounds == QUICK else MOST) and seconds(3 * few) - seconds(few) < SPENT:
         few *= 2
     both = [(seconds(few), seconds(3 * few)) for _ in range(rounds)]
