@@ -7,7 +7,7 @@
 
 #include "passages.h"
 #include "passing.h"
-#include "patch.h"
+#include "patch_builder.h"
 
 namespace rg {
 

@@ -7,44 +7,27 @@
 #include <utility>
 #include <vector>
 
+#include "certifying.h"
 #include "curve.h"
 
 namespace rg {
 
-constexpr double REACH = 0.4, FAR_SIDE[] = {0.1, 0.02};
+constexpr double REACH = 0.4;  // continuation step, a share of the distance to the singular set
 
 class CurveBuilder {
   public:
     CurveBuilder(JetPtr anchor, const BridgeOptions& options, double zone)
         : space_(*anchor->space), options_(options), zone_(zone) {
-        // as in Python: numbers that do not carry the anchor's rounding
         shape_.space = &space_;
-        shape_.C = std::make_shared<Matrix>(coarse(anchor->tangent()));
+        shape_.C = std::make_shared<Matrix>(rounded(anchor->tangent(), COARSE));
         shape_.reference = rounded(Matrix(anchor->x), COARSE);
         anchor_ = recharted(anchor, shape_.C);
     }
 
-    // In round numbers.
-    static Matrix coarse(const Matrix& numbers) { return rounded(numbers, COARSE); }
-
     // The best certified curve of several widths.
     CurvePtr build() {
-        constexpr double SHRINKS[] = {1.0, 0.7, 0.5, 0.35, 0.25, 0.17, 0.12, 0.08}, GOOD = 1e-9;
-        bool found = false;
-        CurveShape best;
-        for (const double shrink : SHRINKS) {
-            try {
-                attempt(zone_ * shrink);
-            } catch (const NoBridge&) {
-                continue;
-            } catch (const Lost&) {
-                continue;
-            }
-            if (!found || shape_.error < best.error) best = shape_;
-            found = true;
-            if (shape_.error <= GOOD && !shape_.near_miss) break;
-        }
-        if (!found) throw NoBridge{};
+        CurveShape best = best_of([this](double half_width) { return attempt(half_width); }, zone_,
+                                  {1.0, 0.7, 0.5, 0.35, 0.25, 0.17, 0.12, 0.08});
         best.series = Series(best.through, best.left, best.right);
         return std::make_shared<Curve>(std::make_shared<CurveShape>(std::move(best)), Vector::Zero(space_.nv));
     }
@@ -52,16 +35,11 @@ class CurveBuilder {
   private:
     static constexpr double SAME = 1e-9;   // between places that are one
     static constexpr double ALONE = 0.05;  // share of the way to the next place at which a root is of this one
-    static constexpr double COARSE = 0.015625, FINE = 0.000244140625;
-
-    static double rounded(double x, double grid) { return grid * std::nearbyint(x / grid); }
-    static Matrix rounded(const Matrix& numbers, double grid) {
-        return numbers.unaryExpr([grid](double x) { return rounded(x, grid); });
-    }
 
     double u(const Vector& x) const { return shape_.C->col(0).dot(x - shape_.reference); }
 
-    void attempt(double half_width) {
+    // The curve between nodes this far from the singular places.
+    CurveShape attempt(double half_width) {
         const double start = u(anchor_->x);
         auto [low, high] = ahead(half_width);
         low += start, high += start;
@@ -71,7 +49,7 @@ class CurveBuilder {
             find_places(center, w);
             const double first = shape_.roots.front(), last = shape_.roots.back();
             if (std::fabs(first - low) <= 0.2 * half_width && std::fabs(last - high) <= 0.2 * half_width)
-                return certify();
+                return certified();
             low = first, high = last;
         }
         throw NoBridge{};
@@ -96,25 +74,22 @@ class CurveBuilder {
     void place_nodes(double center, double w) {
         const double side = center > u(anchor_->x) ? -1.0 : 1.0;
         center = rounded(center, FINE), w = rounded(w, FINE);
-        std::vector<double> us;
+        std::vector<double> us, far;
         std::vector<JetPtr> nodes;
         JetPtr here = anchor_;
         for (const double factor : options_.nodes) {
             us.push_back(center + side * factor * w);
+            far.push_back(center - side * factor * w);
             here = march(here, us.back());
             nodes.push_back(here);
         }
-        std::shared_ptr<const Matrix> P = nodes[0]->P;
-        for (std::size_t k = 0; k < options_.nodes.size(); ++k) {
-            const double to = center - side * options_.nodes[k] * w;
-            Vector guess, slope, bend;
-            Hermite(us, nodes).evaluate(to, guess, slope, bend);
-            const auto [node, first] = solve_at(guess, to, P);
-            if (first > FAR_SIDE[std::min<std::size_t>(k, 1)] * w) throw NoBridge{};
-            P = node->P;
-            us.push_back(to);
-            nodes.push_back(node);
-        }
+        const auto guess = [](const std::vector<double>& at, const std::vector<JetPtr>& known, double to) {
+            Vector x, slope, bend;
+            Hermite(at, known).evaluate(to, x, slope, bend);
+            return x;
+        };
+        go_beyond(us, nodes, far, w, guess,
+                  [this](const Vector& x, double to, const auto& P) { return solve_at(x, to, P); });
         shape_.through = Hermite(us, nodes);
         shape_.left = center - w, shape_.right = center + w;
     }
@@ -186,15 +161,15 @@ class CurveBuilder {
         shape_.roots = found;
     }
 
-    void certify() {
+    // The curve through the nodes, with what vouches for it.
+    CurveShape certified() {
         Vector x, slope, bend;
-        shape_.closure = 0.0;
-        for (int i = 1; i < 14; ++i) {
-            shape_.through.evaluate(shape_.left + i * (shape_.right - shape_.left) / 14.0, x, slope, bend);
-            shape_.closure = std::max(shape_.closure, space_.residual(x));
-        }
-        const double allowed = options_.closure_tolerance + space_.noise(shape_.reference);
-        if (shape_.closure > std::max(allowed, options_.geometric_tolerance)) throw NoBridge{};
+        const Closure closure = closure_of(space_, options_, shape_.left, shape_.right, 14, shape_.reference,
+                                           [&](double at) {
+                                               shape_.through.evaluate(at, x, slope, bend);
+                                               return x;
+                                           });
+        shape_.closure = closure.left;
         shape_.corank.clear();
         shape_.transversality = FAR;
         int singular = 0;
@@ -206,30 +181,16 @@ class CurveBuilder {
             singular += r;
         }
         if (shape_.transversality < options_.transversality) throw NoBridge{};
-        shape_.near_miss = !(shape_.closure <= allowed && singular > 0);
-        shape_.error = std::max(held_out(), shape_.closure);
-    }
-
-    // Error of Γ over the bridge, from solved points that the polynomial does not know.
-    double held_out() const {
-        const Hermite& through = shape_.through;
-        const auto& us = through.us;
-        const std::size_t n = us.size();
-        const double center = 0.5 * (shape_.left + shape_.right);
-        double worst = 0.0;
-        const std::size_t pairs[2][2] = {{n / 2 - 1, n / 2 - 2}, {n / 2, n / 2 + 1}};
-        for (const auto& [inner, outer] : pairs) {
-            const double at = 0.5 * (us[inner] + us[outer]);
-            Vector x, slope, bend;
-            through.evaluate(at, x, slope, bend);
-            const JetPtr known = solve_at(x, at, through.nodes[inner]->P).first;
-            const double off = (known->bend.col(0) - bend).cwiseAbs().maxCoeff() /
-                               (1.0 + known->bend.col(0).cwiseAbs().maxCoeff());
-            double growth = 1.0;
-            for (const double node : us) growth *= std::fabs((node - center) / (node - at));
-            worst = std::max(worst, off * std::min(growth * growth, 1e3));
-        }
-        return worst;
+        shape_.near_miss = closure.open || singular == 0;
+        const auto off = [this](double at, std::size_t inner) {
+            Vector y, slope, bend;
+            shape_.through.evaluate(at, y, slope, bend);
+            return relative(bend, solve_at(y, at, shape_.through.nodes[inner]->P).first->bend.col(0));
+        };
+        const double error = held_out(shape_.through.us, 0.5 * (shape_.left + shape_.right), off,
+                                      [](double growth) { return std::min(growth * growth, 1e3); });
+        shape_.error = std::max(error, shape_.closure);
+        return shape_;
     }
 
     Space& space_;

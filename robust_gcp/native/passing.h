@@ -79,7 +79,7 @@ class Reader {
         const std::vector<double> touched = list();
         for (int i = 0; i < count; ++i) made.bridges.push_back(curve(space));
         if (used >= 0) made.curve = made.bridges[static_cast<std::size_t>(used)];
-        if (number() != 0.0) made.patch = std::make_shared<Patch>(Patch::read(*this, space, options_));
+        if (number() != 0.0) made.patch = std::make_shared<Patch>(Patch::read(*this, space));
         made.touched_patch = made.patch;
         for (const double at : touched) made.touched.push_back(made.bridges[static_cast<std::size_t>(at)]);
         return made;
@@ -144,23 +144,25 @@ template <typename W>
 void Patch::write(W& writer) const {
     writer.array(line_.d), writer.array(*line_.C), writer.array(origin_);
     writer.number(now_.left), writer.number(now_.right);
-    writer.number(now_.closure), writer.number(now_.transversality), writer.number(now_.near_miss ? 1.0 : 0.0);
+    writer.number(now_.closure), writer.number(now_.transversality), writer.number(now_.error);
+    writer.number(now_.near_miss ? 1.0 : 0.0);
     writer.list(now_.ss);
     for (const Tracker& tracker : now_.trackers) writer.tracker(tracker);
 }
 
 template <typename R>
-Patch Patch::read(R& reader, Space& space, const BridgeOptions& options) {
+Patch Patch::read(R& reader, Space& space) {
     const Vector d = reader.array();
     const Matrix C = reader.array();
-    Patch made(Line(space, C == *space.chart ? space.chart : std::make_shared<Matrix>(C), d), options);
-    made.origin_ = reader.array();
-    Bridged& now = made.now_;
+    const Vector origin = reader.array();
+    Bridged now;
     now.left = reader.number(), now.right = reader.number();
-    now.closure = reader.number(), now.transversality = reader.number(), now.near_miss = reader.number() != 0.0;
+    now.closure = reader.number(), now.transversality = reader.number(), now.error = reader.number();
+    now.near_miss = reader.number() != 0.0;
     now.ss = reader.list();
     for (std::size_t i = 0; i < now.ss.size(); ++i) now.trackers.push_back(reader.tracker(space));
-    return made;
+    const Chart chart = C == *space.chart ? space.chart : std::make_shared<Matrix>(C);
+    return {Line(space, chart, d), origin, now};
 }
 
 }  // namespace rg

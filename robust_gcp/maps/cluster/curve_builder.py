@@ -8,9 +8,10 @@ from __future__ import annotations
 import numpy as np
 
 from ...mechanism.tree import Array
+from .certifying import COARSE, FINE, best_of, beyond, closure, held_out, relative, rounded
 from .curve import Curve
 from .hermite_curve import HermiteCurve
-from .jet import Jet, LostError, null_pairing, own_separation, pencil_roots, places_ahead, solved
+from .jet import Jet, null_pairing, own_separation, pencil_roots, places_ahead, solved
 from .options import BridgeOptions, NoBridgeError
 
 SHRINKS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.17, 0.12, 0.08)
@@ -22,17 +23,8 @@ SAME = 1e-9
 ALONE = 0.05
 """Share of the way to the next singular place at which a root of the pencil is of this one."""
 
-GOOD = 1e-9
-"""Relative error of Γ over the bridge at which no shorter one is tried."""
-
 REACH = 0.4
 """Continuation step as a fraction of the distance to the singular set."""
-
-FAR_SIDE = (0.1, 0.02)
-"""Newton's first correction at the first node beyond, and at the others, in half widths."""
-
-COARSE, FINE = 2.0**-6, 2.0**-12
-"""Grids of the parameter's direction and origin, and of the nodes."""
 
 
 class CurveBuilder:
@@ -47,10 +39,8 @@ class CurveBuilder:
     """
 
     def __init__(self, anchor: Jet, options: BridgeOptions, zone: float) -> None:
-        # near enough to the tangent, in numbers that do not carry the anchor's rounding: runs that differ by
-        # rounding alone, as those of two backends do, get the same curve
-        self._C = np.round(anchor.tangent() / COARSE) * COARSE
-        self._reference = np.round(anchor.x / COARSE) * COARSE
+        self._C = rounded(anchor.tangent(), COARSE)
+        self._reference = rounded(anchor.x, COARSE)
         self._space, self._options, self._zone = anchor.space, options, zone
         self._anchor = anchor.recharted(self._C)
 
@@ -62,24 +52,7 @@ class CurveBuilder:
         NoBridgeError
             When no attempt earns a certificate.
         """
-        best: Curve | None = None
-        failures: list[NoBridgeError] = []
-        for shrink in SHRINKS:
-            try:
-                curve = self._attempt(self._zone * shrink)
-            except NoBridgeError as failure:
-                failures.append(failure)
-                continue
-            except (LostError, np.linalg.LinAlgError) as lost:
-                failures.append(NoBridgeError(str(lost)))
-                continue
-            if best is None or curve.error < best.error:
-                best = curve
-            if curve.error <= GOOD and curve.kind == "transversal":
-                break
-        if best is None:
-            raise min(failures, key=lambda failure: failure.residual)
-        return best
+        return best_of(self._attempt, [self._zone * shrink for shrink in SHRINKS])
 
     def _u(self, x: Array) -> float:
         return float(self._C[:, 0] @ (x - self._reference))
@@ -103,30 +76,18 @@ class CurveBuilder:
 
     def _place_nodes(self, center: float, w: float) -> None:
         """Near nodes by continuation, far nodes by extrapolation of all so far, then Newton."""
-        side = (
-            -1.0 if center > self._u(self._anchor.x) else 1.0
-        )  # where the anchor stands, seen from the centre
-        us: list[float] = []
-        nodes: list[Jet] = []
         here = self._anchor
-        center, w = (FINE * round(number / FINE) for number in (center, w))
-        for factor in self._options.nodes:
-            u = center + side * factor * w
+        side = -1.0 if center > self._u(here.x) else 1.0  # where the anchor stands, seen from the centre
+        center, w = rounded(np.array([center, w]), FINE).tolist()
+        us = [center + side * factor * w for factor in self._options.nodes]
+        nodes: list[Jet] = []
+        for u in us:
             here = self._march(here, u)
-            us.append(u)
             nodes.append(here)
-        P = nodes[0].P
-        for k, factor in enumerate(self._options.nodes):
-            u = center - side * factor * w
-            guess = HermiteCurve(us, nodes).x(u)
-            node, first = self._solve(guess, u, P)
-            if first > FAR_SIDE[min(k, 1)] * w:
-                raise NoBridgeError("beyond the singular place the mode does not go on smoothly", first)
-            P = node.P
-            us.append(u)
-            nodes.append(node)
+        far = [center - side * factor * w for factor in self._options.nodes]
+        nodes += beyond(us, nodes, far, w, lambda us, at, u: HermiteCurve(us, at).x(u), self._solve)
         self._left, self._right = center - w, center + w
-        self._through = HermiteCurve(us, nodes)
+        self._through = HermiteCurve(us + far, nodes)
 
     def _march(self, here: Jet, u: float) -> Jet:
         """Along the curve by short steps that stay on the mode."""
@@ -187,13 +148,10 @@ class CurveBuilder:
         """The curve through the nodes, with what vouches for it."""
         space, options, through = self._space, self._options, self._through
         samples = np.linspace(self._left, self._right, 15)[1:-1]
-        closure = max(space.residual(x) for x in through.sampled(samples)[0])
-        allowed = options.closure_tolerance + space.noise(self._reference)
-        if closure > max(allowed, options.geometric_tolerance):
-            raise NoBridgeError("the interpolated mode does not close the loops", closure)
+        left, kind = closure(space, options, through.sampled(samples)[0], self._reference)
         corank, transversality = self._parting(roots)
         if transversality < options.transversality:
-            raise NoBridgeError("the modes part at higher than second order", closure, transversality)
+            raise NoBridgeError("the modes part at higher than second order", left, transversality)
         return Curve(
             space,
             self._C,
@@ -203,10 +161,10 @@ class CurveBuilder:
             self._right,
             roots,
             corank,
-            "transversal" if closure <= allowed and sum(corank) > 0 else "near miss",
-            closure,
+            kind if sum(corank) > 0 else "near miss",
+            left,
             transversality,
-            max(self._held_out(), closure),
+            max(self._held_out(), left),
             np.zeros(space.nv),
         )
 
@@ -223,13 +181,12 @@ class CurveBuilder:
 
     def _held_out(self) -> float:
         """Error of Γ over the bridge, from solved points that the polynomial does not know."""
-        us, nodes, worst = self._through.us, self._through.nodes, 0.0
-        n, center = len(us), 0.5 * (self._left + self._right)
-        for inner, outer in ((n // 2 - 1, n // 2 - 2), (n // 2, n // 2 + 1)):
-            u = 0.5 * (us[inner] + us[outer])
-            x, _, bend = self._through.at(u)
-            known, _ = self._solve(x, u, nodes[inner].P)
-            off = float(np.abs(known.bend[0, 0] - bend).max() / (1.0 + np.abs(known.bend[0, 0]).max()))
-            growth = float(np.prod(np.abs((us - center) / (us - u)))) ** 2
-            worst = max(worst, off * min(growth, 1e3))
-        return worst
+        through = self._through
+
+        def off(u: float, inner: int) -> float:
+            x, _, bend = through.at(u)
+            known, _ = self._solve(x, u, through.nodes[inner].P)
+            return relative(bend, known.bend[0, 0])
+
+        center = 0.5 * (self._left + self._right)
+        return held_out(through.us, center, off, lambda growth: min(growth**2, 1e3))

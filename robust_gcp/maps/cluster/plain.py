@@ -92,9 +92,9 @@ class Writer:
     def _patch(self, patch: Patch[Tracker]) -> None:
         for values in (patch.d, patch.C, patch.origin):
             self.array(values)
-        self.numbers += [patch.left, patch.right, patch.closure, patch.transversality]
+        self.numbers += [patch.left, patch.right, patch.closure, patch.transversality, patch.error]
         self.numbers.append(patch.kind == "near miss")
-        self.array(patch.ss)
+        self.array(np.array(patch.ss))
         for tracker in patch.trackers:
             self.tracker(tracker)
 
@@ -155,11 +155,10 @@ class Reader:
 
     def _patch(self, space: ClusterSpace) -> Patch[Tracker]:
         d, C, origin = (self.array() for _ in range(3))
-        left, right, closure, transversality, near_miss = (self.number() for _ in range(5))
-        ss = self.array()[:, 0]
-        known = {
-            "left": left, "right": right, "closure": closure, "transversality": transversality,
-            "kind": "near miss" if near_miss else "transversal", "ss": ss,
-            "trackers": [self.tracker(space) for _ in ss],
-        }  # fmt: skip
-        return Patch.known(space, self._options, C, d[:, 0], origin[:, 0], known)
+        left, right, closure, transversality, error, near_miss = (self.number() for _ in range(6))
+        ss = self.array()[:, 0].tolist()
+        trackers = [self.tracker(space) for _ in ss]
+        kind: CrossingKind = "near miss" if near_miss else "transversal"
+        return Patch(
+            space, C, d[:, 0], origin[:, 0], ss, trackers, left, right, kind, closure, transversality, error
+        )  # fmt: skip

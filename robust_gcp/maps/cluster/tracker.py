@@ -14,6 +14,7 @@ from .kept import curve_through, passes
 from .obstacles import APEX, CONE_WORDS, FARTHEST_LOOK, Obstacle, ObstacleError, approaching, judge
 from .options import BridgeOptions, NoBridgeError
 from .patch import Patch
+from .patch_builder import PatchBuilder
 from .space import ClusterSpace
 
 REACH = 0.4
@@ -233,7 +234,7 @@ class Tracker:
         if self._beside is not None and self._beside.leads_to(here) and not self._beside.serves(here, y):
             return False
         try:
-            patch = Patch(self, here, self.options, self.zone)
+            patch = PatchBuilder(self, here, self.options, self.zone).build()
             self.counters.bridges_built += 1
         except (NoBridgeError, ObstacleError) as failure:
             known = self._left
