@@ -122,7 +122,7 @@ struct Request {
     std::int32_t beginning;
     const double* sizes;      // (nv,): 1 / unit of each velocity, 0 where J does not matter; or null
     double limit;             // largest entry of J up to which steps go on
-    const double* uneven;     // (m,): largest unevenness of the input's cluster up to which they do; or null
+    const double* uneven;     // (m,): largest unevenness of each input's cluster up to which they do; or null
     Torque torque;            // or null
     double* torque_q;         // (nq,), (nv,), (nv,): what the callback reads and writes
     double* torque_v;

@@ -162,27 +162,6 @@ class Path {
         for (const Part& part : parts.list) product(part, point, u, v);
     }
 
-    // Whether an entry of G of a part, times its size, is above the limit of its input, or max |g| / (max |v|)²,
-    // in radians and lengths, above `even`; see simulation/coordinates.py and evenness.py.
-    bool poor(const Part& part, Point& point, const double* sizes, const double* limits, double even) const {
-        const double *G = point.G(), *g = point.g(), *u = point.ydot();
-        const int m = layout.m;
-        double bent[2] = {}, fastest[2] = {};  // of every other velocity: two chains that do not wait
-        int large = 0, chain = 0;
-        for (int i : part.velocities) {
-            double v = 0.0;
-            for (int k : part.inputs) {
-                v += G[i * m + k] * u[k];
-                large |= std::fabs(G[i * m + k]) * sizes[i] > limits[k];
-            }
-            bent[chain] = std::max(bent[chain], std::fabs(g[i] * turn_[i]));
-            fastest[chain] = std::max(fastest[chain], std::fabs(v * turn_[i]));
-            chain = 1 - chain;
-        }
-        const double most = std::max(fastest[0], fastest[1]);
-        return large || (most > 0.0 && std::max(bent[0], bent[1]) > even * most * most);
-    }
-
     // ẏ of joints on groups, whose y is w in a chart; of others it is u.
     void rate_on_groups(Point& point, double* rate) const {
         double w[6], u[6], turned[6];

@@ -39,7 +39,8 @@ class Solver : public Stepper {
         r.in_zone = clusters.in_zone();
         rate(*anchor_, rate_);
         std::copy(rate_.begin(), rate_.end(), r.rate);
-        r.plain = !r.met && !exceeds(r, *anchor_);
+        watch_.follow(r);
+        r.plain = !r.met && !watch_.exceeds(*anchor_);
     }
 
     // The point evaluated last, and ÿ, τ and the power there.

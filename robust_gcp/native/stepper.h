@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <vector>
 
 #include "abi.h"
@@ -11,6 +10,7 @@
 #include "clusters.h"
 #include "motion.h"
 #include "path.h"
+#include "watch.h"
 
 namespace rg {
 
@@ -18,8 +18,7 @@ class alignas(CACHE_LINE) Stepper {
   public:
     explicit Stepper(const Description& d)
         : path(d), clusters(d, path), motion_(d, path), works_(d.works), n_(2 * d.m + d.works),
-          independent_(d.independent, d.independent + d.m), slots_(SLOTS, Point(path.layout)), x_(n_), stage_(n_),
-          sum_(n_), rate_(n_), limits_(d.m) {
+          watch_(d, path.parts), slots_(SLOTS, Point(path.layout)), x_(n_), stage_(n_), sum_(n_), rate_(n_) {
         for (int k = 0; k < d.m; ++k)
             if (d.independent_q[k] < 0) on_groups_.push_back(k);
     }
@@ -38,6 +37,7 @@ class alignas(CACHE_LINE) Stepper {
             r.completed = -1;
             return;
         }
+        watch_.follow(r);
         const int m = path.layout.m;
         bool in_zone = clusters.in_zone();  // at the last accepted output
         Cells<double> last_ydd(r.ydd, r.ydd + m), last_tau(r.tau, r.tau + path.layout.nv);
@@ -65,7 +65,7 @@ class alignas(CACHE_LINE) Stepper {
                 r.safe_step = i + 1;
             }
             if ((i + 1) % r.every == 0) output(r, (i + 1) / r.every - 1);
-            if (!in_zone && exceeds(r, *accepted_)) r.reason = CHART;
+            if (!in_zone && watch_.exceeds(*accepted_)) r.reason = CHART;
         }
         accepted_->write(r.anchor);
         std::copy(x_.begin(), x_.end(), r.x);
@@ -76,7 +76,7 @@ class alignas(CACHE_LINE) Stepper {
         r.in_zone = in_zone;
         r.log = log_.data();
         r.logged = static_cast<std::int64_t>(log_.size()) / (7 + path.layout.nq);
-        r.plain = r.reason == DONE && r.logged == 0 && !(in_zone && exceeds(r, *accepted_));
+        r.plain = r.reason == DONE && r.logged == 0 && !(in_zone && watch_.exceeds(*accepted_));
     }
 
     // ÿ, τ and the power at the last accepted point, under the torque that is held now; false where they are
@@ -125,22 +125,6 @@ class alignas(CACHE_LINE) Stepper {
     }
 
   protected:
-    // Whether the independent velocities turn back soon, or the others move unevenly, or may do so: see
-    // simulation/coordinates.py.
-    bool exceeds(const Request& r, Point& point) {
-        if (r.sizes == nullptr) return false;
-        for (const Part& part : path.parts.list) {
-            double even = -1.0;  // the largest unevenness that its inputs were found to be good at
-            for (int k : part.inputs) {
-                const double own = r.sizes[independent_[k]];
-                limits_[k] = own > 0.0 ? r.limit * own : std::numeric_limits<double>::infinity();
-                if (own > 0.0) even = std::max(even, r.uneven[k]);
-            }
-            if (even >= 0.0 && path.poor(part, point, r.sizes, limits_.data(), even)) return true;
-        }
-        return false;
-    }
-
     static constexpr int SLOTS = 5;  // anchor, trial, accepted, safe, and one more
 
     void count_anew(Request& r) {
@@ -279,10 +263,10 @@ class alignas(CACHE_LINE) Stepper {
 
     Motion motion_;
     int works_, n_;
-    std::vector<int> independent_;
+    Watch watch_;
     std::vector<int> on_groups_;  // which of y belong to joints on groups
     std::vector<Point> slots_;
-    Cells<double> x_, stage_, sum_, rate_, safe_x_, limits_;
+    Cells<double> x_, stage_, sum_, rate_, safe_x_;
     Point *anchor_ = nullptr, *accepted_ = nullptr, *safe_ = nullptr;
     std::vector<double> log_, passed_, trackers_;
     std::int64_t rhs_ = 0;
