@@ -41,8 +41,11 @@ SINGULAR = 1e-9
 CLOSED = 1e-11
 """Largest max |φ| / length at an output."""
 
-NO_ORDER = 1e-12
-"""Errors below this are rounding and say nothing of the order."""
+SHOWS = 5e-12
+"""Errors from which on rounding hides nothing of the order."""
+
+COARSEST = 64
+"""Steps of the scene's in the longest one that is tried for errors as large."""
 
 OUTPUTS = 40
 """Outputs that are compared."""
@@ -123,12 +126,10 @@ def compare(scene: Scene, most: int, seed: int = 1, steppers: Sequence[str] = ()
     mechanism, v0 = scene.started()
     graph = Graph(mechanism, mechanism.home, v0)
     first = Finding(scene.name, "as it is")
-    runs = [_simulated(first, mechanism, None, v0, replace(scene, step=n * scene.step)) for n in (4, 2, 1)]
-    coarse, middle, fine = runs
-    if coarse is None or middle is None or fine is None:
+    fine = _simulated(first, mechanism, None, v0, scene)
+    if fine is None:
         return Report(scene.name, np.nan, [first])
-    errors = [np.abs(a.q - b.q[::2]).max() for a, b in ((coarse, middle), (middle, fine))]
-    report = Report(scene.name, float(np.log2(errors[0] / errors[1])) if errors[1] > NO_ORDER else np.nan)
+    report = Report(scene.name, _order(mechanism, v0, scene, fine))
     reference = outcome(graph, fine)
     _judge(first, fine, reference, reference)
     if reference.coranks != scene.crossings:
@@ -153,6 +154,26 @@ def compare(scene: Scene, most: int, seed: int = 1, steppers: Sequence[str] = ()
             _judge(finding, run, outcome(graph, run), reference)
         report.findings.append(finding)
     return report
+
+
+def _order(mechanism: Mechanism, v0: Array, scene: Scene, fine: Trajectory) -> float:
+    """That of the steps, from three runs with errors that show it; NaN where there are none."""
+    runs, n = [fine], 1
+    while len(runs) < 3 or (n < COARSEST and _apart(runs[1], runs[0]) < SHOWS):
+        n *= 2
+        longer = _simulated(Finding(scene.name, ""), mechanism, None, v0, replace(scene, step=n * scene.step))
+        if longer is None:
+            break
+        runs = [*runs[-2:], longer]
+    if len(runs) < 3 or _apart(runs[1], runs[0]) < SHOWS:
+        return np.nan
+    return float(np.log2(_apart(runs[2], runs[1]) / _apart(runs[1], runs[0])))
+
+
+def _apart(coarse: Trajectory, fine: Trajectory) -> float:
+    """Largest difference of q after steps that both runs have, those of one twice those of the other."""
+    whole = (len(fine.t) - 1) // 2 + 1
+    return float(np.abs(coarse.q[:whole] - fine.q[::2][:whole]).max())
 
 
 def outcome(drawn: Graph | Drawing, run: Trajectory) -> Outcome:
