@@ -6,7 +6,7 @@
 
 namespace rg {
 
-constexpr std::int32_t VERSION = 8;
+constexpr std::int32_t VERSION = 9;
 
 enum Reason : std::int32_t {
     DONE = 0,
@@ -121,6 +121,7 @@ struct Request {
     const Bridging* bridging;  // null: no zones, no test of the branch
     std::int32_t beginning;
     const double* sizes;      // (nv,): 1 / unit of each velocity, 0 where J does not matter; or null
+    double best;              // largest conditioning of an output of this run, in and out
     double limit;             // largest entry of J up to which steps go on
     const double* uneven;     // (m,): largest unevenness of each input's cluster up to which they do; or null
     Torque torque;            // or null

@@ -70,6 +70,8 @@ class Batch:
         Singular places passed, in the order of time.
     safe : (int, ndarray, Point) or None
         Step, state and point of the last well-conditioned one among the completed steps.
+    best : float
+        Largest conditioning of an output so far.
     rhs : int
         Right-hand sides that the completed steps took.
     counts : dict of str to int
@@ -86,6 +88,7 @@ class Batch:
     outputs: Outputs
     crossings: list[Crossing]
     safe: tuple[int, Array, Point] | None
+    best: float
     rhs: int
     counts: dict[str, int]
     failure: BaseException | None

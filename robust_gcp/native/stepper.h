@@ -14,6 +14,9 @@
 
 namespace rg {
 
+// Conditioning from which an output is one to return to, of a run that came to `best`: see simulation/recovery.py.
+inline double good_from(double best) { return best >= POOR ? POOR : std::max(0.05, 0.8 * best); }
+
 class alignas(CACHE_LINE) Stepper {
   public:
     explicit Stepper(const Description& d)
@@ -59,7 +62,8 @@ class alignas(CACHE_LINE) Stepper {
             last_power = motion_.power;
             ++r.completed;
             count(r);
-            if (accepted_->conditioning() >= POOR) {
+            r.best = std::max(r.best, accepted_->conditioning());
+            if (accepted_->conditioning() >= good_from(r.best)) {
                 safe_ = accepted_;
                 safe_x_ = x_;
                 r.safe_step = i + 1;

@@ -129,6 +129,7 @@ class NativeSteps:
         times: Array,
         wanted: Sequence[str],
         watch: Watch | None = None,
+        best: float = 0.0,
     ) -> Batch | None:
         """Steps from times[0] as far as nothing rare happens; None where the map is not on its regular path.
 
@@ -138,7 +139,7 @@ class NativeSteps:
             The evaluation and the state at times[0].
         wanted : sequence of str
             Outputs besides q and v.
-        watch : Watch, optional
+        watch, best : Watch, float, optional
             See `Workspace.run`.
         """
         followed = explicit.rest if isinstance(explicit, GroupMap) else explicit
@@ -152,7 +153,7 @@ class NativeSteps:
             return None
         n = min(len(times) - 1, most_steps(mechanism))
         outputs = Outputs.room(n, mechanism.nq, mechanism.nv, wanted)
-        return workspace.run(times[: n + 1], x, now, outputs, zone, options, trackers, watch=watch)
+        return workspace.run(times[: n + 1], x, now, outputs, zone, options, trackers, 1, watch, best)
 
     def prepared(
         self,
@@ -161,12 +162,13 @@ class NativeSteps:
         times: Array,
         outputs: Outputs,
         watch: Watch | None = None,
+        best: float = 0.0,
     ) -> Prepared | None:
         """Steps to come from where the kernel is, see `Workspace.prepared`; None where it is not at `now`."""
         if self._workspace is None or not self._workspace.at(now.point):
             return None
         options, zone = _limits(explicit.rest if isinstance(explicit, GroupMap) else explicit)
-        return self._workspace.prepared(times, outputs, zone, options, watch)
+        return self._workspace.prepared(times, outputs, zone, options, watch, best)
 
     def rates(self, explicit: KernelMap, now: Evaluation, x: Array, watch: Watch | None) -> Rates | None:
         """ẋ by the kernel from an evaluation at x on regular ground on; None where it cannot.

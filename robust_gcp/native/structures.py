@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-VERSION = 8
+VERSION = 9
 """Of the interface; a library with another one is not used."""
 
 TorqueCallback: Any = ctypes.CFUNCTYPE(c_int32, c_double)
@@ -101,6 +101,7 @@ class Request(ctypes.Structure):
         ("bridging", ctypes.POINTER(Bridging)),
         ("beginning", c_int32),
         ("sizes", c_void_p),
+        ("best", c_double),
         ("limit", c_double),
         ("uneven", c_void_p),
         ("torque", TorqueCallback),

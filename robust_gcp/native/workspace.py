@@ -90,6 +90,7 @@ class Workspace:
         trackers: Callable[[], Array] | None = None,
         every: int = 1,
         watch: Watch | None = None,
+        best: float = 0.0,
     ) -> Batch:
         """Steps from times[0] to times[-1], or until something rare happens.
 
@@ -110,11 +111,14 @@ class Workspace:
             Where `now` is in a zone, and not the last state of this workspace's last batch.
         watch : Watch, optional
             Up to where the steps go on in the same coordinates.
+        best : float, optional
+            Largest conditioning of an output so far; see `simulation.recovery`.
         """
         r = self._request
         times = np.ascontiguousarray(times, dtype=float)
         r.steps, r.every, r.first, r.times = len(times) - 1, every, 0, address(times)
         r.power = now.power
+        r.best = best
         self._choose(zone, options, watch)
         self._x[:], self._ydd[:] = x, now.ydd
         self._tau[:] = 0.0 if now.tau is None else now.tau
@@ -144,6 +148,7 @@ class Workspace:
         zone: float,
         options: BridgeOptions | None,
         watch: Watch | None,
+        best: float,
     ) -> Prepared:
         """Steps to come from the last batch's last point on, under a torque that is held.
 
@@ -153,10 +158,11 @@ class Workspace:
             s, contiguous; as all arrays here to be kept by the caller as long as steps are taken.
         outputs : Outputs
             N + 1 rows, of which those reached are written.
-        zone, options, watch
+        zone, options, watch, best
             As for `run`.
         """
         r = self._request
+        r.best = best
         r.every, r.times, r.steps, r.first = 1, address(times), 0, 0
         self._choose(zone, options, watch)
         outputs.between(1, len(times)).written_by(r)
@@ -268,6 +274,7 @@ class Workspace:
             outputs,
             crossings(r, self._nq, self._numbers_in_q),
             safe,
+            float(r.best),
             int(r.rhs),
             {"native_steps": steps, **counted(r)},
             self._acting.raised[0] if self._acting.raised else None,

@@ -144,6 +144,7 @@ class FixedRun(RefinedRun):
         """Go on from where steps of the kernel's after time i ended; their outputs are recorded."""
         self._motion.equations.calls += batch.rhs
         batch.add_to(self._counters)
+        self._recovery.best = batch.best
         if batch.safe is not None:
             self._recovery.safe = Checkpoint(i + batch.safe[0], *batch.safe[1:])
         if batch.steps:
@@ -171,7 +172,8 @@ class FixedRun(RefinedRun):
 
         def take(end: int) -> Batch | None:
             times, wanted = self.times[i : end + 1], self._record.wanted
-            return native.take(self._kernel_map(), now, self._x, times, wanted, self._watch_coordinates())
+            watch, best = self._watch_coordinates(), self._recovery.best
+            return native.take(self._kernel_map(), now, self._x, times, wanted, watch, best)
 
         until = min(last, max(self._schedule.free_until(i), i + 1))
         if not self._events:

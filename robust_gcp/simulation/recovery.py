@@ -20,6 +20,13 @@ class Checkpoint:
     point: Point
 
 
+GOOD = 0.8
+"""Share of the best conditioning so far that is a good one, where none was above `POOR`."""
+
+LEAST = 0.05
+"""Conditioning below which none is."""
+
+
 class Recovery:
     """Remembers where it is safe to return to, and decides how to go on from there.
 
@@ -34,17 +41,28 @@ class Recovery:
     on_toggle : {"error", "repartition"}
     safe : Checkpoint
         The start.
+
+    Attributes
+    ----------
+    safe : Checkpoint
+        The last well-conditioned state.
+    best : float
+        The largest conditioning of an output in the present coordinates: links that are never conditioned
+        above `POOR` are not taken with error control all the way.
+    careful, changing : bool
     """
 
     def __init__(self, on_toggle: str, safe: Checkpoint) -> None:
         self._may_change = on_toggle == "repartition"
         self.safe = safe
+        self.best = safe.point.conditioning
         self.careful = self.changing = False
         self._met_at = self._changed_at = -1
 
     def accept(self, i: int, x: Array, point: Point) -> None:
         """Take note of an output."""
-        good = point.conditioning >= POOR
+        self.best = max(self.best, point.conditioning)
+        good = point.conditioning >= (POOR if self.best >= POOR else max(LEAST, GOOD * self.best))
         self.careful = self.careful and not (good and i > self._met_at)
         self.changing = self.changing and self.careful
         if good and not self.careful:
@@ -74,7 +92,12 @@ class Recovery:
         self.careful = self.changing = not known
         return known
 
+    def renewed(self, safe: Checkpoint) -> None:
+        """Within a step, that goes on in other coordinates: what was good in those before is nothing here."""
+        self.safe, self.best = safe, safe.point.conditioning
+
     def changed(self, safe: Checkpoint) -> None:
         """Go on in other coordinates from here."""
-        self.safe, self._changed_at = safe, safe.i
+        self.renewed(safe)
+        self._changed_at = safe.i
         self.careful = self.changing = False

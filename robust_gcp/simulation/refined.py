@@ -121,7 +121,7 @@ class RefinedRun(Run):
             return False
         self._last = replace(here, point=new, ydd=here.a[self._motion.mechanism.iv_independent])
         state = np.concatenate([first_x, self._behind[2 * m :]])
-        self._recovery.safe = Checkpoint(i, state, first)
+        self._recovery.renewed(Checkpoint(i, state, first))
         return True
 
     def _cross(self, i: int, t: float, now: Evaluation) -> None:

@@ -110,7 +110,8 @@ class SteppedRun(FixedRun):
             return None
         self._begun = self._record.at
         self._watching = rows.q if self._redundant else None
-        return self._native.prepared(self._kernel_map(), last, self.times, rows, self._watch_coordinates())
+        watch, best = self._watch_coordinates(), self._recovery.best
+        return self._native.prepared(self._kernel_map(), last, self.times, rows, watch, best)
 
     @property
     def last(self) -> Evaluation:
