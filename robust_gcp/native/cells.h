@@ -31,4 +31,19 @@ struct OwnLines {
 template <typename T>
 using Cells = std::vector<T, OwnLines<T>>;
 
+// Whether no number of many is infinite or no number: 0 times each adds up to zero, in two sums.
+inline bool all_finite(const double* x, std::size_t count) {
+    typedef double Pair __attribute__((vector_size(16), aligned(8), may_alias));
+    Pair first = {0.0, 0.0}, second = {0.0, 0.0};
+    std::size_t i = 0;
+    for (; i + 4 <= count; i += 4) {
+        first += 0.0 * *reinterpret_cast<const Pair*>(x + i);
+        second += 0.0 * *reinterpret_cast<const Pair*>(x + i + 2);
+    }
+    first += second;
+    double rest = first[0] + first[1];
+    for (; i < count; ++i) rest += 0.0 * x[i];
+    return rest == 0.0;
+}
+
 }  // namespace rg

@@ -15,7 +15,7 @@ namespace rg {
 
 class Displacements {
   public:
-    Cells<double> v_y, a_y, a_u;  // (nv, m): ∂v/∂y, ∂a/∂y and ∂a/∂u
+    Cells<double> v_y, a_y, a_u;  // (nv, m): ∂v/∂y, ∂a/∂y and ∂a/∂u; but in loops they stay zero
     Cells<double> a;              // (nv,): accelerations
     Cells<Twist> S;               // of each velocity: how it moves what it carries
     Cells<Twist> V, A;            // of each body
@@ -58,7 +58,6 @@ class Displacements {
 
     // At the point that the motion evaluated last, whose bodies are where the chain says.
     void at(const Chain& chain, Point& point) {
-        for (Cells<double>* changes : {&v_y, &a_y, &a_u}) std::fill(changes->begin(), changes->end(), 0.0);
         near = chain.p[1];
         forward(chain, point);
         for (std::size_t p = 0; p < parts_.size(); ++p)

@@ -53,10 +53,10 @@ class Motion {
     const Forces& forces() const { return forces_; }
     bool acting() const { return acting_; }
 
-    // (Gᵀ M G)⁻¹ times rows (m, width) at the point evaluated last.
+    // (Gᵀ M G)⁻¹ times rows (m, 3m) that are `width` apart, at the point evaluated last; see `Sweep::solve_more`.
     void lift(double* rows, int width) {
         if (!by_virtual_power()) return sweep_.solve_more(rows, width);
-        for (int i = 0; i < width; ++i) rows[i] /= mass_;
+        for (int i = 0; i < 3; ++i) rows[i] /= mass_;
     }
 
   private:

@@ -7,9 +7,7 @@
 #pragma once
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
-#include <limits>
 #include <vector>
 
 #include "abi.h"
@@ -20,6 +18,7 @@
 #include "line_slopes.h"
 #include "motion.h"
 #include "path.h"
+#include "spread.h"
 
 namespace rg {
 
@@ -27,7 +26,7 @@ class Slopes {
   public:
     Slopes(const Description& d, Path& path, Motion& motion)
         : path_(path), motion_(motion), parts_(path.parts.list), armature_(d.armature, d.armature + d.nv),
-          moved_(d, path, motion) {
+          spread_(d, path), moved_(d, path, motion) {
         const std::size_t n = path.chain.bodies.size();
         massive_.resize(n), wrench_.resize(n), coriolis_.resize(n), all_.resize(n), force_.resize(d.nv);
         lambda_.resize(d.rows);
@@ -57,14 +56,10 @@ class Slopes {
             lump(parts_[p]);
         }
         for (const Forces::Line& line : motion_.forces().lines()) pull(line, chain, point);
-        const double* G = point.G();
-        for (const Part& part : parts_)
-            for (int k : part.inputs)
-                for (int i : part.velocities) rows[k * width + 2 * m + i] = G[i * m + k];
+        for (int k = 0; k < m; ++k) rows[k * width + 2 * m + k] = 1.0;
         motion_.lift(rows, width);
-        int lost = 0;  // not one by one
-        for (int i = 0; i < m * width; ++i) lost |= !(std::fabs(rows[i]) <= std::numeric_limits<double>::max());
-        return !lost;
+        spread_.at(rows, point.G());
+        return all_finite(rows, static_cast<std::size_t>(m * width));
     }
 
   private:
@@ -274,6 +269,7 @@ class Slopes {
     Motion& motion_;
     const std::vector<Part>& parts_;
     Cells<double> armature_;
+    Spread spread_;
     Displacements moved_;
     Cells<Massive> massive_;  // of each body with what other parts it carries, as the next two
     Cells<Wrench> wrench_;

@@ -42,7 +42,7 @@ class Sweep {
         }
         ways_.resize(ways), factors_.resize(square);
         const std::size_t m = static_cast<std::size_t>(d.m);
-        factor_ = TreeFactor(parts_, ways_at_, m);
+        factor_ = TreeFactor(parts_, ways_at_, m, d.lines > 0);
         push_.resize(m), right_.resize(m), alone_.resize(m);
     }
 
@@ -94,17 +94,18 @@ class Sweep {
         }
     }
 
-    // The same for more right sides after `eliminate`: rows (m, width) in y.
+    // The same for more right sides after `eliminate`: rows (m, 3m) in y, `width` apart; what these are,
+    // `TreeFactor` says.
     void solve_more(double* rows, std::size_t width) {
-        if (factor_.entries() > DEEP * right_.size()) return go_round(rows, width);
+        if (factor_.entries() > DEEP * right_.size()) return go_round(rows, width, 3 * right_.size());
         factor_.solve(parts_, {factors_.data(), factors_at_.data(), ways_.data(), push_.data()}, rows, width);
     }
 
   private:
     static constexpr std::size_t DEEP = 24;  // inputs that carry another one, on average, too many to go one by one
     // `solve_more` by wrenches and twists, at the same cost for each input, however many carry it.
-    void go_round(double* rows, std::size_t width) {
-        const auto row = [&](const Part& part, int a) { return rows + static_cast<std::size_t>(part.inputs[a]) * width; };
+    void go_round(double* rows, std::size_t apart, std::size_t width) {
+        const auto row = [&](const Part& part, int a) { return rows + static_cast<std::size_t>(part.inputs[a]) * apart; };
         const auto of = [&](int body) { return more_.data() + static_cast<std::size_t>(body) * 6 * width; };
         const auto take = [width](double* from, double share, const double* x) {
             if (share == 0.0) return;

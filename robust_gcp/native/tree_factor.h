@@ -2,6 +2,7 @@
 // them what a part asks of the inputs that carry it, where one right side goes round by wrenches and twists.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <vector>
 
@@ -21,13 +22,16 @@ struct Swept {
     const Wrench* push;
 };
 
+// Right sides in three blocks of m columns: two with a row's entries in columns of the inputs that carry it or that it
+// carries, `coupled` in any; and ones, for the inverse itself. What is zero by that is passed over, and of the inverse,
+// which is symmetric, one half is found.
 class TreeFactor {
   public:
     TreeFactor() = default;
 
     // `ways_at`: where the ways of a body begin, one for each input of its part; m inputs.
-    TreeFactor(const std::vector<Part>& parts, const std::vector<std::size_t>& ways_at, std::size_t m)
-        : above_(m), below_(m) {
+    TreeFactor(const std::vector<Part>& parts, const std::vector<std::size_t>& ways_at, std::size_t m, bool coupled)
+        : above_(m), below_(m), out_(m), back_(m), tree_(parts.size()), m_(m) {
         std::size_t entries = 0;
         for (const Part& part : parts)
             for (int a : part.inputs)
@@ -36,13 +40,26 @@ class TreeFactor {
                         above_[a].push_back({parts[c].inputs[b], entries, ways_at[root] + b});
                         below_[parts[c].inputs[b]].push_back({a, entries, 0});
                     }
-        asked_.resize(entries), sources_.reserve(m);
+        asked_.resize(entries), sources_.resize(m);
+        for (std::size_t i = 0; i < parts.size(); ++i)
+            tree_[i] = parts[i].carrier < 0 ? i : tree_[static_cast<std::size_t>(parts[i].carrier)];
+        for (std::size_t i = 0; i < parts.size(); ++i)
+            for (std::size_t a = 0; a < parts[i].inputs.size(); ++a) {
+                order_.push_back(parts[i].inputs[a]);
+                plan(parts, i, a, coupled);
+            }
+        // the order of the back substitution: parts first to last, the inputs of each last to first
+        auto at = order_.begin();
+        for (const Part& part : parts) {
+            std::reverse(at, at + part.count());
+            at += part.count();
+        }
     }
 
     // How many there are between inputs and those that carry them.
     std::size_t entries() const { return asked_.size(); }
 
-    // (Gᵀ M G)⁻¹ of rows (m, width) in y.
+    // (Gᵀ M G)⁻¹ of rows (m, 3m) that are `width` apart, in y.
     void solve(const std::vector<Part>& parts, const Swept& swept, double* rows, std::size_t width) {
         rows_ = rows, width_ = width;
         for (std::size_t i = parts.size(); i-- > 0;) {
@@ -53,7 +70,7 @@ class TreeFactor {
                 const int own = part.inputs[a];
                 for (const Entry& below : below_[own]) source(asked_[below.at], below.input);
                 for (int b = 0; b < a; ++b) source(L[a * count + b], part.inputs[b]);
-                combine(own, L[a * count + a]);
+                combine(own, L[a * count + a], out_[own]);
                 for (const Entry& above : above_[own])
                     asked_[above.at] = dot(swept.ways[above.way], swept.push[part.first + a]);
             }
@@ -66,9 +83,11 @@ class TreeFactor {
                 const int own = part.inputs[a];
                 for (const Entry& above : above_[own]) source(asked_[above.at], above.input);
                 for (int b = a + 1; b < count; ++b) source(L[b * count + a], part.inputs[b]);
-                combine(own, L[a * count + a]);
+                combine(own, L[a * count + a], back_[own]);
             }
         }
+        for (std::size_t i = 0; i < m_; ++i)
+            for (std::size_t j = 0; j < i; ++j) row(order_[i])[2 * m_ + order_[j]] = row(order_[j])[2 * m_ + order_[i]];
     }
 
   private:
@@ -81,40 +100,95 @@ class TreeFactor {
         double share;
         const double* row;
     };
+    struct Run {
+        std::size_t begin, end;
+    };
+    static constexpr std::size_t WIDE = 8;  // columns, which registers hold
+
+    // Where the row of an input of a part has entries, after each of the passes.
+    void plan(const std::vector<Part>& parts, std::size_t part, std::size_t local, bool coupled) {
+        const auto carries = [&](std::size_t c, std::size_t other) {
+            for (int i = static_cast<int>(other); i >= 0; i = parts[i].carrier)
+                if (i == static_cast<int>(c)) return true;
+            return false;
+        };
+        std::vector<char> out(3 * m_, 0), back(3 * m_, 0);
+        for (std::size_t other = 0; other < parts.size(); ++other)
+            for (std::size_t b = 0; b < parts[other].inputs.size(); ++b) {
+                const auto k = static_cast<std::size_t>(parts[other].inputs[b]);
+                const bool up = carries(part, other), own = other == part;
+                out[k] = out[m_ + k] = coupled || up || carries(other, part);
+                back[k] = back[m_ + k] = coupled || tree_[other] == tree_[part];
+                out[2 * m_ + k] = own ? b <= local : up;
+                back[2 * m_ + k] = tree_[other] == tree_[part] && (own ? b <= local : other > part);
+            }
+        const int input = parts[part].inputs[local];
+        out_[input] = runs(out);
+        back_[input] = runs(back);
+    }
+
+    // Columns that are asked for, with what fills up the registers.
+    static std::vector<Run> runs(const std::vector<char>& asked) {
+        std::vector<Run> all;
+        for (std::size_t c = 0; c < asked.size(); ++c) {
+            if (!asked[c]) continue;
+            const std::size_t end = std::min(c + WIDE, asked.size());
+            if (!all.empty() && all.back().end == c)
+                all.back().end = end;
+            else
+                all.push_back({c, end});
+            c = end - 1;
+        }
+        return all;
+    }
 
     double* row(int input) { return rows_ + static_cast<std::size_t>(input) * width_; }
 
     void source(double share, int input) {
-        if (share != 0.0) sources_.push_back({share, row(input)});
+        if (share != 0.0) sources_[count_++] = {share, row(input)};
     }
 
-    // A row less shares of the sources, times its inverse pivot; eight columns at a time, which registers hold.
-    void combine(int input, double inverse) {
+    // A row less shares of the sources, times its inverse pivot.
+    void combine(int input, double inverse, const std::vector<Run>& runs) {
         typedef double Pair __attribute__((vector_size(16), aligned(8), may_alias));
         double* own = row(input);
-        std::size_t c = 0;
-        for (; c + 8 <= width_; c += 8) {
-            Pair* to = reinterpret_cast<Pair*>(own + c);
-            Pair first = to[0], second = to[1], third = to[2], fourth = to[3];
-            for (const Source& from : sources_) {
-                const Pair* x = reinterpret_cast<const Pair*>(from.row + c);
-                first -= from.share * x[0], second -= from.share * x[1];
-                third -= from.share * x[2], fourth -= from.share * x[3];
+        const Source *begin = sources_.data(), *end = begin + count_;
+        for (const Run& run : runs) {
+            std::size_t c = run.begin;
+            for (; c + WIDE <= run.end; c += WIDE) {
+                Pair* to = reinterpret_cast<Pair*>(own + c);
+                Pair first = to[0], second = to[1], third = to[2], fourth = to[3];
+                for (const Source* from = begin; from != end; ++from) {
+                    const Pair* x = reinterpret_cast<const Pair*>(from->row + c);
+                    first -= from->share * x[0], second -= from->share * x[1];
+                    third -= from->share * x[2], fourth -= from->share * x[3];
+                }
+                to[0] = inverse * first, to[1] = inverse * second, to[2] = inverse * third, to[3] = inverse * fourth;
             }
-            to[0] = inverse * first, to[1] = inverse * second, to[2] = inverse * third, to[3] = inverse * fourth;
+            for (; c + 2 <= run.end; c += 2) {
+                Pair& to = *reinterpret_cast<Pair*>(own + c);
+                Pair rest = to;
+                for (const Source* from = begin; from != end; ++from)
+                    rest -= from->share * *reinterpret_cast<const Pair*>(from->row + c);
+                to = inverse * rest;
+            }
+            for (; c < run.end; ++c) {
+                for (const Source* from = begin; from != end; ++from) own[c] -= from->share * from->row[c];
+                own[c] *= inverse;
+            }
         }
-        for (; c < width_; ++c) {
-            for (const Source& from : sources_) own[c] -= from.share * from.row[c];
-            own[c] *= inverse;
-        }
-        sources_.clear();
+        count_ = 0;
     }
 
     std::vector<std::vector<Entry>> above_, below_;  // of each input: those that carry it, and that it carries
+    std::vector<std::vector<Run>> out_, back_;  // of each input: what the passes find of its row
+    std::vector<std::size_t> tree_;  // of each part: the part on the ground that carries it
+    std::vector<int> order_;         // of inputs in the back substitution
     Cells<double> asked_;
-    std::vector<Source> sources_;
+    std::vector<Source> sources_;  // of the row at hand, the first `count_`
+    std::size_t count_ = 0;
     double* rows_ = nullptr;
-    std::size_t width_ = 0;
+    std::size_t m_ = 0, width_ = 0;
 };
 
 }  // namespace rg

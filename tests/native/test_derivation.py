@@ -135,12 +135,33 @@ def serial(length: int) -> rg.Mechanism:
     return rg.Mechanism.from_pinocchio(model, [], [f"j{i}" for i in range(length)])
 
 
+def grove(tied: bool) -> rg.Mechanism:
+    """Two branching trees on the ground, their coordinates out of order, or with a spring between them."""
+    rng, model, names = np.random.default_rng(5), pin.Model(), []
+    for tree in "ab":
+        for i, parent in enumerate(("", "0", "1", "1", "0", "4", "4")):
+            above = model.getJointId(f"{tree}{parent}") if parent else 0
+            axis = pin.JointModelRevoluteUnaligned(*pin.exp3(rng.normal(size=3))[0])
+            place = pin.SE3(pin.exp3(rng.normal(size=3)), 0.4 * rng.normal(size=3))
+            joint = model.addJoint(above, axis, place, f"{tree}{i}")
+            model.appendBodyToJoint(
+                joint, pin.Inertia(1.0, 0.1 * rng.normal(size=3), np.eye(3)), pin.SE3.Identity()
+            )
+            model.addFrame(pin.Frame(f"{tree}{i} tip", joint, place, pin.FrameType.OP_FRAME))
+            names.append(f"{tree}{i}")
+    forces = [rg.PointSpring("a3 tip", "b5 tip", 7.0, 0.3, 0.4)] if tied else []
+    return rg.Mechanism.from_pinocchio(model, [], list(rng.permutation(names)), forces=forces)
+
+
 MADE: dict[str, Callable[[], rg.Mechanism]] = {
     **{name: (lambda name=name: rg.load(name)) for name in rg.model_names()},
     **{f"on a {name} joint": (lambda joint=joint: floating(joint)) for name, joint in FLOATING.items()},
     "geared": geared,
     "sprung": sprung,
     **{f"serial of {n}": (lambda n=n: serial(n)) for n in (9, 60)},
+    **{
+        name: (lambda tied=tied: grove(tied)) for name, tied in (("trees apart", False), ("trees tied", True))
+    },
     "five four-bars in a row": lambda: n_four_bar(5, 1.2),
     "legged": lambda: legged(4),
     "legged and floating": lambda: legged(3, floating=True),
