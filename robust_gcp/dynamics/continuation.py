@@ -18,6 +18,7 @@ import numpy as np
 
 from ..errors import NotCertifiedError
 from ..mechanism.closure_rates import Placement
+from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .map_rates import ClusterRates, MapRates
 
@@ -200,12 +201,23 @@ class Around:
         one = self.circle.unflattened(share ** np.arange(len(self.coefficients)) @ self.coefficients)
         return MapRates(one.G, one.g * u * u, one.bend, one.V_y * u, one.A_y * u * u, one.A_u * u)
 
+    def series(self) -> Array:
+        """Taylor coefficients of γ', γ'' and γ''' by the share of the radius, (orders, 3, nv)."""
+        rates = [self.circle.unflattened(row) for row in self.coefficients]
+        return np.array([(one.G[:, 0], one.g, one.A_y[:, 0]) for one in rates])
+
     def _share(self, y: float) -> float:
         return float((y - self.circle.center[0]) / self.circle.radius[0])
 
 
 Circles = dict[int, list[Around]]
 """Those that were made, by cluster."""
+
+
+def circles_of(mechanism: Mechanism) -> Circles:
+    """Those that a mechanism's derivatives have in common, whatever the modes."""
+    made: Circles = mechanism.memo.once("circles around singular places", dict)
+    return made
 
 
 def _mirrored(half: int) -> Array:

@@ -16,6 +16,7 @@ from ..maps.explicit import ExplicitMap
 from ..maps.point import Point
 from ..maps.start import Start
 from ..mechanism.closure_rates import Placement
+from ..mechanism.clusters import LoopCluster
 from ..mechanism.extended import EPS
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
@@ -92,6 +93,32 @@ class ModeRates:
             bend[np.ix_(inputs, own, inputs)] = found.bend
             V_y[here], A_y[here], A_u[here] = found.V_y, found.A_y, found.A_u
         return MapRates(G, g, bend, V_y, A_y, A_u)
+
+    def beside(self, q: Array) -> list[tuple[LoopCluster, Around]]:
+        """New circles about a place of the mode, (nq,): of clusters of one coordinate that none covers.
+
+        Raises
+        ------
+        SimulationError
+            Where the mode cannot be followed there.
+        """
+        mechanism, made = self._mechanism, list[tuple[LoopCluster, Around]]()
+        place = self._start.point.y.copy()
+        place[mechanism.numbers] = q[mechanism.iq_numbers]
+        point = _Walk(self._start, place, np.arange(0)).to(np.zeros(0))
+        for rates in self._clusters:
+            cluster = rates.cluster
+            if len(cluster.inputs) != 1 or not cluster.loops.tree.vector_space:
+                continue
+            G = point.G[np.ix_(cluster.iv, cluster.inputs)]
+            if self._remembered(rates, point, np.ones(1), G) is not None:
+                continue
+            try:
+                self._around(rates, point, rates.rates.real(point.q[cluster.iq]), np.ones(1), G)
+            except NotCertifiedError:
+                continue
+            made.append((cluster, self._known[cluster.index][-1]))
+        return made
 
     def _of(self, rates: ClusterRates, point: Point, u: Array) -> MapRates:
         """Those of one cluster."""

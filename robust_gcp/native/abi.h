@@ -157,4 +157,13 @@ struct Request {
     std::int32_t plain;       // whether all was done and there is nothing to tell of it
 };
 
+// A mode of one coordinate about a place: see modes.h.
+struct ModeSeries {
+    std::int64_t count, orders;
+    const std::int32_t* velocities;  // (count,) in v
+    const double* q;                 // (count,) at the centre
+    const double* coefficients;      // (orders, 3, count): of γ', γ'' and γ'''
+    double center, radius;
+};
+
 }  // namespace rg

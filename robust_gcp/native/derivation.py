@@ -1,6 +1,6 @@
 """First derivatives in the compiled kernel: at many states, and of many steps of RK4.
 
-On regular ground, for torques that are held. What the kernel has not, it says state by state; the reference
+On regular ground and on modes that it was told of, for torques that are held. What the kernel has not, it says state by state; the reference
 in `dynamics` has it.
 """
 
@@ -13,17 +13,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..dynamics.continuation import Around, circles_of
 from ..dynamics.derivatives import Derivatives
 from ..dynamics.mode_rates import ZONE
 from ..dynamics.problem import set_out
 from ..errors import ClosureError, RobustGcpError
+from ..mechanism.clusters import LoopCluster
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.rows import ROTATION, rows_of
 from ..mechanism.tolerances import NEARLY_CLOSED, RANK
 from ..mechanism.tree import Array
 from .description import NotNativeError, describe
 from .library import Library, library
-from .structures import Arrays, States
+from .structures import Arrays, ModeSeries, States
 
 CLOSED = 1e-8
 """How far q may be from a closed one, dimensionless, and v from G u, relative to its largest entry; beyond it
@@ -89,6 +91,28 @@ class Derivation:
         self._handle: int | None = library.derive(ctypes.byref(description.structure), why, len(why))
         if not self._handle:
             raise NotNativeError(why.value.decode(errors="replace"))
+
+        for cluster in mechanism.clusters:
+            for around in circles_of(mechanism).get(cluster.index, ()):
+                self.learn(cluster, around)
+
+    def learn(self, cluster: LoopCluster, around: Around) -> bool:
+        """Takes in a cluster's mode about a place, whose states are good from then on.
+
+        Returns
+        -------
+        bool
+            False where the kernel does not know the cluster as one of one coordinate, with a number for each
+            joint.
+        """
+        if len(cluster.inputs) != 1 or not cluster.loops.tree.vector_space:
+            return False
+        series = around.series()
+        center, radius = float(around.circle.center[0]), float(around.circle.radius[0])
+        given = Arrays(ModeSeries(count=len(cluster.iv), orders=len(series), center=center, radius=radius))
+        given.integers(velocities=cluster.iv)
+        given.reals(q=around.q, coefficients=series)
+        return bool(self._library.learn(self._handle, ctypes.byref(given.structure)))
 
     def __del__(self) -> None:
         """Free the kernel's memory."""

@@ -146,8 +146,13 @@ class Displacements {
             }
         }
         if (tie == nullptr) return;
-        for (LoopMoved& loop : loops[p]) loop.place(chain, near, turned(part, chain), V.data(), A.data());
-        depend<false>(p, *tie, point, v_y);
+        const bool on_mode = path_.on_mode(p);
+        if (on_mode) {
+            follow(part, point);
+        } else {
+            for (LoopMoved& loop : loops[p]) loop.place(chain, near, turned(part, chain), V.data(), A.data());
+            depend<false>(p, *tie, point, v_y);
+        }
         for (Spin& spin : spins_[p])
             for (int a = 0; a < part.count(); ++a)
                 spin.bent[a] = entry(bent(chain, spin.body, part.inputs[a], G), chain.freedoms[spin.velocity]);
@@ -160,10 +165,21 @@ class Displacements {
                 Twist& hastened = by_u_[first_[j] + a] = 2.0 * change.P;
                 for (const Spin& spin : spins_[p]) hastened += -spin.bent[a] * to_[first_[j] + spin.local].X;
             }
-        depend<true>(p, *tie, point, a_y);
+        if (!on_mode) depend<true>(p, *tie, point, a_y);
         for (int j : part.joints)
             for (int a = 0; a < part.count(); ++a) to_[first_[j] + a].Q += along(part, chain, j, a, S, a_y, more_);
         for (int j : part.joints) by_velocity(p, chain, j, G);
+    }
+
+    // ∂v/∂y and ∂a/∂y of a part on a series: γ'' u and γ''' u² + γ'' u̇.
+    void follow(const Part& part, Point& point) {
+        const int k = part.inputs[0], m = path_.layout.m;
+        const double u = point.ydot()[k], faster = motion_.ydd[k];
+        const Modes& modes = *path_.modes;
+        for (int i : part.velocities) {
+            v_y[i * m + k] = modes.bend[i] * u;
+            a_y[i * m + k] = modes.third[i] * u * u + modes.bend[i] * faster;
+        }
     }
 
     // ∂a/∂u of a joint in a loop: 2 ∂v/∂y, and where its velocities are no rates, [G, v]; less what brings inputs

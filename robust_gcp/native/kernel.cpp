@@ -15,7 +15,7 @@ RG_EXPORT std::int32_t rg_version() { return rg::VERSION; }
 // Size of a structure of abi.h, to compare with the caller's.
 RG_EXPORT std::int32_t rg_size(std::int32_t structure) {
     constexpr std::size_t sizes[] = {sizeof(rg::Description), sizeof(rg::Cluster), sizeof(rg::Bridging),
-                                     sizeof(rg::Request), sizeof(rg::States)};
+                                     sizeof(rg::Request), sizeof(rg::States), sizeof(rg::ModeSeries)};
     return static_cast<std::int32_t>(sizes[structure]);
 }
 
@@ -66,6 +66,11 @@ RG_EXPORT void* rg_derive(const rg::Description* description, char* why, std::in
 }
 
 RG_EXPORT void rg_derived(void* derivation) { delete static_cast<rg::Derivation*>(derivation); }
+
+// Whether the derivation took the series in.
+RG_EXPORT std::int32_t rg_learn(void* derivation, const rg::ModeSeries* series) {
+    return static_cast<rg::Derivation*>(derivation)->learn(*series);
+}
 
 RG_EXPORT void rg_slopes(void* derivation, const rg::States* states) {
     static_cast<rg::Derivation*>(derivation)->at(*states);

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ..warning import warn
-from .structures import VERSION, Bridging, Cluster, Description, Request, States
+from .structures import VERSION, Bridging, Cluster, Description, ModeSeries, Request, States
 
 NAME = "kernel.dylib" if sys.platform == "darwin" else "kernel.so"
 
@@ -60,7 +60,7 @@ class Library:
         library = ctypes.CDLL(str(path))
         if library.rg_version() != VERSION:
             raise OSError(f"{path} has interface {library.rg_version()}, this package needs {VERSION}")
-        for i, structure in enumerate((Description, Cluster, Bridging, Request, States)):
+        for i, structure in enumerate((Description, Cluster, Bridging, Request, States, ModeSeries)):
             theirs, ours = library.rg_size(i), ctypes.sizeof(structure)
             if theirs != ours:
                 raise OSError(f"its {structure.__name__} has {theirs} bytes, this package's {ours}")
@@ -80,6 +80,8 @@ class Library:
         self.derive.argtypes, self.derive.restype = self.create.argtypes, c_void_p
         self.derived = library.rg_derived
         self.derived.argtypes, self.derived.restype = [c_void_p], None
+        self.learn = library.rg_learn
+        self.learn.argtypes, self.learn.restype = [c_void_p, POINTER(ModeSeries)], c_int32
         self.slopes = library.rg_slopes
         self.slopes.argtypes, self.slopes.restype = [c_void_p, POINTER(States)], None
         self.take = library.rg_take

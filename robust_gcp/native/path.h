@@ -13,6 +13,7 @@
 #include "chain.h"
 #include "groups.h"
 #include "loops.h"
+#include "modes.h"
 #include "parts.h"
 #include "point.h"
 #include "rigid_bodies.h"
@@ -32,6 +33,7 @@ class Path {
     const bool redundant;  // whether rows of φ are left over
     std::int64_t newton_iterations = 0, evaluations = 0;
     double enough = POOR;  // conditioning above which it need not be known
+    std::unique_ptr<Modes> modes;  // what derivatives know of them; null in steps
 
     // `standing`: for points that are given, and no steps.
     explicit Path(const Description& d, bool standing = false)
@@ -81,9 +83,15 @@ class Path {
         std::int64_t iterations = 0, looked = 0;
         point.correction = 0.0;
         point.conditioning() = 1.0;
+        point.by_modes = false;
         for (std::size_t i = 0; i < loops_.size(); ++i) {
             if (loops_[i] == nullptr) {
                 chain.place(parts.list[i].joints, point.q());
+                continue;
+            }
+            if (modes != nullptr && modes->place(i, point, chain)) {
+                chain.place(parts.list[i].joints, point.q());
+                point.by_modes = true;
                 continue;
             }
             if (!loops_[i]->close(point)) return false;
@@ -127,14 +135,18 @@ class Path {
         }
     }
 
+    // Whether Newton ended near enough to the prediction.
+    bool near_prediction(Point& after) const {
+        if (layout.blocks == 0) return true;
+        const double allowed = CORRECTION * after.distance + ROUNDING / std::max(after.conditioning(), 1e-12);
+        return !(after.turn > FARTHEST) && !(after.correction > 0.0 && after.correction > allowed);
+    }
+
     // Whether Newton, started from the prediction, stayed on the branch of `before`.
     bool same_branch(Point& before, Point& after) const {
         const int n = layout.blocks;
-        if (n > 0 && after.turn > FARTHEST) return false;
+        if (!near_prediction(after)) return false;
         const double conditioning = after.conditioning();
-        const double allowed =
-            CORRECTION * after.distance + ROUNDING / std::max(conditioning, 1e-12);
-        if (n > 0 && after.correction > 0.0 && after.correction > allowed) return false;
         const double *a = before.det(), *b = after.det();
         int changed = 0;  // of all blocks at once, as vectors: none is left early
         for (int i = 0; i < n; ++i) changed |= !(a[i] * b[i] > 0.0);
@@ -176,6 +188,9 @@ class Path {
             for (int i = 0; i < b.count; ++i) rate[input_[b.first + i]] = turned[i];
         }
     }
+
+    // Whether a part was put on a series that its mode follows.
+    bool on_mode(std::size_t part) const { return modes != nullptr && modes->used(part) != nullptr; }
 
     // Those of a part; none where nothing is tied.
     Loops* loops(std::size_t part) const { return loops_[part].get(); }
@@ -239,6 +254,12 @@ class Path {
         for (std::size_t i = 0; i < loops_.size(); ++i) {
             if (loops_[i] == nullptr) continue;
             const Part& part = parts.list[i];
+            if (on_mode(i)) {
+                modes->rates(i, point, m);
+                const double u = point.ydot()[part.inputs[0]];
+                for (int v : part.velocities) g[v] = modes->bend[v] * u * u;
+                continue;
+            }
             Blocks& blocks = loops_[i]->blocks;
             blocks.factor();
             const double conditioning = blocks.measure(enough, point.det(), point.rcond());
@@ -253,8 +274,11 @@ class Path {
         if (m > 1) return;
         double* curvature = point.curvature();
         chain.move(chain.all, G);
-        for (auto& loops : loops_)
-            if (loops != nullptr) loops->bend(G, curvature);
+        for (std::size_t i = 0; i < loops_.size(); ++i)
+            if (on_mode(i))
+                for (int v : parts.list[i].velocities) curvature[v] = modes->bend[v];
+            else if (loops_[i] != nullptr)
+                loops_[i]->bend(G, curvature);
         const double square = point.ydot()[0] * point.ydot()[0];
         for (int i = 0; i < layout.nv; ++i) g[i] = curvature[i] * square;
     }

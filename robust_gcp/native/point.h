@@ -46,6 +46,7 @@ struct Point {
     Cells<double> numbers;
     double correction = 0.0;  // Newton's first step, dimensionless
     double distance = 0.0;    // the predicted step, dimensionless
+    bool by_modes = false;    // whether parts are on series of modes.h, whose det and rcond are unknown
     double turn = 0.0;        // largest rotation in it, rad, or slide in lengths
 
   private:

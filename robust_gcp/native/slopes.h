@@ -104,7 +104,10 @@ class Slopes {
             }
         }
         gather(part, chain);
-        if (loops != nullptr) react(p, chain, point, *loops);
+        if (path_.on_mode(p))
+            bow(part, chain);
+        else if (loops != nullptr)
+            react(p, chain, point, *loops);
         gather_pushes(part, chain);
         project(part, chain, point.G());
         for (const Forces::Spring& spring : motion_.forces().springs())
@@ -206,16 +209,29 @@ class Slopes {
             for (int k : part.inputs) by_y(j, k) -= stiffness * G[velocity * m + j] * G[velocity * m + k];
     }
 
-    // Takes the closures' reactions off what the bodies take.
-    void react(std::size_t p, const Chain& chain, Point& point, Loops& loops) {
-        const Part& part = parts_[p];
+    // RNEA − τ of each of a part's velocities.
+    template <typename Visit>
+    void each_force(const Part& part, const Chain& chain, Visit visit) const {
         for (int j : part.joints) {
             const Body& b = chain.bodies[j];
             for (int i = b.first; i < b.first + b.count; ++i) {
                 const double acting = motion_.acting() ? motion_.tau[i] : 0.0;
-                force_[i] = path_.scale(i) * (dot(moved_.S[i], all_[j]) + armature_[i] * moved_.a[i] - acting);
+                visit(i, dot(moved_.S[i], all_[j]) + armature_[i] * moved_.a[i] - acting);
             }
         }
+    }
+
+    // (∂G/∂y)ᵀ f of a part on a series, where K_d gives no reactions.
+    void bow(const Part& part, const Chain& chain) {
+        double sum = 0.0;
+        each_force(part, chain, [&](int i, double force) { sum += path_.modes->bend[i] * force; });
+        by_y(part.inputs[0], part.inputs[0]) -= sum;
+    }
+
+    // Takes the closures' reactions off what the bodies take.
+    void react(std::size_t p, const Chain& chain, Point& point, Loops& loops) {
+        const Part& part = parts_[p];
+        each_force(part, chain, [&](int i, double force) { force_[i] = path_.scale(i) * force; });
         loops.blocks.solve_transposed(force_.data(), lambda_.data());
         for (int j : part.joints) all_[j] = wrench_[j];
         for (const LoopMoved& loop : moved_.loops[p]) {

@@ -129,6 +129,16 @@ class States(ctypes.Structure):
     ]
 
 
+class ModeSeries(ctypes.Structure):
+    """A mode of one coordinate about a place; see abi.h."""
+
+    _fields_ = [
+        *_all(c_int64, "count orders"),
+        *_fields("", "velocities q coefficients"),
+        *_all(c_double, "center radius"),
+    ]
+
+
 class Arrays:
     """Fills a structure's pointers and keeps the arrays alive."""
 

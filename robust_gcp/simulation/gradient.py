@@ -15,16 +15,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..checks import check_callable, shown
+from ..dynamics.continuation import circles_of
 from ..dynamics.derivatives import Derivatives, PointDerivatives, TorqueSlopes
 from ..dynamics.discrete import Step, differentiated_step
 from ..dynamics.equations import Evaluation, Torque, torque_function
 from ..dynamics.held import HeldTorque
 from ..dynamics.loads import one_torque
+from ..dynamics.mode_rates import ModeRates
 from ..dynamics.parameters import Parameters
 from ..dynamics.problem import Problem, set_out
 from ..errors import OptionError, SimulationError
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from ..native.derivation import Derivation
 from .backwards import Backwards, backwards, kernel_of
 from .charts import in_new_chart
 from .cost import Cost, Slopes, checked_torques
@@ -159,11 +162,25 @@ class _Sweep:
                 stretch = None
                 if kernel is not None and self._table is not None:
                     stretch = backwards(kernel, run, self._table, first, end)
+                    if stretch is None and self._learned(kernel, end):
+                        stretch = backwards(kernel, run, self._table, first, end)
                 end = self._by_reference(end) if stretch is None else self._by_kernel(stretch)
         if self._mechanism.independent != run.mechanism.independent:
             self._change_to(run.mechanism, 0)
         found = dict(zip(self._parameters.names, self._by_parameters.tolist(), strict=True))
         return Gradient(float(self._value), self._adjoint[:m], self._adjoint[m:], self._by_torque, found)
+
+    def _learned(self, kernel: Derivation, end: int) -> bool:
+        """Whether the kernel is told of a mode at the last step before an output, that was new to it."""
+        for i in (end - 1, end):
+            try:
+                _, motion = self._begun(max(self._first, i), None)
+                made = ModeRates(motion.start, circles_of(self._mechanism)).beside(self._run.q[i])
+            except SimulationError:
+                continue
+            if any([kernel.learn(cluster, around) for cluster, around in made]):
+                return True
+        return False
 
     def _change_to(self, mechanism: Mechanism, i: int) -> None:
         """Take the adjoint at output i to other coordinates: δη = G δη' and δu = G δu' + ∂v/∂y' δη'."""
@@ -237,7 +254,8 @@ class _Sweep:
         held = HeldTorque(np.zeros(self._mechanism.nv))
         torque: Any = held if self._table is not None else self._function
         begin, motion = self._begun(max(self._first, end - STRETCH), torque)
-        slopes = PointDerivatives(motion, self._function, self._torque_slopes)
+        known = circles_of(self._mechanism)
+        slopes = PointDerivatives(motion, self._function, self._torque_slopes, known)
         self._slopes_of = slopes.torque_slopes
         equations, x, taken = motion.equations, motion.x[: 2 * m], []
         now = equations.evaluate(float(run.t[begin]), motion.x)
