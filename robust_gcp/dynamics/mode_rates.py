@@ -6,6 +6,8 @@ differentiated where it is; near a singular place, from a circle around it.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -94,14 +96,18 @@ class ModeRates:
             V_y[here], A_y[here], A_u[here] = found.V_y, found.A_y, found.A_u
         return MapRates(G, g, bend, V_y, A_y, A_u)
 
-    def beside(self, q: Array) -> list[tuple[LoopCluster, Around]]:
-        """New circles about a place of the mode, (nq,): of clusters of one coordinate that none covers.
+    def beside(self, places: Iterable[Array]) -> list[tuple[LoopCluster, Around]]:
+        """New circles about places of the mode, (nq,): of clusters of one coordinate that none covers there.
 
         Raises
         ------
         SimulationError
             Where the mode cannot be followed there.
         """
+        return [new for q in places for new in self._about(q)]
+
+    def _about(self, q: Array) -> list[tuple[LoopCluster, Around]]:
+        """Those about one place."""
         mechanism, made = self._mechanism, list[tuple[LoopCluster, Around]]()
         place = self._start.point.y.copy()
         place[mechanism.numbers] = q[mechanism.iq_numbers]

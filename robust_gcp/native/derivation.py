@@ -1,7 +1,7 @@
 """First derivatives in the compiled kernel: at many states, and of many steps of RK4.
 
-On regular ground and on modes that it was told of, for torques that are held. What the kernel has not, it says state by state; the reference
-in `dynamics` has it.
+On regular ground and on modes that it was told of, for torques that are held. What the kernel has not, it
+says state by state; the reference in `dynamics` has it.
 """
 
 from __future__ import annotations

@@ -172,15 +172,18 @@ class _Sweep:
 
     def _learned(self, kernel: Derivation, end: int) -> bool:
         """Whether the kernel is told of a mode at the last step before an output, that was new to it."""
-        for i in (end - 1, end):
-            try:
-                _, motion = self._begun(max(self._first, i), None)
-                made = ModeRates(motion.start, circles_of(self._mechanism)).beside(self._run.q[i])
-            except SimulationError:
-                continue
-            if any([kernel.learn(cluster, around) for cluster, around in made]):
-                return True
-        return False
+        run = self._run
+        try:
+            _, motion = self._begun(max(self._first, end - 1), None)
+            rates = ModeRates(motion.start, circles_of(self._mechanism))
+            near = min(run.crossings, key=lambda crossing: abs(crossing.time - run.t[end]), default=None)
+            places = [run.q[end - 1], run.q[end]]
+            if near is not None:
+                places.insert(0, near.q)  # the middle of a zone, where one is crossed
+            made = rates.beside(places)
+        except SimulationError:
+            return False
+        return any([kernel.learn(cluster, around) for cluster, around in made])
 
     def _change_to(self, mechanism: Mechanism, i: int) -> None:
         """Take the adjoint at output i to other coordinates: δη = G δη' and δu = G δu' + ∂v/∂y' δη'."""
