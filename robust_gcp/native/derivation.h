@@ -76,19 +76,18 @@ class Derivation {
     bool learn(const ModeSeries& series) { return path_.modes->learn(series); }
 
   private:
-    // What `attempt` comes to on regular ground; else with the parts on series that these serve.
-    template <typename Attempt>
-    Reason wherever(Attempt attempt) {
-        path_.modes->on = false;
-        const Reason reason = attempt();
-        if (reason == DONE || !path_.modes->some()) return reason;
-        path_.modes->on = true;
-        return attempt() == DONE ? DONE : reason;
-    }
+    static constexpr double MEETING = 1e-4;  // conditioning, and speed, below which modes are not told apart
 
-    // The point at a state, if it is one of the mechanism's.
+    // The point at a state, if it is one of the mechanism's: on regular ground, else with the parts on series that
+    // these serve. Where modes meet, one that rests does not tell which is its own.
     Reason set_out(const States& s, std::int64_t i, Point& point) {
-        return wherever([&] { return settled(s, i, point); });
+        path_.modes->on = false;
+        const Reason reason = settled(s, i, point);
+        if (reason == DONE || !path_.modes->some()) return reason;
+        double fastest = reason == ZONE ? point.conditioning() : 0.0;
+        for (int k = 0; k < nv_; ++k) fastest = std::max(fastest, std::fabs(s.v[i * nv_ + k] * size_[k]));
+        path_.modes->on = true;
+        return fastest > MEETING && settled(s, i, point) == DONE ? DONE : reason;
     }
 
     Reason settled(const States& s, std::int64_t i, Point& point) {
@@ -189,7 +188,11 @@ class Derivation {
 
     // The point at `state_`, if the path is good enough; see RegularGround in ground.py.
     Reason move(const States& s, Point& anchor, Point& point) {
-        return wherever([&] { return stepped(s, anchor, point); });
+        path_.modes->on = false;
+        const Reason reason = stepped(s, anchor, point);
+        if (reason == DONE || !path_.modes->some()) return reason;
+        path_.modes->on = true;
+        return stepped(s, anchor, point) == DONE ? DONE : reason;
     }
 
     Reason stepped(const States& s, Point& anchor, Point& point) {

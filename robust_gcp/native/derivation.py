@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import threading
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,9 +16,10 @@ from numpy.typing import NDArray
 
 from ..dynamics.continuation import Around, circles_of
 from ..dynamics.derivatives import Derivatives
-from ..dynamics.mode_rates import ZONE
+from ..dynamics.mode_rates import ZONE, ModeRates
 from ..dynamics.problem import set_out
 from ..errors import ClosureError, RobustGcpError
+from ..maps.start import Start
 from ..mechanism.clusters import LoopCluster
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.rows import ROTATION, rows_of
@@ -25,7 +27,8 @@ from ..mechanism.tolerances import NEARLY_CLOSED, RANK
 from ..mechanism.tree import Array
 from .description import NotNativeError, describe
 from .library import Library, library
-from .structures import Arrays, ModeSeries, States
+from .structures import Arrays, States
+from .told import mode_series
 
 CLOSED = 1e-8
 """How far q may be from a closed one, dimensionless, and v from G u, relative to its largest entry; beyond it
@@ -54,7 +57,7 @@ class Slopes:
     G: Array
     dv_dy: Array
 
-    def at(self, i: int | slice) -> Derivatives:
+    def at(self, i: int | slice | NDArray[np.bool_]) -> Derivatives:
         """Those of a state, or of several with their number as the first axis."""
         m, rows = self.G.shape[2], self.rows[i]
         by_y, by_v, by_tau = rows[..., :m], rows[..., m : 2 * m], rows[..., 2 * m :]
@@ -97,22 +100,20 @@ class Derivation:
                 self.learn(cluster, around)
 
     def learn(self, cluster: LoopCluster, around: Around) -> bool:
-        """Takes in a cluster's mode about a place, whose states are good from then on.
+        """Whether it could be told of a cluster's mode about a place, whose states are good from then on."""
+        told = mode_series(cluster, around)
+        return told is not None and bool(self._library.learn(self._handle, ctypes.byref(told.structure)))
 
-        Returns
-        -------
-        bool
-            False where the kernel does not know the cluster as one of one coordinate, with a number for each
-            joint.
+    def learn_beside(self, start: Start, places: Iterable[Array]) -> bool:
+        """Whether there is something to learn about the mode of a start at places on it, (nq,) each.
+
+        Raises
+        ------
+        SimulationError
+            Where the mode cannot be followed there.
         """
-        if len(cluster.inputs) != 1 or not cluster.loops.tree.vector_space:
-            return False
-        series = around.series()
-        center, radius = float(around.circle.center[0]), float(around.circle.radius[0])
-        given = Arrays(ModeSeries(count=len(cluster.iv), orders=len(series), center=center, radius=radius))
-        given.integers(velocities=cluster.iv)
-        given.reals(q=around.q, coefficients=series)
-        return bool(self._library.learn(self._handle, ctypes.byref(given.structure)))
+        made = ModeRates(start, circles_of(self._mechanism)).beside(places)
+        return any([self.learn(cluster, around) for cluster, around in made])
 
     def __del__(self) -> None:
         """Free the kernel's memory."""

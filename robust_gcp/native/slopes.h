@@ -104,10 +104,7 @@ class Slopes {
             }
         }
         gather(part, chain);
-        if (path_.on_mode(p))
-            bow(part, chain);
-        else if (loops != nullptr)
-            react(p, chain, point, *loops);
+        if (loops != nullptr) path_.on_mode(p) ? bow(part, chain) : react(p, chain, point, *loops);
         gather_pushes(part, chain);
         project(part, chain, point.G());
         for (const Forces::Spring& spring : motion_.forces().springs())

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,11 +17,13 @@ from ..checks import check_finite, check_mechanism, check_positive, checked_rows
 from ..dynamics import derivatives as reference
 from ..dynamics import discrete
 from ..dynamics import linearise as by_reference
-from ..dynamics.continuation import Circles
+from ..dynamics.continuation import circles_of
 from ..dynamics.derivatives import Derivatives, TorqueSlopes
 from ..dynamics.linearise import Linearisation
 from ..dynamics.loads import Torques, Wrench, one_torque
 from ..dynamics.motion import Motion
+from ..dynamics.problem import set_out
+from ..errors import SimulationError
 from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
@@ -134,16 +137,37 @@ def _at_many(
         held = [one_torque(mechanism, torque) for torque in torques]
         kernel = None if callable(held[0]) else derivation(mechanism, mechanism.configuration(states[0]))
         if kernel is not None:
-            found = kernel.slopes(states, fast, None if held[0] is None else np.array(held, dtype=float))
+            acting = None if held[0] is None else np.array(held, dtype=float)
+            found = kernel.slopes(states, fast, acting)
             whole, missing = found.at(slice(None)), np.flatnonzero(~found.good)
-    known: Circles = {}
+            while len(missing) > 1 and _learned(kernel, mechanism, states[missing[0]], fast[missing[0]]):
+                more = kernel.slopes(
+                    states[missing], fast[missing], None if acting is None else acting[missing]
+                )
+                _fill(whole, missing[more.good], more.at(more.good))
+                if not more.good.any():
+                    break
+                missing = missing[~more.good]
+    known = circles_of(mechanism)
     for i in missing:
         one = reference.derivatives(
             mechanism, states[i], fast[i], torques[i], mode, t, tau_slopes, wrenches, known
         )
-        for field in fields(Derivatives):
-            getattr(whole, field.name)[i] = getattr(one, field.name)
+        _fill(whole, i, one)
     return whole
+
+
+def _learned(kernel: Derivation, mechanism: Mechanism, q: Array, v: Array) -> bool:
+    """Whether the kernel is told of the mode at a state, that was new to it."""
+    try:
+        return kernel.learn_beside(set_out(mechanism, q, v).start, [q])
+    except SimulationError:
+        return False
+
+
+def _fill(whole: Derivatives, i: Any, some: Derivatives) -> None:
+    for field in fields(Derivatives):
+        getattr(whole, field.name)[i] = getattr(some, field.name)
 
 
 def step_jacobians(

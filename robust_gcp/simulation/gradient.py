@@ -21,7 +21,6 @@ from ..dynamics.discrete import Step, differentiated_step
 from ..dynamics.equations import Evaluation, Torque, torque_function
 from ..dynamics.held import HeldTorque
 from ..dynamics.loads import one_torque
-from ..dynamics.mode_rates import ModeRates
 from ..dynamics.parameters import Parameters
 from ..dynamics.problem import Problem, set_out
 from ..errors import OptionError, SimulationError
@@ -175,15 +174,13 @@ class _Sweep:
         run = self._run
         try:
             _, motion = self._begun(max(self._first, end - 1), None)
-            rates = ModeRates(motion.start, circles_of(self._mechanism))
             near = min(run.crossings, key=lambda crossing: abs(crossing.time - run.t[end]), default=None)
             places = [run.q[end - 1], run.q[end]]
             if near is not None:
                 places.insert(0, near.q)  # the middle of a zone, where one is crossed
-            made = rates.beside(places)
+            return kernel.learn_beside(motion.start, places)
         except SimulationError:
             return False
-        return any([kernel.learn(cluster, around) for cluster, around in made])
 
     def _change_to(self, mechanism: Mechanism, i: int) -> None:
         """Take the adjoint at output i to other coordinates: δη = G δη' and δu = G δu' + ∂v/∂y' δη'."""
