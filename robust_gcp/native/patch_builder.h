@@ -31,6 +31,8 @@ class PatchBuilder {
 
   private:
     struct Begun {};
+    static constexpr double NODES[] = {1.0, 2.0, 3.0, 4.0};  // in half widths
+    static constexpr double LARGEST_ERROR = 1e-7;  // of Γ, relative: shorter lines lose it to rounding
     static constexpr double NESTED = 0.5;  // zone of the nodes' own bridges, in half widths
 
     PatchBuilder(const Tracker& tracker, JetPtr anchor, const BridgeOptions& options, double zone, Begun)
@@ -63,7 +65,7 @@ class PatchBuilder {
         std::vector<Tracker> trackers;
         std::vector<JetPtr> jets;
         Tracker here = tracker_.nested(anchor_, NESTED * w);
-        for (const double factor : options_.nodes) {
+        for (const double factor : NODES) {
             ss.push_back(center + side * factor * w);
             far.push_back(center - side * factor * w);
             here = here.copy();
@@ -76,11 +78,21 @@ class PatchBuilder {
         };
         go_beyond(ss, jets, far, w, guess,
                   [this](const Vector& x, double s, const auto& P) { return solve_at(x, s, P); });
-        for (std::size_t i = trackers.size(); i < jets.size(); ++i)
-            trackers.push_back(tracker_.nested(jets[i], NESTED * w));
+        for (std::size_t i = trackers.size(); i < jets.size(); ++i) trackers.push_back(beside(jets[i], ss[i], w));
         now_ = Bridged{};
         for (const std::size_t i : order_of(ss)) now_.ss.push_back(ss[i]), now_.trackers.push_back(trackers[i]);
         now_.left = center - w, now_.right = center + w;
+    }
+
+    // A node from its solved point: on a line of its own where that is next to another surface.
+    Tracker beside(const JetPtr& solved, double s, double w) const {
+        Tracker node = tracker_.nested(solved, NESTED * w);
+        try {
+            node.at(eta(s));
+        } catch (const Stop&) {
+            throw NoBridge{};
+        }
+        return node;
     }
 
     // Where the line meets the surface, to rounding.
@@ -100,20 +112,21 @@ class PatchBuilder {
 
     // The line through the nodes, with what vouches for it.
     Bridged certified(double zero) {
-        const Vector& beside = now_.trackers.front().anchor->x;
-        const Closure closure = closure_of(space_, options_, now_.left, now_.right, 8, beside,
+        const Vector& outermost = now_.trackers.front().anchor->x;
+        const Closure closure = closure_of(space_, options_, now_.left, now_.right, 8, outermost,
                                            [this](double s) { return at(s)->x; });
         now_.closure = closure.left, now_.near_miss = closure.open;
         const JetPtr point = at(zero);
         now_.transversality = null_pairing(space_, *point->P, point->x, point->J * line_.d, *line_.C).second;
         if (now_.transversality < options_.transversality) throw NoBridge{};
         const auto off = [this](double s, std::size_t inner) {
-            const JetPtr guess = at(s);
-            return relative(guess->bend, solve_at(guess->x, s, now_.trackers[inner].anchor->P).first->bend);
+            const JetPtr guess = at(s), solved = solve_at(guess->x, s, now_.trackers[inner].anchor->P).first;
+            return relative(guess->bend, beside(solved, s, 0.5 * (now_.right - now_.left)).anchor->bend);
         };
         const double error =
             held_out(now_.ss, 0.5 * (now_.left + now_.right), off, [](double growth) { return growth; });
         now_.error = std::max(error, now_.closure);
+        if (now_.error > LARGEST_ERROR) throw NoBridge{};
         return now_;
     }
 

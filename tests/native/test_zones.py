@@ -12,6 +12,7 @@ import pytest
 import robust_gcp as rg
 from robust_gcp.examples import families, linkages
 from robust_gcp.maps.cluster.cluster_map import ClusterMap
+from robust_gcp.maps.cluster.patch_builder import NODES
 from robust_gcp.maps.cluster.plain import read, written
 from robust_gcp.maps.cluster.space import space_of
 from robust_gcp.maps.four_bar import FourBar
@@ -186,6 +187,6 @@ def test_steps_that_pass_nothing_follow_each_node_once_a_stage() -> None:
     run = sim.step(n=2)._run
     run.settle()
     assert not sim.crossings
-    nodes, stages = 2 * len(rg.BridgeOptions().nodes), counters.zone_evaluations - begun[1]
+    nodes, stages = 2 * len(NODES), counters.zone_evaluations - begun[1]
     assert stages == 2 * 4
     assert counters.marching_steps - begun[0] == stages * nodes

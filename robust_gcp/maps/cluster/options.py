@@ -29,7 +29,7 @@ class BridgeOptions:
         Conditioning of K_d (σ_min/σ_max of a 2 × 2 block) below which the bridge takes over. Also
         sets its half width. Rounding errors grow as ε/zone³, the interpolation error falls as zone¹².
     nodes : tuple of float
-        Distances of the nodes from the singular surface in half widths, ascending from 1.
+        Distances of a curve's nodes (m = 1) from the singular place in half widths, ascending from 1.
     closure_tolerance : float
         Largest max |φ| / length over the bridge for a certificate: some thousand roundings.
     geometric_tolerance : float

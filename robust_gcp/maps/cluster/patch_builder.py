@@ -10,11 +10,20 @@ from ...mechanism.tree import Array
 from .certifying import COARSE, best_of, beyond, closure, held_out, relative, rounded
 from .jet import Jet, null_pairing, pencil_roots, solved
 from .line import Line
+from .obstacles import ObstacleError
 from .options import BridgeOptions, NoBridgeError
 from .patch import F, Patch
 
 SHRINKS = (1.0, 0.6, 0.36)
 """Half widths tried, relative to the zone's: a mode with much curvature needs a shorter line."""
+
+NODES = (1.0, 2.0, 3.0, 4.0)
+"""Distances of the nodes in half widths. Γ across a line is interpolated by its values alone: one node a side
+more than a curve has brings its error from w⁶ to w⁸, and far apart they multiply its rounding by 3 alone."""
+
+LARGEST_ERROR = 1e-7
+"""Relative error of Γ up to which a line is used: rounding leaves more of the shortest ones, which lie next
+to several surfaces at once."""
 
 NESTED = 0.5
 """Zone of the nodes' own bridges, in half widths: that of the surface crossed does not reach them."""
@@ -70,8 +79,8 @@ class PatchBuilder(Generic[F]):
     def _place_nodes(self, center: float, w: float) -> None:
         """Near nodes by continuation, far nodes by extrapolation of all so far, then Newton."""
         side = -1.0 if self._ahead > 0.0 else 1.0  # where the anchor stands, seen from the centre
-        ss = [center + side * factor * w for factor in self._options.nodes]
-        far = [center - side * factor * w for factor in self._options.nodes]
+        ss = [center + side * factor * w for factor in NODES]
+        far = [center - side * factor * w for factor in NODES]
         trackers: list[F] = []
         here = self._tracker.nested(self._anchor, NESTED * w)
         for s in ss:
@@ -80,10 +89,19 @@ class PatchBuilder(Generic[F]):
             trackers.append(here)
         near = [tracker.anchor for tracker in trackers]
         jets = beyond(ss, near, far, w, lambda ss, nodes, s: self._line.at(ss, nodes, s).x, self._solve)
-        trackers += [self._tracker.nested(jet, NESTED * w) for jet in jets]
+        trackers += [self._beside(jet, s, w) for jet, s in zip(jets, far, strict=True)]
         order = np.argsort(ss + far)
         self._ss, self._trackers = [(ss + far)[i] for i in order], [trackers[i] for i in order]
         self._left, self._right = center - w, center + w
+
+    def _beside(self, solved: Jet, s: float, w: float) -> F:
+        """A node from its solved point: on a line of its own where that is next to another surface."""
+        node = self._tracker.nested(solved, NESTED * w)
+        try:
+            node.at(self._eta(s))
+        except ObstacleError as met:
+            raise NoBridgeError(met.obstacle.reason) from met
+        return node
 
     def _eta(self, s: float) -> Array:
         return np.asarray(self._origin + s * self._d)
@@ -119,6 +137,9 @@ class PatchBuilder(Generic[F]):
         _, transversality = null_pairing(space, point.P, point.x, point.J @ self._d, self._C)
         if transversality < options.transversality:
             raise NoBridgeError("the modes part at higher than second order", left, transversality)
+        error = max(self._held_out(), left)
+        if error > LARGEST_ERROR:
+            raise NoBridgeError("the line is too short for the rounding of its nodes", left)
         return Patch(
             space,
             self._C,
@@ -131,7 +152,7 @@ class PatchBuilder(Generic[F]):
             kind,
             left,
             transversality,
-            max(self._held_out(), left),
+            error,
         )
 
     def _held_out(self) -> float:
@@ -139,7 +160,8 @@ class PatchBuilder(Generic[F]):
 
         def off(s: float, inner: int) -> float:
             guess = self._at(s)
-            known, _ = self._solve(guess.x, s, self._trackers[inner].anchor.P)
+            solved, _ = self._solve(guess.x, s, self._trackers[inner].anchor.P)
+            known = self._beside(solved, s, 0.5 * (self._right - self._left)).anchor
             return relative(guess.bend, known.bend)
 
         return held_out(self._ss, 0.5 * (self._left + self._right), off, lambda growth: growth)
