@@ -78,12 +78,15 @@ class Derivation {
   private:
     static constexpr double MEETING = 1e-4;  // conditioning, and speed, below which modes are not told apart
 
+    // Whether series may serve: within a step only where its end is known, which tells the modes apart.
+    bool led(const States& s) const { return path_.modes->some() && std::isfinite(s.same); }
+
     // The point at a state, if it is one of the mechanism's: on regular ground, else with the parts on series that
     // these serve. Where modes meet, one that rests does not tell which is its own.
     Reason set_out(const States& s, std::int64_t i, Point& point) {
         path_.modes->on = false;
         const Reason reason = settled(s, i, point);
-        if (reason == DONE || !path_.modes->some()) return reason;
+        if (reason == DONE || !led(s)) return reason;
         double fastest = reason == ZONE ? point.conditioning() : 0.0;
         for (int k = 0; k < nv_; ++k) fastest = std::max(fastest, std::fabs(s.v[i * nv_ + k] * size_[k]));
         path_.modes->on = true;
@@ -190,7 +193,7 @@ class Derivation {
     Reason move(const States& s, Point& anchor, Point& point) {
         path_.modes->on = false;
         const Reason reason = stepped(s, anchor, point);
-        if (reason == DONE || !path_.modes->some()) return reason;
+        if (reason == DONE || !led(s)) return reason;
         path_.modes->on = true;
         return stepped(s, anchor, point) == DONE ? DONE : reason;
     }

@@ -151,3 +151,11 @@ class TestModesThatMeet:
         )
         folded = np.array([[1e-9, 1e-2, 1e-2]])
         assert not kernel.slopes(folded, np.array([[0.0, 1.0, 1.0]]), None).good[0]
+
+    def test_steps_without_a_known_end_are_the_references(self, told: tuple[rg.Mechanism, Any, Any]) -> None:
+        """Long ones on another mode could go over to the one that the kernel was told of."""
+        _, kernel, _ = told
+        q, v = np.array([[0.2, -0.2, 0.2]]), np.array([[-2.0, 2.0, -2.0]])
+        assert kernel.slopes(q, v, None).good[0]
+        assert kernel.step_jacobians(q, v, None, 1e-3) is not None
+        assert kernel.step_jacobians(q, v, None, 0.08) is None  # into the zone
