@@ -35,6 +35,9 @@ STEPPERS = ("DOP853", "RK45", "Radau", "LSODA", "BDF")
 SAME_TIME, SAME_PLACE = 1e-6, 1e-8
 """Of a crossing, s, and rad or lengths."""
 
+PLACE_BY_MOTION = 10.0
+"""What a place on a singular surface may be off, in differences of the motions that meet it there."""
+
 SINGULAR = 1e-9
 """Singular value of the dimensionless K below which it has vanished at a crossing."""
 
@@ -238,12 +241,13 @@ def _simulated(
 def _judge(finding: Finding, run: Trajectory, found: Outcome, reference: Outcome) -> None:
     """Fill in how a run compares with the reference."""
     finding.difference = float(np.abs(found.poses - reference.poses).max(initial=0.0))
-    finding.crossings = _other_crossings(found, reference) or _off_their_place(run)
+    allowed = max(SAME_PLACE, PLACE_BY_MOTION * finding.difference)
+    finding.crossings = _other_crossings(found, reference, allowed) or _off_their_place(run)
     left_open = float(run.closure_error().max() / run.mechanism.length) if run.mechanism.nc else 0.0
     finding.open = f"loops open by {left_open:.1e} lengths" if left_open > CLOSED else ""
 
 
-def _other_crossings(found: Outcome, reference: Outcome) -> str:
+def _other_crossings(found: Outcome, reference: Outcome, allowed: float) -> str:
     """How two lists of crossings differ, those at one time in any order; empty where they agree."""
     if sorted(found.coranks) != sorted(reference.coranks):
         return f"coranks {found.coranks} instead of {reference.coranks}"
@@ -255,7 +259,7 @@ def _other_crossings(found: Outcome, reference: Outcome) -> str:
             return f"the one at {time_:.6g} s is {off:.1e} s away"
         offs = [float(np.abs(found.places[i] - place).max()) for i in near]
         best = int(np.argmin(offs))
-        if offs[best] > SAME_PLACE:
+        if offs[best] > allowed:
             return f"the one at {time_:.6g} s is {offs[best]:.1e} away"
         left.remove(near[best])
     return ""
