@@ -102,7 +102,7 @@ class Derivation:
     def learn(self, cluster: LoopCluster, around: Around) -> bool:
         """Whether it could be told of a cluster's mode about a place, whose states are good from then on."""
         told = mode_series(cluster, around)
-        return told is not None and bool(self._library.learn(self._handle, ctypes.byref(told.structure)))
+        return bool(self._library.learn(self._handle, ctypes.byref(told.structure)))
 
     def learn_beside(self, start: Start, places: Iterable[Array]) -> bool:
         """Whether there is something to learn about the mode of a start at places on it, (nq,) each.

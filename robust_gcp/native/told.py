@@ -7,10 +7,8 @@ from ..mechanism.clusters import LoopCluster
 from .structures import Arrays, ModeSeries
 
 
-def mode_series(cluster: LoopCluster, around: Around) -> Arrays | None:
-    """For `rg_learn`; None of several coordinates, or where joints have more numbers than velocities."""
-    if len(cluster.inputs) != 1 or not cluster.loops.tree.vector_space:
-        return None
+def mode_series(cluster: LoopCluster, around: Around) -> Arrays:
+    """For `rg_learn`."""
     series = around.series()
     center, radius = float(around.circle.center[0]), float(around.circle.radius[0])
     told = Arrays(ModeSeries(count=len(cluster.iv), orders=len(series), center=center, radius=radius))
