@@ -87,7 +87,7 @@ struct Clusters::Inside {
         for (int j = 0; j < l.m; ++j) {
             const int v = independent[j];
             point.y()[j] = y[j], point.ydot()[j] = ydot[j];
-            q[independent_q[j]] = y[j];
+            if (independent_q[j] >= 0) q[independent_q[j]] = y[j];
             g[v] = 0.0;
             for (int k = 0; k < l.m; ++k) G[v * l.m + k] = j == k ? 1.0 : 0.0;
             if (l.m == 1) point.curvature()[v] = 0.0;
@@ -115,7 +115,8 @@ void Clusters::use(const Bridging& b) {
                         b.transversality};
 }
 
-bool Clusters::at(Point& anchor, const double* y, const double* ydot, Point& point, double zone) {
+bool Clusters::at(Point& anchor, const double* origin, const double* y, const double* ydot, Point& point,
+                  double zone) {
     Inside& in = *inside_;
     try {
         if (!in_zone_) {
@@ -131,7 +132,11 @@ bool Clusters::at(Point& anchor, const double* y, const double* ydot, Point& poi
             jets.push_back(tracker.at(space.wanted(y)));
             bridged = bridged || tracker.on_bridge();
         }
-        in.product(jets, path_.layout, y, ydot, point);
+        const auto compose = [&] {
+            in.product(jets, path_.layout, y, ydot, point);
+            path_.place_groups(origin, point);
+        };
+        compose();
         if (!bridged) {
             const std::vector<double> q(point.q(), point.q() + path_.layout.nq);
             if (path_.settle(point) && point.conditioning() >= zone && path_.apart(q.data(), point) < SAME_PLACE) {
@@ -139,7 +144,7 @@ bool Clusters::at(Point& anchor, const double* y, const double* ydot, Point& poi
                 return true;
             }
             if (path_.redundant) return false;  // other rows may serve
-            in.product(jets, path_.layout, y, ydot, point);
+            compose();
         }
         ++zone_evaluations;
         path_.survey(point);
@@ -174,7 +179,7 @@ void Clusters::passed(const Step& step, std::vector<double>& log) {
             log.push_back(number);
         log.resize(log.size() + static_cast<std::size_t>(path_.layout.nq));
         double* q = log.data() + from + 6;
-        path_.between(*step.before, *step.after, step.t1 - step.t0, (one.time - step.t0) / (step.t1 - step.t0), q);
+        between(path_, step, one.time, q);
         const Space& space = *in.spaces[static_cast<std::size_t>(one.cluster)];
         for (int i = 0; i < space.nv; ++i) q[space.iq[i]] = space.D[i] * one.x[i];
     }

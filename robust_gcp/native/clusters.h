@@ -41,8 +41,8 @@ class Clusters {
     // As if nothing had been done.
     void renew();
     // The point at y, where the regular path was not good enough from the anchor; false where Python has to say
-    // what to do.
-    bool at(Point& anchor, const double* y, const double* ydot, Point& point, double zone);
+    // what to do. `origin` as in `Path::step`.
+    bool at(Point& anchor, const double* origin, const double* y, const double* ydot, Point& point, double zone);
     // Appends what a step passed, in the order of time: time, cluster, corank, closure, transversality, whether
     // it is a near miss, q.
     void passed(const Step& step, std::vector<double>& log);

@@ -83,19 +83,32 @@ def _velocities_of_rest(mechanism: Mechanism) -> NDArray[np.int64]:
 
 
 def _clusters(mechanism: Mechanism, path: RegularPath, arrays: Arrays) -> None:
-    """The loop clusters, where all of them can be followed in the kernel: with one number a joint."""
+    """The loop clusters, where they are followed in the kernel."""
     arrays.reals(home=mechanism.home)
     arrays.structure.redundant = mechanism.nc > path.nd
-    clusters = mechanism.clusters
-    if not mechanism.tree.vector_space or not all(cluster.m for cluster in clusters):
+    if not follows_zones(path):
         return
+    clusters = path.mechanism.clusters
     arrays.structure.clusters = len(clusters)
-    arrays.structures("cluster", [_cluster(mechanism, cluster) for cluster in clusters])
+    arrays.structures("cluster", [_cluster(mechanism, path.mechanism, cluster) for cluster in clusters])
 
 
-def _cluster(mechanism: Mechanism, cluster: LoopCluster) -> Arrays:
+def follows_zones(path: RegularPath) -> bool:
+    """Whether the kernel follows the clusters of a path's mechanism in zones: all, or none.
+
+    Those have one number a joint, and are no structures.
+    """
+    rest = path.mechanism
+    return rest.tree.vector_space and all(cluster.m for cluster in rest.clusters)
+
+
+def _cluster(mechanism: Mechanism, rest: Mechanism, cluster: LoopCluster) -> Arrays:
     """One cluster: its joints, all rows of its φ, and where it is in the whole."""
-    loops, space = cluster.loops, space_of(mechanism, cluster, mechanism.home[cluster.iq])
+    loops, space = cluster.loops, space_of(rest, cluster, rest.home[cluster.iq])
+    iq, iv, inputs = cluster.iq, cluster.iv, cluster.inputs
+    groups = groups_of(mechanism)
+    if groups is not None:
+        iq, iv, inputs = groups.rest_iq[iq], groups.rest_iv[iv], groups.rest_inputs[inputs]
     description = Arrays(Description(joints=loops.model.njoints - 1, nq=loops.nq, nv=loops.nv, m=cluster.m))
     turns = _tree(loops, description)
     rows = np.arange(len(loops.implicit.rows))
@@ -106,9 +119,9 @@ def _cluster(mechanism: Mechanism, cluster: LoopCluster) -> Arrays:
     part = Arrays(Cluster(phi_size=space.phi_size))
     part.another("loops", description)
     part.integers(
-        iq=cluster.iq,
-        iv=cluster.iv,
-        inputs=cluster.inputs,
+        iq=iq,
+        iv=iv,
+        inputs=inputs,
         rotates=loops.tree.rotates,
         periodic=loops.tree.periodic,
     )

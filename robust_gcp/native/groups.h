@@ -93,6 +93,15 @@ inline void rate_in_chart(int kind, const double* w, const double* v, double* ra
     entries_of(kind, velocity_in_chart(twist_of(kind, w), twist_of(kind, v)), rate);
 }
 
+// ẅ for which q ⊕ w moves with the velocity v and the acceleration a, by the terms of dexp⁻¹ to the second order
+// in w: the next ones, of the fourth, have the factor 1/720.
+inline void bend_in_chart(int kind, const double* w, const double* rate, const double* v, const double* a, double* bend) {
+    const Twist at = twist_of(kind, w), turning = twist_of(kind, rate), velocity = twist_of(kind, v);
+    const Twist one = bracket(turning, velocity),
+                two = bracket(turning, bracket(at, velocity)) + bracket(at, one);
+    entries_of(kind, velocity_in_chart(at, twist_of(kind, a)) + 0.5 * one + (1.0 / 12.0) * two, bend);
+}
+
 // The unit quaternion q exp(w), normalised to first order, as rounding drifts.
 inline void turn_quaternion(const double* q, const Vec& w, double* moved) {
     const double s = 0.25 * dot(w, w);

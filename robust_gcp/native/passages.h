@@ -19,18 +19,28 @@ struct Passage {
     Vector x;
 };
 
-// One entry of y on a step: the quintic through (y, ẏ, ÿ) at both ends.
+// A number that moves, and its first two rates.
+struct Moving {
+    double value, rate, bend;
+};
+
+// One number on a step: the quintic through its value, rate and second rate at both ends.
 class Quintic {
   public:
-    Quintic(const Step& step, int i) : t0_(step.t0), h_(step.t1 - step.t0) {
-        const double p0 = step.before->y()[i], v0 = h_ * step.before->ydot()[i], a0 = h_ * h_ * step.ydd0[i];
-        const double p1 = step.after->y()[i], v1 = h_ * step.after->ydot()[i], a1 = h_ * h_ * step.ydd1[i];
+    Quintic(const Step& step, const Moving& before, const Moving& after) : t0_(step.t0), h_(step.t1 - step.t0) {
+        const double p0 = before.value, v0 = h_ * before.rate, a0 = h_ * h_ * before.bend;
+        const double p1 = after.value, v1 = h_ * after.rate, a1 = h_ * h_ * after.bend;
         const double jump = p1 - p0 - v0 - 0.5 * a0, turn = v1 - v0 - a0, bend = a1 - a0;
         c_[0] = p0, c_[1] = v0, c_[2] = 0.5 * a0;
         c_[3] = 10.0 * jump - 4.0 * turn + 0.5 * bend;
         c_[4] = -15.0 * jump + 7.0 * turn - bend;
         c_[5] = 6.0 * jump - 3.0 * turn + 0.5 * bend;
     }
+
+    // One entry of y.
+    Quintic(const Step& step, int i)
+        : Quintic(step, {step.before->y()[i], step.before->ydot()[i], step.ydd0[i]},
+                  {step.after->y()[i], step.after->ydot()[i], step.ydd1[i]}) {}
 
     double at(double t) const {
         const double u = (t - t0_) / h_;
@@ -65,6 +75,35 @@ class Quintic {
   private:
     double t0_, h_, c_[6];
 };
+
+// q at a time of a step at whose beginning charts of joints on groups have their origin; others have one number.
+inline void between(const Path& path, const Step& step, double t, double* q) {
+    Point &a = *step.before, &b = *step.after;
+    const std::size_t nv = static_cast<std::size_t>(path.layout.nv);
+    Cells<double> v0(nv), v1(nv), a0(nv), a1(nv);
+    path.velocity(a, v0.data());
+    path.velocity(b, v1.data());
+    path.acceleration(a, step.ydd0, a0.data());
+    path.acceleration(b, step.ydd1, a1.data());
+    for (const Part& part : path.parts.list) {
+        if (part.on_group) {
+            const Body& body = path.chain.bodies[part.joints[0]];
+            const int first = body.first;
+            double w[6], rate[6], bend[6];
+            for (int i = 0; i < body.count; ++i) w[i] = b.y()[path.input(first + i)];
+            rate_in_chart(body.kind, w, v1.data() + first, rate);
+            bend_in_chart(body.kind, w, rate, v1.data() + first, a1.data() + first, bend);
+            for (int i = 0; i < body.count; ++i)
+                w[i] = Quintic(step, {0.0, v0[first + i], a0[first + i]}, {w[i], rate[i], bend[i]}).at(t);
+            integrate_joint(body.kind, a.q() + body.q, w, q + body.q);
+            continue;
+        }
+        for (int i : part.velocities) {
+            const int at = path.chain.number_at[i];
+            q[at] = Quintic(step, {a.q()[at], v0[i], a0[i]}, {b.q()[at], v1[i], a1[i]}).at(t);
+        }
+    }
+}
 
 inline void on_curve(const Curve& curve, int cluster, const Step& step, std::vector<Passage>& found) {
     const CurveShape& shape = curve.shape();

@@ -69,7 +69,7 @@ class PatchBuilder {
             ss.push_back(center + side * factor * w);
             far.push_back(center - side * factor * w);
             here = here.copy();
-            here.at(eta(ss.back()));
+            follow(here, ss.back());
             trackers.push_back(here);
             jets.push_back(here.anchor);
         }
@@ -87,12 +87,17 @@ class PatchBuilder {
     // A node from its solved point: on a line of its own where that is next to another surface.
     Tracker beside(const JetPtr& solved, double s, double w) const {
         Tracker node = tracker_.nested(solved, NESTED * w);
+        follow(node, s);
+        return node;
+    }
+
+    // Puts a node at s; where another surface stops it there, nodes of a shorter line may pass.
+    void follow(Tracker& node, double s) const {
         try {
             node.at(eta(s));
         } catch (const Stop&) {
             throw NoBridge{};
         }
-        return node;
     }
 
     // Where the line meets the surface, to rounding.

@@ -50,7 +50,6 @@ class Path {
           size_(d.size, d.size + d.nv),
           turn_(d.turn, d.turn + d.nv),
           scratch_(d),
-          u_(d.nv),
           v_(d.nv) {
         for (int k = 0; k < d.m; ++k) input_[independent_[k]] = k;
         for (std::size_t i = 0; i < parts.list.size(); ++i) {
@@ -117,22 +116,22 @@ class Path {
         return worst;
     }
 
-    // Largest dimensionless difference of q, one number a joint, from that of a point.
-    double apart(const double* q, Point& point) const {
-        double worst = 0.0;
-        for (int i = 0; i < layout.nv; ++i) worst = std::max(worst, std::fabs((point.q()[i] - q[i]) * size_[i]));
-        return worst;
+    // Joints on groups at origin ⊕ w, see `step`.
+    void place_groups(const double* origin, Point& point) const {
+        if (!on_groups) return;
+        for (const Part& part : parts.list)
+            if (part.on_group) on_group(part, origin, point);
     }
 
-    // q at a share of the step of h from a to b, one number a joint: cubic Hermite in q and v.
-    void between(Point& a, Point& b, double h, double share, double* q) {
-        velocity(a, u_.data());
-        velocity(b, v_.data());
+    // Largest dimensionless difference of q from that of a point which has the same joints on groups; the
+    // others have one number each.
+    double apart(const double* q, Point& point) const {
+        double worst = 0.0;
         for (int i = 0; i < layout.nv; ++i) {
-            const double r0 = h * u_[i], r1 = h * v_[i], towards = b.q()[i] - a.q()[i];
-            q[i] = a.q()[i] + share * (r0 + share * (3.0 * towards - 2.0 * r0 - r1 +
-                                                     share * (r0 + r1 - 2.0 * towards)));
+            const int at = chain.number_at[i];
+            worst = std::max(worst, std::fabs((point.q()[at] - q[at]) * size_[i]));
         }
+        return worst;
     }
 
     // Whether Newton ended near enough to the prediction.
@@ -174,6 +173,12 @@ class Path {
         for (const Part& part : parts.list) product(part, point, u, v);
     }
 
+    // v̇ = G ÿ + g.
+    void acceleration(Point& point, const double* ydd, double* a) const {
+        product(point, ydd, a);
+        for (int i = 0; i < layout.nv; ++i) a[i] += point.g()[i];
+    }
+
     // ẏ of joints on groups, whose y is w in a chart; of others it is u.
     void rate_on_groups(Point& point, double* rate) const {
         double w[6], u[6], turned[6];
@@ -194,6 +199,8 @@ class Path {
 
     // Those of a part; none where nothing is tied.
     Loops* loops(std::size_t part) const { return loops_[part].get(); }
+    // Where an independent velocity is in y.
+    int input(int velocity) const { return input_[velocity]; }
     // What a correction of a velocity is multiplied by.
     double scale(int velocity) const { return scratch_.scale[velocity]; }
 
@@ -207,7 +214,7 @@ class Path {
         }
     }
 
-    void on_group(const Part& part, const double* origin, Point& point) {
+    void on_group(const Part& part, const double* origin, Point& point) const {
         double w[6];
         const Body& b = chain.bodies[part.joints[0]];
         for (int i = 0; i < b.count; ++i) w[i] = point.y()[input_[b.first + i]];
@@ -288,7 +295,7 @@ class Path {
     std::vector<int> input_;  // by velocity, −1 where it is dependent
     Cells<double> size_, turn_;
     Scratch scratch_;  // of all loops, in turn
-    Cells<double> u_, v_;
+    Cells<double> v_;
 };
 
 }  // namespace rg

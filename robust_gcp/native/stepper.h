@@ -223,7 +223,7 @@ class alignas(CACHE_LINE) Stepper {
         ++rhs_;
         Reason reason = clusters.in_zone() ? ZONE : by_regular_path(r, y, ydot, point);
         if (reason != DONE && r.bridging != nullptr && clusters.some() &&
-            clusters.at(*anchor_, y, ydot, point, r.zone))
+            clusters.at(*anchor_, accepted_->q(), y, ydot, point, r.zone))
             reason = DONE;
         if (reason != DONE) return reason;
         anchor_ = &point;
@@ -253,10 +253,7 @@ class alignas(CACHE_LINE) Stepper {
         if (r.tau_out) std::copy(motion_.tau.begin(), motion_.tau.end(), r.tau_out + row * l.nv);
         if (r.energy_out) r.energy_out[row] = motion_.energy(point);
         if (r.work_out && works_) r.work_out[row] = x_[2 * l.m];
-        if (!r.a_out) return;
-        double* a = r.a_out + row * l.nv;
-        path.product(point, motion_.ydd.data(), a);
-        for (int i = 0; i < l.nv; ++i) a[i] += point.g()[i];
+        if (r.a_out) path.acceleration(point, motion_.ydd.data(), r.a_out + row * l.nv);
     }
 
     void write(double* to, const Point* point, const Cells<double>& x) const {

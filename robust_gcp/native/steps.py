@@ -19,7 +19,7 @@ from ..maps.regular_path import RegularPath
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .batch import Batch, Outputs
-from .description import NotNativeError
+from .description import NotNativeError, follows_zones
 from .library import Library, backends, library
 from .prepared import Prepared
 from .rates import Rates
@@ -145,9 +145,9 @@ class NativeSteps:
         followed = explicit.rest if isinstance(explicit, GroupMap) else explicit
         options, zone = _limits(followed)
         trackers = followed.written if isinstance(followed, ClusterMap) and followed.in_zone else None
-        mechanism = explicit.groups.mechanism if isinstance(explicit, GroupMap) else followed.path.mechanism
-        if trackers is not None and not mechanism.tree.vector_space:
+        if trackers is not None and not follows_zones(followed.path):
             return None
+        mechanism = explicit.groups.mechanism if isinstance(explicit, GroupMap) else followed.path.mechanism
         workspace = self.prepare(mechanism, explicit.path)
         if workspace is None:
             return None

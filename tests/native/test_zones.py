@@ -16,6 +16,7 @@ from robust_gcp.maps.cluster.patch_builder import NODES
 from robust_gcp.maps.cluster.plain import read, written
 from robust_gcp.maps.cluster.space import space_of
 from robust_gcp.maps.four_bar import FourBar
+from robust_gcp.simulation.charts import map_of_rest, point_of_rest
 
 pytestmark = pytest.mark.skipif(
     not rg.backends()["native"].available, reason=f"no compiled kernel: {rg.backends()['native'].reason}"
@@ -58,11 +59,42 @@ def carried() -> rg.Mechanism:
     return families.four_bars([CHANGE_POINT] * 2, (2.6, 2.65), parents=[-1, 0])
 
 
+BASE = pin.Inertia(3.0, np.array([0.1, -0.2, 0.3]), np.diag([0.6, 0.4, 0.5]))
+THROWN = [0.3, 0.4, -0.2, 0.5, -0.8, 0.7]
+
+
+def floating(parents: list[int] | None = None) -> rg.Mechanism:
+    return families.four_bars([CHANGE_POINT] * 2, (2.6, 2.65), parents, floating=BASE)
+
+
+def planar() -> rg.Mechanism:
+    """A body that slides and turns in the ground's plane, with a change-point four-bar and a ball on it."""
+    model = pin.Model()
+    base = model.addJoint(0, pin.JointModelPlanar(), pin.SE3.Identity(), "base")
+    model.appendBodyToJoint(base, BASE, pin.SE3.Identity())
+    crank = linkages.add_link(model, base, 0.0, "crank", 2.0)
+    tips = [linkages.add_link(model, crank, 2.0, "coupler", 3.0)]
+    ball = model.addJoint(tips[0], pin.JointModelSpherical(), pin.SE3.Identity(), "ball")
+    model.appendBodyToJoint(
+        ball, pin.Inertia(0.4, np.array([0.0, 0.3, 0.1]), 0.02 * np.eye(3)), pin.SE3.Identity()
+    )
+    linkages.add_link(model, base, 4.0, "rocker", 3.0)
+    q = FourBar(*CHANGE_POINT, 1).evaluate(2.6)[0]
+    home = [0.2, -0.1, np.cos(0.4), np.sin(0.4), q[0], q[1], 0.0, 0.0, 0.0, 1.0, q[2]]
+    tip = rg.PointClosure("coupler_tip", "rocker_tip")
+    mechanism = rg.Mechanism(model, [tip], ["base", "ball", "crank"], home=home)
+    mechanism.home = mechanism.assemble(mechanism.home)
+    return mechanism
+
+
 SCENES: dict[str, tuple[Callable[[], rg.Mechanism], list[float], float, list[tuple[int, int]]]] = {
     "two clusters at once": (overlapping, [3.0, 3.0], 0.4, [(1, 1), (0, 1)]),
     "one on the other": (carried, [3.0, 3.0], 0.4, [(0, 1), (1, 1)]),
     "coranks 2 and 3": (lambda: families.scissor_lift(3), [-2.0], 0.8, [(0, 2), (0, 3)]),
     "two coordinates in a cluster": (two_joined, [1.5, 0.5], 0.16, [(0, 1)]),
+    "on a floating base": (floating, [*THROWN, 3.0, 3.0], 0.4, [(1, 1), (0, 1)]),
+    "one on the other, floating": (lambda: floating([-1, 0]), [*THROWN, 3.0, 3.0], 0.4, [(0, 1), (1, 1)]),
+    "on a planar joint, with a ball": (planar, [0.3, -0.2, 2.0, 1.0, -2.0, 0.5, 3.0], 0.4, [(0, 1)]),
 }
 
 
@@ -103,7 +135,7 @@ def on_a_bridge(name: str) -> rg.Simulation:
     for _ in range(400):
         run = sim.step()._run
         run.settle()
-        explicit = run._motion.explicit
+        explicit = map_of_rest(run._motion.explicit)
         if explicit.in_zone and any(t.current is not None for t in read_back(explicit)):
             return sim
     raise AssertionError("no bridge was met")
@@ -116,20 +148,24 @@ def read_back(explicit: ClusterMap) -> list[Any]:
     return read(explicit.written(), spaces, explicit.options, explicit.counters)
 
 
-@pytest.mark.parametrize("name", ["two clusters at once", "coranks 2 and 3", "two coordinates in a cluster"])
+@pytest.mark.parametrize(
+    "name", ["two clusters at once", "coranks 2 and 3", "two coordinates in a cluster", "on a floating base"]
+)
 def test_trackers_pass_between_the_backends(name: str) -> None:
     """As plain numbers and back they are the same; Python goes on where the kernel was, on its bridge."""
     sim = on_a_bridge(name)
-    explicit = sim._run._motion.explicit
+    explicit = map_of_rest(sim._run._motion.explicit)
     numbers = explicit.written()
     np.testing.assert_allclose(written(read_back(explicit)), numbers, rtol=1e-12, atol=1e-12)
-    here = sim._run.last.point
+    here = point_of_rest(sim._run.last.point)
     again = explicit.at(here.y, here.ydot)
     assert np.abs(again.q - here.q).max() < 1e-13
     assert np.abs(again.G - here.G).max() < 1e-11
 
 
-@pytest.mark.parametrize("name", ["two clusters at once", "two coordinates in a cluster"])
+@pytest.mark.parametrize(
+    "name", ["two clusters at once", "two coordinates in a cluster", "on a planar joint, with a ball"]
+)
 def test_going_back_to_a_bridge(name: str) -> None:
     """A state saved in a zone leads on to the same last bit, as often as one likes."""
     sim = on_a_bridge(name)
@@ -140,16 +176,20 @@ def test_going_back_to_a_bridge(name: str) -> None:
     np.testing.assert_array_equal(ends[0], ends[1])
 
 
-def test_python_takes_over_on_a_bridge() -> None:
+@pytest.mark.parametrize(
+    "name", ["two clusters at once", "on a floating base", "on a planar joint, with a ball"]
+)
+def test_python_takes_over_on_a_bridge(name: str) -> None:
     """An event within a zone is located by the Python path from the kernel's trackers."""
-    mechanism = overlapping()
-    options = {"v0": mechanism.lift(mechanism.home, [3.0, 3.0]), "duration": 0.4}
+    make, ydot, duration, _ = SCENES[name]
+    mechanism = make()
+    options = {"v0": mechanism.lift(mechanism.home, ydot), "duration": duration}
     plain = rg.simulate(mechanism, **options)
-    (first, _) = plain.crossings
-    level = float(first.q[0]) - 1e-3
+    crank = next(joint.idx_q for joint in mechanism.joints if joint.name.startswith("crank"))
+    level = float(plain.crossings[0].q[crank]) - 1e-3
 
     def meets(t: float, q: np.ndarray, v: np.ndarray) -> float:
-        return float(q[0]) - level
+        return float(q[crank]) - level
 
     found = [rg.simulate(mechanism, backend=b, events=[meets], **options) for b in ("python", "native")]
     for run in found:

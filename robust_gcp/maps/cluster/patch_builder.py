@@ -85,7 +85,7 @@ class PatchBuilder(Generic[F]):
         here = self._tracker.nested(self._anchor, NESTED * w)
         for s in ss:
             here = here.copy()
-            here.at(self._eta(s))
+            self._follow(here, s)
             trackers.append(here)
         near = [tracker.anchor for tracker in trackers]
         jets = beyond(ss, near, far, w, lambda ss, nodes, s: self._line.at(ss, nodes, s).x, self._solve)
@@ -97,11 +97,15 @@ class PatchBuilder(Generic[F]):
     def _beside(self, solved: Jet, s: float, w: float) -> F:
         """A node from its solved point: on a line of its own where that is next to another surface."""
         node = self._tracker.nested(solved, NESTED * w)
+        self._follow(node, s)
+        return node
+
+    def _follow(self, node: F, s: float) -> None:
+        """Put a node at s; where another surface stops it there, nodes of a shorter line may pass."""
         try:
             node.at(self._eta(s))
         except ObstacleError as met:
             raise NoBridgeError(met.obstacle.reason) from met
-        return node
 
     def _eta(self, s: float) -> Array:
         return np.asarray(self._origin + s * self._d)
