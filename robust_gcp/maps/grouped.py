@@ -152,8 +152,8 @@ def joined(groups: Groups, rest: Point, origin: Array, y: Array, u: Array) -> Gr
     )  # fmt: skip
 
 
-def taken_apart(groups: Groups, point: Point) -> GroupPoint:
-    """A point of the whole, whose y holds w = 0 for the joints on groups, with that of the rest."""
+def taken_apart(groups: Groups, point: Point, origin: Array | None = None) -> GroupPoint:
+    """A point of the whole with that of the rest; without an origin w = 0 for the joints on groups."""
     own, iv = groups.rest_inputs, groups.rest_iv
     rest = Point(
         point.y[own], point.ydot[own], point.q[groups.rest_iq], point.G[np.ix_(iv, own)], point.g[iv], None,
@@ -161,7 +161,7 @@ def taken_apart(groups: Groups, point: Point) -> GroupPoint:
     )  # fmt: skip
     return GroupPoint(
         point.y, point.ydot, point.q, point.G, point.g, None, point.det, point.rcond,
-        point.conditioning, rest=rest, origin=point.q[groups.iq],
+        point.conditioning, rest=rest, origin=point.q[groups.iq] if origin is None else origin,
     )  # fmt: skip
 
 

@@ -54,8 +54,8 @@ class Layout:
             into[det], into[rcond] = point.det, point.rcond
         into[worst] = point.conditioning
 
-    def point(self, packed: Array) -> Point:
-        """The point at the front of these numbers."""
+    def point(self, packed: Array, origin: Array | None = None) -> Point:
+        """The point at the front of these numbers, in a chart of joints on groups about q or this origin."""
         flat = packed[: self.size].copy()
         y, ydot, q, G, g, bend, det, rcond, _ = self._slices
         one = np.ones(0)
@@ -70,4 +70,4 @@ class Layout:
             flat[rcond] if self._looped else one,
             float(flat[-1]),
         )
-        return point if self._groups is None else taken_apart(self._groups, point)
+        return point if self._groups is None else taken_apart(self._groups, point, origin)

@@ -30,6 +30,7 @@ class Path {
     RigidBodies rigid;
     const Layout layout;
     const bool on_groups, charted;  // whether any part is
+    const bool numbered;  // whether joints that are not on groups have one number each
     const bool redundant;  // whether rows of φ are left over
     std::int64_t newton_iterations = 0, evaluations = 0;
     double enough = POOR;  // conditioning above which it need not be known
@@ -43,6 +44,11 @@ class Path {
           layout(d),
           on_groups(std::any_of(parts.list.begin(), parts.list.end(), [](const Part& p) { return p.on_group; })),
           charted(std::any_of(parts.list.begin(), parts.list.end(), [](const Part& p) { return p.charted; })),
+          numbered(std::all_of(parts.list.begin(), parts.list.end(), [this](const Part& p) {
+              return p.on_group || std::all_of(p.joints.begin(), p.joints.end(), [this](int j) {
+                         return NUMBERS[chain.bodies[j].kind].q == chain.bodies[j].count;
+                     });
+          })),
           redundant(d.redundant != 0),
           independent_(d.independent, d.independent + d.m),
           independent_q_(d.independent_q, d.independent_q + d.m),
@@ -121,6 +127,18 @@ class Path {
         if (!on_groups) return;
         for (const Part& part : parts.list)
             if (part.on_group) on_group(part, origin, point);
+    }
+
+    // Their numbers in q where the chart that a point lies in has its origin, the other ones as they are.
+    void origin_of(Point& point, double* q) const {
+        double w[6];
+        std::copy(point.q(), point.q() + layout.nq, q);
+        for (const Part& part : parts.list) {
+            if (!part.on_group) continue;
+            const Body& b = chain.bodies[part.joints[0]];
+            for (int i = 0; i < b.count; ++i) w[i] = -point.y()[input_[b.first + i]];
+            integrate_joint(b.kind, q + b.q, w, q + b.q);
+        }
     }
 
     // Largest dimensionless difference of q from that of a point which has the same joints on groups; the

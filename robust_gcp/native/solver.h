@@ -9,9 +9,11 @@
 
 namespace rg {
 
+constexpr double OUTGROWN = 1.0;  // as in explicit.py
+
 class Solver : public Stepper {
   public:
-    using Stepper::Stepper;
+    explicit Solver(const Description& d) : Stepper(d), home_(d.nq) {}
 
     // ẋ at the state x and times[0]; NaN at one that is not finite, of a trial that a refusal has spoilt. From
     // the point evaluated last, or from the one that was kept where that is nearer.
@@ -19,6 +21,8 @@ class Solver : public Stepper {
         if (r.beginning < ON) {
             count_anew(r);
             begin(r);
+            path.origin_of(*anchor_, home_.data());
+            origin_ = home_.data();
             r.beginning = ON;
         }
         r.reason = DONE;
@@ -40,7 +44,7 @@ class Solver : public Stepper {
         rate(*anchor_, rate_);
         std::copy(rate_.begin(), rate_.end(), r.rate);
         watch_.follow(r);
-        r.plain = !r.met && !watch_.exceeds(*anchor_);
+        r.plain = !r.met && !watch_.exceeds(*anchor_) && !outgrown(*anchor_);
     }
 
     // The point evaluated last, and ÿ, τ and the power there.
@@ -55,6 +59,12 @@ class Solver : public Stepper {
     void keep() { accepted_ = anchor_; }
 
   private:
+    // Whether charts of joints on groups ought to be renewed.
+    bool outgrown(Point& point) const {
+        return std::any_of(on_groups_.begin(), on_groups_.end(),
+                           [&](int k) { return std::fabs(point.y()[k]) > OUTGROWN; });
+    }
+
     double apart(const double* y, Point& point) const {
         double worst = 0.0;
         for (int i = 0; i < path.layout.m; ++i) worst = std::max(worst, std::fabs(y[i] - point.y()[i]));
@@ -67,9 +77,8 @@ class Solver : public Stepper {
         point = *accepted_;
         anchor_ = accepted_;
         if (r.bridging == nullptr) return;
-        const bool numbers = path.layout.nq == path.layout.nv;  // by which the places are compared
         const bool regular = path.settle(point) && point.conditioning() >= r.zone &&
-                             !(numbers && path.apart(accepted_->q(), point) >= SAME_PLACE);
+                             !(path.numbered && path.apart(accepted_->q(), point) >= SAME_PLACE);
         if (regular) {
             anchor_ = &point;
             clusters.leave();
@@ -77,6 +86,8 @@ class Solver : public Stepper {
             clusters.enter(*accepted_);
         }
     }
+
+    Cells<double> home_;
 };
 
 }  // namespace rg

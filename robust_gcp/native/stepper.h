@@ -54,6 +54,7 @@ class alignas(CACHE_LINE) Stepper {
             if (clusters.met())
                 log(i, {r.times[i], r.times[i + 1], accepted_, anchor_, last_ydd.data(), motion_.ydd.data()});
             accepted_ = anchor_;
+            origin_ = accepted_->q();
             x_ = sum_;
             for (int k : on_groups_) accepted_->y()[k] = x_[k] = 0.0;  // a new chart about the point
             in_zone = clusters.in_zone();
@@ -151,6 +152,7 @@ class alignas(CACHE_LINE) Stepper {
             clusters.leave();
             if (r.beginning == IN_ZONE) clusters.read(r.trackers);
         }
+        origin_ = accepted_->q();
         std::copy(r.x, r.x + n_, x_.begin());
         std::copy(r.ydd, r.ydd + path.layout.m, motion_.ydd.begin());
         motion_.power = r.power;
@@ -223,7 +225,7 @@ class alignas(CACHE_LINE) Stepper {
         ++rhs_;
         Reason reason = clusters.in_zone() ? ZONE : by_regular_path(r, y, ydot, point);
         if (reason != DONE && r.bridging != nullptr && clusters.some() &&
-            clusters.at(*anchor_, accepted_->q(), y, ydot, point, r.zone))
+            clusters.at(*anchor_, origin_, y, ydot, point, r.zone))
             reason = DONE;
         if (reason != DONE) return reason;
         anchor_ = &point;
@@ -232,7 +234,7 @@ class alignas(CACHE_LINE) Stepper {
 
     // One step of the regular path, if it is good enough; see RegularGround in ground.py.
     Reason by_regular_path(const Request& r, const double* y, const double* ydot, Point& point) {
-        if (Reason reason = path.step(*anchor_, accepted_->q(), y, ydot, point)) return reason;
+        if (Reason reason = path.step(*anchor_, origin_, y, ydot, point)) return reason;
         if (r.bridging == nullptr) return point.conditioning() >= r.zone ? DONE : ZONE;
         const double needed = std::max(r.zone, std::min(POOR, PACE * point.turn));
         if (!(point.conditioning() >= needed)) return ZONE;
@@ -269,6 +271,7 @@ class alignas(CACHE_LINE) Stepper {
     std::vector<Point> slots_;
     Cells<double> x_, stage_, sum_, rate_, safe_x_;
     Point *anchor_ = nullptr, *accepted_ = nullptr, *safe_ = nullptr;
+    const double* origin_ = nullptr;  // q where charts of joints on groups have theirs
     std::vector<double> log_, passed_, trackers_;
     std::int64_t rhs_ = 0;
 };

@@ -13,7 +13,6 @@ from ..errors import OptionError
 from ..maps.classical import DIGITS_LOST, ClassicalMap
 from ..maps.cluster.cluster_map import ClusterMap
 from ..maps.cluster.options import BridgeOptions
-from ..maps.explicit import ExplicitMap
 from ..maps.grouped import GroupMap
 from ..maps.regular_path import RegularPath
 from ..mechanism.mechanism import Mechanism
@@ -143,11 +142,11 @@ class NativeSteps:
             See `Workspace.run`.
         """
         followed = explicit.rest if isinstance(explicit, GroupMap) else explicit
-        options, zone = _limits(followed)
+        options, zone = _limits(explicit)
         trackers = followed.written if isinstance(followed, ClusterMap) and followed.in_zone else None
         if trackers is not None and not follows_zones(followed.path):
             return None
-        mechanism = explicit.groups.mechanism if isinstance(explicit, GroupMap) else followed.path.mechanism
+        mechanism = _whole(explicit)
         workspace = self.prepare(mechanism, explicit.path)
         if workspace is None:
             return None
@@ -167,17 +166,12 @@ class NativeSteps:
         """Steps to come from where the kernel is, see `Workspace.prepared`; None where it is not at `now`."""
         if self._workspace is None or not self._workspace.at(now.point):
             return None
-        options, zone = _limits(explicit.rest if isinstance(explicit, GroupMap) else explicit)
+        options, zone = _limits(explicit)
         return self._workspace.prepared(times, outputs, zone, options, watch, best)
 
     def rates(self, explicit: KernelMap, now: Evaluation, x: Array, watch: Watch | None) -> Rates | None:
-        """ẋ by the kernel from an evaluation at x on regular ground on; None where it cannot.
-
-        Joints on groups are left to Python.
-        """
-        if isinstance(explicit, GroupMap):
-            return None
-        workspace = self.prepare(explicit.path.mechanism, explicit.path)
+        """ẋ by the kernel from an evaluation at x on regular ground on; None where it cannot."""
+        workspace = self.prepare(_whole(explicit), explicit.path)
         if workspace is None:
             return None
         options, zone = _limits(explicit)
@@ -194,8 +188,14 @@ def most_steps(mechanism: Mechanism) -> int:
     return max(1, BATCH // mechanism.nv)
 
 
-def _limits(followed: ExplicitMap) -> tuple[BridgeOptions | None, float]:
+def _whole(explicit: KernelMap) -> Mechanism:
+    """The mechanism with its joints on groups."""
+    return explicit.groups.mechanism if isinstance(explicit, GroupMap) else explicit.path.mechanism
+
+
+def _limits(explicit: KernelMap) -> tuple[BridgeOptions | None, float]:
     """The choices of the bridges, and the conditioning at which the regular path ends."""
+    followed = explicit.rest if isinstance(explicit, GroupMap) else explicit
     if isinstance(followed, ClusterMap):
         return followed.options, followed.options.zone
     return None, DIGITS_LOST

@@ -196,12 +196,14 @@ class Workspace:
         self._handed.secure()
         self._acting.listen()
         buffers = self._time, self._x, self._rate
-        told = self._told, self._handed.new
-        raised = self._acting.raised
-        return Rates(self._library, self._handle, r, self._by_reference, buffers, raised, *told)
+        origin = None if self._groups is None else now.point.origin
 
-    def _told(self) -> Evaluation:
-        return self._evaluation(self._layout.point(self._anchor))
+        def told() -> Evaluation:
+            return self._evaluation(self._layout.point(self._anchor, origin))
+
+        told_by = told, self._handed.new
+        raised = self._acting.raised
+        return Rates(self._library, self._handle, r, self._by_reference, buffers, raised, *told_by)
 
     def _choose(
         self,

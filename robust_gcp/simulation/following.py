@@ -7,7 +7,6 @@ import numpy as np
 from ..dynamics.equations import Evaluation
 from ..dynamics.problem import Problem
 from ..maps.cluster.cluster_map import ClusterMap
-from ..maps.grouped import GroupMap
 from ..mechanism.tree import Array
 from ..native.rates import Rates
 from ..native.steps import KernelMap, NativeSteps
@@ -120,12 +119,10 @@ class Following:
     def _hand_over(self, now: Evaluation, x: Array) -> None:
         """Let the kernel go on from an evaluation of Python's, on regular ground."""
         explicit = self._motion.explicit
-        if self._native is None or isinstance(explicit, GroupMap) or not isinstance(explicit, KernelMap):
+        if self._native is None or not isinstance(explicit, KernelMap) or not np.isfinite(now.ydd).all():
             return
-        if isinstance(explicit, ClusterMap) and explicit.in_zone:
-            return
-        mechanism = self._motion.mechanism
-        if len(mechanism.numbers) < mechanism.m or not np.isfinite(now.ydd).all():
+        rest = map_of_rest(explicit)
+        if isinstance(rest, ClusterMap) and rest.in_zone:
             return
         watch = None if self._coordinates is None else self._coordinates.watch
         self._rates = self._native.rates(explicit, now, x, watch)

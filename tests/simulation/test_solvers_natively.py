@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import robust_gcp as rg
 from robust_gcp.dynamics.equations import EquationsOfMotion
 from robust_gcp.dynamics.problem import set_out
+from robust_gcp.examples import families
 from robust_gcp.maps.choice import MapChoice
 from robust_gcp.native.steps import NativeSteps, chosen_library
 from robust_gcp.simulation.following import Following
@@ -37,7 +39,9 @@ def pushed(t: float, q: Any, v: Any) -> Any:
     return 0.3 * np.sin(q[: len(v)]) - 0.1 * v + t
 
 
-@pytest.mark.parametrize("name", ["crank_rocker", "slider_crank", "delta", "five_bar", "strandbeest"])
+@pytest.mark.parametrize(
+    "name", ["crank_rocker", "slider_crank", "delta", "five_bar", "strandbeest", "walker"]
+)
 @pytest.mark.parametrize("torque", [None, pushed])
 def test_the_same_rates_wherever_a_solver_tries(name: str, torque: Any) -> None:
     """Ahead and back again, with a far trial between, and outputs on the way."""
@@ -69,6 +73,10 @@ def test_the_same_run(name: str, stepper: Any) -> None:
     found, wanted = runs
     assert found.stats.rhs == wanted.stats.rhs
     assert found.stats.zone_evaluations == wanted.stats.zone_evaluations
+    require_same(found, wanted)
+
+
+def require_same(found: rg.Trajectory, wanted: rg.Trajectory) -> None:
     np.testing.assert_allclose(found.q, wanted.q, atol=1e-10)
     np.testing.assert_allclose(found.v, wanted.v, atol=1e-9)
     assert len(found.crossings) == len(wanted.crossings)
@@ -76,6 +84,21 @@ def test_the_same_run(name: str, stepper: Any) -> None:
         assert ours.time == pytest.approx(theirs.time, abs=1e-10)
         np.testing.assert_allclose(ours.q, theirs.q, atol=1e-9)
         assert ours.cluster == theirs.cluster
+
+
+@pytest.mark.parametrize("stepper", SOLVERS)
+def test_the_same_run_of_a_floating_base(stepper: Any) -> None:
+    """Two change-point four-bars on a free body that turns by more than one chart holds."""
+    base = pin.Inertia(3.0, np.array([0.1, -0.2, 0.3]), np.diag([0.6, 0.4, 0.5]))
+    mech = families.four_bars([(4.0, 2.0, 3.0, 3.0)] * 2, (2.6, 2.65), floating=base)
+    v0 = mech.lift(mech.home, [0.3, 0.4, -0.2, 2.0, -2.5, 1.7, 3.0, 3.0])
+    found, wanted = (
+        rg.simulate(mech, v0=v0, duration=0.5, step=0.05, stepper=stepper, backend=backend, **TIGHT)
+        for backend in ("native", "python")
+    )
+    assert abs(found.stats.rhs - wanted.stats.rhs) <= 0.02 * wanted.stats.rhs
+    assert len(found.crossings) == 2
+    require_same(found, wanted)
 
 
 def test_long_steps_over_many_crossings() -> None:
@@ -99,7 +122,8 @@ def test_long_steps_over_many_crossings() -> None:
     assert np.ptp(runs[0].energy) < 1e-7 * max(1.0, np.abs(runs[0].energy).max())
 
 
-def test_python_evaluates_next_to_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("name", ["crank_rocker", "walker"])
+def test_python_evaluates_next_to_nothing(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     calls, evaluate = [], EquationsOfMotion.evaluate
 
     def counted(self: Any, t: float, x: Any) -> Any:
@@ -107,7 +131,7 @@ def test_python_evaluates_next_to_nothing(monkeypatch: pytest.MonkeyPatch) -> No
         return evaluate(self, t, x)
 
     monkeypatch.setattr(EquationsOfMotion, "evaluate", counted)
-    run = rg.simulate(rg.load("crank_rocker"), duration=1.0, step=0.05, stepper="Radau", **TIGHT)
+    run = rg.simulate(rg.load(name), duration=1.0, step=0.05, stepper="Radau", **TIGHT)
     assert run.stats.rhs > 500
     assert len(calls) < 5
 
