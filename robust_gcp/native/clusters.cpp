@@ -16,7 +16,6 @@ constexpr double ONE_TURN = 6.283185307179586, CHANGE = 0.35;
 
 // σ_min of the chosen rows of a tangent basis (nv, m).
 static double smallest(const Matrix& tangent, const std::vector<int>& chosen) {
-    if (tangent.cols() == 1) return std::fabs(tangent(chosen[0], 0));
     Matrix rows(tangent.cols(), tangent.cols());
     for (std::size_t i = 0; i < chosen.size(); ++i) rows.row(static_cast<Eigen::Index>(i)) = tangent.row(chosen[i]);
     return Svd(rows).s[tangent.cols() - 1];
@@ -26,9 +25,10 @@ static double smallest(const Matrix& tangent, const std::vector<int>& chosen) {
 static bool serves(const Jet& jet, const std::vector<int>& chosen) {
     if (jet.J.cols() == 1)
         return std::fabs(jet.J(chosen[0], 0)) >= CHANGE * jet.J.col(0).cwiseAbs().maxCoeff();
-    const Matrix tangent = jet.tangent();
-    const double here = smallest(tangent, chosen);
+    // those of J are the unit matrix: with J = Q R they are R⁻¹ in Q
+    const double here = 1.0 / std::sqrt(symmetric_eigenvalues(transposed_times(jet.J, jet.J)).tail(1)[0]);
     if (here >= CHANGE) return true;
+    const Matrix tangent = jet.tangent();
     return here >= CHANGE * smallest(tangent, best_rows(tangent));
 }
 

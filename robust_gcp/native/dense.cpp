@@ -189,6 +189,11 @@ Roots eigenvalues(const Matrix& A) {
 }
 
 Vector symmetric_eigenvalues(const Matrix& A) {
+    if (A.rows() == 2) {
+        const double half = 0.5 * (A(0, 0) + A(1, 1));
+        const double apart = std::hypot(0.5 * (A(0, 0) - A(1, 1)), 0.5 * (A(0, 1) + A(1, 0)));
+        return Vector{{half - apart, half + apart}};
+    }
     return Eigen::SelfAdjointEigenSolver<Matrix>(0.5 * (A + A.transpose()), Eigen::EigenvaluesOnly).eigenvalues();
 }
 

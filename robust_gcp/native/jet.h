@@ -38,7 +38,6 @@ struct Jet {
     double given = 0.0;                // σ where it was not solved for
     bool solved = false;               // the rest is there only where it was solved for
     Matrix closed;                     // (nd, nv): `determining` K, balanced
-    Matrix W;                          // (nv, nd): P K W = 1, Cᵀ W = 0
     std::vector<Matrix> rate;          // (nd, nv) each: the same of φ''[J_i, ·]
 
     // The smallest of the nd leading singular values of K, balanced.
@@ -62,11 +61,22 @@ struct Jet {
         return orthonormal(J);
     }
 
+    // P K W = 1, Cᵀ W = 0, (nv, nd).
+    const Matrix& W() const {
+        if (W_.size() == 0) {
+            Matrix B(space->nv, space->nv);
+            B.topRows(space->nd) = closed;
+            B.bottomRows(space->m) = C->transpose() * space->balance.asDiagonal();
+            W_ = space->balance.asDiagonal() * inverse(B).leftCols(space->nd);
+        }
+        return W_;
+    }
+
     // First-order places μ along the chart direction d where det(B + μ B') = 0.
     Roots roots(const Vector& d) const {
         Matrix turned = Matrix::Zero(space->nd, space->nv);
         for (Eigen::Index i = 0; i < d.size(); ++i) turned += d[i] * rate[static_cast<std::size_t>(i)];
-        return reciprocal(eigenvalues(-times(turned, W)), 0.0, 1e-3);
+        return reciprocal(eigenvalues(-times(turned, W())), 0.0, 1e-3);
     }
 
     // First-order distance along the mode to the singular set, and the way in the chart.
@@ -111,7 +121,7 @@ struct Jet {
         if (space->m == 1) {  // by arc length: where y turns back the mode is not singular
             const double pace = J.norm();
             const Vector t = J.col(0) / pace;
-            const Matrix across = W - t * (t.transpose() * W);
+            const Matrix across = W() - t * (t.transpose() * W());
             const Roots mu = reciprocal(eigenvalues(-times(rate[0], across) / pace), 0.0, 1e-3);
             if (!mu.empty()) found.size = std::abs(nearest_of(mu));
             return found;
@@ -168,6 +178,7 @@ struct Jet {
     mutable bool known_nearest_ = false, known_ambient_ = false;
     mutable Distance nearest_;
     mutable Vector slope_;
+    mutable Matrix W_;
     mutable Smallest smallest_;
     mutable double ambient_ = FAR;
 };
@@ -186,9 +197,8 @@ inline JetPtr recharted(const JetPtr& jet, const Chart& C) {
         for (Eigen::Index j = 0; j < m; ++j) made->bend.col(i * m + j) = jet->bent(W.col(i), W.col(j));
     made->bend -= times(made->J, transposed_times(*C, made->bend));
     if (jet->solved) {
-        made->W = jet->W - times(made->J, transposed_times(*C, jet->W));
         for (Eigen::Index i = 0; i < m; ++i) {
-            Matrix rate = Matrix::Zero(jet->W.cols(), jet->x.size());
+            Matrix rate = Matrix::Zero(jet->closed.rows(), jet->x.size());
             for (Eigen::Index j = 0; j < m; ++j) rate += W(j, i) * jet->rate[static_cast<std::size_t>(j)];
             made->rate.push_back(rate);
         }
@@ -196,77 +206,99 @@ inline JetPtr recharted(const JetPtr& jet, const Chart& C) {
     return made;
 }
 
-// The jet at a closed x where K is regular, whose rows P are known: B = [P K; Cᵀ], J = B⁻¹ [0; I],
-// Γ = −B⁻¹ [P φ''[J, J]; 0].
-inline JetPtr jet_of(Space& space, const Vector& x, const Chart& C, const Matrix& K,
+// The jet at a closed x where K is regular, whose rows P K (nd, nv) the space has factorised: B = [P K; Cᵀ],
+// J = B⁻¹ [0; I], Γ = −B⁻¹ [P φ''[J, J]; 0].
+inline JetPtr jet_of(Space& space, const Vector& x, const Chart& C, const Matrix& rows,
                      std::shared_ptr<const Matrix> P) {
     const int nd = space.nd, m = space.m, nv = space.nv;
     auto made = std::make_shared<Jet>();
     made->space = &space, made->x = x, made->C = C, made->P = std::move(P), made->solved = true;
-    Matrix B(nv, nv);
-    B.topRows(nd) = determining(space, *made->P, K);
-    B.bottomRows(m) = C->transpose() * space.balance.asDiagonal();
-    const Matrix undone = space.balance.asDiagonal() * inverse(B);
-    if (!undone.allFinite()) throw Lost{};
-    made->J = undone.rightCols(m);
-    made->W = undone.leftCols(nd);
-    Matrix bend(nv, m * m), rates;
+    made->closed = rows * space.balance.asDiagonal();
+    made->J.setZero(nv, m);
+    for (int i = 0; i < m; ++i) {
+        made->J(nd + i, i) = 1.0;
+        space.lu.solve(made->J.col(i).data());
+    }
+    if (!made->J.allFinite()) throw Lost{};
+    Matrix rates;
     for (int i = 0; i < m; ++i) {
         space.second(x, made->J.col(i), rates);
         made->rate.push_back(determining(space, *made->P, rates));
-        bend.middleCols(i * m, m) = -times(made->W, times(made->rate.back(), made->J));
     }
-    made->bend.resize(nv, m * m);
+    made->bend.setZero(nv, m * m);
     for (int i = 0; i < m; ++i)
-        for (int j = 0; j < m; ++j)
-            made->bend.col(i * m + j) = 0.5 * (bend.col(i * m + j) + bend.col(j * m + i));
-    made->closed = B.topRows(nd);
+        for (int j = i; j < m; ++j) {
+            auto column = made->bend.col(i * m + j);
+            column.head(nd) = -0.5 * (made->rate[static_cast<std::size_t>(i)].lazyProduct(made->J.col(j)) +
+                                      made->rate[static_cast<std::size_t>(j)].lazyProduct(made->J.col(i)));
+            space.lu.solve(column.data());
+            if (i != j) made->bend.col(j * m + i) = column;
+        }
     return made;
 }
 
-// The same with P from the left vectors of K, or that of a point near to it where all rows are in P.
+// The same where nothing was factorised, with P from the left vectors of K, or given where all rows are in it.
 inline JetPtr jet_at(Space& space, const Vector& x, const Chart& C,
                      std::shared_ptr<const Matrix> P = nullptr) {
     Vector phi;
     Matrix K;
     space.linear(x, phi, K);
-    K = K * space.balance.asDiagonal();
     if (P == nullptr || space.rows != space.nd)
-        P = std::make_shared<Matrix>(left_vectors(K).leftCols(space.nd).transpose());
-    return jet_of(space, x, C, K, std::move(P));
+        P = std::make_shared<Matrix>(left_vectors(K * space.balance.asDiagonal()).leftCols(space.nd).transpose());
+    const Matrix rows = determining(space, *P, K);
+    space.factor(rows, *C);
+    return jet_of(space, x, C, rows, std::move(P));
 }
 
-// Newton on P φ = 0, Cᵀ x = y from the guess x (overwritten); returns the size of the first correction.
-inline double solve(Space& space, Vector& x, const Matrix& C, const Vector& y, const Matrix& P) {
-    constexpr double CONVERGED = 3e-15, STAGNANT = 1e-11;
-    constexpr int MAX_NEWTON = 12;
-    const int nd = space.nd, nv = space.nv;
-    double first = FAR, last = FAR, size = FAR;
-    Vector phi, right(nv);
-    Matrix K, B(nv, nv);
-    for (int iteration = 0; iteration < MAX_NEWTON; ++iteration) {
-        space.linear(x, phi, K);
-        B.topRows(nd) = determining(space, P, K);
-        B.bottomRows(space.m) = C.transpose();
-        right.head(nd) = space.rows == nd ? phi : Vector(P * phi);
-        right.tail(space.m) = C.transpose() * x - y;
-        const Vector dx = solution(B, right);
-        x -= dx;
-        size = dx.cwiseQuotient(space.balance).cwiseAbs().maxCoeff();  // rounding of φ turns short links far
-        if (!(size < 1e3) || !dx.allFinite()) throw Lost{};
-        if (iteration == 0) first = dx.cwiseAbs().maxCoeff();
-        if (size < CONVERGED || (size < STAGNANT && size > 0.3 * last)) return first;
-        last = size;
+// Newton on P φ = 0, Cᵀ x = y.
+struct Newton {
+    Vector x;
+    double first = FAR;  // the size of the first correction
+    Matrix rows;         // P K at x, which the space has factorised
+
+    Newton(Space& space, Vector guess, const Matrix& C, const Vector& y, const Matrix& P) : x(std::move(guess)) {
+        constexpr double CONVERGED = 3e-15, STAGNANT = 1e-11;
+        constexpr int MAX_NEWTON = 12;
+        const int nd = space.nd;
+        double size = FAR, last = FAR;
+        Vector phi, dx(space.nv);
+        for (int iteration = 0; iteration < MAX_NEWTON; ++iteration) {
+            linearise(space, C, P, phi);
+            dx.head(nd) = space.rows == nd ? phi : Vector(P * phi);
+            dx.tail(space.m) = C.transpose() * x - y;
+            space.lu.solve(dx.data());
+            size = dx.cwiseQuotient(space.balance).cwiseAbs().maxCoeff();  // rounding of φ turns short links far
+            if (!(size < 1e3) || !dx.allFinite()) throw Lost{};
+            if (iteration == 0) first = dx.cwiseAbs().maxCoeff();
+            if (size < CONVERGED) return;  // so that K need not be asked for again
+            x -= dx;
+            if (size < STAGNANT && size > 0.3 * last) break;
+            last = size;
+        }
+        if (!(size < 1e-9)) throw Lost{};
+        linearise(space, C, P, phi);
     }
-    if (size < 1e-9) return first;
-    throw Lost{};
-}
 
-// `solve` and the jet there.
+    // The jet there.
+    JetPtr jet(Space& space, const Chart& C, const std::shared_ptr<const Matrix>& P) const {
+        return space.rows == space.nd ? jet_of(space, x, C, rows, P) : jet_at(space, x, C);
+    }
+
+  private:
+    void linearise(Space& space, const Matrix& C, const Matrix& P, Vector& phi) {
+        space.linear(x, phi, K_);
+        rows = determining(space, P, K_);
+        space.factor(rows, C);
+    }
+
+    Matrix K_;
+};
+
+// Newton from a guess and the jet there.
 inline std::pair<JetPtr, double> solved(Space& space, Vector guess, const Chart& C, const Vector& y,
                                         const std::shared_ptr<const Matrix>& P) {
-    const double first = solve(space, guess, *C, y, *P);
-    return {jet_at(space, guess, C, P), first};
+    const Newton found(space, std::move(guess), *C, y, *P);
+    return {found.jet(space, C, P), found.first};
 }
 
 }  // namespace rg

@@ -112,7 +112,9 @@ class Reader {
         Vector phi;
         Matrix K;
         space.linear(made->x, phi, K);
-        return jet_of(space, made->x, made->C, K * space.balance.asDiagonal(), made->P);
+        const Matrix rows = determining(space, *made->P, K);
+        space.factor(rows, *made->C);
+        return jet_of(space, made->x, made->C, rows, made->P);
     }
 
   private:

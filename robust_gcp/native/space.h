@@ -10,6 +10,7 @@
 #include "abi.h"
 #include "chain.h"
 #include "closures.h"
+#include "lu.h"
 
 namespace rg {
 
@@ -30,13 +31,14 @@ class Space {
     const Vector D;        // q = D x
     const Vector balance;  // K · balance has columns of size one
     const Chart chart;  // that y is given in
+    Lu lu;  // of [P K; Cᵀ] where it was factorised last
 
     explicit Space(const Cluster& c)
         : nv(c.loops->nv), m(c.loops->m), nd(nv - m), rows(c.loops->rows), phi_size(c.phi_size),
           iq(c.iq, c.iq + nv), iv(c.iv, c.iv + nv), chosen(c.loops->independent, c.loops->independent + m),
           inputs(c.inputs, c.inputs + m), D(Eigen::Map<const Vector>(c.loops->scale, nv)),
           balance(Eigen::Map<const Vector>(c.balance, nv)),
-          chart(std::make_shared<Matrix>(picking(nv, chosen))), chain_(*c.loops), closures_(*c.loops, chain_, whole(*c.loops, chain_)),
+          chart(std::make_shared<Matrix>(picking(nv, chosen))), lu(nv), chain_(*c.loops), closures_(*c.loops, chain_, whole(*c.loops, chain_)),
           rotates_(c.rotates, c.rotates + nv), periodic_(c.periodic, c.periodic + nv),
           q_(nv), v_(nv), placed_(Vector::Constant(nv, std::nan(""))), rate_(closures_.entries.size() + 1) {}
 
@@ -56,6 +58,14 @@ class Space {
         chain_.move(chain_.all, v_.data());
         closures_.jacobian_rate(v_.data(), rate_.data());
         fill(rate_, rate);
+    }
+
+    // Factorises [P K; Cᵀ] for these rows P K (nd, nv).
+    void factor(const Matrix& rows, const Matrix& C) {
+        Eigen::Map<Matrix> B(lu.matrix(), nv, nv);
+        B.topRows(nd) = rows;
+        B.bottomRows(m) = C.transpose();
+        lu.factor();
     }
 
     // max |φ|.

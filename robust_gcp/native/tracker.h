@@ -134,15 +134,15 @@ class Tracker {
     // One continuation step; null where Newton left the mode.
     JetPtr step(const JetPtr& here, const Vector& step, const Vector& target, double size) {
         ++tally_->marching;
-        Vector x = here->predicted(step);
-        double first = 0.0;
+        std::optional<Newton> newton;
         try {
-            first = solve(*space_, x, *C, target, *here->P);
+            newton.emplace(*space_, here->predicted(step), *C, target, *here->P);
         } catch (const Lost&) {
             return nullptr;
         }
         ++tally_->svds;
-        JetPtr found = jet_at(*space_, x, C, here->P);
+        JetPtr found = newton->jet(*space_, C, here->P);
+        const double first = newton->first;
         // rounding of φ looks like a lost branch where K is poor
         const double allowed = CORRECTION * size + 1e-12;
         if (first <= allowed) return found;
