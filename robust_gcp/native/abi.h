@@ -153,7 +153,7 @@ struct Request {
     double power;             // in and out
     std::int32_t in_zone;     // whether the last accepted state is in a zone
     std::int32_t reason;
-    std::int32_t met;         // whether trackers have met bridges that nobody was told of
+    std::int32_t met;         // whether singular places may have been passed that nobody was told of
     std::int32_t plain;       // whether all was done and there is nothing to tell of it
 };
 

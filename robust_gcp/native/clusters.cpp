@@ -158,7 +158,7 @@ bool Clusters::at(Point& anchor, const double* origin, const double* y, const do
 
 bool Clusters::met() const {
     return some_ && std::any_of(inside_->trackers.begin(), inside_->trackers.end(), [](const Tracker& tracker) {
-        return !tracker.touched.empty() || tracker.touched_patch != nullptr;
+        return tracker.crossed || tracker.touched_patch != nullptr;
     });
 }
 

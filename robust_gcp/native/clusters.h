@@ -27,7 +27,7 @@ class Clusters {
     // Whether the kernel follows the clusters at all.
     bool some() const { return some_; }
     bool in_zone() const { return in_zone_; }
-    // Whether a bridge was met since the last step that was looked through.
+    // Whether a singular place may have been passed since the last step that was looked through.
     bool met() const;
     std::int64_t zone_evaluations = 0;
 

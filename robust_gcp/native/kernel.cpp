@@ -43,6 +43,10 @@ RG_EXPORT const double* rg_trackers(void* stepper, std::int64_t* count) {
 // Makes a start of a configuration and velocities, for rg_run.
 RG_EXPORT void rg_begin(void* stepper, rg::Request* request) { static_cast<rg::Solver*>(stepper)->set_out(*request); }
 
+RG_EXPORT void rg_follow_from(void* stepper, rg::Request* request) {
+    static_cast<rg::Solver*>(stepper)->set_out_from(*request);
+}
+
 RG_EXPORT void rg_follow(void* stepper, rg::Request* request) {
     static_cast<rg::Solver*>(stepper)->follow(*request);
 }

@@ -89,8 +89,8 @@ class Library:
         self.pull = library.rg_pull
         self.pull.argtypes = [c_void_p, c_int64, c_int64, c_int32, *4 * [c_void_p]]
         self.pull.restype = None
-        self.follow, self.tell = library.rg_follow, library.rg_tell
-        for function in (self.follow, self.tell):
+        self.follow_from, self.follow, self.tell = library.rg_follow_from, library.rg_follow, library.rg_tell
+        for function in (self.follow_from, self.follow, self.tell):
             function.argtypes, function.restype = [c_void_p, POINTER(Request)], None
         self.keep, self.forget, self.renew = library.rg_keep, library.rg_forget, library.rg_renew
         for function in (self.keep, self.forget, self.renew):

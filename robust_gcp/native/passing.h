@@ -81,6 +81,7 @@ class Reader {
         if (used >= 0) made.curve = made.bridges[static_cast<std::size_t>(used)];
         if (number() != 0.0) made.patch = std::make_shared<Patch>(Patch::read(*this, space));
         made.touched_patch = made.patch;
+        made.crossed = !touched.empty();
         for (const double at : touched) made.touched.push_back(made.bridges[static_cast<std::size_t>(at)]);
         return made;
     }

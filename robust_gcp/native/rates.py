@@ -90,7 +90,7 @@ class Rates:
 
     @property
     def plain(self) -> bool:
-        """Whether no bridge was met since they were forgotten, and no entry of J is large."""
+        """Whether no singular place was passed since they were forgotten, and no coordinate is outgrown."""
         return bool(self._request.plain)
 
     @property

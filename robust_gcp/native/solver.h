@@ -15,16 +15,19 @@ class Solver : public Stepper {
   public:
     explicit Solver(const Description& d) : Stepper(d), home_(d.nq) {}
 
+    // Goes on from `anchor` and x; what was met before was told of.
+    void set_out_from(Request& r) {
+        count_anew(r);
+        begin(r);
+        path.origin_of(*anchor_, home_.data());
+        origin_ = home_.data();
+        clusters.forget();
+        r.in_zone = r.met = r.plain = false;
+    }
+
     // ẋ at the state x and times[0]; NaN at one that is not finite, of a trial that a refusal has spoilt. From
     // the point evaluated last, or from the one that was kept where that is nearer.
     void follow(Request& r) {
-        if (r.beginning < ON) {
-            count_anew(r);
-            begin(r);
-            path.origin_of(*anchor_, home_.data());
-            origin_ = home_.data();
-            r.beginning = ON;
-        }
         r.reason = DONE;
         if (!std::all_of(r.x, r.x + n_, [](double number) { return std::isfinite(number); })) {
             std::fill(r.rate, r.rate + n_, std::numeric_limits<double>::quiet_NaN());

@@ -30,6 +30,7 @@ class Tracker {
     double u = 0.0;
     std::vector<CurvePtr> touched;  // since the list was emptied
     std::shared_ptr<Patch> touched_patch;
+    bool crossed = false;  // whether a root of a touched curve may lie between points since then
     double zone;
 
     Tracker(JetPtr at, const BridgeOptions& options, double zone, Tally& tally)
@@ -65,6 +66,7 @@ class Tracker {
     }
 
     void forget_touched() {
+        crossed = false;
         touched.clear();
         if (curve) touched.push_back(curve);
         touched_patch = patch;
@@ -82,13 +84,24 @@ class Tracker {
         const std::optional<double> found = curve->parameter(c, y, u);
         if (found && curve->contains(*found)) {
             touch(curve);
-            u = *found;
+            move_to(*found);
             return curve->jet(C, c, u);
         }
         const double side = found ? *found : curve->beyond(c, y, u);
+        move_to(side);
         anchor = recharted(curve->inner(side), C);
         curve = nullptr;
         return nullptr;
+    }
+
+    // Another place on the curve. What is near a root may be on its other side before a solver's step ends.
+    void move_to(double there) {
+        const CurveShape& shape = curve->shape();
+        const double margin = 1e-3 * (shape.right - shape.left);
+        const double low = std::min(u, there) - margin, high = std::max(u, there) + margin;
+        crossed = crossed || std::any_of(shape.roots.begin(), shape.roots.end(),
+                                         [=](double root) { return low <= root && root <= high; });
+        u = there;
     }
 
     // March towards y; null with a bridge in use where one is entered.

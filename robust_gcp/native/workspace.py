@@ -201,6 +201,7 @@ class Workspace:
         def told() -> Evaluation:
             return self._evaluation(self._layout.point(self._anchor, origin))
 
+        self._library.follow_from(self._handle, self._by_reference)
         told_by = told, self._handed.new
         raised = self._acting.raised
         return Rates(self._library, self._handle, r, self._by_reference, buffers, raised, *told_by)

@@ -72,7 +72,8 @@ def test_the_same_run(name: str, stepper: Any) -> None:
     ]
     found, wanted = runs
     assert found.stats.rhs == wanted.stats.rhs
-    assert found.stats.zone_evaluations == wanted.stats.zone_evaluations
+    # Python looks behind each step in a zone, the kernel behind those that may have passed something
+    assert 0.5 * wanted.stats.zone_evaluations <= found.stats.zone_evaluations <= wanted.stats.zone_evaluations
     require_same(found, wanted)
 
 
@@ -88,16 +89,16 @@ def require_same(found: rg.Trajectory, wanted: rg.Trajectory) -> None:
 
 @pytest.mark.parametrize("stepper", SOLVERS)
 def test_the_same_run_of_a_floating_base(stepper: Any) -> None:
-    """Two change-point four-bars on a free body that turns by more than one chart holds."""
+    """Two change-point four-bars on a free body that turns by more than one chart holds, in zones too."""
     base = pin.Inertia(3.0, np.array([0.1, -0.2, 0.3]), np.diag([0.6, 0.4, 0.5]))
     mech = families.four_bars([(4.0, 2.0, 3.0, 3.0)] * 2, (2.6, 2.65), floating=base)
-    v0 = mech.lift(mech.home, [0.3, 0.4, -0.2, 2.0, -2.5, 1.7, 3.0, 3.0])
+    v0 = mech.lift(mech.home, [0.3, 0.4, -0.2, 3.0, -0.5, 0.7, 3.0, 3.0])
     found, wanted = (
-        rg.simulate(mech, v0=v0, duration=0.5, step=0.05, stepper=stepper, backend=backend, **TIGHT)
+        rg.simulate(mech, v0=v0, duration=1.4, step=0.05, stepper=stepper, backend=backend, **TIGHT)
         for backend in ("native", "python")
     )
-    assert abs(found.stats.rhs - wanted.stats.rhs) <= 0.02 * wanted.stats.rhs
-    assert len(found.crossings) == 2
+    assert abs(found.stats.rhs - wanted.stats.rhs) <= 0.05 * wanted.stats.rhs
+    assert len(found.crossings) == 3
     require_same(found, wanted)
 
 
