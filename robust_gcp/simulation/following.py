@@ -122,7 +122,7 @@ class Following:
         if self._native is None or not isinstance(explicit, KernelMap) or not np.isfinite(now.ydd).all():
             return
         rest = map_of_rest(explicit)
-        if isinstance(rest, ClusterMap) and (rest.in_zone or rest.met):  # what was met is to be looked at first
+        if isinstance(rest, ClusterMap) and (rest.in_zone or rest.met):  # what was met is looked at first
             return
         watch = None if self._coordinates is None else self._coordinates.watch
         self._rates = self._native.rates(explicit, now, x, watch)
