@@ -13,6 +13,7 @@ namespace rg {
 
 // As in cluster_map.py and chart.py, where it says why.
 constexpr double ONE_TURN = 6.283185307179586, CHANGE = 0.35;
+constexpr double LOOK_AGAIN = 1.5;  // growth of σ
 
 // σ_min of the chosen rows of a tangent basis (nv, m).
 static double smallest(const Matrix& tangent, const std::vector<int>& chosen) {
@@ -58,6 +59,13 @@ struct Clusters::Inside {
         }
     }
 
+    // The smallest singular value of all clusters' K.
+    double least_sigma() const {
+        double least = FAR;
+        for (const Tracker& tracker : trackers) least = std::min(least, tracker.anchor->sigma());
+        return least;
+    }
+
     // q, G and g of the whole from the clusters' points.
     void product(const std::vector<JetPtr>& jets, const Layout& l, const double* y, const double* ydot,
                  Point& point) const {
@@ -101,6 +109,7 @@ struct Clusters::Inside {
     std::vector<Tracker> trackers;
     BridgeOptions options;
     Tally tally;
+    double looked = 0.0;  // `least_sigma` where Python looked for other rows of K last
     std::vector<double> home;
     std::vector<int> free, independent, independent_q;
 };
@@ -143,7 +152,8 @@ bool Clusters::at(Point& anchor, const double* origin, const double* y, const do
                 in_zone_ = false;
                 return true;
             }
-            if (path_.redundant) return false;  // other rows may serve
+            // other rows may serve; where Python found none, as long as K is not much better conditioned
+            if (path_.redundant && in.least_sigma() > LOOK_AGAIN * in.looked) return false;
             compose();
         }
         ++zone_evaluations;
@@ -187,6 +197,7 @@ void Clusters::passed(const Step& step, std::vector<double>& log) {
 
 void Clusters::enter(Point& anchor) {
     inside_->enter(anchor);
+    inside_->looked = 0.0;
     in_zone_ = true;
 }
 
@@ -212,6 +223,7 @@ void Clusters::read(const double* numbers) {
     Reader reader(numbers, in.options, in.tally);
     in.trackers.clear();
     for (const auto& space : in.spaces) in.trackers.push_back(reader.tracker(*space));
+    in.looked = in.least_sigma();
     in_zone_ = true;
 }
 
