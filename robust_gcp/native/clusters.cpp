@@ -143,7 +143,7 @@ bool Clusters::at(Point& anchor, const double* origin, const double* y, const do
         }
         const auto compose = [&] {
             in.product(jets, path_.layout, y, ydot, point);
-            path_.place_groups(origin, point);
+            path_.groups.place(origin, point);
         };
         compose();
         if (!bridged) {

@@ -9,6 +9,7 @@
 
 #include "certifying.h"
 #include "curve.h"
+#include "newton.h"
 
 namespace rg {
 

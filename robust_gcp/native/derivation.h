@@ -177,7 +177,7 @@ class Derivation {
             }
             if (!adjoint_.chart(*anchor, number, stage)) return CHART;
             std::copy(anchor->ydot(), anchor->ydot() + m_, rate_.begin());
-            path_.rate_on_groups(*anchor, rate_.data());
+            path_.groups.rate(*anchor, rate_.data());
             std::copy(motion_.ydd.begin(), motion_.ydd.end(), rate_.begin() + m_);
             for (int k = 0; k < 2 * m_; ++k) sum_[k] += Adjoint::WEIGHT[stage] * rate_[k];
         }

@@ -248,7 +248,7 @@ class Displacements {
 
     // The axes of the path's chain, in which a part's root may be held still.
     Axes turned(const Part& part, const Chain& chain) const {
-        if (!path_.on_groups || part.root == 0) return {};
+        if (!path_.groups.some() || part.root == 0) return {};
         const Axes &here = chain.axes[part.root], &held = path_.chain.axes[part.root];
         return {here.turn(held.local({1.0, 0.0, 0.0})), here.turn(held.local({0.0, 1.0, 0.0})),
                 here.turn(held.local({0.0, 0.0, 1.0}))};

@@ -60,7 +60,7 @@ class Motion {
     }
 
   private:
-    bool by_virtual_power() const { return path_.layout.m == 1 && !path_.on_groups; }
+    bool by_virtual_power() const { return path_.layout.m == 1 && !path_.groups.some(); }
 
     Reason act(double t, const Chain& chain, Point& point, const Request& r) {
         power = 0.0;

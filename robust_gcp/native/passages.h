@@ -87,10 +87,10 @@ inline void between(const Path& path, const Step& step, double t, double* q) {
     path.acceleration(b, step.ydd1, a1.data());
     for (const Part& part : path.parts.list) {
         if (part.on_group) {
-            const Body& body = path.chain.bodies[part.joints[0]];
+            const Body& body = path.groups.body(part);
             const int first = body.first;
             double w[6], rate[6], bend[6];
-            for (int i = 0; i < body.count; ++i) w[i] = b.y()[path.input(first + i)];
+            path.groups.take(body, b.y(), w);
             rate_in_chart(body.kind, w, v1.data() + first, rate);
             bend_in_chart(body.kind, w, rate, v1.data() + first, a1.data() + first, bend);
             for (int i = 0; i < body.count; ++i)

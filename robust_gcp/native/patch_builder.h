@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "newton.h"
 #include "patch.h"
 
 namespace rg {

@@ -14,6 +14,7 @@
 #include "groups.h"
 #include "loops.h"
 #include "modes.h"
+#include "on_groups.h"
 #include "parts.h"
 #include "point.h"
 #include "rigid_bodies.h"
@@ -29,7 +30,8 @@ class Path {
     const Parts parts;
     RigidBodies rigid;
     const Layout layout;
-    const bool on_groups, charted;  // whether any part is
+    const OnGroups groups;
+    const bool charted;  // whether any part is
     const bool numbered;  // whether joints that are not on groups have one number each
     const bool redundant;  // whether rows of φ are left over
     std::int64_t newton_iterations = 0, evaluations = 0;
@@ -42,7 +44,7 @@ class Path {
           parts(d, chain, standing),
           rigid(d),
           layout(d),
-          on_groups(std::any_of(parts.list.begin(), parts.list.end(), [](const Part& p) { return p.on_group; })),
+          groups(d, chain, parts),
           charted(std::any_of(parts.list.begin(), parts.list.end(), [](const Part& p) { return p.charted; })),
           numbered(std::all_of(parts.list.begin(), parts.list.end(), [this](const Part& p) {
               return p.on_group || std::all_of(p.joints.begin(), p.joints.end(), [this](int j) {
@@ -52,12 +54,10 @@ class Path {
           redundant(d.redundant != 0),
           independent_(d.independent, d.independent + d.m),
           independent_q_(d.independent_q, d.independent_q + d.m),
-          input_(d.nv, -1),
           size_(d.size, d.size + d.nv),
           turn_(d.turn, d.turn + d.nv),
           scratch_(d),
           v_(d.nv) {
-        for (int k = 0; k < d.m; ++k) input_[independent_[k]] = k;
         for (std::size_t i = 0; i < parts.list.size(); ++i) {
             const Part& part = parts.list[i];
             for (int j : part.joints) chain.bodies[j].held = part.on_group;
@@ -74,7 +74,7 @@ class Path {
         for (std::size_t i = 0; i < loops_.size(); ++i) {
             const Part& part = parts.list[i];
             if (part.on_group)
-                on_group(part, origin, point);
+                groups.place(part, origin, point);
             else
                 predict(part, anchor, point);
         }
@@ -120,25 +120,6 @@ class Path {
                 worst = std::max(worst, std::fabs(sum * turn_[i]));
             }
         return worst;
-    }
-
-    // Joints on groups at origin ⊕ w, see `step`.
-    void place_groups(const double* origin, Point& point) const {
-        if (!on_groups) return;
-        for (const Part& part : parts.list)
-            if (part.on_group) on_group(part, origin, point);
-    }
-
-    // Their numbers in q where the chart that a point lies in has its origin, the other ones as they are.
-    void origin_of(Point& point, double* q) const {
-        double w[6];
-        std::copy(point.q(), point.q() + layout.nq, q);
-        for (const Part& part : parts.list) {
-            if (!part.on_group) continue;
-            const Body& b = chain.bodies[part.joints[0]];
-            for (int i = 0; i < b.count; ++i) w[i] = -point.y()[input_[b.first + i]];
-            integrate_joint(b.kind, q + b.q, w, q + b.q);
-        }
     }
 
     // Largest dimensionless difference of q from that of a point which has the same joints on groups; the
@@ -197,28 +178,11 @@ class Path {
         for (int i = 0; i < layout.nv; ++i) a[i] += point.g()[i];
     }
 
-    // ẏ of joints on groups, whose y is w in a chart; of others it is u.
-    void rate_on_groups(Point& point, double* rate) const {
-        double w[6], u[6], turned[6];
-        for (const Part& part : parts.list) {
-            if (!part.on_group) continue;
-            const Body& b = chain.bodies[part.joints[0]];
-            for (int i = 0; i < b.count; ++i) {
-                w[i] = point.y()[input_[b.first + i]];
-                u[i] = point.ydot()[input_[b.first + i]];
-            }
-            rate_in_chart(b.kind, w, u, turned);
-            for (int i = 0; i < b.count; ++i) rate[input_[b.first + i]] = turned[i];
-        }
-    }
-
     // Whether a part was put on a series that its mode follows.
     bool on_mode(std::size_t part) const { return modes != nullptr && modes->used(part) != nullptr; }
 
     // Those of a part; none where nothing is tied.
     Loops* loops(std::size_t part) const { return loops_[part].get(); }
-    // Where an independent velocity is in y.
-    int input(int velocity) const { return input_[velocity]; }
     // What a correction of a velocity is multiplied by.
     double scale(int velocity) const { return scratch_.scale[velocity]; }
 
@@ -230,13 +194,6 @@ class Path {
             v[i] = 0.0;
             for (int k : part.inputs) v[i] += G[i * m + k] * u[k];
         }
-    }
-
-    void on_group(const Part& part, const double* origin, Point& point) const {
-        double w[6];
-        const Body& b = chain.bodies[part.joints[0]];
-        for (int i = 0; i < b.count; ++i) w[i] = point.y()[input_[b.first + i]];
-        integrate_joint(b.kind, origin + b.q, w, point.q() + b.q);
     }
 
     void predict(const Part& part, Point& anchor, Point& point) {
@@ -310,7 +267,6 @@ class Path {
 
     std::vector<std::unique_ptr<Loops>> loops_;  // by part; none where nothing is tied
     std::vector<int> independent_, independent_q_;
-    std::vector<int> input_;  // by velocity, −1 where it is dependent
     Cells<double> size_, turn_;
     Scratch scratch_;  // of all loops, in turn
     Cells<double> v_;

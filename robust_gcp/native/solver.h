@@ -19,7 +19,7 @@ class Solver : public Stepper {
     void set_out_from(Request& r) {
         count_anew(r);
         begin(r);
-        path.origin_of(*anchor_, home_.data());
+        path.groups.origin_of(*anchor_, path.layout.nq, home_.data());
         origin_ = home_.data();
         clusters.forget();
         r.in_zone = r.met = r.plain = false;

@@ -212,7 +212,7 @@ class alignas(CACHE_LINE) Stepper {
     void rate(Point& point, Cells<double>& rate) {
         const int m = path.layout.m;
         std::copy(point.ydot(), point.ydot() + m, rate.begin());
-        path.rate_on_groups(point, rate.data());
+        path.groups.rate(point, rate.data());
         std::copy(motion_.ydd.begin(), motion_.ydd.end(), rate.begin() + m);
         if (works_) rate[2 * m] = motion_.power;
     }

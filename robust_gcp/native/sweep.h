@@ -24,7 +24,7 @@ class Sweep {
     Sweep(const Description& d, Path& path)
         : path_(path), parts_(path.parts.list), armature_(d.armature, d.armature + d.nv) {
         const std::size_t n = path.chain.bodies.size();
-        if (path.on_groups) {
+        if (path.groups.some()) {
             world_.reset(new Chain(path.chain));
             for (Body& b : world_->bodies) b.held = false;
         }

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "curve_builder.h"
+#include "newton.h"
 
 namespace rg {
 
