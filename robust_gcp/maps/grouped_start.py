@@ -41,7 +41,7 @@ class GroupStart(Start):
 
     def afresh(self) -> GroupStart:
         """See `Start.afresh`."""
-        return _started(self.groups, self.rest.afresh(), self.first)
+        return start_on_groups(self.groups, self.rest.afresh(), self.first)
 
 
 def begin_motion(
@@ -78,10 +78,11 @@ def begin_on_groups(
     y = np.zeros(mechanism.m)
     y[groups.rest_inputs] = rest.point.y
     point = joined(groups, rest.point, q[groups.iq], y, u)
-    return _started(groups, rest, point)
+    return start_on_groups(groups, rest, point)
 
 
-def _started(groups: Groups, rest: Start, first: GroupPoint) -> GroupStart:
+def start_on_groups(groups: Groups, rest: Start, first: GroupPoint) -> GroupStart:
+    """The start of the whole from that of the rest and the first point, both checked."""
     return GroupStart(rest.path, first, first.ydot, rest.trackers, groups=groups, rest=rest, first=first)
 
 

@@ -13,7 +13,9 @@ from ..dynamics.motion import Drive
 from ..dynamics.problem import Problem, over, set_out
 from ..errors import BranchError
 from ..maps.choice import MapChoice
-from ..maps.point import Counters
+from ..maps.grouped import GroupPoint
+from ..maps.grouped_start import start_on_groups
+from ..maps.point import Counters, Point
 from ..maps.regular_path import RegularPath
 from ..maps.start import Start
 from ..maps.start_check import require_finite_energy
@@ -27,11 +29,20 @@ from .turned_start import set_out_well
 
 
 def is_plain(mechanism: Mechanism) -> bool:
-    """Whether the rows of each cluster are as many as its dependent velocities, and y are numbers in q."""
-    determined = mechanism.nc == len(mechanism.iv_dependent)
-    determined = determined and all(c.loops.nc == len(c.iv) - c.m for c in mechanism.clusters)
-    numbers = len(mechanism.numbers) == mechanism.m and groups_of(mechanism) is None
-    return determined and numbers and mechanism.m > 0
+    """Whether the rows of each cluster are as many as its dependent velocities, and y are numbers in q.
+
+    But for joints on groups, such as a floating base.
+    """
+    rest = _rest_of(mechanism)
+    determined = rest.nc == len(rest.iv_dependent)
+    determined = determined and all(c.loops.nc == len(c.iv) - c.m for c in rest.clusters)
+    return determined and len(rest.numbers) == rest.m and mechanism.m > 0
+
+
+def _rest_of(mechanism: Mechanism) -> Mechanism:
+    """Without joints on groups."""
+    groups = groups_of(mechanism)
+    return mechanism if groups is None else groups.rest
 
 
 def closed_by_kernel(
@@ -87,7 +98,8 @@ def _plain(
     q = mechanism.home if q0 is None else mechanism.configuration(q0, "q0")
     v = mechanism.tree.zero if v0 is None else mechanism.velocity(v0, "v0")
     require_finite_energy(mechanism, v)
-    path = RegularPath(mechanism, np.arange(mechanism.nc), counters)
+    rest = _rest_of(mechanism)
+    path = RegularPath(rest, np.arange(rest.nc), counters)
     workspace = native.prepare(mechanism, path)
     if workspace is None:
         return None
@@ -95,8 +107,17 @@ def _plain(
     if begun is None:
         return None
     _, now = begun
-    motion = over(Start(path, now.point, now.point.ydot), torque, choice)
+    motion = over(_start_at(mechanism, path, now.point), torque, choice)
     return motion if native.asks else replace(motion, first=now)
+
+
+def _start_at(mechanism: Mechanism, path: RegularPath, point: Point) -> Start:
+    """At a point on regular ground."""
+    groups = groups_of(mechanism)
+    if groups is None:
+        return Start(path, point, point.ydot)
+    assert isinstance(point, GroupPoint)
+    return start_on_groups(groups, Start(path, point.rest, point.rest.ydot), point)
 
 
 def started(

@@ -177,6 +177,8 @@ def constants(header: str) -> dict[str, float]:
         ("path.h", ["maps.regular_path", "maps.march", "maps.cluster.ground"]),
         ("loops.h", ["maps.regular_path", "maps.march"]),
         ("jet.h", ["maps.cluster.jet"]),
+        ("newton.h", ["maps.cluster.jet"]),
+        ("solver.h", ["maps.explicit"]),
         ("singular.h", ["maps.cluster.obstacles", "maps.cluster.place"]),
         ("curve.h", ["maps.cluster.curve"]),
         ("curve_builder.h", ["maps.cluster.curve_builder"]),
@@ -186,10 +188,13 @@ def constants(header: str) -> dict[str, float]:
     ],
 )
 def test_constants_of_the_kernel_are_those_of_python(header: str, homes: list[str]) -> None:
+    own = {"LOOK_AGAIN"}  # of the kernel, which asks Python there
     modules = [importlib.import_module(f"robust_gcp.{home}") for home in homes]
     found = constants(header)
     assert found
     for name, value in found.items():
+        if name in own:
+            continue
         owners = [module for module in modules if hasattr(module, name)]
         assert owners, name
         assert [float(getattr(owner, name)) for owner in owners] == [value] * len(owners), name
