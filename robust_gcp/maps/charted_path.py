@@ -49,6 +49,17 @@ class ChartedPath(RegularPath):
         closed = self.close(q, contracting, origin)
         return None if closed is None else self.derivatives(closed, y, ydot, origin)
 
+    def predict(self, anchor: Point, y: Array) -> tuple[Array, Array]:
+        """See `RegularPath.predict`; G Δy is turned into the chart to the first order in w."""
+        charts = self.charts
+        assert anchor.origin is not None
+        w = charts.apart(anchor.origin, anchor.q[charts.iq])
+        delta = (y - anchor.y)[charts.inputs]
+        led = charts.rate(anchor.origin, w, anchor.G[charts.iv] @ (y - anchor.y))[charts.own]
+        aim = y.copy()
+        aim[charts.inputs] += delta - led
+        return super().predict(anchor, aim)
+
     def rate(self, point: Point) -> Array:
         """ẏ at a point: u for numbers in q, dexp⁻¹(w) v of the joints in charts."""
         charts, rate = self.charts, point.ydot.copy()

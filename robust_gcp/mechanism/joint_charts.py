@@ -43,6 +43,7 @@ class JointCharts:
         self.model = pin.Model()
         for joint in joints:
             self.model.addJoint(0, model.joints[joint.index], pin.SE3.Identity(), joint.name)
+        self._planar = any("JointModelPlanar" in joint.shortname() for joint in list(self.model.joints)[1:])
         self.iq = places([(j.idx_q, j.nq) for j in joints])
         self.iv = places([(j.idx_v, j.nv) for j in joints])
 
@@ -52,7 +53,10 @@ class JointCharts:
 
     def apart(self, origin: Array, q: Array) -> Array:
         """w with q = origin ⊕ w."""
-        return np.asarray(pin.difference(self.model, origin, q))
+        w = np.asarray(pin.difference(self.model, origin, q))
+        if self._planar:  # Pinocchio's logarithm of SE(2) errs by 5e-11, less where it is small
+            w += pin.difference(self.model, self.place(origin, w), q)
+        return w
 
     def turn(self, origin: Array, w: Array) -> Array:
         """D = dexp(w): origin ⊕ w moves with the velocity D ẇ in its own axes."""

@@ -6,7 +6,7 @@
 
 namespace rg {
 
-constexpr std::int32_t VERSION = 9;
+constexpr std::int32_t VERSION = 10;
 
 enum Reason : std::int32_t {
     DONE = 0,
@@ -133,6 +133,7 @@ struct Request {
     double* x;                // state, in and out
     double* rate;             // its rate, out; n numbers as in x, or null
     double* anchor;           // point at the state, in and out
+    const double* origin;     // (nq,): where a solver's charts have theirs
     double* ydd;              // (m,), in and out
     double* tau;              // (nv,), in and out
     double* safe;             // out: point, state of the last well-conditioned output

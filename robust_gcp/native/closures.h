@@ -144,6 +144,27 @@ class Closures {
         }
     }
 
+    // After `jacobian`: the columns of a joint's velocities by other rates of its own, with which the velocities are
+    // D times these (count, count), by columns.
+    void recombine(int first, int count, const double* D) {
+        std::size_t at = 0;
+        for (const Loop& loop : loops_) {
+            const std::size_t rows = loop.rows;
+            for (const Lever& lever : loop.levers) {
+                for (std::size_t i = 0; lever.v == first && i < rows; ++i) {
+                    double own[6];
+                    for (int c = 0; c < count; ++c) own[c] = values[at + c * rows + i] / entries[at + c * rows + i].scale;
+                    for (int c = 0; c < count; ++c) {
+                        double sum = 0.0;
+                        for (int a = 0; a < count; ++a) sum += own[a] * D[c * count + a];
+                        values[at + c * rows + i] = entries[at + c * rows + i].scale * sum;
+                    }
+                }
+                at += rows;
+            }
+        }
+    }
+
     // k = −K̇ v after the chain's `move` with v.
     void bias(const double* v) {
         couplings_.bias(v, k.data());

@@ -148,7 +148,7 @@ bool Clusters::at(Point& anchor, const double* origin, const double* y, const do
         compose();
         if (!bridged) {
             const std::vector<double> q(point.q(), point.q() + path_.layout.nq);
-            if (path_.settle(point) && point.conditioning() >= zone && path_.apart(q.data(), point) < SAME_PLACE) {
+            if (path_.settle(point, origin) && point.conditioning() >= zone && path_.apart(q.data(), point) < SAME_PLACE) {
                 in_zone_ = false;
                 return true;
             }

@@ -101,7 +101,7 @@ class Derivation {
             point.y()[k] = independent_q_[k] < 0 ? 0.0 : q[independent_q_[k]];
         }
         point.distance = point.turn = 0.0;
-        if (!path_.settle(point)) return NEWTON;
+        if (!path_.settle(point, q)) return NEWTON;
         if (!(point.conditioning() >= s.zone)) return ZONE;
         if (!(apart(s, i, point) <= s.close)) return BRANCH;
         return DONE;

@@ -89,7 +89,7 @@ class Derivation:
         path = set_out(mechanism, q).explicit.path
         self._left_over = mechanism.nc > path.nd
         self._turns = any(row.axis == ROTATION for row in rows_of(mechanism.loops))
-        description = describe(mechanism, path, False, standing=True)
+        description = describe(mechanism, path, False)
         why = ctypes.create_string_buffer(200)
         self._handle: int | None = library.derive(ctypes.byref(description.structure), why, len(why))
         if not self._handle:

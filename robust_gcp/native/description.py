@@ -24,7 +24,7 @@ class NotNativeError(Exception):
     """The kernel cannot take this mechanism; the message says why."""
 
 
-def describe(mechanism: Mechanism, path: RegularPath, works: bool, standing: bool = False) -> Arrays:
+def describe(mechanism: Mechanism, path: RegularPath, works: bool) -> Arrays:
     """The kernel's `Description`; kept for each mechanism and choice of rows.
 
     Parameters
@@ -33,16 +33,12 @@ def describe(mechanism: Mechanism, path: RegularPath, works: bool, standing: boo
         Of the mechanism, or of what is left of it without joints on groups.
     works : bool
         Whether the state ends with the work done.
-    standing : bool
-        For states that are given, and no steps: single velocities of balls in loops may be independent.
 
     Raises
     ------
     NotNativeError
         For a joint that the kernel does not know.
     """
-    if mechanism.chart_joints and not standing:
-        raise NotNativeError(f"joint {mechanism.chart_joints[0].name!r} is independent on a group, in a loop")
     key = ("description for the kernel", works, *path.rows.tolist())
     return mechanism.memo.once(key, lambda: _described(mechanism, path, works))
 

@@ -152,4 +152,50 @@ inline void integrate_joint(int kind, const double* q, const double* w, double* 
     turn_quaternion(q + 3, turn, moved + 3);
 }
 
+// w for which the unit quaternion q exp(w) is another, up to its sign.
+inline Vec quaternion_difference(const double* q, const double* other) {
+    const Vec a{q[0], q[1], q[2]}, b{other[0], other[1], other[2]};
+    Vec d = q[3] * b - other[3] * a - cross(a, b);
+    double c = q[3] * other[3] + dot(a, b);
+    if (c < 0.0) {
+        d = -1.0 * d;
+        c = -c;
+    }
+    const double s = std::sqrt(dot(d, d));
+    return (s > 0.0 ? 2.0 * std::atan2(s, c) / s : 2.0) * d;
+}
+
+// w of one joint with q ⊕ w = another q.
+inline void joint_difference(int kind, const double* q, const double* other, double* w) {
+    const auto turn_of_circle = [&](int at) {
+        const double x = q[at], y = q[at + 1], c = other[at], s = other[at + 1];
+        return std::atan2(x * s - y * c, x * c + y * s);
+    };
+    Twist apart;
+    switch (kind) {
+        case HINGE:
+        case SLIDE: w[0] = other[0] - q[0]; return;
+        case UNBOUNDED_HINGE: w[0] = turn_of_circle(0); return;
+        case TRANSLATION:
+            for (int i = 0; i < 3; ++i) w[i] = other[i] - q[i];
+            return;
+        case SPHERICAL: apart.angular = quaternion_difference(q, other); return entries_of(kind, apart, w);
+        default: break;
+    }
+    const double x = other[0] - q[0], y = other[1] - q[1];
+    Vec slide;
+    if (kind == PLANAR) {
+        apart.angular.z = turn_of_circle(2);
+        slide = {q[2] * x + q[3] * y, q[2] * y - q[3] * x, 0.0};
+    } else {
+        const Axes axes = axes_of_quaternion(q + 3);
+        const Vec there{x, y, other[2] - q[2]};
+        apart.angular = quaternion_difference(q + 3, other + 3);
+        slide = {dot(axes.x, there), dot(axes.y, there), dot(axes.z, there)};
+    }
+    // the slide that turning with it makes of it, which `integrate_joint` has
+    apart.linear = velocity_in_chart({{}, -1.0 * apart.angular}, {slide, {}}).linear;
+    entries_of(kind, apart, w);
+}
+
 }  // namespace rg

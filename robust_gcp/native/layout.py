@@ -6,10 +6,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..maps.grouped import taken_apart
+from ..maps.grouped import GroupPoint, taken_apart
 from ..maps.point import Point
 from ..maps.regular_path import RegularPath
 from ..mechanism.groups import Groups
+from ..mechanism.joint_charts import loop_charts
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 
@@ -35,6 +36,7 @@ class Layout:
 
     def __init__(self, mechanism: Mechanism, path: RegularPath, groups: Groups | None) -> None:
         self._groups, self._nv, self._m = groups, mechanism.nv, mechanism.m
+        self._charts = loop_charts(path.mechanism)
         self._looped = bool(path.blocks)
         nv, m, blocks = self._nv, self._m, len(path.blocks)
         widths = [m, m, mechanism.nq, nv * m, nv, nv if m == 1 else 0, blocks, blocks, 1]
@@ -54,8 +56,18 @@ class Layout:
             into[det], into[rcond] = point.det, point.rcond
         into[worst] = point.conditioning
 
-    def point(self, packed: Array, origin: Array | None = None) -> Point:
-        """The point at the front of these numbers, in a chart of joints on groups about q or this origin."""
+    def origin(self, point: Point) -> Array:
+        """q where a point's charts have their origins, (nq,); other joints as they are."""
+        q, groups = point.q.copy(), self._groups
+        if groups is not None:
+            q[groups.iq] = point.origin
+        if self._charts is not None:
+            iq = self._charts.iq if groups is None else groups.rest_iq[self._charts.iq]
+            q[iq] = _rest_of(point).origin
+        return q
+
+    def point(self, packed: Array, like: Point | None = None) -> Point:
+        """The point at the front of these numbers, in charts about q, or in those of another point."""
         flat = packed[: self.size].copy()
         y, ydot, q, G, g, bend, det, rcond, _ = self._slices
         one = np.ones(0)
@@ -70,4 +82,13 @@ class Layout:
             flat[rcond] if self._looped else one,
             float(flat[-1]),
         )
-        return point if self._groups is None else taken_apart(self._groups, point, origin)
+        if self._groups is not None:
+            point = taken_apart(self._groups, point, None if like is None else like.origin)
+        if self._charts is not None:
+            rest = _rest_of(point)
+            rest.origin = rest.q[self._charts.iq] if like is None else _rest_of(like).origin
+        return point
+
+
+def _rest_of(point: Point) -> Point:
+    return point.rest if isinstance(point, GroupPoint) else point

@@ -11,6 +11,7 @@
 #include "blocks.h"
 #include "cells.h"
 #include "chain.h"
+#include "charts.h"
 #include "closures.h"
 #include "groups.h"
 #include "parts.h"
@@ -34,12 +35,14 @@ class Loops {
   public:
     Closures closures;
     Blocks blocks;  // refers to `closures`
+    Charts charts;
     std::vector<int> dependent;
     std::int64_t iterations = 0, evaluations = 0;  // of the last `close`
 
     Loops(const Description& d, Chain& chain, const Parts& parts, int number, Scratch& scratch)
         : closures(d, chain, parts.list[number]),
           blocks(d, closures, parts, number),
+          charts(d, chain, parts.list[number]),
           part_(parts.list[number]),
           chain_(chain),
           scratch_(scratch),
@@ -52,14 +55,16 @@ class Loops {
         }
     }
 
-    // Newton on the dependent joints; leaves the chain placed and K evaluated at the result.
-    bool close(Point& point) {
+    // Newton on the dependent joints; leaves the chain placed and K evaluated at the result. `origin` is a whole q
+    // about which charts are.
+    bool close(Point& point, const double* origin) {
         double* q = point.q();
         double* step = scratch_.step.data();
         double* u = scratch_.u.data();
         const double infinite = std::numeric_limits<double>::infinity();
         double last_size = infinite, last_length = infinite;
         iterations = evaluations = 0;
+        charts.begin(origin, point.y(), q);
         for (int iteration = 0; iteration < MAX_NEWTON; ++iteration) {
             if (iteration == 0)
                 chain_.place(part_.joints, q);
@@ -70,6 +75,7 @@ class Loops {
             if (!std::isfinite(size)) return false;
             closures.jacobian();
             if (size <= CONVERGED || (size <= STAGNANT && size >= 0.25 * last_size)) return true;
+            charts.turn(closures);
             blocks.factor();
             const double length = blocks.solve(closures.phi.data(), u);
             if (iteration == 0)
@@ -79,6 +85,7 @@ class Loops {
             last_size = size;
             last_length = length;
             correct(q, step, u);
+            charts.move(origin, step, q);
             ++iterations;
         }
         return false;

@@ -34,18 +34,6 @@ class OnGroups {
         for (const Part* part : parts_) place(*part, origin, point);
     }
 
-    // q where the chart that a point lies in has its origin; other joints as they are.
-    void origin_of(Point& point, int nq, double* q) const {
-        std::copy(point.q(), point.q() + nq, q);
-        for (const Part* part : parts_) {
-            const Body& b = body(*part);
-            double w[6];
-            take(b, point.y(), w);
-            for (int i = 0; i < b.count; ++i) w[i] = -w[i];
-            integrate_joint(b.kind, q + b.q, w, q + b.q);
-        }
-    }
-
     // Their ẏ, into that of all; of other joints it is u.
     void rate(Point& point, double* rate) const {
         double w[6], u[6], turned[6];

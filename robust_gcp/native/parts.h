@@ -20,7 +20,7 @@ struct Part {
     int first = 0;                // where its inputs begin when those of all parts are put in a row
     int carrier = -1;             // the part of the root, −1 for the ground
     bool on_group = false;        // a joint whose velocities are inputs and no rates of numbers in q
-    bool charted = false;         // some of its inputs are such velocities, of joints among others
+    bool charted = false;         // some of its inputs are such velocities, of joints among others: see charts.h
 
     bool tied() const { return !closures.empty() || !couplings.empty(); }
     int count() const { return static_cast<int>(inputs.size()); }
@@ -28,8 +28,8 @@ struct Part {
 
 // Parts, carriers first. Joints of a closure lie on its two paths below their lowest common ancestor; parts
 // that share a joint are one, and so are those between which couplings would leave a part with two roots: an
-// exception where that takes a joint on a group in, which the steps know as a part of its own alone; `standing`
-// where there are no steps.
+// exception where that takes a joint on a group in among clusters with zones of their own; `standing` where there
+// are no steps.
 class Parts {
   public:
     std::vector<Part> list;
@@ -82,7 +82,7 @@ class Parts {
             part.first = first;
             first += part.count();
             if (!part.on_group || part.joints.size() == 1) continue;
-            if (!standing) throw std::invalid_argument("joints are coupled across a ball or a floating joint");
+            if (!standing && d.clusters > 0) throw std::invalid_argument("joints are coupled across a ball or a floating joint");
             part.on_group = false;
             part.charted = true;
         }

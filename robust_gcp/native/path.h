@@ -65,8 +65,8 @@ class Path {
         }
     }
 
-    // The point at y from the anchor in one predicted step. Joints on groups are at origin ⊕ w, where
-    // `origin` is a whole q and y has w for them.
+    // The point at y from the anchor in one predicted step. Joints on groups, and charts in loops, are at
+    // origin ⊕ w, where `origin` is a whole q and y has w for them.
     Reason step(Point& anchor, const double* origin, const double* y, const double* ydot, Point& point) {
         std::copy(y, y + layout.m, point.y());
         std::copy(ydot, ydot + layout.m, point.ydot());
@@ -76,15 +76,15 @@ class Path {
             if (part.on_group)
                 groups.place(part, origin, point);
             else
-                predict(part, anchor, point);
+                predict(part, anchor, loops_[i] ? loops_[i]->charts.aim(origin, anchor, y) : y, point);
         }
-        if (!settle(point)) return NEWTON;
+        if (!settle(point, origin)) return NEWTON;
         if (!(point.correction > 0.0)) point.distance = point.turn = 0.0;
         return DONE;
     }
 
-    // The point that Newton finds from its own q, y and u; false where it is lost.
-    bool settle(Point& point) {
+    // The point that Newton finds from its own q, y and u; false where it is lost. `origin` is another array than q.
+    bool settle(Point& point, const double* origin) {
         std::int64_t iterations = 0, looked = 0;
         point.correction = 0.0;
         point.conditioning() = 1.0;
@@ -99,7 +99,7 @@ class Path {
                 point.by_modes = true;
                 continue;
             }
-            if (!loops_[i]->close(point)) return false;
+            if (!loops_[i]->close(point, origin)) return false;
             iterations = std::max(iterations, loops_[i]->iterations);
             looked = std::max(looked, loops_[i]->evaluations);
         }
@@ -107,6 +107,22 @@ class Path {
         evaluations += looked;
         derivatives(point);
         return true;
+    }
+
+    // ẏ of what is in charts, into that of all; of other joints it is u.
+    void rate(Point& point, const double* origin, double* rate) const {
+        groups.rate(point, rate);
+        if (!charted) return;
+        for (const auto& loops : loops_)
+            if (loops != nullptr) loops->charts.rate(origin, point, point.ydot(), rate);
+    }
+
+    // Largest entry of w of joints in loops.
+    double away(Point& point, const double* origin) const {
+        double most = 0.0;
+        for (const auto& loops : loops_)
+            if (loops != nullptr) most = std::max(most, loops->charts.away(origin, point));
+        return most;
     }
 
     // Largest rotation, rad, or slide in lengths, of the straight way from the anchor to y.
@@ -196,9 +212,10 @@ class Path {
         }
     }
 
-    void predict(const Part& part, Point& anchor, Point& point) {
+    // `aim`: the y to which G Δy leads.
+    void predict(const Part& part, Point& anchor, const double* aim, Point& point) {
         const int m = layout.m;
-        const double *G = anchor.G(), *from = anchor.y(), *ydot = anchor.ydot(), *y = point.y();
+        const double *G = anchor.G(), *from = anchor.y(), *ydot = anchor.ydot(), *y = aim;
         const double* bend = m == 1 ? anchor.curvature() : anchor.g();
         double weight = 0.0;
         if (m == 1) {
@@ -225,7 +242,8 @@ class Path {
             const Body& b = chain.bodies[j];
             integrate_joint(b.kind, anchor.q() + b.q, scratch_.step.data() + b.first, point.q() + b.q);
         }
-        for (int k : part.inputs) point.q()[independent_q_[k]] = y[k];
+        for (int k : part.inputs)
+            if (independent_q_[k] >= 0) point.q()[independent_q_[k]] = point.y()[k];
     }
 
     // G = [I; −K_d⁻¹ K_i] and g = [0; K_d⁻¹ k] where `close` has ended. Entries that are always zero stay so.

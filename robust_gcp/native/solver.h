@@ -15,11 +15,11 @@ class Solver : public Stepper {
   public:
     explicit Solver(const Description& d) : Stepper(d), home_(d.nq) {}
 
-    // Goes on from `anchor` and x; what was met before was told of.
+    // Goes on from `anchor` and x, with charts about `origin`; what was met before was told of.
     void set_out_from(Request& r) {
         count_anew(r);
         begin(r);
-        path.groups.origin_of(*anchor_, path.layout.nq, home_.data());
+        std::copy(r.origin, r.origin + home_.size(), home_.begin());
         origin_ = home_.data();
         clusters.forget();
         r.in_zone = r.met = r.plain = false;
@@ -62,8 +62,9 @@ class Solver : public Stepper {
     void keep() { accepted_ = anchor_; }
 
   private:
-    // Whether charts of joints on groups ought to be renewed.
+    // Whether charts ought to be renewed.
     bool outgrown(Point& point) const {
+        if (path.charted && path.away(point, origin_) > OUTGROWN) return true;
         return std::any_of(on_groups_.begin(), on_groups_.end(),
                            [&](int k) { return std::fabs(point.y()[k]) > OUTGROWN; });
     }
@@ -80,7 +81,7 @@ class Solver : public Stepper {
         point = *accepted_;
         anchor_ = accepted_;
         if (r.bridging == nullptr) return;
-        const bool regular = path.settle(point) && point.conditioning() >= r.zone &&
+        const bool regular = path.settle(point, origin_) && point.conditioning() >= r.zone &&
                              !(path.numbered && path.apart(accepted_->q(), point) >= SAME_PLACE);
         if (regular) {
             anchor_ = &point;

@@ -121,7 +121,7 @@ class alignas(CACHE_LINE) Stepper {
         point.read(r.anchor);
         std::copy(r.x, r.x + path.layout.m, point.y());
         std::copy(r.x + path.layout.m, r.x + 2 * path.layout.m, point.ydot());
-        r.reason = !path.settle(point) ? NEWTON : !(point.conditioning() >= r.zone) ? ZONE : DONE;
+        r.reason = !path.settle(point, r.anchor + path.layout.q) ? NEWTON : !(point.conditioning() >= r.zone) ? ZONE : DONE;
         if (r.reason == DONE) r.reason = motion_.evaluate(r.times[0], point, r);
         point.write(r.anchor);
         std::copy(motion_.ydd.begin(), motion_.ydd.end(), r.ydd);
@@ -212,7 +212,7 @@ class alignas(CACHE_LINE) Stepper {
     void rate(Point& point, Cells<double>& rate) {
         const int m = path.layout.m;
         std::copy(point.ydot(), point.ydot() + m, rate.begin());
-        path.groups.rate(point, rate.data());
+        path.rate(point, origin_, rate.data());
         std::copy(motion_.ydd.begin(), motion_.ydd.end(), rate.begin() + m);
         if (works_) rate[2 * m] = motion_.power;
     }
@@ -267,11 +267,11 @@ class alignas(CACHE_LINE) Stepper {
     Motion motion_;
     int works_, n_;
     Watch watch_;
-    std::vector<int> on_groups_;  // which of y belong to joints on groups
+    std::vector<int> on_groups_;  // which of y are in charts
     std::vector<Point> slots_;
     Cells<double> x_, stage_, sum_, rate_, safe_x_;
     Point *anchor_ = nullptr, *accepted_ = nullptr, *safe_ = nullptr;
-    const double* origin_ = nullptr;  // q where charts of joints on groups have theirs
+    const double* origin_ = nullptr;  // q where charts have theirs
     std::vector<double> log_, passed_, trackers_;
     std::int64_t rhs_ = 0;
 };

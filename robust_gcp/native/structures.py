@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-VERSION = 9
+VERSION = 10
 """Of the interface; a library with another one is not used."""
 
 TorqueCallback: Any = ctypes.CFUNCTYPE(c_int32, c_double)
@@ -106,7 +106,7 @@ class Request(ctypes.Structure):
         ("uneven", c_void_p),
         ("torque", TorqueCallback),
         *_fields("", "torque_q torque_v torque_tau held trackers"),
-        *_fields("", "x rate anchor ydd tau safe q_out v_out a_out tau_out energy_out work_out"),
+        *_fields("", "x rate anchor origin ydd tau safe q_out v_out a_out tau_out energy_out work_out"),
         *_all(
             c_int64,
             "completed safe_step rhs newton constraint_evaluations force_evaluations zone_evaluations",

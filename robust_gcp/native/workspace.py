@@ -61,7 +61,7 @@ class Workspace:
         self._handle, self._handed = self._taken.address, self._taken.handed
         self._nq, self._nv, self._m = mechanism.nq, mechanism.nv, mechanism.m
         self._numbers_in_q = mechanism.iq_numbers
-        self._numbers = np.arange(self._m) if self._groups is None else self._groups.rest_inputs
+        self._numbers = mechanism.numbers
         n = 2 * self._m + int(works)
         self._layout: Layout = mechanism.memo.once(
             ("layout in the kernel", *path.rows.tolist()), lambda: Layout(mechanism, path, self._groups)
@@ -70,6 +70,7 @@ class Workspace:
         self._x, self._ydd, self._tau = np.zeros(n), np.zeros(self._m), np.zeros(self._nv)
         self._anchor = np.zeros(self._layout.size)
         self._safe = np.zeros(self._layout.size + n)
+        self._origin: Array = np.zeros(0)
         self._bridging: tuple[BridgeOptions, Arrays] | None = None
         self._latest: Point | None = None
         self._request = Request()
@@ -196,10 +197,11 @@ class Workspace:
         self._handed.secure()
         self._acting.listen()
         buffers = self._time, self._x, self._rate
-        origin = None if self._groups is None else now.point.origin
+        self._origin = self._layout.origin(now.point)
+        r.origin = address(self._origin)
 
         def told() -> Evaluation:
-            return self._evaluation(self._layout.point(self._anchor, origin))
+            return self._evaluation(self._layout.point(self._anchor, now.point))
 
         self._library.follow_from(self._handle, self._by_reference)
         told_by = told, self._handed.new

@@ -178,9 +178,6 @@ class TestIdleSpin:
         mech = rssr("crank", "ball.rx")
         with pytest.raises(rg.OptionError, match=r"projection.*'ball'"):
             rg.simulate(mech, duration=0.1, step=0.01, method="projection")
-        if rg.backends()["native"].available:
-            with pytest.raises(rg.OptionError, match="'ball' is independent on a group"):
-                rg.simulate(mech, duration=0.1, step=0.01, backend="native")
 
     def test_y_is_refused_by_name(self) -> None:
         motion = rg.simulate(rssr("crank", "ball.rx"), duration=0.02, step=0.01)
