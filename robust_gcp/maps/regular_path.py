@@ -18,6 +18,7 @@ from ..mechanism.partition import Block, triangular_blocks
 from ..mechanism.tolerances import STRUCTURAL
 from ..mechanism.tree import Array
 from .blocks import BlockFactor
+from .meeting_points import tree_at_points
 from .point import Counters, Point
 
 CONVERGED = 2e-15
@@ -67,7 +68,6 @@ class RegularPath:
         self, mechanism: Mechanism, rows: NDArray[np.int64], counters: Counters | None = None
     ) -> None:
         self.mechanism = mechanism
-        self.tree = mechanism.tree
         self.counters = counters or Counters()
         self.rows = rows
         self.dependent = mechanism.iv_dependent
@@ -79,6 +79,9 @@ class RegularPath:
         scale[self.dependent] = self._column_scale
         self._scale = scale
         self._key = tuple(rows.tolist())
+        self.points, self.tree = mechanism.memo.once(
+            ("points of rows", self._key), lambda: tree_at_points(mechanism, rows, self.dependent)
+        )
         self.implicit = mechanism.memo.once(("selected rows of φ", self._key), lambda: self._selected(scale))
         self._length_scale = 1.0 / mechanism.column_scale
         self._turn_scale = 1.0 / mechanism.units

@@ -34,7 +34,7 @@ class Blocks {
             block.rows.assign(d.block_rows + d.block_start[b], d.block_rows + d.block_start[b + 1]);
             block.columns.assign(d.block_columns + d.block_start[b], d.block_columns + d.block_start[b + 1]);
             block.reference = d.reference[b];
-            if (block.n > 2) block.parity = in_order(d, closures, block, place_of_v);
+            if (block.n > SMALL) block.parity = in_order(d, closures, block, place_of_v);
             std::vector<int> place_of_row(d.rows, -1);
             for (int i = 0; i < block.n; ++i) place_of_row[block.rows[i]] = i;
             const int entries = static_cast<int>(closures.entries.size());
@@ -51,11 +51,11 @@ class Blocks {
                     block.known.push_back({row, entry.v, e});
                 // entries above the diagonal blocks are structurally zero
             }
-            if (block.n > 2) {
+            if (block.n > SMALL) {
                 block.lu = Lu(block.n);
                 block.last.resize(block.filled.size());
             } else {
-                std::fill(block.at, block.at + 4, entries);
+                std::fill(block.at, block.at + SMALL * SMALL, entries);
                 for (const Link& link : block.filled) block.at[block.n * link.row + link.other] = link.entry;
             }
             widest_ = std::max(widest_, block.n);
@@ -66,11 +66,13 @@ class Blocks {
         changes_.resize(widest_);
     }
 
+    bool factorised = false;  // any K_d so far
+
     // Factorise K_d; false where a block is exactly singular or not finite.
     bool factor() {
-        bool good = true;
+        bool good = factorised = true;
         for (Block& b : blocks_) {
-            if (b.n > 2) {
+            if (b.n > SMALL) {
                 double* a = b.lu.matrix();
                 std::fill(a, a + b.n * b.n, 0.0);
                 for (const Link& link : b.filled) a[link.other * b.n + link.row] = values_[link.entry];
@@ -80,7 +82,12 @@ class Blocks {
                 continue;
             }
             for (int i = 0; i < b.n * b.n; ++i) b.e[i] = values_[b.at[i]];
-            b.det = b.n == 2 ? b.e[0] * b.e[3] - b.e[1] * b.e[2] : b.e[0];
+            if (b.n == 3) {
+                cofactors(b.e, b.cofactors);
+                b.det = b.e[0] * b.cofactors[0] + b.e[1] * b.cofactors[3] + b.e[2] * b.cofactors[6];
+            } else {
+                b.det = b.n == 2 ? b.e[0] * b.e[3] - b.e[1] * b.e[2] : b.e[0];
+            }
             b.inverse = 1.0 / b.det;
             good = good && std::isfinite(b.inverse);
         }
@@ -108,13 +115,12 @@ class Blocks {
             for (const Link& link : b.known)
                 for (int c = 0; c < count; ++c)
                     x[link.row * count + c] -= values_[link.entry] * u[link.other * count + c];
-            if (b.n > 2) b.lu.solve(x, count);
-            for (int c = 0; c < count; ++c) {
-                const double first = x[c], second = b.n == 2 ? x[count + c] : 0.0;
-                if (b.n == 1) x[c] *= b.inverse;
-                if (b.n != 2) continue;
-                x[c] = (b.e[3] * first - b.e[1] * second) * b.inverse;
-                x[count + c] = (b.e[0] * second - b.e[2] * first) * b.inverse;
+            if (b.n > SMALL) b.lu.solve(x, count);
+            for (int c = 0; b.n <= SMALL && c < count; ++c) {
+                double own[SMALL];
+                for (int i = 0; i < b.n; ++i) own[i] = x[i * count + c];
+                b.solve_small(own);
+                for (int i = 0; i < b.n; ++i) x[i * count + c] = own[i];
             }
             for (int i = 0; i < b.n; ++i) std::copy(x + i * count, x + (i + 1) * count, u + b.columns[i] * count);
         }
@@ -125,8 +131,11 @@ class Blocks {
         for (std::size_t at = blocks_.size(); at-- > 0;) {
             Block& b = blocks_[at];
             for (int i = 0; i < b.n; ++i) left_[i] = rhs[b.columns[i]];
-            if (b.n > 2) {
+            if (b.n > SMALL) {
                 b.lu.solve_transposed(left_.data());
+            } else if (b.n == 3) {
+                const double *m = b.cofactors, x = left_[0], y = left_[1], z = left_[2];
+                for (int i = 0; i < 3; ++i) left_[i] = (m[i] * x + m[3 + i] * y + m[6 + i] * z) * b.inverse;
             } else if (b.n == 2) {
                 const double x = left_[0], y = left_[1];
                 left_[0] = (b.e[3] * x - b.e[2] * y) * b.inverse;
@@ -163,6 +172,9 @@ class Blocks {
                 const double s = b.e[0] * b.e[0] + b.e[1] * b.e[1] + b.e[2] * b.e[2] + b.e[3] * b.e[3];
                 const double root = std::sqrt(std::max(s * s - 4.0 * b.det * b.det, 0.0));
                 value = 2.0 * value / std::max(s + root, 1e-300);
+            } else if (b.n == 3) {
+                const double stretch = norm(b.e) * norm(b.cofactors) * std::fabs(b.inverse);
+                value = std::isfinite(stretch) ? std::min(1.0 / (b.reference * stretch), 1.0) : 0.0;
             } else {
                 value = stretch(b, enough);
             }
@@ -173,6 +185,8 @@ class Blocks {
     }
 
   private:
+    static constexpr int SMALL = 3;  // blocks up to this size are inverted by their cofactors
+
     struct Link {
         int row, other, entry;  // local row; velocity, column of the block or input of the part; value
     };
@@ -180,13 +194,45 @@ class Blocks {
         int n = 0, number = 0;
         std::vector<int> rows, columns;
         std::vector<Link> filled, known, given;
-        int at[4] = {};  // entries of a small block, row by row, and their values
-        double e[4] = {}, det = 0.0, inverse = 0.0, reference = 1.0;
+        int at[SMALL * SMALL] = {};  // entries of a small block, row by row, and their values
+        double e[SMALL * SMALL] = {}, cofactors[9] = {}, det = 0.0, inverse = 0.0, reference = 1.0;
         double parity = 1.0;  // of the order of its rows and columns
         Lu lu;
         Cells<double> last;   // entries with which 1/‖K⁻¹‖₁ was found, and that
         double least = 0.0;
+
+        // x = K⁻¹ x of a small block.
+        void solve_small(double* x) const {
+            if (n == 1) {
+                x[0] *= inverse;
+            } else if (n == 2) {
+                const double first = x[0], second = x[1];
+                x[0] = (e[3] * first - e[1] * second) * inverse;
+                x[1] = (e[0] * second - e[2] * first) * inverse;
+            } else {
+                const double *m = cofactors, first = x[0], second = x[1], third = x[2];
+                for (int i = 0; i < 3; ++i)
+                    x[i] = (m[3 * i] * first + m[3 * i + 1] * second + m[3 * i + 2] * third) * inverse;
+            }
+        }
     };
+
+    // det(A) A⁻¹ of three rows.
+    static void cofactors(const double* a, double* m) {
+        for (int i = 0; i < 3; ++i)
+            for (int j = 0; j < 3; ++j) {
+                const int r = 3 * ((j + 1) % 3), s = 3 * ((j + 2) % 3), c = (i + 1) % 3, d = (i + 2) % 3;
+                m[3 * i + j] = a[r + c] * a[s + d] - a[r + d] * a[s + c];
+            }
+    }
+
+    // ‖A‖₁ of three rows.
+    static double norm(const double* a) {
+        double most = 0.0;
+        for (int j = 0; j < 3; ++j)
+            most = std::max(most, std::fabs(a[j]) + std::fabs(a[3 + j]) + std::fabs(a[6 + j]));
+        return most;
+    }
 
     // Rows and columns of a block loop by loop, columns that several loops share at the end: elimination then
     // condenses each loop onto these, and leaves zero what is between others. Returns the order's parity.
@@ -238,16 +284,11 @@ class Blocks {
 
     void substitute(Block& b, double* u) {
         for (const Link& link : b.known) left_[link.row] -= values_[link.entry] * u[link.other];
-        if (b.n == 1) {
-            u[b.columns[0]] = left_[0] * b.inverse;
-        } else if (b.n == 2) {
-            const double x = left_[0], y = left_[1];
-            u[b.columns[0]] = (b.e[3] * x - b.e[1] * y) * b.inverse;
-            u[b.columns[1]] = (b.e[0] * y - b.e[2] * x) * b.inverse;
-        } else {
+        if (b.n > SMALL)
             b.lu.solve(left_.data());
-            for (int i = 0; i < b.n; ++i) u[b.columns[i]] = left_[i];
-        }
+        else
+            b.solve_small(left_.data());
+        for (int i = 0; i < b.n; ++i) u[b.columns[i]] = left_[i];
     }
 
     Cells<double>& values_;

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..maps.cluster.space import space_of
+from ..maps.meeting_points import moved
 from ..maps.regular_path import RegularPath
 from ..mechanism.closures import closure_frames, frame_of
 from ..mechanism.clusters import LoopCluster
@@ -64,7 +65,7 @@ def _described(mechanism: Mechanism, path: RegularPath, works: bool) -> Arrays:
     arrays.integers(independent=mechanism.iv_independent, independent_q=in_q)
     arrays.reals(size=1.0 / column_scale, turn=1.0 / mechanism.units, scale=scale)
     arrays.reals(own=[mechanism.joint_inertia])
-    _closures(mechanism, path.mechanism, path.rows, turns, arrays)
+    _closures(mechanism, path.mechanism, path.rows, turns, arrays, path.points)
     _couplings(mechanism, path.mechanism, path.rows, arrays)
     _blocks(mechanism, path, arrays)
     _forces(mechanism, turns, arrays)
@@ -167,10 +168,16 @@ def _closures(
     rows: NDArray[np.int64],
     turns: list[Array],
     arrays: Arrays,
+    at: Array | None = None,
 ) -> None:
-    """Cut points, and the rows chosen among those of `chooser`, which has the same closures."""
+    """Cut points, and the rows chosen among those of `chooser`, which has the same closures.
+
+    Position rows are taken at these points of the frames, at their origins where left out.
+    """
     closures = mechanism.loops
     frames = closure_frames(mechanism.model, closures)
+    if at is not None:
+        frames = moved(frames, at)
     joints, points, local = [], [], []
     for ends in zip(frames[: len(closures)], frames[len(closures) :], strict=True):
         joints += [joint for joint, _ in ends]

@@ -21,6 +21,7 @@ namespace rg {
 
 constexpr double CONVERGED = 2e-15, STAGNANT = 1e-12;
 constexpr int MAX_NEWTON = 12;
+constexpr double CHORD = 10.0;  // how many turns of joints K_d changes by at most, relative to itself
 
 // Room for numbers (nv,) that one part after the other uses.
 struct Scratch {
@@ -73,11 +74,14 @@ class Loops {
             const double size = closures.residual(q);
             ++evaluations;
             if (!std::isfinite(size)) return false;
-            closures.jacobian();
-            if (size <= CONVERGED || (size <= STAGNANT && size >= 0.25 * last_size)) return true;
-            charts.turn(closures);
-            blocks.factor();
-            const double length = blocks.solve(closures.phi.data(), u);
+            double length = iteration == 0 && size > CONVERGED ? by_chord(point, u) : infinite;
+            if (!(length < infinite)) {
+                closures.jacobian();
+                if (size <= CONVERGED || (size <= STAGNANT && size >= 0.25 * last_size)) return true;
+                charts.turn(closures);
+                blocks.factor();
+                length = blocks.solve(closures.phi.data(), u);
+            }
             if (iteration == 0)
                 point.correction = std::max(point.correction, length);
             else if (!(length <= 0.5 * last_length) && size > STAGNANT)
@@ -109,6 +113,15 @@ class Loops {
     }
 
   private:
+    // Newton's first step with the K_d that was factorised last; infinite unless it is so small that the turn
+    // since then does not show in it.
+    double by_chord(const Point& point, double* u) {
+        const double infinite = std::numeric_limits<double>::infinity();
+        if (!blocks.factorised || charts.some() || !(point.turn > 0.0)) return infinite;
+        const double length = blocks.solve(closures.phi.data(), u);
+        return CHORD * length * point.turn <= CONVERGED ? length : infinite;
+    }
+
     // Takes u off q, and leaves the step in `step`.
     void correct(double* q, double* step, const double* u) const {
         for (int k : part_.inputs) step[independent_[k]] = 0.0;
