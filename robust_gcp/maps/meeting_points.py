@@ -1,7 +1,7 @@
-"""Where the position rows of welds are taken, so that few velocities move the two points against each other.
+"""Where the position rows of welds are taken, so that few velocities move the two points apart.
 
-A weld holds two frames together wherever the two points lie that it holds together, if both have the same place in
-their frames. At the centre of a ball next to the cut, spelt as one joint or as hinges whose axes meet there, the
+A weld holds two frames together wherever in them the two points lie that it holds together, if both have
+the same place there. At the centre of a ball next to the cut, spelt as one joint or as hinges whose axes meet, the
 ball's velocities leave the position rows: K_d falls apart into these and the rotation rows, which the ball's
 velocities follow from.
 """
@@ -72,7 +72,7 @@ def _centres(tree: Tree, tail: list[int], q: Array) -> list[Array]:
 def _still(
     mechanism: ClosedLoops, tail: list[int], point: Array, dependent: NDArray[np.int64], q: Array
 ) -> int:
-    """How many dependent velocities do not move a point of the tail's first body, up to the first joint that does."""
+    """How many dependent velocities of a tail do not move a point of its first body, until a joint does."""
     tree, model, found = mechanism.tree, mechanism.model, 0
     tree.jacobians(q)
     at = tree.p[tail[0]] + tree.R[tail[0]] @ point

@@ -70,8 +70,7 @@ class RegularPath:
         self.mechanism = mechanism
         self.counters = counters or Counters()
         self.rows = rows
-        self.dependent = mechanism.iv_dependent
-        self.independent = mechanism.iv_independent
+        self.dependent, self.independent = mechanism.iv_dependent, mechanism.iv_independent
         self.iq, self.numbers = mechanism.iq_numbers, mechanism.numbers
         self.m, self.nd = mechanism.m, len(self.dependent)
         self._column_scale = mechanism.column_scale[self.dependent]
@@ -79,10 +78,11 @@ class RegularPath:
         scale[self.dependent] = self._column_scale
         self._scale = scale
         self._key = tuple(rows.tolist())
-        self.points, self.tree = mechanism.memo.once(
-            ("points of rows", self._key), lambda: tree_at_points(mechanism, rows, self.dependent)
+        once, dependent = mechanism.memo.once, self.dependent
+        self.points, self.tree = once(
+            ("points", self._key), lambda: tree_at_points(mechanism, rows, dependent)
         )
-        self.implicit = mechanism.memo.once(("selected rows of φ", self._key), lambda: self._selected(scale))
+        self.implicit = once(("selected rows of φ", self._key), lambda: self._selected(scale))
         self._length_scale = 1.0 / mechanism.column_scale
         self._turn_scale = 1.0 / mechanism.units
         self._eye = np.eye(self.m)

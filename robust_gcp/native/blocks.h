@@ -10,6 +10,7 @@
 #include "closures.h"
 #include "lu.h"
 #include "parts.h"
+#include "small.h"
 
 namespace rg {
 
@@ -55,6 +56,7 @@ class Blocks {
                 block.lu = Lu(block.n);
                 block.last.resize(block.filled.size());
             } else {
+                block.small.n = block.n;
                 std::fill(block.at, block.at + SMALL * SMALL, entries);
                 for (const Link& link : block.filled) block.at[block.n * link.row + link.other] = link.entry;
             }
@@ -81,15 +83,9 @@ class Blocks {
                 good = good && b.lu.regular && std::isfinite(b.det);
                 continue;
             }
-            for (int i = 0; i < b.n * b.n; ++i) b.e[i] = values_[b.at[i]];
-            if (b.n == 3) {
-                cofactors(b.e, b.cofactors);
-                b.det = b.e[0] * b.cofactors[0] + b.e[1] * b.cofactors[3] + b.e[2] * b.cofactors[6];
-            } else {
-                b.det = b.n == 2 ? b.e[0] * b.e[3] - b.e[1] * b.e[2] : b.e[0];
-            }
-            b.inverse = 1.0 / b.det;
-            good = good && std::isfinite(b.inverse);
+            for (int i = 0; i < b.n * b.n; ++i) b.small.e[i] = values_[b.at[i]];
+            good = b.small.factor() && good;
+            b.det = b.small.det;
         }
         return good;
     }
@@ -112,17 +108,7 @@ class Blocks {
             double* x = many_.data();
             for (int i = 0; i < b.n; ++i)
                 for (int c = 0; c < count; ++c) x[i * count + c] = rhs[static_cast<std::size_t>(c) * rows + b.rows[i]];
-            for (const Link& link : b.known)
-                for (int c = 0; c < count; ++c)
-                    x[link.row * count + c] -= values_[link.entry] * u[link.other * count + c];
-            if (b.n > SMALL) b.lu.solve(x, count);
-            for (int c = 0; b.n <= SMALL && c < count; ++c) {
-                double own[SMALL];
-                for (int i = 0; i < b.n; ++i) own[i] = x[i * count + c];
-                b.solve_small(own);
-                for (int i = 0; i < b.n; ++i) x[i * count + c] = own[i];
-            }
-            for (int i = 0; i < b.n; ++i) std::copy(x + i * count, x + (i + 1) * count, u + b.columns[i] * count);
+            substitute(b, x, u, count);
         }
     }
 
@@ -131,30 +117,21 @@ class Blocks {
         for (std::size_t at = blocks_.size(); at-- > 0;) {
             Block& b = blocks_[at];
             for (int i = 0; i < b.n; ++i) left_[i] = rhs[b.columns[i]];
-            if (b.n > SMALL) {
+            if (b.n > SMALL)
                 b.lu.solve_transposed(left_.data());
-            } else if (b.n == 3) {
-                const double *m = b.cofactors, x = left_[0], y = left_[1], z = left_[2];
-                for (int i = 0; i < 3; ++i) left_[i] = (m[i] * x + m[3 + i] * y + m[6 + i] * z) * b.inverse;
-            } else if (b.n == 2) {
-                const double x = left_[0], y = left_[1];
-                left_[0] = (b.e[3] * x - b.e[2] * y) * b.inverse;
-                left_[1] = (b.e[0] * y - b.e[1] * x) * b.inverse;
-            } else {
-                left_[0] *= b.inverse;
-            }
+            else
+                b.small.solve_transposed(left_.data());
             for (int i = 0; i < b.n; ++i) lambda[b.rows[i]] = left_[i];
             for (const Link& link : b.known) rhs[link.other] -= values_[link.entry] * left_[link.row];
         }
     }
 
-    // The column of −K_d⁻¹ K_i of one of the part's inputs, by velocity.
-    void solve_given(int input, double* u) {
+    // −K_d⁻¹ K_i, by velocity and input of the part (nv, inputs).
+    void solve_given(double* u) {
         for (Block& b : blocks_) {
-            std::fill(left_.begin(), left_.begin() + b.n, 0.0);
-            for (const Link& link : b.given)
-                if (link.other == input) left_[link.row] -= values_[link.entry];
-            substitute(b, u);
+            many_.assign(static_cast<std::size_t>(b.n * inputs_), 0.0);
+            for (const Link& link : b.given) many_[link.row * inputs_ + link.other] -= values_[link.entry];
+            substitute(b, many_.data(), u, inputs_);
         }
     }
 
@@ -165,19 +142,7 @@ class Blocks {
         double worst = 1.0;
         for (Block& b : blocks_) {
             det[b.number] = b.det;
-            double value = std::fabs(b.det);
-            if (b.n == 1) {
-                value = std::min(value, 1.0);
-            } else if (b.n == 2) {
-                const double s = b.e[0] * b.e[0] + b.e[1] * b.e[1] + b.e[2] * b.e[2] + b.e[3] * b.e[3];
-                const double root = std::sqrt(std::max(s * s - 4.0 * b.det * b.det, 0.0));
-                value = 2.0 * value / std::max(s + root, 1e-300);
-            } else if (b.n == 3) {
-                const double stretch = norm(b.e) * norm(b.cofactors) * std::fabs(b.inverse);
-                value = std::isfinite(stretch) ? std::min(1.0 / (b.reference * stretch), 1.0) : 0.0;
-            } else {
-                value = stretch(b, enough);
-            }
+            const double value = b.n > SMALL ? stretch(b, enough) : b.small.rcond(b.reference);
             rcond[b.number] = value;
             if (!(value >= worst)) worst = value;
         }
@@ -185,8 +150,6 @@ class Blocks {
     }
 
   private:
-    static constexpr int SMALL = 3;  // blocks up to this size are inverted by their cofactors
-
     struct Link {
         int row, other, entry;  // local row; velocity, column of the block or input of the part; value
     };
@@ -194,45 +157,14 @@ class Blocks {
         int n = 0, number = 0;
         std::vector<int> rows, columns;
         std::vector<Link> filled, known, given;
-        int at[SMALL * SMALL] = {};  // entries of a small block, row by row, and their values
-        double e[SMALL * SMALL] = {}, cofactors[9] = {}, det = 0.0, inverse = 0.0, reference = 1.0;
+        double det = 0.0, reference = 1.0;
+        int at[SMALL * SMALL] = {};  // entries of a small block, row by row
+        Small small;                 // that block
         double parity = 1.0;  // of the order of its rows and columns
         Lu lu;
         Cells<double> last;   // entries with which 1/‖K⁻¹‖₁ was found, and that
         double least = 0.0;
-
-        // x = K⁻¹ x of a small block.
-        void solve_small(double* x) const {
-            if (n == 1) {
-                x[0] *= inverse;
-            } else if (n == 2) {
-                const double first = x[0], second = x[1];
-                x[0] = (e[3] * first - e[1] * second) * inverse;
-                x[1] = (e[0] * second - e[2] * first) * inverse;
-            } else {
-                const double *m = cofactors, first = x[0], second = x[1], third = x[2];
-                for (int i = 0; i < 3; ++i)
-                    x[i] = (m[3 * i] * first + m[3 * i + 1] * second + m[3 * i + 2] * third) * inverse;
-            }
-        }
     };
-
-    // det(A) A⁻¹ of three rows.
-    static void cofactors(const double* a, double* m) {
-        for (int i = 0; i < 3; ++i)
-            for (int j = 0; j < 3; ++j) {
-                const int r = 3 * ((j + 1) % 3), s = 3 * ((j + 2) % 3), c = (i + 1) % 3, d = (i + 2) % 3;
-                m[3 * i + j] = a[r + c] * a[s + d] - a[r + d] * a[s + c];
-            }
-    }
-
-    // ‖A‖₁ of three rows.
-    static double norm(const double* a) {
-        double most = 0.0;
-        for (int j = 0; j < 3; ++j)
-            most = std::max(most, std::fabs(a[j]) + std::fabs(a[3 + j]) + std::fabs(a[6 + j]));
-        return most;
-    }
 
     // Rows and columns of a block loop by loop, columns that several loops share at the end: elimination then
     // condenses each loop onto these, and leaves zero what is between others. Returns the order's parity.
@@ -282,12 +214,25 @@ class Blocks {
         return unit > 0.0 ? std::min(b.least / unit, 1.0) : 0.0;
     }
 
+    void substitute(const Block& b, double* x, double* u, int count) const {
+        for (const Link& link : b.known)
+            for (int c = 0; c < count; ++c) x[link.row * count + c] -= values_[link.entry] * u[link.other * count + c];
+        if (b.n > SMALL) b.lu.solve(x, count);
+        for (int c = 0; b.n <= SMALL && c < count; ++c) {
+            double own[SMALL];
+            for (int i = 0; i < b.n; ++i) own[i] = x[i * count + c];
+            b.small.solve(own);
+            for (int i = 0; i < b.n; ++i) x[i * count + c] = own[i];
+        }
+        for (int i = 0; i < b.n; ++i) std::copy(x + i * count, x + (i + 1) * count, u + b.columns[i] * count);
+    }
+
     void substitute(Block& b, double* u) {
         for (const Link& link : b.known) left_[link.row] -= values_[link.entry] * u[link.other];
         if (b.n > SMALL)
             b.lu.solve(left_.data());
         else
-            b.solve_small(left_.data());
+            b.small.solve(left_.data());
         for (int i = 0; i < b.n; ++i) u[b.columns[i]] = left_[i];
     }
 

@@ -8,38 +8,11 @@
 #include "abi.h"
 #include "cells.h"
 #include "chain.h"
+#include "closure_rows.h"
 #include "couplings.h"
 #include "parts.h"
 
 namespace rg {
-
-// A velocity that moves the two cut points against each other.
-struct Lever {
-    int joint, v, column;
-    bool turning;
-    int side;  // 0: moves the first point, 1: the second
-};
-
-struct Term {  // of a rotation row: w (u · n), u fixed in body 1 and n in body 2; of a row along n: n
-    double w;
-    Vec u, n;
-};
-
-// Rows that are along no world axis: of rotation, and of position along n fixed in body 2.
-enum Sort { ROTATION = -1, ALONG = -2 };
-
-struct Row {
-    int axis;  // world axis of a position row, or one of Sort
-    double weight;
-    std::vector<Term> terms;
-};
-
-struct Loop {  // one closure: its two cut points
-    int joint[2];
-    Vec point[2], arm[2], at[2];
-    std::vector<Lever> levers;
-    int first_row = 0, rows = 0;
-};
 
 class Closures {
   public:
@@ -60,6 +33,7 @@ class Closures {
             for (int row = 0; row < d.rows; ++row)
                 if (d.row_closure[row] == c) add_row(d, loop, row);
             loop.rows = static_cast<int>(rows_.size()) - loop.first_row;
+            for (int side = 0; side < 2; ++side) loop.turned[side] = loop.fixed[side];
             for (const Lever& lever : loop.levers)
                 for (int i = 0; i < loop.rows; ++i) {
                     const int row = loop.first_row + i;
@@ -84,6 +58,8 @@ class Closures {
                 const int j = loop.joint[side];
                 loop.arm[side] = chain_.axes[j].turn(loop.point[side]);
                 loop.at[side] = chain_.p[j] + loop.arm[side];
+                for (std::size_t i = 0; i < loop.fixed[side].size(); ++i)
+                    loop.turned[side][i] = chain_.axes[j].turn(loop.fixed[side][i]);
             }
             const Vec apart = loop.at[0] - loop.at[1];
             for (int row = loop.first_row; row < loop.first_row + loop.rows; ++row) {
@@ -91,10 +67,10 @@ class Closures {
                 if (rows_[row].axis >= 0) {
                     value = apart[rows_[row].axis];
                 } else if (rows_[row].axis == ALONG) {
-                    value = dot(apart, second(loop).turn(rows_[row].terms[0].n));
+                    value = dot(apart, loop.turned[1][rows_[row].terms[0].second]);
                 } else {
                     for (const Term& t : rows_[row].terms)
-                        value += t.w * dot(first(loop).turn(t.u), second(loop).turn(t.n));
+                        value += t.w * dot(loop.turned[0][t.first], loop.turned[1][t.second]);
                 }
                 value *= rows_[row].weight;
                 phi[target_[row]] = value;
@@ -117,12 +93,12 @@ class Closures {
                 if (row.axis >= 0) continue;
                 Vec normal;
                 if (row.axis == ALONG) {
-                    normals_[loop.first_row + i] = second(loop).turn(row.terms[0].n);
+                    normals_[loop.first_row + i] = loop.turned[1][row.terms[0].second];
                     continue;
                 }
                 rotations = true;
                 for (const Term& t : row.terms)
-                    normal += t.w * cross(first(loop).turn(t.u), second(loop).turn(t.n));
+                    normal += t.w * cross(loop.turned[0][t.first], loop.turned[1][t.second]);
                 normals_[loop.first_row + i] = normal;
             }
             for (const Lever& lever : loop.levers) {
@@ -176,14 +152,14 @@ class Closures {
                 if (rows_[row].axis >= 0) {
                     value = apart[rows_[row].axis];
                 } else if (rows_[row].axis == ALONG) {
-                    const Vec n = second(loop).turn(rows_[row].terms[0].n), &w = chain_.omega[j2];
+                    const Vec &n = loop.turned[1][rows_[row].terms[0].second], &w = chain_.omega[j2];
                     const Vec rate = cross(w, n), bend = cross(chain_.alpha[j2], n) + cross(w, rate);
                     value = dot(n, apart) + 2.0 * dot(rate, speed(j2, loop.arm[1]) - speed(j1, loop.arm[0])) -
                             dot(bend, loop.at[0] - loop.at[1]);
                 } else {
                     const Vec &w1 = chain_.omega[j1], &w2 = chain_.omega[j2];
                     for (const Term& t : rows_[row].terms) {
-                        const Vec u = first(loop).turn(t.u), n = second(loop).turn(t.n);
+                        const Vec &u = loop.turned[0][t.first], &n = loop.turned[1][t.second];
                         const Vec rate = cross(cross(w1, u), n) + cross(u, cross(w2, n));
                         value -= t.w * (dot(chain_.alpha[j1] - chain_.alpha[j2], cross(u, n)) +
                                         dot(w1 - w2, rate));
@@ -208,7 +184,7 @@ class Closures {
                 if (row.axis == ALONG) turns_[i] = cross(w2, normals_[loop.first_row + i]);
                 if (row.axis != ROTATION) continue;
                 for (const Term& t : row.terms) {
-                    const Vec u = first(loop).turn(t.u), n = second(loop).turn(t.n);
+                    const Vec &u = loop.turned[0][t.first], &n = loop.turned[1][t.second];
                     turns_[i] += t.w * (cross(cross(w1, u), n) + cross(u, cross(w2, n)));
                 }
             }
@@ -244,9 +220,6 @@ class Closures {
     int number(const Loop& loop, int i) const { return target_[loop.first_row + i]; }
 
   private:
-    const Axes& first(const Loop& loop) const { return chain_.axes[loop.joint[0]]; }
-    const Axes& second(const Loop& loop) const { return chain_.axes[loop.joint[1]]; }
-
     // How fast a lever moves a point.
     Vec moved(const Lever& lever, const Vec& axis, const Vec& at) const {
         return lever.turning ? cross(axis, at - chain_.p[lever.joint]) : axis;
@@ -258,11 +231,21 @@ class Closures {
         return chain_.a[j] + cross(chain_.alpha[j], arm) + centripetal(chain_.omega[j], arm);
     }
 
-    void add_row(const Description& d, const Loop&, int row) {
+    // Where a direction is among those of a body, at the end if it is new.
+    static std::size_t place_of(const Vec& direction, std::vector<Vec>& fixed) {
+        const auto same = [&](const Vec& v) { return v.x == direction.x && v.y == direction.y && v.z == direction.z; };
+        const auto found = std::find_if(fixed.begin(), fixed.end(), same);
+        if (found != fixed.end()) return static_cast<std::size_t>(found - fixed.begin());
+        fixed.push_back(direction);
+        return fixed.size() - 1;
+    }
+
+    void add_row(const Description& d, Loop& loop, int row) {
         Row made{d.row_axis[row], d.row_weight[row], {}};
         for (int t = d.row_terms[row]; t < d.row_terms[row + 1]; ++t) {
             const double* x = d.terms + 7 * t;
-            made.terms.push_back({x[0], {x[1], x[2], x[3]}, {x[4], x[5], x[6]}});
+            const Vec u{x[1], x[2], x[3]}, n{x[4], x[5], x[6]};
+            made.terms.push_back({x[0], u, n, place_of(u, loop.fixed[0]), place_of(n, loop.fixed[1])});
         }
         rows_.push_back(made);
         target_.push_back(row);

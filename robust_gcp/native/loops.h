@@ -47,7 +47,8 @@ class Loops {
           part_(parts.list[number]),
           chain_(chain),
           scratch_(scratch),
-          independent_(d.independent, d.independent + d.m) {
+          independent_(d.independent, d.independent + d.m),
+          given_(d.nv * part_.inputs.size()) {
         for (int i : part_.velocities)
             if (std::find(independent_.begin(), independent_.end(), i) == independent_.end()) dependent.push_back(i);
         for (int j : part_.joints) {
@@ -97,11 +98,10 @@ class Loops {
 
     // −K_d⁻¹ K_i, the dependent rows of G, where `close` has ended and K_d is factorised.
     void velocities(double* G, int m) {
-        double* u = scratch_.u.data();
-        for (int a = 0; a < part_.count(); ++a) {
-            blocks.solve_given(a, u);
-            for (int i : dependent) G[i * m + part_.inputs[a]] = scratch_.scale[i] * u[i];
-        }
+        const int count = part_.count();
+        blocks.solve_given(given_.data());
+        for (int i : dependent)
+            for (int a = 0; a < count; ++a) G[i * m + part_.inputs[a]] = scratch_.scale[i] * given_[i * count + a];
     }
 
     // g = [0; K_d⁻¹ k] for velocities v, with which the chain moves.
@@ -140,6 +140,7 @@ class Loops {
     Chain& chain_;
     Scratch& scratch_;
     const std::vector<int> independent_;
+    Cells<double> given_;  // −K_d⁻¹ K_i by velocity and input
     bool flat_ = true;  // v is the rate of q
 };
 

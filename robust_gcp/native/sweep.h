@@ -14,6 +14,7 @@
 #include "inertias.h"
 #include "path.h"
 #include "tree_factor.h"
+#include "tree_round.h"
 
 namespace rg {
 
@@ -22,7 +23,8 @@ class Sweep {
     double kinetic = 0.0;
 
     Sweep(const Description& d, Path& path)
-        : path_(path), parts_(path.parts.list), armature_(d.armature, d.armature + d.nv) {
+        : path_(path), parts_(path.parts.list), armature_(d.armature, d.armature + d.nv),
+          round_(static_cast<std::size_t>(d.m)) {
         const std::size_t n = path.chain.bodies.size();
         if (path.groups.some()) {
             world_.reset(new Chain(path.chain));
@@ -43,7 +45,7 @@ class Sweep {
         ways_.resize(ways), factors_.resize(square);
         const std::size_t m = static_cast<std::size_t>(d.m);
         factor_ = TreeFactor(parts_, ways_at_, m, d.lines > 0);
-        push_.resize(m), right_.resize(m), alone_.resize(m);
+        push_.resize(m), right_.resize(m), alone_.resize(m), columns_.resize(6 * m);
     }
 
     // Where all bodies are, after `Path::step` or `Path::survey` at the point.
@@ -97,69 +99,14 @@ class Sweep {
     // The same for more right sides after `eliminate`: rows (m, 3m) in y, `width` apart; what these are,
     // `TreeFactor` says.
     void solve_more(double* rows, std::size_t width) {
-        if (factor_.entries() > DEEP * right_.size()) return go_round(rows, width, 3 * right_.size());
-        factor_.solve(parts_, {factors_.data(), factors_at_.data(), ways_.data(), push_.data()}, rows, width);
+        const Swept swept{factors_.data(), factors_at_.data(), ways_.data(), push_.data()};
+        if (factor_.entries() > DEEP * right_.size())
+            return round_.solve(parts_, swept, ways_at_, bears_, rows, width);
+        factor_.solve(parts_, swept, rows, width);
     }
 
   private:
     static constexpr std::size_t DEEP = 24;  // inputs that carry another one, on average, too many to go one by one
-    // `solve_more` by wrenches and twists, at the same cost for each input, however many carry it.
-    void go_round(double* rows, std::size_t apart, std::size_t width) {
-        const auto row = [&](const Part& part, int a) { return rows + static_cast<std::size_t>(part.inputs[a]) * apart; };
-        const auto of = [&](int body) { return more_.data() + static_cast<std::size_t>(body) * 6 * width; };
-        const auto take = [width](double* from, double share, const double* x) {
-            if (share == 0.0) return;
-            for (std::size_t c = 0; c < width; ++c) from[c] -= share * x[c];
-        };
-        more_.assign(V_.size() * 6 * width, 0.0);  // wrenches
-        for (std::size_t i = parts_.size(); i-- > 0;) {
-            const Part& part = parts_[i];
-            const int count = part.count();
-            const double* L = factors_.data() + factors_at_[i];
-            for (int j : part.joints) {
-                if (!bears_[j]) continue;
-                for (int a = 0; a < count; ++a) {
-                    const Twist& X = ways_[ways_at_[j] + a];
-                    for (int k = 0; k < 6; ++k) take(row(part, a), k < 3 ? X.linear[k] : X.angular[k - 3], of(j) + k * width);
-                }
-                if (part.root > 0)
-                    for (int k = 0; k < 6; ++k) take(of(part.root) + k * width, -1.0, of(j) + k * width);
-            }
-            for (int a = 0; a < count; ++a) {
-                for (int b = 0; b < a; ++b) take(row(part, a), L[a * count + b], row(part, b));
-                for (double *x = row(part, a), *end = x + width; x != end; ++x) *x *= L[a * count + a];
-                if (part.root == 0) continue;
-                const Wrench& push = push_[part.first + a];
-                for (int k = 0; k < 6; ++k)
-                    take(of(part.root) + k * width, k < 3 ? -push.force[k] : -push.moment[k - 3], row(part, a));
-            }
-        }
-        for (std::size_t i = 0; i < parts_.size(); ++i) {  // twists
-            const Part& part = parts_[i];
-            const int count = part.count();
-            const double* L = factors_.data() + factors_at_[i];
-            for (int a = count; a-- > 0;) {
-                const Wrench& push = push_[part.first + a];
-                if (part.root > 0)
-                    for (int k = 0; k < 6; ++k)
-                        take(row(part, a), k < 3 ? push.force[k] : push.moment[k - 3], of(part.root) + k * width);
-                for (int b = a + 1; b < count; ++b) take(row(part, a), L[b * count + a], row(part, b));
-                for (double *x = row(part, a), *end = x + width; x != end; ++x) *x *= L[a * count + a];
-            }
-            for (int j : part.joints) {
-                if (!bears_[j]) continue;
-                if (part.root > 0)
-                    std::copy(of(part.root), of(part.root) + 6 * width, of(j));
-                else
-                    std::fill(of(j), of(j) + 6 * width, 0.0);
-                for (int a = 0; a < count; ++a) {
-                    const Twist& X = ways_[ways_at_[j] + a];
-                    for (int k = 0; k < 6; ++k) take(of(j) + k * width, k < 3 ? -X.linear[k] : -X.angular[k - 3], row(part, a));
-                }
-            }
-        }
-    }
-
     // One part: its square of what is left of Gᵀ M G becomes L with inverse pivots, its right-hand side L⁻¹ of
     // that, and `push_` L⁻¹ of what its inputs ask of the body that carries it, to which it is added.
     bool eliminate(std::size_t i, Point& point, const double* tau, double least) {
@@ -172,14 +119,19 @@ class Sweep {
         std::fill(right, right + count, 0.0);
         std::fill(alone, alone + count, 0.0);
         std::fill(push, push + count, Wrench{});
+        double* columns[6];  // X, by number and input
+        for (int k = 0; k < 6; ++k) columns[k] = columns_.data() + k * count;
         for (int j : part.joints) {
             if (!path_.chain.bodies[j].heavy && !bears_[j]) continue;
             const Twist* X = ways_.data() + ways_at_[j];
+            for (int a = 0; a < count; ++a)
+                for (int k = 0; k < 3; ++k) columns[k][a] = X[a].linear[k], columns[3 + k][a] = X[a].angular[k];
             for (int a = 0; a < count; ++a) {
+                if (at_rest(X[a])) continue;  // of inputs that do not move this body
                 const Wrench f = bears_[j] ? freed_[j] * X[a] : massive_[j] * X[a];
                 const double own = dot(X[a], f);
                 push[a] += f;
-                for (int b = 0; b < a; ++b) L[a * count + b] += dot(X[b], f);
+                add_products(columns, f, a, L + a * count);
                 L[a * count + a] += own;
                 alone[a] += bears_[j] ? dot(X[a], massive_[j] * X[a]) : own;
                 right[a] -= dot(X[a], wrench_[j]);
@@ -213,6 +165,20 @@ class Sweep {
         return true;
     }
 
+    static bool at_rest(const Twist& v) {
+        return v.angular.x == 0.0 && v.angular.y == 0.0 && v.angular.z == 0.0 && v.linear.x == 0.0 &&
+               v.linear.y == 0.0 && v.linear.z == 0.0;
+    }
+
+    // The first of a row's entries, of inputs before this one: X · f.
+    static void add_products(double* const* X, const Wrench& f, int count, double* __restrict row) {
+        const double *__restrict x = X[0], *__restrict y = X[1], *__restrict z = X[2];
+        const double *__restrict rx = X[3], *__restrict ry = X[4], *__restrict rz = X[5];
+        for (int b = 0; b < count; ++b)
+            row[b] += (x[b] * f.force.x + y[b] * f.force.y + z[b] * f.force.z) +
+                      (rx[b] * f.moment.x + ry[b] * f.moment.y + rz[b] * f.moment.z);
+    }
+
     // What motors and τ add to a part's square and right-hand side.
     void with_rotors(const Part& part, Point& point, const double* tau, double* L) {
         const int count = part.count(), m = path_.layout.m;
@@ -222,9 +188,10 @@ class Sweep {
             if (rotor == 0.0 && force == 0.0) continue;
             for (int a = 0; a < count; ++a) {
                 const double turn = G[v * m + part.inputs[a]], inertia = rotor * turn;
+                if (turn == 0.0) continue;
                 right_[part.first + a] -= turn * force;
                 alone_[part.first + a] += inertia * turn;
-                for (int b = 0; b <= a; ++b) L[a * count + b] += inertia * G[v * m + part.inputs[b]];
+                for (int b = 0; rotor != 0.0 && b <= a; ++b) L[a * count + b] += inertia * G[v * m + part.inputs[b]];
             }
         }
     }
@@ -291,9 +258,9 @@ class Sweep {
     std::vector<std::size_t> ways_at_, factors_at_;
     Cells<Wrench> push_;     // by input in a row
     Cells<double> factors_;  // L of each part
-    Cells<double> right_, alone_;
+    Cells<double> right_, alone_, columns_;
     TreeFactor factor_;
-    Cells<double> more_;  // by body: wrenches, then twists, of more right sides
+    TreeRound round_;
 };
 
 }  // namespace rg
