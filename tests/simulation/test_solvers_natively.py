@@ -98,7 +98,8 @@ def test_the_same_run_of_a_floating_base(stepper: Any) -> None:
         rg.simulate(mech, v0=v0, duration=1.4, step=0.05, stepper=stepper, backend=backend, **TIGHT)
         for backend in ("native", "python")
     )
-    assert abs(found.stats.rhs - wanted.stats.rhs) <= 0.05 * wanted.stats.rhs
+    # up to five trials of DOP853's, of some ninety, are refused by one and not by the other: by rounding
+    assert abs(found.stats.rhs - wanted.stats.rhs) <= 5 * 12 + 0.01 * wanted.stats.rhs
     assert len(found.crossings) == 3
     require_same(found, wanted)
 
