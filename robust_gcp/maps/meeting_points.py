@@ -2,8 +2,8 @@
 
 A weld holds two frames together wherever in them the two points lie that it holds together, if both have
 the same place there. At the centre of a ball next to the cut, spelt as one joint or as hinges whose axes
-meet, the ball's velocities leave the position rows: K_d falls apart into these and the rotation rows, which the ball's
-velocities follow from.
+meet, the ball's velocities leave the position rows: K_d falls apart into these and the rotation rows, which
+the ball's velocities follow from.
 """
 
 from __future__ import annotations
