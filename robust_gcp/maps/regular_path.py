@@ -6,7 +6,6 @@ nothing of singularities beyond reporting how well K_d is conditioned.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,12 +13,12 @@ from numpy.typing import NDArray
 
 from ..mechanism.constraint import ImplicitConstraint
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.partition import Block, triangular_blocks
-from ..mechanism.tolerances import STRUCTURAL
-from ..mechanism.tree import Array
+from ..mechanism.partition import Block
+from ..mechanism.tree import Array, Tree
 from .blocks import BlockFactor
 from .meeting_points import tree_at_points
 from .point import Counters, Point
+from .structure import reference_of_whole, structured
 
 CONVERGED = 2e-15
 """max |φ| / length at which Newton stops: the rounding of a short chain of joints."""
@@ -82,7 +81,7 @@ class RegularPath:
         self.points, self.tree = once(
             ("points", self._key), lambda: tree_at_points(mechanism, rows, dependent)
         )
-        self.implicit = once(("selected rows of φ", self._key), lambda: self._selected(scale))
+        self.implicit = once(("selected rows of φ", self._key), lambda: self._selected(self.tree))
         self._length_scale = 1.0 / mechanism.column_scale
         self._turn_scale = 1.0 / mechanism.units
         self._eye = np.eye(self.m)
@@ -95,11 +94,11 @@ class RegularPath:
         """Itself: it holds nothing of a motion, and views that must not be copied."""
         return self
 
-    def _selected(self, scale: Array) -> ImplicitConstraint:
+    def _selected(self, tree: Tree) -> ImplicitConstraint:
         """The selected rows of the constraint, which keeps no state, dimensionless."""
         mechanism, rows = self.mechanism, self.rows
         chosen = mechanism.implicit.rows[rows]
-        return ImplicitConstraint(self.tree, mechanism.closures, chosen, mechanism.row_scale[rows], scale)
+        return ImplicitConstraint(tree, mechanism.closures, chosen, mechanism.row_scale[rows], self._scale)
 
     def _factor(self) -> BlockFactor:
         """The factorisation of K_d; its structure is found once for each mechanism and choice of rows."""
@@ -108,26 +107,18 @@ class RegularPath:
         return self.mechanism.memo.once(("structure of K_d", self._key), self._structured).fresh()
 
     def _structured(self) -> BlockFactor:
-        blocks, pattern, reference = self._structure()
-        factor = BlockFactor(blocks, pattern, self.dependent, self.tree.nv)
-        factor.reference = reference
-        return factor
+        mechanism, configurations = self.mechanism, self.mechanism.generic_configurations()
+        factor = structured(lambda q: self._constraint(q)[1], configurations, self.dependent)
+        if self.points.any():
+            tree, frames = mechanism.tree, self._selected(mechanism.tree)
 
-    def _structure(self) -> tuple[Sequence[Block], NDArray[np.bool_], Array]:
-        """Blocks and pattern of K_d, and the conditioning of large blocks at generic configurations."""
-        pattern = np.zeros((self.nd, self.nd), dtype=bool)
-        for q in self.mechanism.generic_configurations():
-            pattern |= np.abs(self._constraint(q)[1][:, self.dependent]) > STRUCTURAL
-        blocks = triangular_blocks(pattern)
-        if blocks is None:
-            blocks = [Block(np.arange(self.nd), np.arange(self.nd))]
-        factor = BlockFactor(blocks, pattern, self.dependent, self.tree.nv)
-        seen = []
-        for q in self.mechanism.generic_configurations():
-            factor.factor(self._constraint(q)[1])
-            seen.append(factor.rcond)
-        large = np.array([len(block.rows) > 2 for block in blocks])
-        return blocks, pattern, np.where(large, np.maximum(np.max(seen, axis=0), 1e-6), 1.0)
+            def jacobian(q: Array) -> Array:
+                tree.jacobians(q)
+                return frames.jacobian()
+
+            whole = structured(jacobian, configurations, self.dependent)
+            factor.reference = reference_of_whole(factor, whole)
+        return factor
 
     @property
     def blocks(self) -> tuple[Block, ...]:

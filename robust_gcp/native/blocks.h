@@ -68,11 +68,11 @@ class Blocks {
         changes_.resize(widest_);
     }
 
-    bool factorised = false;  // any K_d so far
+    bool factorised = false;  // some K_d, which is regular
 
     // Factorise K_d; false where a block is exactly singular or not finite.
     bool factor() {
-        bool good = factorised = true;
+        bool good = true;
         for (Block& b : blocks_) {
             if (b.n > SMALL) {
                 double* a = b.lu.matrix();
@@ -87,7 +87,7 @@ class Blocks {
             good = b.small.factor() && good;
             b.det = b.small.det;
         }
-        return good;
+        return factorised = good;
     }
 
     // u = K_d⁻¹ rhs by velocity (nv), rhs by row; returns max |u|.

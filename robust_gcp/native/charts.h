@@ -20,7 +20,8 @@ namespace rg {
 class Charts {
   public:
     // Those of one part.
-    Charts(const Description& d, const Chain& chain, const Part& part) : m_(d.m), inputs_(part.inputs), step_(d.m), aim_(d.m) {
+    Charts(const Description& d, const Chain& chain, const Part& part)
+        : m_(d.m), inputs_(part.inputs), step_(d.m), aim_(d.m) {
         if (!part.charted) return;
         std::vector<int> input(d.nv, -1);
         for (int k : part.inputs)

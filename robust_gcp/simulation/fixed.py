@@ -126,7 +126,8 @@ class FixedRun(RefinedRun):
                 self._record.extend(i, batch.outputs, batch.x)
                 now = batch.now
             self._take_over(i, batch)
-            self._watch_rows(i, batch.outputs.q)
+            if self._redundant:
+                self._watch_rows(i, batch.outputs.q)
             i += batch.steps
             if batch.failure is not None:
                 raise batch.failure

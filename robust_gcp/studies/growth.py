@@ -94,8 +94,13 @@ FAMILIES = (
 hinges; and robots, by their mobility."""
 
 
-def step_seconds(contender: Contender, mechanism: Mechanism, rounds: int = ROUNDS) -> float | None:
-    """Of a step from home at rest; None where the contender does not run the mechanism."""
+def step_seconds(
+    contender: Contender, mechanism: Mechanism, rounds: int = ROUNDS, spent: float = SPENT
+) -> float | None:
+    """Of a step from home at rest; None where the contender does not run the mechanism.
+
+    The longer run takes `spent` seconds more, if `MOST` allows.
+    """
 
     def seconds(steps: int) -> float:
         """Of a run of so many steps between outputs."""
@@ -108,7 +113,7 @@ def step_seconds(contender: Contender, mechanism: Mechanism, rounds: int = ROUND
         return None
     few = 1
     seconds(few)  # what is made once, as other coordinates at the start
-    while few < (8 if rounds == QUICK else MOST) and seconds(3 * few) - seconds(few) < SPENT:
+    while few < (8 if rounds == QUICK else MOST) and seconds(3 * few) - seconds(few) < spent:
         few *= 2
     both = [(seconds(few), seconds(3 * few)) for _ in range(rounds)]
     less, more = (min(times) for times in zip(*both, strict=True))
