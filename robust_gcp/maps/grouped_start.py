@@ -14,7 +14,11 @@ from .cluster.options import BridgeOptions
 from .grouped import GroupPoint, joined
 from .point import Counters
 from .start import Start, begin
-from .start_check import checked_mode, require_finite_energy
+from .start_check import broken_by, checked_mode, require_finite_energy
+
+ROUNDED = 1e-12
+"""Share of all velocities that those in loops may be as rounding of the others: what `lift` leaves of a rigid
+structure breaks its loops."""
 
 
 @dataclass
@@ -73,12 +77,20 @@ def begin_on_groups(
     v = mechanism.tree.zero if v0 is None else mechanism.velocity(v0, "v0")
     require_finite_energy(mechanism, v)
     own = None if mode is None else _of_rest(groups, checked_mode(mechanism, mode))
-    rest = begin(groups.rest, q[groups.rest_iq], v[groups.rest_iv], own, options, counters)
+    rest = begin(groups.rest, q[groups.rest_iq], _velocities_of_rest(groups, q, v), own, options, counters)
     u = v[mechanism.iv_independent]
     y = np.zeros(mechanism.m)
     y[groups.rest_inputs] = rest.point.y
     point = joined(groups, rest.point, q[groups.iq], y, u)
     return start_on_groups(groups, rest, point)
+
+
+def _velocities_of_rest(groups: Groups, q: Array, v: Array) -> Array:
+    """Those in loops; zero where they are rounding of the others, and no motion of the loops."""
+    own = v[groups.rest_iv]
+    if np.abs(own).max(initial=0.0) > ROUNDED * np.abs(v).max(initial=0.0):
+        return own
+    return own if broken_by(groups.rest, q[groups.rest_iq], own) is None else np.zeros(len(own))
 
 
 def start_on_groups(groups: Groups, rest: Start, first: GroupPoint) -> GroupStart:

@@ -47,17 +47,26 @@ def require_finite_energy(mechanism: Mechanism, v: Array) -> None:
         )
 
 
-def require_compatible(mechanism: Mechanism, q: Array, v: Array) -> None:
-    """K v0 = 0, relative to the sizes of K and v0."""
+def broken_by(mechanism: Mechanism, q: Array, v: Array) -> tuple[str, float] | None:
+    """The row of K v0 = 0 that is broken most, and by how much, relative to K and v0; None where none is."""
     if mechanism.nc == 0 or not np.any(v):
-        return
+        return None
     K = mechanism.scaled(mechanism.K(q))
     u = v / mechanism.column_scale
     worst = int(np.argmax(np.abs(K @ u)))
     size = float(np.abs(K @ u)[worst])
     if size > COMPATIBLE * float(np.abs(K).max() * np.abs(u).max()):
+        return mechanism.implicit.labels[worst], size
+    return None
+
+
+def require_compatible(mechanism: Mechanism, q: Array, v: Array) -> None:
+    """K v0 = 0, relative to the sizes of K and v0."""
+    broken = broken_by(mechanism, q, v)
+    if broken is not None:
+        row, size = broken
         raise StateError(
-            f"v0 breaks the loop {mechanism.implicit.labels[worst]}: K v0 = {size:.3g} (scaled); give "
+            f"v0 breaks the loop {row}: K v0 = {size:.3g} (scaled); give "
             "v0 = G ẏ, for instance from mech.lift(q0, ydot)"
         )
 

@@ -434,3 +434,28 @@ class TestRefused:
         assert "base" in str(motion)
         with pytest.raises(rg.PartitionError, match="have no coordinates y"):
             _ = motion.y
+
+
+def test_a_rigid_structure_on_a_moving_base_moves_with_it() -> None:
+    """Six hinges that a weld holds: what `lift` leaves of their velocities is rounding, and no broken loop."""
+    rng, m = np.random.default_rng(7), pin.Model()
+    base = body = m.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
+    m.appendBodyToJoint(base, BODY, pin.SE3.Identity())
+    for i in range(6):
+        place = pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3))
+        body = m.addJoint(body, pin.JointModelRX(), place, f"hinge{i}")
+        m.appendBodyToJoint(body, BODY, pin.SE3.Identity())
+    home = pin.integrate(m, pin.neutral(m), rng.normal(size=m.nv))
+    data = m.createData()
+    pin.forwardKinematics(m, data, home)
+    for name, joint in (("last", body), ("first", base)):
+        place = data.oMi[joint].inverse() * data.oMi[body]
+        m.addFrame(pin.Frame(name, joint, place, pin.FrameType.OP_FRAME))
+    mech = rg.Mechanism.from_pinocchio(m, [rg.FrameClosure("last", "first")], "auto", home=home)
+    v = mech.lift(home, PUSH)
+    assert 0.0 < np.abs(v[6:]).max() < 1e-12
+    runs = [rg.simulate(mech, home, start, 0.5, 1e-2) for start in (v, np.append(PUSH, np.zeros(6)))]
+    np.testing.assert_allclose(runs[0].q, runs[1].q, atol=1e-13)
+    np.testing.assert_allclose(runs[0].q[:, 7:], np.tile(home[7:], (len(runs[0].q), 1)), atol=1e-12)
+    with pytest.raises(rg.StateError, match="breaks the loop"):
+        rg.simulate(mech, home, np.append(PUSH, np.full(6, 1e-3)), 0.5, 1e-2)
