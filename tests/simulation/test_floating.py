@@ -437,7 +437,7 @@ class TestRefused:
 
 
 def test_a_rigid_structure_on_a_moving_base_moves_with_it() -> None:
-    """Six hinges that a weld holds: what `lift` leaves of their velocities is rounding, and no broken loop."""
+    """Six hinges that a weld holds: what `lift` leaves of their velocities is rounding, no broken loop."""
     rng, m = np.random.default_rng(7), pin.Model()
     base = body = m.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
     m.appendBodyToJoint(base, BODY, pin.SE3.Identity())
