@@ -96,6 +96,14 @@ class Loops {
         return false;
     }
 
+    // K_d factorised at q.
+    void prime(const double* q) {
+        chain_.place(part_.joints, q);
+        closures.residual(q);
+        closures.jacobian();
+        blocks.factor();
+    }
+
     // −K_d⁻¹ K_i, the dependent rows of G, where `close` has ended and K_d is factorised.
     void velocities(double* G, int m) {
         const int count = part_.count();

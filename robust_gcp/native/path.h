@@ -125,6 +125,12 @@ class Path {
         return most;
     }
 
+    // K_d factorised where a motion begins, so that it hangs on nothing that was done before.
+    void prime(Point& point) {
+        for (const auto& loops : loops_)
+            if (loops != nullptr) loops->prime(point.q());
+    }
+
     // Largest rotation, rad, or slide in lengths, of the straight way from the anchor to y.
     double turn(Point& anchor, const double* y) const {
         const int m = layout.m;

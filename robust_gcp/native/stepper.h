@@ -149,6 +149,7 @@ class alignas(CACHE_LINE) Stepper {
         } else {
             anchor_ = accepted_ = &slots_[0];
             anchor_->read(r.anchor);
+            path.prime(*anchor_);
             clusters.leave();
             if (r.beginning == IN_ZONE) clusters.read(r.trackers);
         }
