@@ -202,13 +202,13 @@ class Mechanism(Coordinates):
 
     def energy(self, q: ArrayLike, v: ArrayLike) -> float:
         """Kinetic energy, potential energy of gravity and of the springs together, J."""
-        energies = self.energies(self.configuration(q), self.velocity(v))
-        return float(require_finite(np.asarray(sum(energies)), "the energy"))
+        return float(require_finite(np.asarray(sum(self.energies(q, v))), "the energy"))
 
-    def energies(self, q: Array, v: Array) -> tuple[float, float]:
-        """Kinetic energy, and what gravity and springs have, J; q and v are not checked."""
-        kinetic, potential = self.tree.energies(q, v)
-        return kinetic, potential + (0.0 if self.applied is None else self.applied.energy(q))
+    def energies(self, q: ArrayLike, v: ArrayLike) -> tuple[float, float]:
+        """Kinetic energy, and what gravity and springs have, J."""
+        at = self.configuration(q)
+        kinetic, potential = self.tree.energies(at, self.velocity(v))
+        return kinetic, potential + (0.0 if self.applied is None else self.applied.energy(at))
 
     def assemble(self, q_guess: ArrayLike | Named, hold: Sequence[str] | None = None) -> Array:
         """Close the loops from a rough guess.
