@@ -158,8 +158,8 @@ class Path {
     // Whether Newton ended near enough to the prediction.
     bool near_prediction(Point& after) const {
         if (layout.blocks == 0) return true;
-        const double allowed = CORRECTION * after.distance + ROUNDING / std::max(after.conditioning(), 1e-12);
-        return !(after.turn > FARTHEST) && !(after.correction > 0.0 && after.correction > allowed);
+        const double beyond = after.correction - CORRECTION * after.distance;
+        return !(after.turn > FARTHEST) && !(beyond > 0.0 && beyond * std::max(after.conditioning(), 1e-12) > ROUNDING);
     }
 
     // Whether Newton, started from the prediction, stayed on the branch of `before`.
