@@ -158,20 +158,16 @@ def linearise(
     return Linearisation.of(A)
 
 
-def linearise_motion(
-    motion: Problem, t: float, central: bool, rate: Callable[[float, Array], Array] | None = None
-) -> Linearisation:
-    """Linearise at the start of a motion, by its equations or by other means; see `linearise`."""
-    return Linearisation.of(slopes_at(motion, t, central, rate))
+def linearise_motion(motion: Problem, t: float, central: bool) -> Linearisation:
+    """Linearise at the start of a motion by differences; see `linearise`."""
+    return Linearisation.of(slopes_at(motion, t, central))
 
 
-def slopes_at(
-    motion: Problem, t: float, central: bool, rate: Callable[[float, Array], Array] | None = None
-) -> Array:
+def slopes_at(motion: Problem, t: float, central: bool) -> Array:
     """A of `linearise_motion`, (2m, 2m)."""
     m, y = motion.mechanism.m, motion.start.point.y
     with np.errstate(all="ignore"):  # what is not finite is told below
-        A = ReducedJacobian(motion.equations, central, rate)(t, motion.x)[: 2 * m, : 2 * m]
+        A = ReducedJacobian(motion.equations, central)(t, motion.x)[: 2 * m, : 2 * m]
     if not np.all(np.isfinite(A)):
         raise NonFiniteError(f"the linearisation at y = {y} is not finite", y)
     return A

@@ -35,9 +35,11 @@ class ReducedInertia:
 
     def __init__(self, mechanism: Mechanism) -> None:
         self._mechanism, self._tree = mechanism, mechanism.tree
-        self._scale = 1.0 / mechanism.column_scale
-        self._own = mechanism.joint_inertia
-        self._suspect = LOST * self._own * float(np.max(self._scale, initial=0.0)) ** 2
+        self._scale, self._own, self._suspect = mechanism.memo.once("sizes of inertia", self._sizes)
+
+    def _sizes(self) -> tuple[Array, float, float]:
+        scale, own = 1.0 / self._mechanism.column_scale, self._mechanism.joint_inertia
+        return scale, own, LOST * own * float(np.max(scale, initial=0.0)) ** 2
 
     def solve(self, q: Array, G: Array, force: Array) -> Array:
         """ÿ for Gᵀ (τ − C − M g) = force, (m,) or several side by side, (m, k).

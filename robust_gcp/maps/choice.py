@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 from ..errors import OptionError
 from .classical import ClassicalMap, NewtonStart
 from .cluster.cluster_map import ClusterMap
-from .cluster.options import BridgeOptions
+from .cluster.options import USUAL, BridgeOptions
 from .explicit import ExplicitMap
 from .four_bar import FourBarMap
 from .grouped import GroupMap
@@ -38,7 +38,7 @@ class MapChoice:
     """
 
     method: Method = "bridge"
-    options: BridgeOptions = field(default_factory=BridgeOptions)
+    options: BridgeOptions = USUAL
     newton_start: NewtonStart = "tangent"
     threshold: float = PROJECTION_THRESHOLD
     error_controlled: bool = False

@@ -7,6 +7,7 @@ nothing of singularities beyond reporting how well K_d is conditioned.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,9 @@ CONVERGED = 2e-15
 
 STAGNANT = 1e-12
 """max |φ| / length accepted when Newton stops making progress: rounding of long chains."""
+
+NONE = np.ones(0)
+"""Of the blocks of a tree."""
 
 MAX_NEWTON = 12
 """Newton iterations before a start counts as lost; from a good prediction two or three suffice."""
@@ -72,23 +76,24 @@ class RegularPath:
         self.dependent, self.independent = mechanism.iv_dependent, mechanism.iv_independent
         self.iq, self.numbers = mechanism.iq_numbers, mechanism.numbers
         self.m, self.nd = mechanism.m, len(self.dependent)
-        self._column_scale = mechanism.column_scale[self.dependent]
-        scale = np.ones(mechanism.nv)
-        scale[self.dependent] = self._column_scale
-        self._scale = scale
         self._key = tuple(rows.tolist())
         once, dependent = mechanism.memo.once, self.dependent
+        fixed = once(("scales of a path", self._key), self._scales)
+        self._column_scale, self._scale, self._length_scale, self._turn_scale, self._tree_G = fixed
         self.points, self.tree = once(
             ("points", self._key), lambda: tree_at_points(mechanism, rows, dependent)
         )
         self.implicit = once(("selected rows of φ", self._key), lambda: self._selected(self.tree))
-        self._length_scale = 1.0 / mechanism.column_scale
-        self._turn_scale = 1.0 / mechanism.units
-        self._eye = np.eye(self.m)
-        self._tree_G = np.zeros((mechanism.nv, self.m))  # G of a tree: y may be in another order than v
-        self._tree_G[self.independent] = self._eye
-        self._none = np.ones(0)
-        self.factor = self._factor()
+        self._structure = self._found()  # now: it moves the tree
+
+    def _scales(self) -> tuple[Array, Array, Array, Array, Array]:
+        """Of dependent and of all columns, of steps in lengths and in turns; and G of a tree."""
+        mechanism = self.mechanism
+        columns = mechanism.column_scale[self.dependent]
+        scale, tree_G = np.ones(mechanism.nv), np.zeros((mechanism.nv, self.m))
+        scale[self.dependent] = columns
+        tree_G[self.independent] = np.eye(self.m)  # y may be in another order than v
+        return columns, scale, 1.0 / mechanism.column_scale, 1.0 / mechanism.units, tree_G
 
     def __deepcopy__(self, memo: object) -> RegularPath:
         """Itself: it holds nothing of a motion, and views that must not be copied."""
@@ -100,11 +105,16 @@ class RegularPath:
         chosen = mechanism.implicit.rows[rows]
         return ImplicitConstraint(tree, mechanism.closures, chosen, mechanism.row_scale[rows], self._scale)
 
-    def _factor(self) -> BlockFactor:
-        """The factorisation of K_d; its structure is found once for each mechanism and choice of rows."""
+    @cached_property
+    def factor(self) -> BlockFactor:
+        """The factorisation of K_d."""
+        return self._structure.fresh()
+
+    def _found(self) -> BlockFactor:
+        """The structure of K_d, found once for each mechanism and choice of rows."""
         if self.nd == 0:
             return BlockFactor([], np.zeros((0, 0), dtype=bool), self.dependent, self.tree.nv)
-        return self.mechanism.memo.once(("structure of K_d", self._key), self._structured).fresh()
+        return self.mechanism.memo.once(("structure of K_d", self._key), self._structured)
 
     def _structured(self) -> BlockFactor:
         mechanism, configurations = self.mechanism, self.mechanism.generic_configurations()
@@ -123,7 +133,7 @@ class RegularPath:
     @property
     def blocks(self) -> tuple[Block, ...]:
         """The diagonal blocks of K_d, in the order of substitution."""
-        return self.factor.blocks
+        return self._structure.blocks
 
     def predict(self, anchor: Point, y: Array) -> tuple[Array, Array]:
         """q_a ⊕ dv and dv = G Δy + ½ γ''[Δy, Δy].
@@ -197,12 +207,11 @@ class RegularPath:
         """G = [I; −K_d⁻¹ K_i] and g = [0; K_d⁻¹ k] at a closed configuration, with K_d factorised once."""
         q = closed.q
         if self.nd == 0:
-            return Point(y, ydot, q, self._tree_G, self.tree.zero, None, self._none, self._none)
+            return Point(y, ydot, q, self._tree_G, self.tree.zero, None, NONE, NONE)
         K = closed.K if closed.placed == self.tree.placed else self._constraint(q)[1]
         tree, factor, dependent = self.tree, self.factor, self.dependent
         factor.factor(K)
-        G = np.zeros((tree.nv, self.m))
-        G[self.independent] = self._eye
+        G = self._tree_G.copy()
         g = np.zeros(tree.nv)
         curvature = None
         if self.m == 1:

@@ -206,9 +206,7 @@ class Mechanism(Coordinates):
 
     def energies(self, q: ArrayLike, v: ArrayLike) -> tuple[float, float]:
         """Kinetic energy, and what gravity and springs have, J."""
-        at = self.configuration(q)
-        kinetic, potential = self.tree.energies(at, self.velocity(v))
-        return kinetic, potential + (0.0 if self.applied is None else self.applied.energy(at))
+        return energies_of(self, self.configuration(q), self.velocity(v))
 
     def assemble(self, q_guess: ArrayLike | Named, hold: Sequence[str] | None = None) -> Array:
         """Close the loops from a rough guess.
@@ -264,6 +262,12 @@ class Mechanism(Coordinates):
         )
 
     # ----------------------------------------------------------------- construction
+
+
+def energies_of(mechanism: Mechanism, q: Array, v: Array) -> tuple[float, float]:
+    """`Mechanism.energies` at a state that was checked."""
+    kinetic, potential = mechanism.tree.energies(q, v)
+    return kinetic, potential + (0.0 if mechanism.applied is None else mechanism.applied.energy(q))
 
 
 def _joints(names: Any, what: str) -> tuple[str, ...]:

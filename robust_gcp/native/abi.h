@@ -6,7 +6,7 @@
 
 namespace rg {
 
-constexpr std::int32_t VERSION = 10;
+constexpr std::int32_t VERSION = 11;
 
 enum Reason : std::int32_t {
     DONE = 0,

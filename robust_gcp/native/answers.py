@@ -9,7 +9,9 @@ import numpy as np
 from ..dynamics.equations import CheckedTorque
 from ..dynamics.held import HeldTorque
 from ..mechanism.tree import Array
-from .structures import Request, TorqueCallback
+from .structures import Request, TorqueCallback, side_by_side
+
+NO_CALLBACK, NOTHING = TorqueCallback(), np.zeros(0)
 
 
 class Acting:
@@ -26,6 +28,7 @@ class Acting:
     held : bool
         Whether it is a `HeldTorque`.
     tau : ndarray (nv,)
+        Empty where nothing acts.
     raised : list of BaseException
         What the function raised since `listen`.
     """
@@ -34,14 +37,16 @@ class Acting:
         self._held = torque if isinstance(torque, HeldTorque) else None
         self.held = self._held is not None
         self._supplied = torque if callable(torque) and not self.held else None
-        self._q, self._v, self.tau = np.zeros(nq), np.zeros(nv), np.zeros(nv)
-        self._request, self._callback = request, TorqueCallback()
-        request.torque_q, request.torque_v = self._q.ctypes.data, self._v.ctypes.data
-        request.torque_tau = self.tau.ctypes.data
+        self._request, self._callback = request, NO_CALLBACK
         self.raised: list[BaseException] = []
-        if torque is not None and self._supplied is None:
-            request.held = self.tau.ctypes.data
-        if torque is not None and not callable(torque):
+        self.tau: Array = NOTHING
+        if torque is None:
+            return
+        (self._q, self._v, self.tau), places = side_by_side({"q": nq, "v": nv, "tau": nv})
+        request.torque_q, request.torque_v, request.torque_tau = places["q"], places["v"], places["tau"]
+        if self._supplied is None:
+            request.held = places["tau"]
+        if not callable(torque):
             self.tau[:] = torque
 
     def listen(self) -> None:

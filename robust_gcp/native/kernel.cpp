@@ -51,6 +51,10 @@ RG_EXPORT void rg_follow(void* stepper, rg::Request* request) {
     static_cast<rg::Solver*>(stepper)->follow(*request);
 }
 
+RG_EXPORT void rg_bend(void* stepper, rg::Request* request, const double* unit, double* A) {
+    static_cast<rg::Solver*>(stepper)->bend(*request, unit, A);
+}
+
 RG_EXPORT void rg_tell(void* stepper, rg::Request* request) { static_cast<rg::Solver*>(stepper)->tell(*request); }
 
 RG_EXPORT void rg_keep(void* stepper) { static_cast<rg::Solver*>(stepper)->keep(); }

@@ -92,6 +92,8 @@ class Library:
         self.follow_from, self.follow, self.tell = library.rg_follow_from, library.rg_follow, library.rg_tell
         for function in (self.follow_from, self.follow, self.tell):
             function.argtypes, function.restype = [c_void_p, POINTER(Request)], None
+        self.bend = library.rg_bend
+        self.bend.argtypes, self.bend.restype = [c_void_p, POINTER(Request), c_void_p, c_void_p], None
         self.keep, self.forget, self.renew = library.rg_keep, library.rg_forget, library.rg_renew
         for function in (self.keep, self.forget, self.renew):
             function.argtypes, function.restype = [c_void_p], None

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from ..dynamics.equations import Evaluation
 from ..mechanism.tree import Array
 from .batch import Trackers
 from .library import Library
 from .results import counted
-from .structures import Reason, Request
+from .structures import Reason, Request, address
 
 DONE, TORQUE = int(Reason.DONE), int(Reason.TORQUE)
 
@@ -63,12 +65,32 @@ class Rates:
         self._time[0] = t
         self._x[:] = x
         self._follow(self._handle, self._reference)
+        return self._rate.copy() if self._done() else None
+
+    def _done(self) -> bool:
         reason = self._request.reason
-        if reason == DONE:
-            return self._rate.copy()
         if reason == TORQUE:  # or it was interrupted between two lines of the generator
             raise self._raised[0] if self._raised else KeyboardInterrupt
-        return None
+        return bool(reason == DONE)
+
+    def slopes(self, t: float, x: Array, unit: Array) -> Array | None:
+        """∂ẋ/∂x but for the work done, (2m, 2m), by forward differences; None where the kernel cannot tell.
+
+        Parameters
+        ----------
+        unit : ndarray (m,)
+            Of the independent velocities, contiguous.
+
+        Raises
+        ------
+        BaseException
+            As a call does.
+        """
+        self._time[0] = t
+        self._x[:] = x
+        A: Array = np.empty((2 * len(unit), 2 * len(unit)))
+        self._library.bend(self._handle, self._reference, address(unit), address(A))
+        return A if self._done() else None
 
     def told(self) -> tuple[Evaluation, Trackers | None, bool]:
         """The evaluation made last, the trackers where they know something, and whether it is in a zone."""

@@ -4,12 +4,14 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <vector>
 
 #include "stepper.h"
 
 namespace rg {
 
 constexpr double OUTGROWN = 1.0;  // as in explicit.py
+constexpr double FORWARD = 1.4901161193847656e-08;  // as in differences.py
 
 class Solver : public Stepper {
   public:
@@ -48,6 +50,23 @@ class Solver : public Stepper {
         std::copy(rate_.begin(), rate_.end(), r.rate);
         watch_.follow(r);
         r.plain = !r.met && !watch_.exceeds(*anchor_) && !outgrown(*anchor_);
+    }
+
+    // ∂ẋ/∂x without the work done, by forward differences at x and times[0], row by row; `unit` (m,) are those of y.
+    // See dynamics/linearise.py.
+    void bend(Request& r, const double* unit, double* A) {
+        const int m = path.layout.m, n = 2 * m;
+        follow(r);
+        const std::vector<double> base(r.rate, r.rate + n);
+        for (int k = 0; k < n && r.reason == DONE; ++k) {
+            const double size = unit[k % m], at = r.x[k];
+            // a force that ẏ does not change rounds to ε ÿ: ẏ is moved far enough to rise above that
+            const double fast = std::max({size, std::fabs(at), std::sqrt(size * std::fabs(base[m + k % m]))});
+            r.x[k] += FORWARD * (k < m ? size : fast);
+            follow(r);
+            for (int i = 0; i < n; ++i) A[i * n + k] = (r.rate[i] - base[i]) / (r.x[k] - at);
+            r.x[k] = at;
+        }
     }
 
     // The point evaluated last, and ÿ, τ and the power there.

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from ctypes import c_double, c_int32, c_int64, c_void_p
 from enum import IntEnum
 from typing import Any
 
 import numpy as np
 
-VERSION = 10
+from ..mechanism.tree import Array
+
+VERSION = 11
 """Of the interface; a library with another one is not used."""
 
 TorqueCallback: Any = ctypes.CFUNCTYPE(c_int32, c_double)
@@ -174,3 +176,15 @@ class Arrays:
 def address(array: Any) -> int | None:
     """Where an array's numbers are; the quick way, as it is asked for with every step."""
     return None if array is None else int(array.__array_interface__["data"][0])
+
+
+def side_by_side(sizes: Mapping[str, int]) -> tuple[list[Array], dict[str, int]]:
+    """Arrays of zeros of these sizes in one piece of memory, and where each begins."""
+    whole = np.zeros(sum(sizes.values()))
+    at, begin = whole.__array_interface__["data"][0], 0
+    arrays, places = list[Array](), dict[str, int]()
+    for name, size in sizes.items():
+        arrays.append(whole[begin : begin + size])
+        places[name] = at + 8 * begin
+        begin += size
+    return arrays, places

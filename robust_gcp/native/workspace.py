@@ -23,6 +23,7 @@ from .library import Library
 from .prepared import Prepared
 from .rates import Rates
 from .results import bridging, counted, crossings
+from .shared import Shared
 from .structures import Arrays, Beginning, Reason, Request, address
 from .watch import Watch
 
@@ -60,25 +61,18 @@ class Workspace:
         self._taken = Handle(library, mechanism, path, works)
         self._handle, self._handed = self._taken.address, self._taken.handed
         self._nq, self._nv, self._m = mechanism.nq, mechanism.nv, mechanism.m
-        self._numbers_in_q = mechanism.iq_numbers
-        self._numbers = mechanism.numbers
-        n = 2 * self._m + int(works)
+        self._numbers, self._numbers_in_q = mechanism.numbers, mechanism.iq_numbers
         self._layout: Layout = mechanism.memo.once(
             ("layout in the kernel", *path.rows.tolist()), lambda: Layout(mechanism, path, self._groups)
         )
-        self._time, self._rate = np.zeros(1), np.zeros(n)
-        self._x, self._ydd, self._tau = np.zeros(n), np.zeros(self._m), np.zeros(self._nv)
-        self._anchor = np.zeros(self._layout.size)
-        self._safe = np.zeros(self._layout.size + n)
-        self._origin: Array = np.zeros(0)
+        self._packed: Point | None = None  # the point that `anchor` holds, where that is known
         self._bridging: tuple[BridgeOptions, Arrays] | None = None
         self._latest: Point | None = None
         self._request = Request()
+        self._shared = Shared(self._request, mechanism, 2 * self._m + int(works), self._layout.size)
         self._by_reference = ctypes.byref(self._request)
         acts = mechanism.velocity(torque, "torque") if not callable(torque) and torque is not None else torque
         self._acting = Acting(self._request, self._nq, self._nv, acts)
-        for name in ("x", "rate", "anchor", "ydd", "tau", "safe"):
-            setattr(self._request, name, getattr(self, f"_{name}").ctypes.data)
 
     def run(
         self,
@@ -121,15 +115,15 @@ class Workspace:
         r.power = now.power
         r.best = best
         self._choose(zone, options, watch)
-        self._x[:], self._ydd[:] = x, now.ydd
-        self._tau[:] = 0.0 if now.tau is None else now.tau
+        self._shared.x[:], self._shared.ydd[:] = x, now.ydd
+        self._shared.tau[:] = 0.0 if now.tau is None else now.tau
         if self.at(now.point):
             r.beginning = Beginning.GO_ON
         else:
             r.beginning = Beginning.REGULAR if trackers is None else Beginning.IN_ZONE
             numbers = None if trackers is None else np.ascontiguousarray(trackers())
             r.trackers = None if numbers is None else numbers.ctypes.data
-            self._layout.pack(now.point, self._anchor)
+            self._pack(now.point)
         outputs.written_by(r)
         self._handed.secure()
         self._acting.listen()
@@ -137,6 +131,11 @@ class Workspace:
         if r.reason == Reason.TORQUE and not self._acting.raised:
             self._acting.raised.append(KeyboardInterrupt())  # raised between two lines of the generator
         return self._batch(0, int(r.completed), outputs.first(int(r.completed) // every))
+
+    def _pack(self, point: Point) -> None:
+        if point is not self._packed:
+            self._layout.pack(point, self._shared.anchor)
+            self._packed = point
 
     def at(self, point: Point) -> bool:
         """Whether this is where the kernel can go on as it is: the last batch's last point."""
@@ -162,7 +161,7 @@ class Workspace:
         zone, options, watch, best
             As for `run`.
         """
-        r = self._request
+        r, self._packed = self._request, None
         r.best = best
         r.every, r.times, r.steps, r.first = 1, address(times), 0, 0
         self._choose(zone, options, watch)
@@ -191,22 +190,21 @@ class Workspace:
         """
         r, self._latest = self._request, None
         self._choose(zone, options, watch, careful=True)
-        r.power, r.first, r.times, r.beginning = now.power, 0, address(self._time), Beginning.REGULAR
-        self._x[:], self._ydd[:] = x, now.ydd
-        self._layout.pack(now.point, self._anchor)
+        r.power, r.first, r.times, r.beginning = now.power, 0, self._shared.at_time, Beginning.REGULAR
+        self._shared.x[:], self._shared.ydd[:] = x, now.ydd
+        self._pack(now.point)
         self._handed.secure()
         self._acting.listen()
-        buffers = self._time, self._x, self._rate
-        self._origin = self._layout.origin(now.point)
-        r.origin = address(self._origin)
+        buffers = self._shared.time, self._shared.x, self._shared.rate
+        self._shared.origin[:] = self._layout.origin(now.point)
 
         def told() -> Evaluation:
-            return self._evaluation(self._layout.point(self._anchor, now.point))
+            self._packed = None
+            return self._evaluation(self._layout.point(self._shared.anchor, now.point))
 
         self._library.follow_from(self._handle, self._by_reference)
-        told_by = told, self._handed.new
-        raised = self._acting.raised
-        return Rates(self._library, self._handle, r, self._by_reference, buffers, raised, *told_by)
+        told_by = self._acting.raised, told, self._handed.new
+        return Rates(self._library, self._handle, r, self._by_reference, buffers, *told_by)
 
     def _choose(
         self,
@@ -233,25 +231,27 @@ class Workspace:
         self._library.look(self._handle, self._by_reference)
         if r.reason != Reason.DONE:
             return None
-        return Evaluation(now.point, now.v, self._ydd.copy(), self._tau.copy(), float(r.power))
+        return Evaluation(now.point, now.v, self._shared.ydd.copy(), self._shared.tau.copy(), float(r.power))
 
     def begin(self, q: Array, u: Array, zone: float, t: float = 0.0) -> tuple[Array, Evaluation] | None:
         """The state and its evaluation at q, closed by Newton's method at its own y, with velocities u.
 
         None where the regular path has no such point, or K_d is conditioned below `zone` there.
         """
-        r, times, self._latest = self._request, np.array([t]), None
-        r.times, r.zone, r.power = times.ctypes.data, zone, 0.0
+        r, self._latest, self._shared.time[0] = self._request, None, t
+        r.times, r.zone, r.power = self._shared.at_time, zone, 0.0
         if self._acting.held:
             self._acting.listen()
-        self._x[:], self._anchor[:] = 0.0, 0.0
-        self._x[self._numbers] = q[self._numbers_in_q]
-        self._x[self._m : 2 * self._m] = u
-        self._anchor[self._layout.q] = q
+        self._packed = None
+        self._shared.x[:], self._shared.anchor[:] = 0.0, 0.0
+        self._shared.x[self._numbers] = q[self._numbers_in_q]
+        self._shared.x[self._m : 2 * self._m] = u
+        self._shared.anchor[self._layout.q] = q
         self._library.begin(self._handle, self._by_reference)
         if r.reason != Reason.DONE:
             return None
-        return self._x.copy(), self._evaluation(self._layout.point(self._anchor))
+        point = self._packed = self._layout.point(self._shared.anchor)
+        return self._shared.x.copy(), self._evaluation(point)
 
     def time_pinocchio(self, q: Array, v: Array, repeats: int) -> float:
         """Seconds per right-hand side of Pinocchio's own algorithms, best of five rounds."""
@@ -260,20 +260,20 @@ class Workspace:
 
     def _batch(self, begun: int, steps: int, outputs: Outputs) -> Batch:
         r = self._request
-        point = self._layout.point(self._anchor)
+        point = self._packed = self._layout.point(self._shared.anchor)
         self._latest = point if r.reason in (Reason.DONE, Reason.CHART) else None
         trackers = self._handed.new() if r.in_zone else None
         now = self._evaluation(point)
         safe = None
         if 0 <= r.safe_step == begun + steps:
-            safe = steps, self._x.copy(), point
+            safe = steps, self._shared.x.copy(), point
         elif r.safe_step >= 0:
-            x, at = self._safe[self._layout.size :].copy(), int(r.safe_step) - begun
-            safe = at, x, self._layout.point(self._safe)
+            x, at = self._shared.safe[self._layout.size :].copy(), int(r.safe_step) - begun
+            safe = at, x, self._layout.point(self._shared.safe)
         return Batch(
             steps,
             Reason(r.reason),
-            self._x.copy(),
+            self._shared.x.copy(),
             now,
             trackers,
             outputs,
@@ -287,8 +287,10 @@ class Workspace:
 
     def _evaluation(self, point: Point) -> Evaluation:
         """What the kernel left at its anchor, which is this point."""
-        tau = self._tau.copy() if self._acts else None
-        return Evaluation(point, point.G.dot(point.ydot), self._ydd.copy(), tau, float(self._request.power))
+        tau = self._shared.tau.copy() if self._acts else None
+        return Evaluation(
+            point, point.G.dot(point.ydot), self._shared.ydd.copy(), tau, float(self._request.power)
+        )
 
     def _options(self, options: BridgeOptions, careful: bool) -> ctypes.Structure:
         if self._bridging is None or self._bridging[0] is not options:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..mechanism.mechanism import Mechanism
+from ..mechanism.mechanism import Mechanism, energies_of
 from ..mechanism.tree import Array
 from ..warning import warn
 from .trajectory import Trajectory
@@ -64,8 +64,7 @@ class Coarse:
 
     def _fastest(self, run: Trajectory) -> float:
         """At least the largest motion of a joint in a step: cheaper than a look at each step."""
-        most = np.maximum(run.v.max(axis=0), -run.v.min(axis=0))
-        return float((most * self._pace_of_step).max(initial=0.0))
+        return float((np.abs(run.v).max(axis=0) * self._pace_of_step).max(initial=0.0))
 
     def look(self, t: float, v: Array) -> None:
         """Warn where a step from time t on takes a joint of a loop further than `FARTHEST`."""
@@ -80,15 +79,17 @@ class Coarse:
 
     def _leak(self, run: Trajectory) -> str | None:
         last = len(run.t) - 1
-        rows = sorted({last * i // (LOOKS - 1) for i in range(LOOKS)})
-        if self._leaked or len(rows) < 2:
+        if self._leaked or last < 1:
             return None
+        rows = [*range(last + 1)] if last < LOOKS else [last * i // (LOOKS - 1) for i in range(LOOKS)]
         mechanism = run.mechanism
-        moving, resting = np.array([mechanism.energies(run.q[i], run.v[i]) for i in rows]).T
-        total = resting + moving if run.work is None else resting + moving - run.work[rows]
-        leak = float(np.abs(total - total[0]).max())
-        at_work = max(float(moving.max()), float(np.ptp(resting)))
-        if not leak > max(LEAK * at_work, ROUNDING * float(np.abs(resting).max())):
+        # plain floats: arrays of so few cost more than the energies themselves
+        moving, resting = zip(*[energies_of(mechanism, run.q[i], run.v[i]) for i in rows], strict=True)
+        work = [0.0] * len(rows) if run.work is None else run.work[rows].tolist()
+        total = [k + u - w for k, u, w in zip(moving, resting, work, strict=True)]
+        leak = max(abs(e - total[0]) for e in total)
+        at_work = max(*moving, max(resting) - min(resting))
+        if not leak > max(LEAK * at_work, ROUNDING * max(map(abs, resting))):
             return None
         self._leaked = True
         share, step = leak / at_work, self._step

@@ -18,7 +18,7 @@ from ..dynamics.equations import does_work
 from ..dynamics.loads import Torques, one_torque
 from ..dynamics.problem import set_out
 from ..errors import OptionError, RobustGcpError
-from ..maps.cluster.options import BridgeOptions
+from ..maps.cluster.options import USUAL
 from ..maps.regular_path import RegularPath
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tolerances import NEARLY_CLOSED
@@ -219,7 +219,7 @@ class _Plain(threading.local):
         self._workspace = Workspace(library, mechanism, path, torque, works)
         self._wanted = (*record, "work") if works else tuple(record)
         self._redundant = mechanism.nc > path.nd
-        self._options = BridgeOptions()
+        self._options = USUAL
         self._coarse = Coarse(mechanism, step)
 
     def run(self, q0: ArrayLike | None, v0: ArrayLike | None) -> Trajectory | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -96,7 +97,7 @@ def planned(
     OptionError
     """
     check_number("t0", t0)
-    if not np.isfinite(t0):
+    if not math.isfinite(t0):
         raise OptionError(f"t0 = {t0} must be finite")
     check_positive("duration", duration)
     check_positive("step", step)
@@ -110,7 +111,7 @@ def planned(
     end = t0 + duration
     if not t0 + step > t0 or not end - step < end:
         raise OptionError(f"t0 = {t0} s is so large that a step of {step} s after it is lost in rounding")
-    count = max(1, int(np.ceil(duration / step - 1e-9)))
+    count = max(1, math.ceil(duration / step - 1e-9))
     times = t0 + step * np.arange(count + 1)
     times[-1] = end
     if outputs is None:

@@ -20,7 +20,7 @@ from ..dynamics.motion import Drive, Motion, checked_motions
 from ..errors import ClosureError, NonFiniteError, OptionError, SimulationError
 from ..maps.choice import METHODS, MapChoice, Method
 from ..maps.classical import NewtonStart
-from ..maps.cluster.options import BridgeOptions
+from ..maps.cluster.options import USUAL, BridgeOptions
 from ..maps.point import Counters
 from ..maps.projection import PROJECTION_THRESHOLD
 from ..mechanism.mechanism import Mechanism
@@ -179,7 +179,7 @@ def simulate(
     check_positive("rtol", rtol)
     check_positive("atol", atol)
     check_between("threshold", threshold, 0.0, 1.0)
-    options = BridgeOptions() if options is None else options
+    options = USUAL if options is None else options
     if not isinstance(options, BridgeOptions):
         raise OptionError(f"options = {options!r} must be a BridgeOptions, such as BridgeOptions(zone=0.05)")
     check_choice("backend", backend, BACKENDS)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -20,6 +21,7 @@ from ..maps.start import Start
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..warning import warn
+from .starting import StartRates
 
 MANY = 12
 """Coordinates beyond which only a few directions are looked at: the check then costs as many right-hand
@@ -43,9 +45,6 @@ MOST_PARTS = 64
 
 NEAREST = 2.5
 """Less than the distance of the region's boundary from 0, in the left half-plane."""
-
-Rate = Callable[[float, Array], Array]
-"""ẋ by t and x."""
 
 Call = tuple[float, Array, Array, Array]
 """t, q, v and τ."""
@@ -87,13 +86,13 @@ class StabilityCheck:
         self._listener = _Listener(torque, mechanism.nv) if callable(torque) else None
         self.torque = self._listener or torque
 
-    def before(self, motion: Problem, rate: Rate | None = None) -> None:
+    def before(self, motion: Problem, rate: StartRates | None = None) -> None:
         """Warn before a run that begins with this motion, where no torque function has to be known.
 
         Parameters
         ----------
-        rate : callable (t, x) -> ẋ, optional
-            The right-hand side by other means, which may be asked without harm to the run.
+        rate : StartRates, optional
+            The right-hand side by the kernel, which may be asked without harm to the run.
         """
         if self._listener is None:
             self._warn(self._too_fast(motion, self._limiting, self.torque, rate))
@@ -104,7 +103,7 @@ class StabilityCheck:
             torque = self._listener.heard[0][3]
             self._warn(self._too_fast(motion, self._limiting_with_torque, torque))
 
-    def parts(self, motion: Problem, rate: Rate | None = None) -> int:
+    def parts(self, motion: Problem, rate: StartRates | None = None) -> int:
         """Into how many parts a step that nobody named is cut before a run, 1 where it is stable; it is told.
 
         More than `MOST_PARTS` ask for an implicit stepper. Parameters are those of `before`.
@@ -128,9 +127,9 @@ class StabilityCheck:
     def _too_fast(
         self,
         motion: Problem,
-        limiting: Callable[[Problem, Rate | None], complex | None],
+        limiting: Callable[[Problem, StartRates | None], complex | None],
         torque: Torque | ArrayLike | None,
-        rate: Rate | None = None,
+        rate: StartRates | None = None,
     ) -> complex | None:
         """The eigenvalue at the start, under a constant torque, that allows no such step; else None."""
         start = motion.start
@@ -162,20 +161,15 @@ class StabilityCheck:
         choice = MapChoice(options=self._options, error_controlled=True)
         return over(start.afresh(), torque, choice)
 
-    def _limiting(self, motion: Problem, rate: Rate | None) -> complex | None:
+    def _limiting(self, motion: Problem, rate: StartRates | None) -> complex | None:
         if motion.mechanism.m > MANY:
             return limiting_eigenvalue(motion, self._step, rate=rate)
-        A, m, h = slopes_at(motion, 0.0, False, rate), motion.mechanism.m, self._step
+        A = slopes_at(motion, 0.0, False) if rate is None else rate.slopes(0.0, motion.x)
         # no eigenvalue is larger than the rows' sums; of A in y and h ẏ, times h
-        size = np.abs(A)
-        size[:m, :m] *= h
-        size[m:, :m] *= h * h
-        size[m:, m:] *= h
-        if size.sum(axis=1).max(initial=0.0) < NEAREST:
-            return None
-        return Linearisation.of(A).limiting
+        largest = float(np.abs(A * _weights(motion.mechanism.m, self._step)).sum(axis=1).max())
+        return Linearisation.of(A).limiting if NEAREST <= largest < np.inf else None
 
-    def _limiting_with_torque(self, motion: Problem, rate: Rate | None) -> complex | None:
+    def _limiting_with_torque(self, motion: Problem, rate: StartRates | None) -> complex | None:
         """Of A with (Gᵀ M G)⁻¹ Gᵀ ∂τ/∂(y, ẏ) of the torque function below; None where that is not known."""
         answer = _answer(motion.mechanism, self._listener.heard if self._listener else [], self._step)
         if answer is None:
@@ -191,6 +185,13 @@ class StabilityCheck:
         A = linearise_motion(motion, 0.0, central=False).A.copy()
         A[m:] += np.array([push(change) for change in np.eye(2 * m)]).T
         return Linearisation.of(A).limiting
+
+
+@lru_cache
+def _weights(m: int, h: float) -> Array:
+    """What makes slopes of (ẏ, ÿ) by (y, ẏ) those of h (ẏ, h ÿ) by (y, h ẏ), (2m, 2m)."""
+    powers = np.array([[h, 1.0], [h * h, h]])
+    return np.kron(powers, np.ones((m, m)))
 
 
 class _Listener(TorqueFunction):

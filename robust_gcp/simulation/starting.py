@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +22,7 @@ from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tolerances import COMPATIBLE, NEARLY_CLOSED
 from ..mechanism.tree import Array
+from ..native.rates import Rates
 from ..native.steps import KernelMap, NativeSteps
 from ..native.workspace import Workspace
 from .turned_start import set_out_well
@@ -63,20 +63,41 @@ def closed_by_kernel(
     return begun if moved <= NEARLY_CLOSED and apart <= COMPATIBLE * max(size, 1.0) else None
 
 
-def rates_at(native: NativeSteps | None, motion: Problem) -> Callable[[float, Array], Array] | None:
+class StartRates:
+    """ẋ about a start that the kernel has evaluated, beside the run.
+
+    Parameters
+    ----------
+    motion : Problem
+    rates : Rates
+        From its start on.
+    """
+
+    def __init__(self, motion: Problem, rates: Rates) -> None:
+        self._mechanism, self._rates = motion.mechanism, rates
+
+    def __call__(self, t: float, x: Array) -> Array:
+        """ẋ, or a BranchError."""
+        return self._told(self._rates(t, x), x)
+
+    def slopes(self, t: float, x: Array) -> Array:
+        """A = ∂ẋ/∂x without the work done, (2m, 2m), or a BranchError; see `dynamics.linearise`."""
+        mechanism = self._mechanism
+        return self._told(self._rates.slopes(t, x, mechanism.units[mechanism.iv_independent]), x)
+
+    def _told(self, found: Array | None, x: Array) -> Array:
+        if found is None:
+            raise BranchError(f"the kernel cannot evaluate the motion at y = {x[: self._mechanism.m]}", x)
+        return found
+
+
+def rates_at(native: NativeSteps | None, motion: Problem) -> StartRates | None:
     """ẋ about a start that the kernel has evaluated, beside the run; None where it has not."""
     explicit = motion.explicit
     if native is None or motion.first is None or not isinstance(explicit, KernelMap):
         return None
     rates = native.rates(explicit, motion.first, motion.x, None)
-
-    def rate(t: float, x: Array) -> Array:
-        found = None if rates is None else rates(t, x)
-        if found is None:
-            raise BranchError(f"the kernel cannot evaluate the motion at y = {x[: motion.mechanism.m]}", x)
-        return found
-
-    return rate
+    return None if rates is None else StartRates(motion, rates)
 
 
 def _plain(

@@ -7,11 +7,22 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
+from numpy.typing import NDArray
 
 import robust_gcp as rg
+from robust_gcp.dynamics.linearise import ReducedJacobian
 from robust_gcp.dynamics.problem import set_out
+from robust_gcp.maps.choice import MapChoice
+from robust_gcp.maps.point import Counters
 from robust_gcp.native.library import library
+from robust_gcp.native.steps import NativeSteps
+from robust_gcp.simulation.starting import rates_at, started
+
+from .test_floating import REGULAR, floating
+
+Array = NDArray[np.float64]
 
 pytestmark = pytest.mark.skipif(not rg.backends()["native"].available, reason="no compiled kernel")
 
@@ -121,3 +132,45 @@ def test_a_start_costs_a_few_right_hand_sides_of_python() -> None:
 
     one = fastest(lambda: equations(0.0, x))
     assert fastest(lambda: rg.simulate(mech, duration=1e-3, step=1e-3)) < 12.0 * one
+
+
+def of_many_kinds() -> dict[str, tuple[rg.Mechanism, Array]]:
+    """Mechanisms whose kernels begin, with a motion: of one and more coordinates, on a base, in charts."""
+    random = np.random.default_rng(4)
+    made = {name: rg.load(name) for name in [*NAMES, "flyball"]} | {
+        "on a base": floating(pin.JointModelFreeFlyer(), REGULAR),
+    }
+    return {name: (mech, mech.lift(mech.home, random.normal(size=mech.m))) for name, mech in made.items()}
+
+
+@pytest.mark.parametrize("name", [*NAMES, "flyball", "on a base"])
+def test_the_slopes_that_the_step_is_judged_by(name: str) -> None:
+    """The differences in the kernel are those in Python, and leave the motion that follows as it is."""
+    mech, v0 = of_many_kinds()[name]
+    tau = np.full(mech.nv, 0.2)
+    native = NativeSteps(library(), tau, required=True)
+    motion = started(
+        native, mech, (mech.home, v0, None), tau, MapChoice(), Counters(), "repartition", None, 0.0
+    )
+    near = rates_at(native, motion)
+    assert near is not None
+    n = 2 * mech.m
+    found, again = near.slopes(0.0, motion.x), near.slopes(0.0, motion.x)
+    wanted = ReducedJacobian(motion.equations)(0.0, motion.x)[:n, :n]
+    np.testing.assert_allclose(found, wanted, rtol=1e-5, atol=1e-5 * np.abs(wanted).max())
+    np.testing.assert_allclose(again, found, rtol=1e-6, atol=1e-6 * np.abs(wanted).max())
+    rate = near(0.0, motion.x)
+    np.testing.assert_allclose(rate, motion.equations(0.0, motion.x), rtol=1e-10, atol=1e-9)
+
+
+def test_slopes_that_the_kernel_cannot_tell() -> None:
+    """At a singular place of a map without bridges the run itself is to tell why."""
+    mech = rg.load("rhombus")
+    native = NativeSteps(library(), None, required=True)
+    motion = started(
+        native, mech, (None, None, None), None, MapChoice(), Counters(), "repartition", None, 0.0
+    )
+    near = rates_at(native, motion)
+    assert near is not None
+    with pytest.raises(rg.BranchError, match="kernel cannot evaluate"):
+        near.slopes(0.0, np.array([np.pi / 2.0 * 1e6, 1e30]))

@@ -74,6 +74,10 @@ class BridgeOptions:
         return max(self.closure_tolerance, self.geometric_tolerance)
 
 
+USUAL = BridgeOptions()
+"""The choices where none are made."""
+
+
 class NoBridgeError(SimulationError):
     """No certified bridge exists here; `residual` is what is left of φ on the best attempt."""
 
