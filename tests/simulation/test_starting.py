@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp.dynamics.linearise import ReducedJacobian
-from robust_gcp.dynamics.problem import set_out
+from robust_gcp.dynamics.problem import Problem, set_out
 from robust_gcp.maps.choice import MapChoice
 from robust_gcp.maps.point import Counters
 from robust_gcp.native.library import library
 from robust_gcp.native.steps import NativeSteps
-from robust_gcp.simulation.starting import rates_at, started
+from robust_gcp.simulation.starting import StartRates, rates_at, started
 
 from .test_floating import REGULAR, floating
 
@@ -143,17 +143,24 @@ def of_many_kinds() -> dict[str, tuple[rg.Mechanism, Array]]:
     return {name: (mech, mech.lift(mech.home, random.normal(size=mech.m))) for name, mech in made.items()}
 
 
+def begun_in_the_kernel(
+    mech: rg.Mechanism, v0: Array | None = None, tau: Array | None = None
+) -> tuple[Problem, StartRates]:
+    kernel = library()
+    assert kernel is not None
+    native = NativeSteps(kernel, tau, required=True)
+    start = mech.home, v0, None
+    motion = started(native, mech, start, tau, MapChoice(), Counters(), "repartition", None, 0.0)
+    near = rates_at(native, motion)
+    assert near is not None
+    return motion, near
+
+
 @pytest.mark.parametrize("name", [*NAMES, "flyball", "on a base"])
 def test_the_slopes_that_the_step_is_judged_by(name: str) -> None:
     """The differences in the kernel are those in Python, and leave the motion that follows as it is."""
     mech, v0 = of_many_kinds()[name]
-    tau = np.full(mech.nv, 0.2)
-    native = NativeSteps(library(), tau, required=True)
-    motion = started(
-        native, mech, (mech.home, v0, None), tau, MapChoice(), Counters(), "repartition", None, 0.0
-    )
-    near = rates_at(native, motion)
-    assert near is not None
+    motion, near = begun_in_the_kernel(mech, v0, np.full(mech.nv, 0.2))
     n = 2 * mech.m
     found, again = near.slopes(0.0, motion.x), near.slopes(0.0, motion.x)
     wanted = ReducedJacobian(motion.equations)(0.0, motion.x)[:n, :n]
@@ -165,12 +172,6 @@ def test_the_slopes_that_the_step_is_judged_by(name: str) -> None:
 
 def test_slopes_that_the_kernel_cannot_tell() -> None:
     """At a singular place of a map without bridges the run itself is to tell why."""
-    mech = rg.load("rhombus")
-    native = NativeSteps(library(), None, required=True)
-    motion = started(
-        native, mech, (None, None, None), None, MapChoice(), Counters(), "repartition", None, 0.0
-    )
-    near = rates_at(native, motion)
-    assert near is not None
+    _, near = begun_in_the_kernel(rg.load("rhombus"))
     with pytest.raises(rg.BranchError, match="kernel cannot evaluate"):
         near.slopes(0.0, np.array([np.pi / 2.0 * 1e6, 1e30]))
