@@ -45,15 +45,24 @@ struct Jet {
 
     Vector y() const { return C->transpose() * x; }
 
-    Vector predicted(const Vector& step) const { return x + J * step + 0.5 * bent(step, step); }
+    Vector predicted(const Vector& step) const {
+        Vector found = x;
+        found.noalias() += J.lazyProduct(step);
+        add_bent(found, 0.5, step, step);
+        return found;
+    }
 
     // Γ[a, b].
     Vector bent(const Vector& a, const Vector& b) const {
         Vector sum = Vector::Zero(x.size());
+        add_bent(sum, 1.0, a, b);
+        return sum;
+    }
+
+    void add_bent(Vector& sum, double share, const Vector& a, const Vector& b) const {
         const auto m = J.cols();
         for (Eigen::Index i = 0; i < m; ++i)
-            for (Eigen::Index j = 0; j < m; ++j) sum += (a[i] * b[j]) * bend.col(i * m + j);
-        return sum;
+            for (Eigen::Index j = 0; j < m; ++j) sum += (share * a[i] * b[j]) * bend.col(i * m + j);
     }
 
     // Orthonormal basis of the tangent space, (nv, m).
@@ -220,10 +229,11 @@ inline JetPtr jet_of(Space& space, const Vector& x, const Chart& C, const Matrix
         space.lu.solve(made->J.col(i).data());
     }
     if (!made->J.allFinite()) throw Lost{};
-    Matrix rates;
+    made->rate.resize(static_cast<std::size_t>(m));
     for (int i = 0; i < m; ++i) {
-        space.second(x, made->J.col(i), rates);
-        made->rate.push_back(determining(space, *made->P, rates));
+        Matrix& rate = made->rate[static_cast<std::size_t>(i)];
+        space.second(x, made->J.col(i), rate);
+        if (space.rows != nd) rate = times(*made->P, rate);
     }
     made->bend.setZero(nv, m * m);
     for (int i = 0; i < m; ++i)

@@ -22,11 +22,15 @@ struct Newton {
         constexpr int MAX_NEWTON = 12;
         const int nd = space.nd;
         double size = FAR, last = FAR;
-        Vector phi, dx(space.nv);
+        Vector& dx = space.dx;
+        dx.resize(space.nv);
         for (int iteration = 0; iteration < MAX_NEWTON; ++iteration) {
-            linearise(space, C, P, phi);
-            dx.head(nd) = space.rows == nd ? phi : Vector(P * phi);
-            dx.tail(space.m) = C.transpose() * x - y;
+            linearise(space, C, P);
+            if (space.rows == nd)
+                dx.head(nd) = space.phi;
+            else
+                dx.head(nd).noalias() = P * space.phi;
+            dx.tail(space.m) = C.transpose().lazyProduct(x) - y;
             space.lu.solve(dx.data());
             size = dx.cwiseQuotient(space.balance).cwiseAbs().maxCoeff();  // rounding of φ turns short links far
             if (!(size < 1e3) || !dx.allFinite()) throw Lost{};
@@ -37,7 +41,7 @@ struct Newton {
             last = size;
         }
         if (!(size < 1e-9)) throw Lost{};
-        linearise(space, C, P, phi);
+        linearise(space, C, P);
     }
 
     // The jet there.
@@ -46,13 +50,15 @@ struct Newton {
     }
 
   private:
-    void linearise(Space& space, const Matrix& C, const Matrix& P, Vector& phi) {
-        space.linear(x, phi, K_);
-        rows = determining(space, P, K_);
+    void linearise(Space& space, const Matrix& C, const Matrix& P) {
+        if (space.rows == space.nd) {
+            space.linear(x, space.phi, rows);
+        } else {
+            space.linear(x, space.phi, space.K);
+            rows = times(P, space.K);
+        }
         space.factor(rows, C);
     }
-
-    Matrix K_;
 };
 
 // Newton from a guess and the jet there.

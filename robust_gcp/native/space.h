@@ -32,6 +32,8 @@ class Space {
     const Vector balance;  // K · balance has columns of size one
     const Chart chart;  // that y is given in
     Lu lu;  // of [P K; Cᵀ] where it was factorised last
+    Vector phi, dx;  // room for Newton's method
+    Matrix K;
 
     explicit Space(const Cluster& c)
         : nv(c.loops->nv), m(c.loops->m), nd(nv - m), rows(c.loops->rows), phi_size(c.phi_size),
@@ -52,7 +54,8 @@ class Space {
     }
 
     // φ''[a, ·] (rows, nv).
-    void second(const Vector& x, const Vector& a, Matrix& rate) {
+    template <typename Way>
+    void second(const Vector& x, const Way& a, Matrix& rate) {
         place(x);
         v_ = D.cwiseProduct(a);
         chain_.move(chain_.all, v_.data());
