@@ -34,7 +34,7 @@ static bool serves(const Jet& jet, const std::vector<int>& chosen) {
 }
 
 struct Clusters::Inside {
-    explicit Inside(const Description& d) : home(d.home, d.home + d.nq) {
+    explicit Inside(const Description& d) : home(d.home, d.home + d.nq), det(d.blocks), rcond(d.blocks) {
         std::vector<bool> taken(static_cast<std::size_t>(d.m), false);
         for (int i = 0; i < d.clusters; ++i) {
             spaces.push_back(std::make_unique<Space>(*d.cluster[i]));
@@ -64,6 +64,19 @@ struct Clusters::Inside {
         double least = FAR;
         for (const Tracker& tracker : trackers) least = std::min(least, tracker.anchor->sigma());
         return least;
+    }
+
+    // That of K_d at a point that is closed, before Newton's method is asked for more.
+    double conditioning(Path& path, Point& point) {
+        path.prime(point);
+        ++path.evaluations;
+        double worst = 1.0;
+        for (std::size_t i = 0; i < path.parts.list.size(); ++i) {
+            if (path.loops(i) == nullptr) continue;
+            const double found = path.loops(i)->blocks.measure(path.enough, det.data(), rcond.data());
+            if (!(found >= worst)) worst = found;  // keeps a NaN
+        }
+        return worst;
     }
 
     // q, G and g of the whole from the clusters' points.
@@ -110,7 +123,7 @@ struct Clusters::Inside {
     BridgeOptions options;
     Tally tally;
     double looked = 0.0;  // `least_sigma` where Python looked for other rows of K last
-    std::vector<double> home;
+    std::vector<double> home, det, rcond;
     std::vector<int> free, independent, independent_q;
 };
 
@@ -147,14 +160,18 @@ bool Clusters::at(Point& anchor, const double* origin, const double* y, const do
         };
         compose();
         if (!bridged) {
-            const std::vector<double> q(point.q(), point.q() + path_.layout.nq);
-            if (path_.settle(point, origin) && point.conditioning() >= zone && path_.apart(q.data(), point) < SAME_PLACE) {
-                in_zone_ = false;
-                return true;
+            const bool regular = in.conditioning(path_, point) >= zone;
+            if (regular) {
+                const std::vector<double> q(point.q(), point.q() + path_.layout.nq);
+                if (path_.settle(point, origin) && point.conditioning() >= zone &&
+                    path_.apart(q.data(), point) < SAME_PLACE) {
+                    in_zone_ = false;
+                    return true;
+                }
             }
             // other rows may serve; where Python found none, as long as K is not much better conditioned
             if (path_.redundant && in.least_sigma() > LOOK_AGAIN * in.looked) return false;
-            compose();
+            if (regular) compose();
         }
         ++zone_evaluations;
         path_.survey(point);

@@ -63,11 +63,11 @@ struct Line {
         // in a basis whose first direction is d, the parts along d are derivatives of what is known better
         const double length = basis.col(0).dot(d);
         const Matrix row = times(rates.reshaped(nv, m), basis) / (half * length);
-        Matrix turned(nv, m * m);
-        const Matrix bend = values.reshaped(nv, m * m);
+        Matrix turned = Matrix::Zero(nv, m * m);
+        const auto bend = values.reshaped(nv, m * m);
         for (Eigen::Index a = 0; a < m; ++a)
             for (Eigen::Index b = 0; b < m; ++b) {
-                Vector sum = Vector::Zero(nv);
+                auto sum = turned.col(a * m + b);
                 if (a == 0 && b == 0)
                     sum = bent / (half * half * length * length);
                 else if (a == 0 || b == 0)
@@ -75,7 +75,6 @@ struct Line {
                 else
                     for (Eigen::Index i = 0; i < m; ++i)
                         for (Eigen::Index j = 0; j < m; ++j) sum += basis(i, a) * basis(j, b) * bend.col(i * m + j);
-                turned.col(a * m + b) = sum;
             }
         made->bend = Matrix::Zero(nv, m * m);
         for (Eigen::Index i = 0; i < m; ++i)

@@ -13,23 +13,23 @@ class NewtonForm {
     NewtonForm() = default;
 
     // Column i d + k of `data` is the k-th derivative at node i, of all functions.
-    NewtonForm(const std::vector<double>& nodes, int d, const Matrix& data) : newton_(data.rows(), data.cols()) {
-        const int n = static_cast<int>(nodes.size()) * d;
-        for (int i = 0; i < n; ++i) nodes_.push_back(nodes[static_cast<std::size_t>(i / d)]);
-        Matrix table(data.rows(), n);
-        for (int i = 0; i < n; ++i) table.col(i) = data.col(i - i % d);
-        newton_.col(0) = table.col(0);
+    NewtonForm(const std::vector<double>& nodes, int d, const Matrix& data)
+        : nodes_(nodes.size() * static_cast<std::size_t>(d)), newton_(data.rows(), data.cols()) {
+        const int n = static_cast<int>(nodes_.size());
+        for (int i = 0; i < n; ++i) {
+            nodes_[static_cast<std::size_t>(i)] = nodes[static_cast<std::size_t>(i / d)];
+            newton_.col(i) = data.col(i - i % d);
+        }
         double factorial = 1.0;
-        for (int order = 1; order < n; ++order) {
+        for (int order = 1; order < n; ++order) {  // column i becomes the difference of the last nodes up to i
             factorial *= order;
-            for (int i = 0; i + order < n; ++i) {
-                const double apart = at(i + order) - at(i);
+            for (int i = n - 1; i >= order; --i) {
+                const double apart = at(i) - at(i - order);
                 if (apart == 0.0)  // differences between equal nodes are derivatives
-                    table.col(i) = data.col(i - i % d + order) / factorial;
+                    newton_.col(i) = data.col(i - i % d + order) / factorial;
                 else
-                    table.col(i) = (table.col(i + 1) - table.col(i)) * (1.0 / apart);
+                    newton_.col(i) = (newton_.col(i) - newton_.col(i - 1)) * (1.0 / apart);
             }
-            newton_.col(order) = table.col(0);
         }
     }
 

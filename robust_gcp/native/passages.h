@@ -137,13 +137,15 @@ inline void on_patch(Tracker& tracker, int cluster, const Step& step, const Path
             if (std::fabs(mu.imag()) <= 0.5 * std::abs(mu) + 1e-9 * h) kept.push_back(mu.real());
         return kept;
     };
-    // times until K is singular along the motion, to first order
-    const auto at_end = [&](Point& end) {
+    const auto at_end = [&](Point& end) -> const std::vector<double>& {
         std::vector<double> v(static_cast<std::size_t>(path.layout.nv));
         path.velocity(end, v.data());
         Vector way(space.nv);
         for (int i = 0; i < space.nv; ++i) way[i] = v[static_cast<std::size_t>(space.iv[i])] / space.D[i];
-        return real(pencil_roots(space, *anchor->P, space.x(end.q()), way, *anchor->C, tracker.zone));
+        const Vector x = space.x(end.q());
+        if (tracker.end.x.size() == 0 || x != tracker.end.x || way != tracker.end.way)
+            tracker.end = {x, way, real(pencil_roots(space, *anchor->P, x, way, *anchor->C, tracker.zone))};
+        return tracker.end.times;
     };
     const auto roots = [&](double t) {
         Vector y(space.m), rate(space.m);

@@ -21,6 +21,12 @@ struct Tally {
 
 class Patch;
 
+// Where a step ended, and the times until K is singular along the motion there, to first order.
+struct End {
+    Vector x, way;
+    std::vector<double> times;
+};
+
 class Tracker {
   public:
     JetPtr anchor;
@@ -31,6 +37,7 @@ class Tracker {
     double u = 0.0;
     std::vector<CurvePtr> touched;  // since the list was emptied
     std::shared_ptr<Patch> touched_patch;
+    End end;  // of the last step that was looked through
     bool crossed = false;  // whether a root of a touched curve may lie between points since then
     double zone;
 
@@ -111,16 +118,17 @@ class Tracker {
         JetPtr here = anchor;
         double limit = 1.0;
         for (int i = 0; i < MAX_STEPS; ++i) {
-            const Vector step = y - here->y();
-            const double size = (here->J * step).norm();
+            Vector step = y;
+            step.noalias() -= C->transpose().lazyProduct(here->x);
+            const double size = here->J.lazyProduct(step).norm();
             const double ahead = std::min(std::max(zone, STAGES_AHEAD * size), FARTHEST_LOOK);
             const double delta = room(*here, std::max({zone, ahead, size / REACH}));
             if (delta < zone && in_zone(*here) && enter(here, y)) return nullptr;
             if (delta < ahead) look_ahead(*here, size);
             const double reach = REACH * std::min(delta, limit);
             const double share = size > 0.0 ? std::min(1.0, reach / size) : 1.0;
-            const Vector target = share == 1.0 ? y : Vector(here->y() + share * step);
-            JetPtr found = this->step(here, share * step, target, share * size);
+            JetPtr found = share == 1.0 ? this->step(here, step, y, size)
+                                        : this->step(here, share * step, here->y() + share * step, share * size);
             if (found == nullptr) {
                 limit = 0.5 * std::min(limit, share * size / REACH);
                 if (limit < 1e-9) throw Lost{};
