@@ -118,15 +118,17 @@ class RegularPath:
 
     def _structured(self) -> BlockFactor:
         mechanism, configurations = self.mechanism, self.mechanism.generic_configurations()
-        factor = structured(lambda q: self._constraint(q)[1], configurations, self.dependent)
-        if self.points.any():
-            tree, frames = mechanism.tree, self._selected(mechanism.tree)
 
+        def found(tree: Tree, implicit: ImplicitConstraint) -> BlockFactor:
             def jacobian(q: Array) -> Array:
                 tree.jacobians(q)
-                return frames.jacobian()
+                return implicit.jacobian()
 
-            whole = structured(jacobian, configurations, self.dependent)
+            return structured(jacobian, configurations, self.dependent)
+
+        factor = found(self.tree, self.implicit)
+        if self.points.any():
+            whole = found(mechanism.tree, self._selected(mechanism.tree))
             factor.reference = reference_of_whole(factor, whole)
         return factor
 

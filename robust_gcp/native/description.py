@@ -44,6 +44,24 @@ def describe(mechanism: Mechanism, path: RegularPath, works: bool) -> Arrays:
     return mechanism.memo.once(key, lambda: _described(mechanism, path, works))
 
 
+def describe_all(mechanism: Mechanism) -> Arrays:
+    """All joints, forces and rows of φ in their own units, whatever the path; kept for each mechanism.
+
+    Raises
+    ------
+    NotNativeError
+        For a joint that the kernel does not know.
+    """
+
+    def made() -> Arrays:
+        arrays, turns = _loops(mechanism)
+        arrays.reals(row_weight=np.ones(mechanism.nc), scale=np.ones(mechanism.nv))
+        _forces(mechanism, turns, arrays)
+        return arrays
+
+    return mechanism.memo.once("description of all for the kernel", made)
+
+
 def _described(mechanism: Mechanism, path: RegularPath, works: bool) -> Arrays:
     if mechanism.m == 0:
         raise NotNativeError("the mechanism has no degree of freedom")
@@ -106,11 +124,8 @@ def _cluster(mechanism: Mechanism, rest: Mechanism, cluster: LoopCluster) -> Arr
     groups = groups_of(mechanism)
     if groups is not None:
         iq, iv, inputs = groups.rest_iq[iq], groups.rest_iv[iv], groups.rest_inputs[inputs]
-    description = Arrays(Description(joints=loops.model.njoints - 1, nq=loops.nq, nv=loops.nv, m=cluster.m))
-    turns = _tree(loops, description)
-    rows = np.arange(len(loops.implicit.rows))
-    _closures(loops, loops, rows, turns, description)
-    _couplings(loops, loops, rows, description)
+    description, _ = _loops(loops)
+    description.structure.m = cluster.m
     description.reals(scale=space.D)
     description.integers(independent=cluster.chosen)
     part = Arrays(Cluster(phi_size=space.phi_size))
@@ -124,6 +139,15 @@ def _cluster(mechanism: Mechanism, rest: Mechanism, cluster: LoopCluster) -> Arr
     )
     part.reals(balance=space.balance)
     return part
+
+
+def _loops(loops: ClosedLoops) -> tuple[Arrays, list[Array]]:
+    """Joints, bodies and all rows of φ; and the turns of `_tree`."""
+    arrays = Arrays(Description(joints=loops.model.njoints - 1, nq=loops.nq, nv=loops.nv))
+    turns, rows = _tree(loops, arrays), np.arange(loops.nc)
+    _closures(loops, loops, rows, turns, arrays)
+    _couplings(loops, loops, rows, arrays)
+    return arrays, turns
 
 
 def _tree(mechanism: ClosedLoops, arrays: Arrays) -> list[Array]:

@@ -1,4 +1,4 @@
-// Springs, dampers, constant drives and point springs; see forces.py.
+// Springs, dampers, constant drives and point springs, see forces.py; potential energies.
 #pragma once
 
 #include <cmath>
@@ -9,6 +9,16 @@
 #include "chain.h"
 
 namespace rg {
+
+// What gravity has at the chain's placements, J.
+inline double gravity_energy(const Chain& chain) {
+    double energy = 0.0;
+    for (std::size_t j = 1; j < chain.bodies.size(); ++j) {
+        const Body& b = chain.bodies[j];
+        energy -= b.mass * dot(chain.gravity, chain.p[j] + chain.axes[j].turn(b.centre));
+    }
+    return energy;
+}
 
 class Forces {
   public:

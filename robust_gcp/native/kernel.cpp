@@ -6,6 +6,7 @@
 
 #include "abi.h"
 #include "derivation.h"
+#include "measures.h"
 #include "solver.h"
 
 #define RG_EXPORT extern "C" __attribute__((visibility("default")))
@@ -91,6 +92,16 @@ RG_EXPORT void rg_take(void* derivation, const rg::States* states, const double*
 RG_EXPORT void rg_pull(void* derivation, std::int64_t first, std::int64_t last, std::int32_t count, double* rows,
                        const double* after, const double* before, double* by_tau) {
     static_cast<rg::Derivation*>(derivation)->pull(first, last, count, rows, after, before, by_tau);
+}
+
+// max |φ| and the energy (count,) along a motion q (count, nq), v (count, nv).
+RG_EXPORT void rg_measure(const rg::Description* description, std::int64_t count, const double* q, const double* v,
+                          double* open, double* energy) {
+    rg::Measures measures(*description);
+    for (std::int64_t i = 0; i < count; ++i, q += description->nq, v += description->nv) {
+        open[i] = measures.open(q);
+        energy[i] = measures.energy(q, v);
+    }
 }
 
 // Seconds per call of what a right-hand side asks of Pinocchio: computeJointJacobians, rnea twice, crba.

@@ -97,6 +97,9 @@ class Library:
         self.keep, self.forget, self.renew = library.rg_keep, library.rg_forget, library.rg_renew
         for function in (self.keep, self.forget, self.renew):
             function.argtypes, function.restype = [c_void_p], None
+        self.measure = library.rg_measure
+        self.measure.argtypes = [POINTER(Description), c_int64, *4 * [c_void_p]]
+        self.measure.restype = None
         self.time_pinocchio = library.rg_time_pinocchio
         self.time_pinocchio.argtypes = [c_void_p, c_void_p, c_void_p, c_int32]
         self.time_pinocchio.restype = c_double

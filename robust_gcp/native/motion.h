@@ -40,12 +40,7 @@ class Motion {
     // Kinetic and potential energy at the point evaluated last, J.
     double energy(Point& point) {
         const Chain& chain = sweep_.place(point);
-        double potential = 0.0;
-        for (std::size_t j = 1; j < chain.bodies.size(); ++j) {
-            const Body& b = chain.bodies[j];
-            potential -= b.mass * dot(chain.gravity, chain.p[j] + chain.axes[j].turn(b.centre));
-        }
-        return kinetic_ + potential + forces_.energy(chain, point.q());
+        return kinetic_ + gravity_energy(chain) + forces_.energy(chain, point.q());
     }
 
     // Where all bodies are, at the point evaluated last.

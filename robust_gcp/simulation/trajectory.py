@@ -100,9 +100,7 @@ class Trajectory(Named):
 
     def energy_error(self) -> Array:
         """Energy minus its start and minus the work of torques, drives and dampers, (N + 1,), J."""
-        energy = self._energy
-        drift = energy - energy[0]
-        return drift if self.work is None else drift - (self.work - self.work[0])
+        return energy_drift(self._energy, self.work)
 
     @cached_property
     def _energy(self) -> Array:
@@ -288,3 +286,9 @@ class Trajectory(Named):
     def __repr__(self) -> str:
         """A summary in a few lines."""
         return told(self, [name for name in ARRAYS if getattr(self, name) is not None])
+
+
+def energy_drift(energy: Array, work: Array | None) -> Array:
+    """Energy (N + 1,) minus its start, and minus the work done since, J."""
+    drift: Array = energy - energy[0]
+    return drift if work is None else drift - (work - work[0])

@@ -38,6 +38,7 @@ AHEAD = 2
 
 def here(build: Build, keep: Keep, tasks: Sequence[Task]) -> Generator[tuple[int, Outcome], None, None]:
     """One run after the other in this process."""
+    build = _loaded(build)
     for index, parameters in tasks:
         yield index, work(build, keep, parameters)
 
@@ -98,7 +99,7 @@ def on_threads(build: Build, keep: Keep, tasks: Sequence[Task]) -> Generator[tup
 
 
 def _loaded(build: Build) -> Build:
-    """The model that each run would load, as one mechanism that each copies: a third of the time."""
+    """The model that each run would load, as one mechanism for all."""
     if not isinstance(build, str | Path):
         return build
     try:

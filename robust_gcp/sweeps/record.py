@@ -14,7 +14,9 @@ import numpy as np
 
 from ..checks import shown
 from ..errors import OptionError, RobustGcpError
-from ..simulation.trajectory import Trajectory
+from ..mechanism.tree import Array
+from ..native.measures import measured
+from ..simulation.trajectory import Trajectory, energy_drift
 
 LONGEST = 20_000
 """Characters kept of a message (its beginning) and of a traceback (its end)."""
@@ -99,19 +101,32 @@ def summary(trajectory: Trajectory) -> dict[str, Any]:
     -------
     dict
         "rows", "t" (s), "q", "v" (at the end), "max_closure_error" (m or rad), "max_energy_error" (J),
-        "crossings" (how many), "stats" (as `Stats`).
+        "crossings" (how many), "stats" (as `Stats`). The two errors of a run in the compiled kernel are
+        measured there.
     """
     rows = len(trajectory.t)
+    left_open, drift = _errors(trajectory) if rows else (np.zeros(0), np.zeros(0))
     return {
         "rows": rows,
         "t": float(trajectory.t[-1]) if rows else None,
         "q": trajectory.q[-1].tolist() if rows else None,
         "v": trajectory.v[-1].tolist() if rows else None,
-        "max_closure_error": float(trajectory.closure_error().max(initial=0.0)),
-        "max_energy_error": float(np.abs(trajectory.energy_error()).max(initial=0.0)) if rows else 0.0,
+        "max_closure_error": float(left_open.max(initial=0.0)),
+        "max_energy_error": float(np.abs(drift).max(initial=0.0)),
         "crossings": len(trajectory.crossings),
         "stats": asdict(trajectory.stats),
     }
+
+
+def _errors(trajectory: Trajectory) -> tuple[Array, Array]:
+    """`closure_error` and `energy_error`."""
+    found = None
+    if trajectory.stats.native_steps:
+        found = measured(trajectory.mechanism, trajectory.q, trajectory.v)
+    if found is None:
+        return trajectory.closure_error(), trajectory.energy_error()
+    left_open, energy = found
+    return left_open, energy_drift(energy, trajectory.work)
 
 
 def plain(value: Any, what: str) -> Any:

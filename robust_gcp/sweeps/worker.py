@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import inspect
 import multiprocessing
 import os
@@ -86,17 +85,15 @@ def _interrupts(error: BaseException) -> bool:
 
 
 def _mechanism(build: Build, parameters: dict[str, Any]) -> Mechanism:
-    """A mechanism of this run's own: its workspace must not be shared between threads."""
+    """The mechanism of a run; several threads may use one, which has a workspace for each."""
     if isinstance(build, Mechanism):
-        return copy.copy(build)
+        return build
     if isinstance(build, str | Path):
         return load(build)
     made: object = build(**parameters)
     if not isinstance(made, Mechanism):
         raise OptionError(f"build must return a Mechanism, not {type(made).__name__}")
-    if threading.current_thread() is threading.main_thread():
-        return made
-    return copy.copy(made)  # the function may give the same one to another thread
+    return made
 
 
 def _kept(keep: Keep, trajectory: Trajectory) -> Any:
