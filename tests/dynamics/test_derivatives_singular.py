@@ -130,9 +130,12 @@ class TestOnAFreeBase:
     MECH = on_a_base(pin.JointModelFreeFlyer(), CHANGE_POINT, gravity=True)
     FLAT = np.concatenate([MECH.home[:-3], np.zeros(3)])
 
-    @pytest.mark.parametrize("number", (0, 1))
-    def test_along_the_mode(self, number: int) -> None:
-        """What is left of the differences of u̇ across the flat position falls with the tenth power of h."""
+    @pytest.mark.parametrize(("number", "step"), ((0, 0.06), (1, 0.1)))
+    def test_along_the_mode(self, number: int, step: float) -> None:
+        """What is left of the differences of u̇ across the flat position falls with the tenth power of h.
+
+        The steps are those with which it is far above the rounding of the derivatives, which have nine digits.
+        """
         mech, q = self.MECH, self.FLAT
         mode = rg.analyse(mech, q).modes[number].reshape(mech.nv, -1)
         G = mode @ np.linalg.inv(mode[mech.iv_independent])
@@ -144,7 +147,7 @@ class TestOnAFreeBase:
             pairs = np.array(values[::2]) - np.array(values[1::2])
             return float(np.abs(TENTH @ pairs / h - exact).max() / np.abs(exact).max())
 
-        assert error(0.06) < 1e-3 and error(0.03) < error(0.06) / 300.0
+        assert error(step) < 1e-3 and error(0.5 * step) < error(step) / 300.0
         assert error(0.015) < 1e-9
 
     def udot(self, mode: Array, v: Array, s: float) -> Array:

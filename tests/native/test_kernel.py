@@ -466,7 +466,7 @@ def test_ten_million_steps_in_constant_memory() -> None:
         assert batch.steps == n
         x, now = batch.x, batch.now
         peak.append(_resident())
-    assert max(peak[1:]) - peak[0] < 1_000_000  # bytes
+    assert max(peak[1:]) - peak[0] < 3 << 20  # bytes; Python asks for 1 MiB at a time
     assert mechanism.closure_residual(now.point.q) < 1e-13
     assert outputs.energy is not None
     drift = outputs.energy[-1] - mechanism.energy(start.point.q, now.v * 0.0)

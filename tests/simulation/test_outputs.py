@@ -183,7 +183,7 @@ class Memory:
 
 
 def test_a_held_torque_is_asked_once_a_step(backend: Any) -> None:
-    """The digits of steps taken one by one with the same torques."""
+    """The digits of steps taken one by one; the first state is Python's here and the kernel's there."""
     memory, step = Memory(), 2.0**-7
     run = rg.simulate(
         rg.load("rhombus"), *START, 0.5, step, torque=memory, hold=True, record=RECORD, backend=backend
@@ -194,7 +194,9 @@ def test_a_held_torque_is_asked_once_a_step(backend: Any) -> None:
     for _ in range(64):
         sim.step(again(sim.t, sim.q, sim.v))
     for name in ("q", "v", "a", "energy", "multipliers", "work"):
-        np.testing.assert_array_equal(getattr(run, name), getattr(sim.trajectory, name), err_msg=name)
+        one, other = getattr(run, name), getattr(sim.trajectory, name)
+        np.testing.assert_allclose(one[0], other[0], rtol=1e-13, atol=1e-13, err_msg=name)
+        np.testing.assert_array_equal(one[1:], other[1:], err_msg=name)
     assert run.crossings
     assert np.abs(run.energy_error()).max() < 1e-6
 
