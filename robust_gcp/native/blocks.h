@@ -53,7 +53,9 @@ class Blocks {
                 // entries above the diagonal blocks are structurally zero
             }
             if (block.n > SMALL) {
-                block.lu = Lu(block.n);
+                std::vector<std::pair<int, int>> places;
+                for (const Link& link : block.filled) places.push_back({link.row, link.other});
+                block.lu = Lu(block.n, places);
                 block.last.resize(block.filled.size());
             } else {
                 block.small.n = block.n;
@@ -214,7 +216,7 @@ class Blocks {
         return unit > 0.0 ? std::min(b.least / unit, 1.0) : 0.0;
     }
 
-    void substitute(const Block& b, double* x, double* u, int count) const {
+    void substitute(Block& b, double* x, double* u, int count) {
         for (const Link& link : b.known)
             for (int c = 0; c < count; ++c) x[link.row * count + c] -= values_[link.entry] * u[link.other * count + c];
         if (b.n > SMALL) b.lu.solve(x, count);

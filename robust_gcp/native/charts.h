@@ -47,6 +47,14 @@ class Charts {
         }
     }
 
+    // Largest entry of w after `begin`.
+    double largest() const {
+        double most = 0.0;
+        for (const Joint& joint : joints_)
+            for (int i = 0; i < joint.body->count; ++i) most = std::max(most, std::fabs(joint.w[i]));
+        return most;
+    }
+
     // The columns of K by w in place of those by velocities in own axes.
     void turn(Closures& closures) {
         for (Joint& joint : joints_) {
@@ -82,8 +90,10 @@ class Charts {
             double w[6], v[6], turned[6];
             joint_difference(b.kind, origin + b.q, point.q() + b.q, w);
             for (int i = 0; i < b.count; ++i) {
-                v[i] = 0.0;
-                for (int k : inputs_) v[i] += point.G()[(b.first + i) * m_ + k] * u[k];
+                const double* row = point.G() + (b.first + i) * m_;
+                double sum = 0.0;
+                for (int k : inputs_) sum += row[k] * u[k];
+                v[i] = joint.input[i] < 0 ? sum : u[joint.input[i]];
             }
             rate_in_chart(b.kind, w, v, turned);
             for (int i = 0; i < b.count; ++i)

@@ -121,13 +121,13 @@ class Loops {
     }
 
   private:
-    // Newton's first step with the K_d that was factorised last; infinite unless it is so small that the turn
-    // since then does not show in it.
+    // Newton's first step with the K_d that was factorised last, by velocities where the step is one of w; infinite
+    // unless it is so small that the turn since then, or from the chart's origin, does not show in it.
     double by_chord(const Point& point, double* u) {
         const double infinite = std::numeric_limits<double>::infinity();
-        if (!blocks.factorised || charts.some() || !(point.turn > 0.0)) return infinite;
+        if (!blocks.factorised || !(point.turn > 0.0)) return infinite;
         const double length = blocks.solve(closures.phi.data(), u);
-        return CHORD * length * point.turn <= CONVERGED ? length : infinite;
+        return CHORD * length * std::max(point.turn, charts.largest()) <= CONVERGED ? length : infinite;
     }
 
     // Takes u off q, and leaves the step in `step`.

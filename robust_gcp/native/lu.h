@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "cells.h"
+#include "rows.h"
 
 namespace rg {
 
@@ -16,7 +17,30 @@ class Lu {
     bool regular = true;
 
     explicit Lu(int n = 0)
-        : n_(n), a_(static_cast<std::size_t>(n) * n), inverse_(n), swap_(n), x_(n), sign_(n) {}
+        : n_(n), a_(static_cast<std::size_t>(n) * n), inverse_(n), swap_(n), x_(n), sign_(n),
+          below_(n, n), end_(n, n), first_(n, 0), shares_(static_cast<std::size_t>(n)) {}
+
+    // With entries in these places (row, column) alone: where each column ends, whatever the pivots.
+    Lu(int n, const std::vector<std::pair<int, int>>& filled) : Lu(n) {
+        std::vector<char> some(static_cast<std::size_t>(n) * n, 0);  // column by column
+        for (const auto& [row, column] : filled) some[column * n + row] = 1;
+        const auto end = [&](int k) {
+            int last = n;
+            while (last > k + 1 && !some[k * n + last - 1]) --last;
+            return last;
+        };
+        for (int k = 0; k < n; ++k) {
+            below_[k] = end(k);
+            for (int j = 0; j < n; ++j) {  // the pivot's row may be any of these, and changes places with the first
+                const auto from = some.begin() + j * n + k, to = some.begin() + j * n + below_[k];
+                if (j != k && std::find(from, to, 1) != to) std::fill(from, to, 1);
+            }
+        }
+        for (int k = 0; k < n; ++k) {
+            end_[k] = end(k);
+            while (first_[k] < k && !some[first_[k] * n + k]) ++first_[k];
+        }
+    }
 
     // Column by column; overwritten by `factor`.
     double* matrix() { return a_.data(); }
@@ -28,8 +52,9 @@ class Lu {
         const int n = n_;
         for (int k = 0; k < n; ++k) {
             double* __restrict below = &a_[k * n];
+            const int end = below_[k];
             int best = k;
-            for (int i = k + 1; i < n; ++i)
+            for (int i = k + 1; i < end; ++i)
                 if (std::fabs(below[i]) > std::fabs(below[best])) best = i;
             swap_[k] = best;
             if (best != k) {
@@ -42,12 +67,12 @@ class Lu {
                 regular = false;
                 continue;
             }
-            for (int i = k + 1; i < n; ++i) below[i] *= inverse_[k];
+            for (int i = k + 1; i < end; ++i) below[i] *= inverse_[k];
             for (int j = k + 1; j < n; ++j) {
                 double* __restrict column = &a_[j * n];
                 const double entry = column[k];
                 if (entry == 0.0) continue;
-                for (int i = k + 1; i < n; ++i) column[i] -= entry * below[i];
+                for (int i = k + 1; i < end; ++i) column[i] -= entry * below[i];
             }
         }
     }
@@ -56,7 +81,7 @@ class Lu {
         const int n = n_;
         for (int k = 0; k < n; ++k)
             if (swap_[k] != k) std::swap(x[k], x[swap_[k]]);
-        for (int j = 0; j < n; ++j) take(x, j, j + 1, n);
+        for (int j = 0; j < n; ++j) take(x, j, j + 1, end_[j]);
         for (int j = n - 1; j >= 0; --j) {
             x[j] *= inverse_[j];
             take(x, j, 0, j);
@@ -64,15 +89,20 @@ class Lu {
     }
 
     // The same of several right sides, side by side (n, count); L and U are sparse.
-    void solve(double* x, int count) const {
+    void solve(double* x, int count) {
         if (count == 1) return solve(x);
+        const std::size_t width = static_cast<std::size_t>(count);
         for (int k = 0; k < n_; ++k)
             if (swap_[k] != k) std::swap_ranges(x + k * count, x + (k + 1) * count, x + swap_[k] * count);
-        for (int j = 0; j < n_; ++j)
-            for (int i = j + 1; i < n_; ++i) take(x + i * count, a_[j * n_ + i], x + j * count, count);
-        for (int j = n_; j-- > 0;) {
-            for (int c = 0; c < count; ++c) x[j * count + c] *= inverse_[j];
-            for (int i = 0; i < j; ++i) take(x + i * count, a_[j * n_ + i], x + j * count, count);
+        for (int i = 1; i < n_; ++i) {
+            for (int j = first_[i]; j < i; ++j) shares_.add(-a_[j * n_ + i], x + j * count);
+            shares_.into(x + i * count, 0, width);
+            shares_.clear();
+        }
+        for (int i = n_; i-- > 0;) {
+            for (int j = i + 1; j < n_; ++j) shares_.add(-a_[j * n_ + i], x + j * count);
+            shares_.into(x + i * count, 0, width, inverse_[i]);
+            shares_.clear();
         }
     }
 
@@ -83,7 +113,7 @@ class Lu {
             x[i] *= inverse_[i];
         }
         for (int i = n - 1; i >= 0; --i)
-            for (int j = i + 1; j < n; ++j) x[i] -= a_[i * n + j] * x[j];
+            for (int j = i + 1; j < end_[i]; ++j) x[i] -= a_[i * n + j] * x[j];
         for (int k = n - 1; k >= 0; --k)
             if (swap_[k] != k) std::swap(x[k], x[swap_[k]]);
     }
@@ -97,11 +127,6 @@ class Lu {
     }
 
   private:
-    static void take(double* __restrict from, double share, const double* __restrict x, int count) {
-        if (share == 0.0) return;
-        for (int c = 0; c < count; ++c) from[c] -= share * x[c];
-    }
-
     // Rows `first` to `last` of x less those of column j times its entry.
     void take(double* __restrict x, int j, int first, int last) const {
         const double entry = x[j];
@@ -162,6 +187,9 @@ class Lu {
     Cells<double> a_, inverse_;  // the factors, and what the pivots are divided by
     std::vector<int> swap_;
     Cells<double> x_, sign_;
+    std::vector<int> below_, end_;  // by column: where it ends when it is eliminated, and of L
+    std::vector<int> first_;        // by row: where that of L begins
+    Shares shares_;
 };
 
 }  // namespace rg

@@ -25,7 +25,7 @@ class Motion {
 
     Motion(const Description& d, Path& path)
         : v(d.nv), tau(d.nv), ydd(d.m), path_(path), sweep_(d, path), forces_(d),
-          own_(*d.own), size_(d.size, d.size + d.nv), armature_(d.armature, d.armature + d.nv),
+          own_(*d.own), size_(d.size, d.size + d.nv), armature_(d.armature, d.armature + d.nv), paces_(d.m),
           turned_(path.chain.bodies.size()), shifted_(path.chain.bodies.size()) {}
 
     // ÿ at a point whose placements (m = 1: velocities too) the path's chain holds.
@@ -122,7 +122,7 @@ class Motion {
                 bent += dot(moment, axes.local(alpha));
             }
         }
-        if (!(mass > LOST * alone(path_.parts.all_velocities, G, 0))) return INERTIA;
+        if (!weighs(path_.parts.all_velocities, only_, G, &mass)) return INERTIA;
         const double speed = point.ydot()[0];
         double force = dot(c.gravity, momentum) - speed * speed * bent;
         if (acting_)
@@ -136,27 +136,36 @@ class Motion {
     // Several coordinates. Where digits were lost Python looks at it.
     Reason several(const Chain& chain, Point& point) {
         bool good = sweep_.eliminate(chain, point, v.data(), acting_ ? tau.data() : nullptr, DEFINITE);
-        kinetic_ = sweep_.kinetic;
-        sweep_.diagonal([&](const Part& part, int input, double inertia) {
-            good = good && inertia > LOST * alone(part.velocities, point.G(), input);
+        kinetic_ = sweep_.kinetic();
+        sweep_.diagonal([&](const Part& part, const double* inertia) {
+            good = good && weighs(part.velocities, part.inputs, point.G(), inertia);
         });
         if (good) sweep_.solve(ydd.data());
         return good ? DONE : INERTIA;
     }
 
-    // What the joints' motions in column j of G would have as inertia one by one; others do not move.
-    double alone(const std::vector<int>& velocities, const double* G, int j) const {
-        const int m = path_.layout.m;
-        double pace = 0.0;
-        for (int i : velocities) pace = std::max(pace, std::fabs(G[i * m + j] * size_[i]));
-        return own_ * pace * pace;
+    // Whether each input's inertia is more than what rounding leaves of what the joints' motions in its column of G
+    // would have as inertia one by one; others do not move.
+    bool weighs(const std::vector<int>& velocities, const std::vector<int>& inputs, const double* G,
+                const double* inertia) {
+        const std::size_t count = inputs.size(), m = static_cast<std::size_t>(path_.layout.m);
+        if (velocities.size() == 1) return *inertia > LOST * own_ * size_[velocities[0]] * size_[velocities[0]];
+        double* paces = paces_.data();
+        std::fill(paces, paces + count, 0.0);
+        for (int i : velocities)
+            for (std::size_t a = 0; a < count; ++a)
+                paces[a] = std::max(paces[a], std::fabs(G[i * m + inputs[a]] * size_[i]));
+        bool all = true;
+        for (std::size_t a = 0; a < count; ++a) all = all && inertia[a] > LOST * own_ * paces[a] * paces[a];
+        return all;
     }
 
     Path& path_;
     Sweep sweep_;
     Forces forces_;
     double own_;
-    Cells<double> size_, armature_;
+    Cells<double> size_, armature_, paces_;
+    const std::vector<int> only_{0};  // the input, where there is one
     Cells<Vec> turned_, shifted_;
     double kinetic_ = 0.0, mass_ = 0.0;
     bool acting_ = false;

@@ -57,7 +57,7 @@ class Path {
           size_(d.size, d.size + d.nv),
           turn_(d.turn, d.turn + d.nv),
           scratch_(d),
-          v_(d.nv) {
+          v_(d.nv), change_(d.m) {
         for (std::size_t i = 0; i < parts.list.size(); ++i) {
             const Part& part = parts.list[i];
             for (int j : part.joints) chain.bodies[j].held = part.on_group;
@@ -76,7 +76,7 @@ class Path {
             if (part.on_group)
                 groups.place(part, origin, point);
             else
-                predict(part, anchor, loops_[i] ? loops_[i]->charts.aim(origin, anchor, y) : y, point);
+                predict(i, anchor, loops_[i] ? loops_[i]->charts.aim(origin, anchor, y) : y, point);
         }
         if (!settle(point, origin)) return NEWTON;
         if (!(point.correction > 0.0)) point.distance = point.turn = 0.0;
@@ -191,7 +191,7 @@ class Path {
 
     // G times numbers (m,).
     void product(Point& point, const double* u, double* v) const {
-        for (const Part& part : parts.list) product(part, point, u, v);
+        for (std::size_t i = 0; i < loops_.size(); ++i) product(i, point, u, v);
     }
 
     // v̇ = G ÿ + g.
@@ -209,44 +209,48 @@ class Path {
     double scale(int velocity) const { return scratch_.scale[velocity]; }
 
   private:
-    void product(const Part& part, Point& point, const double* u, double* v) const {
-        const int m = layout.m;
-        const double* G = point.G();
-        for (int i : part.velocities) {
-            v[i] = 0.0;
-            for (int k : part.inputs) v[i] += G[i * m + k] * u[k];
+    // That of one part, whose rows of G for independent velocities are those of the unit matrix.
+    void product(std::size_t i, Point& point, const double* u, double* v) const {
+        const Part& part = parts.list[i];
+        for (int k : part.inputs) v[independent_[k]] = u[k];
+        if (loops_[i] == nullptr) return;
+        for (int j : loops_[i]->dependent) {
+            const double* row = point.G() + j * layout.m;
+            double sum = 0.0;
+            for (int k : part.inputs) sum += row[k] * u[k];
+            v[j] = sum;
         }
     }
 
     // `aim`: the y to which G Δy leads.
-    void predict(const Part& part, Point& anchor, const double* aim, Point& point) {
-        const int m = layout.m;
-        const double *G = anchor.G(), *from = anchor.y(), *ydot = anchor.ydot(), *y = aim;
-        const double* bend = m == 1 ? anchor.curvature() : anchor.g();
-        double weight = 0.0;
-        if (m == 1) {
-            weight = 0.5 * (y[0] - from[0]) * (y[0] - from[0]);
+    void predict(std::size_t i, Point& anchor, const double* aim, Point& point) {
+        const Part& part = parts.list[i];
+        const double *from = anchor.y(), *ydot = anchor.ydot();
+        const double* bend = layout.m == 1 ? anchor.curvature() : anchor.g();
+        double *step = scratch_.step.data(), weight = 0.0;
+        for (int k : part.inputs) change_[k] = aim[k] - from[k];
+        product(i, anchor, change_.data(), step);
+        if (layout.m == 1) {
+            weight = 0.5 * change_[0] * change_[0];
         } else {
             double speed = 0.0, along = 0.0;
             for (int k : part.inputs) {
                 speed += ydot[k] * ydot[k];
-                along += (y[k] - from[k]) * ydot[k];
+                along += change_[k] * ydot[k];
             }
             if (speed > 0.0) {
                 along /= speed;
                 weight = 0.5 * along * along;
             }
         }
-        for (int i : part.velocities) {
-            double sum = weight * bend[i];
-            for (int k : part.inputs) sum += G[i * m + k] * (y[k] - from[k]);
-            scratch_.step[i] = sum;
-            point.distance = std::max(point.distance, std::fabs(sum * size_[i]));
-            point.turn = std::max(point.turn, std::fabs(sum * turn_[i]));
+        for (int v : part.velocities) {
+            step[v] += weight * bend[v];  // 0 of independent ones
+            point.distance = std::max(point.distance, std::fabs(step[v] * size_[v]));
+            point.turn = std::max(point.turn, std::fabs(step[v] * turn_[v]));
         }
         for (int j : part.joints) {
             const Body& b = chain.bodies[j];
-            integrate_joint(b.kind, anchor.q() + b.q, scratch_.step.data() + b.first, point.q() + b.q);
+            integrate_joint(b.kind, anchor.q() + b.q, step + b.first, point.q() + b.q);
         }
         for (int k : part.inputs)
             if (independent_q_[k] >= 0) point.q()[independent_q_[k]] = point.y()[k];
@@ -272,7 +276,7 @@ class Path {
             if (!(conditioning >= point.conditioning())) point.conditioning() = conditioning;  // keeps a NaN
             loops_[i]->velocities(G, m);
             if (m > 1) {
-                product(part, point, point.ydot(), v_.data());
+                product(i, point, point.ydot(), v_.data());
                 chain.move(part.joints, v_.data(), part.root);
                 loops_[i]->bend(v_.data(), g);
             }
@@ -293,7 +297,7 @@ class Path {
     std::vector<int> independent_, independent_q_;
     Cells<double> size_, turn_;
     Scratch scratch_;  // of all loops, in turn
-    Cells<double> v_;
+    Cells<double> v_, change_;
 };
 
 }  // namespace rg

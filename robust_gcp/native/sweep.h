@@ -1,7 +1,7 @@
-// u̇ of any tree of parts, in one frame for all bodies: the world's axes at a point near by. What moves a
-// part is X_b = ∂V_b/∂u (6, m_part) of its bodies; so a loop cluster is a joint of several bodies, and the
-// articulated-body method goes over parts (Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 7):
-// it eliminates Gᵀ M G, which it never forms, from the last part to the first, at the same cost for each.
+// u̇ of any tree of parts. A loop cluster is a joint of several bodies, which its inputs move with X_b = ∂V_b/∂u
+// (6, m_part), and the articulated-body method goes over parts (Featherstone, Rigid Body Dynamics Algorithms, 2008,
+// chapter 7): it eliminates Gᵀ M G, of which it forms one part's square at a time, from the last part to the first, at
+// the same cost for each.
 #pragma once
 
 #include <algorithm>
@@ -12,7 +12,10 @@
 #include "abi.h"
 #include "cells.h"
 #include "inertias.h"
+#include "moving.h"
+#include "part_square.h"
 #include "path.h"
+#include "rows.h"
 #include "tree_factor.h"
 #include "tree_round.h"
 
@@ -20,32 +23,24 @@ namespace rg {
 
 class Sweep {
   public:
-    double kinetic = 0.0;
-
     Sweep(const Description& d, Path& path)
         : path_(path), parts_(path.parts.list), armature_(d.armature, d.armature + d.nv),
-          round_(static_cast<std::size_t>(d.m)) {
-        const std::size_t n = path.chain.bodies.size();
+          moving_(d, path, composed(path.parts.list)), round_(static_cast<std::size_t>(d.m)) {
         if (path.groups.some()) {
             world_.reset(new Chain(path.chain));
             for (Body& b : world_->bodies) b.held = false;
         }
-        V_.resize(n), A_.resize(n), massive_.resize(n), wrench_.resize(n), ways_at_.resize(n);
-        freed_.resize(n), yielded_.resize(n), bears_.assign(n, 0);
-        std::size_t ways = 0, square = 0;
+        const std::vector<int> independent(d.independent, d.independent + d.m);
+        std::size_t square = 0;
         for (const Part& part : parts_) {
-            bears_[part.root] = part.root > 0;
-            for (int j : part.joints) {
-                ways_at_[j] = ways;
-                ways += part.inputs.size();
-            }
             factors_at_.push_back(square);
             square += part.inputs.size() * part.inputs.size();
+            squares_.emplace_back(by_joints(part) ? new PartSquare(path.chain, part, independent) : nullptr);
         }
-        ways_.resize(ways), factors_.resize(square);
         const std::size_t m = static_cast<std::size_t>(d.m);
-        factor_ = TreeFactor(parts_, ways_at_, m, d.lines > 0);
-        push_.resize(m), right_.resize(m), alone_.resize(m), columns_.resize(6 * m);
+        factor_ = TreeFactor(parts_, moving_.ways_at, m, d.lines > 0);
+        push_.resize(m), right_.resize(m), alone_.resize(m), factors_.resize(square), shares_ = Shares(m);
+        yielded_.resize(path.chain.bodies.size());
     }
 
     // Where all bodies are, after `Path::step` or `Path::survey` at the point.
@@ -59,18 +54,18 @@ class Sweep {
     // Eliminates Gᵀ M G beside −Gᵀ (M g + C − τ) at velocities v, after `place`; τ (nv,) may be null. False
     // where a squared pivot is not above `least` times its entry of the diagonal.
     bool eliminate(const Chain& chain, Point& point, const double* v, const double* tau, double least) {
-        forward(chain, point, v);
-        kinetic *= 0.5;
+        moving_.move(chain, point, v);
         for (std::size_t i = parts_.size(); i-- > 0;)
             if (!eliminate(i, point, tau, least)) return false;
         return true;
     }
 
-    // Entry k of the diagonal of Gᵀ M G, by input.
+    double kinetic() const { return moving_.kinetic; }
+
+    // The diagonal of Gᵀ M G, by parts.
     template <typename Visit>
     void diagonal(Visit visit) const {
-        for (const Part& part : parts_)
-            for (int a = 0; a < part.count(); ++a) visit(part, part.inputs[a], alone_[part.first + a]);
+        for (const Part& part : parts_) visit(part, alone_.data() + part.first);
     }
 
     // u̇ after `eliminate`, carriers first.
@@ -79,19 +74,19 @@ class Sweep {
         for (std::size_t i = 0; i < parts_.size(); ++i) {
             const Part& part = parts_[i];
             const int count = part.count();
-            const double* L = factors_.data() + factors_at_[i];
+            const double* U = factors_.data() + factors_at_[i];
             double* right = right_.data() + part.first;
             const Twist& root = yielded_[part.root];
             for (int a = count; a-- > 0;) {
                 if (part.root > 0) right[a] -= dot(root, push_[part.first + a]);
-                for (int b = a + 1; b < count; ++b) right[a] -= L[b * count + a] * right[b];
-                right[a] *= L[a * count + a];
+                for (int b = a + 1; b < count; ++b) right[a] -= U[a * count + b] * right[b];
+                right[a] *= U[a * count + a];
                 ydd[part.inputs[a]] = right[a];
             }
             for (int j : part.joints) {
-                if (!bears_[j]) continue;
+                if (!moving_.bears[j]) continue;
                 yielded_[j] = root;
-                for (int a = 0; a < count; ++a) yielded_[j] += right[a] * ways_[ways_at_[j] + a];
+                for (int a = 0; a < count; ++a) yielded_[j] += right[a] * moving_.X(j)[a];
             }
         }
     }
@@ -99,70 +94,150 @@ class Sweep {
     // The same for more right sides after `eliminate`: rows (m, 3m) in y, `width` apart; what these are,
     // `TreeFactor` says.
     void solve_more(double* rows, std::size_t width) {
-        const Swept swept{factors_.data(), factors_at_.data(), ways_.data(), push_.data()};
+        const Swept swept{factors_.data(), factors_at_.data(), moving_.ways.data(), push_.data()};
         if (factor_.entries() > DEEP * right_.size())
-            return round_.solve(parts_, swept, ways_at_, bears_, rows, width);
+            return round_.solve(parts_, swept, moving_.ways_at, moving_.bears, rows, width);
         factor_.solve(parts_, swept, rows, width);
     }
 
   private:
+    static constexpr std::size_t MANY = 5;   // inputs of a part from which the inertia of its joints costs less
     static constexpr std::size_t DEEP = 24;  // inputs that carry another one, on average, too many to go one by one
-    // One part: its square of what is left of Gᵀ M G becomes L with inverse pivots, its right-hand side L⁻¹ of
+
+    static bool by_joints(const Part& part) { return part.inputs.size() >= MANY && part.velocities.size() > 1; }
+    static std::vector<char> composed(const std::vector<Part>& parts) {
+        std::vector<char> which;
+        for (const Part& part : parts) which.push_back(by_joints(part));
+        return which;
+    }
+
+    // One part: its square of what is left of Gᵀ M G becomes U = Lᵀ with inverse pivots, its right-hand side L⁻¹ of
     // that, and `push_` L⁻¹ of what its inputs ask of the body that carries it, to which it is added.
     bool eliminate(std::size_t i, Point& point, const double* tau, double least) {
         const Part& part = parts_[i];
-        const int count = part.count(), root = part.root;
-        double *L = factors_.data() + factors_at_[i], *right = right_.data() + part.first;
+        if (part.velocities.size() == 1) return eliminate_one(part, i, point, tau, least);
+        if (squares_[i] != nullptr) return eliminate_by_joints(part, i, point, tau, least);
+        collect(part, i, point, tau);
+        const std::size_t count = part.inputs.size();
+        double *U = factors_.data() + factors_at_[i], *right = right_.data() + part.first;
+        const double* alone = alone_.data() + part.first;
+        Wrench* push = push_.data() + part.first;
+        for (std::size_t a = 0; a < count; ++a) {
+            for (std::size_t b = 0; b < a; ++b) {
+                double &entry = U[b * count + a], *pivot = U + a * count + a;
+                for (std::size_t c = 0; c < b; ++c) entry -= U[c * count + a] * U[c * count + b];
+                entry *= U[b * count + b];
+                *pivot -= entry * entry;
+                push[a] -= entry * push[b];
+                right[a] -= entry * right[b];
+            }
+            double& pivot = U[a * count + a];
+            if (!(pivot > least * alone[a])) return false;
+            pivot = 1.0 / std::sqrt(pivot);
+            right[a] *= pivot;
+            take_off(part, part.first + static_cast<int>(a), pivot * push[a]);
+        }
+        return true;
+    }
+
+    // A part's share of Gᵀ M G and of the right-hand side, body by body.
+    void collect(const Part& part, std::size_t i, Point& point, const double* tau) {
+        const std::size_t count = part.inputs.size();
+        double *U = factors_.data() + factors_at_[i], *right = right_.data() + part.first;
         double* alone = alone_.data() + part.first;
         Wrench* push = push_.data() + part.first;
-        std::fill(L, L + count * count, 0.0);
+        std::fill(U, U + count * count, 0.0);
         std::fill(right, right + count, 0.0);
         std::fill(alone, alone + count, 0.0);
         std::fill(push, push + count, Wrench{});
-        double* columns[6];  // X, by number and input
-        for (int k = 0; k < 6; ++k) columns[k] = columns_.data() + k * count;
         for (int j : part.joints) {
-            if (!path_.chain.bodies[j].heavy && !bears_[j]) continue;
-            const Twist* X = ways_.data() + ways_at_[j];
-            for (int a = 0; a < count; ++a)
-                for (int k = 0; k < 3; ++k) columns[k][a] = X[a].linear[k], columns[3 + k][a] = X[a].angular[k];
-            for (int a = 0; a < count; ++a) {
+            const bool bears = moving_.bears[j];
+            if (!path_.chain.bodies[j].heavy && !bears) continue;
+            const Twist* X = moving_.X(j);
+            for (std::size_t a = 0; a < count; ++a) {
                 if (at_rest(X[a])) continue;  // of inputs that do not move this body
-                const Wrench f = bears_[j] ? freed_[j] * X[a] : massive_[j] * X[a];
-                const double own = dot(X[a], f);
+                const Wrench f = moving_.needed(j, X[a]);
                 push[a] += f;
-                add_products(columns, f, a, L + a * count);
-                L[a * count + a] += own;
-                alone[a] += bears_[j] ? dot(X[a], massive_[j] * X[a]) : own;
-                right[a] -= dot(X[a], wrench_[j]);
+                for (std::size_t b = 0; b <= a; ++b) U[b * count + a] += dot(X[b], f);
+                alone[a] += dot(X[a], bears ? moving_.massive[j] * X[a] : f);
+                right[a] -= dot(X[a], moving_.wrench[j]);
             }
-            if (root == 0) continue;
-            if (bears_[j])
-                freed_[root] += freed_[j];
-            else
-                freed_[root].add(massive_[j]);
-            massive_[root] += massive_[j];
-            wrench_[root] += wrench_[j];
+            moving_.hand_down(j, part.root);
         }
-        with_rotors(part, point, tau, L);
-        for (int a = 0; a < count; ++a) {
-            double* row = L + a * count;
-            for (int b = 0; b < a; ++b) {
-                for (int c = 0; c < b; ++c) row[b] -= row[c] * L[b * count + c];
-                row[b] *= L[b * count + b];
-                row[a] -= row[b] * row[b];
-                push[a] -= row[b] * push[b];
-                right[a] -= row[b] * right[b];
+        with_rotors(part, point, tau, U);
+    }
+
+    // The same of a joint with one velocity, in no loop.
+    bool eliminate_one(const Part& part, std::size_t i, Point& point, const double* tau, double least) {
+        const int j = part.joints[0], v = part.velocities[0];
+        const Twist& S = *moving_.S(i);
+        const Wrench needed = moving_.needed(j, S);
+        const double inertia = dot(S, needed) + armature_[v];
+        double& alone = alone_[part.first];
+        alone = moving_.bears[j] ? dot(S, moving_.massive[j] * S) + armature_[v] : inertia;
+        const double force = dot(S, moving_.wrench[j]) + armature_[v] * point.g()[v] - (tau == nullptr ? 0.0 : tau[v]);
+        moving_.hand_down(j, part.root);
+        if (!(inertia > least * alone)) return false;
+        const double inverse = factors_[factors_at_[i]] = 1.0 / std::sqrt(inertia);
+        right_[part.first] = -inverse * force;
+        take_off(part, part.first, inverse * needed);
+        return true;
+    }
+
+    // What an input asks of the body that carries its part is not asked of the part any more.
+    void take_off(const Part& part, int input, const Wrench& push) {
+        if (part.root == 0) return;
+        push_[input] = push;
+        moving_.release(part.root, push, right_[input]);
+    }
+
+    // The same joint by joint, with composite bodies.
+    bool eliminate_by_joints(const Part& part, std::size_t i, Point& point, const double* tau, double least) {
+        PartSquare& square = *squares_[i];
+        const std::size_t count = part.inputs.size(), width = square.width();
+        double *U = factors_.data() + factors_at_[i], *alone = alone_.data() + part.first;
+        held_still(part, alone);
+        const double* g = point.g();
+        const Twist* S = moving_.S(i);
+        int place = static_cast<int>(part.velocities.size());
+        for (std::size_t n = part.joints.size(); n-- > 0;) {
+            const int j = part.joints[n];
+            const Body& b = path_.chain.bodies[j];
+            place -= b.count;
+            for (int k = 0; k < b.count; ++k) {
+                const double rotor = armature_[b.first + k], acting = tau == nullptr ? 0.0 : tau[b.first + k];
+                const double force = dot(S[place + k], moving_.wrench[j]) + rotor * g[b.first + k] - acting;
+                square.put(place + k, moving_.needed(j, S[place + k]), rotor, force, S);
             }
+            moving_.hand_down(j, b.parent);
+        }
+        double* rows = square.reduce(point.G(), right_.size());
+        for (std::size_t a = 0; a < count; ++a) {
+            double* row = rows + a * width;
+            alone[a] += row[a];
+            for (std::size_t b = 0; b < a; ++b) shares_.add(-rows[b * width + a], rows + b * width);
+            shares_.into(row, a, width);
+            shares_.clear();
             if (!(row[a] > least * alone[a])) return false;
             row[a] = 1.0 / std::sqrt(row[a]);
-            push[a] = row[a] * push[a];
-            right[a] *= row[a];
-            if (root == 0) continue;
-            freed_[root].release(push[a]);
-            wrench_[root] += right[a] * push[a];
+            for (std::size_t c = a + 1; c < width; ++c) row[c] *= row[a];
+            std::copy(row + a, row + count, U + a * count + a);
+            right_[part.first + a] = row[count];
+            if (part.root == 0) continue;
+            const double* f = row + count + 1;
+            take_off(part, part.first + static_cast<int>(a), {{f[0], f[1], f[2]}, {f[3], f[4], f[5]}});
         }
         return true;
+    }
+
+    // What is more on the diagonal of a part's Gᵀ M G where all that it carries is held still.
+    void held_still(const Part& part, double* more) const {
+        std::fill(more, more + part.count(), 0.0);
+        for (int j : part.joints)
+            for (int a = 0; moving_.bears[j] && a < part.count(); ++a) {
+                const Twist& X = moving_.X(j)[a];
+                more[a] += dot(X, moving_.massive[j] * X) - dot(X, moving_.freed[j] * X);
+            }
     }
 
     static bool at_rest(const Twist& v) {
@@ -170,17 +245,8 @@ class Sweep {
                v.linear.y == 0.0 && v.linear.z == 0.0;
     }
 
-    // The first of a row's entries, of inputs before this one: X · f.
-    static void add_products(double* const* X, const Wrench& f, int count, double* __restrict row) {
-        const double *__restrict x = X[0], *__restrict y = X[1], *__restrict z = X[2];
-        const double *__restrict rx = X[3], *__restrict ry = X[4], *__restrict rz = X[5];
-        for (int b = 0; b < count; ++b)
-            row[b] += (x[b] * f.force.x + y[b] * f.force.y + z[b] * f.force.z) +
-                      (rx[b] * f.moment.x + ry[b] * f.moment.y + rz[b] * f.moment.z);
-    }
-
     // What motors and τ add to a part's square and right-hand side.
-    void with_rotors(const Part& part, Point& point, const double* tau, double* L) {
+    void with_rotors(const Part& part, Point& point, const double* tau, double* U) {
         const int count = part.count(), m = path_.layout.m;
         const double *G = point.G(), *g = point.g();
         for (int v : part.velocities) {
@@ -191,74 +257,23 @@ class Sweep {
                 if (turn == 0.0) continue;
                 right_[part.first + a] -= turn * force;
                 alone_[part.first + a] += inertia * turn;
-                for (int b = 0; rotor != 0.0 && b <= a; ++b) L[a * count + b] += inertia * G[v * m + part.inputs[b]];
+                for (int b = 0; rotor != 0.0 && b <= a; ++b) U[b * count + a] += inertia * G[v * m + part.inputs[b]];
             }
         }
-    }
-
-    // X, V, and A at u̇ = 0, of all bodies, and the wrenches that these take.
-    void forward(const Chain& chain, Point& point, const double* v) {
-        const Vec near = chain.p[1];
-        V_[0] = {};
-        A_[0] = {Vec{} - chain.gravity, {}};
-        kinetic = 0.0;
-        for (const Part& part : parts_)
-            for (int j : part.joints) {
-                const Vec from = chain.p[j] - near;
-                move(chain, part, j, from, point, v);
-                if (bears_[j]) freed_[j] = {}, massive_[j] = {}, wrench_[j] = {};
-                if (!chain.bodies[j].heavy) continue;
-                massive_[j] = Massive(chain.bodies[j], chain.axes[j], from);
-                if (bears_[j]) freed_[j].add(massive_[j]);
-                const Wrench momentum = massive_[j] * V_[j];
-                kinetic += dot(V_[j], momentum);
-                wrench_[j] = massive_[j] * A_[j];
-                wrench_[j].force += cross(V_[j].angular, momentum.force);
-                wrench_[j].moment += cross(V_[j].angular, momentum.moment) + cross(V_[j].linear, momentum.force);
-            }
-    }
-
-    // X, V and A of a joint's body.
-    void move(const Chain& chain, const Part& part, int j, const Vec& from, Point& point, const double* v) {
-        const int count = part.count(), m = path_.layout.m;
-        const double *G = point.G(), *g = point.g();
-        const Body& b = chain.bodies[j];
-        Twist* X = ways_.data() + ways_at_[j];
-        if (b.parent == part.root)
-            std::fill(X, X + count, Twist{});
-        else
-            std::copy(ways_.data() + ways_at_[b.parent], ways_.data() + ways_at_[b.parent] + count, X);
-        Twist own, bent;
-        for (int i = b.first; i < b.first + b.count; ++i) {
-            const Vec& axis = chain.axes[j][chain.freedoms[i].column];
-            const Twist S = chain.freedoms[i].turning ? Twist{cross(from, axis), axis} : Twist{axis, {}};
-            own += v[i] * S;
-            bent += g[i] * S;
-            for (int a = 0; a < count; ++a) {
-                const double turn = G[i * m + part.inputs[a]];
-                if (turn != 0.0) X[a] += turn * S;
-            }
-            kinetic += armature_[i] * v[i] * v[i];
-        }
-        V_[j] = V_[b.parent] + own;
-        A_[j] = A_[b.parent] + bent + bracket(V_[b.parent], own);
     }
 
     Path& path_;
     const std::vector<Part>& parts_;
     std::unique_ptr<Chain> world_;  // where joints on groups are, which the path's chain holds still
     Cells<double> armature_;
-    std::vector<char> bears_;  // by body: whether it carries parts
-    Cells<Twist> V_, A_;
-    Cells<Massive> massive_;    // of each body, then with all that it carries
-    Cells<Articulated> freed_;  // of bodies that carry parts: with these moving freely
-    Cells<Wrench> wrench_;
-    Cells<Twist> ways_;     // X of all bodies
+    Moving moving_;
+    std::vector<std::unique_ptr<PartSquare>> squares_;  // of parts that go by joints
     Cells<Twist> yielded_;  // how u̇ accelerates bodies that carry parts
-    std::vector<std::size_t> ways_at_, factors_at_;
+    std::vector<std::size_t> factors_at_;
     Cells<Wrench> push_;     // by input in a row
-    Cells<double> factors_;  // L of each part
-    Cells<double> right_, alone_, columns_;
+    Cells<double> factors_;  // U of each part
+    Cells<double> right_, alone_;
+    Shares shares_;
     TreeFactor factor_;
     TreeRound round_;
 };

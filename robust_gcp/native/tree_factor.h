@@ -10,11 +10,12 @@
 #include "groups.h"
 #include "inertias.h"
 #include "parts.h"
+#include "rows.h"
 
 namespace rg {
 
-// What the sweep has after its elimination: L with inverse pivots of each part and where they begin, ways of all
-// bodies, and by input in a row L⁻¹ of what the inputs ask of the body that carries them.
+// What the sweep has after its elimination: U = Lᵀ with inverse pivots of each part and where they begin, X of bodies
+// that carry parts, and by input in a row L⁻¹ of what the inputs ask of the body that carries them.
 struct Swept {
     const double* factors;
     const std::size_t* factors_at;
@@ -40,7 +41,7 @@ class TreeFactor {
                         above_[a].push_back({parts[c].inputs[b], entries, ways_at[root] + b});
                         below_[parts[c].inputs[b]].push_back({a, entries, 0});
                     }
-        asked_.resize(entries), sources_.resize(m);
+        asked_.resize(entries), sources_ = Shares(m);
         for (std::size_t i = 0; i < parts.size(); ++i)
             tree_[i] = parts[i].carrier < 0 ? i : tree_[static_cast<std::size_t>(parts[i].carrier)];
         for (std::size_t i = 0; i < parts.size(); ++i)
@@ -65,12 +66,12 @@ class TreeFactor {
         for (std::size_t i = parts.size(); i-- > 0;) {
             const Part& part = parts[i];
             const int count = part.count();
-            const double* L = swept.factors + swept.factors_at[i];
+            const double* U = swept.factors + swept.factors_at[i];
             for (int a = 0; a < count; ++a) {
                 const int own = part.inputs[a];
                 for (const Entry& below : below_[own]) source(asked_[below.at], below.input);
-                for (int b = 0; b < a; ++b) source(L[a * count + b], part.inputs[b]);
-                combine(own, L[a * count + a], out_[own]);
+                for (int b = 0; b < a; ++b) source(U[b * count + a], part.inputs[b]);
+                combine(own, U[a * count + a], out_[own]);
                 for (const Entry& above : above_[own])
                     asked_[above.at] = dot(swept.ways[above.way], swept.push[part.first + a]);
             }
@@ -78,12 +79,12 @@ class TreeFactor {
         for (std::size_t i = 0; i < parts.size(); ++i) {
             const Part& part = parts[i];
             const int count = part.count();
-            const double* L = swept.factors + swept.factors_at[i];
+            const double* U = swept.factors + swept.factors_at[i];
             for (int a = count; a-- > 0;) {
                 const int own = part.inputs[a];
                 for (const Entry& above : above_[own]) source(asked_[above.at], above.input);
-                for (int b = a + 1; b < count; ++b) source(L[b * count + a], part.inputs[b]);
-                combine(own, L[a * count + a], back_[own]);
+                for (int b = a + 1; b < count; ++b) source(U[a * count + b], part.inputs[b]);
+                combine(own, U[a * count + a], back_[own]);
             }
         }
         for (std::size_t i = 0; i < m_; ++i)
@@ -96,14 +97,9 @@ class TreeFactor {
         int input;
         std::size_t at, way;
     };
-    struct Source {
-        double share;
-        const double* row;
-    };
     struct Run {
         std::size_t begin, end;
     };
-    static constexpr std::size_t WIDE = 8;  // columns, which registers hold
 
     // Where the row of an input of a part has entries, after each of the passes.
     void plan(const std::vector<Part>& parts, std::size_t part, std::size_t local, bool coupled) {
@@ -144,40 +140,12 @@ class TreeFactor {
 
     double* row(int input) { return rows_ + static_cast<std::size_t>(input) * width_; }
 
-    void source(double share, int input) {
-        if (share != 0.0) sources_[count_++] = {share, row(input)};
-    }
+    void source(double share, int input) { sources_.add(-share, row(input)); }
 
     // A row less shares of the sources, times its inverse pivot.
     void combine(int input, double inverse, const std::vector<Run>& runs) {
-        typedef double Pair __attribute__((vector_size(16), aligned(8), may_alias));
-        double* own = row(input);
-        const Source *begin = sources_.data(), *end = begin + count_;
-        for (const Run& run : runs) {
-            std::size_t c = run.begin;
-            for (; c + WIDE <= run.end; c += WIDE) {
-                Pair* to = reinterpret_cast<Pair*>(own + c);
-                Pair first = to[0], second = to[1], third = to[2], fourth = to[3];
-                for (const Source* from = begin; from != end; ++from) {
-                    const Pair* x = reinterpret_cast<const Pair*>(from->row + c);
-                    first -= from->share * x[0], second -= from->share * x[1];
-                    third -= from->share * x[2], fourth -= from->share * x[3];
-                }
-                to[0] = inverse * first, to[1] = inverse * second, to[2] = inverse * third, to[3] = inverse * fourth;
-            }
-            for (; c + 2 <= run.end; c += 2) {
-                Pair& to = *reinterpret_cast<Pair*>(own + c);
-                Pair rest = to;
-                for (const Source* from = begin; from != end; ++from)
-                    rest -= from->share * *reinterpret_cast<const Pair*>(from->row + c);
-                to = inverse * rest;
-            }
-            for (; c < run.end; ++c) {
-                for (const Source* from = begin; from != end; ++from) own[c] -= from->share * from->row[c];
-                own[c] *= inverse;
-            }
-        }
-        count_ = 0;
+        for (const Run& run : runs) sources_.into(row(input), run.begin, run.end, inverse);
+        sources_.clear();
     }
 
     std::vector<std::vector<Entry>> above_, below_;  // of each input: those that carry it, and that it carries
@@ -185,8 +153,7 @@ class TreeFactor {
     std::vector<std::size_t> tree_;  // of each part: the part on the ground that carries it
     std::vector<int> order_;         // of inputs in the back substitution
     Cells<double> asked_;
-    std::vector<Source> sources_;  // of the row at hand, the first `count_`
-    std::size_t count_ = 0;
+    Shares sources_;  // of the row at hand
     double* rows_ = nullptr;
     std::size_t m_ = 0, width_ = 0;
 };

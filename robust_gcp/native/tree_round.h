@@ -31,7 +31,7 @@ class TreeRound {
         for (std::size_t i = parts.size(); i-- > 0;) {
             const Part& part = parts[i];
             const int count = part.count();
-            const double* L = swept.factors + swept.factors_at[i];
+            const double* U = swept.factors + swept.factors_at[i];
             for (int j : part.joints) {
                 if (!bears[j]) continue;
                 for (int a = 0; a < count; ++a) {
@@ -42,8 +42,8 @@ class TreeRound {
                     for (int k = 0; k < 6; ++k) take(of(part.root) + k * width, -1.0, of(j) + k * width);
             }
             for (int a = 0; a < count; ++a) {
-                for (int b = 0; b < a; ++b) take(row(part, a), L[a * count + b], row(part, b));
-                for (double *x = row(part, a), *end = x + width; x != end; ++x) *x *= L[a * count + a];
+                for (int b = 0; b < a; ++b) take(row(part, a), U[b * count + a], row(part, b));
+                for (double *x = row(part, a), *end = x + width; x != end; ++x) *x *= U[a * count + a];
                 if (part.root == 0) continue;
                 const Wrench& push = swept.push[part.first + a];
                 for (int k = 0; k < 6; ++k)
@@ -53,14 +53,14 @@ class TreeRound {
         for (std::size_t i = 0; i < parts.size(); ++i) {  // twists
             const Part& part = parts[i];
             const int count = part.count();
-            const double* L = swept.factors + swept.factors_at[i];
+            const double* U = swept.factors + swept.factors_at[i];
             for (int a = count; a-- > 0;) {
                 const Wrench& push = swept.push[part.first + a];
                 if (part.root > 0)
                     for (int k = 0; k < 6; ++k)
                         take(row(part, a), k < 3 ? push.force[k] : push.moment[k - 3], of(part.root) + k * width);
-                for (int b = a + 1; b < count; ++b) take(row(part, a), L[b * count + a], row(part, b));
-                for (double *x = row(part, a), *end = x + width; x != end; ++x) *x *= L[a * count + a];
+                for (int b = a + 1; b < count; ++b) take(row(part, a), U[a * count + b], row(part, b));
+                for (double *x = row(part, a), *end = x + width; x != end; ++x) *x *= U[a * count + a];
             }
             for (int j : part.joints) {
                 if (!bears[j]) continue;
