@@ -83,59 +83,63 @@ class Moving {
         Twist* S = axes_.data();
         for (const Part& part : path_.parts.list)
             for (const int j : part.joints) {
+                const Body& b = chain.bodies[j];
                 const Vec from = chain.p[j] - near;
-                twice += move(chain, j, from, point, v, S);
-                if (seen_[j]) see(part, j, point, S);
-                S += chain.bodies[j].count;
+                twice += move(chain, b, j, from, point.g(), v, S);
+                if (seen_[j]) see(part, b, j, point, S);
+                S += b.count;
                 if (heir_[j]) freed[j] = {};
-                if (!chain.bodies[j].heavy) {
+                if (!b.heavy) {
                     massive[j] = {}, wrench[j] = {};
                     continue;
                 }
-                massive[j] = Massive(chain.bodies[j], chain.axes[j], from);
-                if (heir_[j]) freed[j].add(massive[j]);
-                const Wrench momentum = massive[j] * V_[j];
-                twice += dot(V_[j], momentum);
-                wrench[j] = massive[j] * A_[j];
-                wrench[j].force += cross(V_[j].angular, momentum.force);
-                wrench[j].moment += cross(V_[j].angular, momentum.moment) + cross(V_[j].linear, momentum.force);
+                const Massive own(b, chain.axes[j], from);
+                const Twist V = V_[j];
+                const Wrench momentum = own * V;
+                twice += dot(V, momentum);
+                Wrench taken = own * A_[j];
+                taken.force += cross(V.angular, momentum.force);
+                taken.moment += cross(V.angular, momentum.moment) + cross(V.linear, momentum.force);
+                wrench[j] = taken, massive[j] = own;
+                if (heir_[j]) freed[j].add(own);
             }
         kinetic = 0.5 * twice;
     }
 
   private:
     // S, V and A of a joint's body; returns twice the energy of its rotors.
-    double move(const Chain& chain, int j, const Vec& from, Point& point, const double* v, Twist* S) {
-        const double* g = point.g();
-        const Body& b = chain.bodies[j];
-        Twist own, bent;
-        double twice = 0.0;
-        for (int i = b.first; i < b.first + b.count; ++i, ++S) {
-            const Vec& axis = chain.axes[j][chain.freedoms[i].column];
-            *S = chain.freedoms[i].turning ? Twist{cross(from, axis), axis} : Twist{axis, {}};
-            own += v[i] * *S;
-            bent += g[i] * *S;
+    double move(const Chain& chain, const Body& b, int j, const Vec& from, const double* g, const double* v, Twist* S) {
+        const auto along = [&](int i) -> Twist {
+            const Vec axis = chain.axes[j][chain.freedoms[i].column];
+            return chain.freedoms[i].turning ? Twist{cross(from, axis), axis} : Twist{axis, {}};
+        };
+        const Twist first = along(b.first), before = V_[b.parent];
+        Twist own = v[b.first] * first, bent = g[b.first] * first;
+        double twice = armature_[b.first] * v[b.first] * v[b.first];
+        S[0] = first;
+        for (int k = 1; k < b.count; ++k) {
+            const int i = b.first + k;
+            S[k] = along(i);
+            own += v[i] * S[k];
+            bent += g[i] * S[k];
             twice += armature_[i] * v[i] * v[i];
         }
-        V_[j] = V_[b.parent] + own;
-        A_[j] = A_[b.parent] + bent + bracket(V_[b.parent], own);
+        V_[j] = before + own;
+        A_[j] = A_[b.parent] + bent + bracket(before, own);
         return twice;
     }
 
     // X of a body.
-    void see(const Part& part, int j, Point& point, const Twist* S) {
-        const Body& b = path_.chain.bodies[j];
+    void see(const Part& part, const Body& b, int j, Point& point, const Twist* S) {
         const std::size_t count = part.inputs.size();
+        const double* G = point.G() + b.first * path_.layout.m;
         Twist* X = ways.data() + ways_at[j];
-        if (b.parent == part.root)
-            std::fill(X, X + count, Twist{});
-        else
-            std::copy(ways.data() + ways_at[b.parent], ways.data() + ways_at[b.parent] + count, X);
-        for (int i = b.first; i < b.first + b.count; ++i, ++S)
-            for (std::size_t a = 0; a < count; ++a) {
-                const double turn = point.G()[i * path_.layout.m + part.inputs[a]];
-                if (turn != 0.0) X[a] += turn * *S;
-            }
+        const Twist* of_parent = ways.data() + ways_at[b.parent];
+        for (std::size_t a = 0; a < count; ++a) {
+            Twist sum = b.parent == part.root ? Twist{} : of_parent[a];
+            for (int k = 0; k < b.count; ++k) sum += G[k * path_.layout.m + part.inputs[a]] * S[k];
+            X[a] = sum;
+        }
     }
 
     const Path& path_;

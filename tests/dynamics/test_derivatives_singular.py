@@ -134,7 +134,7 @@ class TestOnAFreeBase:
     def test_along_the_mode(self, number: int, step: float) -> None:
         """What is left of the differences of u̇ across the flat position falls with the tenth power of h.
 
-        The steps are those with which it is far above the rounding of the derivatives, which have nine digits.
+        The steps are such that it is far above the rounding of the derivatives, which have nine digits.
         """
         mech, q = self.MECH, self.FLAT
         mode = rg.analyse(mech, q).modes[number].reshape(mech.nv, -1)
