@@ -40,7 +40,7 @@ class Moving {
             for (const int j : parts[i].joints) {
                 ways_at[j] = ways_end;
                 ways_end += parts[i].inputs.size();
-                if (!composed[i]) seen_[j] = parts[i].velocities.size() > 1;
+                if (!composed[i]) seen_[j] = !parts[i].single();
                 if (!bears[j]) continue;
                 heir_[j] = 1;
                 for (int p = j; composed[i] && p != parts[i].root; p = path.chain.bodies[p].parent) heir_[p] = 1;

@@ -19,10 +19,11 @@ struct Part {
     int root = 0;                 // the body that carries them all
     int first = 0;                // where its inputs begin when those of all parts are put in a row
     int carrier = -1;             // the part of the root, −1 for the ground
-    bool on_group = false;        // a joint whose velocities are inputs and no rates of numbers in q
-    bool charted = false;         // some of its inputs are such velocities, of joints among others: see charts.h
+    bool on_group = false;        // an untied joint whose velocities are inputs and no rates of numbers in q
+    bool charted = false;         // tied, and some of its inputs are such velocities: see charts.h
 
     bool tied() const { return !closures.empty() || !couplings.empty(); }
+    bool single() const { return velocities.size() == 1 && inputs.size() == 1; }
     int count() const { return static_cast<int>(inputs.size()); }
 };
 
@@ -81,7 +82,7 @@ class Parts {
         for (Part& part : list) {
             part.first = first;
             first += part.count();
-            if (!part.on_group || part.joints.size() == 1) continue;
+            if (!part.on_group || (part.joints.size() == 1 && !part.tied())) continue;
             if (!standing && d.clusters > 0) throw std::invalid_argument("joints are coupled across a ball or a floating joint");
             part.on_group = false;
             part.charted = true;

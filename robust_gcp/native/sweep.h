@@ -104,7 +104,7 @@ class Sweep {
     static constexpr std::size_t MANY = 5;   // inputs of a part from which the inertia of its joints costs less
     static constexpr std::size_t DEEP = 24;  // inputs that carry another one, on average, too many to go one by one
 
-    static bool by_joints(const Part& part) { return part.inputs.size() >= MANY && part.velocities.size() > 1; }
+    static bool by_joints(const Part& part) { return part.inputs.size() >= MANY; }
     static std::vector<char> composed(const std::vector<Part>& parts) {
         std::vector<char> which;
         for (const Part& part : parts) which.push_back(by_joints(part));
@@ -115,7 +115,7 @@ class Sweep {
     // that, and `push_` L⁻¹ of what its inputs ask of the body that carries it, to which it is added.
     bool eliminate(std::size_t i, Point& point, const double* tau, double least) {
         const Part& part = parts_[i];
-        if (part.velocities.size() == 1) return eliminate_one(part, i, point, tau, least);
+        if (part.single()) return eliminate_one(part, i, point, tau, least);
         if (squares_[i] != nullptr) return eliminate_by_joints(part, i, point, tau, least);
         collect(part, i, point, tau);
         const std::size_t count = part.inputs.size();

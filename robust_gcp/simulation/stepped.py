@@ -226,8 +226,9 @@ class HeldRun(SteppedRun):
         self.take(first, 1)
         for t in times[1:-1]:
             if self._ended:
-                return
+                break
             self.take(ask(t, *self.state), 1)
+        self.settle()
 
 
 def _unchanging(mechanism: Mechanism) -> list[Any]:

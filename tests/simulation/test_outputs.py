@@ -182,23 +182,25 @@ class Memory:
         return np.array([2.0 * np.sin(0.3 * len(self.asked)), 0.0, -0.1 * float(v[2])])
 
 
-def test_a_held_torque_is_asked_once_a_step(backend: Any) -> None:
+@pytest.mark.parametrize("record", [RECORD, ()], ids=["all", "nothing more"])
+def test_a_held_torque_is_asked_once_a_step(record: tuple[str, ...], backend: Any) -> None:
     """The digits of steps taken one by one; the first state is Python's here and the kernel's there."""
     memory, step = Memory(), 2.0**-7
     run = rg.simulate(
-        rg.load("rhombus"), *START, 0.5, step, torque=memory, hold=True, record=RECORD, backend=backend
+        rg.load("rhombus"), *START, 0.5, step, torque=memory, hold=True, record=record, backend=backend
     )
     assert memory.asked == list(step * np.arange(64))
     again = Memory()
-    sim = rg.Simulation(rg.load("rhombus"), *START, step, record=RECORD, backend=backend)
+    sim = rg.Simulation(rg.load("rhombus"), *START, step, record=record, backend=backend)
     for _ in range(64):
         sim.step(again(sim.t, sim.q, sim.v))
-    for name in ("q", "v", "a", "energy", "multipliers", "work"):
+    for name in ("q", "v", *(("a", "energy", "multipliers", "work") if record else ())):
         one, other = getattr(run, name), getattr(sim.trajectory, name)
         np.testing.assert_allclose(one[0], other[0], rtol=1e-13, atol=1e-13, err_msg=name)
         np.testing.assert_array_equal(one[1:], other[1:], err_msg=name)
     assert run.crossings
-    assert np.abs(run.energy_error()).max() < 1e-6
+    if record:
+        assert np.abs(run.energy_error()).max() < 1e-6
 
 
 def test_a_held_torque_is_not_asked_again_where_steps_are(backend: Any) -> None:
