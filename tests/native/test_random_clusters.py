@@ -110,6 +110,23 @@ def test_derivatives_as_by_the_reference(seed: int) -> None:
         np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-9 * max(np.abs(other).max(), 1e-2))
 
 
+@pytest.mark.parametrize("seed", SEEDS)
+def test_what_was_saved_goes_on_to_the_last_bit(seed: int) -> None:
+    mechanism, v0 = made(seed)
+    sim = rg.Simulation(mechanism, v0=v0, step=RUN["step"])
+    run = rg.simulate(mechanism, v0=v0, **RUN)
+    for first in (0, 4):
+        sim.reset(v0=v0)
+        for _ in range(first):
+            sim.step()
+        saved = sim.save()
+        for _ in range(2):
+            for i in range(first + 1, first + 6):
+                sim.step()
+                np.testing.assert_array_equal(sim.q, run.q[i])
+            sim.restore(saved)
+
+
 def test_what_is_rare_is_among_them() -> None:
     """So that the seeds above say something."""
     cases = [made(seed)[0] for seed in SEEDS]
