@@ -232,6 +232,7 @@ std::vector<double> Clusters::written() const {
     Writer writer;
     if (some_)
         for (const Tracker& tracker : inside_->trackers) writer.tracker(tracker);
+    if (some_) writer.numbers.push_back(inside_->looked);
     return writer.numbers;
 }
 
@@ -240,7 +241,8 @@ void Clusters::read(const double* numbers) {
     Reader reader(numbers, in.options, in.tally);
     in.trackers.clear();
     for (const auto& space : in.spaces) in.trackers.push_back(reader.tracker(*space));
-    in.looked = in.least_sigma();
+    const double looked = reader.number();
+    in.looked = looked < 0.0 ? in.least_sigma() : looked;  // just now, in Python
     in_zone_ = true;
 }
 

@@ -276,8 +276,8 @@ class ClusterMap(Charted):
     # --------------------------------------------------------------------- for the compiled kernel
 
     def written(self) -> Array:
-        """The trackers as plain numbers."""
-        return written(self._known_trackers())
+        """The trackers as plain numbers, as they came where nothing was done since."""
+        return written(self._known_trackers()) if self._arriving is None else self._arriving()
 
     def resume(
         self, anchor: Point, trackers: Callable[[], Array] | None, in_zone: bool | None = None

@@ -24,11 +24,14 @@ from .tracker import Tracker
 
 
 def written(trackers: Sequence[Tracker]) -> Array:
-    """All that these trackers need to go on; what obstacles they know of is left out."""
+    """All that these trackers need to go on; what obstacles they know of is left out.
+
+    The last number is σ where other rows of K were looked for last; −1: here, as is done with every step.
+    """
     writer = Writer()
     for tracker in trackers:
         writer.tracker(tracker)
-    return np.array(writer.numbers)
+    return np.array([*writer.numbers, -1.0])
 
 
 def read(
