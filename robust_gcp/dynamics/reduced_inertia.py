@@ -99,8 +99,9 @@ class ReducedInertia:
         if len(names) == len(motion):
             part = np.abs(motion) >= TAKES_PART * np.abs(motion).max()
             names = tuple(name for name, moves in zip(names, part, strict=True) if moves)
+        whose = f" of {self._mechanism.name!r}" if self._mechanism.name else ""
         return SimulationError(
-            f"the reduced inertia Gᵀ M G of {self._mechanism.name!r} is singular: a motion of "
+            f"the reduced inertia Gᵀ M G{whose} is singular: a motion of "
             f"{', '.join(names)} moves no mass, or too little to be told from rounding; give its links "
             "inertia"
         )
