@@ -229,10 +229,10 @@ void Clusters::renew() {
 }
 
 std::vector<double> Clusters::written() const {
+    if (!some_) return {};
     Writer writer;
-    if (some_)
-        for (const Tracker& tracker : inside_->trackers) writer.tracker(tracker);
-    if (some_) writer.numbers.push_back(inside_->looked);
+    for (const Tracker& tracker : inside_->trackers) writer.tracker(tracker);
+    writer.numbers.push_back(inside_->looked);
     return writer.numbers;
 }
 

@@ -96,9 +96,8 @@ class Loops {
         return false;
     }
 
-    // K_d factorised at q.
+    // K_d factorised at q, where the chain is placed.
     void prime(const double* q) {
-        chain_.place(part_.joints, q);
         closures.residual(q);
         closures.jacobian();
         blocks.factor();

@@ -149,7 +149,8 @@ class Motion {
     bool weighs(const std::vector<int>& velocities, const std::vector<int>& inputs, const double* G,
                 const double* inertia) {
         const std::size_t count = inputs.size(), m = static_cast<std::size_t>(path_.layout.m);
-        if (count == 1 && velocities.size() == 1) return *inertia > LOST * own_ * size_[velocities[0]] * size_[velocities[0]];
+        if (count == 1 && velocities.size() == 1)
+            return *inertia > LOST * own_ * size_[velocities[0]] * size_[velocities[0]];
         double* paces = paces_.data();
         std::fill(paces, paces + count, 0.0);
         for (int i : velocities)

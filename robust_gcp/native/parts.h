@@ -23,6 +23,7 @@ struct Part {
     bool charted = false;         // tied, and some of its inputs are such velocities: see charts.h
 
     bool tied() const { return !closures.empty() || !couplings.empty(); }
+    // A joint in no loop, with one velocity.
     bool single() const { return velocities.size() == 1 && inputs.size() == 1; }
     int count() const { return static_cast<int>(inputs.size()); }
 };
@@ -82,7 +83,7 @@ class Parts {
         for (Part& part : list) {
             part.first = first;
             first += part.count();
-            if (!part.on_group || (part.joints.size() == 1 && !part.tied())) continue;
+            if (!part.on_group || !part.tied()) continue;
             if (!standing && d.clusters > 0) throw std::invalid_argument("joints are coupled across a ball or a floating joint");
             part.on_group = false;
             part.charted = true;

@@ -127,11 +127,9 @@ class Path {
 
     // K_d factorised where a motion begins, so that it hangs on nothing that was done before.
     void prime(Point& point) {
-        for (std::size_t i = 0; i < loops_.size(); ++i)
-            if (loops_[i] != nullptr)
-                loops_[i]->prime(point.q());
-            else
-                chain.place(parts.list[i].joints, point.q());  // which may carry loops
+        chain.place(chain.all, point.q());
+        for (const auto& loops : loops_)
+            if (loops != nullptr) loops->prime(point.q());
     }
 
     // Largest rotation, rad, or slide in lengths, of the straight way from the anchor to y.
