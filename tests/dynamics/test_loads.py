@@ -13,11 +13,11 @@ import robust_gcp as rg
 from robust_gcp.dynamics.loads import one_torque
 from robust_gcp.examples.linkages import add_link
 
+from ..compiled import needs_kernel
+
 Array = NDArray[np.float64]
 
-NATIVE = pytest.mark.skipif(
-    not rg.backends()["native"].available, reason=f"no compiled kernel: {rg.backends()['native'].reason}"
-)
+NATIVE = needs_kernel
 WAYS = {
     "rk4": {"backend": "python"},
     "kernel": {"backend": "native"},

@@ -15,6 +15,8 @@ import pytest
 import robust_gcp as rg
 from robust_gcp.native import build, structures
 
+from ..compiled import needs_kernel
+
 
 def _report(folder: Path) -> dict[str, str]:
     report: dict[str, str] = json.loads((folder / "build_report.json").read_text())
@@ -81,7 +83,7 @@ def _in_checkout() -> bool:
     return (Path(build.__file__).parent / "abi.h").exists()
 
 
-@pytest.mark.skipif(not rg.backends()["native"].available, reason="no compiled kernel")
+@needs_kernel
 def test_the_library_has_the_same_structures() -> None:
     """Sizes of the structures on both sides."""
     path = rg.backends()["native"].reason.removeprefix("compiled kernel ")
@@ -91,7 +93,7 @@ def test_the_library_has_the_same_structures() -> None:
         assert found.rg_size(i) == ctypes.sizeof(structure)
 
 
-@pytest.mark.skipif(not rg.backends()["native"].available, reason="no compiled kernel")
+@needs_kernel
 def test_a_checkout_takes_the_kernel_that_was_installed_from_it(tmp_path: Path) -> None:
     """Of the same sources; of others it has none, and where its own build was skipped neither."""
     kernel = Path(rg.backends()["native"].reason.removeprefix("compiled kernel "))

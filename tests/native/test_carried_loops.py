@@ -9,9 +9,9 @@ import pytest
 import robust_gcp as rg
 from robust_gcp.dynamics import derivatives as reference
 
-pytestmark = pytest.mark.skipif(
-    not rg.backends()["native"].available, reason=f"no compiled kernel: {rg.backends()['native'].reason}"
-)
+from ..compiled import needs_kernel
+
+pytestmark = needs_kernel
 
 CLOSURES = {"point": rg.PointClosure, "frame": rg.FrameClosure, "hinge": rg.RevoluteClosure}
 IN_SPACE = {"hinge": rg.RevoluteClosure, "slide": rg.PrismaticClosure}

@@ -8,11 +8,11 @@ import pytest
 
 import robust_gcp as rg
 
+from ..compiled import needs_kernel
 from ..simulation.test_idle_spins import COMPONENTS, rssr, spinning
+from .random_links import anywhere, carry
 
-pytestmark = pytest.mark.skipif(
-    not rg.backends()["native"].available, reason=f"no compiled kernel: {rg.backends()['native'].reason}"
-)
+pytestmark = needs_kernel
 
 JOINTS = {
     "hinge": pin.JointModelRZ,
@@ -39,11 +39,8 @@ def made(seed: int) -> tuple[rg.Mechanism, np.ndarray]:
     model.gravity.linear[:] = rng.normal(size=3) * rng.choice([0.0, 5.0])
 
     def link(parent: int, kind: str) -> int:
-        place = pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3))
-        joint = model.addJoint(parent, JOINTS[kind](), place, f"{kind}{model.njoints}")
-        A = rng.normal(size=(3, 3))
-        inertia = pin.Inertia(rng.uniform(0.5, 4.0), 0.3 * rng.normal(size=3), 0.1 * A @ A.T + np.eye(3))
-        model.appendBodyToJoint(joint, inertia, pin.SE3.Identity())
+        joint = int(model.addJoint(parent, JOINTS[kind](), anywhere(rng), f"{kind}{model.njoints}"))
+        carry(model, joint, rng)
         return joint
 
     root = link(0, "free") if rng.random() < 0.3 else 0
@@ -57,7 +54,7 @@ def made(seed: int) -> tuple[rg.Mechanism, np.ndarray]:
     q = pin.integrate(model, pin.neutral(model), 0.7 * rng.normal(size=model.nv))
     data = model.createData()
     pin.forwardKinematics(model, data, q)
-    meeting = pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3))
+    meeting = anywhere(rng)
     for side, joint in enumerate(ends):
         place = data.oMi[joint].inverse() * meeting
         model.addFrame(pin.Frame(f"tip{side}", joint, place, pin.FrameType.OP_FRAME))

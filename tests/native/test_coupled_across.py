@@ -11,11 +11,10 @@ from robust_gcp.dynamics import derivatives as reference
 from robust_gcp.dynamics import discrete
 from robust_gcp.native.derivation import derivation
 
+from ..compiled import needs_kernel
 from .test_derivation import same
 
-pytestmark = pytest.mark.skipif(
-    not rg.backends()["native"].available, reason=f"no compiled kernel: {rg.backends()['native'].reason}"
-)
+pytestmark = needs_kernel
 
 BETWEEN = {
     "ball": pin.JointModelSpherical,

@@ -27,14 +27,13 @@ from robust_gcp.native.derivation import derivation
 from robust_gcp.simulation import gradient as gradients
 from robust_gcp.studies.stability.truth import with_forces
 
+from ..compiled import needs_kernel
 from ..dynamics.test_derivatives import FLOATING, floating, geared
 from ..simulation.test_idle_spins import rssr
 
 Array = NDArray[np.float64]
 
-pytestmark = pytest.mark.skipif(
-    not rg.backends()["native"].available, reason=f"no compiled kernel: {rg.backends()['native'].reason}"
-)
+pytestmark = needs_kernel
 
 ROBOTS = Path(os.environ.get("ROBUST_GCP_ROBOTS", Path(__file__).parents[3] / "shared" / "robots"))
 

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 import robust_gcp as rg
 
+from ..compiled import needs_kernel
+
 Array = NDArray[np.float64]
 
-pytestmark = pytest.mark.skipif(
-    not rg.backends()["native"].available, reason=f"no compiled kernel: {rg.backends()['native'].reason}"
-)
+pytestmark = needs_kernel
 
 KINDS = {
     "free": pin.JointModelFreeFlyer(),

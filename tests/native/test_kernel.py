@@ -27,12 +27,12 @@ from robust_gcp.native.workspace import Workspace
 from robust_gcp.simulation.record import Outputs
 from robust_gcp.studies.robot_speed import Steps
 
+from ..compiled import needs_kernel
+
 Array = NDArray[np.float64]
 States = Callable[[rg.Mechanism, int], list[tuple[Array, Array]]]
 
-pytestmark = pytest.mark.skipif(
-    not rg.backends()["native"].available, reason=f"no compiled kernel: {rg.backends()['native'].reason}"
-)
+pytestmark = needs_kernel
 
 SAME = 1e-12
 """Agreement after a thousand steps, relative to each coordinate's largest value and to 1."""

@@ -11,9 +11,9 @@ import pytest
 import robust_gcp as rg
 from robust_gcp.native.measures import measured
 
-pytestmark = pytest.mark.skipif(
-    not rg.backends()["native"].available, reason=f"no compiled kernel: {rg.backends()['native'].reason}"
-)
+from ..compiled import needs_kernel
+
+pytestmark = needs_kernel
 
 ROBOTS = Path(os.environ.get("ROBUST_GCP_ROBOTS", Path(__file__).parents[3] / "shared" / "robots"))
 FILES = [

@@ -21,9 +21,9 @@ from robust_gcp.simulation import gradient as gradients
 from robust_gcp.studies.stability.truth import with_forces
 from robust_gcp.studies.work_precision.users import floating
 
-pytestmark = pytest.mark.skipif(
-    not rg.backends()["native"].available, reason=f"no compiled kernel: {rg.backends()['native'].reason}"
-)
+from ..compiled import needs_kernel
+
+pytestmark = needs_kernel
 
 SAME = 1e-9
 """Relative: the reference is differentiated where it is as long as that is right to 2e-11."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from functools import cache
 
 import numpy as np
@@ -13,9 +12,11 @@ import robust_gcp as rg
 from robust_gcp.dynamics import derivatives as reference
 from robust_gcp.native.derivation import derivation
 
-pytestmark = pytest.mark.skipif(
-    not rg.backends()["native"].available, reason=f"no compiled kernel: {rg.backends()['native'].reason}"
-)
+from ..compiled import needs_kernel
+from .random_links import anywhere, carry
+from .test_derivation import same
+
+pytestmark = needs_kernel
 
 JOINTS = {
     "rx": pin.JointModelRX,
@@ -43,17 +44,10 @@ def made(seed: int) -> tuple[rg.Mechanism, np.ndarray]:
     rng, model = np.random.default_rng(seed), pin.Model()
     model.gravity.linear[:] = rng.normal(size=3) * rng.choice([0.0, 5.0])
 
-    def anywhere() -> pin.SE3:
-        return pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3))
-
     def link(parent: int, joint: pin.JointModel, name: str) -> int:
-        added = model.addJoint(parent, joint, anywhere(), name)
-        A = rng.normal(size=(3, 3))
-        inertia = pin.Inertia(
-            rng.uniform(0.5, 4.0), 0.3 * rng.normal(size=3), 0.1 * A @ A.T + 0.5 * np.eye(3)
-        )
-        model.appendBodyToJoint(added, inertia, pin.SE3.Identity())
-        return int(added)
+        added = int(model.addJoint(parent, joint, anywhere(rng), name))
+        carry(model, added, rng)
+        return added
 
     root = link(0, rng.choice(BASES)(), "base") if rng.random() < 0.5 else 0
     for i in range(rng.integers(6, 22)):
@@ -65,7 +59,7 @@ def made(seed: int) -> tuple[rg.Mechanism, np.ndarray]:
     pin.forwardKinematics(model, data, q)
     closures: list[rg.Closure] = []
     for c in range(rng.integers(1, 5)):
-        there = anywhere()
+        there = anywhere(rng)
         for side, joint in zip(
             "ab", rng.choice(np.arange(root, model.njoints), 2, replace=False), strict=True
         ):
@@ -105,9 +99,7 @@ def test_derivatives_as_by_the_reference(seed: int) -> None:
     exact = reference.derivatives(mechanism, mechanism.home, v, tau)
     if not found.good.all():
         pytest.skip("near a singular configuration, which is the reference's")
-    for part in fields(rg.Derivatives):
-        one, other = getattr(found.at(0), part.name), getattr(exact, part.name)
-        np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-9 * max(np.abs(other).max(), 1e-2))
+    same(found.at(0), exact, 1e-9)
 
 
 @pytest.mark.parametrize("seed", SEEDS)

@@ -10,9 +10,10 @@ import robust_gcp as rg
 from robust_gcp.examples import linkages
 from robust_gcp.maps.four_bar import FourBar
 
-pytestmark = pytest.mark.skipif(
-    not rg.backends()["native"].available, reason=f"no compiled kernel: {rg.backends()['native'].reason}"
-)
+from ..compiled import needs_kernel
+from .random_links import anywhere, carry
+
+pytestmark = needs_kernel
 
 JOINTS = {
     "free": pin.JointModelFreeFlyer,
@@ -32,16 +33,11 @@ def made(seed: int) -> tuple[rg.Mechanism, np.ndarray]:
     model.gravity.linear[:] = rng.normal(size=3) * rng.choice([0.0, 5.0])
     names, tips, angles, body = [], [], {}, 0
 
-    def carry(joint: int) -> None:
-        A = rng.normal(size=(3, 3))
-        inertia = pin.Inertia(rng.uniform(0.5, 4.0), 0.3 * rng.normal(size=3), 0.1 * A @ A.T + np.eye(3))
-        model.appendBodyToJoint(joint, inertia, pin.SE3.Identity())
-
     for kind in rng.choice(list(JOINTS), size=rng.integers(1, 3)):
-        place = pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3))
+        place = anywhere(rng)
         names.append(f"{kind}{len(names)}")
         body = model.addJoint(body, JOINTS[kind](), place, names[-1])
-        carry(body)
+        carry(model, body, rng)
     carriers = [
         body
     ]  # of which the next linkage may stand on any: the last one's rocker and what carries that
@@ -58,11 +54,8 @@ def made(seed: int) -> tuple[rg.Mechanism, np.ndarray]:
         names.append(f"crank{i}")
         carriers = [*carriers[: carriers.index(on) + 1], rocker]
     if rng.random() < 0.4:
-        carry(
-            model.addJoint(
-                carriers[-1], pin.JointModelSpherical(), pin.SE3(np.eye(3), rng.normal(size=3)), "end"
-            )
-        )
+        place = pin.SE3(np.eye(3), rng.normal(size=3))
+        carry(model, model.addJoint(carriers[-1], pin.JointModelSpherical(), place, "end"), rng)
         names.append("end")
     home = pin.neutral(model)
     for name, angle in angles.items():

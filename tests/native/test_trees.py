@@ -8,9 +8,9 @@ import pytest
 
 import robust_gcp as rg
 
-pytestmark = pytest.mark.skipif(
-    not rg.backends()["native"].available, reason=f"no compiled kernel: {rg.backends()['native'].reason}"
-)
+from ..compiled import needs_kernel
+
+pytestmark = needs_kernel
 
 
 def random_tree(joints: int) -> pin.Model:

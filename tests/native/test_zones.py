@@ -18,9 +18,9 @@ from robust_gcp.maps.cluster.space import space_of
 from robust_gcp.maps.four_bar import FourBar
 from robust_gcp.simulation.charts import map_of_rest, point_of_rest
 
-pytestmark = pytest.mark.skipif(
-    not rg.backends()["native"].available, reason=f"no compiled kernel: {rg.backends()['native'].reason}"
-)
+from ..compiled import needs_kernel
+
+pytestmark = needs_kernel
 
 CHANGE_POINT = (4.0, 2.0, 3.0, 3.0)
 

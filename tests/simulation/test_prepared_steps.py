@@ -11,7 +11,9 @@ import pytest
 import robust_gcp as rg
 from robust_gcp.simulation.stepped import SteppedRun
 
-pytestmark = pytest.mark.skipif(not rg.backends()["native"].available, reason="no compiled kernel")
+from ..compiled import needs_kernel
+
+pytestmark = needs_kernel
 
 STEP = 2.0**-8
 

@@ -16,7 +16,9 @@ from robust_gcp.maps.choice import MapChoice
 from robust_gcp.native.steps import NativeSteps, chosen_library
 from robust_gcp.simulation.following import Following
 
-pytestmark = pytest.mark.skipif(not rg.backends()["native"].available, reason="no compiled kernel")
+from ..compiled import needs_kernel
+
+pytestmark = needs_kernel
 
 SOLVERS = ("RK45", "DOP853", "Radau", "BDF")
 TIGHT = {"rtol": 1e-9, "atol": 1e-11}

@@ -20,11 +20,12 @@ from robust_gcp.native.library import library
 from robust_gcp.native.steps import NativeSteps
 from robust_gcp.simulation.starting import StartRates, rates_at, started
 
+from ..compiled import needs_kernel
 from .test_floating import REGULAR, floating
 
 Array = NDArray[np.float64]
 
-pytestmark = pytest.mark.skipif(not rg.backends()["native"].available, reason="no compiled kernel")
+pytestmark = needs_kernel
 
 NAMES = ["crank_rocker", "slider_crank", "five_bar", "delta", "strandbeest", "walker"]
 

@@ -18,7 +18,9 @@ from robust_gcp.studies.benchmark import batches, native_seconds, thread_gain
 from robust_gcp.studies.peers.compiled import why_not
 from robust_gcp.studies.robot_speed import measured, robots_in
 
-pytestmark = pytest.mark.skipif(not rg.backends()["native"].available, reason="no compiled kernel")
+from ..compiled import needs_kernel
+
+pytestmark = needs_kernel
 
 
 def test_a_step_costs_microseconds() -> None:

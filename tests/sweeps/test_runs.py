@@ -26,6 +26,8 @@ import robust_gcp as rg
 from robust_gcp.examples import linkages
 from robust_gcp.sweeps.natively import runs_natively
 
+from ..compiled import needs_kernel
+
 SHORT: dict[str, Any] = {"duration": 0.1, "step": 1e-2}
 RUNS = rg.grid(method=["bridge", "projection"], q0=[[0.2, -0.2, 0.2], [0.3, -0.3, 0.3]])
 
@@ -130,9 +132,7 @@ def test_threads_do_not_share_the_workspace_of_a_mechanism() -> None:
 
 # --------------------------------------------------------------------------- threads or processes
 
-compiled = pytest.mark.skipif(
-    not rg.backends()["native"].available, reason=f"no compiled kernel: {rg.backends()['native'].reason}"
-)
+compiled = needs_kernel
 NATIVE = rg.grid(method=["bridge", "classical"], q0=[[0.2, -0.2, 0.2], [0.3, -0.3, 0.3], [0.4, -0.4, 0.4]])
 
 
