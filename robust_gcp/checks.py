@@ -106,6 +106,14 @@ def check_between(name: str, value: Any, low: float, high: float) -> None:
         raise OptionError(f"{name} = {value} must lie between {low:g} and {high:g}")
 
 
+def check_whole(name: str, value: Any, low: int, high: int | None = None) -> None:
+    """Refuse what is not a whole number within these bounds."""
+    whole = type(value) is int or isinstance(value, np.integer)
+    if not whole or value < low or (high is not None and value > high):
+        bounds = f"{low} or more" if high is None else f"from {low} to {high}"
+        raise OptionError(f"{name} = {shown(value)} must be a whole number, {bounds}")
+
+
 def check_choice(name: str, value: Any, allowed: Sequence[str]) -> None:
     """Refuse what is not one of the words allowed."""
     if not isinstance(value, str) or value not in allowed:

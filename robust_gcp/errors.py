@@ -42,6 +42,10 @@ class OptionError(RobustGcpError, ValueError):
     """An argument of a call lies outside what the call accepts."""
 
 
+class MissingFileError(OptionError, FileNotFoundError):
+    """A file or folder that was named is not there."""
+
+
 class ModelError(RobustGcpError, ValueError):
     """A mechanism's description (URDF, YAML, closures, joint names) is wrong."""
 

@@ -1,8 +1,7 @@
 """Builds the compiled kernel with the C++ compiler at hand; needs nothing but the standard library.
 
 `python -m robust_gcp.native.build` does so in a checkout; at installation CMakeLists.txt runs this
-file. Pinocchio, Eigen and Boost are used as headers only, as the wheels libpinocchio, cmeel-eigen and
-cmeel-boost carry them.
+file. Eigen is all that it needs, as headers, as the wheel cmeel-eigen carries them.
 """
 
 from __future__ import annotations
@@ -21,21 +20,23 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-SOURCES = ("rigid_bodies.cpp", "clusters.cpp", "dense.cpp", "kernel.cpp")
+SOURCES = ("clusters.cpp", "dense.cpp", "kernel.cpp")
 SWITCH = "ROBUST_GCP_NATIVE"
 COMPILERS = ("c++", "g++", "clang++")
-DEFINES = ("-DBOOST_FUSION_INVOKE_MAX_ARITY=12", "-DBOOST_ALLOW_DEPRECATED_HEADERS")
 FLAGS = (
     *("-std=c++17", "-O3", "-DNDEBUG", "-fno-math-errno", "-fno-tree-slp-vectorize"),
     *("-fPIC", "-fvisibility=hidden"),
 )
 """No -march, so that the library runs on any processor of its kind; no -ffast-math: digits count. Vectors of
 three numbers packed in pairs wait for the numbers to be stored first."""
-SANITIZED = ("-std=c++17", "-O1", "-fPIC", "-fsanitize=address")
-CHECKED = ("-DNDEBUG", "-Deigen_assert(x)=((x)?void(0):__builtin_abort())")
-"""Eigen's assertions without Pinocchio's, which want a whole `Data` where the lean one does."""
-UNDEFINED = ("-g", "-fsanitize=undefined", "-fno-omit-frame-pointer")
-"""Of the kernel's own code: in Pinocchio's templates it would cost many minutes and gigabytes."""
+SANITIZED = (
+    *("-std=c++17", "-O1", "-g", "-fPIC", "-fno-omit-frame-pointer"),
+    *("-fsanitize=address", "-fsanitize=undefined"),
+)
+EIGEN = ("Eigen/Core", "cmeel-eigen", "eigen3")
+"""A header, the wheel that carries it, and the folder of headers that it lies in."""
+EXPORTED = "{ global: rg_*; local: *; };\n"
+"""A version script: the C interface, and none of the C++ that its functions are made of."""
 
 
 class BuildError(Exception):
@@ -49,7 +50,7 @@ class BuildError(Exception):
 def fingerprint(folder: Path) -> str | None:
     """What tells the C++ sources in a folder, and how they are compiled, from others; None without any."""
     files = sorted(path for path in folder.iterdir() if path.suffix in (".h", ".cpp"))
-    whole = hashlib.sha256(repr((FLAGS, DEFINES)).encode())
+    whole = hashlib.sha256(repr((FLAGS, EXPORTED)).encode())
     for path in files:
         whole.update(f"{path.name}\0".encode() + path.read_bytes().replace(b"\r\n", b"\n") + b"\0")
     return whole.hexdigest() if files else None
@@ -65,19 +66,15 @@ def compiler() -> list[str]:
     raise BuildError(looked, "no compiler")
 
 
-def headers() -> list[Path]:
-    """Folders to include: Pinocchio and Boost, and Eigen."""
+def headers(*wanted: tuple[str, str, str]) -> list[Path]:
+    """Folders that these headers are included from, each given as `EIGEN` is."""
     roots = [Path(entry or ".") / "cmeel.prefix" / "include" for entry in sys.path]
     roots += [Path(sys.prefix) / "include", Path("/usr/local/include"), Path("/usr/include")]
     found = []
-    for wanted, wheel, folders in (
-        ("pinocchio/multibody.hpp", "libpinocchio", roots),
-        ("boost/variant.hpp", "cmeel-boost", roots),
-        ("Eigen/Core", "cmeel-eigen", [root / "eigen3" for root in roots]),
-    ):
-        folder = next((folder for folder in folders if (folder / wanted).is_file()), None)
+    for header, wheel, within in wanted:
+        folder = next((root / within for root in roots if (root / within / header).is_file()), None)
         if folder is None:
-            raise BuildError(f"the header {wanted} was not found; pip install {wheel}")
+            raise BuildError(f"the header {header} was not found; pip install {wheel}")
         if folder not in found:
             found.append(folder)
     return found
@@ -90,24 +87,26 @@ def build(into: Path, log: list[str], sanitize: bool = False) -> Path:
     ------
     BuildError
     """
-    command = [*compiler(), *(SANITIZED if sanitize else FLAGS), *DEFINES]
-    own = dict.fromkeys(("kernel.cpp", "clusters.cpp", "dense.cpp"), UNDEFINED)
-    more = {**own, "rigid_bodies.cpp": CHECKED} if sanitize else {}
-    for folder in headers():
-        command += ["-isystem", str(folder)]
+    command = [*compiler(), *(SANITIZED if sanitize else FLAGS), f"-ffile-prefix-map={HERE}=native"]
+    for folder in headers(EIGEN):
+        command += ["-isystem", str(folder), f"-ffile-prefix-map={folder}=eigen"]
     mac = sys.platform == "darwin"
     library = into / ("kernel.dylib" if mac else "kernel.so")
     with tempfile.TemporaryDirectory() as scratch:
         objects = [str(Path(scratch) / f"{name}.o") for name in SOURCES]
         jobs = [
-            [*command, *more.get(name, ()), "-c", str(HERE / name), "-o", made]
+            [*command, "-c", str(HERE / name), "-o", made]
             for name, made in zip(SOURCES, objects, strict=True)
         ]
         with ThreadPoolExecutor(len(jobs)) as pool:
             list(pool.map(lambda job: call(job, log), jobs))
-        linked = Path(scratch) / library.name
+        linked, script = Path(scratch) / library.name, Path(scratch) / "exported.map"
+        script.write_text(EXPORTED, encoding="utf-8")
+        export = "-Wl,-exported_symbol,_rg_*" if mac else f"-Wl,--version-script={script}"
         strip = [] if mac or sanitize else ["-s"]
-        call([*command, *more.get("kernel.cpp", ()), "-shared", *strip, *objects, "-o", str(linked)], log)
+        call([*command, "-shared", export, *strip, *objects, "-o", str(linked)], log)
+        if not linked.is_file():
+            raise BuildError(f"{command[0]} said that all is well and left no library")
         into.mkdir(parents=True, exist_ok=True)
         # a new file, not new contents: a process that has the old library loaded keeps it
         staged = into / f".{library.name}.{os.getpid()}"

@@ -55,41 +55,4 @@ inline Axes moved(int kind, const double* q, const Axes& base, Vec& r) {
     }
 }
 
-#ifdef PINOCCHIO_VERSION  // where Pinocchio was included before
-
-// Pinocchio with just the joints above: a fifth of the binary and of the build time.
-template <typename S, int O>
-struct Joints {
-    using Scalar = S;
-    static constexpr int Options = O;
-    // Pinocchio's model asks each joint whether it is a mimic, so that kind must be there.
-    using JointModelVariant = boost::variant<
-        pinocchio::JointModelRevoluteTpl<S, O, 2>, pinocchio::JointModelPrismaticTpl<S, O, 2>,
-        pinocchio::JointModelRevoluteUnboundedTpl<S, O, 2>, pinocchio::JointModelSphericalTpl<S, O>,
-        pinocchio::JointModelTranslationTpl<S, O>, pinocchio::JointModelFreeFlyerTpl<S, O>,
-        pinocchio::JointModelPlanarTpl<S, O>,
-        boost::recursive_wrapper<pinocchio::JointModelMimicTpl<S, O, rg::Joints>>>;
-    using JointDataVariant = boost::variant<
-        pinocchio::JointDataRevoluteTpl<S, O, 2>, pinocchio::JointDataPrismaticTpl<S, O, 2>,
-        pinocchio::JointDataRevoluteUnboundedTpl<S, O, 2>, pinocchio::JointDataSphericalTpl<S, O>,
-        pinocchio::JointDataTranslationTpl<S, O>, pinocchio::JointDataFreeFlyerTpl<S, O>,
-        pinocchio::JointDataPlanarTpl<S, O>,
-        boost::recursive_wrapper<pinocchio::JointDataMimicTpl<S, O, rg::Joints>>>;
-};
-
-// Pinocchio's joint of a kind.
-inline pinocchio::JointModelTpl<double, 0, Joints> pinocchio_joint(int kind) {
-    switch (kind) {
-        case HINGE: return pinocchio::JointModelRevoluteTpl<double, 0, 2>();
-        case SLIDE: return pinocchio::JointModelPrismaticTpl<double, 0, 2>();
-        case UNBOUNDED_HINGE: return pinocchio::JointModelRevoluteUnboundedTpl<double, 0, 2>();
-        case SPHERICAL: return pinocchio::JointModelSphericalTpl<double, 0>();
-        case TRANSLATION: return pinocchio::JointModelTranslationTpl<double, 0>();
-        case FREE_FLYER: return pinocchio::JointModelFreeFlyerTpl<double, 0>();
-        default: return pinocchio::JointModelPlanarTpl<double, 0>();
-    }
-}
-
-#endif
-
 }  // namespace rg

@@ -1,6 +1,5 @@
 // The functions that Python calls. Nothing here is global: each handle is a workspace of its own.
 #include <algorithm>
-#include <chrono>
 #include <cstring>
 #include <exception>
 
@@ -102,17 +101,4 @@ RG_EXPORT void rg_measure(const rg::Description* description, std::int64_t count
         open[i] = measures.open(q);
         energy[i] = measures.energy(q, v);
     }
-}
-
-// Seconds per call of what a right-hand side asks of Pinocchio: computeJointJacobians, rnea twice, crba.
-RG_EXPORT double rg_time_pinocchio(void* stepper, const double* q, const double* v, std::int32_t repeats) {
-    rg::RigidBodies& rigid = static_cast<rg::Solver*>(stepper)->path.rigid;
-    double best = 1e300;
-    for (int round = 0; round < 5; ++round) {
-        const auto begun = std::chrono::steady_clock::now();
-        for (std::int32_t i = 0; i < repeats; ++i) rigid.right_hand_side(q, v);
-        const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begun;
-        best = std::min(best, spent.count() / repeats);
-    }
-    return best;
 }

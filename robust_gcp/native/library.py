@@ -100,9 +100,6 @@ class Library:
         self.measure = library.rg_measure
         self.measure.argtypes = [POINTER(Description), c_int64, *4 * [c_void_p]]
         self.measure.restype = None
-        self.time_pinocchio = library.rg_time_pinocchio
-        self.time_pinocchio.argtypes = [c_void_p, c_void_p, c_void_p, c_int32]
-        self.time_pinocchio.restype = c_double
 
 
 def _require_as_built(path: Path) -> None:

@@ -17,7 +17,6 @@
 #include "on_groups.h"
 #include "parts.h"
 #include "point.h"
-#include "rigid_bodies.h"
 
 namespace rg {
 
@@ -28,7 +27,6 @@ class Path {
   public:
     Chain chain;  // as if joints on groups stood still
     const Parts parts;
-    RigidBodies rigid;
     const Layout layout;
     const OnGroups groups;
     const bool charted;  // whether any part is
@@ -42,7 +40,6 @@ class Path {
     explicit Path(const Description& d, bool standing = false)
         : chain(d),
           parts(d, chain, standing),
-          rigid(d),
           layout(d),
           groups(d, chain, parts),
           charted(std::any_of(parts.list.begin(), parts.list.end(), [](const Part& p) { return p.charted; })),

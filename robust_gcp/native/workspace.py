@@ -253,11 +253,6 @@ class Workspace:
         point = self._packed = self._layout.point(self._shared.anchor)
         return self._shared.x.copy(), self._evaluation(point)
 
-    def time_pinocchio(self, q: Array, v: Array, repeats: int) -> float:
-        """Seconds per right-hand side of Pinocchio's own algorithms, best of five rounds."""
-        q, v = np.ascontiguousarray(q), np.ascontiguousarray(v)
-        return float(self._library.time_pinocchio(self._handle, q.ctypes.data, v.ctypes.data, repeats))
-
     def _batch(self, begun: int, steps: int, outputs: Outputs) -> Batch:
         r = self._request
         point = self._packed = self._layout.point(self._shared.anchor)

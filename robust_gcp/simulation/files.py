@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import csv
 import hashlib
+import io
 import json
-import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -26,11 +26,15 @@ from ..mechanism.couplings import CouplingClosure
 from ..mechanism.forces import Force
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from .archive import read_arrays, reading, write_whole
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
 FORMAT = "robust_gcp trajectory 1"
+
+ARRAYS = ("t", "q", "v", "a", "energy", "multipliers", "work", "drive_torque", "tau")
+"""What a trajectory holds, one row a time; the first three always."""
 
 SAME = 1e-9
 """Relative difference at the start that two ways to build one mechanism may make."""
@@ -50,12 +54,14 @@ def _parts() -> dict[str, type[Any]]:
 
 def write_csv(columns: Mapping[str, Array], path: str | Path) -> Path:
     """Write the columns, one row a time, every digit kept; returns the path."""
-    path = path_given("path", path)
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(columns)
-        writer.writerows(np.stack(list(columns.values()), axis=1).tolist())
-    return path
+
+    def fill(file: io.BufferedWriter) -> None:
+        with io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True) as text:
+            writer = csv.writer(text)
+            writer.writerow(columns)
+            writer.writerows(np.stack(list(columns.values()), axis=1).tolist())
+
+    return write_whole(path_given("path", path), fill)
 
 
 def data_frame(columns: Mapping[str, Array]) -> DataFrame:
@@ -106,8 +112,7 @@ def write_archive(
     }
     text = np.frombuffer(json.dumps(meta, ensure_ascii=False).encode(), dtype=np.uint8)
     kept |= _fingerprint(mechanism, kept["q"], kept["v"])
-    np.savez(path, meta=text, model=model, home=mechanism.home, **kept)
-    return path
+    return write_whole(path, lambda file: np.savez(file, meta=text, model=model, home=mechanism.home, **kept))
 
 
 def _number(value: Any) -> Any:
@@ -126,18 +131,14 @@ def read_archive(
         For another kind of file, a damaged one, or a mechanism that is not the stored one.
     """
     path = path_given("path", path)
-    if path.exists() and not path.is_file():
-        raise OptionError(f"{path} is a folder or a device; give a file that Trajectory.save wrote")
+    arrays = read_arrays(path)
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-        meta = json.loads(arrays.pop("meta").tobytes().decode())
-        known = isinstance(meta, dict) and meta.get("format") == FORMAT
-    except (ValueError, KeyError, AttributeError, EOFError, zipfile.BadZipFile) as error:
+        meta = json.loads(arrays.pop("meta").tobytes())
+    except (ValueError, RecursionError) as error:
         raise OptionError(f"{path} is not a trajectory that save wrote, or is damaged") from error
-    if not known:
+    if not isinstance(meta, dict) or meta.get("format") != FORMAT:
         raise OptionError(f"{path}: not in the format {FORMAT!r}; write it with this version's save")
-    try:
+    with reading(path):
         model, home = arrays.pop("model"), arrays.pop("home")
         if mechanism is None:
             mechanism = _rebuilt(path, meta, model.tobytes(), home)
@@ -157,10 +158,22 @@ def read_archive(
                 meta["crossings"], *places, strict=True
             )
         ]
+        _require_rows(arrays)
         _require_same(path, mechanism, arrays)
-        return mechanism, arrays, crossings, meta["stats"], meta.get("ended_by")
-    except (KeyError, TypeError) as error:
-        raise OptionError(f"{path} is damaged: {error}") from error
+        if any((c.q.shape, c.y.ndim) != ((mechanism.nq,), 1) for c in crossings):
+            raise ValueError("a crossing has another number of coordinates")
+        return mechanism, arrays, crossings, dict(meta["stats"]), meta.get("ended_by")
+
+
+def _require_rows(arrays: Mapping[str, Array]) -> None:
+    """A ValueError for arrays of different lengths or without columns, or times that do not increase."""
+    t, rows = arrays["t"], {name: arrays[name] for name in ARRAYS if name in arrays}
+    if t.ndim != 1 or not np.all(np.diff(t) > 0.0):
+        raise ValueError("the times do not increase")
+    for name, values in rows.items():
+        flat = name in ("t", "energy", "work")
+        if values.ndim != (1 if flat else 2) or len(values) != len(t) or values.dtype != np.float64:
+            raise ValueError(f"{name} has the shape {values.shape} at {len(t)} times")
 
 
 def _as_plain(part: Any) -> dict[str, Any]:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..mechanism.mechanism import Mechanism
-from .files import read_archive
+from .archive import reading
+from .files import ARRAYS, read_archive
 from .stats import Stats
-from .trajectory import ARRAYS, Trajectory
+from .trajectory import Trajectory
 
 
 def load_trajectory(path: str | Path, mechanism: Mechanism | None = None) -> Trajectory:
@@ -23,21 +24,23 @@ def load_trajectory(path: str | Path, mechanism: Mechanism | None = None) -> Tra
 
     Raises
     ------
+    MissingFileError
+        Where there is no such file; a FileNotFoundError too.
     OptionError
         For another kind of file, a damaged one, or a mechanism that is not the one that moved.
     """
     mechanism, arrays, crossings, stats, ended_by = read_archive(path, mechanism)
-    changes = [(float(t), tuple(names)) for t, names in stats.pop("repartitions")]
-    refined = [(float(t0), float(t1)) for t0, t1 in stats.pop("refined", [])]  # files of 0.1.0 lack it
-    kept = {name: arrays.get(name) for name in ARRAYS}
-    t, q, v = (arrays[name] for name in ("t", "q", "v"))
-    read = Stats(**stats, repartitions=changes, refined=refined)
-    found = Trajectory(mechanism, t, q, v, crossings=crossings, stats=read)
-    for name in ARRAYS[3:]:
-        setattr(found, name, kept[name])
-    for k in range(sum(name.startswith("t_event_") for name in arrays)):
-        found.t_events.append(arrays[f"t_event_{k}"])
-        found.q_events.append(arrays[f"q_event_{k}"])
-        found.v_events.append(arrays[f"v_event_{k}"])
-    found.ended_by = ended_by
+    with reading(Path(path)):
+        changes = [(float(t), tuple(map(str, names))) for t, names in stats.pop("repartitions")]
+        refined = [(float(t0), float(t1)) for t0, t1 in stats.pop("refined", [])]  # files of 0.1.0 lack it
+        t, q, v = (arrays[name] for name in ("t", "q", "v"))
+        read = Stats(**stats, repartitions=changes, refined=refined)
+        found = Trajectory(mechanism, t, q, v, crossings=crossings, stats=read)
+        for name in ARRAYS[3:]:
+            setattr(found, name, arrays.get(name))
+        for k in range(sum(name.startswith("t_event_") for name in arrays)):
+            found.t_events.append(arrays[f"t_event_{k}"])
+            found.q_events.append(arrays[f"q_event_{k}"])
+            found.v_events.append(arrays[f"v_event_{k}"])
+        found.ended_by = None if ended_by is None else int(ended_by)
     return found

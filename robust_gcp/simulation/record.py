@@ -15,9 +15,13 @@ from ..mechanism.tree import Array
 from ..native.batch import Outputs
 from ..warning import warn
 from .events import Events
+from .keep import ALL, Keep
 from .schedule import Schedule
 from .stats import Stats
 from .trajectory import Trajectory
+
+ROWS = ("_q", "_v", "_a", "_energy", "_multipliers", "_tau", "work", "_drive")
+"""What a record has one row an output of, None where it is not wanted."""
 
 
 class Record:
@@ -32,6 +36,8 @@ class Record:
         What to keep besides q and v.
     equations : EquationsOfMotion
         Tell whether the state ends with the work done, and whether motions are prescribed.
+    keep : Keep
+        Which rows outlive `forget`.
 
     Attributes
     ----------
@@ -46,8 +52,9 @@ class Record:
     """
 
     def __init__(
-        self, mechanism: Mechanism, schedule: Schedule, items: Sequence[str], equations: EquationsOfMotion
-    ) -> None:
+        self, mechanism: Mechanism, schedule: Schedule, items: Sequence[str], equations: EquationsOfMotion,
+        keep: Keep = ALL,
+    ) -> None:  # fmt: skip
         n = len(schedule.outputs)
         self.mechanism, self._schedule, self._t = mechanism, schedule, schedule.outputs
         self._q, self._v = np.empty((n, mechanism.nq)), np.empty((n, mechanism.nv))
@@ -59,6 +66,7 @@ class Record:
         self._drive = np.empty((n, mechanism.nv)) if equations.driven else None
         self._crossings: list[Crossing] = []
         self._warned = self._spun = False
+        self.keeps, self._gone, self._kept = keep, 0, dict[str, list[Array]]()
         self.count, self.at = 0, -1
         self.last_state: Array = np.zeros(0)
 
@@ -181,10 +189,23 @@ class Record:
 
     def _room(self, more: int) -> None:
         """Make room for more outputs."""
-        for name in ("_q", "_v", "_a", "_energy", "_multipliers", "_tau", "work", "_drive"):
+        for name in ROWS:
             values: Array | None = getattr(self, name)
             if values is not None:
                 setattr(self, name, np.concatenate([values, np.empty((more, *values.shape[1:]))]))
+
+    def forget(self, n: int, schedule: Schedule) -> None:
+        """Let the first n outputs go, but those that are kept; the schedule is that from the next one on."""
+        chosen = self.keeps.among(self._gone, n)
+        for name in ("_t", *ROWS):
+            values: Array | None = getattr(self, name)
+            if values is not None:
+                self._kept.setdefault(name, []).append(values[chosen])
+                if name != "_t":
+                    values[: self.count - n] = values[n : self.count].copy()
+        self._gone += n
+        self.count, self.at = self.count - n, self.at - n
+        self._schedule, self._t = schedule, schedule.outputs
 
     def state(self) -> tuple[Array, Array]:
         """q and v that were kept last."""
@@ -201,26 +222,30 @@ class Record:
 
     def trajectory(self, stats: Stats, events: Events) -> Trajectory:
         """What is kept so far."""
-        n = self.count
+        chosen = self.keeps.shown(self._gone, self.count)
 
-        def cut(values: Array | None) -> Array | None:
-            return None if values is None else values[:n]
+        def cut(name: str) -> Array:
+            rows: Array = getattr(self, name)[chosen]
+            return np.concatenate([*self._kept[name], rows]) if self._kept else rows
+
+        def where_kept(name: str) -> Array | None:
+            return None if getattr(self, name) is None else cut(name)
 
         return Trajectory(
             self.mechanism,
-            self._t[:n],
-            self._q[:n],
-            self._v[:n],
-            cut(self._a),
-            cut(self._energy),
-            cut(self._multipliers),
-            cut(self.work),
+            cut("_t"),
+            cut("_q"),
+            cut("_v"),
+            where_kept("_a"),
+            where_kept("_energy"),
+            where_kept("_multipliers"),
+            where_kept("work"),
             self._crossings,
             stats,
-            cut(self._drive),
+            where_kept("_drive"),
             [np.array(times) for times in events.t],
             [np.array(q).reshape(-1, self.mechanism.nq) for q in events.q],
             [np.array(v).reshape(-1, self.mechanism.nv) for v in events.v],
             events.ended_by,
-            cut(self._tau),
+            where_kept("_tau"),
         )

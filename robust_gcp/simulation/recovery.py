@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..errors import SimulationError, ToggleError
 from ..maps.cluster.obstacles import ObstacleError
@@ -91,6 +91,11 @@ class Recovery:
             raise stop
         self.careful = self.changing = not known
         return known
+
+    def shift(self, n: int) -> None:
+        """The numbers of all outputs are smaller by n from now on."""
+        self.safe = replace(self.safe, i=self.safe.i - n)
+        self._met_at, self._changed_at = self._met_at - n, self._changed_at - n
 
     def renewed(self, safe: Checkpoint) -> None:
         """Within a step, that goes on in other coordinates: what was good in those before is nothing here."""

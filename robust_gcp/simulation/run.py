@@ -22,6 +22,7 @@ from ..warning import warn
 from .charts import map_of_rest, q_of_rest
 from .coordinates import Coordinates
 from .events import Event, Events, Zero
+from .keep import ALL, Keep
 from .record import Record
 from .recovery import Checkpoint
 from .schedule import Schedule
@@ -54,6 +55,8 @@ class Run:
     events : sequence of Event
     named : Mechanism, optional
         In the coordinates that the user named, where the motion begins in others.
+    keep : Keep
+        Which outputs stay where there is no more room for them.
 
     Attributes
     ----------
@@ -78,12 +81,13 @@ class Run:
         progress: Callable[[float], None] | None = None,
         events: Sequence[Event] = (),
         named: Mechanism | None = None,
+        keep: Keep = ALL,
     ) -> None:
         self._motion, self._x, self._choice = motion, motion.x, choice
         self._torque, self._schedule, self._counters = torque, schedule, counters
         self._on_toggle, self._progress = on_toggle, progress
         self._named = motion.mechanism if named is None else named
-        self._record = Record(self._named, schedule, record, motion.equations)
+        self._record = Record(self._named, schedule, record, motion.equations, keep)
         times = schedule.times
         self._events = Events(events, float(times[0]), float(times[1] - times[0]))
         self._ended = False

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from bisect import bisect_right
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,7 @@ class SteppedRun(FixedRun):
         self._lean: Prepared | None = None
         self._begun = 0  # where the steps began that the kernel has not told of
         self._watching: Array | None = None  # q of all outputs, where rows of φ are to be looked at
+        self._gone = 0  # outputs since the start that this run numbers no more
         self._most = most_steps(self._motion.mechanism)
 
     def begin(self) -> None:
@@ -183,11 +185,33 @@ class SteppedRun(FixedRun):
             return i, now
         return super()._natively(native, i, last, now)
 
-    def grow(self, times: Array) -> None:
-        """Go on to more output times, the first of which are the present ones."""
+    def room_for(self, n: int, clock: Callable[[int, int], Array]) -> None:
+        """Make room for n more outputs, by letting go of those that are not kept or by growing.
+
+        Parameters
+        ----------
+        clock : callable (first, count) -> ndarray
+            Times of outputs, numbered since the start.
+        """
+        if self.at + n < len(self.times):
+            return
         self.settle()
-        self._schedule = Schedule.every(times)
-        self._record.grow(self._schedule)
+        if not self._record.keeps.all:
+            self._slide(self._recovery.safe.i, clock)
+        room = len(self.times)
+        if self.at + n >= room:
+            self._schedule = Schedule.every(clock(self._gone, max(2 * room, self.at + n + 1)))
+            self._record.grow(self._schedule)
+
+    def _slide(self, n: int, clock: Callable[[int, int], Array]) -> None:
+        """Number outputs from the n-th on, before which the run never goes back."""
+        self._gone += n
+        self._schedule = Schedule.every(clock(self._gone, len(self.times)))
+        self._record.forget(n, self._schedule)
+        self._recovery.shift(n)
+        first = bisect_right(self._changes, n) - 1
+        self._changes = [max(0, i - n) for i in self._changes[first:]]
+        self._torques = self._torques[first:]
 
     def parts(self) -> dict[str, Any]:
         """What steps change, by name."""

@@ -10,7 +10,7 @@ from typing import Any, Literal, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import check_choice, check_finite, check_mechanism, check_positive, shown
+from ..checks import check_choice, check_finite, check_mechanism, check_positive, check_whole, shown
 from ..dynamics.driven import driving
 from ..dynamics.held import HeldTorque
 from ..dynamics.motion import Drive, Motion, checked_motions
@@ -22,6 +22,8 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..native.steps import BACKENDS, NativeSteps, chosen_library
 from .coarse import Coarse
+from .files import ARRAYS
+from .keep import Keep
 from .saved import SavedState
 from .schedule import Schedule
 from .simulate import check_drive_goes_with, checked_record
@@ -29,10 +31,10 @@ from .stability import StabilityCheck
 from .starting import rates_at, started
 from .stepped import SteppedRun
 from .steppers import rk4_step
-from .trajectory import ARRAYS, Trajectory
+from .trajectory import Trajectory
 
 ROOM = 1024
-"""Outputs that there is room for at first; doubled when they are full."""
+"""Outputs that there is room for at first; when they are full, those that are not kept go, or it doubles."""
 
 
 class Simulation:
@@ -57,6 +59,9 @@ class Simulation:
         Joints that move as prescribed, as in `simulate`; `trajectory["drive.q1"]` is what that takes.
     t0 : float
         Time at the start, s.
+    keep : {"all", "last", "none"} or int
+        Which steps `trajectory` holds: all, which takes 8 (nq + nv) bytes and more a step; each n-th since
+        the start and the last; the last alone; none. Crossings and `stats` are of all steps.
 
     Raises
     ------
@@ -84,6 +89,7 @@ class Simulation:
         record: Sequence[str] = (),
         drive: Mapping[str, Motion] | None = None,
         t0: float = 0.0,
+        keep: Literal["all", "last", "none"] | int = "all",
     ) -> None:
         check_mechanism(mechanism, Mechanism, "Simulation")
         check_positive("step", step)
@@ -91,6 +97,7 @@ class Simulation:
         check_choice("backend", backend, BACKENDS)
         record = checked_record(record)
         check_finite("t0", t0)
+        self._keep = Keep.of(keep)
         self._kernel = chosen_library(backend, "rk4", method, "tangent"), backend == "native"
         if drive is not None:
             check_drive_goes_with(backend)
@@ -138,7 +145,7 @@ class Simulation:
         if drives is None:
             check = StabilityCheck(mechanism, None, self._step, choice.options)
             check.before(problem, rates_at(native, problem))
-        plan = Schedule.every(self._times(ROOM))
+        plan = Schedule.every(self._clock(0, ROOM))
         run = SteppedRun(
             held,
             rk4_step,
@@ -151,6 +158,7 @@ class Simulation:
             counters,
             toggle,
             named=mechanism,
+            keep=self._keep,
         )
         self.mechanism, self._begun, self._run = mechanism, begun, run
         self._coarse = Coarse(mechanism, self._step) if choice.method == "bridge" else None
@@ -177,15 +185,15 @@ class Simulation:
         SimulationError
             Where the motion must stop; `error.trajectory` holds it. Only `restore` leads on from there.
         """
-        if not _whole(n) or n < 1:
-            raise OptionError(f"n = {shown(n)} must be a number of steps, 1 or more")
+        check_whole("n", n, 1)
         held = self._none if tau is None else self._asked(tau)
-        run = self._run
-        last = run.at + int(n)
-        if last >= len(run.times):
-            run.grow(self._times(max(2 * len(run.times), last + 1)))
+        run, left = self._run, int(n)
         try:
-            run.take(held, int(n))
+            while left:
+                now = left if self._keep.all else min(left, ROOM)
+                run.room_for(now, self._clock)
+                run.take(held, now)
+                left -= now
         except (SimulationError, ClosureError) as error:
             error.trajectory = self.trajectory
             raise
@@ -209,8 +217,9 @@ class Simulation:
                 return held
         return self.mechanism.velocity(tau, "tau")
 
-    def _times(self, count: int) -> Array:
-        return self._t0 + self._step * np.arange(count)
+    def _clock(self, first: int, count: int) -> Array:
+        """Times of the outputs numbered from `first` on."""
+        return self._t0 + self._step * np.arange(first, first + count)
 
     def __repr__(self) -> str:
         """What moves, where time is, what happened."""
@@ -244,7 +253,7 @@ class Simulation:
 
     @property
     def trajectory(self) -> Trajectory:
-        """The motion so far; a copy."""
+        """The motion so far, as far as it is kept; a copy."""
         run = self._run.trajectory(self._begun)
         for name in ARRAYS:
             values = getattr(run, name)
@@ -275,7 +284,3 @@ class Simulation:
             f"{self!r} cannot be copied or pickled, as it goes on in the kernel's memory; for another one "
             "from here: Simulation(mechanism, sim.q, sim.v, t0=sim.t); trajectory.save(path) keeps the motion"
         )
-
-
-def _whole(n: Any) -> bool:
-    return type(n) is int or isinstance(n, np.integer)

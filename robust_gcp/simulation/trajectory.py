@@ -18,6 +18,7 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .access import FrameMotion, Named, Sample, force_columns, frame_motion, state_columns
 from .dense import Interpolant, sampled_accelerations, times_within
+from .files import ARRAYS as ARRAYS
 from .files import data_frame, write_archive, write_csv
 from .reactions import Reaction, closure_number, reaction, row_names
 from .stats import Stats
@@ -26,10 +27,6 @@ from .summary import told
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
-
-
-ARRAYS = ("t", "q", "v", "a", "energy", "multipliers", "work", "drive_torque", "tau")
-"""What a trajectory holds, one row a time; the first three always."""
 
 
 @dataclass(repr=False)

@@ -147,8 +147,8 @@ def measure(n: int, budget: float = 0.1) -> dict[str, float]:
     return {"loops": n} | {name: 1e6 * (times | native)[name] for name in names} | per_rhs
 
 
-def batches(found: Library, mechanism: Mechanism, steps: int, h: float) -> tuple[Workspace, Batch]:
-    """A workspace, and the same batch of steps of h, s, from home at rest, again and again.
+def batches(found: Library, mechanism: Mechanism, steps: int, h: float) -> Batch:
+    """The same batch of steps of h, s, from home at rest, again and again.
 
     The batch raises a RuntimeError when the kernel stopped before the end.
     """
@@ -165,20 +165,17 @@ def batches(found: Library, mechanism: Mechanism, steps: int, h: float) -> tuple
             raise RuntimeError(f"the kernel stopped after {batch.steps} steps: {batch.reason.name}")
         return spent / steps, batch.counts["newton_iterations"] / batch.rhs
 
-    return workspace, run
+    return run
 
 
 def native_seconds(mechanism: Mechanism, h: float = 1e-4) -> dict[str, float]:
-    """Seconds per RK4 step in the kernel and per right-hand side of Pinocchio's C++; empty without it."""
+    """Seconds per RK4 step in the kernel, and Newton iterations; empty without it."""
     found = library()
     if found is None:
         return {}
-    workspace, run = batches(found, mechanism, max(20, 1000 // mechanism.nv), h)  # some ms
+    run = batches(found, mechanism, max(20, 1000 // mechanism.nv), h)  # some ms
     rounds = [run() for _ in range(ROUNDS)]
-    v = mechanism.lift(mechanism.home, np.ones(mechanism.m))
-    repeats = max(5, 2000 // mechanism.nv)
-    theirs = [workspace.time_pinocchio(mechanism.home, v, repeats) for _ in range(ROUNDS // 5)]
-    return {"native_step": min(rounds)[0], "native_newton": rounds[0][1], "pinocchio_rhs": min(theirs)}
+    return {"native_step": min(rounds)[0], "native_newton": rounds[0][1]}
 
 
 def thread_gain(mechanism: Mechanism, threads: int = 2, steps: int = 20_000, h: float = 1e-5) -> float:
@@ -186,7 +183,7 @@ def thread_gain(mechanism: Mechanism, threads: int = 2, steps: int = 20_000, h: 
     found = library()
     if found is None:
         return float("nan")
-    return gain([batches(found, mechanism, steps, h)[1] for _ in range(threads)], ROUNDS // 3)
+    return gain([batches(found, mechanism, steps, h) for _ in range(threads)], ROUNDS // 3)
 
 
 def arguments(add_to: Arguments) -> None:
@@ -233,8 +230,8 @@ def run(args: argparse.Namespace) -> int:
         print(f"cost grows as N^{_exponent(rows[-3:], 'rhs'):.2f} over the largest sizes")
     state = backends()["native"]
     if state.available:
-        print("native_step: an RK4 step in the compiled kernel; pinocchio_rhs: computeJointJacobians, rnea")
-        print("twice and crba from C++; native_newton: Newton iterations per right-hand side")
+        print("native_step: an RK4 step in the compiled kernel; native_newton: Newton iterations per")
+        print("right-hand side")
         if len(rows) > 1:
             print(f"a step in the kernel costs N^{_exponent(rows, 'native_step'):.2f}")
         crank_rocker = load("crank_rocker")

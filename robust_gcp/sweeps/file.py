@@ -1,11 +1,12 @@
 """The file of a sweep: JSON lines, one header and one line a run, appended as the runs end.
 
 A process may be killed while it writes: a last line that is torn is cut off, and its run is done
-again. Nothing else is ever rewritten.
+again. Nothing else is ever rewritten. Each line holds a checksum of the rest of it.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from collections.abc import Mapping
@@ -21,7 +22,10 @@ from ..errors import OptionError, SweepError
 from .lock import lock
 from .record import Failure, RunRecord, key, plain, text_of
 
-FORMAT = "robust_gcp sweep 1"
+FORMAT = "robust_gcp sweep 2"
+
+UNCHECKED = "robust_gcp sweep 1"
+"""Files of version 0.1.0, whose lines have no checksums; they may be gone on with."""
 
 LONGEST_HEADER = 1_000_000
 """Bytes within which the first line ends; more of a file that is none of a sweep is not read."""
@@ -51,6 +55,7 @@ class SweepFile:
 
     def __init__(self, path: str | Path, sweep: Mapping[str, Any]) -> None:
         self.path, self.done = path_given("file", path), dict[tuple[str, int], dict[str, Any]]()
+        self._checked = True
         header = {"format": FORMAT, **{k: plain(v, k) for k, v in sweep.items()}}
         self._file = self._opened()
         try:
@@ -75,7 +80,7 @@ class SweepFile:
             "kept": plain(record.kept, "what keep returned"),
             "failure": None if record.failure is None else asdict(record.failure),
         }
-        self._write(line)
+        self._write({**line, "sha256": _sum(line)})
         return self.record(line, record.index, record.parameters, resumed=False)
 
     def record(
@@ -127,12 +132,13 @@ class SweepFile:
             whole += len(text) + 1
             try:
                 line = json.loads(text)
+                self._require_sum(line)
                 _require_run(line)
                 self.done[key(line["parameters"], ""), line["repetition"]] = line
-            except (ValueError, KeyError, TypeError, RecursionError) as error:
+            except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
                 raise OptionError(
-                    f"{self.path}, line {number}: not a run of a sweep; remove that line, and its run is "
-                    "done again"
+                    f"{self.path}, line {number}: not a run of a sweep, or changed since it was written; "
+                    "remove that line, and its run is done again"
                 ) from error
         self._file.truncate(whole)
 
@@ -141,15 +147,22 @@ class SweepFile:
             found = json.loads(first)
         except (ValueError, RecursionError):
             found = None
-        if not isinstance(found, dict) or found.get("format") != FORMAT:
+        if not isinstance(found, dict) or found.get("format") not in (FORMAT, UNCHECKED):
             raise OptionError(f"{self.path} is not the file of a sweep; give another name")
-        wrong = [name for name in header if found.get(name) != header[name]]
+        self._checked = found["format"] == FORMAT
+        wrong = [name for name in header if name != "format" and found.get(name) != header[name]]
         if wrong:
             name = wrong[0]
             raise OptionError(
                 f"{self.path} belongs to another sweep: its {name} is {shown(found.get(name))}, not "
                 f"{shown(header[name])}; give another file, or the same {name}"
             )
+
+    def _require_sum(self, line: Any) -> None:
+        """A ValueError for a line that does not add up to the checksum that it holds."""
+        found = line.pop("sha256", None)
+        if found != _sum(line) and (self._checked or found is not None):
+            raise ValueError("its checksum is another")
 
     def _write(self, line: dict[str, Any]) -> None:
         left = memoryview(_encoded(line, "a run") + b"\n")
@@ -169,6 +182,11 @@ class SweepFile:
 def _encoded(value: Any, what: str) -> bytes:
     """A line; halves of characters, such as in names of files, as they are."""
     return text_of(value, what).encode("utf-8", "surrogatepass")
+
+
+def _sum(line: dict[str, Any]) -> str:
+    """Of a line as it is written, and as it is written again once it was read."""
+    return hashlib.sha256(_encoded(line, "a run")).hexdigest()[:16]
 
 
 def _require_run(line: Any) -> None:

@@ -55,10 +55,18 @@ def test_this_machine_alone_can_see_it(capfd: pytest.CaptureFixture[str]) -> Non
         assert not listening("127.0.0.2", port)  # any other address, even one of this machine
         with urllib.request.urlopen(viewer.url, timeout=5) as page:
             assert b"MeshCat" in page.read()
-        elsewhere = urllib.request.Request(viewer.url, headers={"Host": f"example.org:{port}"})
-        with pytest.raises(urllib.error.HTTPError, match="404") as refused:
-            urllib.request.urlopen(elsewhere, timeout=5)
-        refused.value.close()
+        # a page from elsewhere whose name points here, names that begin or end as ours do among them
+        for name in (
+            "example.org",
+            "127.0.0.1.example.org",
+            "127.0.0.1x",
+            "localhost.example.org",
+            "xlocalhost",
+        ):
+            elsewhere = urllib.request.Request(viewer.url, headers={"Host": f"{name}:{port}"})
+            with pytest.raises(urllib.error.HTTPError, match="404") as refused:
+                urllib.request.urlopen(elsewhere, timeout=5)
+            refused.value.close()
     assert capfd.readouterr() == ("", "")  # nothing is printed, refusals included
 
 
@@ -156,3 +164,10 @@ def test_without_the_extra_the_remedy_is_named(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(rg.MissingExtraError, match=r"pip install meshcat, or .*\.\[viz\]"):
         rg.live(rg.load("rhombus"))
+
+
+@pytest.mark.parametrize("port", [-1, 70_000, 80.5, "80", True])
+def test_a_port_that_is_none_is_refused_and_leaves_no_thread(port: object) -> None:
+    with pytest.raises(rg.OptionError, match=r"port = .* must be a whole number, from 0 to 65535"):
+        rg.live(rg.load("rhombus"), port=port)  # type: ignore[arg-type]
+    assert "live viewer" not in {thread.name for thread in threading.enumerate()}

@@ -43,15 +43,41 @@ def test_a_failed_build_is_reported_with_its_log(
     broken.chmod(0o755)
     monkeypatch.setenv("ROBUST_GCP_NATIVE", "1")
     monkeypatch.setenv("CXX", str(broken))
-    monkeypatch.setattr(build, "headers", lambda: [])
+    monkeypatch.setattr(build, "headers", lambda *wanted: [])
     assert build.main(["--into", str(tmp_path)]) == 1
     report = _report(tmp_path)
     assert report["status"] == "failed"
     assert "this compiler is broken" in report["detail"]
-    assert "rigid_bodies.cpp" in (tmp_path / report["log"]).read_text()
+    assert "kernel.cpp" in (tmp_path / report["log"]).read_text()
     said = capsys.readouterr().out
     assert "failed" in said
     assert "Python backend" in said
+
+
+def test_a_compiler_that_leaves_nothing_failed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Whatever its exit code says."""
+    idle = tmp_path / "c++"
+    idle.write_text("#!/bin/sh\nexit 0\n")
+    idle.chmod(0o755)
+    monkeypatch.setenv("ROBUST_GCP_NATIVE", "1")
+    monkeypatch.setenv("CXX", str(idle))
+    monkeypatch.setattr(build, "headers", lambda *wanted: [])
+    report = build.attempt(tmp_path)
+    assert (report["status"], report["log"]) == ("failed", "build.log")
+    assert "left no library" in report["detail"]
+
+
+@needs_kernel
+@pytest.mark.skipif(shutil.which("nm") is None or sys.platform == "darwin", reason="needs nm of binutils")
+def test_the_library_shows_its_c_interface_and_no_path_of_its_builder() -> None:
+    path = rg.backends()["native"].reason.removeprefix("compiled kernel ")
+    done = subprocess.run(["nm", "-D", "--defined-only", path], capture_output=True, text=True, check=True)
+    names = [line.split()[-1] for line in done.stdout.splitlines()]
+    assert "rg_run" in names
+    assert [name for name in names if not name.startswith("rg_")] == []
+    whole = Path(path).read_bytes()
+    for folder in (build.HERE, Path(sys.prefix), Path.home()):
+        assert os.fsencode(folder) + b"/" not in whole
 
 
 def test_missing_headers_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -59,8 +85,8 @@ def test_missing_headers_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.path", [])
     monkeypatch.setattr("sys.prefix", "/nowhere")
     monkeypatch.setattr(Path, "is_file", lambda self: False)
-    with pytest.raises(build.BuildError, match="pip install libpinocchio"):
-        build.headers()
+    with pytest.raises(build.BuildError, match="pip install cmeel-eigen"):
+        build.headers(build.EIGEN)
 
 
 def test_skipped(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

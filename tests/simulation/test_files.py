@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import errno
+import io
+import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -121,8 +125,9 @@ def test_files_that_are_none(swing: rg.Trajectory, tmp_path: Path) -> None:
     np.savez(other, meta=np.array([{"format": 1}], dtype=object))  # a pickle is not opened
     with pytest.raises(rg.OptionError, match="not a trajectory"):
         rg.load_trajectory(other)
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(rg.MissingFileError, match=r"none\.npz is not there"):
         rg.load_trajectory(tmp_path / "none.npz")
+    assert issubclass(rg.MissingFileError, FileNotFoundError)
 
 
 def test_damage_is_noticed(swing: rg.Trajectory, tmp_path: Path) -> None:
@@ -161,3 +166,83 @@ def test_without_pandas(swing: rg.Trajectory, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setitem(__import__("sys").modules, "pandas", None)
     with pytest.raises(rg.MissingExtraError, match="pandas"):
         swing.to_dataframe()
+
+
+@pytest.fixture(scope="module")
+def short() -> rg.Trajectory:
+    """Two outputs and one crossing, so that an archive is mostly structure."""
+    return rg.simulate(rg.load("rhombus"), duration=0.3, step=0.15)
+
+
+def test_spoilt_bytes_are_refused_or_change_nothing(short: rg.Trajectory, tmp_path: Path) -> None:
+    """Whatever byte of an archive is changed: an error of ours, or the same motion."""
+    whole, spoilt = short.save(tmp_path / "a.npz").read_bytes(), tmp_path / "b.npz"
+    central = whole.index(b"PK\1\2")
+    places = [*range(central, len(whole)), *range(0, central, 97)]
+    rng, refused = np.random.default_rng(3), 0
+    for place in places[:: max(1, len(places) // 600)]:
+        changed = bytearray(whole)
+        changed[place] ^= int(rng.choice([1, 2, 8, 64, 255]))
+        spoilt.write_bytes(changed)
+        try:
+            same(short, rg.load_trajectory(spoilt))
+        except rg.OptionError:
+            refused += 1
+    assert refused > 200
+
+
+@pytest.mark.parametrize("name", ["t", "q", "v", "energy", "work", "crossing_q", "home"])
+@pytest.mark.parametrize("how", ["shorter", "flat", "deep", "text", "none"])
+def test_arrays_that_do_not_belong_together(
+    short: rg.Trajectory, name: str, how: str, tmp_path: Path
+) -> None:
+    run = rg.Trajectory(short.mechanism, short.t, short.q, short.v, crossings=short.crossings)
+    run.energy = run.work = np.arange(len(run.t), dtype=float)
+    with np.load(run.save(tmp_path / "a.npz")) as archive:
+        parts = {key: archive[key] for key in archive.files}
+    part = parts[name]
+    change = {
+        "shorter": part[:-1], "flat": part.ravel()[:1], "deep": part[None], "text": np.array(["x"]),
+        "none": np.array(None),
+    }  # fmt: skip
+    np.savez(tmp_path / "b.npz", **{**parts, name: change[how]})
+    with pytest.raises(rg.OptionError):
+        rg.load_trajectory(tmp_path / "b.npz")
+
+
+def test_what_unfolds_beyond_its_file_is_refused_unread(short: rg.Trajectory, tmp_path: Path) -> None:
+    """A compressed archive, and an array that claims a terabyte in its header."""
+    with np.load(short.save(tmp_path / "a.npz")) as archive:
+        parts = {key: archive[key] for key in archive.files}
+    np.savez_compressed(tmp_path / "b.npz", **{**parts, "q": np.zeros((10_000_000, 3))})
+    with pytest.raises(rg.OptionError, match="compressed"):
+        rg.load_trajectory(tmp_path / "b.npz")
+    header = io.BytesIO()
+    np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (10**11,)})
+    with zipfile.ZipFile(tmp_path / "c.npz", "w") as made:
+        made.writestr("meta.npy", header.getvalue())
+    with pytest.raises(rg.OptionError, match="100000000000"):
+        rg.load_trajectory(tmp_path / "c.npz")
+    deep = np.frombuffer(b"[" * 100_000, dtype=np.uint8)
+    np.savez(tmp_path / "d.npz", **{**parts, "meta": deep})
+    with pytest.raises(rg.OptionError, match="not a trajectory"):
+        rg.load_trajectory(tmp_path / "d.npz")
+
+
+@pytest.mark.parametrize("write", [rg.Trajectory.save, rg.Trajectory.to_csv])
+def test_a_full_disk_is_told_and_leaves_the_old_file(
+    short: rg.Trajectory, write: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "run.npz"
+    path.write_bytes(b"old")
+
+    def full(self: Path, target: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "replace", full)
+    with pytest.raises(rg.OptionError, match=r"run\.npz cannot be written \(No space left on device\)"):
+        write(short, path)
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+    with pytest.raises(rg.OptionError, match="cannot be written"):
+        write(short, tmp_path / "no such folder" / "run.npz")

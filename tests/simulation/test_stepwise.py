@@ -11,6 +11,8 @@ import pytest
 
 import robust_gcp as rg
 
+from ..compiled import needs_kernel
+
 START = [0.1, -0.1, 0.1], [-1.0, 1.0, -1.0]
 STEP = 2.0**-8
 """Its multiples are exact."""
@@ -233,3 +235,66 @@ def test_a_start_that_is_none_leaves_the_simulation_as_it_was(backend: Any) -> N
         sim.reset([0.3, 0.9, 0.1])
     ahead = sim.step(TAU, n=3).q
     np.testing.assert_array_equal(sim.restore(state).step(TAU, n=3).q, ahead)
+
+
+@pytest.mark.parametrize("keep", ["last", "none", 1, 7, 3000])
+@pytest.mark.parametrize("size", [1, 50, 2500])
+@needs_kernel
+def test_what_is_kept_does_not_change_the_motion(keep: Any, size: int) -> None:
+    """Beyond the room that there is at first, crossings, torques that change, a saved state."""
+    steps, record = 5000, ("a", "energy", "tau")
+    whole = rg.Simulation(rg.load("rhombus"), *START, 1e-3, record=record)
+    thin = rg.Simulation(rg.load("rhombus"), *START, 1e-3, record=record, keep=keep)
+    torques = np.random.default_rng(1).uniform(-1.0, 1.0, (steps // size + 1, 3))
+    half = len(torques) // 2
+
+    def advance(sim: rg.Simulation, some: Any) -> None:
+        for tau in some:
+            sim.step(tau, n=min(size, steps))
+
+    advance(whole, torques)
+    advance(thin, torques[:half])
+    saved = thin.save()
+    a = whole.trajectory
+    reached = len(a.t) - 1
+    rows = list(range(0, reached + 1, keep)) if isinstance(keep, int) else []
+    if keep != "none" and (not rows or rows[-1] != reached):
+        rows.append(reached)
+    for _ in range(2):
+        advance(thin, torques[half:])
+        b = thin.trajectory
+        for name in ("t", "q", "v", "a", "tau", "work"):
+            np.testing.assert_array_equal(getattr(b, name), getattr(a, name)[rows], err_msg=name)
+        np.testing.assert_allclose(b.energy, a.energy[rows], rtol=1e-14)
+        assert [c.time for c in a.crossings] == [c.time for c in b.crossings]
+        assert (thin.t, len(a.crossings) > 1) == (whole.t, True)
+        np.testing.assert_array_equal(thin.q, whole.q)
+        np.testing.assert_array_equal(thin.v, whole.v)
+        thin.restore(saved)
+
+
+@pytest.mark.parametrize("keep", [100_000, "last", "none"])
+def test_memory_stays_flat_where_nothing_is_kept(keep: Any) -> None:
+    """Room for a thousand steps, whatever their number, torques included."""
+    sim = rg.Simulation(rg.load("crank_rocker"), step=1e-3, keep=keep)
+    sim.step([1.0, 0.0, 0.0], n=3000)
+    room = len(sim._run.times)
+    for i in range(100):
+        sim.step([0.01 * i, 0.0, 0.0], n=97)
+    assert len(sim._run.times) == room <= 2048
+    assert len(sim._run._torques) <= room
+
+
+@pytest.mark.parametrize("keep", ["some", 0, -1, 2.5, None, True])
+def test_what_is_to_be_kept_is_checked(keep: Any) -> None:
+    with pytest.raises(rg.OptionError, match="keep = "):
+        rg.Simulation(rg.load("rhombus"), keep=keep)
+
+
+def test_the_reference_keeps_as_much() -> None:
+    runs = [rg.Simulation(rg.load("rhombus"), *START, 1e-3, backend="python", keep=k) for k in ("all", 100)]
+    for sim in runs:
+        sim.step(TAU, n=1100)
+    a, b = (sim.trajectory for sim in runs)
+    np.testing.assert_array_equal(b.q, a.q[::100])
+    assert [c.time for c in a.crossings] == [c.time for c in b.crossings]

@@ -27,7 +27,6 @@ def test_a_step_costs_microseconds() -> None:
     """Some 2 µs for one loop, which grows with the loops and stays far below Python's milliseconds."""
     one, ten = native_seconds(n_four_bar(1, 1.2)), native_seconds(n_four_bar(10, 1.2))
     assert 1e-7 < one["native_step"] < ten["native_step"] < 1e-4
-    assert 1e-8 < one["pinocchio_rhs"] < ten["pinocchio_rhs"] < 1e-4
     assert one["native_newton"] == 0.0  # on the parallelogram mode G is constant: predictions are exact
 
 
@@ -40,10 +39,10 @@ def test_a_batch_that_stops_early_is_no_measurement() -> None:
     """Falling into the zone of a singular configuration ends a batch."""
     found = library()
     assert found is not None
-    _, run = batches(found, n_four_bar(1, 0.2), 500, 1e-3)
+    run = batches(found, n_four_bar(1, 0.2), 500, 1e-3)
     with pytest.raises(RuntimeError, match="ZONE"):
         run()
-    assert np.isfinite(batches(found, n_four_bar(1, 1.2), 5, 1e-3)[1]()[0])
+    assert np.isfinite(batches(found, n_four_bar(1, 1.2), 5, 1e-3)()[0])
 
 
 def test_robots_of_a_folder_are_timed_beside_pinocchio(

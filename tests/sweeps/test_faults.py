@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import pickle
@@ -313,6 +314,12 @@ def test_a_full_disk_keeps_what_is_done(tmp_path: Path) -> None:
     assert all(record.ok for record in found)
 
 
+def summed(line: dict[str, Any]) -> bytes:
+    """A line with the checksum that belongs to it, so that it is its form that is refused."""
+    digest = hashlib.sha256(json.dumps(line).encode()).hexdigest()[:16]
+    return json.dumps({**line, "sha256": digest}).encode()
+
+
 RUN = {"parameters": {"step": 5e-3}, "repetition": 0, "summary": {}, "kept": None, "failure": None}
 FAILURE = {"kind": "E", "message": "m", "ours": True, "trace": ""}
 SPOILT: dict[str, bytes] = {
@@ -324,10 +331,12 @@ SPOILT: dict[str, bytes] = {
     "deep": b"[" * 100_000,
     "deep and closed": b"[" * 50_000 + b"]" * 50_000,
     "digits": b"9" * 10_000,
-    "two runs": json.dumps(RUN).encode() * 2,
-    **{f"without {name}": json.dumps({k: v for k, v in RUN.items() if k != name}).encode() for name in RUN},
+    "two runs": summed(RUN) * 2,
+    "without its checksum": json.dumps(RUN).encode(),
+    "with another's checksum": summed(RUN).replace(b"0.005", b"0.004"),
+    **{f"without {name}": summed({k: v for k, v in RUN.items() if k != name}) for name in RUN},
     **{
-        f"{name} = {value!r}": json.dumps({**RUN, name: value}).encode()
+        f"{name} = {value!r}": summed({**RUN, name: value})
         for name, value in (
             ("parameters", [1]),
             ("parameters", None),
@@ -353,7 +362,7 @@ def test_a_damaged_line_is_named_and_the_file_left_alone(tmp_path: Path, name: s
     header, first, second = path.read_bytes().splitlines()
     path.write_bytes(b"\n".join([header, SPOILT[name], second, b""]))
     before = path.read_bytes()
-    with pytest.raises(rg.OptionError, match="line 2: not a run of a sweep; remove that line"):
+    with pytest.raises(rg.OptionError, match=r"line 2: not a run of a sweep, or .*; remove that line"):
         rg.sweep("rhombus", [{"step": 5e-3}, {"step": 4e-3}], workers=0, file=path, duration=0.02)
     assert path.read_bytes() == before
     path.write_bytes(b"\n".join([header, second, b""]))  # as the message says
@@ -361,6 +370,42 @@ def test_a_damaged_line_is_named_and_the_file_left_alone(tmp_path: Path, name: s
     assert [record.resumed for record in found] == [False, True]
     assert sorted(path.read_bytes().splitlines())[:1] and len(whole(path)) == 3
     assert first.split(b'"stats"')[0] in path.read_bytes()
+
+
+def test_a_changed_bit_is_found(tmp_path: Path) -> None:
+    """Wherever a bit of a run's line is turned: refused, or the run is done again; never another result."""
+    path = tmp_path / "runs.jsonl"
+
+    def swept() -> list[rg.RunRecord]:
+        return rg.sweep("rhombus", [{"step": 5e-3}], workers=0, file=path, duration=0.01)
+
+    (right,) = swept()
+    whole, header = path.read_bytes(), path.read_bytes().index(b"\n") + 1
+    refused = 0
+    for place in range(header, len(whole), 5):
+        changed = bytearray(whole)
+        changed[place] ^= 1 << (place % 8)
+        path.write_bytes(changed)
+        try:
+            (found,) = swept()
+        except rg.OptionError:
+            refused += 1
+        else:
+            assert (found.summary["q"], found.kept) == (right.summary["q"], right.kept)
+    assert refused > (len(whole) - header) // 7
+
+
+def test_a_file_of_the_first_version_is_gone_on_with(tmp_path: Path) -> None:
+    """Its lines have no checksums."""
+    path, runs = tmp_path / "runs.jsonl", [{"step": 5e-3}, {"step": 4e-3}]
+    rg.sweep("rhombus", runs[:1], workers=0, file=path, duration=0.02)
+    header, line = map(json.loads, path.read_text().splitlines())
+    header["format"] = "robust_gcp sweep 1"
+    del line["sha256"]
+    path.write_text("".join(json.dumps(each) + "\n" for each in (header, line)))
+    for resumed in ([True, False], [True, True]):
+        found = rg.sweep("rhombus", runs, workers=0, file=path, duration=0.02)
+        assert [record.resumed for record in found] == resumed
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ...checks import check_whole
 from ...errors import OptionError, missing_extra
 from ...mechanism.mechanism import Mechanism
 from ...simulation.trajectory import Trajectory
@@ -11,6 +12,8 @@ from .replay import meshcat_folder
 
 if TYPE_CHECKING:
     from .live_viewer import LiveViewer
+
+LAST_PORT = 65_535
 
 
 def live(shown: Mechanism | Trajectory, port: int = 0, open_browser: bool = False) -> LiveViewer:
@@ -41,10 +44,11 @@ def live(shown: Mechanism | Trajectory, port: int = 0, open_browser: bool = Fals
     MissingExtraError
         When meshcat is not installed.
     OptionError
-        When the port is taken.
+        When the port is none, or taken.
     """
     if not isinstance(shown, Mechanism | Trajectory):
         raise OptionError(f"live takes a mechanism or a trajectory, not a {type(shown).__name__}")
+    check_whole("port", port, 0, LAST_PORT)
     meshcat_folder()
     try:
         from .live_viewer import LiveViewer

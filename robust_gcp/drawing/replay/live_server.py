@@ -70,9 +70,10 @@ class LoopbackServer:
         self.poses: dict[str, bytes] = {}
         self.watchers: set[Watcher] = set()
         application = tornado.web.Application(log_function=lambda handler: None)  # a browser asks for icons
-        # another host name would be a page from elsewhere that had its name point here
+        # another host name would be a page from elsewhere that had its name point here; the group, since
+        # tornado appends the end of the name to the last alternative alone
         application.add_handlers(
-            r"127\.0\.0\.1|localhost",
+            r"(127\.0\.0\.1|localhost)",
             [
                 (
                     r"/static/(.*)",

@@ -31,7 +31,15 @@ from .parts import held_points
 
 SOURCE = Path(__file__).with_name("pinocchio_loop.cpp")
 ALGORITHMS = ("constraintDynamics", "lcaba", "aba")
-DEFINES = (*build.DEFINES, "-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS")
+DEFINES = (
+    *("-DBOOST_FUSION_INVOKE_MAX_ARITY=12", "-DBOOST_ALLOW_DEPRECATED_HEADERS"),
+    *("-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS"),
+)
+HEADERS = (
+    ("pinocchio/multibody.hpp", "libpinocchio", ""),
+    ("boost/variant.hpp", "cmeel-boost", ""),
+    build.EIGEN,
+)
 
 _COUNTS = ("joints", "closures", "springs", "lines")
 _ARRAYS = (
@@ -83,7 +91,7 @@ def make() -> Path:
     if wanted.exists():
         return wanted
     command = [*build.compiler(), *build.FLAGS, *DEFINES]
-    for folder in build.headers():
+    for folder in build.headers(*HEADERS):
         command += ["-isystem", str(folder)]
     try:
         wanted.parent.mkdir(parents=True, exist_ok=True)
