@@ -53,8 +53,15 @@ class Schedule:
     def at(cls, times: Array, outputs: Array) -> Schedule:
         """These outputs, each at the end of a step or within one."""
         width = SAME * np.diff(times, prepend=2.0 * times[0] - times[1])
-        first = np.searchsorted(outputs, times - width)
-        row = np.where(np.searchsorted(outputs, times + width, side="right") > first, first, -1)
+        # looked up by output, of which there may be few to millions of steps
+        reached = np.searchsorted(times + width, outputs)
+        passed = np.searchsorted(times - width, outputs, side="right")
+        first = np.cumsum(np.bincount(passed, minlength=len(times) + 1)[:-1])
+        row = np.full(len(times), -1)
+        for k in np.flatnonzero(passed > reached + 1):  # at the ends of several steps
+            row[reached[k] : passed[k]] = k
+        at_ends = np.flatnonzero(passed > reached)[::-1]  # of several outputs at one end the first counts
+        row[reached[at_ends]] = at_ends
         return cls(times, outputs, row, first)
 
     @property

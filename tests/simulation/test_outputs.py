@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
+from robust_gcp.simulation.schedule import SAME, Schedule
 from robust_gcp import printing
 
 Array = NDArray[np.float64]
@@ -264,3 +265,21 @@ def test_what_acts_is_recorded(hold: bool, backend: Any) -> None:
     assert "tau.q1" in run.columns()
     plain = rg.simulate(mech, duration=0.02, step=0.01, record="tau", backend=backend)
     np.testing.assert_array_equal(plain["tau.q1"], 0.0)
+
+
+def test_outputs_belong_to_the_steps_that_end_with_them() -> None:
+    """As the definition has it, step by step: `row` and `first` of random outputs at, beside and within steps."""
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        times = rng.uniform(-2.0, 2.0) + rng.uniform(0.01, 1.0) * np.arange(rng.integers(2, 20))
+        step = times[1] - times[0]
+        ends = rng.choice(times, rng.integers(0, len(times)), replace=False)
+        some = np.concatenate([ends, rng.uniform(times[0], times[-1], 5)])
+        outputs = np.unique(
+            np.clip(some + rng.choice([0.0, 1e-10, -1e-10], len(some)) * step, *times[[0, -1]])
+        )
+        made = Schedule.at(times, outputs)
+        for i, t in enumerate(times):
+            at = np.flatnonzero(np.abs(outputs - t) <= SAME * step)
+            assert made.first[i] == np.count_nonzero(outputs < t - SAME * step)
+            assert made.row[i] == (at[0] if len(at) else -1)
