@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
-from robust_gcp.simulation.schedule import SAME, Schedule
 from robust_gcp import printing
+from robust_gcp.simulation.schedule import SAME, Schedule
 
 Array = NDArray[np.float64]
 START = [0.1, -0.1, 0.1], [-1.0, 1.0, -1.0]
@@ -268,7 +268,7 @@ def test_what_acts_is_recorded(hold: bool, backend: Any) -> None:
 
 
 def test_outputs_belong_to_the_steps_that_end_with_them() -> None:
-    """As the definition has it, step by step: `row` and `first` of random outputs at, beside and within steps."""
+    """Step by step as defined: `row` and `first` of random outputs at, beside and within steps."""
     rng = np.random.default_rng(0)
     for _ in range(300):
         times = rng.uniform(-2.0, 2.0) + rng.uniform(0.01, 1.0) * np.arange(rng.integers(2, 20))
