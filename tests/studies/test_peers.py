@@ -522,6 +522,7 @@ def test_states_kept_late_are_brought_back_by_their_series() -> None:
 # --------------------------------------------------------------------------- the scan
 
 
+@built
 def test_the_scan_scores_digits(monkeypatch: pytest.MonkeyPatch) -> None:
     """Ten times the accuracy is one digit; a run that stops has none."""
     from robust_gcp.studies.peers import scan
