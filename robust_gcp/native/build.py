@@ -17,6 +17,7 @@ import sys
 import tempfile
 import time
 from concurrent.futures import ThreadPoolExecutor
+from importlib.util import find_spec
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
@@ -57,13 +58,17 @@ def fingerprint(folder: Path) -> str | None:
 
 
 def compiler() -> list[str]:
-    """The command of CXX, or the first compiler on the PATH."""
+    """The command of CXX, else the first compiler on the PATH, else the one of the wheel ziglang."""
     named = shlex.split(os.environ.get("CXX", ""))
     for command in [named] if named else [[name] for name in COMPILERS]:
         if shutil.which(command[0]):
             return command
-    looked = f"CXX={' '.join(named)} is not there" if named else f"none of {', '.join(COMPILERS)} on the PATH"
-    raise BuildError(looked, "no compiler")
+    if named:
+        raise BuildError(f"CXX={' '.join(named)} is not there", "no compiler")
+    if find_spec("ziglang") is not None:
+        return [sys.executable, "-m", "ziglang", "c++", "-mcpu=baseline"]  # as others, for any processor
+    looked = f"none of {', '.join(COMPILERS)} on the PATH"
+    raise BuildError(f"{looked}, and no wheel ziglang: pip install ziglang", "no compiler")
 
 
 def headers(*wanted: tuple[str, str, str]) -> list[Path]:

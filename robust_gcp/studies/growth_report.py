@@ -68,7 +68,7 @@ def tables(measured: Mapping[str, list[Row]], fixed: Mapping[str, float], foot: 
 
 
 def sentence(measured: Mapping[str, list[Row]], fixed: Mapping[str, float]) -> str:
-    """What README tells of a step, and of an installation without a compiler."""
+    """What README tells of a step, and of an installation without the kernel."""
     ends = measured["loops"][0], measured["loops"][-1]
     first, last = (f"{row.get('compiled', row['Python']):.2g}" for row in ends)
     told = f"An RK4 step of a four-bar takes {first} µs, of {ends[1]['size']} four-bars in a row {last} µs."
@@ -77,7 +77,7 @@ def sentence(measured: Mapping[str, list[Row]], fixed: Mapping[str, float]) -> s
     ratios = [float(row["Python"]) / float(row["compiled"]) for row in ends]
     few, many, fall = (f"{float(f'{ratio:.2g}'):g}" for ratio in (*ratios, fixed["fall in Python"]))
     return (
-        f"{told}\nIn an installation without a compiler they take {few} and {many} times as long, a fall of "
+        f"{told}\nIn an installation without the kernel they take {few} and {many} times as long, a fall of "
         f"the rhombus\nthrough three crossings {fall} times."
     )
 

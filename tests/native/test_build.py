@@ -31,7 +31,18 @@ def test_no_compiler(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     assert _report(tmp_path) == {"status": "no compiler", "detail": "CXX=/nowhere/c++ is not there"}
     monkeypatch.delenv("CXX")
     monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(build, "find_spec", lambda name: None)
     assert build.attempt(tmp_path)["status"] == "no compiler"
+
+
+def test_the_wheel_of_a_compiler_serves_where_there_is_no_other(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.delenv("CXX", raising=False)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(build, "find_spec", lambda name: name)
+    assert build.compiler()[:4] == [sys.executable, "-m", "ziglang", "c++"]
+    assert "-mcpu=baseline" in build.compiler()  # as of others, not of this processor
 
 
 def test_a_failed_build_is_reported_with_its_log(
