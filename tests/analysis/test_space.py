@@ -83,7 +83,7 @@ def test_closed_modes_return_by_whole_turns(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["spherical loop", "seven hinges"])
+@pytest.mark.parametrize("name", ["spherical loop", pytest.param("seven hinges", marks=pytest.mark.campaign)])
 def test_spatial_loops_are_traced_through_every_turning_point(
     name: str, spatial: dict[str, rg.Mechanism]
 ) -> None:
@@ -126,7 +126,7 @@ def test_regular_four_bars_have_one_or_two_modes_by_grashof(lengths: tuple[float
 
 
 @pytest.mark.parametrize(
-    "gap", [1e-2, -1e-2, *(pytest.param(gap, marks=pytest.mark.slow) for gap in (1e-4, -1e-4))]
+    "gap", [1e-2, -1e-2, *(pytest.param(gap, marks=pytest.mark.campaign) for gap in (1e-4, -1e-4))]
 )
 def test_modes_that_veer_are_not_taken_to_meet(gap: float) -> None:
     lengths = (1.0, 1.0, 1.0, 1.0 + gap)

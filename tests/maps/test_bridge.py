@@ -248,7 +248,7 @@ def test_near_miss_follows_the_true_curve(gap):
     assert run.crossings == []
 
 
-@pytest.mark.parametrize("stepper", ["rk4", "DOP853"])
+@pytest.mark.parametrize("stepper", ["rk4", pytest.param("DOP853", marks=pytest.mark.campaign)])
 def test_what_rounding_costs_beside_a_near_miss_is_told(stepper):
     """An error above 1e-9 of a motion that is followed to 1e-12 comes with a warning."""
     linkage = linkages.four_bar(1.0, 2.0 + 1e-8, 1.0, 2.0, y=0.3, assembly=-1)

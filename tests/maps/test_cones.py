@@ -46,7 +46,7 @@ def beside(distance: float) -> tuple[rg.Mechanism, np.ndarray]:
     return five_bar(q), 2.0 * v / np.linalg.norm(v)
 
 
-@pytest.mark.parametrize("distance", [1e-2, 1e-3, 1e-4])
+@pytest.mark.parametrize("distance", [1e-2, 1e-3, pytest.param(1e-4, marks=pytest.mark.campaign)])
 def test_the_way_past_a_cone_is_the_way_back(distance: float) -> None:
     """Without friction a motion goes back as it came: through the pass, to 1e-11, energy to 1e-8 of 4 J."""
     mechanism, v = beside(distance)
@@ -70,6 +70,7 @@ def towards(share: float) -> tuple[rg.Mechanism, np.ndarray]:
     return mechanism, 2.0 * (inward * np.sqrt(1.0 - share**2) + around * share)
 
 
+@pytest.mark.campaign
 def test_a_pass_close_to_the_apex_goes_back_as_it_came() -> None:
     mechanism, v = towards(1.5e-2)
     run = rg.simulate(mechanism, v0=v, duration=0.002, step=1e-3)

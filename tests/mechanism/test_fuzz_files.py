@@ -171,6 +171,27 @@ LONG = {
 
 
 @pytest.mark.parametrize("name", LONG)
+def test_reading_takes_work_in_proportion(tmp_path: Path, name: str) -> None:
+    """Eight times the text takes eight times as many calls, not 64."""
+    path, calls = tmp_path / "robot.yaml", []
+
+    def count(frame: object, event: str, argument: object) -> None:
+        calls[-1] += event in ("call", "c_call")
+
+    for n in (2_000, 16_000):
+        path.write_text(LONG[name](n), encoding="utf-8")
+        calls.append(0)
+        sys.setprofile(count)
+        try:
+            with contextlib.suppress(rg.ModelError):
+                parsed_yaml(path)
+        finally:
+            sys.setprofile(None)
+    assert calls[1] < 10.0 * calls[0], calls
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("name", LONG)
 def test_reading_takes_time_in_proportion(tmp_path: Path, name: str) -> None:
     """Eight times the text takes eight times as long, not 64: 900 kB stay far below a minute of CPU."""
     path, spent = tmp_path / "robot.yaml", []

@@ -131,7 +131,9 @@ CROSSINGS: dict[str, tuple[Callable[[], rg.Mechanism], list[float] | None, int]]
 }
 
 
-@pytest.mark.parametrize("name", CROSSINGS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.campaign) if " " in n else n for n in CROSSINGS]
+)
 def test_through_every_crossing(name: str) -> None:
     """5 s through certified bridges: the same outputs, and the same crossings at the same times."""
     make, q0, crossings = CROSSINGS[name]
@@ -447,9 +449,9 @@ def test_threads_do_not_meet() -> None:
         np.testing.assert_array_equal(together[i], q)
 
 
-@pytest.mark.slow
-def test_ten_million_steps_in_constant_memory() -> None:
-    """1e7 steps of the crank-rocker: no allocation stays behind, energy and loops stay together."""
+@pytest.mark.parametrize("batches", [10, pytest.param(100, marks=pytest.mark.campaign)])
+def test_millions_of_steps_in_constant_memory(batches: int) -> None:
+    """1e6 or 1e7 steps of the crank-rocker: no allocation stays behind, energy and loops stay together."""
     mechanism = rg.load("crank_rocker")
     start = begin(mechanism, mechanism.home, None, None, BridgeOptions(), Counters())
     equations = EquationsOfMotion(mechanism, ClusterMap(start.path, start.point, BridgeOptions()))
@@ -461,7 +463,7 @@ def test_ten_million_steps_in_constant_memory() -> None:
     n, every = 100_000, 1000
     outputs = Outputs(np.zeros((100, 3)), np.zeros((100, 3)), energy=np.zeros(100))
     times, peak = 1e-3 * np.arange(n + 1), []
-    for _ in range(100):
+    for _ in range(batches):
         batch = workspace.run(times, x, now, outputs, 0.05, every=every)
         assert batch.steps == n
         x, now = batch.x, batch.now
