@@ -14,6 +14,7 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..native.batch import Outputs
 from ..warning import warn
+from .crossings import together
 from .events import Events
 from .schedule import Schedule
 from .stats import Stats
@@ -171,8 +172,8 @@ class Record:
 
     @property
     def crossings(self) -> list[Crossing]:
-        """Those logged so far."""
-        return list(self._crossings)
+        """Those logged so far; what one cluster passes at once is one."""
+        return together(self._crossings)
 
     def grow(self, schedule: Schedule) -> None:
         """Go on to a schedule that begins with the present one."""
@@ -215,7 +216,7 @@ class Record:
             cut(self._energy),
             cut(self._multipliers),
             cut(self.work),
-            self._crossings,
+            self.crossings,
             stats,
             cut(self._drive),
             [np.array(times) for times in events.t],
