@@ -27,6 +27,10 @@ sheets are as near to each other there as the apex is."""
 CORRECTION = 0.25
 """Newton's first correction against the step: more is another branch."""
 
+UPON = 0.1
+"""Distance to a singular surface, in zones, at which a point does not tell its mode well enough to begin a line: one
+that was in use before serves."""
+
 MAX_BRIDGES = 16
 """Curves kept for reuse; a mechanism that turns over meets a new one each half turn."""
 
@@ -233,14 +237,15 @@ class Tracker:
             return False
         if self._beside is not None and self._beside.leads_to(here) and not self._beside.serves(here, y):
             return False
+        known = self._left
+        if known is not None and here.nearest()[0] < UPON * self.zone and passes(known, here):
+            self.current = known
+            return True
         try:
             patch = PatchBuilder(self, here, self.options, self.zone).build()
             self.counters.bridges_built += 1
         except (NoBridgeError, ObstacleError) as failure:
-            known = self._left
-            if known is None or not passes(known, here):
-                return self._blocked(here, failure)
-            patch = known
+            return self._blocked(here, failure)
         if not patch.serves(here, y):
             self._beside = patch
             return False
