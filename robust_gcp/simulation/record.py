@@ -14,7 +14,7 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..native.batch import Outputs
 from ..warning import warn
-from .crossings import together
+from .crossings import AT_ONCE, together
 from .events import Events
 from .schedule import Schedule
 from .stats import Stats
@@ -139,8 +139,12 @@ class Record:
         self.count, self.at, self.last_state = first + len(chosen), i + n, x
 
     def cross(self, crossings: Sequence[Crossing]) -> None:
-        """Log what was passed, y in the run's first coordinates; the first gap bridged is warned of."""
+        """Log what was passed, y in the run's first coordinates; the first gap bridged is warned of.
+
+        What is there at the start is left out.
+        """
         own = self.mechanism.iq_numbers
+        crossings = [c for c in crossings if c.time - self._schedule.times[0] > AT_ONCE]
         self._crossings += [replace(crossing, y=crossing.q[own]) for crossing in crossings]
         for crossing in crossings:
             if crossing.kind == "near miss" and not self._warned:

@@ -10,7 +10,7 @@ from .apex import BESIDE, LEFT, BesideApex, apart, apex_near
 from .curve import Curve
 from .curve_builder import CurveBuilder
 from .jet import Jet, LostError, jet, solve
-from .kept import curve_through, passes
+from .kept import curve_through, passes, stays_clear
 from .obstacles import APEX, CONE_WORDS, FARTHEST_LOOK, Obstacle, ObstacleError, approaching, judge
 from .options import BridgeOptions, NoBridgeError
 from .patch import Patch
@@ -26,10 +26,6 @@ sheets are as near to each other there as the apex is."""
 
 CORRECTION = 0.25
 """Newton's first correction against the step: more is another branch."""
-
-UPON = 0.1
-"""Distance to a singular surface, in zones, at which a point does not tell its mode well enough to begin a line: one
-that was in use before serves."""
 
 MAX_BRIDGES = 16
 """Curves kept for reuse; a mechanism that turns over meets a new one each half turn."""
@@ -82,6 +78,13 @@ class Tracker:
         other = Tracker(self.anchor, self.options, self.zone, self.counters)
         other.bridges, other.u, other.careful = list(self.bridges), self.u, self.careful
         other.current = self.current if isinstance(self.current, Curve) else None
+        return other
+
+    def twin(self) -> Tracker:
+        """Another one at the same point with a line of its own: the nodes of one follow whoever uses it."""
+        other = self.copy()
+        if isinstance(self.current, Patch):
+            other.current = self.current.twin()
         return other
 
     def nested(self, anchor: Jet, zone: float) -> Tracker:
@@ -223,13 +226,12 @@ class Tracker:
         elif found[0] not in self.bridges:
             self._keep(found[0])
         curve, u = found
-        to = curve.parameter(self.C, float(y[0]), u)
-        if to is None:
-            to = self._beyond(curve, y, u)
+        there = curve.parameter(self.C, float(y[0]), u)
+        to = self._beyond(curve, y, u) if there is None else there
         if not curve.contains(to) and (u - curve.center) * (to - curve.center) > 0.0:
             return False  # beside it, not across
         self._touch(curve)
-        self._use(curve, u)
+        self.current, self.u = curve, u
         return True
 
     def _enter_patch(self, here: Jet, y: Array) -> bool:
@@ -237,8 +239,10 @@ class Tracker:
             return False
         if self._beside is not None and self._beside.leads_to(here) and not self._beside.serves(here, y):
             return False
+        if stays_clear(here, y, self.zone):
+            return False
         known = self._left
-        if known is not None and here.nearest()[0] < UPON * self.zone and passes(known, here):
+        if known is not None and passes(known, here, self.zone):
             self.current = known
             return True
         try:
@@ -287,9 +291,6 @@ class Tracker:
                     raise ObstacleError(obstacle)
                 return obstacle
         return None
-
-    def _use(self, curve: Curve, u: float) -> None:
-        self.current, self.u = curve, u
 
     def _keep(self, curve: Curve) -> None:
         self.bridges = [*self.bridges[-MAX_BRIDGES + 1 :], curve]
