@@ -1,7 +1,7 @@
 """A model seen from a point of the ground near its joints: what stands far away keeps its digits.
 
-φ, K, M and C do not depend on where a mechanism stands, but positions far from the origin are rounded there, and
-bodies have inertias about it that only cancel.
+φ, K, M and C do not depend on where a mechanism stands, but positions far from the origin are rounded there,
+and bodies have inertias about it that only cancel.
 """
 
 from __future__ import annotations

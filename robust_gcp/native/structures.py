@@ -56,7 +56,8 @@ class Description(ctypes.Structure):
     _fields_ = [
         *_fields(
             "joints nq nv m",
-            "parent kind placement inertia armature gravity ground independent independent_q size turn own scale",
+            "parent kind placement inertia armature gravity ground "
+            "independent independent_q size turn own scale",
         ),
         *_fields(
             "closures rows",

@@ -12,12 +12,12 @@ from ..maps.explicit import Crossing, Passage, Stretch
 from ..mechanism.tree import Array
 
 AT_ONCE = 1e-9
-"""Seconds between singular places that are one crossing of a cluster. By time, which is the same in all coordinates:
-a distance would be another one for each spanning tree."""
+"""Seconds between singular places that are one crossing of a cluster. By time, which is the same in all
+coordinates: a distance would be another one for each spanning tree."""
 
 
 def together(crossings: Sequence[Crossing]) -> list[Crossing]:
-    """What a cluster passes within `AT_ONCE` as one crossing, where the first is, with the sum of the coranks.
+    """What a cluster passes within `AT_ONCE` as one crossing, the first with the sum of the coranks.
 
     Parameters
     ----------

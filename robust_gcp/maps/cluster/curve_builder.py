@@ -155,9 +155,8 @@ class CurveBuilder:
         samples = np.linspace(self._left, self._right, 15)[1:-1]
         left, kind = closure(space, options, through.sampled(samples)[0], self._reference)
         known, transversality = self._parting(roots)
-        corank = [
-            self._count[u] if kind == "near miss" or is_singular(space, through.at(u)[0]) else 0 for u in roots
-        ]
+        gap = kind == "near miss"
+        corank = [self._count[u] if gap or is_singular(space, through.at(u)[0]) else 0 for u in roots]
         if transversality < options.transversality:
             raise NoBridgeError("the modes part at higher than second order", left, transversality)
         return Curve(

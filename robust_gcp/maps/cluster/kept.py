@@ -9,7 +9,6 @@ import numpy as np
 
 from ...errors import SimulationError
 from ...mechanism.tree import Array
-from ...mechanism.tree import Array
 from .curve import Curve
 from .jet import Jet
 from .patch import Follower, Patch
@@ -20,8 +19,8 @@ SAME = 1e-8
 """Distance, dimensionless, within which a point lies on a line: lines are certified to less."""
 
 UPON, CLEAR = 0.1, 1.5
-"""Distances to a singular surface, in zones: up to which a point is at it, and beyond which no line across it is
-asked for."""
+"""Distances to a singular surface, in zones: up to which a point is at it, and beyond which no line across
+it is asked for."""
 
 
 def curve_through(curves: Sequence[Curve], here: Jet, zone: float) -> tuple[Curve, float] | None:

@@ -20,7 +20,7 @@ from .patch import Patch
 from .tracker import Tracker
 
 SAME, NEXT = 1e-7, 1e-2
-"""Shares of a step: times that are one, and those between which the first order from its ends does not tell."""
+"""Shares of a step: times that are one, and those between which its ends' first order does not tell."""
 
 
 def passages(
