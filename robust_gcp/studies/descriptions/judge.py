@@ -122,6 +122,7 @@ class Outcome:
     times: Array
     places: Array
     coranks: tuple[int, ...]
+    kinds: tuple[str, ...]
 
 
 def compare(scene: Scene, most: int, seed: int = 1, steppers: Sequence[str] = ()) -> Report:
@@ -188,6 +189,7 @@ def outcome(drawn: Graph | Drawing, run: Trajectory) -> Outcome:
         np.array([c.time for c in crossed]),
         drawn.poses(at_crossings),
         tuple(c.corank for c in crossed),
+        tuple(c.kind for c in crossed),
     )
 
 
@@ -215,7 +217,7 @@ def _reversed(scene: Scene, graph: Graph, forward: Trajectory, reference: Outcom
         _judge(
             finding,
             run,
-            Outcome(there.poses[::-1], times, there.places[::-1], there.coranks[::-1]),
+            Outcome(there.poses[::-1], times, there.places[::-1], there.coranks[::-1], there.kinds[::-1]),
             reference,
         )
     return finding
@@ -251,6 +253,8 @@ def _other_crossings(found: Outcome, reference: Outcome, allowed: float) -> str:
     """How two lists of crossings differ, those at one time in any order; empty where they agree."""
     if sorted(found.coranks) != sorted(reference.coranks):
         return f"coranks {found.coranks} instead of {reference.coranks}"
+    if sorted(found.kinds) != sorted(reference.kinds):
+        return f"kinds {found.kinds} instead of {reference.kinds}"
     left = list(range(len(found.coranks)))
     for time_, place, corank in zip(reference.times, reference.places, reference.coranks, strict=True):
         near = [i for i in left if found.coranks[i] == corank and abs(found.times[i] - time_) < SAME_TIME]
