@@ -17,9 +17,6 @@ from .drawing import Drawing, View
 from .graph import Graph
 from .scenes import Scene
 
-AWAY = 1e3
-"""Lengths by which the base is moved: positions are rounded to 1e-13 lengths there, which no bridge sees."""
-
 ADMISSIBLE = 0.1
 """Share of the best chart's quality that independent joints need at the start."""
 
@@ -53,7 +50,7 @@ def descriptions(scene: Scene, most: int, seed: int = 1) -> Iterator[Description
     turn *= np.sign(np.linalg.det(turn))
     views = {
         "rotated": View(turn=turn),
-        "1000 lengths away": View(shift=AWAY * mechanism.length * np.array([0.6, -0.8, 0.3])),
+        "10 m away": View(shift=np.array([6.0, -8.0, 3.0])),
         "millimetres": View(unit=1000.0),
     }
     if graph.planar and mechanism.closures:

@@ -17,7 +17,7 @@ from ...mechanism.tree import Array
 from ...simulation.simulate import simulate
 from ...simulation.trajectory import Trajectory
 from .choices import Description, Refused, descriptions
-from .drawing import Drawing
+from .drawing import Drawing, View
 from .graph import Graph
 from .scenes import Scene
 
@@ -50,8 +50,8 @@ SHOWS = 5e-12
 COARSEST = 64
 """Steps of the scene's in the longest one that is tried for errors as large."""
 
-OUTPUTS = 40
-"""Outputs that are compared."""
+AWAY, OUTPUTS = 1e5, 40
+"""Lengths by which the base is moved, and outputs that are compared."""
 
 
 @dataclass
@@ -146,6 +146,7 @@ def compare(scene: Scene, most: int, seed: int = 1, steppers: Sequence[str] = ()
             report.findings.append(_run(scene, graph, description, reference))
     if not any(getattr(force, "damping", 0.0) for force in mechanism.forces):
         report.findings.append(_reversed(scene, graph, fine, reference))
+    report.findings.append(_far(scene, graph))
     python = Finding(scene.name, "in Python", allowed=SAME_BACKEND)
     run = _simulated(python, mechanism, None, v0, scene, backend="python")
     if run is not None:
@@ -220,6 +221,21 @@ def _reversed(scene: Scene, graph: Graph, forward: Trajectory, reference: Outcom
             Outcome(there.poses[::-1], times, there.places[::-1], there.coranks[::-1], there.kinds[::-1]),
             reference,
         )
+    return finding
+
+
+def _far(scene: Scene, graph: Graph) -> Finding:
+    """The base far away, against the same lengths, as they are rounded there, at the origin: bit by bit."""
+    finding = Finding(scene.name, f"{AWAY:g} lengths away", allowed=0.0)
+    try:
+        drawn = Drawing(graph, View(shift=AWAY * graph.mechanism.length * np.array([0.6, -0.8, 0.3])))
+    except RobustGcpError as error:
+        return replace(finding, refused=f"{type(error).__name__}: {error}")
+    far = drawn.mechanism
+    at = far.near, far.closures, far.independent, far.home, far.name, far.forces
+    runs = [_simulated(finding, m, None, drawn.v0, scene) for m in (far, Mechanism.from_pinocchio(*at))]
+    if runs[0] is not None and runs[1] is not None:
+        _judge(finding, runs[0], outcome(drawn, runs[0]), outcome(drawn, runs[1]))
     return finding
 
 
