@@ -106,7 +106,8 @@ def placements(mechanism: ClosedLoops, q: Array) -> tuple[Array, Array]:
     R, p = np.empty((len(q), *tree.R.shape)), np.empty((len(q), *tree.p.shape))
     for i, configuration in enumerate(q):
         tree.jacobians(configuration)
-        R[i], p[i] = tree.R, tree.p
+        R[i], p[i] = tree.R, tree.p + mechanism.standpoint
+    p[:, 0] = 0.0  # the ground
     return R, p
 
 

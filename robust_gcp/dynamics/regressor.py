@@ -60,7 +60,7 @@ class TorqueRegressor(threading.local):
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
-        self._model, self._data = mechanism.model, mechanism.model.createData()
+        self._model, self._data = mechanism.near, mechanism.near.createData()
 
     def at(self, q: Array, v: Array, a: Array) -> Array:
         """Y at (q, v, a)."""

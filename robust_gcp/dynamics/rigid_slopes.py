@@ -31,7 +31,7 @@ class RigidSlopes(threading.local):
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
-        self._model = with_simple_joints(mechanism.model, mechanism.joints)
+        self._model = with_simple_joints(mechanism.near, mechanism.joints)
         needed = whole_bytes(self._model)
         if needed > memory_left():
             raise ModelError(

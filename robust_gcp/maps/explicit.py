@@ -35,7 +35,8 @@ class Crossing:
     cluster : int or None
         Which of `Mechanism.clusters` it belongs to; None for methods that do not know.
     corank : int
-        How many singular values of the cluster's K vanish there.
+        How many singular values of the cluster's K vanish there, and at what it passes within 1e-9 s of it:
+        those are one crossing.
     """
 
     time: float

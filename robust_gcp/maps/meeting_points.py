@@ -25,7 +25,7 @@ def tree_at_points(
     mechanism: ClosedLoops, rows: NDArray[np.int64], dependent: NDArray[np.int64]
 ) -> tuple[Array, Tree]:
     """The points of `meeting_points`, and a tree that follows the frames there."""
-    points, model = meeting_points(mechanism, rows, dependent), mechanism.model
+    points, model = meeting_points(mechanism, rows, dependent), mechanism.near
     if not points.any():
         return points, mechanism.tree
     return points, Tree(model, moved(closure_frames(model, mechanism.loops), points))
@@ -46,7 +46,7 @@ def meeting_points(mechanism: ClosedLoops, rows: NDArray[np.int64], dependent: N
     ]
     if not welds:
         return points
-    model = mechanism.model
+    model = mechanism.near
     ends = closure_frames(model, mechanism.loops)
     configurations = mechanism.generic_configurations(2)
     for i in welds:

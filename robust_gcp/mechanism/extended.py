@@ -33,7 +33,7 @@ class ExtendedClosures:
     def __init__(self, rates: ClosureRates) -> None:
         self._rates, loops = rates, rates.loops
         # one part a joint, as `Columns` numbers them
-        model = with_simple_joints(loops.model, loops.joints)
+        model = with_simple_joints(loops.near, loops.joints)
         self._joints = joints_of(model)
         self._screws = {
             joint.index: _pitch(model.joints[joint.index], model)
@@ -42,7 +42,7 @@ class ExtendedClosures:
         }
         self._parent = [int(p) for p in model.parents]
         self._fixed = [_wide(place) for place in model.jointPlacements]
-        self._ends = [_wide(place) for _, place in closure_frames(loops.model, loops.loops)]
+        self._ends = [_wide(place) for _, place in closure_frames(loops.near, loops.loops)]
 
     def residual(self, q: Array) -> Array:
         """φ at q (nq,), (rows,) in extended precision."""

@@ -19,6 +19,7 @@ from .joints import Joint, in_v, joint_named
 from .loop_graph import characteristic_length
 from .memo import Memo
 from .named_numbers import Named, with_numbers
+from .near import seen_from, standpoint
 from .partition import numerical_rank, ranked_choices
 from .tolerances import CLOSED, POLISHED, ROUNDED, STRUCTURAL
 from .tree import Array, Tree, require_depth_first
@@ -34,6 +35,10 @@ class ClosedLoops:
     ----------
     model : pin.Model
         A private copy of the spanning tree.
+    standpoint : ndarray (3,)
+        The point of the ground that `near` and `tree` have as their origin, m.
+    near : pin.Model
+        The model seen from there; the same one where its first joint is not far from the origin.
     closures : tuple of closures
         Those between two frames, then those that couple two joints, as their rows come in φ.
     loops : tuple of closures
@@ -59,11 +64,13 @@ class ClosedLoops:
         couplings = [c for c in closures if isinstance(c, CouplingClosure)]
         self.loops = tuple(c for c in closures if not isinstance(c, CouplingClosure))
         self.closures: tuple[AnyClosure, ...] = (*self.loops, *couplings)
-        self.tree = Tree(self.model, closure_frames(self.model, self.loops))
+        self.length = characteristic_length(self.model, self.closures)
+        self.standpoint = standpoint(self.model, self.length)
+        self.near = seen_from(self.model, self.standpoint)
+        self.tree = Tree(self.near, closure_frames(self.near, self.loops))
         Couplings(self.tree.joints, couplings)  # refuses joints that are not there
         self.nq, self.nv = self.tree.nq, self.tree.nv
         self.joint_names = tuple(joint.name for joint in self.joints)
-        self.length = characteristic_length(self.model, self.closures)
         self.implicit = without_zero_rows(
             self.tree, self.closures, self.length, self.generic_configurations()
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -200,6 +201,12 @@ class Mechanism(Coordinates):
         made.actuated, made.left_out = contents.actuated, tuple(contents.left_out)
         return made
 
+    @cached_property
+    def lifted(self) -> float:
+        """What gravity has of all bodies at `standpoint`, J."""
+        mass = sum(body.mass for body in list(self.model.inertias)[1:])
+        return -float(mass * (self.model.gravity.linear @ self.standpoint))
+
     def energy(self, q: ArrayLike, v: ArrayLike) -> float:
         """Kinetic energy, potential energy of gravity and of the springs together, J."""
         return float(require_finite(np.asarray(sum(self.energies(q, v))), "the energy"))
@@ -267,6 +274,7 @@ class Mechanism(Coordinates):
 def energies_of(mechanism: Mechanism, q: Array, v: Array) -> tuple[float, float]:
     """`Mechanism.energies` at a state that was checked."""
     kinetic, potential = mechanism.tree.energies(q, v)
+    potential += mechanism.lifted
     return kinetic, potential + (0.0 if mechanism.applied is None else mechanism.applied.energy(q))
 
 

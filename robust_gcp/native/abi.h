@@ -6,7 +6,7 @@
 
 namespace rg {
 
-constexpr std::int32_t VERSION = 13;
+constexpr std::int32_t VERSION = 14;
 
 enum Reason : std::int32_t {
     DONE = 0,
@@ -33,6 +33,7 @@ struct Description {
     const double* inertia;              // (joints, 10): mass, centre, inertia at the centre xx xy yy xz yz zz
     const double* armature;             // (nv,)
     const double* gravity;              // (3,)
+    const double* ground;               // (3,): the point of the ground that positions are seen from
     const std::int32_t* independent;    // (m,) in v
     const std::int32_t* independent_q;  // (m,) in q
     const double* size;                 // (nv,): makes a step dimensionless

@@ -36,14 +36,16 @@ struct Chain {
     std::vector<Freedom> freedoms;   // by index in v
     std::vector<int> number_at;      // by index in v, in q; of use where v is the rate of q
     std::vector<int> all;            // joints, parents first
-    Vec gravity;
+    Vec gravity, ground;
     // state
     Cells<Axes> axes;
     Cells<Vec> p, r;                // origins, and those seen from the parent's origin
     Cells<double> cosine, sine;     // of hinges
     Cells<Vec> omega, u, alpha, a;  // u: velocity of the origin
 
-    explicit Chain(const Description& d) : gravity{d.gravity[0], d.gravity[1], d.gravity[2]} {
+    explicit Chain(const Description& d)
+        : gravity{d.gravity[0], d.gravity[1], d.gravity[2]},
+          ground{d.ground[0], d.ground[1], d.ground[2]} {
         bodies.resize(static_cast<std::size_t>(d.joints) + 1);
         int q = 0;
         for (int j = 1; j <= d.joints; ++j) {

@@ -35,6 +35,7 @@ class CurveBuilder {
 
   private:
     static constexpr double SAME = 1e-9;   // between places that are one
+    static constexpr int MAX_MARCH = 400;  // off the mode, K may lose rank ten times nearer than along it
     static constexpr double ALONE = 0.05;  // share of the way to the next place at which a root is of this one
 
     double u(const Vector& x) const { return shape_.C->col(0).dot(x - shape_.reference); }
@@ -97,7 +98,7 @@ class CurveBuilder {
 
     // Along the curve by short steps that stay on the mode.
     JetPtr march(JetPtr here, double to) const {
-        for (int i = 0; i < 60; ++i) {
+        for (int i = 0; i < MAX_MARCH; ++i) {
             const double at = u(here->x), limit = REACH * std::min(here->delta(), 1.0);
             const bool last = std::fabs(to - at) <= limit;
             const double next = last ? to : at + std::min(std::max(to - at, -limit), limit);
@@ -126,17 +127,23 @@ class CurveBuilder {
         return found;
     }
 
-    // u of all singular places between the inner nodes, to rounding. Of loops that are singular at once the pencil
-    // has as many roots that are one: they are not looked for again.
+    // u of all singular places between the inner nodes, to rounding, and how many roots of the pencil are at each. Of
+    // loops that are singular at once it has as many roots that are one: they are not looked for again. Those
+    // next to a place are known best from there.
     void find_places(double center, double w) {
         const Hermite& through = shape_.through;
-        std::vector<double> found, apart;  // and how far from each the next one is
-        for (const double start : places(center, w)) {
-            double at = center + start;
-            bool again = false;
-            for (std::size_t k = 0; k < found.size(); ++k)
-                again = again || std::fabs(at - found[k]) < ALONE * apart[k];
-            if (again) continue;
+        struct Found {
+            double at, next;  // next: how far the next one is
+            int count;
+        };
+        std::vector<Found> found;
+        std::vector<double> starts = places(center, w);
+        for (double& start : starts) start += center;
+        for (std::size_t k = 0; k < starts.size(); ++k) {
+            double at = starts[k];
+            if (std::any_of(found.begin(), found.end(),
+                            [at](const Found& one) { return std::fabs(at - one.at) < ALONE * one.next; }))
+                continue;
             for (int i = 0; i < 10; ++i) {
                 if (!(through.us.front() <= at && at <= through.us.back())) break;
                 const std::vector<double> mu = places(at, w);
@@ -146,20 +153,26 @@ class CurveBuilder {
                 at += step;
                 if (std::fabs(step) >= SAME) continue;
                 const bool known = std::any_of(found.begin(), found.end(),
-                                               [at](double one) { return std::fabs(at - one) < SAME; });
-                if (shape_.left < at && at < shape_.right && !known) {
-                    double next = shape_.right - shape_.left;
-                    for (const double one : mu)
-                        if (std::fabs(one) >= SAME) next = std::min(next, std::fabs(one));
-                    found.push_back(at);
-                    apart.push_back(next);
+                                               [at](const Found& one) { return std::fabs(at - one.at) < SAME; });
+                if (known || !(shape_.left < at && at < shape_.right)) break;
+                Found here{at, shape_.right - shape_.left, 0};
+                for (const double one : mu) {
+                    const double away = one - step;
+                    if (std::fabs(away) < SAME) {
+                        ++here.count;
+                        continue;
+                    }
+                    here.next = std::min(here.next, std::fabs(away));
+                    if (shape_.left < at + away && at + away < shape_.right) starts.push_back(at + away);
                 }
+                found.push_back(here);
                 break;
             }
         }
         if (found.empty()) throw NoBridge{};
-        std::sort(found.begin(), found.end());
-        shape_.roots = found;
+        std::sort(found.begin(), found.end(), [](const Found& a, const Found& b) { return a.at < b.at; });
+        shape_.roots.clear(), shape_.corank.clear();
+        for (const Found& one : found) shape_.roots.push_back(one.at), shape_.corank.push_back(one.count);
     }
 
     // The curve through the nodes, with what vouches for it.
@@ -171,13 +184,12 @@ class CurveBuilder {
                                                return x;
                                            });
         shape_.closure = closure.left;
-        shape_.corank.clear();
         shape_.transversality = FAR;
         int singular = 0;
-        for (const double root : shape_.roots) {
-            shape_.through.evaluate(root, x, slope, bend);
+        for (std::size_t i = 0; i < shape_.roots.size(); ++i) {
+            shape_.through.evaluate(shape_.roots[i], x, slope, bend);
             const auto [r, parted] = null_pairing(space_, *shape_.through.nodes[0]->P, x, slope, *shape_.C);
-            shape_.corank.push_back(r);
+            if (!closure.open && !is_singular(space_, x)) shape_.corank[i] = 0;
             shape_.transversality = std::min(shape_.transversality, parted);
             singular += r;
         }

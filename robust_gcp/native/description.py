@@ -152,7 +152,7 @@ def _loops(loops: ClosedLoops) -> tuple[Arrays, list[Array]]:
 
 def _tree(mechanism: ClosedLoops, arrays: Arrays) -> list[Array]:
     """Joints and bodies; returns the rotation by which each joint's frame is turned to its axis."""
-    model = mechanism.model
+    model = mechanism.near
     if np.any(model.gravity.angular):
         raise NotNativeError("gravity has an angular part")
     kinds, placements, inertias = [], [], []
@@ -172,9 +172,8 @@ def _tree(mechanism: ClosedLoops, arrays: Arrays) -> list[Array]:
             np.concatenate([[body.mass], turn.T @ body.lever, about[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]])
         )
     arrays.integers(parent=list(model.parents)[1:], kind=kinds)
-    arrays.reals(
-        placement=placements, inertia=inertias, armature=model.armature, gravity=model.gravity.linear
-    )
+    arrays.reals(placement=placements, inertia=inertias, armature=model.armature)
+    arrays.reals(gravity=model.gravity.linear, ground=mechanism.standpoint)
     return turns
 
 
@@ -199,7 +198,7 @@ def _closures(
     Position rows are taken at these points of the frames, at their origins where left out.
     """
     closures = mechanism.loops
-    frames = closure_frames(mechanism.model, closures)
+    frames = closure_frames(mechanism.near, closures)
     if at is not None:
         frames = moved(frames, at)
     joints, points, local = [], [], []
@@ -268,7 +267,7 @@ def _blocks(mechanism: Mechanism, path: RegularPath, arrays: Arrays) -> None:
 
 def _forces(mechanism: Mechanism, turns: list[Array], arrays: Arrays) -> None:
     """Springs, dampers, drives and point springs."""
-    model = mechanism.model
+    model = mechanism.near
     damping, drive = np.zeros(mechanism.nv), np.zeros(mechanism.nv)
     spring_at, spring, line_joint, line = [], [], [], []
     for force in mechanism.forces:

@@ -12,12 +12,13 @@ namespace rg {
 
 // What gravity has at the chain's placements, J.
 inline double gravity_energy(const Chain& chain) {
-    double energy = 0.0;
+    double energy = 0.0, mass = 0.0;
     for (std::size_t j = 1; j < chain.bodies.size(); ++j) {
         const Body& b = chain.bodies[j];
         energy -= b.mass * dot(chain.gravity, chain.p[j] + chain.axes[j].turn(b.centre));
+        mass += b.mass;
     }
-    return energy;
+    return energy - mass * dot(chain.gravity, chain.ground);
 }
 
 class Forces {

@@ -111,7 +111,7 @@ inline void on_curve(const Curve& curve, int cluster, const Step& step, std::vec
     const double u0 = curve.u(space.x(step.before->q())), u1 = curve.u(space.x(step.after->q()));
     for (std::size_t i = 0; i < shape.roots.size(); ++i) {
         const double root = shape.roots[i];
-        if (!((u0 - root) * (u1 - root) < 0.0 || (u0 != root && root == u1))) continue;
+        if (shape.corank[i] == 0 || !((u0 - root) * (u1 - root) < 0.0 || (u0 != root && root == u1))) continue;
         Vector x, slope, bend;
         curve.point(root, x, slope, bend);
         const double wanted = space.D[space.chosen[0]] * x[space.chosen[0]];
@@ -122,6 +122,8 @@ inline void on_curve(const Curve& curve, int cluster, const Step& step, std::vec
 
 // With several coordinates: Newton in time on the pencil along the velocity.
 inline void on_patch(Tracker& tracker, int cluster, const Step& step, const Path& path, std::vector<Passage>& found) {
+    // Shares of a step: times that are one, and those between which the ends' first order does not tell.
+    constexpr double SAME = 1e-7, NEXT = 1e-2;
     Space& space = *tracker.anchor->space;
     const std::shared_ptr<Patch> bridge = tracker.touched_patch;
     const JetPtr anchor = tracker.anchor;
@@ -157,14 +159,13 @@ inline void on_patch(Tracker& tracker, int cluster, const Step& step, const Path
         point = tracker.at(y);
         return real(pencil_roots(space, *point->P, point->x, point->J * rate, *point->C, tracker.zone));
     };
-    const std::size_t first = found.size();
     try {
-        std::vector<double> starts;
+        std::vector<double> starts, met;
         for (const double mu : at_end(*step.before)) starts.push_back(step.t0 + mu);
         for (const double mu : at_end(*step.after)) starts.push_back(step.t1 + mu);
-        for (const double start : starts) {
-            if (!(step.t0 - 0.5 * h <= start && start <= step.t1 + 0.5 * h)) continue;
-            double t = start, move = FAR;
+        for (std::size_t k = 0; k < starts.size(); ++k) {
+            if (!(step.t0 - 0.5 * h <= starts[k] && starts[k] <= step.t1 + 0.5 * h)) continue;
+            double t = starts[k], move = FAR;
             for (int i = 0; i < 10; ++i) {
                 const std::vector<double> mu = roots(t);
                 if (mu.empty()) break;
@@ -173,19 +174,19 @@ inline void on_patch(Tracker& tracker, int cluster, const Step& step, const Path
                 t += move;
                 if (!(step.t0 - 0.6 * h <= t && t <= step.t1 + 0.6 * h) || std::fabs(move) < 1e-11 * h) break;
             }
-            const bool known = std::any_of(found.begin() + static_cast<std::ptrdiff_t>(first), found.end(),
-                                           [&](const Passage& one) { return std::fabs(t - one.time) < 1e-7 * h; });
+            const bool known =
+                std::any_of(met.begin(), met.end(), [&](double one) { return std::fabs(t - one) < SAME * h; });
             if (!(std::fabs(move) < 1e-8 * h && step.t0 < t && t <= step.t1) || known) continue;
-            roots(t);
-            Vector phi;
-            Matrix K;
-            space.linear(point->x, phi, K);
-            const Vector sigma = Svd(Matrix(times(*point->P, K) * space.balance.asDiagonal())).s;
+            met.push_back(t);
             int corank = 0;
-            for (int i = 0; i < space.nd; ++i) corank += sigma[i] < 1e-6;
+            for (const double mu : roots(t)) {
+                corank += std::fabs(mu) < SAME * h;
+                if (SAME * h <= std::fabs(mu) && std::fabs(mu) < NEXT * h) starts.push_back(t + mu);
+            }
             const Bridged& by = bridge->bridged();
-            found.push_back(
-                {t, cluster, std::max(1, corank), by.closure, by.transversality, by.near_miss, point->x});
+            if (by.near_miss || is_singular(space, point->x))
+                found.push_back(
+                    {t, cluster, std::max(1, corank), by.closure, by.transversality, by.near_miss, point->x});
         }
     } catch (const Lost&) {  // beside the step the mode may end; what was found stands
     } catch (const Stop&) {

@@ -147,6 +147,7 @@ class PatchBuilder {
 };
 
 inline bool Tracker::enter_patch(const JetPtr& here, const Vector& y) {
+    if (leaves(*here, y)) return false;
     if (beside_ && beside_->leads_to(*here) && !beside_->serves(*here, y)) return false;
     std::shared_ptr<Patch> made;
     try {

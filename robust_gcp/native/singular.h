@@ -47,6 +47,16 @@ inline Roots pencil_roots(Space& space, const Matrix& P, const Vector& x, const 
     return reciprocal(eigenvalues(-times(turned, W)), shift, 1e-9);
 }
 
+// Whether K itself loses rank at x: combinations P of redundant rows may do so where K does not.
+inline bool is_singular(Space& space, const Vector& x) {
+    constexpr double SINGULAR = 1e-9;  // σ of K · balance
+    if (space.rows == space.nd) return true;
+    Vector phi;
+    Matrix K;
+    space.linear(x, phi, K);
+    return Svd(Matrix(K * space.balance.asDiagonal())).s[space.nd - 1] < SINGULAR;
+}
+
 // Corank of [P K; Cᵀ] at x, and the transversality of the mode with tangent `way` there.
 inline std::pair<int, double> null_pairing(Space& space, const Matrix& P, const Vector& x, const Vector& way,
                                            const Matrix& C) {

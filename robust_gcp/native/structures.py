@@ -12,7 +12,7 @@ import numpy as np
 
 from ..mechanism.tree import Array
 
-VERSION = 13
+VERSION = 14
 """Of the interface; a library with another one is not used."""
 
 TorqueCallback: Any = ctypes.CFUNCTYPE(c_int32, c_double)
@@ -56,7 +56,8 @@ class Description(ctypes.Structure):
     _fields_ = [
         *_fields(
             "joints nq nv m",
-            "parent kind placement inertia armature gravity independent independent_q size turn own scale",
+            "parent kind placement inertia armature gravity ground "
+            "independent independent_q size turn own scale",
         ),
         *_fields(
             "closures rows",

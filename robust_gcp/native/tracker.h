@@ -82,6 +82,7 @@ class Tracker {
 
   private:
     static constexpr double CORRECTION = 0.25, STAGES_AHEAD = 40.0, FARTHEST_LOOK = 0.5;
+    static constexpr double CLEAR = 1.5;  // zones from a surface, beyond which no line across it is asked for
     static constexpr int MAX_STEPS = 400, MAX_BRIDGES = 16;
 
     JetPtr on_patch(const Vector& y);
@@ -169,6 +170,13 @@ class Tracker {
         const double allowed = CORRECTION * size + 1e-12;
         if (first <= allowed) return found;
         return first <= allowed + 1e-14 / std::max(std::min(here->sigma(), found->sigma()), 1e-12) ? found : nullptr;
+    }
+
+    // Whether y is so far on this side of the surface that no line across it, from here, would reach it.
+    bool leaves(const Jet& here, const Vector& y) const {
+        const Distance& nearest = here.nearest();  // σ grows that way, of unit arc length
+        const Vector step = here.J * (y - here.y()), way = here.J * nearest.way;
+        return nearest.size + step.dot(way) > CLEAR * zone;
     }
 
     // What the distance to singular places is at least, which need not be known beyond `wanted`: next to a point

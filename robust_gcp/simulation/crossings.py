@@ -3,12 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import scipy
 
 from ..maps.explicit import Crossing, Passage, Stretch
 from ..mechanism.tree import Array
+
+AT_ONCE = 1e-9
+"""Seconds between singular places that are one crossing of a cluster. By time, which is the same in all
+coordinates: a distance would be another one for each spanning tree."""
+
+
+def together(crossings: Sequence[Crossing]) -> list[Crossing]:
+    """What a cluster passes within `AT_ONCE` as one crossing, the first with the sum of the coranks.
+
+    Parameters
+    ----------
+    crossings : sequence of Crossing
+        In the order of time.
+    """
+    found: list[Crossing] = []
+    for new in crossings:
+        at = _met_before(found, new)
+        if at is None:
+            found.append(new)
+            continue
+        one = found[at]
+        found[at] = replace(
+            one,
+            kind="near miss" if "near miss" in (one.kind, new.kind) else one.kind,
+            certificate=max(one.certificate, new.certificate),
+            transversality=min(one.transversality, new.transversality),
+            corank=one.corank + new.corank,
+        )
+    return found
+
+
+def _met_before(found: Sequence[Crossing], new: Crossing) -> int | None:
+    """Which of those found the new one is."""
+    for i in range(len(found) - 1, -1, -1):
+        if new.time - found[i].time > AT_ONCE:
+            break
+        if new.cluster is not None and found[i].cluster == new.cluster:
+            return i
+    return None
 
 
 def hermite(t0: float, t1: float, before: Sequence[Array], after: Sequence[Array]) -> Stretch:

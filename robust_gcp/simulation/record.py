@@ -14,6 +14,7 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..native.batch import Outputs
 from ..warning import warn
+from .crossings import AT_ONCE, together
 from .events import Events
 from .keep import ALL, Keep
 from .schedule import Schedule
@@ -146,8 +147,12 @@ class Record:
         self.count, self.at, self.last_state = first + len(chosen), i + n, x
 
     def cross(self, crossings: Sequence[Crossing]) -> None:
-        """Log what was passed, y in the run's first coordinates; the first gap bridged is warned of."""
+        """Log what was passed, y in the run's first coordinates; the first gap bridged is warned of.
+
+        What is there at the start is left out.
+        """
         own = self.mechanism.iq_numbers
+        crossings = [c for c in crossings if c.time - self._schedule.times[0] > AT_ONCE]
         self._crossings += [replace(crossing, y=crossing.q[own]) for crossing in crossings]
         for crossing in crossings:
             if crossing.kind == "near miss" and not self._warned:
@@ -179,8 +184,8 @@ class Record:
 
     @property
     def crossings(self) -> list[Crossing]:
-        """Those logged so far."""
-        return list(self._crossings)
+        """Those logged so far; what one cluster passes at once is one."""
+        return together(self._crossings)
 
     def grow(self, schedule: Schedule) -> None:
         """Go on to a schedule that begins with the present one."""
@@ -240,7 +245,7 @@ class Record:
             where_kept("_energy"),
             where_kept("_multipliers"),
             where_kept("work"),
-            self._crossings,
+            self.crossings,
             stats,
             where_kept("_drive"),
             [np.array(times) for times in events.t],

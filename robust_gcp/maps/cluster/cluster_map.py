@@ -170,7 +170,7 @@ class ClusterMap(Charted):
         self._trackers = []
         for c in self.clusters:
             if c.index in known:
-                self._trackers.append(known[c.index].copy())
+                self._trackers.append(known[c.index].twin())
             elif old is None or not old[c.index].space.flat:
                 self._trackers.append(self._tracker(c, anchor, None if old is None else old[c.index]))
             else:

@@ -11,7 +11,7 @@ from ...mechanism.tree import Array
 from .certifying import COARSE, FINE, best_of, beyond, closure, held_out, relative, rounded
 from .curve import Curve
 from .hermite_curve import HermiteCurve
-from .jet import Jet, null_pairing, own_separation, pencil_roots, places_ahead, solved
+from .jet import Jet, is_singular, null_pairing, own_separation, pencil_roots, places_ahead, solved
 from .options import BridgeOptions, NoBridgeError
 
 SHRINKS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.17, 0.12, 0.08)
@@ -25,6 +25,9 @@ ALONE = 0.05
 
 REACH = 0.4
 """Continuation step as a fraction of the distance to the singular set."""
+
+MAX_MARCH = 400
+"""Such steps to a node: off the mode, K may lose rank ten times nearer than along it."""
 
 
 class CurveBuilder:
@@ -91,7 +94,7 @@ class CurveBuilder:
 
     def _march(self, here: Jet, u: float) -> Jet:
         """Along the curve by short steps that stay on the mode."""
-        for _ in range(60):
+        for _ in range(MAX_MARCH):
             at = self._u(here.x)
             limit = REACH * min(here.delta(), 1.0)
             last = abs(u - at) <= limit
@@ -111,45 +114,49 @@ class CurveBuilder:
         """u of all singular places between the inner nodes, to rounding: Newton by the pencil's roots.
 
         Of loops that are singular at once the pencil has as many roots that are one: they are not looked
-        for again.
+        for again. Those next to a place are known best from there.
         """
-        P = self._through.nodes[0].P
-
-        def places(u: float) -> Array:
-            x, slope, _ = self._through.at(u)
-            mu = pencil_roots(self._space, P, x, slope, self._C)
-            return np.asarray(mu[np.abs(mu.imag) <= 0.5 * np.abs(mu) + 1e-6].real)
-
-        found: list[float] = []
-        apart: list[float] = []  # how far from each the next one is
-        for start in center + places(center):
-            u = float(start)
-            if any(abs(u - known) < ALONE * to_next for known, to_next in zip(found, apart, strict=True)):
+        found: dict[float, tuple[int, float]] = {}  # how many roots are there, and how far the next one is
+        starts = (center + self._places(center)).tolist()
+        for start in starts:  # which grows
+            if any(abs(start - known) < ALONE * to_next for known, (_, to_next) in found.items()):
                 continue
+            u = start
             for _ in range(10):
                 if not self._through.reaches(u):
                     break
-                mu = places(u)
+                mu = self._places(u)
                 if not len(mu):
                     break
                 step = float(mu[np.argmin(np.abs(mu))])
                 u += step
-                if abs(step) < SAME:
-                    if self._left < u < self._right and not any(abs(u - known) < SAME for known in found):
-                        others = np.abs(mu)[np.abs(mu) >= SAME]
-                        found.append(u)
-                        apart.append(float(others.min(initial=self._right - self._left)))
-                    break
+                if abs(step) >= SAME:
+                    continue
+                if self._left < u < self._right and not any(abs(u - known) < SAME for known in found):
+                    others = (mu - step)[np.abs(mu - step) >= SAME]
+                    to_next = float(np.abs(others).min(initial=self._right - self._left))
+                    found[u] = len(mu) - len(others), to_next
+                    starts += [other for other in (u + others).tolist() if self._left < other < self._right]
+                break
         if not found:
             raise NoBridgeError("no singular place lies between the nodes")
+        self._count = {u: count for u, (count, _) in found.items()}
         return sorted(found)
+
+    def _places(self, u: float) -> Array:
+        """Places to first order from the curve at u, real ones."""
+        x, slope, _ = self._through.at(u)
+        mu = pencil_roots(self._space, self._through.nodes[0].P, x, slope, self._C)
+        return np.asarray(mu[np.abs(mu.imag) <= 0.5 * np.abs(mu) + 1e-6].real)
 
     def _certified(self, roots: list[float]) -> Curve:
         """The curve through the nodes, with what vouches for it."""
         space, options, through = self._space, self._options, self._through
         samples = np.linspace(self._left, self._right, 15)[1:-1]
         left, kind = closure(space, options, through.sampled(samples)[0], self._reference)
-        corank, transversality = self._parting(roots)
+        known, transversality = self._parting(roots)
+        gap = kind == "near miss"
+        corank = [self._count[u] if gap or is_singular(space, through.at(u)[0]) else 0 for u in roots]
         if transversality < options.transversality:
             raise NoBridgeError("the modes part at higher than second order", left, transversality)
         return Curve(
@@ -161,15 +168,15 @@ class CurveBuilder:
             self._right,
             roots,
             corank,
-            kind if sum(corank) > 0 else "near miss",
+            kind if known else "near miss",
             left,
             transversality,
             max(self._held_out(), left),
             np.zeros(space.nv),
         )
 
-    def _parting(self, roots: list[float]) -> tuple[list[int], float]:
-        """How many singular values vanish at each place, and how clearly the modes part at the worst one."""
+    def _parting(self, roots: list[float]) -> tuple[bool, float]:
+        """Whether singular values vanish at some place, and how clearly the modes part at the worst one."""
         space, through, P = self._space, self._through, self._through.nodes[0].P
         pairs = [null_pairing(space, P, *through.at(u)[:2], self._C) for u in roots]
         transversality = min(t for _, t in pairs)
@@ -177,7 +184,7 @@ class CurveBuilder:
             (root,) = roots
             ends = [(through.at(u)[0], u - root) for u in (self._left, self._right)]
             transversality = own_separation(space, P, *through.at(root)[:2], self._C, ends)
-        return [r for r, _ in pairs], transversality
+        return any(r for r, _ in pairs), transversality
 
     def _held_out(self) -> float:
         """Error of Γ over the bridge, from solved points that the polynomial does not know."""

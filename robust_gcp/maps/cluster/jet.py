@@ -22,6 +22,9 @@ STAGNANT = 1e-11
 
 MAX_NEWTON = 12
 
+SINGULAR = 1e-9
+"""σ of the dimensionless K at a place that is singular."""
+
 
 class LostError(SimulationError):
     """Newton left the mode, or there is no point of it there; a smaller step may help."""
@@ -226,6 +229,11 @@ def _pencil(space: ClusterSpace, P: Array, x: Array, way: Array, C: Array) -> tu
     rate = np.zeros_like(B)
     rate[: space.nd] = (P @ space.second(x, way)) * space.balance
     return B, rate
+
+
+def is_singular(space: ClusterSpace, x: Array) -> bool:
+    """Whether K itself loses rank at x: combinations P of redundant rows may do so where K does not."""
+    return space.rows == space.nd or bool(space.factors(x)[1][space.nd - 1] < SINGULAR)
 
 
 def null_pairing(space: ClusterSpace, P: Array, x: Array, way: Array, C: Array) -> tuple[int, float]:

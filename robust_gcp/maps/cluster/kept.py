@@ -18,6 +18,10 @@ F = TypeVar("F", bound=Follower)
 SAME = 1e-8
 """Distance, dimensionless, within which a point lies on a line: lines are certified to less."""
 
+UPON, CLEAR = 0.1, 1.5
+"""Distances to a singular surface, in zones: up to which a point is at it, and beyond which no line across
+it is asked for."""
+
 
 def curve_through(curves: Sequence[Curve], here: Jet, zone: float) -> tuple[Curve, float] | None:
     """The last curve through a point and its u there, if the nearest singular place is one of its own.
@@ -51,13 +55,19 @@ def _turned(curve: Curve, x: Array) -> Curve:
     return curve.turned(2.0 * np.pi * turns / space.D) if np.any(turns) else curve
 
 
-def passes(patch: Patch[F], here: Jet) -> bool:
+def stays_clear(here: Jet, y: Array, zone: float) -> bool:
+    """Whether y is so far on a point's side of the singular surface that no line across it would reach it."""
+    distance, way = here.nearest()  # σ grows that way, of unit arc length
+    return distance + float((here.J @ (y - here.y)) @ (here.J @ way)) > CLEAR * zone
+
+
+def passes(patch: Patch[F], here: Jet, zone: float) -> bool:
     """Whether a line, moved there, goes through a point.
 
     For a point at a singular place, where it does not tell its mode, and no line can be begun.
     """
     eta = patch.C.T @ here.x
-    if patch.space is not here.space or not patch.contains(patch.s(eta)):
+    if here.nearest()[0] > UPON * zone or patch.space is not here.space or not patch.contains(patch.s(eta)):
         return False
     try:
         point = patch.point(eta)

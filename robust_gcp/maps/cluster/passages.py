@@ -15,9 +15,12 @@ from ...mechanism.tree import Array
 from ..explicit import CrossingKind, Passage, Stretch
 from ..point import Point
 from .curve import Curve
-from .jet import pencil_roots
+from .jet import is_singular, pencil_roots
 from .patch import Patch
 from .tracker import Tracker
+
+SAME, NEXT = 1e-7, 1e-2
+"""Shares of a step: times that are one, and those between which its ends' first order does not tell."""
 
 
 def passages(
@@ -79,7 +82,7 @@ def _on_curve(
     )
     found = []
     for root, corank in zip(curve.roots, curve.corank, strict=True):
-        if not ((u0 - root) * (u1 - root) < 0.0 or u0 != root == u1):
+        if not corank or not ((u0 - root) * (u1 - root) < 0.0 or u0 != root == u1):
             continue
         x = curve.point(root)[0]
         wanted = shift + unit * float(C @ x)
@@ -149,14 +152,15 @@ def _on_patch(
         way = np.linalg.solve(space.turn(x), (end.G @ end.ydot)[cluster.iv])
         return real(pencil_roots(space, kept[0].P, x, way, kept[0].C))
 
-    def roots(t: float) -> tuple[Array, Array, Array]:
-        """The same at t, with x and P there."""
+    def roots(t: float) -> tuple[Array, Array]:
+        """The same at t, and x there."""
         rate = (stretch.y(t + eps) - stretch.y(t - eps))[inputs] / (2.0 * eps * unit)
         point = tracker.at(stretch.y(t)[inputs] / unit + shift)
         mu = pencil_roots(space, point.P, point.x, point.J @ rate, point.C)
-        return real(mu), point.x, point.P
+        return real(mu), point.x
 
     found: list[Passage] = []
+    met: list[float] = []
     try:
         ends = (stretch.t0, before), (stretch.t1, after)
         starts = [t + mu for t, end in ends for mu in at_end(end)]
@@ -165,20 +169,24 @@ def _on_patch(
                 continue
             t, step = float(start), np.inf
             for _ in range(10):
-                mu, _, _ = roots(t)
+                mu, _ = roots(t)
                 if not len(mu):
                     break
                 step = float(mu[np.argmin(np.abs(mu))])
                 t += step
                 if not stretch.t0 - 0.6 * h <= t <= stretch.t1 + 0.6 * h or abs(step) < 1e-11 * h:
                     break
-            new = not any(abs(t - (known.time or 0.0)) < 1e-7 * h for known in found)
+            new = not any(abs(t - known) < SAME * h for known in met)
             if abs(step) < 1e-8 * h and stretch.t0 < t <= stretch.t1 and new:
-                _, x, P = roots(t)
+                met.append(t)
+                mu, x = roots(t)
+                away = np.abs(mu)
+                starts += (t + mu[(away >= SAME * h) & (away < NEXT * h)]).tolist()
+                if patch.kind != "near miss" and not is_singular(space, x):
+                    continue
                 q = between(before, after, stretch, t, mechanism)
                 q[cluster.iq] = space.q(x)
-                sigma = np.linalg.svd((P @ space.K(x)) * space.balance, compute_uv=False)
-                corank = max(1, int(np.sum(sigma[: space.nd] < 1e-6)))
+                corank = max(1, int(np.sum(away < SAME * h)))
                 certificate = patch.kind, patch.closure, patch.transversality
                 found.append(_passage(q, t, certificate, cluster, corank, mechanism))
     except (SimulationError, np.linalg.LinAlgError):

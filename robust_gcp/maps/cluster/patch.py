@@ -39,6 +39,10 @@ class Follower(Protocol):
         """Another one from the same point."""
         ...
 
+    def twin(self: F) -> F:
+        """The same on a line of its own, where it is on one."""
+        ...
+
 
 F = TypeVar("F", bound=Follower)
 
@@ -88,6 +92,10 @@ class Patch(Generic[F]):
 
     def __post_init__(self) -> None:
         self._line = Line(self.space, self.C, self.d)
+
+    def twin(self) -> Patch[F]:
+        """The same line with nodes of its own: they follow whoever uses it."""
+        return replace(self, trackers=[node.twin() for node in self.trackers])
 
     @property
     def center(self) -> float:

@@ -10,7 +10,7 @@ from .apex import BESIDE, LEFT, BesideApex, apart, apex_near
 from .curve import Curve
 from .curve_builder import CurveBuilder
 from .jet import Jet, LostError, jet, solve
-from .kept import curve_through, passes
+from .kept import curve_through, passes, stays_clear
 from .obstacles import APEX, CONE_WORDS, FARTHEST_LOOK, Obstacle, ObstacleError, approaching, judge
 from .options import BridgeOptions, NoBridgeError
 from .patch import Patch
@@ -78,6 +78,13 @@ class Tracker:
         other = Tracker(self.anchor, self.options, self.zone, self.counters)
         other.bridges, other.u, other.careful = list(self.bridges), self.u, self.careful
         other.current = self.current if isinstance(self.current, Curve) else None
+        return other
+
+    def twin(self) -> Tracker:
+        """Another one at the same point with a line of its own: the nodes of one follow whoever uses it."""
+        other = self.copy()
+        if isinstance(self.current, Patch):
+            other.current = self.current.twin()
         return other
 
     def nested(self, anchor: Jet, zone: float) -> Tracker:
@@ -219,13 +226,12 @@ class Tracker:
         elif found[0] not in self.bridges:
             self._keep(found[0])
         curve, u = found
-        to = curve.parameter(self.C, float(y[0]), u)
-        if to is None:
-            to = self._beyond(curve, y, u)
+        there = curve.parameter(self.C, float(y[0]), u)
+        to = self._beyond(curve, y, u) if there is None else there
         if not curve.contains(to) and (u - curve.center) * (to - curve.center) > 0.0:
             return False  # beside it, not across
         self._touch(curve)
-        self._use(curve, u)
+        self.current, self.u = curve, u
         return True
 
     def _enter_patch(self, here: Jet, y: Array) -> bool:
@@ -233,14 +239,17 @@ class Tracker:
             return False
         if self._beside is not None and self._beside.leads_to(here) and not self._beside.serves(here, y):
             return False
+        if stays_clear(here, y, self.zone):
+            return False
+        known = self._left
+        if known is not None and passes(known, here, self.zone):
+            self.current = known
+            return True
         try:
             patch = PatchBuilder(self, here, self.options, self.zone).build()
             self.counters.bridges_built += 1
         except (NoBridgeError, ObstacleError) as failure:
-            known = self._left
-            if known is None or not passes(known, here):
-                return self._blocked(here, failure)
-            patch = known
+            return self._blocked(here, failure)
         if not patch.serves(here, y):
             self._beside = patch
             return False
@@ -282,9 +291,6 @@ class Tracker:
                     raise ObstacleError(obstacle)
                 return obstacle
         return None
-
-    def _use(self, curve: Curve, u: float) -> None:
-        self.current, self.u = curve, u
 
     def _keep(self, curve: Curve) -> None:
         self.bridges = [*self.bridges[-MAX_BRIDGES + 1 :], curve]

@@ -17,7 +17,7 @@ from ...mechanism.tree import Array
 from ...simulation.simulate import simulate
 from ...simulation.trajectory import Trajectory
 from .choices import Description, Refused, descriptions
-from .drawing import Drawing
+from .drawing import Drawing, View
 from .graph import Graph
 from .scenes import Scene
 
@@ -50,8 +50,8 @@ SHOWS = 5e-12
 COARSEST = 64
 """Steps of the scene's in the longest one that is tried for errors as large."""
 
-OUTPUTS = 40
-"""Outputs that are compared."""
+AWAY, OUTPUTS = 1e5, 40
+"""Lengths by which the base is moved, and outputs that are compared."""
 
 
 @dataclass
@@ -122,6 +122,7 @@ class Outcome:
     times: Array
     places: Array
     coranks: tuple[int, ...]
+    kinds: tuple[str, ...]
 
 
 def compare(scene: Scene, most: int, seed: int = 1, steppers: Sequence[str] = ()) -> Report:
@@ -145,6 +146,7 @@ def compare(scene: Scene, most: int, seed: int = 1, steppers: Sequence[str] = ()
             report.findings.append(_run(scene, graph, description, reference))
     if not any(getattr(force, "damping", 0.0) for force in mechanism.forces):
         report.findings.append(_reversed(scene, graph, fine, reference))
+    report.findings.append(_far(scene, graph))
     python = Finding(scene.name, "in Python", allowed=SAME_BACKEND)
     run = _simulated(python, mechanism, None, v0, scene, backend="python")
     if run is not None:
@@ -188,6 +190,7 @@ def outcome(drawn: Graph | Drawing, run: Trajectory) -> Outcome:
         np.array([c.time for c in crossed]),
         drawn.poses(at_crossings),
         tuple(c.corank for c in crossed),
+        tuple(c.kind for c in crossed),
     )
 
 
@@ -215,9 +218,24 @@ def _reversed(scene: Scene, graph: Graph, forward: Trajectory, reference: Outcom
         _judge(
             finding,
             run,
-            Outcome(there.poses[::-1], times, there.places[::-1], there.coranks[::-1]),
+            Outcome(there.poses[::-1], times, there.places[::-1], there.coranks[::-1], there.kinds[::-1]),
             reference,
         )
+    return finding
+
+
+def _far(scene: Scene, graph: Graph) -> Finding:
+    """The base far away, against the same lengths, as they are rounded there, at the origin: bit by bit."""
+    finding = Finding(scene.name, f"{AWAY:g} lengths away", allowed=0.0)
+    try:
+        drawn = Drawing(graph, View(shift=AWAY * graph.mechanism.length * np.array([0.6, -0.8, 0.3])))
+    except RobustGcpError as error:
+        return replace(finding, refused=f"{type(error).__name__}: {error}")
+    far = drawn.mechanism
+    at = far.near, far.closures, far.independent, far.home, far.name, far.forces
+    runs = [_simulated(finding, m, None, drawn.v0, scene) for m in (far, Mechanism.from_pinocchio(*at))]
+    if runs[0] is not None and runs[1] is not None:
+        _judge(finding, runs[0], outcome(drawn, runs[0]), outcome(drawn, runs[1]))
     return finding
 
 
@@ -251,6 +269,8 @@ def _other_crossings(found: Outcome, reference: Outcome, allowed: float) -> str:
     """How two lists of crossings differ, those at one time in any order; empty where they agree."""
     if sorted(found.coranks) != sorted(reference.coranks):
         return f"coranks {found.coranks} instead of {reference.coranks}"
+    if sorted(found.kinds) != sorted(reference.kinds):
+        return f"kinds {found.kinds} instead of {reference.kinds}"
     left = list(range(len(found.coranks)))
     for time_, place, corank in zip(reference.times, reference.places, reference.coranks, strict=True):
         near = [i for i in left if found.coranks[i] == corank and abs(found.times[i] - time_) < SAME_TIME]
