@@ -36,7 +36,7 @@ from .maps.explicit import Crossing
 from .mechanism.closures import Closure, FrameClosure, PointClosure, PrismaticClosure, RevoluteClosure
 from .mechanism.couplings import CouplingClosure
 from .mechanism.folders.loader import load, model_names
-from .mechanism.forces import JointDamper, JointSpring, JointTorque, PointSpring
+from .mechanism.forces import Force, JointDamper, JointSpring, JointTorque, PointSpring
 from .mechanism.mechanism import Mechanism
 from .mechanism.recommended import Recommended
 from .native import Backend, NativeBuildWarning, backends
@@ -94,6 +94,7 @@ __all__ = [
     "Derivatives",
     "Event",
     "Failure",
+    "Force",
     "FrameClosure",
     "FrameMotion",
     "Gradient",

@@ -6,7 +6,7 @@
 
 namespace rg {
 
-constexpr std::int32_t VERSION = 13;
+constexpr std::int32_t VERSION = 14;
 
 enum Reason : std::int32_t {
     DONE = 0,
@@ -128,6 +128,7 @@ struct Request {
     double* torque_q;         // (nq,), (nv,), (nv,): what the callback reads and writes
     double* torque_v;
     double* torque_tau;
+    double* torque_stored;    // (2,): power of torque_tau that a potential gives, W, and that potential, J
     const double* held;       // (nv,): a constant torque, or null
     const double* trackers;   // as `rg_trackers` gave them
     double* x;                // state, in and out

@@ -13,7 +13,7 @@ import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -23,7 +23,7 @@ from ..errors import OptionError, missing_extra
 from ..maps.explicit import Crossing
 from ..mechanism.closures import closure_kinds
 from ..mechanism.couplings import CouplingClosure
-from ..mechanism.forces import Force
+from ..mechanism.forces import KINDS, Force
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 
@@ -35,16 +35,19 @@ FORMAT = "robust_gcp trajectory 1"
 SAME = 1e-9
 """Relative difference at the start that two ways to build one mechanism may make."""
 
+OWN = "a class of its own"
+"""In place of its kind, for a force that is none of `KINDS`."""
+
 MEANING = {
     "check_M": "inertias are",
     "check_K": "loops are",
-    "check_force": "gravity, springs or dampers are",
+    "check_force": "gravity or forces are",
 }
 
 
 def _parts() -> dict[str, type[Any]]:
     """What an archive may hold besides numbers: closures and forces by the names of their classes."""
-    kinds: list[type[Any]] = [*closure_kinds(), CouplingClosure, *get_args(Force)]
+    kinds: list[type[Any]] = [*closure_kinds(), CouplingClosure, *KINDS]
     return {kind.__name__: kind for kind in kinds}
 
 
@@ -164,6 +167,9 @@ def read_archive(
 
 
 def _as_plain(part: Any) -> dict[str, Any]:
+    """A closure or force as its numbers; a force of the user's class as text, since code is not stored."""
+    if isinstance(part, Force) and type(part) not in KINDS:
+        return {"kind": OWN, "called": shown(part)}
     return {"kind": type(part).__name__, **asdict(part)}
 
 
@@ -184,6 +190,11 @@ def _rebuilt(path: Path, meta: dict[str, Any], model: bytes, home: Array) -> Mec
             f"{path}: Pinocchio {pin.__version__} cannot read the model that Pinocchio {meta['pinocchio']} "
             f"wrote; {remedy}"
         ) from error
+    own = [part["called"] for part in meta["forces"] if part["kind"] == OWN]
+    if own:
+        raise OptionError(
+            f"{path}: the motion is under {own[0]}, a force whose class no file holds; {remedy}"
+        )
     closures, forces = ([_from_plain(p) for p in meta[what]] for what in ("closures", "forces"))
     told = tuple(meta.get("actuated", ())), tuple(meta.get("left_out", ()))
     return Mechanism(tree, closures, meta["independent"], home, meta["name"], forces, *told)

@@ -100,6 +100,8 @@ class SteppedRun(FixedRun):
         self._take_over(i, batch)
         self._last = batch.now
         self._record.last_state = self._x
+        if batch.failure is not None:
+            raise batch.failure
 
     def _prepared(self) -> Prepared | None:
         """Steps of the kernel's alone from the last output on; None where more is to be looked at."""
