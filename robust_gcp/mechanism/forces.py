@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..checks import check_number, check_text, real_array, shown
 from ..errors import ModelError, NonFiniteError, OptionError
@@ -25,6 +25,8 @@ from .tree import Array
 
 if TYPE_CHECKING:
     from .mechanism import Mechanism
+
+Vector = NDArray[np.float64]
 
 INSTEAD = "or use a PointSpring"
 
@@ -38,7 +40,7 @@ class Force(ABC):
     """
 
     @abstractmethod
-    def tau(self, mechanism: Mechanism, q: Array, v: Array) -> ArrayLike:
+    def tau(self, mechanism: Mechanism, q: Vector, v: Vector) -> ArrayLike:
         """τ(q, v), (nv,), N m and N.
 
         Parameters
@@ -48,7 +50,7 @@ class Force(ABC):
         q, v : ndarray (nq,), (nv,)
         """
 
-    def energy(self, mechanism: Mechanism, q: Array) -> float:
+    def energy(self, mechanism: Mechanism, q: Vector) -> float:
         """Potential energy, J.
 
         Where a class has one, tau at v = 0 is its negative gradient, and only what v adds to that does work.
@@ -56,7 +58,7 @@ class Force(ABC):
         """
         return 0.0
 
-    def derivatives(self, mechanism: Mechanism, q: Array, v: Array) -> tuple[ArrayLike, ArrayLike]:
+    def derivatives(self, mechanism: Mechanism, q: Vector, v: Vector) -> tuple[ArrayLike, ArrayLike]:
         """∂τ/∂q and ∂τ/∂v, (nv, nv) each, q along the velocities' components; by central differences."""
 
         def tau(q: Array, v: Array) -> Array:
@@ -88,12 +90,12 @@ class JointSpring(Force):
         _require_number(label, "stiffness", self.stiffness, positive=True)
         _require_number(label, "rest", self.rest)
 
-    def tau(self, mechanism: Mechanism, q: Array, v: Array) -> Array:
+    def tau(self, mechanism: Mechanism, q: Vector, v: Vector) -> Array:
         """τ(q), (nv,)."""
         joint = self.place(mechanism.joints)
         return _only(mechanism.nv, joint, -self.stiffness * (q[joint.idx_q] - self.rest))
 
-    def energy(self, mechanism: Mechanism, q: Array) -> float:
+    def energy(self, mechanism: Mechanism, q: Vector) -> float:
         """½ stiffness (q − rest)², J."""
         return 0.5 * self.stiffness * float(q[self.place(mechanism.joints).idx_q] - self.rest) ** 2
 
@@ -113,7 +115,7 @@ class JointDamper(Force):
         check_text("JointDamper: joint", self.joint)
         _require_number(f"JointDamper on {self.joint!r}", "damping", self.damping, positive=True)
 
-    def tau(self, mechanism: Mechanism, q: Array, v: Array) -> Array:
+    def tau(self, mechanism: Mechanism, q: Vector, v: Vector) -> Array:
         """τ(v), (nv,)."""
         joint = self.place(mechanism.joints)
         return _only(mechanism.nv, joint, -self.damping * v[joint.v])
@@ -134,7 +136,7 @@ class JointTorque(Force):
         check_text("JointTorque: joint", self.joint)
         _require_number(f"JointTorque on {self.joint!r}", "torque", self.torque)
 
-    def tau(self, mechanism: Mechanism, q: Array, v: Array) -> Array:
+    def tau(self, mechanism: Mechanism, q: Vector, v: Vector) -> Array:
         """τ, (nv,)."""
         return _only(mechanism.nv, self.place(mechanism.joints), self.torque)
 
@@ -170,11 +172,11 @@ class PointSpring(Force):
         for field in ("stiffness", "rest_length", "damping"):
             _require_number(label, field, getattr(self, field), positive=True)
 
-    def tau(self, mechanism: Mechanism, q: Array, v: Array) -> Array:
+    def tau(self, mechanism: Mechanism, q: Vector, v: Vector) -> Array:
         """τ(q, v), (nv,)."""
         return Lines(mechanism.tree, (self,)).at(q, v)[0]
 
-    def energy(self, mechanism: Mechanism, q: Array) -> float:
+    def energy(self, mechanism: Mechanism, q: Vector) -> float:
         """½ stiffness (l − rest_length)², J."""
         return Lines(mechanism.tree, (self,)).energy(q)
 
@@ -205,18 +207,20 @@ def checked_force(force: Any) -> Force:
 
 def checked_tau(force: Force, mechanism: Mechanism, q: Array, v: Array) -> Array:
     """What a force says as its τ, (nv,), handed copies of the state."""
-    return _checked(force.tau(mechanism, q.copy(), v.copy()), (mechanism.nv,), force, "tau")
+    return _checked(force.tau(mechanism, q.astype(float), v.astype(float)), (mechanism.nv,), force, "tau")
 
 
 def checked_energy(force: Force, mechanism: Mechanism, q: Array) -> float:
     """What a force says as its energy, J."""
-    return float(_checked(force.energy(mechanism, q.copy()), (), force, "energy"))
+    return float(_checked(force.energy(mechanism, q.astype(float)), (), force, "energy"))
 
 
 def checked_derivatives(force: Force, mechanism: Mechanism, q: Array, v: Array) -> tuple[Array, Array]:
     """What a force says as its derivatives, (nv, nv) each."""
     square = (2, mechanism.nv, mechanism.nv)
-    by_q, by_v = _checked(force.derivatives(mechanism, q.copy(), v.copy()), square, force, "derivatives")
+    by_q, by_v = _checked(
+        force.derivatives(mechanism, q.astype(float), v.astype(float)), square, force, "derivatives"
+    )
     return by_q, by_v
 
 

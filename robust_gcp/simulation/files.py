@@ -192,9 +192,7 @@ def _rebuilt(path: Path, meta: dict[str, Any], model: bytes, home: Array) -> Mec
         ) from error
     own = [part["called"] for part in meta["forces"] if part["kind"] == OWN]
     if own:
-        raise OptionError(
-            f"{path}: the motion is under {own[0]}, a force whose class no file holds; {remedy}"
-        )
+        raise OptionError(f"{path} does not hold the class of the force {own[0]}; {remedy}")
     closures, forces = ([_from_plain(p) for p in meta[what]] for what in ("closures", "forces"))
     told = tuple(meta.get("actuated", ())), tuple(meta.get("left_out", ()))
     return Mechanism(tree, closures, meta["independent"], home, meta["name"], forces, *told)
