@@ -41,6 +41,7 @@ from .mechanism.mechanism import Mechanism
 from .mechanism.recommended import Recommended
 from .native import Backend, NativeBuildWarning, backends
 from .simulation.access import FrameMotion, Sample
+from .simulation.acted import Acted
 from .simulation.coarse import CoarseStepWarning
 from .simulation.cost import Cost
 from .simulation.derivatives import derivatives, forward_dynamics, linearise, step_jacobians
@@ -81,6 +82,7 @@ _LATER = {
 """Names whose modules, pictures and many runs, are imported when they are first asked for."""
 
 __all__ = [
+    "Acted",
     "Backend",
     "BranchError",
     "BridgeOptions",

@@ -19,6 +19,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..checks import path_given, shown
+from ..dynamics.equations import does_work
 from ..errors import OptionError, missing_extra
 from ..maps.explicit import Crossing
 from ..mechanism.closures import closure_kinds
@@ -26,6 +27,7 @@ from ..mechanism.couplings import CouplingClosure
 from ..mechanism.forces import KINDS, Force
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from .acted import Acted
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -80,7 +82,7 @@ def data_frame(columns: Mapping[str, Array]) -> DataFrame:
 
 def write_archive(
     path: str | Path, mechanism: Mechanism, arrays: Mapping[str, Array | None], crossings: Sequence[Crossing],
-    stats: Mapping[str, Any], ended_by: int | None,
+    stats: Mapping[str, Any], ended_by: int | None, acted: Acted | None,
 ) -> Path:  # fmt: skip
     """Write a trajectory; see `Trajectory.save`."""
     path = path_given("path", path)
@@ -100,7 +102,9 @@ def write_archive(
         "crossings": [c.kind for c in crossings],
         "stats": stats,
         "ended_by": ended_by,
+        "acted": None if acted is None else {"drive": acted.drive, "lost": acted.without_code().lost},
     }
+    arrays = {**arrays, **({} if acted is None else acted.arrays())}
     kept: dict[str, Any] = {name: values for name, values in arrays.items() if values is not None}
     kept |= {
         f"crossing_{field.name}": np.array([_number(getattr(c, field.name)) for c in crossings])
@@ -120,7 +124,7 @@ def _number(value: Any) -> Any:
 
 def read_archive(
     path: str | Path, mechanism: Mechanism | None
-) -> tuple[Mechanism, dict[str, Array], list[Crossing], dict[str, Any], int | None]:
+) -> tuple[Mechanism, dict[str, Array], list[Crossing], dict[str, Any], int | None, Acted | None]:
     """What `write_archive` was given; the mechanism is rebuilt unless one is given.
 
     Raises
@@ -161,9 +165,25 @@ def read_archive(
             )
         ]
         _require_same(path, mechanism, arrays)
-        return mechanism, arrays, crossings, meta["stats"], meta.get("ended_by")
+        return (
+            mechanism,
+            arrays,
+            crossings,
+            meta["stats"],
+            meta.get("ended_by"),
+            _acted(meta, mechanism, arrays),
+        )
     except (KeyError, TypeError) as error:
         raise OptionError(f"{path} is damaged: {error}") from error
+
+
+def _acted(meta: dict[str, Any], mechanism: Mechanism, arrays: dict[str, Array]) -> Acted | None:
+    """What acted; files of 0.1.0 tell of it by the work that it did."""
+    torque, held = arrays.pop("acted_torque", None), arrays.pop("acted_held", None)
+    told = meta.get("acted")
+    if told is None:
+        return Acted(lost=True) if "work" in arrays and not does_work(mechanism, None) else None
+    return Acted(torque, held=held, drive=tuple(told["drive"]), lost=bool(told["lost"]))
 
 
 def _as_plain(part: Any) -> dict[str, Any]:

@@ -29,6 +29,7 @@ from ..native.library import Library
 from ..native.steps import chosen_library
 from ..native.structures import Reason
 from ..native.workspace import Workspace
+from .acted import Acted
 from .coarse import Coarse
 from .schedule import planned
 from .simulate import checked_record, simulate
@@ -220,7 +221,7 @@ class _Plain(threading.local):
         self._wanted = (*record, "work") if works else tuple(record)
         self._redundant = mechanism.nc > path.nd
         self._options = USUAL
-        self._coarse = Coarse(mechanism, step)
+        self._coarse, self._acted = Coarse(mechanism, step), Acted(torque)
 
     def run(self, q0: ArrayLike | None, v0: ArrayLike | None) -> Trajectory | None:
         """The motion from a start, or None where `simulate` has to look at it."""
@@ -260,6 +261,7 @@ class _Plain(threading.local):
             outputs.energy,
             work=outputs.work,
             stats=stats,
+            acted=self._acted,
         )
         self._coarse.judge(run)
         return run

@@ -21,6 +21,7 @@ from ..maps.point import Counters
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..native.steps import BACKENDS, NativeSteps, chosen_library
+from .acted import Acted
 from .coarse import Coarse
 from .saved import SavedState
 from .schedule import Schedule
@@ -152,6 +153,7 @@ class Simulation:
             toggle,
             named=mechanism,
         )
+        run.acted = Acted(drive=() if drives is None else drives.names)
         self.mechanism, self._begun, self._run = mechanism, begun, run
         self._coarse = Coarse(mechanism, self._step) if choice.method == "bridge" else None
         try:
