@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..checks import check_number, check_text, real_array, shown
+from ..checks import check_number, check_text, listed, real_array, shown
 from ..errors import ModelError, NonFiniteError, OptionError
 from .closures import Closure, PrismaticClosure
 from .differences import torque_differences
@@ -195,6 +195,11 @@ def is_known(force: Force) -> bool:
 def has_energy(force: Force) -> bool:
     """Whether its class says a potential energy."""
     return type(force).energy is not Force.energy
+
+
+def forces_given(forces: Any) -> list[Any]:
+    """A list of forces, or a ModelError."""
+    return listed(forces, "forces", "forces, such as JointSpring(joint, stiffness)", kind=Force)
 
 
 def checked_force(force: Any) -> Force:

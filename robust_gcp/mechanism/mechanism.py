@@ -15,8 +15,8 @@ from ..errors import ModelError
 from .applied_forces import AppliedForces
 from .assembly import assembled
 from .coordinates import Coordinates
-from .couplings import AnyClosure
-from .forces import Force, require_length
+from .couplings import AnyClosure, closures_given
+from .forces import Force, forces_given, require_length
 from .formats.contents import FileContents, tell_left_out
 from .formats.mjcf import read_mjcf
 from .formats.pin_constraints import with_named_frames
@@ -70,7 +70,7 @@ class Mechanism(Coordinates):
         left_out: Sequence[str] = (),
     ) -> None:
         super().__init__(model, closures)
-        self.forces = tuple(listed(forces, "forces", "forces, such as JointSpring(joint, stiffness)"))
+        self.forces = tuple(forces_given(forces))
         self.applied = AppliedForces(self, self.forces) if self.forces else None
         require_length(self.forces, self.closures)
         check_text("name", name)
@@ -124,7 +124,7 @@ class Mechanism(Coordinates):
             When the dependent joints cannot be solved for in any configuration.
         """
         check_model(model)
-        closures = listed(closures, "closures", "closures, such as PointClosure(frame1, frame2)")
+        closures = closures_given(closures)
         model, closures = with_named_frames(model, closures)
         if independent is None:
             if closures:
@@ -161,8 +161,8 @@ class Mechanism(Coordinates):
         """
         contents = read_urdf(urdf, base)
         tell_left_out(contents.left_out, _called(urdf, "URDF"), strict)
-        contents.close(listed(closures, "closures", "closures, such as PointClosure(frame1, frame2)"))
-        contents.forces += listed(forces, "forces", "forces, such as JointSpring(joint, stiffness)")
+        contents.close(closures_given(closures))
+        contents.forces += forces_given(forces)
         return cls.from_contents(contents, independent, home, name)
 
     @classmethod

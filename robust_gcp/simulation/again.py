@@ -6,10 +6,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..dynamics.equations import CheckedTorque, Evaluation
 from ..dynamics.loads import one_torque
 from ..errors import OptionError
+from ..maps.start_check import checked_mode
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .acted import Acted
@@ -75,8 +77,10 @@ def applied_again(mechanism: Mechanism, acted: Acted | None, torque: Any, steps:
     return Applied(None, checked_torques(mechanism, table, steps))
 
 
-def require_steps(run: Trajectory) -> None:
-    """Refuse a run that is not one of RK4 with an output at each step."""
+def require_steps(run: Trajectory, mode: ArrayLike | None) -> None:
+    """Refuse a run that is not one of RK4 with an output at each step, and a mode that is none."""
+    if mode is not None:
+        checked_mode(run.mechanism, mode)
     stats = run.stats
     if stats.stepper != "rk4":
         raise OptionError(

@@ -118,7 +118,7 @@ def gradient(
     if not isinstance(cost, Cost):
         raise OptionError(f"gradient: cost = {shown(cost)} is no Cost; give rg.Cost(terminal, running)")
     check_callable("torque_slopes", torque_slopes, "(t, q, v)")
-    require_steps(trajectory)
+    require_steps(trajectory, mode)
     return _Sweep(trajectory, cost, torque, parameters, torque_slopes, mode).gradient()
 
 

@@ -132,7 +132,8 @@ def simulate_many(
     (['1.075', '1.170'], {})
     """
     check_mechanism(mechanism, Mechanism, "simulate_many")
-    given = [_checked(i, s) for i, s in enumerate(listed(starts, "starts", "(q0, v0) pairs", OptionError))]
+    pairs = listed(starts, "starts", "(q0, v0) pairs", OptionError, ())
+    given = [_checked(i, pair) for i, pair in enumerate(pairs)]
     count: Any = os.cpu_count() if threads is None else threads
     if isinstance(count, bool) or not isinstance(count, int) or count < 1:
         raise OptionError(f"threads = {shown(threads)} must be a number of threads, 1 or more")

@@ -209,6 +209,12 @@ class Simulation:
                 held[place] = value
             else:
                 return held
+        given = tau.values() if isinstance(tau, Mapping) else (tau,)
+        if any(map(callable, given)):
+            raise OptionError(
+                f"tau = {shown(tau)}: a step holds numbers; call the function and give what it returns, "
+                "f(sim.t, sim.q, sim.v)"
+            )
         return self.mechanism.velocity(tau, "tau")
 
     def _times(self, count: int) -> Array:

@@ -157,7 +157,8 @@ class Trajectory(Named):
             runs = {"this run": self, **overlay}
         else:
             given = () if overlay is None else overlay
-            more = [given] if isinstance(given, Trajectory) else listed(given, "overlay", "runs", OptionError)
+            given = [given] if isinstance(given, Trajectory) else given
+            more = listed(given, "overlay", "runs", OptionError, ())
             runs = {f"run {i}": run for i, run in enumerate((self, *more), start=1)}
         if not all(isinstance(run, Trajectory) for run in runs.values()):
             raise OptionError(f"overlay = {shown(overlay)} must hold what simulate returns")
