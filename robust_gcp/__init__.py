@@ -37,11 +37,12 @@ from .maps.explicit import Crossing
 from .mechanism.closures import Closure, FrameClosure, PointClosure, PrismaticClosure, RevoluteClosure
 from .mechanism.couplings import CouplingClosure
 from .mechanism.folders.loader import load, model_names
-from .mechanism.forces import JointDamper, JointSpring, JointTorque, PointSpring
+from .mechanism.forces import Force, JointDamper, JointSpring, JointTorque, PointSpring
 from .mechanism.mechanism import Mechanism
 from .mechanism.recommended import Recommended
 from .native import Backend, NativeBuildWarning, backends
 from .simulation.access import FrameMotion, Sample
+from .simulation.acted import Acted
 from .simulation.coarse import CoarseStepWarning
 from .simulation.cost import Cost
 from .simulation.derivatives import derivatives, forward_dynamics, linearise, step_jacobians
@@ -82,6 +83,7 @@ _LATER = {
 """Names whose modules, pictures and many runs, are imported when they are first asked for."""
 
 __all__ = [
+    "Acted",
     "Backend",
     "BranchError",
     "BridgeOptions",
@@ -95,6 +97,7 @@ __all__ = [
     "Derivatives",
     "Event",
     "Failure",
+    "Force",
     "FrameClosure",
     "FrameMotion",
     "Gradient",

@@ -139,10 +139,16 @@ def check_mechanism(value: Any, kind: type[Any], function: str) -> None:
     raise OptionError(f"{function} needs a Mechanism; {remedy}")
 
 
-def listed(value: Any, what: str, items: str, error_type: type[RobustGcpError] = ModelError) -> list[Any]:
-    """The items of a list, or an error where one item was given without its list."""
+def listed(
+    value: Any,
+    what: str,
+    items: str,
+    error_type: type[RobustGcpError] = ModelError,
+    kind: Any = str,
+) -> list[Any]:
+    """The items of a list, or an error that tells how to write the list of one item of this kind."""
     if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable):
-        hint = f"; write [{shown(value)}]" if value is not None and not isinstance(value, Mapping) else ""
+        hint = f"; write [{shown(value)}]" if isinstance(value, kind) else ""
         raise error_type(f"{what} must be a list of {items}, not {shown(value)}{hint}")
     try:
         return list(value)

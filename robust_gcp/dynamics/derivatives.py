@@ -18,11 +18,11 @@ from numpy.typing import ArrayLike
 
 from ..checks import check_callable, real_array, require_finite, shown
 from ..errors import NonFiniteError, OptionError
+from ..mechanism.differences import torque_differences
 from ..mechanism.force_slopes import ForceSlopes
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .continuation import Circles
-from .differences import differences
 from .equations import CheckedTorque, Evaluation, torque_function
 from .loads import Torques, Wrench, one_torque
 from .map_rates import MapRates
@@ -131,8 +131,8 @@ class PointDerivatives:
         self._inertia = ReducedInertia(self.mechanism)
         memo = self.mechanism.memo
         self._rigid: RigidSlopes = memo.once("rigid slopes", lambda: RigidSlopes(self.mechanism))
-        forces = self.mechanism.forces
-        self._forces = ForceSlopes(self.mechanism.tree, forces) if forces else None
+        applied = self.mechanism.applied
+        self._forces = None if applied is None else ForceSlopes(self.mechanism, applied)
         self._mode = ModeRates(motion.start, known)
 
     def at_start(self, t: float) -> Derivatives:
@@ -215,11 +215,5 @@ class PointDerivatives:
 
     def _differences(self, torque: CheckedTorque, t: float, q: Array, v: Array) -> tuple[Array, Array]:
         """∂τ/∂q and ∂τ/∂v of a function by central differences, (nv, nv) each."""
-        tree, unit = self.mechanism.tree, self.mechanism.units
-
-        def moved(dq: Array) -> Array:
-            return torque(t, tree.integrate(q, dq), v)
-
-        by_q = differences(moved, np.zeros_like(v), unit, central=True)
-        by_v = differences(lambda w: torque(t, q, w), v, np.maximum(unit, np.abs(v)), central=True)
-        return by_q, by_v
+        tree, units = self.mechanism.tree, self.mechanism.units
+        return torque_differences(tree, units, lambda q, v: torque(t, q, v), q, v)

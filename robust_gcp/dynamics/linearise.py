@@ -21,11 +21,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import ModelError, NonFiniteError, NotCertifiedError
 from ..maps.choice import MapChoice
+from ..mechanism.differences import FORWARD, differences
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .chart_slopes import chart_slopes
 from .derivatives import PointDerivatives
-from .differences import FORWARD, differences
 from .driven import driving
 from .equations import EquationsOfMotion
 from .loads import Torques, Wrench, one_torque

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..checks import check_choice, checked_vector, listed, real_array, shown
-from ..errors import NonFiniteError, OptionError
+from ..errors import NonFiniteError, OptionError, StateError
 from ..mechanism.frames import place_of
 from ..mechanism.joints import support
 from ..mechanism.mechanism import Mechanism
@@ -69,12 +69,17 @@ def one_torque(
     ModelError
         For a frame that the model does not have.
     """
-    wrenches = listed(wrenches, "wrenches", "rg.Wrench(frame, force)", OptionError)
+    wrenches = listed(wrenches, "wrenches", "rg.Wrench(frame, force)", OptionError, Wrench)
     for wrench in wrenches:
         if not isinstance(wrench, Wrench):
             raise OptionError(f"wrenches: {shown(wrench)} is no Wrench; give rg.Wrench(frame, force)")
-    if not isinstance(torque, Mapping) and not wrenches:
-        return torque if torque is None or callable(torque) else mechanism.velocity(torque, "torque")
+    if torque is None or callable(torque):
+        if not wrenches:
+            return torque
+    elif not isinstance(torque, Mapping):
+        torque = _constant(mechanism, torque)
+        if not wrenches:
+            return torque
     functions: dict[str, Any] = {}
     numbers: Any = torque
     if isinstance(torque, Mapping):
@@ -89,6 +94,19 @@ def one_torque(
         constant = mechanism.velocity(numbers, "torque")
     parts += [_FrameLoad(mechanism, wrench) for wrench in wrenches]
     return _Sum(constant, parts) if parts else constant
+
+
+def _constant(mechanism: Mechanism, torque: ArrayLike) -> Array:
+    """A torque that stays, (nv,), or an error that tells what else one may be."""
+    try:
+        return mechanism.velocity(torque, "torque")
+    except StateError as error:
+        among = torque if isinstance(torque, list | tuple) else (torque,)
+        if any(isinstance(part, Wrench) for part in among):
+            raise OptionError(f"torque: {shown(torque)} is a wrench; those go to wrenches=[...]") from error
+        raise StateError(
+            f"{error}; a torque is that, a function (t, q, v) of it, or {{joint: number or function}}"
+        ) from error
 
 
 _Part = Callable[[float, Array, Array, Array], None]

@@ -9,7 +9,6 @@ import numpy as np
 from ..checks import hint, listed, shown
 from ..errors import OptionError
 from ..mechanism.forces import JointDamper, JointSpring
-from ..mechanism.joints import joint_named
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .derivatives import Derivatives
@@ -59,7 +58,7 @@ class Parameters:
             for i, column in self._inertial:
                 moved[:, i] = -Y[:, column]
         for i, (what, force) in self._forces:
-            joint = joint_named(mechanism.joints, force.joint)
+            joint = force.place(mechanism.joints)
             if isinstance(force, JointDamper):
                 moved[joint.v, i] = -v[joint.v]
             else:
@@ -73,7 +72,7 @@ def _forces(mechanism: Mechanism) -> dict[str, tuple[str, JointSpring | JointDam
     """Joint springs and dampers by the names of their numbers; joints with several of a kind are left out."""
     found: dict[str, tuple[str, JointSpring | JointDamper]] = {}
     twice: set[str] = set()
-    for force in mechanism.forces:
+    for force in () if mechanism.applied is None else mechanism.applied.known:
         if not isinstance(force, JointSpring | JointDamper):
             continue
         for what in ("damping",) if isinstance(force, JointDamper) else ("stiffness", "rest"):

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.polynomial import polynomial
 
-from ..checks import check_number, check_text, shown
+from ..checks import check_number, check_text, listed, shown
 from ..errors import ModelError, OptionError
 from .closures import Closure
 from .joints import Array, Joint, single_joint
@@ -111,6 +111,13 @@ class CouplingClosure:
 
 
 AnyClosure = Closure | CouplingClosure
+
+
+def closures_given(closures: Any) -> list[Any]:
+    """A list of closures, of this package's kinds or of Pinocchio's, or a ModelError."""
+    return listed(closures, "closures", "closures, such as PointClosure(frame1, frame2)", kind=AnyClosure)
+
+
 """What ties the joints of a spanning tree: loops between two frames, and couplings of two joints."""
 
 

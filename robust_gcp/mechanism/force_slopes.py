@@ -4,31 +4,34 @@ from __future__ import annotations
 
 import numpy as np
 
+from .applied_forces import AppliedForces
 from .closures import frame_of
 from .columns import Columns
-from .forces import Force, JointDamper, JointSpring, PointSpring
-from .joints import joint_named
+from .forces import JointDamper, JointSpring, PointSpring
+from .mechanism import Mechanism
 from .motions import Motions
-from .tree import Array, Tree
+from .tree import Array
 
 
 class ForceSlopes:
-    """Gᵀ ∂τ/∂q and Gᵀ ∂τ/∂v of all springs, dampers and drives.
+    """Gᵀ ∂τ/∂q and Gᵀ ∂τ/∂v of all forces.
 
     Parameters
     ----------
-    tree : Tree
-    forces : sequence of forces
+    mechanism : Mechanism
+        Whose forces they are.
+    applied : AppliedForces
     """
 
-    def __init__(self, tree: Tree, forces: tuple[Force, ...]) -> None:
-        self._tree = tree
+    def __init__(self, mechanism: Mechanism, applied: AppliedForces) -> None:
+        tree, forces = mechanism.tree, applied.known
+        self._tree, self._own = tree, applied.own
         self._stiffness, self._damping = np.zeros(tree.nv), np.zeros(tree.nv)
         for force in forces:
             if isinstance(force, JointSpring):
-                self._stiffness[joint_named(tree.joints, force.joint).idx_v] += force.stiffness
+                self._stiffness[force.place(mechanism.joints).idx_v] += force.stiffness
             elif isinstance(force, JointDamper):
-                self._damping[joint_named(tree.joints, force.joint).v] += force.damping
+                self._damping[force.place(mechanism.joints).v] += force.damping
         self._lines = [force for force in forces if isinstance(force, PointSpring)]
         if self._lines:
             self._columns = Columns(tree.model, tree.joints)
@@ -46,6 +49,9 @@ class ForceSlopes:
         ∂τ/∂q = −∂l/∂q (k ∂l/∂q + c ∂l̇/∂q)ᵀ − T ∂²l/∂q², and ∂²l/∂q² G_i is ∂l̇/∂q at v = G_i.
         """
         by_q, by_v = -(G.T * self._stiffness), -(G.T * self._damping)
+        if self._own is not None:
+            own_q, own_v = self._own.derivatives(q, v)
+            by_q, by_v = by_q + G.T @ own_q, by_v + G.T @ own_v
         if self._lines:
             self._tree.jacobians(q)
             J = self._tree.J.copy()

@@ -1,25 +1,74 @@
-"""Springs, dampers and constant drives: τ(q, v) and the potential energy of the springs."""
+"""Forces: what acts on a mechanism besides gravity and the torques of a simulation.
+
+A kind of force is a class that says its torque, and its potential energy where it has one; see `Force`. Those
+here are also known by their numbers to `AppliedForces` and to the compiled kernel, which asks all others for
+their torque at each evaluation.
+"""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
 
-from ..checks import check_number, check_text, shown
-from ..errors import ModelError, OptionError, SimulationError
-from .closures import Closure, PrismaticClosure, frame_of
-from .joints import joint_named, single_joint, support
-from .tree import Array, Tree
+from ..checks import check_number, check_text, listed, real_array, shown
+from ..errors import ModelError, NonFiniteError, OptionError
+from .closures import Closure, PrismaticClosure
+from .differences import torque_differences
+from .joints import Joint, joint_named, single_joint
+from .point_springs import Lines
+from .tree import Array
+
+if TYPE_CHECKING:
+    from .mechanism import Mechanism
+
+Vector = NDArray[np.float64]
 
 INSTEAD = "or use a PointSpring"
 
 
+class Force(ABC):
+    """What acts on a mechanism besides gravity: τ(q, v), from a potential or not.
+
+    A force of your own is a class derived from this one, best a frozen dataclass, with `tau`, with `energy`
+    where it has one, and with `derivatives` where differences of `tau` are not wanted. All three depend on
+    their arguments alone: they are asked at any state, in any order.
+    """
+
+    @abstractmethod
+    def tau(self, mechanism: Mechanism, q: Vector, v: Vector) -> ArrayLike:
+        """τ(q, v), (nv,), N m and N.
+
+        Parameters
+        ----------
+        mechanism : Mechanism
+            On which it acts: `mechanism.joint("q1")` has `idx_q`, `idx_v` and `v`, its places in q and v.
+        q, v : ndarray (nq,), (nv,)
+        """
+
+    def energy(self, mechanism: Mechanism, q: Vector) -> float:
+        """Potential energy, J.
+
+        Where a class has one, tau at v = 0 is its negative gradient, and only what v adds to that does work.
+        Where it has none, all that tau does is work: see `Trajectory.energy_error`.
+        """
+        return 0.0
+
+    def derivatives(self, mechanism: Mechanism, q: Vector, v: Vector) -> tuple[ArrayLike, ArrayLike]:
+        """∂τ/∂q and ∂τ/∂v, (nv, nv) each, q along the velocities' components; by central differences."""
+
+        def tau(q: Array, v: Array) -> Array:
+            return checked_tau(self, mechanism, q, v)
+
+        return torque_differences(mechanism.tree, mechanism.units, tau, q, v)
+
+
 @dataclass(frozen=True)
-class JointSpring:
+class JointSpring(Force):
     """τ = −stiffness (q − rest) on a joint with one number in q.
 
     Parameters
@@ -41,9 +90,22 @@ class JointSpring:
         _require_number(label, "stiffness", self.stiffness, positive=True)
         _require_number(label, "rest", self.rest)
 
+    def tau(self, mechanism: Mechanism, q: Vector, v: Vector) -> Array:
+        """τ(q), (nv,)."""
+        joint = self.place(mechanism.joints)
+        return _only(mechanism.nv, joint, -self.stiffness * (q[joint.idx_q] - self.rest))
+
+    def energy(self, mechanism: Mechanism, q: Vector) -> float:
+        """½ stiffness (q − rest)², J."""
+        return 0.5 * self.stiffness * float(q[self.place(mechanism.joints).idx_q] - self.rest) ** 2
+
+    def place(self, joints: Sequence[Joint]) -> Joint:
+        """The joint that it acts on, or a ModelError."""
+        return single_joint(joints, self.joint, "JointSpring", INSTEAD)
+
 
 @dataclass(frozen=True)
-class JointDamper:
+class JointDamper(Force):
     """τ = −damping v on every velocity of a joint, N m s/rad or N s/m."""
 
     joint: str
@@ -53,9 +115,18 @@ class JointDamper:
         check_text("JointDamper: joint", self.joint)
         _require_number(f"JointDamper on {self.joint!r}", "damping", self.damping, positive=True)
 
+    def tau(self, mechanism: Mechanism, q: Vector, v: Vector) -> Array:
+        """τ(v), (nv,)."""
+        joint = self.place(mechanism.joints)
+        return _only(mechanism.nv, joint, -self.damping * v[joint.v])
+
+    def place(self, joints: Sequence[Joint]) -> Joint:
+        """The joint that it acts on, or a ModelError."""
+        return joint_named(joints, self.joint, "JointDamper")
+
 
 @dataclass(frozen=True)
-class JointTorque:
+class JointTorque(Force):
     """A constant drive on a joint with one velocity, N m or N."""
 
     joint: str
@@ -65,9 +136,17 @@ class JointTorque:
         check_text("JointTorque: joint", self.joint)
         _require_number(f"JointTorque on {self.joint!r}", "torque", self.torque)
 
+    def tau(self, mechanism: Mechanism, q: Vector, v: Vector) -> Array:
+        """τ, (nv,)."""
+        return _only(mechanism.nv, self.place(mechanism.joints), self.torque)
+
+    def place(self, joints: Sequence[Joint]) -> Joint:
+        """The joint that it acts on, or a ModelError."""
+        return single_joint(joints, self.joint, "JointTorque", INSTEAD)
+
 
 @dataclass(frozen=True)
-class PointSpring:
+class PointSpring(Force):
     """A spring with a damper along the line between the origins of two frames.
 
     It pulls with stiffness (l − rest_length) + damping dl/dt at the distance l.
@@ -93,155 +172,83 @@ class PointSpring:
         for field in ("stiffness", "rest_length", "damping"):
             _require_number(label, field, getattr(self, field), positive=True)
 
+    def tau(self, mechanism: Mechanism, q: Vector, v: Vector) -> Array:
+        """τ(q, v), (nv,)."""
+        return Lines(mechanism.tree, (self,)).at(q, v)[0]
 
-Force = JointSpring | JointDamper | PointSpring | JointTorque
-
-
-class AppliedForces:
-    """All springs, dampers and drives of a mechanism at once.
-
-    Parameters
-    ----------
-    tree : Tree
-    forces : sequence of forces
-        At least one.
-
-    Attributes
-    ----------
-    works : bool
-        Whether something acts that no potential energy accounts for: a damper or a drive.
-
-    Raises
-    ------
-    ModelError
-        For a joint or frame that the model does not have, or a joint of the wrong kind.
-    """
-
-    def __init__(self, tree: Tree, forces: Sequence[Force]) -> None:
-        self._tree = tree
-        nv = tree.nv
-        forces = [_as_force(f) for f in forces]
-        springs = [f for f in forces if isinstance(f, JointSpring)]
-        dampers = [f for f in forces if isinstance(f, JointDamper)]
-        drives = [f for f in forces if isinstance(f, JointTorque)]
-        lines = [f for f in forces if isinstance(f, PointSpring)]
-
-        joints = [single_joint(tree.joints, f.joint, "JointSpring", INSTEAD) for f in springs]
-        self._spring_q = np.array([j.idx_q for j in joints], dtype=np.int64)
-        self._stiffness = np.array([f.stiffness for f in springs])
-        self._rest = np.array([f.rest for f in springs])
-        self._spring_lift = np.zeros((nv, len(springs)))
-        for i, joint in enumerate(joints):
-            self._spring_lift[joint.idx_v, i] = -self._stiffness[i]
-
-        self._damping = np.zeros(nv)
-        for damper in dampers:
-            joint = joint_named(tree.joints, damper.joint, "JointDamper")
-            self._damping[joint.v] += damper.damping
-        self._drive = np.zeros(nv)
-        for drive in drives:
-            self._drive[single_joint(tree.joints, drive.joint, "JointTorque", INSTEAD).idx_v] += drive.torque
-        self._lines = _Lines(tree, lines) if lines else None
-        self._joint_work = bool(np.any(self._damping) or np.any(self._drive))
-        self.works = self._joint_work or (self._lines is not None and self._lines.damped)
-
-    def at(self, q: Array, v: Array) -> tuple[Array, float]:
-        """τ (nv,), N m and N, and the power of dampers and drives, W.
-
-        Raises
-        ------
-        SimulationError
-            Where a point spring has no length, so that its force has no direction.
-        """
-        tau = np.zeros(self._tree.nv)
-        power = 0.0
-        if self._joint_work:
-            tau = self._drive - self._damping * v
-            power = float(tau @ v)
-        if len(self._spring_q):
-            tau = tau + self._spring_lift @ (q[self._spring_q] - self._rest)
-        if self._lines is not None:
-            line_tau, line_power = self._lines.at(q, v)
-            tau, power = tau + line_tau, power + line_power
-        return tau, power
-
-    def tau(self, q: Array, v: Array) -> Array:
-        """τ(q, v), (nv,), N m and N."""
-        return self.at(q, v)[0]
-
-    def energy(self, q: Array) -> float:
-        """Potential energy of the springs, J."""
-        energy = 0.0
-        if len(self._spring_q):
-            energy = 0.5 * float(self._stiffness @ (q[self._spring_q] - self._rest) ** 2)
-        if self._lines is not None:
-            energy += self._lines.energy(q)
-        return energy
+    def energy(self, mechanism: Mechanism, q: Vector) -> float:
+        """½ stiffness (l − rest_length)², J."""
+        return Lines(mechanism.tree, (self,)).energy(q)
 
 
-class _Lines:
-    """All point springs: the length l along the unit vector u from point 1 to point 2.
+KINDS: tuple[type[Force], ...] = (JointSpring, JointDamper, JointTorque, PointSpring)
+"""What is known by its numbers."""
 
-    dl = (u, p₁ × u) · (V₂ − V₁) with V the bodies' spatial velocities at the world's origin: one
-    wrench serves both bodies, and the joints that carry both drop out.
-    """
 
-    def __init__(self, tree: Tree, springs: Sequence[PointSpring]) -> None:
-        self._tree = tree
-        ends = [
-            [_frame(tree.model, s.frame1, s) for s in springs],
-            [_frame(tree.model, s.frame2, s) for s in springs],
-        ]
-        self._labels = [f"{s.frame1} – {s.frame2}" for s in springs]
-        self._joint = np.array([[int(f.parentJoint) for f in end] for end in ends], dtype=np.int64)
-        self._offset = np.array([[f.placement.translation for f in end] for end in ends])
-        self._stiffness = np.array([s.stiffness for s in springs])
-        self._rest = np.array([s.rest_length for s in springs])
-        self._damping = np.array([s.damping for s in springs])
-        self.damped = bool(np.any(self._damping))
-        self._sign = np.zeros((len(springs), tree.nv))
-        for end, sign in ((0, -1.0), (1, 1.0)):
-            for i, joint in enumerate(self._joint[end]):
-                self._sign[i, support(tree.model, int(joint))] += sign
+def is_known(force: Force) -> bool:
+    """Whether its numbers say all: one of `KINDS`, derived from or not, that does what its kind does."""
+    made = type(force)
+    kind = next((kind for kind in KINDS if isinstance(force, kind)), None)
+    return kind is not None and made.tau is kind.tau and made.energy is kind.energy
 
-    def _ends(self, q: Array) -> tuple[Array, Array]:
-        """Point 1 of each spring and the vector to its point 2, world axes."""
-        tree = self._tree
-        tree.jacobians(q)
-        p = tree.p[self._joint] + (tree.R[self._joint] @ self._offset[..., None])[..., 0]
-        return p[0], p[1] - p[0]
 
-    def at(self, q: Array, v: Array) -> tuple[Array, float]:
-        """τ (nv,) and the power of the dampers."""
-        start, along = self._ends(q)
-        length = np.linalg.norm(along, axis=1)
-        if not length.all():
-            self._require_direction(length)
-            length = np.where(length > 0.0, length, 1.0)  # no rest length: the force vanishes
-        u = along / length[:, None]
-        wrench = np.hstack([u, np.cross(start, u)])
-        rate = (wrench @ self._tree.J.T) * self._sign
-        tension = self._stiffness * (np.linalg.norm(along, axis=1) - self._rest)
-        power = 0.0
-        if self.damped:
-            speed = rate @ v
-            drag = self._damping * speed
-            tension = tension + drag
-            power = -float(drag @ speed)
-        return -tension @ rate, power
+def has_energy(force: Force) -> bool:
+    """Whether its class says a potential energy."""
+    return type(force).energy is not Force.energy
 
-    def energy(self, q: Array) -> float:
-        stretch = np.linalg.norm(self._ends(q)[1], axis=1) - self._rest
-        return 0.5 * float(self._stiffness @ stretch**2)
 
-    def _require_direction(self, length: Array) -> None:
-        lost = np.flatnonzero((length == 0.0) & ((self._rest > 0.0) | (self._damping > 0.0)))
-        if len(lost):
-            raise SimulationError(
-                f"the point spring {self._labels[lost[0]]} has shrunk to a point, where its force has "
-                "no direction; move one of its frames off the other's path, or give it "
-                "rest_length = 0 and damping = 0"
-            )
+def forces_given(forces: Any) -> list[Any]:
+    """A list of forces, or a ModelError."""
+    return listed(forces, "forces", "forces, such as JointSpring(joint, stiffness)", kind=Force)
+
+
+def checked_force(force: Any) -> Force:
+    """A force, or a ModelError."""
+    if isinstance(force, Force):
+        return force
+    kinds = ", ".join(kind.__name__ for kind in KINDS)
+    raise ModelError(f"forces: {shown(force)} is not a {kinds} or another rg.Force")
+
+
+def checked_tau(force: Force, mechanism: Mechanism, q: Array, v: Array) -> Array:
+    """What a force says as its τ, (nv,), handed copies of the state."""
+    return _checked(force.tau(mechanism, q.astype(float), v.astype(float)), (mechanism.nv,), force, "tau")
+
+
+def checked_energy(force: Force, mechanism: Mechanism, q: Array) -> float:
+    """What a force says as its energy, J."""
+    return float(_checked(force.energy(mechanism, q.astype(float)), (), force, "energy"))
+
+
+def checked_derivatives(force: Force, mechanism: Mechanism, q: Array, v: Array) -> tuple[Array, Array]:
+    """What a force says as its derivatives, (nv, nv) each."""
+    square = (2, mechanism.nv, mechanism.nv)
+    by_q, by_v = _checked(
+        force.derivatives(mechanism, q.astype(float), v.astype(float)), square, force, "derivatives"
+    )
+    return by_q, by_v
+
+
+def _checked(given: Any, shape: tuple[int, ...], force: Force, what: str) -> Array:
+    """A finite array of this shape, or an error that names the force."""
+    try:
+        array = real_array(given)
+    except TypeError as error:
+        raise ModelError(
+            f"{shown(force)}: {what} returned {shown(given)}, expected {shape} real numbers"
+        ) from error
+    if array.shape != shape:
+        raise ModelError(f"{shown(force)}: {what} returned shape {array.shape}, expected {shape}")
+    if not np.all(np.isfinite(array)):
+        raise NonFiniteError(f"{shown(force)}: {what} returned {shown(given)}")
+    return array
+
+
+def _only(nv: int, joint: Joint, torque: Any) -> Array:
+    """τ (nv,) that acts on one joint alone."""
+    tau = np.zeros(nv)
+    tau[joint.v] = torque
+    return tau
 
 
 def require_length(forces: Sequence[Force], closures: Sequence[Any]) -> None:
@@ -261,14 +268,6 @@ def require_length(forces: Sequence[Force], closures: Sequence[Any]) -> None:
             )
 
 
-def _as_force(force: Force) -> Force:
-    if not isinstance(force, JointSpring | JointDamper | PointSpring | JointTorque):
-        raise ModelError(
-            f"forces: {shown(force)} is not a JointSpring, JointDamper, PointSpring or JointTorque"
-        )
-    return force
-
-
 def _require_number(label: str, field: str, value: object, positive: bool = False) -> None:
     try:
         check_number(field, value)
@@ -279,7 +278,3 @@ def _require_number(label: str, field: str, value: object, positive: bool = Fals
         raise ModelError(f"{label}: {field} is {value}; give a finite number")
     if positive and value < 0.0:
         raise ModelError(f"{label}: {field} is {value}; give zero or a positive number")
-
-
-def _frame(model: pin.Model, name: str, spring: PointSpring) -> pin.Frame:
-    return frame_of(model, name, f"PointSpring {spring.frame1} – {spring.frame2}")

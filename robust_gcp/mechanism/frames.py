@@ -16,7 +16,7 @@ def place_of(model: pin.Model, name: str, owner: str = "frame") -> tuple[int, pi
     ModelError
         By `owner`, for a frame that the model does not have.
     """
-    check_text(owner, name)
+    check_text(f"{owner}: frame" if owner != "frame" else owner, name)
     if model.existJointName(name) and not model.existFrame(name):
         return int(model.getJointId(name)), pin.SE3.Identity()
     frame = frame_of(model, name, owner)

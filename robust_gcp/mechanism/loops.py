@@ -10,11 +10,11 @@ import pinocchio as pin
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from ..checks import check_model, checked_vector, listed, require_finite
+from ..checks import check_model, checked_vector, require_finite
 from ..errors import ClosureError, ModelError, StateError
 from .closures import Closure, closure_frames
 from .constraint import without_zero_rows
-from .couplings import AnyClosure, CouplingClosure, Couplings
+from .couplings import AnyClosure, CouplingClosure, Couplings, closures_given
 from .joints import Joint, in_v, joint_named
 from .loop_graph import characteristic_length
 from .memo import Memo
@@ -55,7 +55,7 @@ class ClosedLoops:
 
     def __init__(self, model: pin.Model, closures: Sequence[AnyClosure]) -> None:
         check_model(model)
-        closures = listed(closures, "closures", "closures, such as PointClosure(frame1, frame2)")
+        closures = closures_given(closures)
         require_depth_first(model)
         self.memo = Memo()
         self.home: Array = pin.neutral(model)

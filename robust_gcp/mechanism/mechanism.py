@@ -13,10 +13,11 @@ from numpy.typing import ArrayLike
 
 from ..checks import check_model, check_text, listed, require_finite
 from ..errors import ModelError
+from .applied_forces import AppliedForces
 from .assembly import assembled
 from .coordinates import Coordinates
-from .couplings import AnyClosure
-from .forces import AppliedForces, Force, require_length
+from .couplings import AnyClosure, closures_given
+from .forces import Force, forces_given, require_length
 from .formats.contents import FileContents, tell_left_out
 from .formats.mjcf import read_mjcf
 from .formats.pin_constraints import with_named_frames
@@ -48,8 +49,8 @@ class Mechanism(Coordinates):
         Sizes of q, of v, of φ (rows that are zero in every configuration left out), and of y.
     home : ndarray (nq,)
         Seed configuration.
-    forces : tuple of forces
-        Springs, dampers and constant drives.
+    forces : tuple of Force
+        What acts besides gravity and the torques of a simulation.
     applied : AppliedForces or None
         What the forces amount to; None where there are none.
     recommended : Recommended
@@ -70,8 +71,8 @@ class Mechanism(Coordinates):
         left_out: Sequence[str] = (),
     ) -> None:
         super().__init__(model, closures)
-        self.forces = tuple(listed(forces, "forces", "forces, such as JointSpring(joint, stiffness)"))
-        self.applied = AppliedForces(self.tree, self.forces) if self.forces else None
+        self.forces = tuple(forces_given(forces))
+        self.applied = AppliedForces(self, self.forces) if self.forces else None
         require_length(self.forces, self.closures)
         check_text("name", name)
         self.name = name or str(model.name)
@@ -84,6 +85,8 @@ class Mechanism(Coordinates):
         self.choose(chosen)
         self.actuated, self.left_out = tuple(actuated), tuple(left_out)
         require_determined(self, self.independent, self.dependent, self.iv_dependent, self.home)
+        if self.applied is not None and self.applied.own is not None:
+            self.applied.own.require_sound(self.home)
 
     @classmethod
     def from_pinocchio(
@@ -110,8 +113,9 @@ class Mechanism(Coordinates):
             (assembled first where its loops are open) and logs it.
         home : array_like (nq,), optional
             Seed configuration; `pin.neutral` when left out.
-        forces : sequence of JointSpring, JointDamper, PointSpring or JointTorque
-            What acts besides gravity and the torques of a simulation.
+        forces : sequence of Force
+            JointSpring, JointDamper, PointSpring, JointTorque, or one of a class of your own: what acts
+            besides gravity and the torques of a simulation.
 
         Raises
         ------
@@ -121,7 +125,7 @@ class Mechanism(Coordinates):
             When the dependent joints cannot be solved for in any configuration.
         """
         check_model(model)
-        closures = listed(closures, "closures", "closures, such as PointClosure(frame1, frame2)")
+        closures = closures_given(closures)
         model, closures = with_named_frames(model, closures)
         if independent is None:
             if closures:
@@ -158,8 +162,8 @@ class Mechanism(Coordinates):
         """
         contents = read_urdf(urdf, base)
         tell_left_out(contents.left_out, _called(urdf, "URDF"), strict)
-        contents.close(listed(closures, "closures", "closures, such as PointClosure(frame1, frame2)"))
-        contents.forces += listed(forces, "forces", "forces, such as JointSpring(joint, stiffness)")
+        contents.close(closures_given(closures))
+        contents.forces += forces_given(forces)
         return cls.from_contents(contents, independent, home, name)
 
     @classmethod

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import checked_vector, hint
+from ..checks import checked_vector, hint, real_array, shown
 from ..errors import StateError
 from .joints import Array, Joint
 
@@ -36,8 +36,13 @@ def with_numbers(
     """
     made = start.copy()
     for name, place in places_of(joints, given, letter, what).items():
-        values = given[name] if np.ndim(given[name]) else [given[name]]
-        made[place] = checked_vector(values, len(place), f"{what}[{name!r}]", f"n{letter}")
+        value, label = given[name], f"{what}[{name!r}]"
+        if len(place) == 1 and not np.ndim(value):
+            try:
+                value = real_array(value).reshape(1)
+            except TypeError as error:
+                raise StateError(f"{label} = {shown(value)} is not a number") from error
+        made[place] = checked_vector(value, len(place), label, f"n{letter}")
     return made
 
 

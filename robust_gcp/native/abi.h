@@ -129,6 +129,7 @@ struct Request {
     double* torque_q;         // (nq,), (nv,), (nv,): what the callback reads and writes
     double* torque_v;
     double* torque_tau;
+    double* torque_stored;    // (2,): power of torque_tau that a potential gives, W, and that potential, J
     const double* held;       // (nv,): a constant torque, or null
     const double* trackers;   // as `rg_trackers` gave them
     double* x;                // state, in and out

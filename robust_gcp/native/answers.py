@@ -1,68 +1,99 @@
-"""What acts in the kernel besides the mechanism's own forces: a torque held, or a function of the user's."""
+"""What acts in the kernel besides forces that it knows: a torque held, a function or forces of the user's."""
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 
 import numpy as np
 
 from ..dynamics.equations import CheckedTorque
 from ..dynamics.held import HeldTorque
+from ..mechanism.applied_forces import OwnForces
 from ..mechanism.tree import Array
-from .structures import Request, TorqueCallback, side_by_side
+from .structures import Reason, Request, TorqueCallback, side_by_side
 
 NO_CALLBACK, NOTHING = TorqueCallback(), np.zeros(0)
 
 
 class Acting:
-    """The buffers by which the kernel learns of a torque.
+    """The buffers by which the kernel learns of a torque, and of forces that say by themselves what they do.
 
     Parameters
     ----------
     request : Request
     nq, nv : int
     torque : callable, ndarray (nv,) or None
+    forces : OwnForces, optional
+        Of the mechanism.
 
     Attributes
     ----------
     held : bool
         Whether it is a `HeldTorque`.
+    asks : bool
+        Whether it is a function of the user's.
     tau : ndarray (nv,)
-        Empty where nothing acts.
+        Where the kernel reads a torque that is held; empty where none is.
     raised : list of BaseException
-        What the function raised since `listen`.
+        What a function or a force raised since `listen`.
     """
 
-    def __init__(self, request: Request, nq: int, nv: int, torque: CheckedTorque | Array | None) -> None:
+    def __init__(
+        self,
+        request: Request,
+        nq: int,
+        nv: int,
+        torque: CheckedTorque | Array | None,
+        forces: OwnForces | None = None,
+    ) -> None:
         self._held = torque if isinstance(torque, HeldTorque) else None
         self.held = self._held is not None
-        self._supplied = torque if callable(torque) and not self.held else None
+        supplied = torque if callable(torque) and not self.held else None
+        self.asks = supplied is not None
+        self._supplied, self._forces = supplied, forces
         self._request, self._callback = request, NO_CALLBACK
         self.raised: list[BaseException] = []
         self.tau: Array = NOTHING
-        if torque is None:
-            return
-        (self._q, self._v, self.tau), places = side_by_side({"q": nq, "v": nv, "tau": nv})
-        request.torque_q, request.torque_v, request.torque_tau = places["q"], places["v"], places["tau"]
-        if self._supplied is None:
+        if torque is not None and supplied is None:
+            (self.tau,), places = side_by_side({"tau": nv})
             request.held = places["tau"]
-        if not callable(torque):
-            self.tau[:] = torque
+            self.tau[:] = 0.0 if callable(torque) else torque
+        if supplied is not None or forces is not None:
+            self._shared, places = side_by_side({"q": nq, "v": nv, "tau": nv, "stored": 2})
+            for name, place in places.items():
+                setattr(request, f"torque_{name}", place)
 
     def listen(self) -> None:
         """The torque held, or a callback for the next batch, and where it leaves an exception."""
         self.raised = []
         if self._held is not None:
             self.tau[:] = self._held.value
-        if self._supplied is not None:
-            answers = answering(self._supplied, (self._q, self._v, self.tau), self.raised)
+        if self._supplied is not None or self._forces is not None:
+            energy = bool(self._request.energy_out)
+            answers = answering(self._supplied, self._forces, self._shared, self.raised, energy)
             next(answers)
             self._callback = TorqueCallback(answers.send)
             self._request.torque = self._callback
 
+    def failure(self) -> BaseException | None:
+        """What a function or a force raised since `listen`; None where that is not why the kernel stopped."""
+        if self._request.reason != Reason.TORQUE:
+            return None
+        return self.raised[0] if self.raised else KeyboardInterrupt()  # between two lines of the generator
+
+    def require_answered(self) -> None:
+        """Raise it."""
+        failure = self.failure()
+        if failure is not None:
+            raise failure
+
 
 def answering(
-    supplied: CheckedTorque, shared: tuple[Array, Array, Array], raised: list[BaseException]
+    supplied: CheckedTorque | None,
+    forces: OwnForces | None,
+    shared: Sequence[Array],
+    raised: list[BaseException],
+    energy: bool,
 ) -> Generator[int, float, None]:
     """Takes a time, writes τ and gives 0; gives 1 after an exception, which cannot pass through C++.
 
@@ -71,13 +102,20 @@ def answering(
     handler raises. A generator is resumed inside its `try`. It knows nothing of the workspace, which
     would otherwise outlive its run until the collector runs.
     """
-    q, v, tau = shared
+    q, v, tau, stored = shared
     asked = False
     try:
         while True:
             t = yield 0
             asked = True
-            tau[:] = supplied(t, q, v)
+            if forces is None:
+                assert supplied is not None  # there is no callback without either
+                tau[:] = supplied(t, q, v)
+            else:
+                own, stored[0] = forces.at(q, v)
+                if energy:
+                    stored[1] = forces.energy(q)
+                tau[:] = own if supplied is None else own + supplied(t, q, v)
             asked = False
     except BaseException as error:
         if isinstance(error, GeneratorExit) and not asked:  # nobody will ask again

@@ -286,9 +286,9 @@ def own_derivation(mechanism: Mechanism, q: Array) -> Derivation | None:
     RobustGcpError
         Where q is no regular state to begin with.
     """
-    kernel = library()
-    if kernel is None:
-        return None
+    kernel, applied = library(), mechanism.applied
+    if kernel is None or (applied is not None and applied.own is not None):
+        return None  # the kernel does not ask such forces for slopes
     try:
         return Derivation(kernel, mechanism, q)
     except NotNativeError:

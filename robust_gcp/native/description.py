@@ -266,26 +266,26 @@ def _blocks(mechanism: Mechanism, path: RegularPath, arrays: Arrays) -> None:
 
 
 def _forces(mechanism: Mechanism, turns: list[Array], arrays: Arrays) -> None:
-    """Springs, dampers, drives and point springs."""
-    model = mechanism.near
+    """Forces known by their numbers; the others are asked, see `answers`."""
+    model, known = mechanism.near, () if mechanism.applied is None else mechanism.applied.known
     damping, drive = np.zeros(mechanism.nv), np.zeros(mechanism.nv)
     spring_at, spring, line_joint, line = [], [], [], []
-    for force in mechanism.forces:
+    for force in known:
         if isinstance(force, PointSpring):
             ends = [frame_of(model, name, "PointSpring") for name in (force.frame1, force.frame2)]
             line_joint += [int(end.parentJoint) for end in ends]
             points = [turns[end.parentJoint].T @ end.placement.translation for end in ends]
             line.append([*points[0], *points[1], force.stiffness, force.rest_length, force.damping])
             continue
-        joint = mechanism.joint(force.joint)
         if isinstance(force, JointSpring):
+            joint = force.place(mechanism.joints)
             spring_at += [joint.idx_q, joint.idx_v]
             spring.append([force.stiffness, force.rest])
         elif isinstance(force, JointDamper):
-            damping[joint.v] += force.damping
+            damping[force.place(mechanism.joints).v] += force.damping
         elif isinstance(force, JointTorque):
-            drive[joint.idx_v] += force.torque
+            drive[force.place(mechanism.joints).v] += force.torque
     arrays.structure.springs, arrays.structure.lines = len(spring), len(line)
-    arrays.structure.forces = bool(mechanism.forces)
+    arrays.structure.forces = bool(known)
     arrays.integers(spring_at=spring_at, line_joint=line_joint)
     arrays.reals(spring=spring, damping=damping, drive=drive, line=line)

@@ -40,7 +40,7 @@ class Motion {
     // Kinetic and potential energy at the point evaluated last, J.
     double energy(Point& point) {
         const Chain& chain = sweep_.place(point);
-        return kinetic_ + gravity_energy(chain) + forces_.energy(chain, point.q());
+        return kinetic_ + gravity_energy(chain) + forces_.energy(chain, point.q()) + stored_;
     }
 
     // Where all bodies are, at the point evaluated last.
@@ -58,7 +58,7 @@ class Motion {
     bool by_virtual_power() const { return path_.layout.m == 1 && !path_.groups.some(); }
 
     Reason act(double t, const Chain& chain, Point& point, const Request& r) {
-        power = 0.0;
+        power = stored_ = 0.0;
         acting_ = forces_.some() || r.torque != nullptr || r.held != nullptr;
         if (!acting_) return DONE;
         ++force_evaluations;
@@ -72,6 +72,8 @@ class Motion {
             std::fill(r.torque_tau, r.torque_tau + v.size(), std::numeric_limits<double>::quiet_NaN());
             if (r.torque(t) != 0 || std::isnan(r.torque_tau[0])) return TORQUE;
             add(r.torque_tau);
+            power -= r.torque_stored[0];
+            stored_ = r.torque_stored[1];
         }
         return DONE;
     }
@@ -168,7 +170,7 @@ class Motion {
     Cells<double> size_, armature_, paces_;
     const std::vector<int> only_{0};  // the input, where there is one
     Cells<Vec> turned_, shifted_;
-    double kinetic_ = 0.0, mass_ = 0.0;
+    double kinetic_ = 0.0, mass_ = 0.0, stored_ = 0.0;
     bool acting_ = false;
 };
 

@@ -108,7 +108,7 @@ class Request(ctypes.Structure):
         ("limit", c_double),
         ("uneven", c_void_p),
         ("torque", TorqueCallback),
-        *_fields("", "torque_q torque_v torque_tau held trackers"),
+        *_fields("", "torque_q torque_v torque_tau torque_stored held trackers"),
         *_fields("", "x rate anchor origin ydd tau safe q_out v_out a_out tau_out energy_out work_out"),
         *_all(
             c_int64,

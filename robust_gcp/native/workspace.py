@@ -72,7 +72,8 @@ class Workspace:
         self._shared = Shared(self._request, mechanism, 2 * self._m + int(works), self._layout.size)
         self._by_reference = ctypes.byref(self._request)
         acts = mechanism.velocity(torque, "torque") if not callable(torque) and torque is not None else torque
-        self._acting = Acting(self._request, self._nq, self._nv, acts)
+        own = None if mechanism.applied is None else mechanism.applied.own
+        self._acting = Acting(self._request, self._nq, self._nv, acts, own)
 
     def run(
         self,
@@ -128,8 +129,6 @@ class Workspace:
         self._handed.secure()
         self._acting.listen()
         self._library.run(self._handle, self._by_reference)
-        if r.reason == Reason.TORQUE and not self._acting.raised:
-            self._acting.raised.append(KeyboardInterrupt())  # raised between two lines of the generator
         return self._batch(0, int(r.completed), outputs.first(int(r.completed) // every))
 
     def _pack(self, point: Point) -> None:
@@ -229,6 +228,7 @@ class Workspace:
         r.times, r.first, r.beginning = address(time), 0, Beginning.GO_ON
         self._acting.listen()
         self._library.look(self._handle, self._by_reference)
+        self._acting.require_answered()
         if r.reason != Reason.DONE:
             return None
         return Evaluation(now.point, now.v, self._shared.ydd.copy(), self._shared.tau.copy(), float(r.power))
@@ -240,7 +240,7 @@ class Workspace:
         """
         r, self._latest, self._shared.time[0] = self._request, None, t
         r.times, r.zone, r.power = self._shared.at_time, zone, 0.0
-        if self._acting.held:
+        if not self._acting.asks:
             self._acting.listen()
         self._packed = None
         self._shared.x[:], self._shared.anchor[:] = 0.0, 0.0
@@ -248,6 +248,7 @@ class Workspace:
         self._shared.x[self._m : 2 * self._m] = u
         self._shared.anchor[self._layout.q] = q
         self._library.begin(self._handle, self._by_reference)
+        self._acting.require_answered()
         if r.reason != Reason.DONE:
             return None
         point = self._packed = self._layout.point(self._shared.anchor)
@@ -277,7 +278,7 @@ class Workspace:
             float(r.best),
             int(r.rhs),
             {"native_steps": steps, **counted(r)},
-            self._acting.raised[0] if self._acting.raised else None,
+            self._acting.failure(),
         )
 
     def _evaluation(self, point: Point) -> Evaluation:

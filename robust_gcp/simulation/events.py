@@ -21,6 +21,8 @@ from ..mechanism.tree import Array
 
 EventFunction = Callable[[float, Array, Array], float]
 
+EVENTS = "rg.Event or functions (t, q, v), or a single one"
+
 AT_START = 1e-9
 """Share of a run's first step within which a zero is one of the start."""
 
@@ -220,9 +222,9 @@ def checked_events(events: Any) -> list[Event]:
     if callable(events):
         events = [events]
     found = []
-    for k, event in enumerate(listed(events, "events", "functions (t, q, v)", OptionError)):
-        if not callable(event):
-            raise OptionError(f"events[{k}] = {shown(event)} must be a function (t, q, v)")
+    for k, event in enumerate(listed(events, "events", EVENTS, OptionError, ())):
+        if not callable(event) or isinstance(event, type):
+            raise OptionError(f"events[{k}] = {shown(event)} must be an rg.Event or a function (t, q, v)")
         ready = isinstance(event, Event)
         terminal, direction = getattr(event, "terminal", False), getattr(event, "direction", 0.0)
         found.append(event if ready else Event(event, False if terminal is None else terminal, direction))

@@ -13,19 +13,21 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 
 from ..checks import path_given, shown
+from ..dynamics.equations import does_work
 from ..errors import OptionError, missing_extra
 from ..maps.explicit import Crossing
 from ..mechanism.closures import closure_kinds
 from ..mechanism.couplings import CouplingClosure
-from ..mechanism.forces import Force
+from ..mechanism.forces import KINDS, Force
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from .acted import Acted
 from .archive import read_arrays, reading, write_whole
 
 if TYPE_CHECKING:
@@ -39,16 +41,19 @@ ARRAYS = ("t", "q", "v", "a", "energy", "multipliers", "work", "drive_torque", "
 SAME = 1e-9
 """Relative difference at the start that two ways to build one mechanism may make."""
 
+OWN = "a class of its own"
+"""In place of its kind, for a force that is none of `KINDS`."""
+
 MEANING = {
     "check_M": "inertias are",
     "check_K": "loops are",
-    "check_force": "gravity, springs or dampers are",
+    "check_force": "gravity or forces are",
 }
 
 
 def _parts() -> dict[str, type[Any]]:
     """What an archive may hold besides numbers: closures and forces by the names of their classes."""
-    kinds: list[type[Any]] = [*closure_kinds(), CouplingClosure, *get_args(Force)]
+    kinds: list[type[Any]] = [*closure_kinds(), CouplingClosure, *KINDS]
     return {kind.__name__: kind for kind in kinds}
 
 
@@ -83,7 +88,7 @@ def data_frame(columns: Mapping[str, Array]) -> DataFrame:
 
 def write_archive(
     path: str | Path, mechanism: Mechanism, arrays: Mapping[str, Array | None], crossings: Sequence[Crossing],
-    stats: Mapping[str, Any], ended_by: int | None,
+    stats: Mapping[str, Any], ended_by: int | None, acted: Acted | None,
 ) -> Path:  # fmt: skip
     """Write a trajectory; see `Trajectory.save`."""
     path = path_given("path", path)
@@ -103,7 +108,9 @@ def write_archive(
         "crossings": [c.kind for c in crossings],
         "stats": stats,
         "ended_by": ended_by,
+        "acted": None if acted is None else {"drive": acted.drive, "lost": acted.without_code().lost},
     }
+    arrays = {**arrays, **({} if acted is None else acted.arrays())}
     kept: dict[str, Any] = {name: values for name, values in arrays.items() if values is not None}
     kept |= {
         f"crossing_{field.name}": np.array([_number(getattr(c, field.name)) for c in crossings])
@@ -122,7 +129,7 @@ def _number(value: Any) -> Any:
 
 def read_archive(
     path: str | Path, mechanism: Mechanism | None
-) -> tuple[Mechanism, dict[str, Array], list[Crossing], dict[str, Any], int | None]:
+) -> tuple[Mechanism, dict[str, Array], list[Crossing], dict[str, Any], int | None, Acted | None]:
     """What `write_archive` was given; the mechanism is rebuilt unless one is given.
 
     Raises
@@ -162,7 +169,8 @@ def read_archive(
         _require_same(path, mechanism, arrays)
         if any((c.q.shape, c.y.ndim) != ((mechanism.nq,), 1) for c in crossings):
             raise ValueError("a crossing has another number of coordinates")
-        return mechanism, arrays, crossings, dict(meta["stats"]), meta.get("ended_by")
+        acted = _acted(meta, mechanism, arrays)
+        return mechanism, arrays, crossings, dict(meta["stats"]), meta.get("ended_by"), acted
 
 
 def _require_rows(arrays: Mapping[str, Array]) -> None:
@@ -176,7 +184,19 @@ def _require_rows(arrays: Mapping[str, Array]) -> None:
             raise ValueError(f"{name} has the shape {values.shape} at {len(t)} times")
 
 
+def _acted(meta: dict[str, Any], mechanism: Mechanism, arrays: dict[str, Array]) -> Acted | None:
+    """What acted; files of 0.1.0 tell of it by the work that it did."""
+    torque, held = arrays.pop("acted_torque", None), arrays.pop("acted_held", None)
+    told = meta.get("acted")
+    if told is None:
+        return Acted(lost=True) if "work" in arrays and not does_work(mechanism, None) else None
+    return Acted(torque, held=held, drive=tuple(told["drive"]), lost=bool(told["lost"]))
+
+
 def _as_plain(part: Any) -> dict[str, Any]:
+    """A closure or force as its numbers; a force of the user's class as text, since code is not stored."""
+    if isinstance(part, Force) and type(part) not in KINDS:
+        return {"kind": OWN, "called": shown(part)}
     return {"kind": type(part).__name__, **asdict(part)}
 
 
@@ -197,6 +217,9 @@ def _rebuilt(path: Path, meta: dict[str, Any], model: bytes, home: Array) -> Mec
             f"{path}: Pinocchio {pin.__version__} cannot read the model that Pinocchio {meta['pinocchio']} "
             f"wrote; {remedy}"
         ) from error
+    own = [part["called"] for part in meta["forces"] if part["kind"] == OWN]
+    if own:
+        raise OptionError(f"{path} does not hold the class of the force {own[0]}; {remedy}")
     closures, forces = ([_from_plain(p) for p in meta[what]] for what in ("closures", "forces"))
     told = tuple(meta.get("actuated", ())), tuple(meta.get("left_out", ()))
     return Mechanism(tree, closures, meta["independent"], home, meta["name"], forces, *told)

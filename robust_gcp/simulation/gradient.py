@@ -7,7 +7,7 @@ one more run with derivatives, whatever the number of torques and parameters.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,18 +18,18 @@ from ..checks import check_callable, shown
 from ..dynamics.continuation import circles_of
 from ..dynamics.derivatives import Derivatives, PointDerivatives, TorqueSlopes
 from ..dynamics.discrete import Step, differentiated_step
-from ..dynamics.equations import Evaluation, Torque, torque_function
+from ..dynamics.equations import Torque, torque_function
 from ..dynamics.held import HeldTorque
-from ..dynamics.loads import one_torque
 from ..dynamics.parameters import Parameters
 from ..dynamics.problem import Problem, set_out
 from ..errors import OptionError, SimulationError
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..native.derivation import Derivation
+from .again import applied_again, coordinates_of, require_answers, require_same, require_steps
 from .backwards import Backwards, backwards, kernel_of
 from .charts import in_new_chart
-from .cost import Cost, Slopes, checked_torques
+from .cost import Cost, Slopes
 from .derivatives import derivatives
 from .trajectory import Trajectory
 
@@ -38,9 +38,6 @@ STRETCH = 25
 
 REGULAR = 0.1
 """Conditioning of K_d from which a stretch may begin at a state."""
-
-SAME = 1e-7
-"""How far a step that is taken again may end from the recorded state: rad or lengths, and relative for v."""
 
 
 @dataclass(frozen=True)
@@ -85,15 +82,16 @@ def gradient(
 ) -> Gradient:
     """Derivatives of a cost by the start, the torques and parameters, exact for the steps that were taken.
 
-    Through singular configurations too. The trajectory is one of RK4 with an output at every step, as
-    `simulate` and `Simulation` make by default.
+    Through singular configurations too. The trajectory is one of RK4 with an output at every step.
 
     Parameters
     ----------
     trajectory : Trajectory
     cost : Cost
     torque : callable (t, q, v) -> (nv,), array_like (nv,) or (N, nv), or mapping, optional
-        What the run was made with; a table holds a row for each step.
+        What the run was made with; a table holds a row for each step. When left out, what the trajectory
+        remembers: see `Acted`. Wrenches that it remembers are added to a function or constant. Where torques
+        were held, a function is asked at the beginning of each step.
     parameters : sequence of str
         See `Parameters`: "q1.m", "q2.Ixx", "q1.stiffness", …
     torque_slopes : callable, optional
@@ -108,7 +106,9 @@ def gradient(
     Raises
     ------
     OptionError
-        Where steps taken again do not end at the recorded states: another torque, stepper or mode.
+        Where steps taken again do not end at the recorded states: another torque or mode; for runs of other
+        steppers, with other outputs than their steps, or with driven joints, and where a torque function is
+        needed that a file does not hold.
     SimulationError
         Where a state on the way has no certified derivatives; where the independent joints turn back at the
         start, so that the run took others.
@@ -118,6 +118,7 @@ def gradient(
     if not isinstance(cost, Cost):
         raise OptionError(f"gradient: cost = {shown(cost)} is no Cost; give rg.Cost(terminal, running)")
     check_callable("torque_slopes", torque_slopes, "(t, q, v)")
+    require_steps(trajectory, mode)
     return _Sweep(trajectory, cost, torque, parameters, torque_slopes, mode).gradient()
 
 
@@ -137,12 +138,11 @@ class _Sweep:
         self._mechanism, self._torque_slopes = trajectory.mechanism, torque_slopes
         self._first = 0
         self._parameters = Parameters(self._mechanism, parameters)
-        applied = torque
-        if callable(torque) or isinstance(torque, Mapping):
-            applied = one_torque(self._mechanism, torque)
-        self._function = torque_function(self._mechanism, applied) if callable(applied) else None
         steps = len(trajectory.t) - 1
-        self._table = None if callable(applied) else checked_torques(self._mechanism, applied, steps)
+        applied = applied_again(self._mechanism, trajectory.acted, torque, steps)
+        self._function, self._table = torque_function(self._mechanism, applied.function), applied.table
+        if self._function is not None and self._table is not None:
+            require_answers(trajectory, self._function, self._table)
         self._begun_with_end, self._value = False, 0.0
         self._adjoint: Array = np.zeros(2 * self._mechanism.m)
         self._by_torque: Array = np.zeros((steps, self._mechanism.nv))
@@ -151,8 +151,8 @@ class _Sweep:
     def gradient(self) -> Gradient:
         """The sweep, stretch by stretch from the end."""
         run, end, m = self._run, len(self._run.t) - 1, self._mechanism.m
-        by_kernel = self._table is not None and not self._parameters.names
-        for first, mechanism in reversed(_coordinates(run)):
+        by_kernel = self._function is None and not self._parameters.names
+        for first, mechanism in reversed(coordinates_of(run)):
             if self._begun_with_end:
                 self._change_to(mechanism, end)
             self._mechanism, self._first = mechanism, first
@@ -224,9 +224,14 @@ class _Sweep:
             self._value += 0.5 * h * (after[0] + before[0])
             adjoint = self._adjoint + 0.5 * h * _reduced(after[1], last.G, last.dv_dy)
             A, B, P = step.step.jacobians_by(step.by_parameters)
-            self._by_torque[i] = B.T @ adjoint + 0.5 * h * (after[1][2] + before[1][2])
+            by_torque = B.T @ adjoint + 0.5 * h * (after[1][2] + before[1][2])
             self._by_parameters += P.T @ adjoint
             self._adjoint = A.T @ adjoint + 0.5 * h * _reduced(before[1], now.G, now.dv_dy)
+            if self._function is not None and self._table is not None:  # asked at the state before the step
+                by_q, by_v = self._slopes_of(float(self._run.t[i]), self._run.q[i], self._run.v[i])
+                answer = by_torque @ by_q, by_torque @ by_v, by_torque
+                self._adjoint = self._adjoint + _reduced(answer, now.G, now.dv_dy)
+            self._by_torque[i] = by_torque
             last = now
         return begin
 
@@ -255,8 +260,10 @@ class _Sweep:
         torque: Any = held if self._table is not None else self._function
         begin, motion = self._begun(max(self._first, end - STRETCH), torque)
         known = circles_of(self._mechanism)
-        slopes = PointDerivatives(motion, self._function, self._torque_slopes, known)
-        self._slopes_of = slopes.torque_slopes
+        slopes = given = PointDerivatives(motion, self._function, self._torque_slopes, known)
+        if self._table is not None:  # constant within the steps
+            slopes = PointDerivatives(motion, None, None, known)
+        self._slopes_of = given.torque_slopes
         equations, x, taken = motion.equations, motion.x[: 2 * m], []
         now = equations.evaluate(float(run.t[begin]), motion.x)
         for i in range(begin, end):
@@ -268,7 +275,7 @@ class _Sweep:
             taken.append(_Taken(i, step, by_more))
             x = np.concatenate([step.end.y, step.end.ydot])
             now, x = in_new_chart(motion.explicit, equations.at_point(t + h, step.end), x)
-            self._require_same(i + 1, now)
+            require_same(run, self._mechanism, i + 1, now)
         return begin, taken, slopes.at(float(run.t[end]), now)
 
     def _begun(self, begin: int, torque: Any) -> tuple[int, Problem]:
@@ -284,27 +291,6 @@ class _Sweep:
                 if begin == first:
                     raise
             begin = max(first, begin - 5)
-
-    def _require_same(self, i: int, now: Evaluation) -> None:
-        """Refuse a step that does not end where it did."""
-        run, mechanism = self._run, self._mechanism
-        off = np.abs(mechanism.tree.difference(run.q[i], now.point.q)) / mechanism.units
-        fast = np.abs(now.v - run.v[i]) / mechanism.units / (1.0 + np.abs(run.v[i]).max(initial=0.0))
-        if not max(off.max(initial=0.0), fast.max(initial=0.0)) < SAME:
-            raise OptionError(
-                f"gradient: taken again, the step of RK4 to t = {run.t[i]:.6g} s ends {off.max():.1e} rad or "
-                f"lengths and {fast.max():.1e} in v from the trajectory; give the torque of the run, and a "
-                'run of stepper="rk4" with an output at each step'
-            )
-
-
-def _coordinates(run: Trajectory) -> list[tuple[int, Mechanism]]:
-    """From which output on a run has which independent joints."""
-    found = [(0, run.mechanism)]
-    for t, names in run.stats.repartitions:
-        at = int(np.argmin(np.abs(run.t - t)))
-        found = [part for part in found if part[0] < at] + [(at, run.mechanism.with_independent(names))]
-    return found
 
 
 def _reduced(slopes: Slopes, G: Array, dv_dy: Array) -> Array:

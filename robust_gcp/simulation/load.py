@@ -29,7 +29,7 @@ def load_trajectory(path: str | Path, mechanism: Mechanism | None = None) -> Tra
     OptionError
         For another kind of file, a damaged one, or a mechanism that is not the one that moved.
     """
-    mechanism, arrays, crossings, stats, ended_by = read_archive(path, mechanism)
+    mechanism, arrays, crossings, stats, ended_by, acted = read_archive(path, mechanism)
     with reading(Path(path)):
         changes = [(float(t), tuple(map(str, names))) for t, names in stats.pop("repartitions")]
         refined = [(float(t0), float(t1)) for t0, t1 in stats.pop("refined", [])]  # files of 0.1.0 lack it
@@ -42,5 +42,5 @@ def load_trajectory(path: str | Path, mechanism: Mechanism | None = None) -> Tra
             found.t_events.append(arrays[f"t_event_{k}"])
             found.q_events.append(arrays[f"q_event_{k}"])
             found.v_events.append(arrays[f"v_event_{k}"])
-        found.ended_by = None if ended_by is None else int(ended_by)
+        found.ended_by, found.acted = None if ended_by is None else int(ended_by), acted
     return found

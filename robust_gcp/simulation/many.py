@@ -29,6 +29,7 @@ from ..native.library import Library
 from ..native.steps import chosen_library
 from ..native.structures import Reason
 from ..native.workspace import Workspace
+from .acted import Acted
 from .coarse import Coarse
 from .schedule import planned
 from .simulate import checked_record, simulate
@@ -131,7 +132,8 @@ def simulate_many(
     (['1.075', '1.170'], {})
     """
     check_mechanism(mechanism, Mechanism, "simulate_many")
-    given = [_checked(i, s) for i, s in enumerate(listed(starts, "starts", "(q0, v0) pairs", OptionError))]
+    pairs = listed(starts, "starts", "(q0, v0) pairs", OptionError, ())
+    given = [_checked(i, pair) for i, pair in enumerate(pairs)]
     count: Any = os.cpu_count() if threads is None else threads
     if isinstance(count, bool) or not isinstance(count, int) or count < 1:
         raise OptionError(f"threads = {shown(threads)} must be a number of threads, 1 or more")
@@ -220,7 +222,7 @@ class _Plain(threading.local):
         self._wanted = (*record, "work") if works else tuple(record)
         self._redundant = mechanism.nc > path.nd
         self._options = USUAL
-        self._coarse = Coarse(mechanism, step)
+        self._coarse, self._acted = Coarse(mechanism, step), Acted(torque)
 
     def run(self, q0: ArrayLike | None, v0: ArrayLike | None) -> Trajectory | None:
         """The motion from a start, or None where `simulate` has to look at it."""
@@ -260,6 +262,7 @@ class _Plain(threading.local):
             outputs.energy,
             work=outputs.work,
             stats=stats,
+            acted=self._acted,
         )
         self._coarse.judge(run)
         return run

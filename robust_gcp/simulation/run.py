@@ -19,6 +19,7 @@ from ..maps.start import Start
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..warning import warn
+from .acted import Acted
 from .charts import map_of_rest, q_of_rest
 from .coordinates import Coordinates
 from .events import Event, Events, Zero
@@ -64,6 +65,8 @@ class Run:
         As in `Stats`.
     fixed : bool
         Whether its steps have one length.
+    acted : Acted or None
+        What its trajectory is to remember.
     """
 
     stepper = "rk4"
@@ -95,6 +98,7 @@ class Run:
         if motion.mechanism is not self._named:
             self._repartitions.append((float(times[0]), motion.mechanism.independent))
         self._stretches: Stretches = []  # taken with error control
+        self.acted: Acted | None = None
         self._told = False
         self._coordinates = self._looked_after()
         self._calls = 0
@@ -251,4 +255,6 @@ class Run:
             stepper=self.stepper,
             step=float(self.times[1] - self.times[0]) if self.fixed else None,
         )
-        return self._record.trajectory(stats, self._events)
+        found = self._record.trajectory(stats, self._events)
+        found.acted = self.acted
+        return found

@@ -26,6 +26,7 @@ from ..maps.projection import PROJECTION_THRESHOLD
 from ..mechanism.mechanism import Mechanism
 from ..native.steps import BACKENDS, NativeSteps, chosen_library
 from ..printing import progress_bar
+from .acted import Acted
 from .adaptive import AdaptiveRun
 from .coarse import Coarse
 from .events import EventFunction, checked_events
@@ -200,6 +201,7 @@ def simulate(
     choice = MapChoice(method, options, newton_start, threshold, error_controlled=not fixed)
     counters = Counters()
     begun = time.perf_counter()
+    acted = Acted(applied, tuple(wrenches), drive=() if drives is None else drives.names)
     held = HeldTorque.of(mechanism, applied) if hold else None
     stability = None
     if tableau == "rk4" and drives is None:
@@ -226,6 +228,7 @@ def simulate(
             run = AdaptiveRun(str(stepper), rtol, atol, native, *parts)
         else:
             run = FixedRun(take, native, *parts) if held is None else HeldRun(held, take, native, *parts)
+        run.acted = acted
         try:
             with np.errstate(over="ignore", invalid="ignore"):  # what is not finite ends in an error of ours
                 run.go()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from bisect import bisect_right
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from .trajectory import Trajectory
 
 FIXED = (
     "_choice", "_torque", "_held", "_take", "_native", "_progress", "_counters", "_on_toggle", "_named",
-    "_lean",
+    "_lean", "acted",
 )  # fmt: skip
 """What of a run no step changes, or what counts on."""
 
@@ -59,7 +60,12 @@ class SteppedRun(FixedRun):
     def trajectory(self, begun: float) -> Trajectory:
         """What was recorded so far."""
         self.settle()
-        return super().trajectory(begun)
+        found = super().trajectory(begun)
+        if found.acted is not None and not self._record.keeps.all:
+            found.acted = replace(found.acted, lost=True)  # the torques of steps that were let go
+        elif found.acted is not None:
+            found.acted = replace(found.acted, held=self._held_from(found.t[:-1]))
+        return found
 
     def take(self, torque: Array, n: int) -> None:
         """n steps under a torque (nv,) that is held, from the last output on.
@@ -102,6 +108,8 @@ class SteppedRun(FixedRun):
         self._take_over(i, batch)
         self._last = batch.now
         self._record.last_state = self._x
+        if batch.failure is not None:
+            raise batch.failure
 
     def _prepared(self) -> Prepared | None:
         """Steps of the kernel's alone from the last output on; None where more is to be looked at."""
@@ -161,6 +169,12 @@ class SteppedRun(FixedRun):
             self._motion.equations.calls += 1
             self._counters.force_evaluations += 1
         self._record.add(i, self._last, self._x)
+
+    def _held_from(self, t: Array) -> Array:
+        """What was held from each of these times on, (len(t), nv)."""
+        steps = np.searchsorted(self.times, t, side="right") - 1
+        held = np.array(self._torques)
+        return held[np.searchsorted(self._changes, steps, side="right") - 1]
 
     def _torque_from(self, i: int) -> Array:
         """What is held from time i on."""

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from ..checks import shown
-from ..dynamics.differences import differences
 from ..errors import OptionError, SimulationError
+from ..mechanism.differences import differences
 from ..mechanism.tree import Array
 from .tableau import Tableau
 

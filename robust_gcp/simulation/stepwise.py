@@ -21,6 +21,7 @@ from ..maps.point import Counters
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..native.steps import BACKENDS, NativeSteps, chosen_library
+from .acted import Acted
 from .coarse import Coarse
 from .files import ARRAYS
 from .keep import Keep
@@ -160,6 +161,7 @@ class Simulation:
             named=mechanism,
             keep=self._keep,
         )
+        run.acted = Acted(drive=() if drives is None else drives.names)
         self.mechanism, self._begun, self._run = mechanism, begun, run
         self._coarse = Coarse(mechanism, self._step) if choice.method == "bridge" else None
         try:
@@ -215,6 +217,12 @@ class Simulation:
                 held[place] = value
             else:
                 return held
+        given = tau.values() if isinstance(tau, Mapping) else (tau,)
+        if any(map(callable, given)):
+            raise OptionError(
+                f"tau = {shown(tau)}: a step holds numbers; call the function and give what it returns, "
+                "f(sim.t, sim.q, sim.v)"
+            )
         return self.mechanism.velocity(tau, "tau")
 
     def _clock(self, first: int, count: int) -> Array:

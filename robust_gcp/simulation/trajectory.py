@@ -17,6 +17,7 @@ from ..maps.explicit import Crossing
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .access import FrameMotion, Named, Sample, force_columns, frame_motion, state_columns
+from .acted import Acted
 from .dense import Interpolant, sampled_accelerations, times_within
 from .files import ARRAYS as ARRAYS
 from .files import data_frame, write_archive, write_csv
@@ -61,6 +62,8 @@ class Trajectory(Named):
         Number of the terminal event that ended the run, whose time is the last in t.
     tau : ndarray (N + 1, nv) or None
         All that acts besides gravity, N m and N, when recorded: torques, wrenches, springs, dampers, drives.
+    acted : Acted or None
+        What it was simulated with: torques, wrenches, what was held over the steps, driven joints.
     """
 
     mechanism: Mechanism
@@ -79,6 +82,7 @@ class Trajectory(Named):
     v_events: list[Array] = field(default_factory=list)
     ended_by: int | None = None
     tau: Array | None = None
+    acted: Acted | None = None
 
     @property
     def y(self) -> Array:
@@ -150,7 +154,8 @@ class Trajectory(Named):
             runs = {"this run": self, **overlay}
         else:
             given = () if overlay is None else overlay
-            more = [given] if isinstance(given, Trajectory) else listed(given, "overlay", "runs", OptionError)
+            given = [given] if isinstance(given, Trajectory) else given
+            more = listed(given, "overlay", "runs", OptionError, ())
             runs = {f"run {i}": run for i, run in enumerate((self, *more), start=1)}
         if not all(isinstance(run, Trajectory) for run in runs.values()):
             raise OptionError(f"overlay = {shown(overlay)} must hold what simulate returns")
@@ -270,15 +275,16 @@ class Trajectory(Named):
     def save(self, path: str | Path) -> Path:
         """Write everything to a .npz file, which `load_trajectory` reads back; returns the path.
 
-        Stored: t, q, v and whatever else was recorded, crossings, events, stats, and the mechanism (tree,
-        closures, forces, coordinates). Not stored: the torque function, options of the run, and shapes
-        for replay.
+        Stored: t, q, v and whatever else was recorded, crossings, events, stats, torques that were numbers,
+        and the mechanism (tree, closures, forces, coordinates). Not stored: torque functions, but that some
+        acted, classes of your own forces, options of the run, and shapes for replay.
         """
         arrays = {name: getattr(self, name) for name in ARRAYS}
         for what in "tqv":
             found = getattr(self, f"{what}_events")
             arrays |= {f"{what}_event_{k}": values for k, values in enumerate(found)}
-        return write_archive(path, self.mechanism, arrays, self.crossings, asdict(self.stats), self.ended_by)
+        stats = asdict(self.stats)
+        return write_archive(path, self.mechanism, arrays, self.crossings, stats, self.ended_by, self.acted)
 
     def __repr__(self) -> str:
         """A summary in a few lines."""

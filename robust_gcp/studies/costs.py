@@ -27,8 +27,8 @@ from ..errors import OptionError
 from ..examples.linkages import n_four_bar
 from ..maps.choice import Method
 from ..maps.cluster.jet import null_pairing
+from ..mechanism.applied_forces import AppliedForces
 from ..mechanism.folders.loader import load
-from ..mechanism.forces import AppliedForces
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Tree
 from ..native import backends

@@ -41,7 +41,7 @@ def grid(**axes: Iterable[Any]) -> list[dict[str, Any]]:
     """
     values: list[list[Any]] = []
     for name, axis in axes.items():
-        values.append(listed(axis, f"grid: {name} = {shown(axis)}", "values", OptionError))
+        values.append(listed(axis, f"grid: {name} = {shown(axis)}", "values", OptionError, object))
     return [dict(zip(axes, combination, strict=True)) for combination in itertools.product(*values)]
 
 
@@ -143,7 +143,8 @@ def sweep_as_completed(
 def _merged(runs: Iterable[Mapping[str, Any]], shared: Mapping[str, Any]) -> list[dict[str, Any]]:
     merged = []
     run: Any
-    for i, run in enumerate(listed(runs, "runs", "dicts, one a run (see robust_gcp.grid)", OptionError)):
+    items = "dicts, one a run (see robust_gcp.grid)"
+    for i, run in enumerate(listed(runs, "runs", items, OptionError, Mapping)):
         if not isinstance(run, Mapping) or not all(isinstance(name, str) for name in run):
             raise OptionError(f"runs[{i}] = {shown(run)} must be a dict of parameters by name")
         merged.append({**shared, **run})

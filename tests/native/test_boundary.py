@@ -173,7 +173,7 @@ def constants(header: str) -> dict[str, float]:
         ("loops.h", ["maps.regular_path", "maps.march"]),
         ("jet.h", ["maps.cluster.jet"]),
         ("newton.h", ["maps.cluster.jet"]),
-        ("solver.h", ["maps.explicit", "dynamics.differences"]),
+        ("solver.h", ["maps.explicit", "mechanism.differences"]),
         ("singular.h", ["maps.cluster.obstacles", "maps.cluster.place"]),
         ("curve.h", ["maps.cluster.curve"]),
         ("curve_builder.h", ["maps.cluster.curve_builder"]),

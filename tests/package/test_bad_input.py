@@ -493,6 +493,8 @@ def test_a_mode_that_is_none_of_a_regular_start_is_refused() -> None:
 # --------------------------------------------------------------------------- options
 
 
+PULL, SPRING = rg.Wrench("q1", np.zeros(6)), rg.JointSpring("q1", 1.0)
+
 OPTIONS: dict[str, Case] = {
     "step negative": (lambda: run(step=-1e-3), rg.OptionError, ("step = -0.001", "positive")),
     "step zero": (lambda: run(step=0), rg.OptionError, ("step = 0", "positive")),
@@ -607,6 +609,48 @@ OPTIONS: dict[str, Case] = {
         rg.NonFiniteError,
         ("torque(t, q, v)", "nan", "t = 0 s"),
     ),
+    "torque a wrench": (lambda: run(torque=[PULL]), rg.OptionError, ("torque", "wrench", "wrenches=[...]")),
+    "torque a table": (
+        lambda: run(torque=np.zeros((10, 3))),
+        rg.StateError,
+        ("(10, 3)", "(nv,) = (3,)", "a function (t, q, v)", "{joint: number or function}"),
+    ),
+    "torque by joint, in words": (
+        lambda: run(torque={"q1": "x"}),
+        rg.StateError,
+        ("torque['q1'] = 'x'", "number"),
+    ),
+    "torque function for a step": (
+        lambda: rg.Simulation(RHOMBUS, Q).step(lambda t, q, v: np.zeros(3)),  # type: ignore[arg-type]
+        rg.OptionError,
+        ("tau", "a step holds numbers", "f(sim.t, sim.q, sim.v)"),
+    ),
+    "torque function of a joint for a step": (
+        lambda: rg.Simulation(RHOMBUS, Q).step({"q1": lambda t, q, v: 0.0}),
+        rg.OptionError,
+        ("tau", "a step holds numbers"),
+    ),
+    "frame of a wrench": (
+        lambda: run(wrenches=[rg.Wrench(5, np.zeros(6))]),  # type: ignore[arg-type]
+        rg.ModelError,
+        ("Wrench: frame must be a name, not 5",),
+    ),
+    "events a number": (
+        lambda: run(events=5),
+        rg.OptionError,
+        ("events must be a list of rg.Event or functions (t, q, v), or a single one, not 5",),
+    ),
+    "events of numbers": (
+        lambda: run(events=[5]),
+        rg.OptionError,
+        ("events[0] = 5 must be an rg.Event or a function (t, q, v)",),
+    ),
+    "events a class": (lambda: run(events=rg.Event), rg.OptionError, ("events[0]", "an rg.Event")),
+    "mode of a gradient": (
+        lambda: rg.gradient(run(), rg.Cost(lambda q, v: q[0]), mode=5),  # type: ignore[arg-type]
+        rg.OptionError,
+        ("mode must have shape (nv,) = (3,)",),
+    ),
     "four-bar that cannot close": (
         lambda: linkages.four_bar(10.0, 1.0, 1.0, 1.0),
         rg.OptionError,
@@ -614,6 +658,33 @@ OPTIONS: dict[str, Case] = {
     ),
     "no loops in a row": (lambda: linkages.n_four_bar(0), rg.OptionError, ("n = 0", "at least 1")),
 }
+
+
+@pytest.mark.parametrize("right", [True, False])
+@pytest.mark.parametrize(
+    ("call", "item"),
+    [
+        (lambda x: run(wrenches=x), PULL),
+        (lambda x: run(record=x), {"a": 1}),
+        (lambda x: rg.Mechanism.from_pinocchio(RHOMBUS.model, RHOMBUS.closures, ["q1"], forces=x), SPRING),
+        (lambda x: rg.Mechanism.from_pinocchio(RHOMBUS.model, x, ["q1"]), RHOMBUS.closures[0]),
+        (RHOMBUS.with_independent, "q1"),
+        (lambda x: RHOMBUS.assemble(Q, hold=x), "q1"),
+        (lambda x: rg.gradient(run(), rg.Cost(lambda q, v: q[0]), parameters=x), "q1.m"),
+        (lambda x: rg.BridgeOptions(nodes=x), 1.5),
+        (lambda x: rg.sweep(rg.load, x), {"name": "rhombus"}),
+        (lambda x: rg.simulate_many(RHOMBUS, x, 0.01), None),
+        (lambda x: run().plot(overlay=x), None),
+    ],
+)
+def test_a_list_of_one_is_advised_where_that_one_would_do(call: Any, item: Any, right: bool) -> None:
+    """A wrong thing in a list is still wrong."""
+    given = item if right else object()
+    advised = right and item is not None and item != {"a": 1}
+    with pytest.raises(rg.RobustGcpError, match="must be a list of") as caught:
+        call(5j if given is None else given)
+    assert (f"; write [{given!r}]" in str(caught.value)) == advised
+    assert ("write" in str(caught.value)) == advised
 
 
 @cases(OPTIONS)

@@ -53,7 +53,7 @@ def test_python_examples_print_what_is_shown(page: Path) -> None:
     for code, shown in examples(page):
         printed = io.StringIO()
         with contextlib.redirect_stdout(printed):
-            exec(compile(code, str(page), "exec"), {"__name__": "example"})
+            exec(compile(code, str(page), "exec", dont_inherit=True), {"__name__": "example"})
         assert printed.getvalue() == shown
 
 

@@ -28,9 +28,12 @@ RUN = rg.simulate(RHOMBUS, duration=0.05, step=5e-3, record=("a", "energy", "mul
 HOLDERS = (
     *("RunRecord", "Failure", "Stats", "Crossing", "Backend", "LocalAnalysis", "Linearisation", "ModeCurve"),
     *("ConfigurationSpace", "Trajectory", "ReplayPage", "FrameMotion", "Reaction", "Sample", "Recommended"),
-    *("Derivatives", "Gradient", "Regressor"),
+    *("Acted", "Derivatives", "Gradient", "Regressor"),
 )
 """They hold what they are given, and are made by this package alone."""
+
+ABSTRACT = ("Force",)
+"""Nobody makes one: Python itself says what a class derived from it lacks."""
 
 INNER = (
     *("scaled", "select_rows", "close_loops", "polish", "require_closed", "require_proper"),
@@ -121,7 +124,7 @@ def offered() -> dict[str, list[Callable[..., Any]]]:
     for name in rg.__all__:
         value = getattr(rg, name)
         error = isinstance(value, type) and issubclass(value, BaseException)
-        if callable(value) and not error and name not in (*HOLDERS, "live"):
+        if callable(value) and not error and name not in (*HOLDERS, *ABSTRACT, "live"):
             found[name] = [value]
     objects = [
         *MECHANISMS,

@@ -304,7 +304,7 @@ def test_events_are_saved(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("events", "words"),
     [
-        (3.0, "list of functions"),
+        (3.0, "list of rg.Event or functions"),
         ([3.0], r"events\[0\]"),
         ([lambda t, q, v: "up"], "one real number"),
         ([lambda t, q, v: q], "one real number"),

@@ -108,7 +108,7 @@ def test_a_given_mechanism_is_checked(swing: rg.Trajectory, tmp_path: Path) -> N
     with pytest.raises(rg.OptionError, match=r"\(nq, nv\) = \(3, 3\)"):
         rg.load_trajectory(path, rg.load("andrews"))
     sprung = rg.Mechanism(own.model, own.closures, ["q1"], own.home, "sprung", [rg.JointTorque("q1", 1.0)])
-    with pytest.raises(rg.OptionError, match="gravity, springs or dampers are at the start not those"):
+    with pytest.raises(rg.OptionError, match="gravity or forces are at the start not those"):
         rg.load_trajectory(path, sprung)
 
 

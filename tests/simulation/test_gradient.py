@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -254,18 +257,140 @@ def test_memory_is_that_of_one_stretch(monkeypatch: pytest.MonkeyPatch) -> None:
     np.testing.assert_allclose(other.dtau, whole.dtau, rtol=1e-9, atol=1e-12 * np.abs(whole.dtau).max())
 
 
+# --------------------------------------------------------------------------- what the trajectory remembers
+
+
+ANGLE = rg.Cost(lambda q, v: float(q[0]), lambda t, q, v, tau: float(1e-3 * tau[0] ** 2 + t * v[2]))
+
+
+@cache
+def at_rest() -> tuple[rg.Mechanism, Array, Callable[[float, Array, Array], Array]]:
+    """A four-bar that hangs still, and a controller about that place, which is silent there."""
+    mech = rg.load("crank_rocker")
+    damped = rg.Mechanism.from_pinocchio(
+        mech.model, mech.closures, ["q1"], mech.home, forces=[rg.JointDamper("q1", 20.0)]
+    )
+    still = mech.assemble(rg.simulate(damped, duration=60.0, step=1e-2).q[-1], hold=["q1"])
+    return mech, still, lambda t, q, v: np.array([400.0 * (still[0] - q[0]) - 40.0 * v[0], 0.0, 0.0])
+
+
+def cost_of(run: rg.Trajectory, table: Array | None, f: Callable[[float, Array, Array], Array]) -> float:
+    """`ANGLE` along a run, by what was held or else by the function."""
+    total = ANGLE.terminal(run.q[-1], run.v[-1])  # type: ignore[misc]
+    for i in range(len(run.t) - 1):
+        for k in (i, i + 1):
+            state = float(run.t[k]), run.q[k], run.v[k]
+            tau = f(*state) if table is None else table[i]
+            total += 0.5 * (run.t[i + 1] - run.t[i]) * ANGLE.running(*state, tau)  # type: ignore[misc]
+    return float(total)
+
+
+@pytest.mark.parametrize("hold", [False, True])
+@pytest.mark.parametrize("moving", [False, True])
+def test_the_feedback_of_a_run_is_remembered(hold: bool, moving: bool, tmp_path: Path) -> None:
+    """At rest too, where the controller says nothing, and over steps where it was held."""
+    mech, still, pd = at_rest()
+    speed = [1.0] if moving else [0.0]
+
+    def run(s: float = 0.0) -> rg.Trajectory:
+        q = moved(mech, still, np.array([s]))
+        return rg.simulate(mech, q, mech.lift(q, speed), 0.016, 2e-3, torque=pd, hold=hold)
+
+    def value(s: float) -> float:
+        motion = run(s)
+        assert motion.acted is not None
+        return cost_of(motion, motion.acted.held, pd)
+
+    first, exact = run(), slope(value, 1e-2)
+    for torque in (None, pd):
+        found = rg.gradient(first, ANGLE, torque)
+        assert found.value == pytest.approx(value(0.0), rel=1e-12)
+        assert found.dy[0] == pytest.approx(exact, rel=1e-8)
+    first.save(tmp_path / "run.npz")
+    for again in (rg.load_trajectory(tmp_path / "run.npz"), pickle.loads(pickle.dumps(first))):
+        with pytest.raises(rg.OptionError, match=r"torque function or wrenches acted.*give all that acted"):
+            rg.gradient(again, ANGLE)
+        assert rg.gradient(again, ANGLE, pd).dy[0] == pytest.approx(exact, rel=1e-8)
+
+
+def test_what_a_simulation_held_is_remembered(tmp_path: Path) -> None:
+    """In its files too; a controller that gave it is followed where it is told of."""
+    case = Case(rg.load("crank_rocker"), [2.0], 6, 5e-3)
+    run = case.run()
+    known = rg.gradient(run, COST, case.tau)
+    for again in (run, rg.load_trajectory(run.save(tmp_path / "run.npz"))):
+        np.testing.assert_array_equal(rg.gradient(again, COST).dtau, known.dtau)
+    with pytest.raises(rg.OptionError, match=r"t = 0 s torque\(t, q, v\) gives .* held.*without a memory"):
+        rg.gradient(run, COST, lambda t, q, v: np.zeros(3))
+    sim = rg.Simulation(case.mech, step=5e-3)
+
+    def pushed(t: float, q: Array, v: Array) -> Array:
+        return np.array([np.sin(3.0 * q[0]) - v[0], 0.0, 0.0])
+
+    for _ in range(6):
+        sim.step(pushed(sim.t, sim.q, sim.v))
+    held = rg.simulate(case.mech, case.mech.home, duration=0.03, step=5e-3, torque=pushed, hold=True)
+    np.testing.assert_array_equal(sim.trajectory.q, held.q)
+    followed = rg.gradient(sim.trajectory, COST, pushed)
+    assert followed.dy[0] == pytest.approx(rg.gradient(held, COST).dy[0], rel=1e-12)
+    assert followed.dy[0] != pytest.approx(rg.gradient(sim.trajectory, COST).dy[0], rel=1e-2)
+
+
+def test_wrenches_are_remembered() -> None:
+    """Those that stay and those that follow the motion, beside no torque, a constant and a function."""
+    mech = rg.load("crank_rocker")
+    pull = rg.Wrench("coupler_tip", lambda t, q, v: np.array([0.0, 4.0 * q[0], 2.0, 0.0, 0.0, 0.0]), "local")
+    torques: list[Any] = [None, [1.5, 0.0, 0.0], {"q1": lambda t, q, v: -v[0]}]
+    for torque in torques:
+
+        def run(s: float = 0.0, torque: Any = torque) -> rg.Trajectory:
+            q = moved(mech, mech.home, np.array([s]))
+            return rg.simulate(mech, q, mech.lift(q, [2.0]), 0.02, 2e-3, torque=torque, wrenches=[pull])
+
+        cost = rg.Cost(terminal)
+        exact = slope(lambda s, run=run: terminal(run(s).q[-1], run(s).v[-1]), 1e-2)
+        for given in (None, np.zeros(3) if torque is None else torque):
+            assert rg.gradient(run(), cost, given).dy[0] == pytest.approx(exact, rel=1e-8)
+        with pytest.raises(rg.OptionError, match=r"wrenches= acted.*which a table of torques leaves out"):
+            rg.gradient(run(), cost, np.zeros((10, 3)))
+
+
+def test_many_runs_remember_their_torque() -> None:
+    mech = rg.load("crank_rocker")
+    starts = [(None, mech.lift(mech.home, [w])) for w in (1.0, 2.0)]
+    for run in rg.simulate_many(mech, starts, 0.02, 2e-3, torque={"q1": 3.0}):
+        assert run is not None
+        known = rg.gradient(run, COST, np.array([3.0, 0.0, 0.0]))
+        np.testing.assert_array_equal(rg.gradient(run, COST).dtau, known.dtau)
+
+
 class TestRefused:
     CASE = Case(rg.load("crank_rocker"), [2.0], 5, 5e-3)
 
     def test_another_torque(self) -> None:
-        with pytest.raises(rg.OptionError, match=r"does not|taken again.*give the torque of the run"):
-            rg.gradient(self.CASE.run(), COST)
+        with pytest.raises(rg.OptionError, match=r"taken again.*leave torque= out.*give the torque"):
+            rg.gradient(self.CASE.run(), COST, np.zeros(3))
 
     def test_another_stepper(self) -> None:
         mech = rg.load("crank_rocker")
         run = rg.simulate(mech, v0=mech.lift(mech.home, [2.0]), duration=0.5, step=0.1, stepper="RK45")
-        with pytest.raises(rg.OptionError, match="stepper="):
+        with pytest.raises(rg.OptionError, match=r"made by stepper='RK45'.*make it with stepper=\"rk4\""):
             rg.gradient(run, COST)
+
+    def test_outputs_that_are_not_the_steps(self) -> None:
+        run = rg.simulate(rg.load("crank_rocker"), step=1e-3, outputs=[0.0, 0.01, 0.02])
+        with pytest.raises(rg.OptionError, match=r"outputs.* 0\.01 s apart, its steps 0\.001 s; make"):
+            rg.gradient(run, COST)
+
+    def test_driven_joints(self) -> None:
+        mech = rg.load("crank_rocker")
+        drive = {"q1": rg.Motion(lambda t: mech.home[0] + t)}
+        for run in (
+            rg.simulate(mech, duration=0.02, step=1e-3, drive=drive),
+            rg.Simulation(mech, step=1e-3, drive=drive).step(n=3).trajectory,
+        ):
+            with pytest.raises(rg.OptionError, match=r"q1 moved as prescribed.*differences of whole"):
+                rg.gradient(run, COST)
 
     def test_names_and_tables(self) -> None:
         run = self.CASE.run()

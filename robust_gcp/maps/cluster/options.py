@@ -48,7 +48,7 @@ class BridgeOptions:
     def __post_init__(self) -> None:
         """Refuse values that make no bridge (`OptionError`)."""
         check_between("BridgeOptions: zone", self.zone, 0.0, 0.5)
-        nodes = tuple(listed(self.nodes, "BridgeOptions: nodes", "distances", OptionError))
+        nodes = tuple(listed(self.nodes, "BridgeOptions: nodes", "distances", OptionError, (int, float)))
         for i, node in enumerate(nodes):
             check_positive(f"BridgeOptions: nodes[{i}]", node)
         if len(nodes) < 2 or nodes[0] < 1.0 or any(b <= a for a, b in pairwise(nodes)):

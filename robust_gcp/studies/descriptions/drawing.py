@@ -7,8 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
+from ...checks import shown
+from ...errors import ModelError
 from ...mechanism.closures import Closure, PointClosure, PrismaticClosure, RevoluteClosure
-from ...mechanism.forces import Force, JointDamper, JointTorque, PointSpring
+from ...mechanism.forces import Force, JointDamper, JointSpring, JointTorque, PointSpring
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from .graph import Edge, Graph, Link, X
@@ -132,6 +134,8 @@ class Drawing:
         unit = self._view.unit
         if isinstance(force, PointSpring):
             return replace(force, rest_length=force.rest_length * unit)
+        if not isinstance(force, JointSpring | JointDamper | JointTorque):
+            raise ModelError(f"descriptions: {shown(force)} cannot be drawn in another unit of length")
         slides = self._graph.edge(force.joint).kind is Link.SLIDE
         rotary = 1.0 if slides else unit**2
         if isinstance(force, JointTorque):

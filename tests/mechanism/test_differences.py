@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robust_gcp.dynamics.differences import CENTRAL, FORWARD, differences
+from robust_gcp.mechanism.differences import CENTRAL, FORWARD, differences
 
 
 @pytest.mark.parametrize("central", (False, True))

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..mechanism.tree import Array
+from .tree import Array, Tree
 
 EPS = float(np.finfo(float).eps)
 FORWARD, CENTRAL = EPS**0.5, EPS ** (1.0 / 3.0)
@@ -44,3 +44,18 @@ def differences(
         low = f(behind) if base is None or central else base
         columns.append((f(ahead) - low) / (ahead[i] - behind[i]))
     return np.array(columns).T
+
+
+def torque_differences(
+    tree: Tree, units: Array, torque: Callable[[Array, Array], Array], q: Array, v: Array
+) -> tuple[Array, Array]:
+    """∂τ/∂q, along the velocities' components, and ∂τ/∂v of τ(q, v) by central differences, (nv, nv) each.
+
+    Parameters
+    ----------
+    units : ndarray (nv,)
+        1 for angles, a length for lengths: over which τ bends noticeably.
+    """
+    by_q = differences(lambda dq: torque(tree.integrate(q, dq), v), np.zeros_like(v), units, central=True)
+    by_v = differences(lambda w: torque(q, w), v, np.maximum(units, np.abs(v)), central=True)
+    return by_q, by_v

@@ -1,0 +1,135 @@
+"""What a run is taken again with, and whether it can be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..dynamics.equations import CheckedTorque, Evaluation
+from ..dynamics.loads import one_torque
+from ..errors import OptionError
+from ..maps.start_check import checked_mode
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+from .acted import Acted
+from .cost import checked_torques
+from .trajectory import Trajectory
+
+SAME = 1e-7
+"""How far a step that is taken again may end from the recorded state: rad or lengths, and relative for v."""
+
+ALIKE = 1e-6
+"""Relative difference of torques and of lengths of steps that rounding may make."""
+
+
+@dataclass(frozen=True)
+class Applied:
+    """The torques of a run that is taken again.
+
+    Attributes
+    ----------
+    function : callable (t, q, v) -> (nv,) or None
+        Of the state, within the steps or, where there is a table too, at the beginning of each.
+    table : ndarray (N, nv) or None
+        Held over the steps; there is one where there is no function.
+    """
+
+    function: Any
+    table: Array | None
+
+
+def applied_again(mechanism: Mechanism, acted: Acted | None, torque: Any, steps: int) -> Applied:
+    """The torques to take a run of so many steps again with: those given, else those remembered.
+
+    Raises
+    ------
+    OptionError
+        For a run that was driven, whose function is lost, or whose wrenches do not go with a table.
+    """
+    acted = Acted() if acted is None else acted
+    if acted.drive:
+        raise OptionError(
+            f"gradient: {', '.join(acted.drive)} moved as prescribed (drive=), and driven motions have no "
+            "gradient here; take differences of whole runs, or move the joints by torques"
+        )
+    if torque is None and acted.lost:
+        raise OptionError(
+            "gradient: a torque function or wrenches acted on this run, and its file or pickle holds none; "
+            "give all that acted as torque=, a function (t, q, v)"
+        )
+    is_table = torque is not None and np.ndim(torque) == 2
+    if is_table and acted.wrenches:
+        raise OptionError(
+            "gradient: wrenches= acted on this run, which a table of torques leaves out; leave torque= out, "
+            "as the trajectory remembers all, or give a function (t, q, v), to which they are added"
+        )
+    total = acted.torque
+    if torque is not None and not is_table:
+        total = one_torque(mechanism, torque, acted.wrenches)
+    if callable(total) and not is_table:
+        return Applied(total, None if acted.held is None else checked_torques(mechanism, acted.held, steps))
+    table: Any = torque if is_table else total
+    if torque is None and acted.held is not None:
+        table = acted.held
+    return Applied(None, checked_torques(mechanism, table, steps))
+
+
+def require_steps(run: Trajectory, mode: ArrayLike | None) -> None:
+    """Refuse a run that is not one of RK4 with an output at each step, and a mode that is none."""
+    if mode is not None:
+        checked_mode(run.mechanism, mode)
+    stats = run.stats
+    if stats.stepper != "rk4":
+        raise OptionError(
+            f"gradient: the run was made by stepper={stats.stepper!r}, and steps of RK4 alone are taken "
+            'again; make it with stepper="rk4" and a step'
+        )
+    longest = float(np.diff(run.t).max(initial=0.0))
+    if stats.step is not None and longest > stats.step * (1.0 + ALIKE):
+        raise OptionError(
+            f"gradient: outputs of the run are up to {longest:.6g} s apart, its steps {stats.step:.6g} s; "
+            f"make it with step={stats.step:.6g} and without outputs=, so that each step has one"
+        )
+
+
+def require_answers(run: Trajectory, function: CheckedTorque, table: Array) -> None:
+    """Refuse a function that does not give, at the beginning of each step, what was held over it."""
+    for t, q, v, held in zip(run.t, run.q, run.v, table, strict=False):
+        given = function(float(t), q, v)
+        if np.abs(given - held).max() > ALIKE * (1.0 + np.abs(held).max()):
+            raise OptionError(
+                f"gradient: at t = {t:.6g} s torque(t, q, v) gives {given}, and {held} was held over the "
+                "step; give a function of (t, q, v) alone, without a memory, or, for a gradient without "
+                "feedback, what was held: torque=trajectory.acted.held"
+            )
+
+
+def require_same(run: Trajectory, mechanism: Mechanism, i: int, now: Evaluation) -> None:
+    """Refuse a step that does not end where it did."""
+    off = np.abs(mechanism.tree.difference(run.q[i], now.point.q)) / mechanism.units
+    fast = np.abs(now.v - run.v[i]) / mechanism.units / (1.0 + np.abs(run.v[i]).max(initial=0.0))
+    if not max(off.max(initial=0.0), fast.max(initial=0.0)) < SAME:
+        raise OptionError(
+            f"gradient: taken again, the step of RK4 to t = {run.t[i]:.6g} s ends {off.max():.1e} rad or "
+            f"lengths and {fast.max():.1e} in v from the trajectory; {_remedy(run, i)}"
+        )
+
+
+def _remedy(run: Trajectory, i: int) -> str:
+    """What may be the matter with the step to output i."""
+    if any(begun < run.t[i] and end > run.t[i - 1] for begun, end in run.stats.refined):
+        return "there steps were taken with error control (stats.refined); take smaller steps"
+    known = "leave torque= out, as the trajectory remembers it, or " if run.acted is not None else ""
+    return f"{known}give the torque of the run, and its mode"
+
+
+def coordinates_of(run: Trajectory) -> list[tuple[int, Mechanism]]:
+    """From which output on a run has which independent joints."""
+    found = [(0, run.mechanism)]
+    for t, names in run.stats.repartitions:
+        at = int(np.argmin(np.abs(run.t - t)))
+        found = [part for part in found if part[0] < at] + [(at, run.mechanism.with_independent(names))]
+    return found
