@@ -49,7 +49,12 @@ STALLED, PATIENCE = 0.99, 8
 
 
 def assembled(
-    loops: ClosedLoops, guess: Array, free: Index, what: str, spreads: tuple[float, ...] = FEW_STARTS
+    loops: ClosedLoops,
+    guess: Array,
+    free: Index,
+    what: str,
+    spreads: tuple[float, ...] = FEW_STARTS,
+    besides: Residual | None = None,
 ) -> Array:
     """The configuration near a guess that closes all loops by moving the velocities `free` only.
 
@@ -64,6 +69,8 @@ def assembled(
         Whose loops they are, for errors.
     spreads : tuple of float
         Of the reproducible starts that are tried one after the other.
+    besides : callable, optional
+        What must vanish beside the loops' residual, with its Jacobian by v.
 
     Raises
     ------
@@ -71,15 +78,17 @@ def assembled(
         With each loop that stays open from the best start, and by how much.
     """
     if loops.nc == 0 or (loops.closure_residual(guess) <= CLOSED and _aligned(loops, guess)):
-        return guess
+        if besides is None or not np.any(besides(guess)[0]):
+            return guess
     separation = _Separation(loops)
+    residuals = [_both(r, besides) for r in (separation.points, separation.everything)]
     rng = np.random.default_rng(0)
     best, least = guess, np.inf
     for spread in spreads:
         step = np.zeros(loops.nv)
         step[free] = rng.normal(0.0, 1.0, len(free)) * spread * loops.units[free]
         q = loops.tree.integrate(guess, step)
-        for residual, steps in ((separation.points, POINT_STEPS), (separation.everything, STEPS)):
+        for residual, steps in zip(residuals, (POINT_STEPS, STEPS), strict=True):
             q, size = _descended(loops, q, free, residual, steps)
         if size < CLOSE:
             q = loops.polish(q, free)
@@ -91,6 +100,18 @@ def assembled(
     refusal = _refusal(loops, separation, best, what)
     refusal.nearest = best
     raise refusal
+
+
+def _both(first: Residual, second: Residual | None) -> Residual:
+    """The rows of two residuals."""
+    if second is None:
+        return first
+
+    def stacked(q: Array) -> tuple[Array, Array]:
+        (r, J), (more, by_v) = first(q), second(q)
+        return np.concatenate([r, more]), np.vstack([J, by_v])
+
+    return stacked
 
 
 def _descended(

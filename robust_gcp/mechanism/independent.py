@@ -27,27 +27,33 @@ SERVES = 1e-3
 BESIDE, AWAY = 6, 0.5
 """Configurations tried beside a singular one, and how far away they are, rad or characteristic lengths."""
 
+LEAST_AWAY = 1e-3
+"""How far they must be once closed: at an isolated point loops close to rounding 1e-6 away, and lead nowhere."""
+
 
 def best_at_home(loops: ClosedLoops, home: Array, name: str) -> tuple[Array, tuple[str, ...]]:
     """Home, assembled if need be, and the best conditioned independent joints there, which are logged.
 
+    At a singular home they are those of a regular configuration beside it.
+
     Raises
     ------
     PartitionError
-        Where home is singular, or no joints with one number each parametrise the motion.
+        Where no joints with one number each parametrise the motion, or home is an isolated point.
     """
     home = assembled(loops, home, np.arange(loops.nv), "independent = 'auto'")
     words = singular_words(loops, home)
-    if words:
+    place = regular_near(loops, home) if words else home
+    if words and place is home:
         raise PartitionError(
-            f"independent = 'auto' needs a regular home configuration, and home is singular ({words}); give "
-            "another home, or name the joints"
+            f"independent = 'auto': home is singular ({words}), and no regular configuration was found beside "
+            "it; give another home, or name the joints"
         )
-    choices = loops.coordinate_choices(home)
+    choices = loops.coordinate_choices(place)
     if not choices:
         single = [joint.name for joint in loops.joints if joint.single]
         freedom = loops.nv - numerical_rank(
-            np.linalg.svd(loops.scaled(loops.K(home)), compute_uv=False), RANK
+            np.linalg.svd(loops.scaled(loops.K(place)), compute_uv=False), RANK
         )
         if freedom == 0:
             raise PartitionError(
@@ -82,18 +88,18 @@ def free_velocities(loops: ClosedLoops) -> NDArray[np.int64]:
 
 
 def completed(
-    loops: ClosedLoops, home: Array, wanted: Sequence[str], name: str
+    loops: ClosedLoops, place: Array, wanted: Sequence[str], name: str
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The wanted joints as far as they can serve at home, and what completes them; both are logged.
+    """The wanted joints as far as they can serve at a place, and what completes them; both are logged.
 
-    With T an orthonormal basis of the motions at home, a joint serves while the rows of T that it adds keep
+    With T an orthonormal basis of the motions there, a joint serves while the rows of T that it adds keep
     σ_min above SERVES. What is lacking is chosen by pivoted QR of the rest of T, numbers of joints that have
     one each before components of others.
 
     Parameters
     ----------
     loops : ClosedLoops
-    home : ndarray (nq,)
+    place : ndarray (nq,)
         A closed, regular configuration.
     wanted : sequence of str
         Joints, or components of joints, in the order of preference.
@@ -103,7 +109,7 @@ def completed(
     tuple of str, tuple of str
         All independent joints and components; those of the wanted ones that cannot serve.
     """
-    T = motions(loops, home)
+    T = motions(loops, place)
     kept: list[str] = []
     lost: list[str] = []
     rows: list[int] = []
@@ -130,10 +136,10 @@ def completed(
     return tuple(names), tuple(lost)
 
 
-def regular_near(loops: ClosedLoops, home: Array, name: str) -> Array:
+def regular_near(loops: ClosedLoops, home: Array) -> Array:
     """Home, or where K loses rank there a closed configuration beside it where it does not.
 
-    A pose that nobody chose (neutral) may be singular, and a motion does not start there by itself.
+    Such a pose is singular, or an isolated point, beside which nothing is found.
     """
     if loops.nc == 0:
         return home
@@ -145,17 +151,17 @@ def regular_near(loops: ClosedLoops, home: Array, name: str) -> Array:
         way[free_velocities(loops)] = 0.0
         step = loops.units * way * (AWAY / max(float(np.abs(way).max(initial=0.0)), 1e-300))
         try:
-            q = assembled(loops, loops.tree.integrate(home, step), np.arange(loops.nv), name, (0.0,))
+            q = assembled(loops, loops.tree.integrate(home, step), np.arange(loops.nv), "home", (0.0,))
         except ClosureError:
             continue
+        if np.abs(loops.tree.difference(home, q) / loops.units).max() < LEAST_AWAY:
+            continue  # back where it was, but for what rounding leaves open
         K = loops.scaled(loops.K(q))
         s = np.linalg.svd(K, compute_uv=False)
         rank = numerical_rank(s, STRUCTURAL)
         m = loops.nv - rank
         if m < least or (m == least < here.shape[1] and s[rank - 1] > best):
             least, found, best = m, q, float(s[rank - 1])
-    if found is not home:
-        log.info("%s: home is moved beside a singular configuration", name)
     return found
 
 

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 
 from ..checks import check_model, check_text, listed, require_finite
 from ..errors import ModelError
-from .assembly import assembled
 from .coordinates import Coordinates
 from .couplings import AnyClosure
 from .forces import AppliedForces, Force, require_length
@@ -22,6 +21,7 @@ from .formats.pin_constraints import with_named_frames
 from .formats.urdf import read_urdf
 from .independent import best_at_home, require_determined
 from .named_numbers import Named
+from .ranges import assembled_near
 from .recommended import Recommended
 from .tree import Array
 
@@ -104,9 +104,9 @@ class Mechanism(Coordinates):
             Pairs of frame names that close the loops, pairs of joints that move together; also
             Pinocchio's constraint models, see `pin_constraints.with_named_frames`.
         independent : sequence of str or "auto", optional
-            Joints that serve as minimal coordinates, one number in q each; may be left out only
-            where there is no loop (then: all joints). "auto" takes the best conditioned set at home
-            (assembled first where its loops are open) and logs it.
+            Joints that serve as minimal coordinates, one number in q each. "auto" takes the best conditioned
+            set at home (assembled first where its loops are open, and beside it where it is singular) and
+            logs it. Left out: all joints where there is no loop, else "auto".
         home : array_like (nq,), optional
             Seed configuration; `pin.neutral` when left out.
         forces : sequence of JointSpring, JointDamper, PointSpring or JointTorque
@@ -123,12 +123,7 @@ class Mechanism(Coordinates):
         closures = listed(closures, "closures", "closures, such as PointClosure(frame1, frame2)")
         model, closures = with_named_frames(model, closures)
         if independent is None:
-            if closures:
-                raise ModelError(
-                    "independent: name the joints that serve as minimal coordinates, or 'auto'; "
-                    f"the model's joints are {', '.join(list(model.names)[1:])}"
-                )
-            independent = list(model.names)[1:]
+            independent = "auto" if closures else list(model.names)[1:]
         return cls(model, closures, independent, home=home, name=name, forces=forces)
 
     @classmethod
@@ -209,7 +204,9 @@ class Mechanism(Coordinates):
         return energies_of(self, self.configuration(q), self.velocity(v))
 
     def assemble(self, q_guess: ArrayLike | Named, hold: Sequence[str] | None = None) -> Array:
-        """Close the loops from a rough guess.
+        """Close the loops from a rough guess, by an assembly inside the joints' ranges where there are several.
+
+        A ModelWarning tells which joints leave their ranges.
 
         Parameters
         ----------
@@ -230,7 +227,7 @@ class Mechanism(Coordinates):
         """
         held = self.velocities_named(self.independent if hold is None else _joints(hold, "hold"))
         free = np.setdiff1d(np.arange(self.nv), held)
-        return assembled(self, self.configuration(q_guess, "q_guess"), free, "assemble")
+        return assembled_near(self, self.configuration(q_guess, "q_guess"), free, "assemble")
 
     def with_independent(self, independent: Sequence[str]) -> Mechanism:
         """The same mechanism in other minimal coordinates."""

@@ -21,6 +21,8 @@ from ..formats.urdf import read_urdf
 from ..independent import completed, regular_near
 from ..loops import ClosedLoops
 from ..mechanism import Mechanism
+from ..ranges import assembled_within, tell_outside
+from ..rank import singular_words
 from ..rounding import ROUNDED, without_rounded_rows
 from ..tolerances import NEARLY_CLOSED
 from ..tree import Array
@@ -164,8 +166,8 @@ def _mechanism(
             loops, home, rounded = _closed(loops, start, spreads)
             contents.closures = list(loops.closures)
             contents.left_out += named("rows of loops that others imply up to rounding", rounded)
-            if guess is None:
-                home = regular_near(loops, home, name)
+            if guess is None:  # a pose that nobody chose may be singular, where no motion starts by itself
+                home = regular_near(loops, home)
         if isinstance(motors, list):
             known = set(loops.joint_names)
             contents.actuated = tuple(m for m in motors if m in known)
@@ -180,6 +182,7 @@ def _mechanism(
     if given is not None:
         mechanism.require_closed(mechanism.home, NEARLY_CLOSED, f"{path}: home")
         mechanism.home = mechanism.polish(mechanism.home, mechanism.iv_dependent)
+    tell_outside(mechanism, mechanism.home, f"{path}: home")
     if own.get("recommended") is not None:
         mechanism.recommended = recommended_of(own, mechanism, path)
     return mechanism
@@ -191,7 +194,7 @@ def _closed(
     """The loops without rows that others imply up to rounding, a home that closes them, and what was left."""
     every = np.arange(loops.nv)
     try:
-        home = assembled(loops, start, every, "home", spreads)
+        home = assembled_within(loops, start, every, "home", spreads)
     except ClosureError as failure:
         if failure.nearest is None or loops.closure_residual(failure.nearest) > ROUNDED:
             raise
@@ -218,15 +221,18 @@ def _with_coordinates(
 ) -> Mechanism:
     """The mechanism in the coordinates that are asked for, or in the wanted ones, completed.
 
-    A home that the file gives may be singular, where any completion would be too long: the wanted ones are
-    tried as they are first.
+    At a singular home, on which motion the wanted ones serve is open: they are tried as they are first, and
+    completed for a configuration beside it.
     """
     if independent is not None:
         return Mechanism.from_contents(contents, independent, home, name)
-    if as_named and wanted:
+    place = home
+    if loops.closure_residual(home) <= NEARLY_CLOSED and singular_words(loops, home):
+        place = regular_near(loops, home)
+    if (as_named or place is not home) and wanted:
         with contextlib.suppress(PartitionError):
             return Mechanism.from_contents(contents, wanted, home, name)
-    chosen, _ = completed(loops, home, wanted, name)
+    chosen, _ = completed(loops, place, wanted, name)
     return Mechanism.from_contents(contents, chosen, home, name)
 
 

@@ -233,11 +233,20 @@ class _Reader:
             self._out.leave_out("armature of free joints", name)
         if number(joint, "frictionloss", where) != 0.0:
             self._out.leave_out("dry friction of joints", name)
-        limited = joint.get("limited", "auto")
-        if limited == "true" or (limited == "auto" and joint.get("range") and kind != "free"):
-            self._out.leave_out("limits of joints", name)
+        self._read_range(joint, name, kind, unit, where)
         self._read_forces(joint, name, kind, unit, where)
         ElementTree.SubElement(target, "joint", attributes)
+
+    def _read_range(self, joint: Element, name: str, kind: str, unit: float, where: str) -> None:
+        limited = joint.get("limited", "auto")
+        if limited == "auto" and flag(ElementTree.Element("compiler", self._compiler), "autolimits", True):
+            limited = "true" if joint.get("range") and kind != "free" else "false"
+        if limited != "true":
+            return
+        self._out.leave_out("limits of joints", name)
+        if kind in ("hinge", "slide"):
+            low, high = vector(joint, "range", 2, where, (0.0, 0.0)) * unit
+            self._out.ranges[name] = (float(low), float(high))
 
     def _read_forces(self, joint: Element, name: str, kind: str, unit: float, where: str) -> None:
         """Springs and dampers of a joint, unless the options switch them off."""
