@@ -41,6 +41,9 @@ MANY_STARTS = (0.0, *(0.3,) * 3, *(0.8,) * 4)
 CLOSE = 1e-8
 """Residual, dimensionless, from which Newton's method on φ takes over."""
 
+UNMOVED = 0.02
+"""A residual that the joints change by no more, rad or lengths, is one of axes that are not quite parallel."""
+
 MOST = 30
 """Open loops that a message lists."""
 
@@ -250,6 +253,16 @@ def _aligned(loops: ClosedLoops, q: Array) -> bool:
     return True
 
 
+def _moved_that_way(loops: ClosedLoops, q: Array) -> float:
+    """How much of what φ is at q the joints change, in any configuration; dimensionless."""
+    way = loops.phi(q) / loops.row_scale
+    way /= max(float(np.linalg.norm(way)), 1e-300)
+    places = [q, *loops.generic_configurations()]
+    return max(
+        float(np.abs(way @ (loops.K(p) / loops.row_scale[:, None] * loops.units)).max()) for p in places
+    )
+
+
 def _refusal(loops: ClosedLoops, separation: _Separation, q: Array, what: str) -> ClosureError:
     """Every loop that stays open, the worst first."""
     sizes = [(s / (loops.length if u == "m" else 1.0), name, s, u) for name, s, u in separation.sizes(q)]
@@ -257,10 +270,19 @@ def _refusal(loops: ClosedLoops, separation: _Separation, q: Array, what: str) -
     others = [f"{name} by {size:.3g} {unit}" for part, name, size, unit in sizes[1:] if part > CLOSED]
     listed = ", ".join(others[:MOST]) + (f" and {len(others) - MOST} more" if len(others) > MOST else "")
     _, worst, size, unit = sizes[0]
+    remedy = (
+        "no configuration near the guess closes it with the held joints: try another guess, hold fewer joints, "
+        "or check the link lengths"
+    )
+    moved = _moved_that_way(loops, q)
+    if moved < UNMOVED:
+        remedy = (
+            f"in no configuration do the joints move it that way by more than {moved:.1e} of their own motion, "
+            "as where the axes of a planar loop are parallel but for such an angle: make them parallel (to "
+            "2e-5, where such rows are left out), or close the loop with fewer rows"
+        )
     return ClosureError(
-        f"{what}: the loop {worst} is open by {size:.3g} {unit}{f' ({listed})' if others else ''}; no "
-        "configuration near the guess closes it with the held joints: try another guess, hold fewer joints, "
-        "or check the link lengths",
+        f"{what}: the loop {worst} is open by {size:.3g} {unit}{f' ({listed})' if others else ''}; {remedy}",
         sizes[0][2],
         sizes[0][1],
     )

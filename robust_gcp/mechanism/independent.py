@@ -154,12 +154,12 @@ def regular_near(loops: ClosedLoops, home: Array) -> Array:
             q = assembled(loops, loops.tree.integrate(home, step), np.arange(loops.nv), "home", (0.0,))
         except ClosureError:
             continue
-        if np.abs(loops.tree.difference(home, q) / loops.units).max() < LEAST_AWAY:
-            continue  # back where it was, but for what rounding leaves open
         K = loops.scaled(loops.K(q))
         s = np.linalg.svd(K, compute_uv=False)
         rank = numerical_rank(s, STRUCTURAL)
         m = loops.nv - rank
+        if m and np.abs(loops.tree.difference(home, q) / loops.units).max() < LEAST_AWAY:
+            continue  # back where it was, but for what rounding leaves open
         if m < least or (m == least < here.shape[1] and s[rank - 1] > best):
             least, found, best = m, q, float(s[rank - 1])
     return found

@@ -15,14 +15,16 @@ from ..errors import ModelError
 from .coordinates import Coordinates
 from .couplings import AnyClosure
 from .forces import AppliedForces, Force, require_length
-from .formats.contents import FileContents, tell_left_out
+from .formats.contents import FileContents, named, tell_left_out
 from .formats.mjcf import read_mjcf
 from .formats.pin_constraints import with_named_frames
 from .formats.urdf import read_urdf
 from .independent import best_at_home, require_determined
+from .loops import ClosedLoops
 from .named_numbers import Named
 from .ranges import assembled_near
 from .recommended import Recommended
+from .rounding import IMPLIED, without_unmoved_rows
 from .tree import Array
 
 
@@ -122,9 +124,14 @@ class Mechanism(Coordinates):
         check_model(model)
         closures = listed(closures, "closures", "closures, such as PointClosure(frame1, frame2)")
         model, closures = with_named_frames(model, closures)
+        rounded: list[str] = []
+        if closures:
+            closures, rounded = without_unmoved_rows(ClosedLoops(model, closures))
         if independent is None:
             independent = "auto" if closures else list(model.names)[1:]
-        return cls(model, closures, independent, home=home, name=name, forces=forces)
+        left_out = named(IMPLIED, rounded)
+        tell_left_out(left_out, name or str(model.name) or "from_pinocchio", strict=False)
+        return cls(model, closures, independent, home, name, forces, left_out=left_out)
 
     @classmethod
     def from_urdf(
@@ -192,7 +199,7 @@ class Mechanism(Coordinates):
         made = cls.from_pinocchio(
             contents.model, contents.closures, independent, home, named, contents.forces
         )
-        made.actuated, made.left_out = contents.actuated, tuple(contents.left_out)
+        made.actuated, made.left_out = contents.actuated, (*contents.left_out, *made.left_out)
         return made
 
     def energy(self, q: ArrayLike, v: ArrayLike) -> float:
@@ -204,9 +211,9 @@ class Mechanism(Coordinates):
         return energies_of(self, self.configuration(q), self.velocity(v))
 
     def assemble(self, q_guess: ArrayLike | Named, hold: Sequence[str] | None = None) -> Array:
-        """Close the loops from a rough guess, by an assembly inside the joints' ranges where there are several.
+        """Close the loops from a rough guess.
 
-        A ModelWarning tells which joints leave their ranges.
+        Far from the guess an assembly is preferred that has the joints inside their ranges.
 
         Parameters
         ----------

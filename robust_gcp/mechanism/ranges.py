@@ -5,6 +5,7 @@ Nothing keeps a motion inside them; see `left_out`.
 
 from __future__ import annotations
 
+import logging
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,8 @@ from .assembly import FEW_STARTS, Index, assembled
 from .independent import free_velocities
 from .loops import ClosedLoops
 from .tree import Array
+
+log = logging.getLogger(__name__)
 
 WIDE = 1e3
 """rad or m: bounds at least that wide are written for joints without any."""
@@ -123,7 +126,7 @@ def assembled_within(
 
 
 def assembled_near(loops: ClosedLoops, guess: Array, free: Index, what: str) -> Array:
-    """`assembled`; far from the guess an assembly inside the ranges is preferred, and one outside is told.
+    """`assembled`; far from the guess an assembly inside the ranges is preferred, and one outside is logged.
 
     An assembly near the guess is the one that was meant, and a joint that the guess has outside its range
     may stay there.
@@ -141,7 +144,7 @@ def assembled_near(loops: ClosedLoops, guess: Array, free: Index, what: str) -> 
     within = _drawn_inside(loops, guess, free, ranges)
     if within is not None:
         return within
-    tell_outside(loops, q, f"{what}: the configuration", ranges.iv[left])
+    log.info("%s: the configuration %s", what, outside_words(loops, q))
     return q
 
 
@@ -168,28 +171,20 @@ def _drawn_inside(loops: ClosedLoops, guess: Array, free: Index, ranges: Ranges)
     return None
 
 
-def tell_outside(loops: ClosedLoops, q: Array, what: str, asked: Index | None = None) -> None:
-    """Warn of the joints that q has outside their ranges, with value and range.
-
-    Parameters
-    ----------
-    what : str
-        What q is, for the message.
-    asked : ndarray of int, optional
-        Velocities of the joints that are looked at; all unless given.
-    """
-    ranges = ranges_of(loops) if asked is None else ranges_of(loops).of(asked)
-    outside = ranges.outside(q)
-    if not outside:
-        return
+def outside_words(loops: ClosedLoops, q: Array) -> str:
+    """Which joints q has outside their ranges, with value and range; empty where none is."""
+    ranges = ranges_of(loops)
     told = [
-        f"{ranges.names[i]} at {q[ranges.iq[i]]:.4g} {_unit(loops, ranges.iv[i])} "
+        f"{ranges.names[i]} at {q[ranges.iq[i]]:.4g} {'rad' if loops.tree.rotates[ranges.iv[i]] else 'm'} "
         f"({ranges.low[i]:.4g} to {ranges.high[i]:.4g})"
-        for i in outside
+        for i in ranges.outside(q)
     ]
     more = f" and {len(told) - MOST} more" if len(told) > MOST else ""
-    warn(f"{what} is outside the ranges of joints: {', '.join(told[:MOST])}{more}", ModelWarning)
+    return f"is outside the ranges of joints: {', '.join(told[:MOST])}{more}" if told else ""
 
 
-def _unit(loops: ClosedLoops, iv: int) -> str:
-    return "rad" if loops.tree.rotates[iv] else "m"
+def tell_outside(loops: ClosedLoops, q: Array, what: str) -> None:
+    """Warn of the joints that q, which is `what`, has outside their ranges."""
+    words = outside_words(loops, q)
+    if words:
+        warn(f"{what} {words}", ModelWarning)

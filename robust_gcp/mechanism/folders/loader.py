@@ -23,7 +23,7 @@ from ..loops import ClosedLoops
 from ..mechanism import Mechanism
 from ..ranges import assembled_within, tell_outside
 from ..rank import singular_words
-from ..rounding import ROUNDED, without_rounded_rows
+from ..rounding import IMPLIED, ROUNDED, without_rounded_rows, without_unmoved_rows
 from ..tolerances import NEARLY_CLOSED
 from ..tree import Array
 from .gepetto import joint_changes, with_changed_forces, with_joint_changes
@@ -158,6 +158,11 @@ def _mechanism(
     guess = home_of(own["guess"], model, path, "guess") if own.get("guess") is not None else contents.pose()
     try:
         loops = ClosedLoops(model, contents.closures)
+        kept, rounded = without_unmoved_rows(loops)
+        contents.left_out += named(IMPLIED, rounded)
+        if rounded:
+            contents.closures = list(kept)
+            loops = ClosedLoops(model, kept)
         if given is not None:
             home = given
         else:
@@ -165,7 +170,7 @@ def _mechanism(
             start = loops.home if guess is None else guess
             loops, home, rounded = _closed(loops, start, spreads)
             contents.closures = list(loops.closures)
-            contents.left_out += named("rows of loops that others imply up to rounding", rounded)
+            contents.left_out += named(IMPLIED, rounded)
             if guess is None:  # a pose that nobody chose may be singular, where no motion starts by itself
                 home = regular_near(loops, home)
         if isinstance(motors, list):
