@@ -42,7 +42,7 @@ CLOSE = 1e-8
 """Residual, dimensionless, from which Newton's method on φ takes over."""
 
 UNMOVED = 0.02
-"""A residual that the joints change by no more, rad or lengths, is one of axes that are not quite parallel."""
+"""A residual that the joints change by no more is one of axes that are not quite parallel; dimensionless."""
 
 MOST = 30
 """Open loops that a message lists."""
@@ -80,9 +80,9 @@ def assembled(
     ClosureError
         With each loop that stays open from the best start, and by how much.
     """
-    if loops.nc == 0 or (loops.closure_residual(guess) <= CLOSED and _aligned(loops, guess)):
-        if besides is None or not np.any(besides(guess)[0]):
-            return guess
+    closed = loops.nc == 0 or (loops.closure_residual(guess) <= CLOSED and _aligned(loops, guess))
+    if closed and (besides is None or not np.any(besides(guess)[0])):
+        return guess
     separation = _Separation(loops)
     residuals = [_both(r, besides) for r in (separation.points, separation.everything)]
     rng = np.random.default_rng(0)
@@ -257,10 +257,9 @@ def _moved_that_way(loops: ClosedLoops, q: Array) -> float:
     """How much of what φ is at q the joints change, in any configuration; dimensionless."""
     way = loops.phi(q) / loops.row_scale
     way /= max(float(np.linalg.norm(way)), 1e-300)
+    way /= loops.row_scale
     places = [q, *loops.generic_configurations()]
-    return max(
-        float(np.abs(way @ (loops.K(p) / loops.row_scale[:, None] * loops.units)).max()) for p in places
-    )
+    return max(float(np.abs(way @ loops.K(p) * loops.units).max()) for p in places)
 
 
 def _refusal(loops: ClosedLoops, separation: _Separation, q: Array, what: str) -> ClosureError:
@@ -271,14 +270,14 @@ def _refusal(loops: ClosedLoops, separation: _Separation, q: Array, what: str) -
     listed = ", ".join(others[:MOST]) + (f" and {len(others) - MOST} more" if len(others) > MOST else "")
     _, worst, size, unit = sizes[0]
     remedy = (
-        "no configuration near the guess closes it with the held joints: try another guess, hold fewer joints, "
-        "or check the link lengths"
+        "no configuration near the guess closes it with the held joints: try another guess, hold fewer "
+        "joints, or check the link lengths"
     )
     moved = _moved_that_way(loops, q)
     if moved < UNMOVED:
         remedy = (
-            f"in no configuration do the joints move it that way by more than {moved:.1e} of their own motion, "
-            "as where the axes of a planar loop are parallel but for such an angle: make them parallel (to "
+            f"in no configuration do the joints move it that way by more than {moved:.1e} of their own motion"
+            ", as where the axes of a planar loop are parallel but for such an angle: make them parallel (to "
             "2e-5, where such rows are left out), or close the loop with fewer rows"
         )
     return ClosureError(

@@ -28,7 +28,7 @@ BESIDE, AWAY = 6, 0.5
 """Configurations tried beside a singular one, and how far away they are, rad or characteristic lengths."""
 
 LEAST_AWAY = 1e-3
-"""How far they must be once closed: at an isolated point loops close to rounding 1e-6 away, and lead nowhere."""
+"""How far they must be once closed: 1e-6 beside an isolated point loops are closed to rounding."""
 
 
 def best_at_home(loops: ClosedLoops, home: Array, name: str) -> tuple[Array, tuple[str, ...]]:
@@ -46,8 +46,8 @@ def best_at_home(loops: ClosedLoops, home: Array, name: str) -> tuple[Array, tup
     place = regular_near(loops, home) if words else home
     if words and place is home:
         raise PartitionError(
-            f"independent = 'auto': home is singular ({words}), and no regular configuration was found beside "
-            "it; give another home, or name the joints"
+            f"independent = 'auto': home is singular ({words}), and no regular configuration was found "
+            "beside it; give another home, or name the joints"
         )
     choices = loops.coordinate_choices(place)
     if not choices:

@@ -11,7 +11,6 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from ..checks import check_model, check_text, listed, require_finite
-from ..errors import ModelError
 from .coordinates import Coordinates
 from .couplings import AnyClosure
 from .forces import AppliedForces, Force, require_length

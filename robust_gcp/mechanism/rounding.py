@@ -44,7 +44,7 @@ A structure that is shaky to first order opens by a tenth of the motion."""
 
 
 def without_unmoved_rows(loops: ClosedLoops) -> tuple[tuple[AnyClosure, ...], list[str]]:
-    """The closures, without rows that no configuration moves up to rounding, and in words which have lost some.
+    """The closures, without rows that hardly move in any configuration, and in words which have lost some.
 
     Such are those of a planar loop out of its plane. They are judged with the loops open, so that a singular
     pose is no matter. A combination u of rows that keeps u · φ above `ROUNDED` cannot be closed, and stays.
@@ -160,8 +160,10 @@ def _selected(
 
 
 def _levers(part: ClosedLoops, whole: Sequence[Closure], places: Sequence[Array]) -> Array:
-    """What makes each row dimensionless: of position rows the longest lever of that closure, so that a small
-    loop beside a large one is none of rounding."""
+    """What makes each row dimensionless, (nc,): of position rows the longest lever of their closure.
+
+    So a small loop beside a large one is not taken for rounding.
+    """
     layout = rows_of(whole)
     moved = np.max([np.abs(part.K(q)).max(axis=1, initial=0.0) for q in places], axis=0)
     owner = np.array([layout[int(row)].closure for row in part.implicit.rows], dtype=np.int64)
