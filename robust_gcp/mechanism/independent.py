@@ -136,16 +136,23 @@ def completed(
     return tuple(names), tuple(lost)
 
 
-def regular_near(loops: ClosedLoops, home: Array) -> Array:
+def regular_near(loops: ClosedLoops, home: Array, nearly: float = 0.0) -> Array:
     """Home, or where K loses rank there a closed configuration beside it where it does not.
 
     Such a pose is singular, or an isolated point, beside which nothing is found.
+
+    Parameters
+    ----------
+    nearly : float
+        Conditioning of K, the least of its singular values that count over the largest, below which home
+        is left too, for the best conditioned of the configurations beside it.
     """
     if loops.nc == 0:
         return home
     rng = np.random.default_rng(1)
     here = motions(loops, home)
-    least, found, best = here.shape[1], home, 0.0
+    m, conditioning = _freedom(loops, home)
+    least, found, best = m, home, conditioning if conditioning < nearly else np.inf
     for _ in range(BESIDE):
         way = here @ rng.normal(0.0, 1.0, here.shape[1])
         way[free_velocities(loops)] = 0.0
@@ -154,15 +161,19 @@ def regular_near(loops: ClosedLoops, home: Array) -> Array:
             q = assembled(loops, loops.tree.integrate(home, step), np.arange(loops.nv), "home", (0.0,))
         except ClosureError:
             continue
-        K = loops.scaled(loops.K(q))
-        s = np.linalg.svd(K, compute_uv=False)
-        rank = numerical_rank(s, STRUCTURAL)
-        m = loops.nv - rank
+        m, conditioning = _freedom(loops, q)
         if m and np.abs(loops.tree.difference(home, q) / loops.units).max() < LEAST_AWAY:
             continue  # back where it was, but for what rounding leaves open
-        if m < least or (m == least < here.shape[1] and s[rank - 1] > best):
-            least, found, best = m, q, float(s[rank - 1])
+        if m < least or (m == least and conditioning > best):
+            least, found, best = m, q, conditioning
     return found
+
+
+def _freedom(loops: ClosedLoops, q: Array) -> tuple[int, float]:
+    """nv − rank K at q, and the least of its singular values that count over the largest."""
+    s = np.linalg.svd(loops.scaled(loops.K(q)), compute_uv=False)
+    rank = numerical_rank(s, STRUCTURAL)
+    return loops.nv - rank, float(s[rank - 1] / s[0]) if rank else 1.0
 
 
 def require_determined(

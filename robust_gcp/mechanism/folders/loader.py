@@ -34,6 +34,9 @@ from .yaml_text import parsed_yaml
 KEYS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type", "robust_gcp")
 """Keys of robot.yaml that are read."""
 
+NEARLY_SINGULAR = 1e-3
+"""Conditioning of K below which a pose that nobody chose is left: G has lost three digits there."""
+
 ALIKE = 0.85
 """Likeness (difflib's ratio) above which another key is taken for one of them misspelt."""
 
@@ -172,7 +175,7 @@ def _mechanism(
             contents.closures = list(loops.closures)
             contents.left_out += named(IMPLIED, rounded)
             if guess is None:  # a pose that nobody chose may be singular, where no motion starts by itself
-                home = regular_near(loops, home)
+                home = regular_near(loops, home, NEARLY_SINGULAR)
         if isinstance(motors, list):
             known = set(loops.joint_names)
             contents.actuated = tuple(m for m in motors if m in known)
