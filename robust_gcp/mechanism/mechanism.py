@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from ..checks import check_model, check_text, listed, require_finite
+from ..checks import check_model, check_text, listed, plain, require_finite
 from .coordinates import Coordinates
 from .couplings import AnyClosure
 from .forces import AppliedForces, Force, require_length
@@ -259,7 +259,7 @@ class Mechanism(Coordinates):
         return Mechanism, recipe, {"recommended": self.recommended}
 
     def __repr__(self) -> str:
-        return (
+        return plain(
             f"Mechanism({self.name!r}: {self.nv} velocities, {len(self.closures)} closures with "
             f"{self.nc} rows, y = {', '.join(self.independent) or 'none'})"
         )

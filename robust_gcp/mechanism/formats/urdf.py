@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -29,6 +30,10 @@ VELOCITIES = {"revolute": 1, "continuous": 1, "prismatic": 1, "planar": 3, "floa
 ENDLESS = {"lower": f"-{UNLIMITED}", "upper": UNLIMITED, "effort": UNLIMITED, "velocity": UNLIMITED}
 
 
+COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
+TYPED = re.compile(r"""<(?:\w+:)?joint\s[^<>]*?\btype\s*=\s*["'](\w+)["']""")
+"""A joint's type, in the text of a URDF."""
+
 YES, NO = ("true", "1"), ("false", "0")
 
 
@@ -54,7 +59,7 @@ def read_urdf(urdf: str | Path, base: str | None = None) -> FileContents:
         `urdf_check.check_urdf`.
     """
     check_base(base)
-    root, name = parsed_xml(urdf, "URDF")
+    root, name = parsed_xml(urdf, "URDF", _require_memory)
     if root.tag != "robot":
         raise ModelError(f"{name}: the root element is <{root.tag}>, a URDF starts with <robot>")
     declare_world(root)
@@ -62,7 +67,6 @@ def read_urdf(urdf: str | Path, base: str | None = None) -> FileContents:
     refuse_unknown_ties(root, name)
     left_out = left_out_of(root, name)
     set_base(root, base)
-    _require_memory(root)
     try:
         model = pin.buildModelFromXML(ElementTree.tostring(_reduced(root), encoding="unicode"))
     except (ValueError, RuntimeError) as error:
@@ -77,9 +81,9 @@ def read_urdf(urdf: str | Path, base: str | None = None) -> FileContents:
     return contents
 
 
-def _require_memory(root: Element) -> None:
-    """Refuse a tree whose workspace would not fit, before Pinocchio reads it."""
-    moving = [VELOCITIES.get(joint.get("type", ""), 0) for joint in root.findall("joint")]
+def _require_memory(text: str) -> None:
+    """Refuse a tree whose workspace would not fit, before its text is parsed."""
+    moving = [VELOCITIES.get(kind, 0) for kind in TYPED.findall(COMMENT.sub("", text))]
     require_memory(sum(moving), sum(map(bool, moving)))
 
 
