@@ -19,7 +19,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..checks import path_given, shown
-from ..errors import OptionError, missing_extra
+from ..errors import OptionError, missing_extra, missing_file
 from ..maps.explicit import Crossing
 from ..mechanism.closures import closure_kinds
 from ..mechanism.couplings import CouplingClosure
@@ -126,7 +126,9 @@ def read_archive(
         For another kind of file, a damaged one, or a mechanism that is not the stored one.
     """
     path = path_given("path", path)
-    if path.exists() and not path.is_file():
+    if not path.exists():
+        raise missing_file(path)
+    if not path.is_file():
         raise OptionError(f"{path} is a folder or a device; give a file that Trajectory.save wrote")
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:

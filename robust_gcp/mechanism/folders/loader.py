@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ...checks import hint, shown
-from ...errors import ClosureError, ModelError, PartitionError, RobustGcpError
+from ...errors import ClosureError, ModelError, PartitionError, RobustGcpError, missing_file
 from ..assembly import FEW_STARTS, MANY_STARTS, assembled
 from ..closures import Closure, closure_kinds
 from ..formats.contents import FileContents, check_base, named, tell_left_out
@@ -28,7 +28,7 @@ from ..tolerances import NEARLY_CLOSED
 from ..tree import Array
 from .gepetto import joint_changes, with_changed_forces, with_joint_changes
 from .own_block import forces_of, home_of, own_block, recommended_of, set_gravity, with_axes
-from .robot_file import READERS, UNREAD, alone, has_yaml, is_mjcf, robot_file
+from .robot_file import READERS, UNREAD, alone, has_yaml, is_mjcf, others_beside, require_read, robot_file
 from .yaml_text import parsed_yaml
 
 KEYS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type", "robust_gcp")
@@ -98,11 +98,18 @@ def load(
     path = path_of(name_or_folder, "load")
     if path.suffix in UNREAD:
         raise ModelError(f"{path}: {UNREAD[path.suffix]}")
+    if path.suffix.lower() in (".yaml", ".yml") and not path.is_dir():
+        if not path.exists() and not is_link(path):
+            raise missing_file(path)
+        if path.name != "robot.yaml":
+            raise ModelError(f"{path}: give the folder that it is in; read there is robot.yaml")
+        path = path.parent
     if path.suffix in READERS and not has_yaml(path):
         return _mechanism(alone(path, base), path, path.stem, {}, {}, independent, strict)
     folder, path = _folder(path.parent if path.suffix in READERS else path, name_or_folder)
     if path.suffix in READERS:
         contents = alone(inside(folder, path.name), base)
+        contents.left_out += named("files beside it", others_beside(path))
         return _mechanism(contents, path, folder.name, {}, {}, independent, strict)
     settings = _settings(path)
     own = own_block(settings, path)
@@ -129,6 +136,7 @@ def _folder(path: Path, given: str | Path) -> tuple[Path, Path]:
         path = models_folder() / str(given)
     if str(given) and (is_file(path / "robot.yaml") or is_link(path / "robot.yaml")):
         return path, inside(path, "robot.yaml")
+    require_read(path)
     files = [f for f in files_in(path) if f.suffix in READERS] if str(given) else []
     preferred = [f for f in files if f.stem == "robot"] or files
     if len(preferred) == 1:

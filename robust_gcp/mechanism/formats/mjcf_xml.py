@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import ModelError
+from .contents import STAYS
 from .mjcf_frames import frame_of, pose_between, with_frames_applied
 from .mjcf_left_out import SECTIONS, left_out_of
 from .mjcf_masses import Masses
@@ -130,7 +131,11 @@ class _Reader:
         """Give the one body that stands on the ground a free joint, unless something floats already."""
         bodies = [b for section in self._root.findall("worldbody") for b in section.findall("body")]
         tied = [b for b in bodies if any(e.tag in ("joint", "freejoint") for e in b)]
-        if any(e.tag == "freejoint" or e.get("type") == "free" for b in bodies for e in b):
+        floating = [b for b in bodies if any(_is_free(e) for e in b)]
+        if floating:
+            for body in bodies:
+                if body not in floating and any(e.tag == "joint" for e in body.iter()):
+                    self._out.leave_out(STAYS, body.get("name", "unnamed"))
             return
         if len(bodies) != 1 or tied:
             raise ModelError(

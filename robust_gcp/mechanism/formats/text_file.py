@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ...checks import shown
-from ...errors import ModelError
+from ...errors import ModelError, missing_file
 
 LARGEST = 64_000_000
 """Bytes of the largest file that is read: ten times the URDF of a humanoid with its visuals."""
@@ -48,6 +48,8 @@ def read_text(path: Path, largest: int = LARGEST) -> str:
                 "shorten it"
             )
         return data.decode("utf-8")
+    except FileNotFoundError as error:
+        raise missing_file(path) from error
     except OSError as error:
         raise ModelError(f"{path}: cannot be read ({error})") from error
     except UnicodeError as error:

@@ -13,7 +13,7 @@ import pinocchio as pin
 from ...errors import ModelError
 from ..forces import Force, JointDamper
 from ..workspace import require_memory
-from .contents import FileContents, check_base
+from .contents import STAYS, FileContents, check_base, named
 from .urdf_base import declare_world, set_base
 from .urdf_check import LIMITS, MOMENTS, MOVING, PRODUCTS, check_urdf
 from .urdf_left_out import left_out_of
@@ -66,7 +66,7 @@ def read_urdf(urdf: str | Path, base: str | None = None) -> FileContents:
     check_urdf(root, name)
     refuse_unknown_ties(root, name)
     left_out = left_out_of(root, name)
-    set_base(root, base)
+    left_out += named(STAYS, set_base(root, base))
     try:
         model = pin.buildModelFromXML(ElementTree.tostring(_reduced(root), encoding="unicode"))
     except (ValueError, RuntimeError) as error:
