@@ -49,6 +49,10 @@ class ModelError(RobustGcpError, ValueError):
 class MissingFileError(ModelError, OptionError, FileNotFoundError):
     """There is no file where a call, or another file, says that it is."""
 
+    def __new__(cls, *args: Any) -> MissingFileError:
+        """Made as Python makes its own: an OSError has room for more than other errors."""
+        return FileNotFoundError.__new__(cls, *args)
+
 
 def missing_file(path: Any) -> MissingFileError:
     """The error for a path where nothing is."""

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ..errors import ClosureError
 from .closures import WELDED, Closure, RevoluteClosure
 from .joints import support
+from .loop_graph import loop_groups
 from .loops import ClosedLoops
 from .rows import ROTATION, rows_of
 from .tolerances import CLOSED
@@ -49,6 +50,13 @@ MOST = 30
 
 STALLED, PATIENCE = 0.99, 8
 """A search ends where that many steps together do not lower the cost by this factor."""
+
+
+def free_velocities(loops: ClosedLoops) -> NDArray[np.int64]:
+    """Velocities of joints that are in no loop and no coupling."""
+    tied = {j for group in loop_groups(loops.model, loops.closures) for j in group.joints}
+    free = [i for joint in loops.joints if joint.index not in tied for i in range(*joint.v.indices(loops.nv))]
+    return np.array(free, dtype=np.int64)
 
 
 def assembled(

@@ -10,11 +10,11 @@ import scipy
 from numpy.typing import NDArray
 
 from ..errors import ClosureError, PartitionError
-from .assembly import assembled
+from .assembly import assembled, free_velocities
 from .joints import in_v
-from .loop_graph import loop_groups
 from .loops import COMPONENT, ClosedLoops
 from .partition import independent_rows, numerical_rank, spelled, triangular_blocks
+from .ranges import assembled_within
 from .rank import singular_words
 from .tolerances import CLOSED, DETERMINES, RANK, STRUCTURAL
 from .tree import Array
@@ -41,7 +41,7 @@ def best_at_home(loops: ClosedLoops, home: Array, name: str) -> tuple[Array, tup
     PartitionError
         Where no joints with one number each parametrise the motion, or home is an isolated point.
     """
-    home = assembled(loops, home, np.arange(loops.nv), "independent = 'auto'")
+    home = assembled_within(loops, home, np.arange(loops.nv), "independent = 'auto'")
     words = singular_words(loops, home)
     place = regular_near(loops, home) if words else home
     if words and place is home:
@@ -78,13 +78,6 @@ def motions(loops: ClosedLoops, q: Array) -> Array:
     _, s, Vt = np.linalg.svd(K)
     basis: Array = Vt[numerical_rank(s, STRUCTURAL) :].T
     return basis
-
-
-def free_velocities(loops: ClosedLoops) -> NDArray[np.int64]:
-    """Velocities of joints that are in no loop and no coupling."""
-    tied = {j for group in loop_groups(loops.model, loops.closures) for j in group.joints}
-    free = [i for joint in loops.joints if joint.index not in tied for i in range(*joint.v.indices(loops.nv))]
-    return np.array(free, dtype=np.int64)
 
 
 def completed(

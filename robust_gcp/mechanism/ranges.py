@@ -12,8 +12,7 @@ import numpy as np
 
 from ..errors import ClosureError, ModelWarning
 from ..warning import warn
-from .assembly import FEW_STARTS, Index, assembled
-from .independent import free_velocities
+from .assembly import FEW_STARTS, Index, assembled, free_velocities
 from .loops import ClosedLoops
 from .tree import Array
 
