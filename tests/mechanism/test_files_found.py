@@ -96,10 +96,10 @@ def test_large_files_are_refused_before_they_are_parsed(monkeypatch: pytest.Monk
     def parsed(*_: object) -> None:
         raise AssertionError("it was parsed")
 
-    joint = '<joint name="j{0}" type="revolute"><parent link="l"/><child link="l{0}"/></joint>'
-    many = "".join(joint.format(i) for i in range(60_000))
+    joint = f'<joint name="{"j" * 80}{{0}}" type="revolute"><parent link="l"/><child link="l{{0}}"/></joint>'
+    many = "".join(joint.format(i) for i in range(100_000))
     monkeypatch.setattr(xml_text.expat, "ParserCreate", parsed)
-    with pytest.raises(rg.ModelError, match="60000 velocities need a workspace"):
+    with pytest.raises(rg.ModelError, match="100000 velocities need a workspace"):
         rg.Mechanism.from_urdf(f"<robot>{many}</robot>")
     with pytest.raises(rg.ModelError, match="600,001 elements, more than 500,000"):
         rg.Mechanism.from_mjcf("<mujoco>" + "<geom/>" * 600_000 + "</mujoco>")

@@ -118,9 +118,8 @@ def planar(
         place.rotation = place.rotation @ pin.exp3(np.array([0.0, 0.0, tilt * (name == "q2")]))
         joint = model.addJoint(parent, pin.JointModelRX(), place, name)
         about, tip = lengths[name] ** 2 / 12.0, np.array([0.0, lengths[name], 0.0])
-        model.appendBodyToJoint(
-            joint, pin.Inertia(1.0, 0.5 * tip, np.diag([about, 1e-4, about])), pin.SE3.Identity()
-        )
+        inertia = pin.Inertia(1.0, 0.5 * tip, np.diag([about, 1e-4, about]))
+        model.appendBodyToJoint(joint, inertia, pin.SE3.Identity())
         model.addFrame(pin.Frame(f"{name}_tip", joint, pin.SE3(np.eye(3), tip), pin.FrameType.OP_FRAME))
     axis = {} if kind is rg.PointClosure else {"axis": (1.0, 0.0, 0.0)}
     return rg.Mechanism.from_pinocchio(model, [kind("q2_tip", "q3_tip", **axis)], ["q1"])

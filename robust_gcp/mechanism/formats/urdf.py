@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -29,6 +30,9 @@ VELOCITIES = {"revolute": 1, "continuous": 1, "prismatic": 1, "planar": 3, "floa
 
 ENDLESS = {"lower": f"-{UNLIMITED}", "upper": UNLIMITED, "effort": UNLIMITED, "velocity": UNLIMITED}
 
+
+LARGE = 10_000_000
+"""Characters that take some seconds to be parsed and checked."""
 
 COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 TYPED = re.compile(r"""<(?:\w+:)?joint\s[^<>]*?\btype\s*=\s*["'](\w+)["']""")
@@ -59,7 +63,7 @@ def read_urdf(urdf: str | Path, base: str | None = None) -> FileContents:
         `urdf_check.check_urdf`.
     """
     check_base(base)
-    root, name = parsed_xml(urdf, "URDF", _require_memory)
+    root, name = parsed_xml(urdf, "URDF", _scan)
     if root.tag != "robot":
         raise ModelError(f"{name}: the root element is <{root.tag}>, a URDF starts with <robot>")
     declare_world(root)
@@ -67,6 +71,7 @@ def read_urdf(urdf: str | Path, base: str | None = None) -> FileContents:
     refuse_unknown_ties(root, name)
     left_out = left_out_of(root, name)
     left_out += named(STAYS, set_base(root, base))
+    _require_memory(joint.get("type", "") for joint in root.findall("joint"))
     try:
         model = pin.buildModelFromXML(ElementTree.tostring(_reduced(root), encoding="unicode"))
     except (ValueError, RuntimeError) as error:
@@ -81,9 +86,15 @@ def read_urdf(urdf: str | Path, base: str | None = None) -> FileContents:
     return contents
 
 
-def _require_memory(text: str) -> None:
-    """Refuse a tree whose workspace would not fit, before its text is parsed."""
-    moving = [VELOCITIES.get(kind, 0) for kind in TYPED.findall(COMMENT.sub("", text))]
+def _scan(text: str) -> None:
+    """Refuse a large tree whose workspace would not fit, before its text is parsed."""
+    if len(text) > LARGE:
+        _require_memory(TYPED.findall(COMMENT.sub("", text)))
+
+
+def _require_memory(kinds: Iterable[str]) -> None:
+    """Refuse joints of these types where their workspace would not fit, before Pinocchio reads them."""
+    moving = [VELOCITIES.get(kind, 0) for kind in kinds]
     require_memory(sum(moving), sum(map(bool, moving)))
 
 
