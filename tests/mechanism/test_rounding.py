@@ -105,14 +105,17 @@ def test_rows_of_a_part_are_those_of_the_whole() -> None:
         np.testing.assert_allclose((some.phi(q + e) - some.phi(q - e)) / 2e-6, some.K(q)[:, i], atol=1e-8)
 
 
+Kind = type[rg.PointClosure] | type[rg.RevoluteClosure]
+
+
 def planar(
-    tilt: float, turned: float, kind: type[rg.PointClosure] | type[rg.RevoluteClosure]
+    tilt: float, turned: float, kind: Kind, sizes: tuple[float, ...] = (4.0, 1.0, 3.5, 3.0)
 ) -> rg.Mechanism:
     """A four-bar with a tilted joint, in a plane that is turned against the world's axes."""
-    lengths = {"q1": 1.0, "q2": 3.5, "q3": 3.0}
+    ground, lengths = sizes[0], dict(zip(("q1", "q2", "q3"), sizes[1:], strict=True))
     model = pin.Model()
     plane = pin.SE3(pin.exp3(turned * np.array([0.3, 0.5, 0.2])), np.zeros(3))
-    for name, parent, at in (("q1", 0, 0.0), ("q2", 1, 1.0), ("q3", 0, 4.0)):
+    for name, parent, at in (("q1", 0, 0.0), ("q2", 1, sizes[1]), ("q3", 0, ground)):
         place = pin.SE3(np.eye(3), np.array([0.0, at, 0.0]))
         place = place if parent else plane * place
         place.rotation = place.rotation @ pin.exp3(np.array([0.0, 0.0, tilt * (name == "q2")]))
@@ -144,6 +147,22 @@ def test_rows_that_a_planar_loop_cannot_close_are_told_or_refused(
     for tilt in (1e-4, 1e-2):
         with pytest.raises(rg.ClosureError, match="axes of a planar loop are parallel but for such an angle"):
             planar(tilt, turned, kind).assemble([1.0, -0.4, 1.8])
+
+
+@pytest.mark.parametrize("turned", [0.0, 1.0])
+@pytest.mark.parametrize("kind", [rg.PointClosure, rg.RevoluteClosure])
+@pytest.mark.parametrize("tilt", [0.0, 1e-8, 1e-6])
+@pytest.mark.filterwarnings("ignore:.*up to rounding:robust_gcp.ModelWarning")
+def test_redundant_rows_and_a_flat_pose_are_told_apart(tilt: float, turned: float, kind: Kind) -> None:
+    """All links of a parallelogram in line: mobility 1, two modes, whatever rows are redundant everywhere."""
+    base = planar(tilt, turned, kind, (2.0, 1.0, 2.0, 1.0))
+    mech = rg.Mechanism.from_pinocchio(base.model, base.closures)
+    here = rg.analyse(mech, np.zeros(3))
+    assert (mech.m, here.kind, here.rank, here.generic_rank, len(here.modes)) == (1, "singular", 1, 2, 2)
+    for mode in here.modes:
+        run = rg.simulate(mech, np.zeros(3), mode=mode, duration=0.05, step=1e-3)
+        assert run.closure_error().max() < 1e-11
+        assert np.abs(run.energy_error()).max() < 1e-9
 
 
 def test_a_small_loop_beside_a_large_one_is_not_taken_for_rounding() -> None:

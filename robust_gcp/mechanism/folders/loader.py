@@ -72,7 +72,9 @@ def load(
     velocity of a run from home). Other keys are left to other programs.
 
     Home is closed on loading, from the file's pose: `home`, `guess`, the keyframe "home" or the first one, or
-    else the neutral configuration (moved to a regular one beside it where it is singular).
+    else the neutral configuration (moved to a regular one beside it where it is singular, or nearly). Where
+    that leaves the ranges of joints, but for `home`, an assembly inside them is looked for; a home outside is
+    told. A pose that is singular is kept, with coordinates of the motions beside it.
 
     Parameters
     ----------
