@@ -6,6 +6,7 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
+from io import TextIOWrapper
 
 from . import __version__
 from .arguments import number
@@ -17,6 +18,9 @@ from .printing import complain
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a subcommand; the exit code is 0 when done, 2 when refused or stopped by an error."""
     given = sys.argv[1:] if argv is None else argv
+    for stream in (sys.stdout, sys.stderr):  # whatever the terminal's encoding, names are told
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     if any("\0" in text for text in given):
         complain("a word holds a null character, which no name or path does; remove it")
         return 2

@@ -47,6 +47,16 @@ def shown(value: Any) -> str:
         return f"<{type(value).__name__}>"
 
 
+def plain(text: str) -> str:
+    """Text for a terminal or a figure: control characters, but for line ends, are escaped."""
+    if text.isprintable():
+        return text
+    return "".join(
+        c if c.isprintable() or c == "\n" else f"\\u{ord(c):04x}" if ord(c) < 0x10000 else f"\\U{ord(c):08x}"
+        for c in text
+    )
+
+
 def hint(name: Any, known: Iterable[str]) -> str:
     """`; did you mean …?` where known names are near, else nothing."""
     near = difflib.get_close_matches(str(name), list(known), n=3) if isinstance(name, str | Path) else []

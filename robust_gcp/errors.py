@@ -42,16 +42,29 @@ class OptionError(RobustGcpError, ValueError):
     """An argument of a call lies outside what the call accepts."""
 
 
-class MissingFileError(OptionError, FileNotFoundError):
-    """A file or folder that was named is not there."""
-
-
 class ModelError(RobustGcpError, ValueError):
     """A mechanism's description (URDF, YAML, closures, joint names) is wrong."""
 
 
+class MissingFileError(ModelError, OptionError, FileNotFoundError):
+    """There is no file where a call, or another file, says that it is."""
+
+    def __new__(cls, *args: Any) -> MissingFileError:
+        """Made as Python makes its own: an OSError has room for more than other errors."""
+        return FileNotFoundError.__new__(cls, *args)
+
+
+def missing_file(path: Any) -> MissingFileError:
+    """The error for a path where nothing is."""
+    where = "" if path.is_absolute() else f", in the folder {path.cwd()}"
+    return MissingFileError(f"{path}: cannot be read: there is no such file{where}; check its path and name")
+
+
 class ModelWarning(UserWarning):
-    """Parts of a robot's file are not simulated; the message lists them, `Mechanism.left_out` keeps them."""
+    """Parts of a robot's file are not simulated, or its home is unusual; the message says what.
+
+    `Mechanism.left_out` keeps the parts.
+    """
 
 
 class PartitionError(ModelError):

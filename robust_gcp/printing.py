@@ -11,6 +11,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
+from .checks import plain
+
 Item = TypeVar("Item")
 
 LONGEST_TABLE = 12
@@ -22,7 +24,12 @@ PATIENCE = 2.0
 
 def complain(message: str) -> None:
     """Print one line on stderr."""
-    print(f"robust_gcp: {message}", file=sys.stderr)
+    print(plain(f"robust_gcp: {message}"), file=sys.stderr)
+
+
+def say(text: str) -> None:
+    """Print on stdout; names from files may hold anything."""
+    print(plain(text))
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]], longest: int | None = LONGEST_TABLE) -> str:
@@ -30,7 +37,8 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]], longest: int | N
 
     A column whose header begins with a space is aligned to the right, others to the left.
     """
-    shown = rows[:longest]
+    header = [_cell(text) for text in header]
+    shown = [[_cell(text) for text in row] for row in rows[:longest]]
     set_columns = []
     for column in zip(header, *shown, strict=True):
         width = max(map(len, column))
@@ -40,6 +48,11 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]], longest: int | N
     if len(rows) > len(shown):
         lines.append(f"  … and {len(rows) - len(shown)} more")
     return "\n".join(lines)
+
+
+def _cell(text: str) -> str:
+    """In one line."""
+    return plain(text).replace("\n", "\\n")
 
 
 def fixed(value: float, digits: int = 8) -> str:

@@ -10,7 +10,7 @@ from ..analysis.local import analyse as analysis_at
 from ..arguments import NUMBERS, Arguments, number
 from ..mechanism.joints import in_v
 from ..mechanism.mechanism import Mechanism
-from ..printing import LONGEST_TABLE, fixed, listed, table
+from ..printing import LONGEST_TABLE, fixed, listed, say, table
 from .model import add_model, loaded
 
 
@@ -26,7 +26,7 @@ def run(args: argparse.Namespace) -> int:
     """Print the local picture."""
     mechanism = loaded(args)
     here = analysis_at(mechanism, mechanism.home if args.q is None else args.q)
-    print(_as_json(mechanism, here) if args.json else _as_text(mechanism, here))
+    say(_as_json(mechanism, here) if args.json else _as_text(mechanism, here))
     return 0
 
 

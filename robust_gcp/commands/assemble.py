@@ -6,7 +6,7 @@ import argparse
 
 from ..arguments import NUMBERS, Arguments, number
 from ..mechanism.joints import in_q
-from ..printing import fixed, table
+from ..printing import fixed, say, table
 from .model import add_model, joints, loaded
 
 
@@ -24,7 +24,7 @@ def run(args: argparse.Namespace) -> int:
     mechanism = loaded(args)
     q = mechanism.home if args.q is None else mechanism.assemble(args.q, args.hold)
     rows = [[component.name, fixed(q[component.iq]), component.unit] for component in in_q(mechanism.joints)]
-    print(f"{mechanism!r}\n")
-    print(table(["joint", " q", ""], rows, longest=len(rows)))
-    print(f"\nclosed to {mechanism.closure_residual(q):.1e} of {mechanism.length:.3g} m")
+    say(f"{mechanism!r}\n")
+    say(table(["joint", " q", ""], rows, longest=len(rows)))
+    say(f"\nclosed to {mechanism.closure_residual(q):.1e} of {mechanism.length:.3g} m")
     return 0

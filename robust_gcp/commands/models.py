@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from ..arguments import Arguments
 from ..mechanism.folders.loader import load, model_names, models_folder
 from ..mechanism.folders.yaml_text import parsed_yaml
-from ..printing import table
+from ..printing import say, table
 
 WIDTH = 100
 """Columns of the brief table."""
@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
         taken = max(len(line) for line in table(header[:-1], [row[:-1] for row in rows], None).splitlines())
         for row in rows:
             row[-1] = textwrap.shorten(row[-1], WIDTH - taken - 2, placeholder=" …")
-    print(table(header, rows, None))
+    say(table(header, rows, None))
     return 0
 
 

@@ -6,7 +6,7 @@ import argparse
 
 from ..analysis.space import SEEDS, trace_modes
 from ..arguments import DEFAULT, Arguments, file, pathname, whole
-from ..printing import listed, table, telling
+from ..printing import listed, say, table, telling
 from .model import add_model, loaded
 
 LARGEST_DPI = 1200
@@ -42,14 +42,14 @@ def run(args: argparse.Namespace) -> int:
         turns = "closed, turns " + listed(mode.turns) if mode.closed else f"open: {mode.stop}"
         points = sorted({v.point + 1 for v in mode.visits})
         rows.append([mode.name, turns, ", ".join(map(str, points)) or "none"])
-    print(f"{space.mechanism!r}\n\n{table(['mode', '', 'singular points'], rows, None)}")
-    print(f"{space.summary}\n{space.search}\n")
+    say(f"{space.mechanism!r}\n\n{table(['mode', '', 'singular points'], rows, None)}")
+    say(f"{space.summary}\n{space.search}\n")
     for i, point in enumerate(space.singular_points):
-        print(f"singular point {i + 1}: q = {listed(point.q, 6)}")
+        say(f"singular point {i + 1}: q = {listed(point.q, 6)}")
         for name, tangent in zip(space.meeting(i), point.modes, strict=True):
-            print(f"  mode {name} along {listed(tangent, 4)}")
+            say(f"  mode {name} along {listed(tangent, 4)}")
     if args.out is not None:
         with telling(f"drawing {args.out}"), style():
             save(figures.plot_modes(space, coordinates=args.coordinates), args.out, args.dpi or DPI)
-        print(f"drew {args.out}")
+        say(f"drew {args.out}")
     return 0

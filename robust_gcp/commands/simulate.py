@@ -32,7 +32,7 @@ from ..mechanism.closures import frame_of
 from ..mechanism.joints import Component, components_of
 from ..mechanism.mechanism import Mechanism
 from ..native.library import NativeBuildWarning
-from ..printing import clean_warnings, complain, fixed, progress_bar, table, telling
+from ..printing import clean_warnings, complain, fixed, progress_bar, say, table, telling
 from ..simulation.coarse import CoarseStepWarning
 from ..simulation.schedule import last_output
 from ..simulation.simulate import RECORDS, simulate
@@ -137,7 +137,7 @@ def run(args: argparse.Namespace) -> int:
             if error.trajectory is None or len(error.trajectory.t) == 0:
                 raise
             trajectory, stop = error.trajectory, error
-    tell: Callable[[str], None] = print if stop is None else complain
+    tell: Callable[[str], None] = say if stop is None else complain
     if stop is None:
         newton = f", Newton from {args.newton_start}" if args.method == "classical" else ""
         taken = trajectory.stats.stepper, trajectory.stats.step or spacing

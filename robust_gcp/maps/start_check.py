@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from ..checks import real_array, shown
 from ..errors import NonFiniteError, OptionError, PartitionError, StateError
+from ..mechanism.independent import motions, regular_near
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.partition import numerical_rank, spelled
 from ..mechanism.tolerances import COMPATIBLE, RANK, SAME_MODE
@@ -120,11 +121,26 @@ def require_lasting_mobility(path: RegularPath, start: Point) -> None:
             left = mechanism.closure_residual(near.q)
             if left <= LEFT_OPEN:
                 continue
+            _refuse_coordinates_beside(mechanism, start.q)
             raise PartitionError(
                 f"no mobility at q0 in {mechanism.independent[j]}: rank {path.nd} of {mechanism.nc} "
                 f"rows there and a higher one nearby; moved by {PROBE:g} the loops open by {left:.2g} "
                 "lengths. It is rigid, nothing moves; check the lengths of the links, or leave a closure out"
             )
+
+
+def _refuse_coordinates_beside(mechanism: Mechanism, q: Array) -> None:
+    """Where the loops move beside a singular q, with fewer coordinates than were named: say which serve."""
+    place = regular_near(mechanism, q)
+    freedom = motions(mechanism, place).shape[1]
+    if place is q or freedom == 0:
+        return
+    choices = [names for _, names in mechanism.coordinate_choices(place)]
+    raise PartitionError(
+        f"{mechanism.m} independent joints are named, and q0 is singular: beside it K has a higher rank and "
+        f"the mobility is {freedom}; sets that serve: " + spelled(choices),
+        choices,
+    )
 
 
 def checked_mode(mechanism: Mechanism, mode: ArrayLike) -> Array:

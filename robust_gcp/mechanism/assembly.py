@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ..errors import ClosureError
 from .closures import WELDED, Closure, RevoluteClosure
 from .joints import support
+from .loop_graph import loop_groups
 from .loops import ClosedLoops
 from .rows import ROTATION, rows_of
 from .tolerances import CLOSED
@@ -41,6 +42,9 @@ MANY_STARTS = (0.0, *(0.3,) * 3, *(0.8,) * 4)
 CLOSE = 1e-8
 """Residual, dimensionless, from which Newton's method on φ takes over."""
 
+UNMOVED = 0.02
+"""A residual that the joints change by no more is one of axes that are not quite parallel; dimensionless."""
+
 MOST = 30
 """Open loops that a message lists."""
 
@@ -48,8 +52,20 @@ STALLED, PATIENCE = 0.99, 8
 """A search ends where that many steps together do not lower the cost by this factor."""
 
 
+def free_velocities(loops: ClosedLoops) -> NDArray[np.int64]:
+    """Velocities of joints that are in no loop and no coupling."""
+    tied = {j for group in loop_groups(loops.model, loops.closures) for j in group.joints}
+    free = [i for joint in loops.joints if joint.index not in tied for i in range(*joint.v.indices(loops.nv))]
+    return np.array(free, dtype=np.int64)
+
+
 def assembled(
-    loops: ClosedLoops, guess: Array, free: Index, what: str, spreads: tuple[float, ...] = FEW_STARTS
+    loops: ClosedLoops,
+    guess: Array,
+    free: Index,
+    what: str,
+    spreads: tuple[float, ...] = FEW_STARTS,
+    besides: Residual | None = None,
 ) -> Array:
     """The configuration near a guess that closes all loops by moving the velocities `free` only.
 
@@ -64,22 +80,26 @@ def assembled(
         Whose loops they are, for errors.
     spreads : tuple of float
         Of the reproducible starts that are tried one after the other.
+    besides : callable, optional
+        What must vanish beside the loops' residual, with its Jacobian by v.
 
     Raises
     ------
     ClosureError
         With each loop that stays open from the best start, and by how much.
     """
-    if loops.nc == 0 or (loops.closure_residual(guess) <= CLOSED and _aligned(loops, guess)):
+    closed = loops.nc == 0 or (loops.closure_residual(guess) <= CLOSED and _aligned(loops, guess))
+    if closed and (besides is None or not np.any(besides(guess)[0])):
         return guess
     separation = _Separation(loops)
+    residuals = [_both(r, besides) for r in (separation.points, separation.everything)]
     rng = np.random.default_rng(0)
     best, least = guess, np.inf
     for spread in spreads:
         step = np.zeros(loops.nv)
         step[free] = rng.normal(0.0, 1.0, len(free)) * spread * loops.units[free]
         q = loops.tree.integrate(guess, step)
-        for residual, steps in ((separation.points, POINT_STEPS), (separation.everything, STEPS)):
+        for residual, steps in zip(residuals, (POINT_STEPS, STEPS), strict=True):
             q, size = _descended(loops, q, free, residual, steps)
         if size < CLOSE:
             q = loops.polish(q, free)
@@ -91,6 +111,18 @@ def assembled(
     refusal = _refusal(loops, separation, best, what)
     refusal.nearest = best
     raise refusal
+
+
+def _both(first: Residual, second: Residual | None) -> Residual:
+    """The rows of two residuals."""
+    if second is None:
+        return first
+
+    def stacked(q: Array) -> tuple[Array, Array]:
+        (r, J), (more, by_v) = first(q), second(q)
+        return np.concatenate([r, more]), np.vstack([J, by_v])
+
+    return stacked
 
 
 def _descended(
@@ -229,6 +261,15 @@ def _aligned(loops: ClosedLoops, q: Array) -> bool:
     return True
 
 
+def _moved_that_way(loops: ClosedLoops, q: Array) -> float:
+    """How much of what φ is at q the joints change, in any configuration; dimensionless."""
+    way = loops.phi(q) / loops.row_scale
+    way /= max(float(np.linalg.norm(way)), 1e-300)
+    way /= loops.row_scale
+    places = [q, *loops.generic_configurations()]
+    return max(float(np.abs(way @ loops.K(p) * loops.units).max()) for p in places)
+
+
 def _refusal(loops: ClosedLoops, separation: _Separation, q: Array, what: str) -> ClosureError:
     """Every loop that stays open, the worst first."""
     sizes = [(s / (loops.length if u == "m" else 1.0), name, s, u) for name, s, u in separation.sizes(q)]
@@ -236,10 +277,19 @@ def _refusal(loops: ClosedLoops, separation: _Separation, q: Array, what: str) -
     others = [f"{name} by {size:.3g} {unit}" for part, name, size, unit in sizes[1:] if part > CLOSED]
     listed = ", ".join(others[:MOST]) + (f" and {len(others) - MOST} more" if len(others) > MOST else "")
     _, worst, size, unit = sizes[0]
+    remedy = (
+        "no configuration near the guess closes it with the held joints: try another guess, hold fewer "
+        "joints, or check the link lengths"
+    )
+    moved = _moved_that_way(loops, q)
+    if moved < UNMOVED:
+        remedy = (
+            f"in no configuration do the joints move it that way by more than {moved:.1e} of their own motion"
+            ", as where the axes of a planar loop are parallel but for such an angle: make them parallel (to "
+            "2e-5, where such rows are left out), or close the loop with fewer rows"
+        )
     return ClosureError(
-        f"{what}: the loop {worst} is open by {size:.3g} {unit}{f' ({listed})' if others else ''}; no "
-        "configuration near the guess closes it with the held joints: try another guess, hold fewer joints, "
-        "or check the link lengths",
+        f"{what}: the loop {worst} is open by {size:.3g} {unit}{f' ({listed})' if others else ''}; {remedy}",
         sizes[0][2],
         sizes[0][1],
     )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 import pinocchio as pin
@@ -13,7 +14,7 @@ from .closures import Closure, Index
 from .couplings import AnyClosure, CouplingClosure, Couplings
 from .joints import Joint, joint_named, support
 from .rows import ALONG, ROTATION, RotationRows, RowsAlong, rows_of
-from .tolerances import STRUCTURAL
+from .tolerances import CLOSED, STRUCTURAL
 from .tree import Array, Tree
 from .vectors import CROSS, apply, cross, skew
 
@@ -37,7 +38,14 @@ class ImplicitConstraint:
         φ, K and k are divided by it, row by row.
     column_scale : ndarray (nv,), optional
         K is multiplied by it, column by column.
+
+    Attributes
+    ----------
+    vanishing : dict of str to float
+        Rows that were left out although they move by more than rounding, and by how much, rad or lengths.
     """
+
+    vanishing: Mapping[str, float] = MappingProxyType({})
 
     def __init__(
         self,
@@ -223,12 +231,13 @@ def without_zero_rows(
     """
     full = ImplicitConstraint(tree, closures)
     scale = np.where(full.is_length, length, 1.0)
-    used = np.zeros(len(full.rows), dtype=bool)
+    moved = np.zeros(len(full.rows))
     constant = np.zeros(len(full.rows))
     for q in configurations:
         tree.jacobians(q)
         constant = full.residual() / scale
-        used |= np.max(np.abs(full.jacobian()), axis=1, initial=0.0) > STRUCTURAL * scale
+        moved = np.maximum(moved, np.max(np.abs(full.jacobian()), axis=1, initial=0.0) / scale)
+    used = moved > STRUCTURAL
     open_rows = np.flatnonzero(~used & (np.abs(constant) > STRUCTURAL))
     if len(open_rows):
         row = int(open_rows[0])
@@ -238,7 +247,11 @@ def without_zero_rows(
             "apart in every configuration, along a direction that no joint moves; "
             "shift or turn one of the two frames"
         )
-    return ImplicitConstraint(tree, closures, np.flatnonzero(used))
+    kept = ImplicitConstraint(tree, closures, np.flatnonzero(used))
+    kept.vanishing = {
+        full.labels[row]: float(moved[row]) for row in np.flatnonzero(~used & (moved > CLOSED)).tolist()
+    }
+    return kept
 
 
 class _Layout:

@@ -10,11 +10,11 @@ import scipy
 from numpy.typing import NDArray
 
 from ..errors import ClosureError, PartitionError
-from .assembly import assembled
+from .assembly import assembled, free_velocities
 from .joints import in_v
-from .loop_graph import loop_groups
 from .loops import COMPONENT, ClosedLoops
 from .partition import independent_rows, numerical_rank, spelled, triangular_blocks
+from .ranges import assembled_within
 from .rank import singular_words
 from .tolerances import CLOSED, DETERMINES, RANK, STRUCTURAL
 from .tree import Array
@@ -27,27 +27,33 @@ SERVES = 1e-3
 BESIDE, AWAY = 6, 0.5
 """Configurations tried beside a singular one, and how far away they are, rad or characteristic lengths."""
 
+LEAST_AWAY = 1e-3
+"""How far they must be once closed: 1e-6 beside an isolated point loops are closed to rounding."""
+
 
 def best_at_home(loops: ClosedLoops, home: Array, name: str) -> tuple[Array, tuple[str, ...]]:
     """Home, assembled if need be, and the best conditioned independent joints there, which are logged.
 
+    At a singular home they are those of a regular configuration beside it.
+
     Raises
     ------
     PartitionError
-        Where home is singular, or no joints with one number each parametrise the motion.
+        Where no joints with one number each parametrise the motion, or home is an isolated point.
     """
-    home = assembled(loops, home, np.arange(loops.nv), "independent = 'auto'")
+    home = assembled_within(loops, home, np.arange(loops.nv), "independent = 'auto'")
     words = singular_words(loops, home)
-    if words:
+    place = regular_near(loops, home) if words else home
+    if words and place is home:
         raise PartitionError(
-            f"independent = 'auto' needs a regular home configuration, and home is singular ({words}); give "
-            "another home, or name the joints"
+            f"independent = 'auto': home is singular ({words}), and no regular configuration was found "
+            "beside it; give another home, or name the joints"
         )
-    choices = loops.coordinate_choices(home)
+    choices = loops.coordinate_choices(place)
     if not choices:
         single = [joint.name for joint in loops.joints if joint.single]
         freedom = loops.nv - numerical_rank(
-            np.linalg.svd(loops.scaled(loops.K(home)), compute_uv=False), RANK
+            np.linalg.svd(loops.scaled(loops.K(place)), compute_uv=False), RANK
         )
         if freedom == 0:
             raise PartitionError(
@@ -74,26 +80,19 @@ def motions(loops: ClosedLoops, q: Array) -> Array:
     return basis
 
 
-def free_velocities(loops: ClosedLoops) -> NDArray[np.int64]:
-    """Velocities of joints that are in no loop and no coupling."""
-    tied = {j for group in loop_groups(loops.model, loops.closures) for j in group.joints}
-    free = [i for joint in loops.joints if joint.index not in tied for i in range(*joint.v.indices(loops.nv))]
-    return np.array(free, dtype=np.int64)
-
-
 def completed(
-    loops: ClosedLoops, home: Array, wanted: Sequence[str], name: str
+    loops: ClosedLoops, place: Array, wanted: Sequence[str], name: str
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The wanted joints as far as they can serve at home, and what completes them; both are logged.
+    """The wanted joints as far as they can serve at a place, and what completes them; both are logged.
 
-    With T an orthonormal basis of the motions at home, a joint serves while the rows of T that it adds keep
+    With T an orthonormal basis of the motions there, a joint serves while the rows of T that it adds keep
     σ_min above SERVES. What is lacking is chosen by pivoted QR of the rest of T, numbers of joints that have
     one each before components of others.
 
     Parameters
     ----------
     loops : ClosedLoops
-    home : ndarray (nq,)
+    place : ndarray (nq,)
         A closed, regular configuration.
     wanted : sequence of str
         Joints, or components of joints, in the order of preference.
@@ -103,7 +102,7 @@ def completed(
     tuple of str, tuple of str
         All independent joints and components; those of the wanted ones that cannot serve.
     """
-    T = motions(loops, home)
+    T = motions(loops, place)
     kept: list[str] = []
     lost: list[str] = []
     rows: list[int] = []
@@ -130,33 +129,44 @@ def completed(
     return tuple(names), tuple(lost)
 
 
-def regular_near(loops: ClosedLoops, home: Array, name: str) -> Array:
+def regular_near(loops: ClosedLoops, home: Array, nearly: float = 0.0) -> Array:
     """Home, or where K loses rank there a closed configuration beside it where it does not.
 
-    A pose that nobody chose (neutral) may be singular, and a motion does not start there by itself.
+    Such a pose is singular, or an isolated point, beside which nothing is found.
+
+    Parameters
+    ----------
+    nearly : float
+        Conditioning of K, the least of its singular values that count over the largest, below which home
+        is left too, for the best conditioned of the configurations beside it.
     """
     if loops.nc == 0:
         return home
     rng = np.random.default_rng(1)
     here = motions(loops, home)
-    least, found, best = here.shape[1], home, 0.0
+    m, conditioning = _freedom(loops, home)
+    least, found, best = m, home, conditioning if conditioning < nearly else np.inf
     for _ in range(BESIDE):
         way = here @ rng.normal(0.0, 1.0, here.shape[1])
         way[free_velocities(loops)] = 0.0
         step = loops.units * way * (AWAY / max(float(np.abs(way).max(initial=0.0)), 1e-300))
         try:
-            q = assembled(loops, loops.tree.integrate(home, step), np.arange(loops.nv), name, (0.0,))
+            q = assembled(loops, loops.tree.integrate(home, step), np.arange(loops.nv), "home", (0.0,))
         except ClosureError:
             continue
-        K = loops.scaled(loops.K(q))
-        s = np.linalg.svd(K, compute_uv=False)
-        rank = numerical_rank(s, STRUCTURAL)
-        m = loops.nv - rank
-        if m < least or (m == least < here.shape[1] and s[rank - 1] > best):
-            least, found, best = m, q, float(s[rank - 1])
-    if found is not home:
-        log.info("%s: home is moved beside a singular configuration", name)
+        m, conditioning = _freedom(loops, q)
+        if m and np.abs(loops.tree.difference(home, q) / loops.units).max() < LEAST_AWAY:
+            continue  # back where it was, but for what rounding leaves open
+        if m < least or (m == least and conditioning > best):
+            least, found, best = m, q, conditioning
     return found
+
+
+def _freedom(loops: ClosedLoops, q: Array) -> tuple[int, float]:
+    """nv − rank K at q, and the least of its singular values that count over the largest."""
+    s = np.linalg.svd(loops.scaled(loops.K(q)), compute_uv=False)
+    rank = numerical_rank(s, STRUCTURAL)
+    return loops.nv - rank, float(s[rank - 1] / s[0]) if rank else 1.0
 
 
 def require_determined(

@@ -11,20 +11,21 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from ..checks import check_model, check_text, listed, require_finite
-from ..errors import ModelError
+from ..checks import check_model, check_text, listed, plain, require_finite
 from .applied_forces import AppliedForces
-from .assembly import assembled
 from .coordinates import Coordinates
 from .couplings import AnyClosure, closures_given
 from .forces import Force, forces_given, require_length
-from .formats.contents import FileContents, tell_left_out
+from .formats.contents import FileContents, named, tell_left_out
 from .formats.mjcf import read_mjcf
 from .formats.pin_constraints import with_named_frames
 from .formats.urdf import read_urdf
 from .independent import best_at_home, require_determined
+from .loops import ClosedLoops
 from .named_numbers import Named
+from .ranges import assembled_near
 from .recommended import Recommended
+from .rounding import IMPLIED, without_unmoved_rows
 from .tree import Array
 
 
@@ -108,9 +109,9 @@ class Mechanism(Coordinates):
             Pairs of frame names that close the loops, pairs of joints that move together; also
             Pinocchio's constraint models, see `pin_constraints.with_named_frames`.
         independent : sequence of str or "auto", optional
-            Joints that serve as minimal coordinates, one number in q each; may be left out only
-            where there is no loop (then: all joints). "auto" takes the best conditioned set at home
-            (assembled first where its loops are open) and logs it.
+            Joints that serve as minimal coordinates, one number in q each. "auto" takes the best conditioned
+            set at home (assembled first where its loops are open, and beside it where it is singular) and
+            logs it. Left out: all joints where there is no loop, else "auto".
         home : array_like (nq,), optional
             Seed configuration; `pin.neutral` when left out.
         forces : sequence of Force
@@ -127,14 +128,14 @@ class Mechanism(Coordinates):
         check_model(model)
         closures = closures_given(closures)
         model, closures = with_named_frames(model, closures)
+        rounded: list[str] = []
+        if closures:
+            closures, rounded = without_unmoved_rows(ClosedLoops(model, closures))
         if independent is None:
-            if closures:
-                raise ModelError(
-                    "independent: name the joints that serve as minimal coordinates, or 'auto'; "
-                    f"the model's joints are {', '.join(list(model.names)[1:])}"
-                )
-            independent = list(model.names)[1:]
-        return cls(model, closures, independent, home=home, name=name, forces=forces)
+            independent = "auto" if closures else list(model.names)[1:]
+        left_out = named(IMPLIED, rounded)
+        tell_left_out(left_out, name or str(model.name) or "from_pinocchio", strict=False)
+        return cls(model, closures, independent, home, name, forces, left_out=left_out)
 
     @classmethod
     def from_urdf(
@@ -202,7 +203,7 @@ class Mechanism(Coordinates):
         made = cls.from_pinocchio(
             contents.model, contents.closures, independent, home, named, contents.forces
         )
-        made.actuated, made.left_out = contents.actuated, tuple(contents.left_out)
+        made.actuated, made.left_out = contents.actuated, (*contents.left_out, *made.left_out)
         return made
 
     @cached_property
@@ -221,6 +222,8 @@ class Mechanism(Coordinates):
 
     def assemble(self, q_guess: ArrayLike | Named, hold: Sequence[str] | None = None) -> Array:
         """Close the loops from a rough guess.
+
+        Far from the guess an assembly is preferred that has the joints inside their ranges.
 
         Parameters
         ----------
@@ -241,7 +244,7 @@ class Mechanism(Coordinates):
         """
         held = self.velocities_named(self.independent if hold is None else _joints(hold, "hold"))
         free = np.setdiff1d(np.arange(self.nv), held)
-        return assembled(self, self.configuration(q_guess, "q_guess"), free, "assemble")
+        return assembled_near(self, self.configuration(q_guess, "q_guess"), free, "assemble")
 
     def with_independent(self, independent: Sequence[str]) -> Mechanism:
         """The same mechanism in other minimal coordinates."""
@@ -267,7 +270,7 @@ class Mechanism(Coordinates):
         return Mechanism, recipe, {"recommended": self.recommended}
 
     def __repr__(self) -> str:
-        return (
+        return plain(
             f"Mechanism({self.name!r}: {self.nv} velocities, {len(self.closures)} closures with "
             f"{self.nc} rows, y = {', '.join(self.independent) or 'none'})"
         )

@@ -44,19 +44,20 @@ class PartialClosure(AxisClosure):
 
     def position_rows(self) -> Sequence[int | Direction]:
         """The origins do not come apart along these directions of frame 2."""
-        whole = self._whole()
+        whole = self.all_rows()
         rows = AXES if whole.holds else whole.position_rows()
         return [rows[i] for i in self.along]
 
     def rotation_terms(self) -> list[Term]:
         """Those of the whole whose rows are kept."""
-        return [term for term in self._whole().rotation_terms() if term[0] in self.turns]
+        return [term for term in self.all_rows().rotation_terms() if term[0] in self.turns]
 
     def is_proper(self, turn: NDArray[Any]) -> bool:
         """As of the whole."""
-        return self._whole().is_proper(turn)
+        return self.all_rows().is_proper(turn)
 
-    def _whole(self) -> Closure:
+    def all_rows(self) -> Closure:
+        """The cut joint that it is a part of."""
         kind = next(kind for kind in closure_kinds() if kind.kind == self.whole)
         more = {"axis": self.axis} if issubclass(kind, AxisClosure) else {}
         return kind(self.frame1, self.frame2, **more)

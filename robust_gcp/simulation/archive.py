@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import MissingFileError, OptionError, RobustGcpError
+from ..errors import OptionError, RobustGcpError, missing_file
 from ..mechanism.tree import Array
 
 
@@ -56,7 +56,7 @@ def read_arrays(path: Path) -> dict[str, Array]:
                     raise OptionError(f"{path} is damaged: it holds {name!r} twice")
                 arrays[name] = _array(archive.read(entry))
     except FileNotFoundError as error:
-        raise MissingFileError(f"{path} is not there") from error
+        raise missing_file(path) from error
     except OSError as error:
         raise OptionError(f"{path} cannot be read ({error.strerror or error})") from error
     except RobustGcpError:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from typing import Any
@@ -28,6 +28,16 @@ REFINED_RTOL, REFINED_ATOL = 1e-10, 1e-12
 
 REFINED_EFFORT = 5_000
 """Right-hand sides that one such step may take."""
+
+MANY = 5
+"""Steps with error control within one of the run's, after which the rounding of ẋ is measured."""
+
+
+def _noise(f: Callable[[float, Array], Array], t: float, x: Array) -> Array:
+    """How much ẋ differs between states that differ in the last digit, (2m,)."""
+    here = f(t, x)
+    beside = [f(t, x * (1.0 + ulps * np.finfo(float).eps)) for ulps in (-2.0, 1.0, 2.0)]
+    return np.asarray(np.max(np.abs(np.array(beside) - here), axis=0))
 
 
 class RefinedRun(Run):
@@ -80,9 +90,13 @@ class RefinedRun(Run):
         return x
 
     def _refinements(self, x: Array, times: Array) -> Iterator[SolverStep]:
-        """Steps with error control; a trial that is refused leaves the map where the step began."""
+        """Steps with error control; a trial that is refused leaves the map where the step began.
+
+        Where they become many, the rounding of ẋ is measured, and no error below what it makes of the whole
+        span is asked for any more: light bodies that turn idly beside heavy ones have it 1e6 times as large.
+        """
         equations, explicit = self._motion.equations, self._motion.explicit
-        good = explicit.anchor
+        good, span = explicit.anchor, float(times[-1] - times[0])
 
         def f(t: float, state: Array) -> Array:
             try:
@@ -91,10 +105,22 @@ class RefinedRun(Run):
                 explicit.anchor = good
                 raise
 
-        tolerances = REFINED_RTOL, REFINED_ATOL, REFINED_EFFORT
-        for step in solver_steps("DOP853", f, x, times, *tolerances, rounding=self._rounding):
-            good = explicit.anchor
-            yield step
+        absolute: Array | float = REFINED_ATOL
+        measured = False
+        while times[0] < times[-1]:
+            tolerances = REFINED_RTOL, absolute, REFINED_EFFORT
+            steps = solver_steps("DOP853", f, x, times, *tolerances, rounding=self._rounding)
+            for number, step in enumerate(steps):
+                good = explicit.anchor
+                yield step
+                x, times = step.x, np.array([step.t1, times[-1]])
+                if number == MANY and not measured:
+                    measured, absolute = True, np.maximum(absolute, span * _noise(f, step.t1, x))
+                    explicit.anchor = good
+                    if np.any(absolute > REFINED_ATOL):
+                        break
+            else:
+                return
 
     def _renewed_within(self, i: int, begun: Evaluation, t: float, x: Array) -> bool:
         """Whether a step from time i, begun there, goes on at t in better coordinates, which are taken."""

@@ -115,7 +115,7 @@ def solver_steps(
     x: Array,
     times: Array,
     rtol: float,
-    atol: float,
+    atol: float | Array,
     effort: int = 50_000,
     jacobian: Jacobian | None = None,
     rounding: Callable[[], float] | None = None,
@@ -175,7 +175,7 @@ def solver_steps(
     while i < len(times):
         if rounding is not None:
             noise = rounding()
-            solver.rtol, solver.atol = max(rtol, noise), max(atol, 0.01 * noise)
+            solver.rtol, solver.atol = max(rtol, noise), np.maximum(atol, 0.01 * noise)
         with alone:
             message = solver.step() if solver.status == "running" else None
         if solver.t - mark[0] >= HEADWAY * (times[-1] - times[0]) or solver.status == "finished":

@@ -6,6 +6,7 @@ import warnings
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import robust_gcp as rg
@@ -102,3 +103,78 @@ def test_rows_of_a_part_are_those_of_the_whole() -> None:
     for i in range(base.nv):
         e = 1e-6 * np.eye(base.nv)[i]
         np.testing.assert_allclose((some.phi(q + e) - some.phi(q - e)) / 2e-6, some.K(q)[:, i], atol=1e-8)
+
+
+Kind = type[rg.PointClosure] | type[rg.RevoluteClosure]
+
+
+def planar(
+    tilt: float, turned: float, kind: Kind, sizes: tuple[float, ...] = (4.0, 1.0, 3.5, 3.0)
+) -> rg.Mechanism:
+    """A four-bar with a tilted joint, in a plane that is turned against the world's axes."""
+    ground, lengths = sizes[0], dict(zip(("q1", "q2", "q3"), sizes[1:], strict=True))
+    model = pin.Model()
+    plane = pin.SE3(pin.exp3(turned * np.array([0.3, 0.5, 0.2])), np.zeros(3))
+    for name, parent, at in (("q1", 0, 0.0), ("q2", 1, sizes[1]), ("q3", 0, ground)):
+        place = pin.SE3(np.eye(3), np.array([0.0, at, 0.0]))
+        place = place if parent else plane * place
+        place.rotation = place.rotation @ pin.exp3(np.array([0.0, 0.0, tilt * (name == "q2")]))
+        joint = model.addJoint(parent, pin.JointModelRX(), place, name)
+        about, tip = lengths[name] ** 2 / 12.0, np.array([0.0, lengths[name], 0.0])
+        inertia = pin.Inertia(1.0, 0.5 * tip, np.diag([about, 1e-4, about]))
+        model.appendBodyToJoint(joint, inertia, pin.SE3.Identity())
+        model.addFrame(pin.Frame(f"{name}_tip", joint, pin.SE3(np.eye(3), tip), pin.FrameType.OP_FRAME))
+    axis = {} if kind is rg.PointClosure else {"axis": (1.0, 0.0, 0.0)}
+    return rg.Mechanism.from_pinocchio(model, [kind("q2_tip", "q3_tip", **axis)], ["q1"])
+
+
+@pytest.mark.parametrize("turned", [0.0, 1.0])
+@pytest.mark.parametrize(("kind", "lost"), [(rg.PointClosure, "1 of 3"), (rg.RevoluteClosure, "3 of 5")])
+def test_rows_that_a_planar_loop_cannot_close_are_told_or_refused(
+    turned: float, kind: type[rg.PointClosure] | type[rg.RevoluteClosure], lost: str
+) -> None:
+    """Whatever the plane: nothing to tell at rounding, told up to 2e-5, refused for the axes beyond."""
+    exact = planar(0.0, turned, kind)
+    assert exact.left_out == ()
+    ends = [rg.simulate(exact, exact.assemble([1.0, -0.4, 1.8]), duration=0.1, step=1e-3).q[-1]]
+    for tilt in (1e-10, 1e-8, 1e-6):
+        with pytest.warns(rg.ModelWarning, match=rf"q2_tip – q3_tip \({lost} rows\): \d\.\de-"):
+            mech = planar(tilt, turned, kind)
+        assert (mech.nc, mech.m, len(mech.left_out)) == (2, 1, 1)
+        q = mech.assemble([1.0, -0.4, 1.8])
+        ends.append(rg.simulate(mech, q, duration=0.1, step=1e-3).q[-1])
+        np.testing.assert_allclose(ends[-1], ends[0], atol=10.0 * tilt + 1e-12)
+    for tilt in (1e-4, 1e-2):
+        with pytest.raises(rg.ClosureError, match="axes of a planar loop are parallel but for such an angle"):
+            planar(tilt, turned, kind).assemble([1.0, -0.4, 1.8])
+
+
+@pytest.mark.parametrize("turned", [0.0, 1.0])
+@pytest.mark.parametrize("kind", [rg.PointClosure, rg.RevoluteClosure])
+@pytest.mark.parametrize("tilt", [0.0, 1e-8, 1e-6])
+@pytest.mark.filterwarnings("ignore:.*up to rounding:robust_gcp.ModelWarning")
+def test_redundant_rows_and_a_flat_pose_are_told_apart(tilt: float, turned: float, kind: Kind) -> None:
+    """All links of a parallelogram in line: mobility 1, two modes, whatever rows are redundant everywhere."""
+    base = planar(tilt, turned, kind, (2.0, 1.0, 2.0, 1.0))
+    mech = rg.Mechanism.from_pinocchio(base.model, base.closures)
+    here = rg.analyse(mech, np.zeros(3))
+    assert (mech.m, here.kind, here.rank, here.generic_rank, len(here.modes)) == (1, "singular", 1, 2, 2)
+    for mode in here.modes:
+        run = rg.simulate(mech, np.zeros(3), mode=mode, duration=0.05, step=1e-3)
+        assert run.closure_error().max() < 1e-11
+        assert np.abs(run.energy_error()).max() < 1e-9
+
+
+def test_a_small_loop_beside_a_large_one_is_not_taken_for_rounding() -> None:
+    """A four-bar of some micrometres on the coupler of one of metres keeps its rows."""
+    model = pin.Model()
+    sizes = {"a": 1.0, "b": 3.5, "c": 3.0, "x": 1e-6, "y": 3.5e-6, "z": 3e-6}
+    places = {"a": (0, 0), "b": (1, 1), "x": (2, 1), "y": (3, 1e-6), "z": (2, 1 + 4e-6), "c": (0, 4)}
+    for name, (parent, at) in places.items():
+        joint = model.addJoint(parent, pin.JointModelRX(), pin.SE3(np.eye(3), np.array([0.0, at, 0.0])), name)
+        tip = pin.SE3(np.eye(3), np.array([0.0, sizes[name], 0.0]))
+        model.appendBodyToJoint(joint, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
+        model.addFrame(pin.Frame(f"{name}_tip", joint, tip, pin.FrameType.OP_FRAME))
+    closures = [rg.PointClosure("b_tip", "c_tip"), rg.PointClosure("y_tip", "z_tip")]
+    mech = rg.Mechanism.from_pinocchio(model, closures, ["a", "x"])
+    assert (mech.nc, mech.left_out) == (4, ())

@@ -24,7 +24,7 @@ from .passages import passages
 from .plain import read, written
 from .product import chart_coordinates, product
 from .reference import in_charts, is_far
-from .refusal import obstacle_at, refusal, what_stopped
+from .refusal import SMALLER, obstacle_at, refusal, what_stopped
 from .renewal import jet_at, recharted, tracker_at, whole_point
 from .space import space_of
 from .tracker import Tracker
@@ -208,7 +208,7 @@ class ClusterMap(Charted):
                 raise BranchError(
                     f"from y = {self.anchor.y} to {y} the stepper moves a joint by {turn:.3g} rad (or "
                     "lengths) at once, more than a turn, in which no branch can be followed: the step is too "
-                    "large for this motion, or the motion has become unstable; use a smaller step",
+                    f"large for this motion, or the motion has become unstable; {SMALLER}",
                     self.anchor.y,
                 )
             self._enter(self.anchor, {})
@@ -271,7 +271,7 @@ class ClusterMap(Charted):
             if obstacle is not None:
                 return refusal(self.mechanism, cluster, obstacle, self.anchor)
         words = "the motion could not be followed with error control"
-        return BranchError(f"at y = {self.anchor.y}: {words}; use a smaller step", self.anchor.y)
+        return BranchError(f"at y = {self.anchor.y}: {words}; {SMALLER}", self.anchor.y)
 
     # --------------------------------------------------------------------- for the compiled kernel
 

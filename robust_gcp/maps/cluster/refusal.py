@@ -14,6 +14,9 @@ from .chart import quality
 from .obstacles import Obstacle, ObstacleError
 from .tracker import Tracker
 
+SMALLER = 'use a smaller step, or one with error control: stepper="DOP853"'
+"""Where a motion is too fast for its steps in a short stretch, as one that whips past a dead point."""
+
 
 def obstacle_at(tracker: Tracker) -> Obstacle | None:
     """What a tracker is at, where it has no bridge."""

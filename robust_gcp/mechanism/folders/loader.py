@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ...checks import hint, shown
-from ...errors import ClosureError, ModelError, PartitionError, RobustGcpError
+from ...errors import ClosureError, ModelError, PartitionError, RobustGcpError, missing_file
 from ..assembly import FEW_STARTS, MANY_STARTS, assembled
 from ..closures import Closure, closure_kinds
 from ..formats.contents import FileContents, check_base, named, tell_left_out
@@ -21,16 +21,21 @@ from ..formats.urdf import read_urdf
 from ..independent import completed, regular_near
 from ..loops import ClosedLoops
 from ..mechanism import Mechanism
-from ..rounding import ROUNDED, without_rounded_rows
+from ..ranges import assembled_within, tell_outside
+from ..rank import singular_words
+from ..rounding import IMPLIED, ROUNDED, without_rounded_rows, without_unmoved_rows
 from ..tolerances import NEARLY_CLOSED
 from ..tree import Array
 from .gepetto import joint_changes, with_changed_forces, with_joint_changes
 from .own_block import forces_of, home_of, own_block, recommended_of, set_gravity, with_axes
-from .robot_file import READERS, UNREAD, alone, has_yaml, is_mjcf, robot_file
+from .robot_file import READERS, UNREAD, alone, has_yaml, is_mjcf, others_beside, require_read, robot_file
 from .yaml_text import parsed_yaml
 
 KEYS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type", "robust_gcp")
 """Keys of robot.yaml that are read."""
+
+NEARLY_SINGULAR = 1e-3
+"""Conditioning of K below which a pose that nobody chose is left: G has lost three digits there."""
 
 ALIKE = 0.85
 """Likeness (difflib's ratio) above which another key is taken for one of them misspelt."""
@@ -67,7 +72,9 @@ def load(
     velocity of a run from home). Other keys are left to other programs.
 
     Home is closed on loading, from the file's pose: `home`, `guess`, the keyframe "home" or the first one, or
-    else the neutral configuration (moved to a regular one beside it where it is singular).
+    else the neutral configuration (moved to a regular one beside it where it is singular, or nearly). Where
+    that leaves the ranges of joints, but for `home`, an assembly inside them is looked for; a home outside is
+    told. A pose that is singular is kept, with coordinates of the motions beside it.
 
     Parameters
     ----------
@@ -93,11 +100,18 @@ def load(
     path = path_of(name_or_folder, "load")
     if path.suffix in UNREAD:
         raise ModelError(f"{path}: {UNREAD[path.suffix]}")
+    if path.suffix.lower() in (".yaml", ".yml") and not path.is_dir():
+        if not path.exists() and not is_link(path):
+            raise missing_file(path)
+        if path.name != "robot.yaml":
+            raise ModelError(f"{path}: give the folder that it is in; read there is robot.yaml")
+        path = path.parent
     if path.suffix in READERS and not has_yaml(path):
         return _mechanism(alone(path, base), path, path.stem, {}, {}, independent, strict)
     folder, path = _folder(path.parent if path.suffix in READERS else path, name_or_folder)
     if path.suffix in READERS:
         contents = alone(inside(folder, path.name), base)
+        contents.left_out += named("files beside it", others_beside(path))
         return _mechanism(contents, path, folder.name, {}, {}, independent, strict)
     settings = _settings(path)
     own = own_block(settings, path)
@@ -124,6 +138,7 @@ def _folder(path: Path, given: str | Path) -> tuple[Path, Path]:
         path = models_folder() / str(given)
     if str(given) and (is_file(path / "robot.yaml") or is_link(path / "robot.yaml")):
         return path, inside(path, "robot.yaml")
+    require_read(path)
     files = [f for f in files_in(path) if f.suffix in READERS] if str(given) else []
     preferred = [f for f in files if f.stem == "robot"] or files
     if len(preferred) == 1:
@@ -156,6 +171,11 @@ def _mechanism(
     guess = home_of(own["guess"], model, path, "guess") if own.get("guess") is not None else contents.pose()
     try:
         loops = ClosedLoops(model, contents.closures)
+        kept, rounded = without_unmoved_rows(loops)
+        contents.left_out += named(IMPLIED, rounded)
+        if rounded:
+            contents.closures = list(kept)
+            loops = ClosedLoops(model, kept)
         if given is not None:
             home = given
         else:
@@ -163,9 +183,9 @@ def _mechanism(
             start = loops.home if guess is None else guess
             loops, home, rounded = _closed(loops, start, spreads)
             contents.closures = list(loops.closures)
-            contents.left_out += named("rows of loops that others imply up to rounding", rounded)
-            if guess is None:
-                home = regular_near(loops, home, name)
+            contents.left_out += named(IMPLIED, rounded)
+            if guess is None:  # a pose that nobody chose may be singular, where no motion starts by itself
+                home = regular_near(loops, home, NEARLY_SINGULAR)
         if isinstance(motors, list):
             known = set(loops.joint_names)
             contents.actuated = tuple(m for m in motors if m in known)
@@ -180,6 +200,7 @@ def _mechanism(
     if given is not None:
         mechanism.require_closed(mechanism.home, NEARLY_CLOSED, f"{path}: home")
         mechanism.home = mechanism.polish(mechanism.home, mechanism.iv_dependent)
+    tell_outside(mechanism, mechanism.home, f"{path}: home")
     if own.get("recommended") is not None:
         mechanism.recommended = recommended_of(own, mechanism, path)
     return mechanism
@@ -191,7 +212,7 @@ def _closed(
     """The loops without rows that others imply up to rounding, a home that closes them, and what was left."""
     every = np.arange(loops.nv)
     try:
-        home = assembled(loops, start, every, "home", spreads)
+        home = assembled_within(loops, start, every, "home", spreads)
     except ClosureError as failure:
         if failure.nearest is None or loops.closure_residual(failure.nearest) > ROUNDED:
             raise
@@ -218,15 +239,18 @@ def _with_coordinates(
 ) -> Mechanism:
     """The mechanism in the coordinates that are asked for, or in the wanted ones, completed.
 
-    A home that the file gives may be singular, where any completion would be too long: the wanted ones are
-    tried as they are first.
+    At a singular home, on which motion the wanted ones serve is open: they are tried as they are first, and
+    completed for a configuration beside it.
     """
     if independent is not None:
         return Mechanism.from_contents(contents, independent, home, name)
-    if as_named and wanted:
+    place = home
+    if loops.closure_residual(home) <= NEARLY_CLOSED and singular_words(loops, home):
+        place = regular_near(loops, home)
+    if (as_named or place is not home) and wanted:
         with contextlib.suppress(PartitionError):
             return Mechanism.from_contents(contents, wanted, home, name)
-    chosen, _ = completed(loops, home, wanted, name)
+    chosen, _ = completed(loops, place, wanted, name)
     return Mechanism.from_contents(contents, chosen, home, name)
 
 

@@ -50,8 +50,44 @@ def alone(path: Path, base: str | None) -> FileContents:
 
 
 def has_yaml(path: Path) -> bool:
-    """Whether a robot.yaml beside a robot's file belongs to it."""
-    return is_file(path.parent / "robot.yaml") and robot_file(path.parent) == path.name
+    """Whether a robot.yaml beside a robot's file belongs to it.
+
+    Raises
+    ------
+    ModelError
+        Where one belongs to it that is not read; see `require_read`.
+    """
+    folder = path.parent
+    if is_file(folder / "robot.yaml"):
+        return robot_file(folder) == path.name
+    robots = [file.name for file in files_in(folder) if file.suffix in READERS]
+    if robots == [path.name] or path.stem == "robot":
+        require_read(folder)
+    return False
+
+
+def require_read(folder: Path) -> None:
+    """Refuse what was meant to be robot.yaml, in a folder without one: its loops would stay open.
+
+    Raises
+    ------
+    ModelError
+        For robot.yml, Robot.yaml and the like, and for a robot.yaml that is a folder or a device.
+    """
+    try:
+        names = sorted(entry.name for entry in folder.iterdir()) if folder.is_dir() else []
+    except OSError:
+        return
+    for name in names:
+        if name == "robot.yaml" and not is_link(folder / name):
+            raise ModelError(f"{folder / name}: cannot be read: it is a folder or a device; give a file")
+        if name != "robot.yaml" and name.lower() in ("robot.yaml", "robot.yml"):
+            raise ModelError(f"{folder / name}: is not read under this name; call it robot.yaml")
+
+
+def others_beside(path: Path) -> list[str]:
+    """YAML files beside a robot's file, which are not read."""
+    return [file.name for file in files_in(path.parent) if file.suffix.lower() in (".yaml", ".yml")]
 
 
 def robot_file(folder: Path) -> str:

@@ -17,6 +17,9 @@ from ..tree import Array
 
 BASES = ("fixed", "free")
 
+STAYS = "base='free' where other bodies float already"
+"""What is told of bodies that keep standing on the ground."""
+
 
 @dataclass
 class FileContents:

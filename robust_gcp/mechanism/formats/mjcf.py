@@ -19,7 +19,7 @@ from .contents import FileContents, check_base, named
 from .mjcf_couplings import coupling_of
 from .mjcf_include import with_includes
 from .mjcf_left_out import actuated_by
-from .mjcf_parts import Element, Reduced, vector
+from .mjcf_parts import Element, Reduced, number, vector
 from .mjcf_xml import reduced
 from .pin_constraints import close_between
 from .xml_text import parsed_xml
@@ -59,6 +59,9 @@ def read_mjcf(mjcf: str | Path, base: str | None = None) -> FileContents:
     model = _tree(parts, name)
     _require_complete(model, parts, name)
     model.gravity.linear = parts.gravity
+    for joint, (low, high) in parts.ranges.items():  # Pinocchio's parser moves them by ref
+        at = model.joints[model.getJointId(joint)].idx_q
+        model.lowerPositionLimit[at], model.upperPositionLimit[at] = low, high
     configurations = {str(e.key()): np.array(e.data()) for e in model.referenceConfigurations}
     home = configurations.pop("qpos0")
     for joint, pose in parts.free.items():
@@ -132,7 +135,7 @@ def _closure(
 ) -> Closure:
     label = item.get("name") or f"{item.tag}_{position}"
     where = f"{name}: {item.tag} {label!r}"
-    kind: type[PointClosure] | type[FrameClosure] = FrameClosure if item.tag == "weld" else PointClosure
+    kind = _kind_of(item, where)
     if item.get("site1") or item.get("site2"):
         first, second = (_site_place(model, item.get(key, ""), parts, where) for key in ("site1", "site2"))
         return close_between(model, kind, label, (first, second))
@@ -141,15 +144,25 @@ def _closure(
     pin.forwardKinematics(model, data, home)
     still = [_place_on(model, body, where, pin.SE3.Identity()) for body in bodies]
     poses = [data.oMi[joint] * placement for joint, placement in still]
-    default = None if kind is PointClosure else (0.0, 0.0, 0.0)
+    default = None if item.tag == "connect" else (0.0, 0.0, 0.0)
     anchor = pin.SE3(np.eye(3), vector(item, "anchor", 3, where, default))
     relative = poses[0].inverse() * poses[1]  # of body 2 in body 1, at qpos0
-    if kind is PointClosure:
+    if item.tag == "connect":
         ends = (anchor, relative.inverse() * anchor)
     else:
         ends = (_relative_pose(item, where) or relative * anchor, anchor)
     first, second = ((joint, place * end) for (joint, place), end in zip(still, ends, strict=True))
     return close_between(model, kind, label, (first, second))
+
+
+def _kind_of(item: Element, where: str) -> type[PointClosure] | type[FrameClosure]:
+    """What an equality holds together: MuJoCo scales the rotation rows of a weld by its `torquescale`.
+
+    Any factor but zero leaves a rigid weld as it is; zero leaves its point alone.
+    """
+    if item.tag == "weld" and number(item, "torquescale", where, 1.0) != 0.0:
+        return FrameClosure
+    return PointClosure
 
 
 def _relative_pose(item: Element, where: str) -> pin.SE3 | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ...checks import shown
 from ...errors import ModelError
 from .mjcf_parts import Element
 from .text_file import inside
@@ -43,13 +44,15 @@ def _expand(parent: Element, name: str, folder: Path | None, seen: set[Path]) ->
         file = child.get("file", "")
         if folder is None:
             raise ModelError(
-                f"{name}: <include file={file!r}> cannot be read from text; give the file's path"
+                f"{name}: <include file={shown(file)}> cannot be read from text; give the file's path"
             )
         path = inside(folder, file) if file and not Path(file).is_absolute() else Path(file)
         if not file or Path(file).is_absolute():
-            raise ModelError(f"{name}: <include file={file!r}> cannot be read; name a file in {folder}")
+            raise ModelError(f"{name}: <include file={shown(file)}> cannot be read; name a file in {folder}")
         if path.resolve() in seen or len(seen) >= MOST:
-            raise ModelError(f"{name}: <include file={file!r}> is there twice, or one of more than {MOST}")
+            raise ModelError(
+                f"{name}: <include file={shown(file)}> is there twice, or one of more than {MOST}"
+            )
         seen.add(path.resolve())
         included, _ = parsed_xml(path, "MJCF")
         parent[position : position + 1] = list(included)

@@ -49,6 +49,8 @@ class Reduced:
     dampers : list of (joint, damping)
     oscillators : list of (joint, time constant, damping ratio, rest)
         Springs and dampers that are given so.
+    ranges : dict of str to (lowest, highest)
+        Of limited joints with one number, rad or m.
     tendons : dict of str to list of (joint, coefficient)
         The fixed ones.
     unread : dict of str to list of str
@@ -68,6 +70,7 @@ class Reduced:
     springs: list[tuple[str, float, float]] = field(default_factory=list)
     dampers: list[tuple[str, float]] = field(default_factory=list)
     oscillators: list[tuple[str, float, float, float]] = field(default_factory=list)
+    ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
     tendons: dict[str, list[tuple[str, float]]] = field(default_factory=dict)
     unread: dict[str, list[str]] = field(default_factory=dict)
     left_out: list[str] = field(default_factory=list)

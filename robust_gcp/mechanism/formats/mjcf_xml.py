@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import ModelError
+from .contents import STAYS
 from .mjcf_frames import frame_of, pose_between, with_frames_applied
 from .mjcf_left_out import SECTIONS, left_out_of
 from .mjcf_masses import Masses
@@ -130,7 +131,11 @@ class _Reader:
         """Give the one body that stands on the ground a free joint, unless something floats already."""
         bodies = [b for section in self._root.findall("worldbody") for b in section.findall("body")]
         tied = [b for b in bodies if any(e.tag in ("joint", "freejoint") for e in b)]
-        if any(e.tag == "freejoint" or e.get("type") == "free" for b in bodies for e in b):
+        floating = [b for b in bodies if any(_is_free(e) for e in b)]
+        if floating:
+            for body in bodies:
+                if body not in floating and any(e.tag == "joint" for e in body.iter()):
+                    self._out.leave_out(STAYS, body.get("name", "unnamed"))
             return
         if len(bodies) != 1 or tied:
             raise ModelError(
@@ -233,11 +238,20 @@ class _Reader:
             self._out.leave_out("armature of free joints", name)
         if number(joint, "frictionloss", where) != 0.0:
             self._out.leave_out("dry friction of joints", name)
-        limited = joint.get("limited", "auto")
-        if limited == "true" or (limited == "auto" and joint.get("range") and kind != "free"):
-            self._out.leave_out("limits of joints", name)
+        self._read_range(joint, name, kind, unit, where)
         self._read_forces(joint, name, kind, unit, where)
         ElementTree.SubElement(target, "joint", attributes)
+
+    def _read_range(self, joint: Element, name: str, kind: str, unit: float, where: str) -> None:
+        limited = joint.get("limited", "auto")
+        if limited == "auto" and flag(ElementTree.Element("compiler", self._compiler), "autolimits", True):
+            limited = "true" if joint.get("range") and kind != "free" else "false"
+        if limited != "true":
+            return
+        self._out.leave_out("limits of joints", name)
+        if kind in ("hinge", "slide"):
+            low, high = vector(joint, "range", 2, where, (0.0, 0.0)) * unit
+            self._out.ranges[name] = (float(low), float(high))
 
     def _read_forces(self, joint: Element, name: str, kind: str, unit: float, where: str) -> None:
         """Springs and dampers of a joint, unless the options switch them off."""

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ...checks import shown
-from ...errors import ModelError
+from ...errors import ModelError, missing_file
 
 LARGEST = 64_000_000
 """Bytes of the largest file that is read: ten times the URDF of a humanoid with its visuals."""
@@ -48,6 +48,8 @@ def read_text(path: Path, largest: int = LARGEST) -> str:
                 "shorten it"
             )
         return data.decode("utf-8")
+    except FileNotFoundError as error:
+        raise missing_file(path) from error
     except OSError as error:
         raise ModelError(f"{path}: cannot be read ({error})") from error
     except UnicodeError as error:
@@ -82,10 +84,11 @@ def inside(folder: Path, name: str) -> Path:
     """`folder / name`, or a ModelError where that is a link to a file outside the folder."""
     path = folder / name
     try:
-        place, target = folder.resolve(), path.resolve()
-    except (OSError, RuntimeError) as error:  # a link to itself
-        raise ModelError(f"{path}: cannot be read ({error})") from error
-    if path.exists() and not target.is_relative_to(place):
+        place, target, there = folder.resolve(), path.resolve(), path.exists()
+    except (OSError, RuntimeError) as error:  # a link to itself, a name too long for the system
+        words = error.strerror if isinstance(error, OSError) else error
+        raise ModelError(f"{folder}: {shown(name)} in it cannot be read ({words})") from error
+    if there and not target.is_relative_to(place):
         raise ModelError(
             f"{path}: is a link to {target}, outside the model's folder, and is not read; copy the file "
             "into the folder, or load the folder that it is in"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Iterable
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -12,7 +14,7 @@ import pinocchio as pin
 from ...errors import ModelError
 from ..forces import Force, JointDamper
 from ..workspace import require_memory
-from .contents import FileContents, check_base
+from .contents import STAYS, FileContents, check_base, named
 from .urdf_base import declare_world, set_base
 from .urdf_check import LIMITS, MOMENTS, MOVING, PRODUCTS, check_urdf
 from .urdf_left_out import left_out_of
@@ -28,6 +30,13 @@ VELOCITIES = {"revolute": 1, "continuous": 1, "prismatic": 1, "planar": 3, "floa
 
 ENDLESS = {"lower": f"-{UNLIMITED}", "upper": UNLIMITED, "effort": UNLIMITED, "velocity": UNLIMITED}
 
+
+LARGE = 10_000_000
+"""Characters that take some seconds to be parsed and checked."""
+
+COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
+TYPED = re.compile(r"""<(?:\w+:)?joint\s[^<>]*?\btype\s*=\s*["'](\w+)["']""")
+"""A joint's type, in the text of a URDF."""
 
 YES, NO = ("true", "1"), ("false", "0")
 
@@ -54,15 +63,15 @@ def read_urdf(urdf: str | Path, base: str | None = None) -> FileContents:
         `urdf_check.check_urdf`.
     """
     check_base(base)
-    root, name = parsed_xml(urdf, "URDF")
+    root, name = parsed_xml(urdf, "URDF", _scan)
     if root.tag != "robot":
         raise ModelError(f"{name}: the root element is <{root.tag}>, a URDF starts with <robot>")
     declare_world(root)
     check_urdf(root, name)
     refuse_unknown_ties(root, name)
     left_out = left_out_of(root, name)
-    set_base(root, base)
-    _require_memory(root)
+    left_out += named(STAYS, set_base(root, base))
+    _require_memory(joint.get("type", "") for joint in root.findall("joint"))
     try:
         model = pin.buildModelFromXML(ElementTree.tostring(_reduced(root), encoding="unicode"))
     except (ValueError, RuntimeError) as error:
@@ -77,9 +86,15 @@ def read_urdf(urdf: str | Path, base: str | None = None) -> FileContents:
     return contents
 
 
-def _require_memory(root: Element) -> None:
-    """Refuse a tree whose workspace would not fit, before Pinocchio reads it."""
-    moving = [VELOCITIES.get(joint.get("type", ""), 0) for joint in root.findall("joint")]
+def _scan(text: str) -> None:
+    """Refuse a large tree whose workspace would not fit, before its text is parsed."""
+    if len(text) > LARGE:
+        _require_memory(TYPED.findall(COMMENT.sub("", text)))
+
+
+def _require_memory(kinds: Iterable[str]) -> None:
+    """Refuse joints of these types where their workspace would not fit, before Pinocchio reads them."""
+    moving = [VELOCITIES.get(kind, 0) for kind in kinds]
     require_memory(sum(moving), sum(map(bool, moving)))
 
 

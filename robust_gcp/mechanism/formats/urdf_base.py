@@ -18,7 +18,7 @@ def declare_world(root: Element) -> None:
         root.insert(0, Element("link", {"name": WORLD}))
 
 
-def set_base(root: Element, base: str | None) -> None:
+def set_base(root: Element, base: str | None) -> list[str]:
     """Joints between the ground and the bodies that stand on it.
 
     Roots beside the link `world` float, unless `base` is "fixed". "fixed" welds what floats on the root link
@@ -31,6 +31,11 @@ def set_base(root: Element, base: str | None) -> None:
         A checked <robot>; changed in place.
     base : "fixed", "free" or None
         None: as the file says.
+
+    Returns
+    -------
+    list of str
+        Links that keep standing on the ground although `base` is "free", as others float already.
     """
     links = [link.get("name", "") for link in root.findall("link")]
     carried = {
@@ -41,22 +46,25 @@ def set_base(root: Element, base: str | None) -> None:
         for link in roots:
             if link != WORLD:
                 _join(root, WORLD, link, "fixed" if base == "fixed" else "floating")
-        return
+        return []
     ground = roots[0]
     on_ground = [j for j in root.findall("joint") if _end(j, "parent") == ground]
     floating = [j for j in on_ground if j.get("type") == "floating"]
     if base == "fixed":
         for joint in floating:
             joint.set("type", "fixed")
-    elif base == "free" and not floating:
+    elif base == "free":
         welded = [j for j in on_ground if j.get("type") == "fixed" and _moves(root, _end(j, "child"))]
+        if floating:
+            return [_end(joint, "child") for joint in welded]
         if ground == WORLD and welded:
             for joint in welded:
                 joint.set("type", "floating")
-            return
+            return []
         below = WORLD if WORLD not in links else _fresh(f"{WORLD}_below", links)
         root.insert(0, Element("link", {"name": below}))
         _join(root, below, ground, "floating")
+    return []
 
 
 def _join(root: Element, parent: str, child: str, kind: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -14,7 +15,13 @@ DEEPEST = 200
 """Elements within elements; readers that call themselves run out of stack at some hundred."""
 
 
-def parsed_xml(given: str | Path, what: str) -> tuple[ElementTree.Element, str]:
+MOST = 500_000
+"""Elements of a document: a hundred times what a humanoid has, read in some seconds."""
+
+
+def parsed_xml(
+    given: str | Path, what: str, scan: Callable[[str], None] | None = None
+) -> tuple[ElementTree.Element, str]:
     """The root element of a file or of XML text itself, and what to call it in errors.
 
     Tags keep the prefix that the file writes, declared or not (`drake:ball_constraint`), since robots'
@@ -26,18 +33,25 @@ def parsed_xml(given: str | Path, what: str) -> tuple[ElementTree.Element, str]:
         Text starts with "<".
     what : str
         The format, to name text by.
+    scan : callable, optional
+        Looks through the text before it is parsed, and refuses what would take too long.
 
     Raises
     ------
     ModelError
-        Where it cannot be read, is not well-formed, nests too deeply, or declares a document type:
-        entities may name other files, or grow without bounds.
+        Where it cannot be read, is not well-formed, has too many elements, nests too deeply, or declares a
+        document type: entities may name other files, or grow without bounds.
     """
     if isinstance(given, str) and given.lstrip("\ufeff \t\r\n").startswith("<"):
         text, name = given, f"{what} text"
     else:
         path = path_of(given, what)
         text, name = read_text(path), str(path)
+    elements = text.count("<") - text.count("</")
+    if elements > MOST:
+        raise ModelError(f"{name}: it has {elements:,} elements, more than {MOST:,}; split it")
+    if scan is not None:
+        scan(text)
     builder = _Builder(name)
     parser = expat.ParserCreate()
     parser.buffer_text = True
