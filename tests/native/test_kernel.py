@@ -239,7 +239,7 @@ def test_random_spatial_mechanisms() -> None:
     assert len(compare_random(100, 10)) == 100
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_random_spatial_mechanisms_over_a_thousand_steps() -> None:
     """The same for a thousand steps each, on some of them."""
     assert len(compare_random(12, 1000)) == 12
