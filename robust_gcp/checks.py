@@ -139,6 +139,7 @@ def check_callable(name: str, value: Any, arguments: str) -> None:
 def check_mechanism(value: Any, kind: type[Any], function: str) -> None:
     """Refuse a model's name or a `pin.Model` where a mechanism (of type `kind`) is needed."""
     if isinstance(value, kind):
+        value.require_unchanged()
         return
     if isinstance(value, str):
         remedy = f"{shown(value)} is a name: give robust_gcp.load({shown(value)})"

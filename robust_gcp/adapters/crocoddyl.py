@@ -60,7 +60,7 @@ def state_model(mechanism: Mechanism) -> Any:
         )
     carrier, groups = pin.Model(), {joint.name: joint for joint in mechanism.group_joints}
     for name in mechanism.independent:
-        kind = mechanism.model.joints[groups[name].index] if name in groups else pin.JointModelPX()
+        kind = mechanism.own_model.joints[groups[name].index] if name in groups else pin.JointModelPX()
         carrier.addJoint(0, kind, pin.SE3.Identity(), name)
     return crocoddyl.StateMultibody(carrier)
 

@@ -106,7 +106,7 @@ def run(args: argparse.Namespace) -> int:
 
         meshcat_folder()
     for frame in args.trails or ():
-        frame_of(mechanism.model, frame, "--trails")
+        frame_of(mechanism.own_model, frame, "--trails")
     mode = None if args.mode is None else _mode(mechanism, args.q0, args.mode)
     last = last_output(args.outputs, 0.0)
     duration = last if args.duration is None else args.duration

@@ -85,15 +85,15 @@ class Skeleton:
         """
         for joint in mechanism.joints:
             i = joint.index
-            parent = int(mechanism.model.parents[i])
-            place = mechanism.model.jointPlacements[i].translation
+            parent = int(mechanism.own_model.parents[i])
+            place = mechanism.own_model.jointPlacements[i].translation
             away = np.linalg.norm(p[:, parent] + R[:, parent] @ place - p[:, i], axis=1).max()
             pinned = bool(away <= PARALLEL * self.size)
             if pinned or joint.nv == 1:
                 self.seats.append(Seat(i, parent, place, self.add(i, np.zeros(3)), pinned))
                 if pinned or parent:  # what slides on the ground leaves no point there
                     self.add(parent, place)
-        ends = closure_frames(mechanism.model, mechanism.loops)
+        ends = closure_frames(mechanism.own_model, mechanism.loops)
         points = [self.add(joint, at.translation) for joint, at in ends]
         half = len(points) // 2
         held = [closure.holds for closure in mechanism.loops]

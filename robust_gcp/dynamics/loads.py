@@ -143,7 +143,7 @@ class _FrameLoad:
 
     def __init__(self, mechanism: Mechanism, wrench: Wrench) -> None:
         self._tree = mechanism.tree
-        model = mechanism.model
+        model = mechanism.own_model
         self._label = f"Wrench on {wrench.frame!r}"
         self._joint, place = place_of(model, wrench.frame, "Wrench")
         self._offset = np.array(place.translation)

@@ -47,8 +47,8 @@ def inertial_names(mechanism: Mechanism) -> tuple[str, ...]:
 
 def inertial_values(mechanism: Mechanism) -> Array:
     """The mechanism's own parameters, (n,)."""
-    bodies = [np.asarray(mechanism.model.inertias[j.index].toDynamicParameters()) for j in mechanism.joints]
-    return np.concatenate([*bodies, np.asarray(mechanism.model.armature)])
+    bodies = [np.asarray(mechanism.own_model.inertias[j.index].toDynamicParameters()) for j in mechanism.joints]
+    return np.concatenate([*bodies, np.asarray(mechanism.own_model.armature)])
 
 
 class TorqueRegressor(threading.local):

@@ -207,9 +207,9 @@ def shapes(mechanism: Mechanism) -> pin.GeometryModel:
         raise OptionError(f"{mechanism.name!r} is none of the robots here: {', '.join(files)}")
     urdf = robot_file(files[mechanism.name])
     packages = [str(folder) for folder in urdf.parents]
-    visual = pin.buildGeomFromUrdf(mechanism.model, str(urdf), pin.VISUAL, package_dirs=packages)
+    visual = pin.buildGeomFromUrdf(mechanism.own_model, str(urdf), pin.VISUAL, package_dirs=packages)
     if mechanism.name == "baxter_bar":
-        hand = mechanism.model.frames[mechanism.model.getFrameId("left_gripper")]
+        hand = mechanism.own_model.frames[mechanism.own_model.getFrameId("left_gripper")]
         along = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.5 * np.pi, 0.0), np.array([0.5 * BAR_LENGTH, 0.0, 0.0]))
         round_bar = coal.Cylinder(BAR_RADIUS, BAR_LENGTH)
         bar = pin.GeometryObject("bar", hand.parentJoint, hand.placement * along, round_bar)

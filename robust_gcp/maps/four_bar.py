@@ -55,7 +55,7 @@ def draw_four_bar(mechanism: Mechanism) -> Drawing:
     OptionError
         When the mechanism is anything else.
     """
-    model = mechanism.model
+    model = mechanism.own_model
     wrong = OptionError(
         f"method='closed_form' is for the planar four-bar: three parallel revolute joints, two of them in "
         f"a row, one point closure, the first joint independent; {mechanism.name!r} is not"

@@ -73,7 +73,7 @@ def _still(
     mechanism: ClosedLoops, tail: list[int], point: Array, dependent: NDArray[np.int64], q: Array
 ) -> int:
     """How many dependent velocities of a tail do not move a point of its first body, until a joint does."""
-    tree, model, found = mechanism.tree, mechanism.model, 0
+    tree, model, found = mechanism.tree, mechanism.own_model, 0
     tree.jacobians(q)
     at = tree.p[tail[0]] + tree.R[tail[0]] @ point
     speed = np.abs(tree.J[:, :3] + np.cross(tree.J[:, 3:], at)).max(axis=1)

@@ -54,7 +54,7 @@ STALLED, PATIENCE = 0.99, 8
 
 def free_velocities(loops: ClosedLoops) -> NDArray[np.int64]:
     """Velocities of joints that are in no loop and no coupling."""
-    tied = {j for group in loop_groups(loops.model, loops.closures) for j in group.joints}
+    tied = {j for group in loop_groups(loops.own_model, loops.closures) for j in group.joints}
     free = [i for joint in loops.joints if joint.index not in tied for i in range(*joint.v.indices(loops.nv))]
     return np.array(free, dtype=np.int64)
 

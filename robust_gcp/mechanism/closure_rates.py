@@ -49,7 +49,7 @@ class ClosureRates:
     """
 
     def __init__(self, loops: ClosedLoops) -> None:
-        self.loops, model = loops, loops.model
+        self.loops, model = loops, loops.own_model
         self.columns = Columns(model, loops.joints)
         frames = closure_frames(model, loops.loops)
         self.part = np.array([self.columns.of_joint[joint] for joint, _ in frames], dtype=np.int64)

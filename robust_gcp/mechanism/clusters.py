@@ -65,7 +65,7 @@ def loop_clusters(
     loops: ClosedLoops, independent: Sequence[str], iv_independent: NDArray[np.int64]
 ) -> tuple[LoopCluster, ...]:
     """The clusters of a mechanism, in the order of their first joint."""
-    model = loops.model
+    model = loops.own_model
     clusters: list[LoopCluster] = []
     for group in loop_groups(model, loops.closures):
         members = [model.joints[j] for j in group.joints]

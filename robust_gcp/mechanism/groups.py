@@ -41,7 +41,7 @@ class Groups(JointCharts):
         self.mechanism = mechanism
         joints = mechanism.group_joints
         names = {joint.name for joint in joints}
-        super().__init__(mechanism.model, joints)
+        super().__init__(mechanism.own_model, joints)
         others = [joint for joint in mechanism.joints if joint.name not in names]
         self.rest_iq = places([(j.idx_q, j.nq) for j in others])
         self.rest_iv = places([(j.idx_v, j.nv) for j in others])
@@ -81,7 +81,7 @@ def coordinate_choices(mechanism: Mechanism, q: Array) -> list[tuple[str, ...]]:
 
 def _held(mechanism: Mechanism, held: set[int]) -> pin.Model:
     """The mechanism's model without these joints, which are held in their neutral position."""
-    model, part, still = mechanism.model, pin.Model(), pin.SE3.Identity()
+    model, part, still = mechanism.own_model, pin.Model(), pin.SE3.Identity()
     part.name, part.gravity = model.name, model.gravity
     carried = [(0, still)]  # by which joint of the part, and where on it
     for j in range(1, model.njoints):

@@ -128,7 +128,7 @@ class LoopCharts(JointCharts):
     """
 
     def __init__(self, mechanism: Coordinates) -> None:
-        super().__init__(mechanism.model, mechanism.chart_joints)
+        super().__init__(mechanism.own_model, mechanism.chart_joints)
         position = {int(i): k for k, i in enumerate(mechanism.iv_independent)}
         own = [k for k, i in enumerate(self.iv) if int(i) in position]
         self.own = np.array(own, dtype=np.int64)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -24,6 +25,12 @@ from .partition import numerical_rank, ranked_choices
 from .tolerances import CLOSED, POLISHED, ROUNDED, STRUCTURAL
 from .tree import Array, Tree, require_depth_first
 
+CHANGEABLE = (
+    *("gravity", "inertias", "jointPlacements", "armature", "joints", "frames", "nframes"),
+    *("lowerPositionLimit", "upperPositionLimit", "damping", "friction", "names"),
+)
+"""Parts of a model that one may have changed, as an error names them."""
+
 COMPONENT = 0.1
 """Weight of one component of a ball beside the number of a hinge, where both would serve."""
 
@@ -33,8 +40,8 @@ class ClosedLoops:
 
     Attributes
     ----------
-    model : pin.Model
-        A private copy of the spanning tree.
+    own_model : pin.Model
+        A private copy of the spanning tree, which nobody changes.
     standpoint : ndarray (3,)
         The point of the ground that `near` and `tree` have as their origin, m.
     near : pin.Model
@@ -59,14 +66,15 @@ class ClosedLoops:
         require_depth_first(model)
         self.memo = Memo()
         self.home: Array = pin.neutral(model)
-        self.model: pin.Model = model.copy()
+        self.own_model: pin.Model = model.copy()
+        self._shown_model: pin.Model | None = None
         closures = [_as_closure(c) for c in closures]
         couplings = [c for c in closures if isinstance(c, CouplingClosure)]
         self.loops = tuple(c for c in closures if not isinstance(c, CouplingClosure))
         self.closures: tuple[AnyClosure, ...] = (*self.loops, *couplings)
-        self.length = characteristic_length(self.model, self.closures)
-        self.standpoint = standpoint(self.model, self.length)
-        self.near = seen_from(self.model, self.standpoint)
+        self.length = characteristic_length(self.own_model, self.closures)
+        self.standpoint = standpoint(self.own_model, self.length)
+        self.near = seen_from(self.own_model, self.standpoint)
         self.tree = Tree(self.near, closure_frames(self.near, self.loops))
         Couplings(self.tree.joints, couplings)  # refuses joints that are not there
         self.nq, self.nv = self.tree.nq, self.tree.nv
@@ -75,6 +83,31 @@ class ClosedLoops:
             self.tree, self.closures, self.length, self.generic_configurations()
         )
         self.nc = len(self.implicit.rows)
+
+    @property
+    def model(self) -> pin.Model:
+        """The spanning tree, to be read: a copy, after whose change every call is refused."""
+        if self._shown_model is None:
+            self._shown_model = self.own_model.copy()
+        return self._shown_model
+
+    def require_unchanged(self) -> None:
+        """Refuse to go on with a mechanism whose `model` was changed, since what follows from it was not.
+
+        Raises
+        ------
+        ModelError
+            Naming what is no more as it was.
+        """
+        shown, own = self._shown_model, self.own_model
+        if shown is None or shown == own:
+            return
+        changed = [what for what in CHANGEABLE if not _same(getattr(shown, what), getattr(own, what))]
+        raise ModelError(
+            f"the model of this mechanism was changed ({', '.join(changed) or 'in other parts'}), which its "
+            "motion would not know of; change a copy, model = mech.model.copy(), and make another mechanism: "
+            "Mechanism.from_pinocchio(model, mech.closures, mech.independent, mech.home, forces=mech.forces)"
+        )
 
     # ----------------------------------------------------------------- the implicit constraint
 
@@ -147,13 +180,15 @@ class ClosedLoops:
 
         Numbers by joint, or by component of a joint, stand for the seed configuration with these in it.
         """
+        if self._shown_model is not None:
+            self.require_unchanged()
         if isinstance(q, Mapping):
             q = with_numbers(self.joints, self.home, q, "q", what)
         checked = checked_vector(q, self.nq, what, "nq")
-        if self.tree.vector_space or pin.isNormalized(self.model, checked, CLOSED):
+        if self.tree.vector_space or pin.isNormalized(self.own_model, checked, CLOSED):
             return checked
-        if pin.isNormalized(self.model, checked, ROUNDED):
-            normalised: Array = pin.normalize(self.model, checked)
+        if pin.isNormalized(self.own_model, checked, ROUNDED):
+            normalised: Array = pin.normalize(self.own_model, checked)
             return normalised
         turning = ", ".join(repr(joint.name) for joint in self.joints if not joint.flat)
         raise StateError(
@@ -282,7 +317,7 @@ class ClosedLoops:
         Up to two radians, or two characteristic lengths, from the neutral one.
         """
         rng = np.random.default_rng(20)
-        neutral = pin.neutral(self.model)
+        neutral = pin.neutral(self.own_model)
         steps = [rng.uniform(-2.0, 2.0, self.nv) * self.units for _ in range(count)]
         return [self.tree.integrate(neutral, step) for step in steps]
 
@@ -298,3 +333,12 @@ def _as_closure(closure: AnyClosure) -> AnyClosure:
             "PrismaticClosure, and no CouplingClosure"
         )
     return closure
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Whether two parts of models are equal: numbers, arrays, or Pinocchio's vectors of either."""
+    if isinstance(one, np.ndarray):
+        return bool(np.array_equal(one, other))
+    if hasattr(one, "__len__"):
+        return len(one) == len(other) and all(a == b for a, b in zip(one, other, strict=True))
+    return bool(one == other)

@@ -37,7 +37,7 @@ class Mechanism(Coordinates):
     Attributes
     ----------
     model : pin.Model
-        A private copy of the spanning tree.
+        A copy of the spanning tree, to be read; after a change of it every call is refused.
     closures : tuple of closures
     independent, dependent : tuple of str
         Names of the joints y is made of, `joint.component` where it is one of several velocities of a
@@ -78,7 +78,7 @@ class Mechanism(Coordinates):
         check_text("name", name)
         self.name = name or str(model.name)
         self.recommended = Recommended()
-        self.home = pin.neutral(self.model) if home is None else self.configuration(home, "home")
+        self.home = pin.neutral(self.own_model) if home is None else self.configuration(home, "home")
         if isinstance(independent, str) and independent == "auto":
             self.home, chosen = best_at_home(self, self.home, self.name)
         else:
@@ -209,8 +209,8 @@ class Mechanism(Coordinates):
     @cached_property
     def lifted(self) -> float:
         """What gravity has of all bodies at `standpoint`, J."""
-        mass = sum(body.mass for body in list(self.model.inertias)[1:])
-        return -float(mass * (self.model.gravity.linear @ self.standpoint))
+        mass = sum(body.mass for body in list(self.own_model.inertias)[1:])
+        return -float(mass * (self.own_model.gravity.linear @ self.standpoint))
 
     def energy(self, q: ArrayLike, v: ArrayLike) -> float:
         """Kinetic energy, potential energy of gravity and of the springs together, J."""
@@ -248,8 +248,9 @@ class Mechanism(Coordinates):
 
     def with_independent(self, independent: Sequence[str]) -> Mechanism:
         """The same mechanism in other minimal coordinates."""
+        self.require_unchanged()
         other = Mechanism(
-            self.model,
+            self.own_model,
             self.closures,
             independent,
             self.home,
@@ -263,8 +264,9 @@ class Mechanism(Coordinates):
 
     def __reduce__(self) -> tuple[type[Mechanism], tuple[Any, ...], dict[str, Any]]:
         """Pickle and copy by the recipe: the workspace holds views that must not be copied."""
+        self.require_unchanged()
         recipe = (
-            self.model, self.closures, self.independent, self.home, self.name, self.forces,
+            self.own_model, self.closures, self.independent, self.home, self.name, self.forces,
             self.actuated, self.left_out,
         )  # fmt: skip
         return Mechanism, recipe, {"recommended": self.recommended}

@@ -82,7 +82,7 @@ class Ranges(NamedTuple):
 
 def ranges_of(loops: ClosedLoops) -> Ranges:
     """The ranges of the model's position limits, where the lower is below the upper."""
-    model = loops.model
+    model = loops.own_model
     lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
     low, high = np.where(lower > -WIDE, lower, -np.inf), np.where(upper < WIDE, upper, np.inf)
     kept = [

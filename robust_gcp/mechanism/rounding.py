@@ -55,7 +55,7 @@ def without_unmoved_rows(loops: ClosedLoops) -> tuple[tuple[AnyClosure, ...], li
     grey = bool(loops.implicit.vanishing) or any(
         _is_grey(np.linalg.svd(loops.scaled(loops.K(q)), compute_uv=False)) for q in generic
     )
-    for group in loop_groups(loops.model, loops.closures) if grey else ():
+    for group in loop_groups(loops.own_model, loops.closures) if grey else ():
         inside = [i for i in group.closures if isinstance(closures[i], Closure)]
         members = [closures[i] for i in inside]
         if not members or any(isinstance(c, PartialClosure) for c in members):
@@ -98,7 +98,7 @@ def without_rounded_rows(loops: ClosedLoops, home: Array) -> tuple[tuple[AnyClos
         Closed, up to that rounding.
     """
     closures, told = list(loops.closures), []
-    for group in loop_groups(loops.model, loops.closures):
+    for group in loop_groups(loops.own_model, loops.closures):
         members = [closures[i] for i in group.closures]
         if any(isinstance(c, CouplingClosure | PartialClosure) for c in members):
             continue
@@ -133,7 +133,7 @@ def _selected(
     rows of that size.
     """
     whole = [PartialClosure.of(c) for c in members if isinstance(c, Closure)]
-    part = ClosedLoops(loops.model, whole)
+    part = ClosedLoops(loops.own_model, whole)
     size = _levers(part, whole, places)
     K = np.hstack([(part.K(q) / size[:, None] * loops.units)[:, velocities] for q in places])
     U, s, _ = np.linalg.svd(K, full_matrices=False)
@@ -178,7 +178,7 @@ def _persists(
     loops: ClosedLoops, closures: Sequence[AnyClosure], home: Array, velocities: Sequence[int]
 ) -> bool:
     """Whether all rows stay nearly closed where the loops move without those that are left out."""
-    freed = ClosedLoops(loops.model, [c for c in closures if isinstance(c, CouplingClosure) or _has_rows(c)])
+    freed = ClosedLoops(loops.own_model, [c for c in closures if isinstance(c, CouplingClosure) or _has_rows(c)])
     T = motions(freed, home)
     ways = [way for way in T.T if np.abs(way[list(velocities)]).max(initial=0.0) > 1e-6]
     every = np.arange(loops.nv)

@@ -65,11 +65,11 @@ def describe_all(mechanism: Mechanism) -> Arrays:
 def _described(mechanism: Mechanism, path: RegularPath, works: bool) -> Arrays:
     if mechanism.m == 0:
         raise NotNativeError("the mechanism has no degree of freedom")
-    if mechanism.m > 1 and workspace_bytes(mechanism.model) > memory_left():
-        needed = workspace_bytes(mechanism.model) / 1e9
+    if mechanism.m > 1 and workspace_bytes(mechanism.own_model) > memory_left():
+        needed = workspace_bytes(mechanism.own_model) / 1e9
         raise NotNativeError(f"the mechanism has {mechanism.nv} velocities, which take {needed:.3g} GB")
     description = Description(
-        joints=mechanism.model.njoints - 1, nq=mechanism.nq, nv=mechanism.nv, m=mechanism.m, works=works
+        joints=mechanism.own_model.njoints - 1, nq=mechanism.nq, nv=mechanism.nv, m=mechanism.m, works=works
     )
     arrays = Arrays(description)
     turns = _tree(mechanism, arrays)
@@ -143,7 +143,7 @@ def _cluster(mechanism: Mechanism, rest: Mechanism, cluster: LoopCluster) -> Arr
 
 def _loops(loops: ClosedLoops) -> tuple[Arrays, list[Array]]:
     """Joints, bodies and all rows of φ; and the turns of `_tree`."""
-    arrays = Arrays(Description(joints=loops.model.njoints - 1, nq=loops.nq, nv=loops.nv))
+    arrays = Arrays(Description(joints=loops.own_model.njoints - 1, nq=loops.nq, nv=loops.nv))
     turns, rows = _tree(loops, arrays), np.arange(loops.nc)
     _closures(loops, loops, rows, turns, arrays)
     _couplings(loops, loops, rows, arrays)

@@ -62,7 +62,7 @@ def frame_motion(mechanism: Mechanism, name: str, q: Array, v: Array, a: Array) 
     ModelError
         For a frame that the model does not have.
     """
-    model = mechanism.model
+    model = mechanism.own_model
     joint, place = place_of(model, name)
     data, axes = workspace(model), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     n = len(q)

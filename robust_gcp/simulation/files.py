@@ -94,7 +94,7 @@ def write_archive(
     path = path_given("path", path)
     if path.suffix != ".npz":
         raise OptionError(f"{path}: give a name that ends in .npz")
-    model = np.frombuffer(mechanism.model.saveToString().encode(), dtype=np.uint8)
+    model = np.frombuffer(mechanism.own_model.saveToString().encode(), dtype=np.uint8)
     meta = {
         "format": FORMAT,
         "pinocchio": pin.__version__,

@@ -126,6 +126,7 @@ class Simulation:
         OptionError, StateError, SimulationError
             As `simulate` does for a start; the simulation is then as it was.
         """
+        self._named.require_unchanged()
         mechanism, choice, drives, t0 = self._named, self._choice, None, self._t0
         begun, held, counters = time.perf_counter(), self._held, Counters()
         kernel, required = self._kernel
@@ -188,6 +189,7 @@ class Simulation:
             Where the motion must stop; `error.trajectory` holds it. Only `restore` leads on from there.
         """
         check_whole("n", n, 1)
+        self._named.require_unchanged()
         held = self._none if tau is None else self._asked(tau)
         run, left = self._run, int(n)
         try:

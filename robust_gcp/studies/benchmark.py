@@ -65,7 +65,7 @@ def naive(n: int) -> Callable[[], object]:
     import pinocchio as pin
 
     mechanism = n_four_bar(n, ANGLE)
-    model, q, data = mechanism.model, mechanism.home, mechanism.model.createData()
+    model, q, data = mechanism.own_model, mechanism.home, mechanism.own_model.createData()
     frames = [[model.getFrameId(name) for name in (c.frame1, c.frame2)] for c in mechanism.loops]
     v = mechanism.lift(q, [1.0])
     dependent, independent = mechanism.iv_dependent, mechanism.iv_independent

@@ -158,8 +158,8 @@ def run_case(
             runs[method], stop = error.trajectory, str(error)
     t = runs["bridge"].t
     _, l1, _, l3 = draw_four_bar(mechanism).lengths
-    m1, m2, m3 = (float(inertia.mass) for inertia in list(mechanism.model.inertias)[1:])
-    gravity = float(np.linalg.norm(mechanism.model.gravity.linear))
+    m1, m2, m3 = (float(inertia.mass) for inertia in list(mechanism.own_model.inertias)[1:])
+    gravity = float(np.linalg.norm(mechanism.own_model.gravity.linear))
     A, B = parallelogram_pendulum(l1, l3, m1, m2, m3, gravity)
     motion = pendulum(t, START[0], 0.0, A, B)
     exact = {what: np.outer(y, MODE) for what, y in zip("qva", motion, strict=True)}

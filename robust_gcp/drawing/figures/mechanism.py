@@ -80,12 +80,12 @@ def face_on(mechanism: ClosedLoops) -> Array:
     One that is not planar is seen obliquely.
     """
     normal = plane_normal(mechanism)
-    return OBLIQUE if normal is None else np.array(on_page(normal, mechanism.model.gravity.linear))
+    return OBLIQUE if normal is None else np.array(on_page(normal, mechanism.own_model.gravity.linear))
 
 
 def pose(mechanism: ClosedLoops, q: ArrayLike, view: Array) -> Pose:
     """Place the bodies at q (nq,) and project them by `view` (2, 3)."""
-    model = mechanism.model
+    model = mechanism.own_model
     R, p = placements(mechanism, mechanism.configuration(q)[None])
     bones = Skeleton(mechanism.length)
     bones.fit(mechanism, R, p)
@@ -149,7 +149,7 @@ def body_legend(figure: Figure | SubFigure, mechanism: ClosedLoops) -> None:
     """Name the bodies in one line across the figure, by their links' names."""
     from matplotlib.lines import Line2D
 
-    at = pose(mechanism, pin.neutral(mechanism.model), face_on(mechanism))
+    at = pose(mechanism, pin.neutral(mechanism.own_model), face_on(mechanism))
     widths = dict(zip(at.order, np.linspace(*WIDTHS, len(at.order)), strict=True))
     names = _body_names(mechanism)
     handles = [
@@ -163,7 +163,7 @@ def body_legend(figure: Figure | SubFigure, mechanism: ClosedLoops) -> None:
 def _body_names(mechanism: ClosedLoops) -> list[str]:
     """The link that each joint carries, or the joint where links have no names."""
     links: dict[int, str] = {}
-    for frame in mechanism.model.frames:
+    for frame in mechanism.own_model.frames:
         if frame.type == pin.FrameType.BODY:
             links.setdefault(int(frame.parentJoint), str(frame.name))
     return [links.get(i + 1, name) for i, name in enumerate(mechanism.joint_names)]

@@ -77,7 +77,7 @@ def run_data(
 
 def scene_data(mechanism: Mechanism, positions: Sequence[Array], view: Array | None) -> dict[str, Any]:
     """Where to look from, for all motions together; `view` (3,) points from the scene to the camera."""
-    gravity = mechanism.model.gravity.linear
+    gravity = mechanism.own_model.gravity.linear
     some = np.concatenate([p.reshape(1, -1, 3) for p in positions], axis=1)
     found = face_on(plane_normal(mechanism), gravity, some)
     if view is not None:

@@ -76,7 +76,7 @@ def sticks(mechanism: Mechanism, R: Array, p: Array, trails: Sequence[str] | Non
     ModelError
         For a trail that is no frame of the model.
     """
-    model = mechanism.model
+    model = mechanism.own_model
     made = Sticks(mechanism.length)
     made.fit(mechanism, R, p)
     if trails is None:

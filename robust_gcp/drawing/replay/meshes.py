@@ -40,7 +40,7 @@ def mesh_data(mechanism: Mechanism, made: Sticks, visual: Any) -> list[dict[str,
     found = []
     for item in visual.geometryObjects:
         joint = int(item.parentJoint)
-        count = mechanism.model.njoints
+        count = mechanism.own_model.njoints
         if joint >= count:
             raise OptionError(
                 f"visual: {item.name!r} is on joint {joint}, and the mechanism has {count}; "

@@ -224,7 +224,7 @@ def _closed(
         kept, rounded = without_rounded_rows(loops, home)
     if not rounded:
         return loops, home, rounded
-    freed = ClosedLoops(loops.model, kept)
+    freed = ClosedLoops(loops.own_model, kept)
     return freed, assembled(freed, home, every, "home"), rounded
 
 

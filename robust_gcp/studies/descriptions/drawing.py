@@ -66,7 +66,7 @@ class Drawing:
         self._shift = np.zeros(3) if view.shift is None else view.shift
         model = self._model = pin.Model()
         model.name = graph.mechanism.name
-        model.gravity.linear = self._turn @ graph.mechanism.model.gravity.linear * view.unit
+        model.gravity.linear = self._turn @ graph.mechanism.own_model.gravity.linear * view.unit
         cuts = graph.cuts if view.cuts is None else view.cuts
         left = [edge for edge in graph.edges if edge.name not in cuts]
         if view.order:
@@ -147,7 +147,7 @@ class Drawing:
 
     def poses(self, q: Array) -> Array:
         """As `Graph.poses`, of this mechanism's configurations, in the world of the original."""
-        found = self._graph.poses_of(self.mechanism.model, q, by_frames=True)
+        found = self._graph.poses_of(self.mechanism.own_model, q, by_frames=True)
         rotations = np.einsum("ba,kibc->kiac", self._turn, found[0])
         places = found[1] @ self._turn / self._view.unit - self._shift
         return self._graph.flattened(rotations, places)

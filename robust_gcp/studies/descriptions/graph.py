@@ -82,7 +82,7 @@ class Graph:
 
     def __init__(self, mechanism: Mechanism, q: ArrayLike, v: ArrayLike) -> None:
         self.mechanism = mechanism
-        model = self._model = mechanism.model
+        model = self._model = mechanism.own_model
         data = model.createData()
         q, v = np.asarray(q, dtype=float), np.asarray(v, dtype=float)
         pin.forwardKinematics(model, data, q, v)

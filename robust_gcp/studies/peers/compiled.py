@@ -184,7 +184,7 @@ _OTHER_AXIS = 3
 
 def _described(mechanism: Mechanism) -> dict[str, Any]:
     """The arrays of `Description` in the C++ source."""
-    model = mechanism.model
+    model = mechanism.own_model
     kinds, axes = [], []
     for joint in mechanism.joints:
         axis = np.zeros(3) if joint.axis is None else np.asarray(joint.axis, dtype=float)
@@ -216,7 +216,7 @@ def _closures(mechanism: Mechanism) -> dict[str, Any]:
     full: list[int] = []
     joints: list[list[int]] = []
     places: list[list[Array]] = []
-    frames = closure_frames(mechanism.model, mechanism.loops)
+    frames = closure_frames(mechanism.own_model, mechanism.loops)
     half = len(frames) // 2
     for closure, *ends in zip(mechanism.loops, frames[:half], frames[half:], strict=True):
         for shift in held_points(mechanism, closure):
@@ -231,7 +231,7 @@ def _forces(mechanism: Mechanism) -> dict[str, Any]:
     found: dict[str, list[Any]] = {name: [] for name in ("spring_at", "spring", "line_joint", "line")}
     for force in mechanism.forces:
         if isinstance(force, PointSpring):
-            ends = [frame_of(mechanism.model, f, mechanism.name) for f in (force.frame1, force.frame2)]
+            ends = [frame_of(mechanism.own_model, f, mechanism.name) for f in (force.frame1, force.frame2)]
             found["line_joint"].append([int(end.parentJoint) for end in ends])
             points = [end.placement.translation for end in ends]
             line = [*points[0], *points[1], force.stiffness, force.rest_length, force.damping]

@@ -87,7 +87,7 @@ class ExudynModel(ABC):
 def is_planar(scene: Scene) -> bool:
     """Whether all joints are hinges about the world's +x, and gravity lies in the plane."""
     axis = np.array([1.0, 0.0, 0.0])
-    return abs(scene.mechanism.model.gravity.linear[0]) < ROUNDING and all(
+    return abs(scene.mechanism.own_model.gravity.linear[0]) < ROUNDING and all(
         joint.hinge
         and np.abs(joint.axis - axis).max() < ROUNDING
         and np.abs(joint.placement.rotation @ axis - axis).max() < ROUNDING
@@ -104,7 +104,7 @@ class PlanarBodies(ExudynModel):
 
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene)
-        model, parts = self.mechanism.model, self.parts
+        model, parts = self.mechanism.own_model, self.parts
         self._start, self._parents = scene.q0, [joint.parent for joint in parts]
         self.linear_solver = ("EigenSparse" if len(parts) > SPARSE_FROM else "EXUdense", False)
         data = model.createData()
@@ -188,7 +188,7 @@ class KinematicTree(ExudynModel):
         self._tree = self.mbs.AddObject(
             items.ObjectKinematicTree(
                 nodeNumber=node,
-                gravity=mechanism.model.gravity.linear.tolist(),
+                gravity=mechanism.own_model.gravity.linear.tolist(),
                 jointTypes=[kinds[joint.hinge] for joint in parts],
                 linkParents=[joint.parent - 1 for joint in parts],
                 jointTransformations=exu.Matrix3DList([offset.rotation for offset in offsets]),

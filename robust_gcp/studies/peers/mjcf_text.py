@@ -25,7 +25,7 @@ def mjcf(mechanism: Mechanism) -> str:
     """
     root = ElementTree.Element("mujoco", model=mechanism.name)
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="false")
-    option = ElementTree.SubElement(root, "option", gravity=_text(mechanism.model.gravity.linear))
+    option = ElementTree.SubElement(root, "option", gravity=_text(mechanism.own_model.gravity.linear))
     ElementTree.SubElement(option, "flag", contact="disable", autoreset="disable")
     bodies = [ElementTree.SubElement(root, "worldbody")]
     for joint in joints(mechanism):

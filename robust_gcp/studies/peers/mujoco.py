@@ -105,7 +105,7 @@ class Bases:
 
     def __init__(self, mechanism: Mechanism) -> None:
         self._bases = [
-            (joint.idx_q, joint.idx_v, mechanism.model.jointPlacements[joint.index])
+            (joint.idx_q, joint.idx_v, mechanism.own_model.jointPlacements[joint.index])
             for joint in mechanism.joints
             if joint.kind is JointKind.FREE_FLYER
         ]

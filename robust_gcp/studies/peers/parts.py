@@ -38,14 +38,14 @@ def has_simple_joints(mechanism: Mechanism, floating: bool = False) -> bool:
     """Whether all joints are hinges and sliders with one number in q; or free-flyers on the ground."""
     return all(
         joint.kind in (JointKind.HINGE, JointKind.SLIDE)
-        or (floating and joint.kind is JointKind.FREE_FLYER and mechanism.model.parents[joint.index] == 0)
+        or (floating and joint.kind is JointKind.FREE_FLYER and mechanism.own_model.parents[joint.index] == 0)
         for joint in mechanism.joints
     )
 
 
 def joints(mechanism: Mechanism) -> list[Joint]:
     """All joints in the order of q; the first one's index is 1."""
-    model = mechanism.model
+    model = mechanism.own_model
     found = []
     for joint in mechanism.joints:
         i = joint.index
@@ -57,7 +57,7 @@ def joints(mechanism: Mechanism) -> list[Joint]:
 
 def closure_places(mechanism: Mechanism) -> list[tuple[Place, Place]]:
     """Both places that each closure holds together."""
-    places = closure_frames(mechanism.model, mechanism.loops)
+    places = closure_frames(mechanism.own_model, mechanism.loops)
     half = len(places) // 2
     return list(zip(places[:half], places[half:], strict=True))
 
@@ -72,7 +72,7 @@ def held_points(mechanism: Mechanism, closure: object) -> list[Array]:
 
 def frame_place(mechanism: Mechanism, name: str) -> Place:
     """Where a frame is."""
-    frame = frame_of(mechanism.model, name, mechanism.name)
+    frame = frame_of(mechanism.own_model, name, mechanism.name)
     return int(frame.parentJoint), frame.placement
 
 

@@ -95,7 +95,7 @@ def of_run(mechanism: Mechanism, duration: float, **arguments: Any) -> Callable[
 
 def with_forces(mechanism: Mechanism, forces: Sequence[Force]) -> Mechanism:
     """The same mechanism with these forces alone."""
-    given = mechanism.model, list(mechanism.closures), mechanism.independent
+    given = mechanism.own_model, list(mechanism.closures), mechanism.independent
     return Mechanism.from_pinocchio(*given, home=mechanism.home, name=mechanism.name, forces=forces)
 
 

@@ -97,7 +97,7 @@ class Reader:
     """Joints from the places of frames: Pinocchio's forward kinematics, inverted by Gauss and Newton."""
 
     def __init__(self, mechanism: Mechanism, points: Points) -> None:
-        self._model, self._data = mechanism.model, mechanism.model.createData()
+        self._model, self._data = mechanism.own_model, mechanism.own_model.createData()
         self._frames = [self._model.getFrameId(name) for name in points.markers]
         self._spots, self._q, self._count = list(points.markers.values()), mechanism.home, points.count
 
@@ -139,7 +139,7 @@ class Reader:
 
 def constrained(mechanism: Mechanism, q0: Array, v0: Array) -> Reduced:
     """(q, v) by `pin.constraintDynamics`; quaternions by their rates, normalised when they are read."""
-    model, data = mechanism.model, mechanism.model.createData()
+    model, data = mechanism.own_model, mechanism.own_model.createData()
     models, datas = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
     for (joint1, place1), (joint2, place2) in closure_places(mechanism):
         ends = (joint1, place1, joint2, place2, pin.ReferenceFrame.LOCAL)

@@ -95,7 +95,7 @@ class Store:
 def _fingerprint(motion: Motion) -> str:
     """What the exact motion depends on."""
     scene = motion.scene
-    masses = [float(inertia.mass) for inertia in scene.mechanism.model.inertias]
+    masses = [float(inertia.mass) for inertia in scene.mechanism.own_model.inertias]
     return json.dumps(
         [__version__, machine()["commit"], scene.q0.tolist(), scene.v0.tolist(), scene.times[-1], masses]
     )
