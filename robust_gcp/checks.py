@@ -6,6 +6,7 @@ import difflib
 import math
 import os
 import reprlib
+import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,9 @@ UNPHYSICAL = 1e-6
 LIGHTEST = float(np.finfo(float).eps)
 """kg: Pinocchio divides by no smaller sum of masses, so that lighter bodies get a wrong centre."""
 
+CONTROLS = ("Cc", "Cf", "Cs", "Zl", "Zp")
+"""Categories of characters that steer a terminal, a line or the direction of writing."""
+
 _BRIEF = reprlib.Repr()
 _BRIEF.maxstring = _BRIEF.maxother = 200
 _BRIEF.maxlist = _BRIEF.maxtuple = _BRIEF.maxdict = _BRIEF.maxset = 12
@@ -49,12 +53,13 @@ def shown(value: Any) -> str:
 
 def plain(text: str) -> str:
     """Text for a terminal or a figure: control characters, but for line ends, are escaped."""
-    if text.isprintable():
-        return text
-    return "".join(
-        c if c.isprintable() or c == "\n" else f"\\u{ord(c):04x}" if ord(c) < 0x10000 else f"\\U{ord(c):08x}"
-        for c in text
-    )
+    return text if text.isprintable() else "".join(map(_shown_character, text))
+
+
+def _shown_character(c: str) -> str:
+    if c == "\n" or unicodedata.category(c) not in CONTROLS:
+        return c
+    return f"\\u{ord(c):04x}" if ord(c) < 0x10000 else f"\\U{ord(c):08x}"
 
 
 def hint(name: Any, known: Iterable[str]) -> str:

@@ -250,7 +250,9 @@ def test_choices_offer_joints_of_one_number_only(spatial: dict[str, rg.Mechanism
 def test_automatic_choice_is_the_best_conditioned_one() -> None:
     """At home as given, or assembled first where its loops are open."""
     mech = rg.load("crank_rocker")
+    unnamed = rg.Mechanism.from_pinocchio(mech.model, mech.closures, home=mech.home)
     auto = rg.Mechanism.from_pinocchio(mech.model, mech.closures, "auto", home=mech.home)
+    assert unnamed.independent == auto.independent
     assert auto.independent == mech.coordinate_choices(mech.home)[0][1]
     opened = mech.home + np.array([0.0, 0.1, 0.0])
     auto = rg.Mechanism.from_pinocchio(mech.model, mech.closures, "auto", home=opened)

@@ -94,11 +94,6 @@ JOINTS: dict[str, Case] = {
     "an index": (lambda: build(independent=[1]), rg.ModelError, ("no joint 1", "q1, q2, q3")),
     "twice": (lambda: build(independent=["q1", "q1"]), rg.ModelError, ("'q1', 'q1'", "twice")),
     "a name, not a list": (lambda: build(independent="q1"), rg.ModelError, ("'q1'", "list")),
-    "none named": (
-        lambda: build(independent=None),
-        rg.ModelError,
-        ("independent", "name the joints", "q1, q2, q3"),
-    ),
     "of two numbers": (
         lambda: rg.simulate(rg.Mechanism.from_pinocchio(endless(), [], ["wheel"])).y,
         rg.PartitionError,

@@ -18,7 +18,7 @@ ODD = ("a\x1b[31mred", "$\\frac{1}$", "b\x07\x9b", "half $", "right\u202eleft")
 
 
 def test_control_characters_are_escaped_and_others_are_not() -> None:
-    assert plain("δ_loc – q1\nλ") == "δ_loc – q1\nλ"
+    assert plain("δ_loc – q1\nλ\u00a0") == "δ_loc – q1\nλ\u00a0"
     assert plain("\x1b[2J\x9b\t\u202e\ud800") == "\\u001b[2J\\u009b\\u0009\\u202e\\ud800"
 
 
