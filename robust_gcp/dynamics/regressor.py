@@ -47,7 +47,9 @@ def inertial_names(mechanism: Mechanism) -> tuple[str, ...]:
 
 def inertial_values(mechanism: Mechanism) -> Array:
     """The mechanism's own parameters, (n,)."""
-    bodies = [np.asarray(mechanism.own_model.inertias[j.index].toDynamicParameters()) for j in mechanism.joints]
+    bodies = [
+        np.asarray(mechanism.own_model.inertias[j.index].toDynamicParameters()) for j in mechanism.joints
+    ]
     return np.concatenate([*bodies, np.asarray(mechanism.own_model.armature)])
 
 

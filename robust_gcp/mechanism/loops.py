@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -24,12 +23,7 @@ from .near import seen_from, standpoint
 from .partition import numerical_rank, ranked_choices
 from .tolerances import CLOSED, POLISHED, ROUNDED, STRUCTURAL
 from .tree import Array, Tree, require_depth_first
-
-CHANGEABLE = (
-    *("gravity", "inertias", "jointPlacements", "armature", "joints", "frames", "nframes"),
-    *("lowerPositionLimit", "upperPositionLimit", "damping", "friction", "names"),
-)
-"""Parts of a model that one may have changed, as an error names them."""
+from .unchanged import require_equal
 
 COMPONENT = 0.1
 """Weight of one component of a ball beside the number of a hinge, where both would serve."""
@@ -94,20 +88,10 @@ class ClosedLoops:
     def require_unchanged(self) -> None:
         """Refuse to go on with a mechanism whose `model` was changed, since what follows from it was not.
 
-        Raises
-        ------
-        ModelError
-            Naming what is no more as it was.
+        See `unchanged.require_equal`.
         """
-        shown, own = self._shown_model, self.own_model
-        if shown is None or shown == own:
-            return
-        changed = [what for what in CHANGEABLE if not _same(getattr(shown, what), getattr(own, what))]
-        raise ModelError(
-            f"the model of this mechanism was changed ({', '.join(changed) or 'in other parts'}), which its "
-            "motion would not know of; change a copy, model = mech.model.copy(), and make another mechanism: "
-            "Mechanism.from_pinocchio(model, mech.closures, mech.independent, mech.home, forces=mech.forces)"
-        )
+        if self._shown_model is not None:
+            require_equal(self._shown_model, self.own_model)
 
     # ----------------------------------------------------------------- the implicit constraint
 
@@ -180,8 +164,7 @@ class ClosedLoops:
 
         Numbers by joint, or by component of a joint, stand for the seed configuration with these in it.
         """
-        if self._shown_model is not None:
-            self.require_unchanged()
+        self.require_unchanged()
         if isinstance(q, Mapping):
             q = with_numbers(self.joints, self.home, q, "q", what)
         checked = checked_vector(q, self.nq, what, "nq")
@@ -333,12 +316,3 @@ def _as_closure(closure: AnyClosure) -> AnyClosure:
             "PrismaticClosure, and no CouplingClosure"
         )
     return closure
-
-
-def _same(one: Any, other: Any) -> bool:
-    """Whether two parts of models are equal: numbers, arrays, or Pinocchio's vectors of either."""
-    if isinstance(one, np.ndarray):
-        return bool(np.array_equal(one, other))
-    if hasattr(one, "__len__"):
-        return len(one) == len(other) and all(a == b for a, b in zip(one, other, strict=True))
-    return bool(one == other)

@@ -178,7 +178,9 @@ def _persists(
     loops: ClosedLoops, closures: Sequence[AnyClosure], home: Array, velocities: Sequence[int]
 ) -> bool:
     """Whether all rows stay nearly closed where the loops move without those that are left out."""
-    freed = ClosedLoops(loops.own_model, [c for c in closures if isinstance(c, CouplingClosure) or _has_rows(c)])
+    freed = ClosedLoops(
+        loops.own_model, [c for c in closures if isinstance(c, CouplingClosure) or _has_rows(c)]
+    )
     T = motions(freed, home)
     ways = [way for way in T.T if np.abs(way[list(velocities)]).max(initial=0.0) > 1e-6]
     every = np.arange(loops.nv)
