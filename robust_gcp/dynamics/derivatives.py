@@ -105,6 +105,21 @@ def derivatives(
     return PointDerivatives(motion, applied, tau_slopes, known).at_start(t)
 
 
+@dataclass(frozen=True)
+class Accelerations:
+    """The accelerations of all joints, and how they change while u̇ is held.
+
+    Attributes
+    ----------
+    a : ndarray (nv,)
+    by_y, by_u : ndarray (nv, m)
+    """
+
+    a: Array
+    by_y: Array
+    by_u: Array
+
+
 class PointDerivatives:
     """`Derivatives` at points of a motion.
 
@@ -137,15 +152,22 @@ class PointDerivatives:
 
     def at_start(self, t: float) -> Derivatives:
         """At the start of the motion."""
-        equations = self.motion.equations
-        return self.at(t, equations.at_point(t, self.motion.start.point))
+        return self.whole_at_start(t)[0]
+
+    def whole_at_start(self, t: float) -> tuple[Derivatives, Accelerations]:
+        """The same, with the accelerations of all joints."""
+        return self.whole(t, self.motion.equations.at_point(t, self.motion.start.point))
 
     def at(self, t: float, now: Evaluation) -> Derivatives:
         """At an evaluated point."""
+        return self.whole(t, now)[0]
+
+    def whole(self, t: float, now: Evaluation) -> tuple[Derivatives, Accelerations]:
+        """The same, with the accelerations of all joints."""
         with np.errstate(all="ignore"):  # what is not finite ends in an error of ours
             return self._at(t, now)
 
-    def _at(self, t: float, now: Evaluation) -> Derivatives:
+    def _at(self, t: float, now: Evaluation) -> tuple[Derivatives, Accelerations]:
         mechanism, point = self.mechanism, now.point
         q, u = point.q, point.ydot
         rates = self._mode.at(point)
@@ -158,8 +180,8 @@ class PointDerivatives:
             force -= now.tau
         by_q, by_v, M = self._rigid.at(q, v, a)
         pulled_q, pulled_v = G.T @ by_q, G.T @ by_v
-        for slopes in self._slopes(t, q, v, G):
-            pulled_q, pulled_v = pulled_q - slopes[0], pulled_v - slopes[1]
+        for by in self._slopes(t, q, v, G):
+            pulled_q, pulled_v = pulled_q - by[0], pulled_v - by[1]
         bent = np.einsum("n,inj->ij", force, rates.bend)
         rest = np.hstack(
             [
@@ -172,7 +194,8 @@ class PointDerivatives:
         found = self._inertia.solve(q, G, rest)
         if not np.all(np.isfinite(found)):
             raise NonFiniteError(f"the linearisation at y = {point.y} is not finite", point.y)
-        return Derivatives(ydd, found[:, :m], found[:, m : 2 * m], found[:, 2 * m :], G, rates.V_y)
+        slopes = Derivatives(ydd, found[:, :m], found[:, m : 2 * m], found[:, 2 * m :], G, rates.V_y)
+        return slopes, Accelerations(a, A_y, rates.A_u)
 
     def _accelerations(self, q: Array, v: Array, now: Evaluation, rates: MapRates) -> Array:
         """u̇ by Eq. (3) with a G and g that were found otherwise than the point's own."""

@@ -120,7 +120,12 @@ class Derivation {
     void write(const States& s, std::int64_t i, Point& point) {
         if (s.ydd != nullptr) std::copy(motion_.ydd.begin(), motion_.ydd.end(), s.ydd + i * m_);
         if (s.G != nullptr) std::copy(point.G(), point.G() + nv_ * m_, s.G + i * nv_ * m_);
-        if (s.v_y != nullptr) std::copy(slopes_.v_y().begin(), slopes_.v_y().end(), s.v_y + i * nv_ * m_);
+        const Displacements& moved = slopes_.moved();
+        if (s.v_y != nullptr) std::copy(moved.v_y.begin(), moved.v_y.end(), s.v_y + i * nv_ * m_);
+        if (s.a == nullptr) return;
+        std::copy(moved.a.begin(), moved.a.end(), s.a + i * nv_);
+        std::copy(moved.a_y.begin(), moved.a_y.end(), s.a_y + i * nv_ * m_);
+        std::copy(moved.a_u.begin(), moved.a_u.end(), s.a_u + i * nv_ * m_);
     }
 
     // Largest difference between a point and a state: of numbers in q, dimensionless, and of v relative to the

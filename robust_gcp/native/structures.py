@@ -12,7 +12,7 @@ import numpy as np
 
 from ..mechanism.tree import Array
 
-VERSION = 13
+VERSION = 14
 """Of the interface; a library with another one is not used."""
 
 TorqueCallback: Any = ctypes.CFUNCTYPE(c_int32, c_double)
@@ -127,7 +127,7 @@ class States(ctypes.Structure):
         ("count", c_int64),
         *_fields("", "q v tau"),
         *_all(c_double, "zone close same at_rest"),
-        *_fields("", "ydd rows G v_y status"),
+        *_fields("", "ydd rows G v_y a a_y a_u status"),
     ]
 
 

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..checks import check_finite, check_mechanism, check_positive, checked_rows
-from ..dynamics import derivatives as reference
 from ..dynamics import discrete
 from ..dynamics import linearise as by_reference
 from ..dynamics.continuation import circles_of
@@ -28,6 +27,7 @@ from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..native.derivation import Derivation, derivation
+from . import serving
 
 
 def forward_dynamics(
@@ -69,7 +69,7 @@ def forward_dynamics(
         good, udot = state.kernel.forward_dynamics(state.q, state.v, state.tau)
         if good[0]:
             return np.asarray(udot[0])
-    return reference.forward_dynamics(mechanism, q, v, tau, mode, t)
+    return serving.forward_dynamics(mechanism, q, v, tau, mode, t)
 
 
 def derivatives(
@@ -112,7 +112,7 @@ def derivatives(
             found = state.kernel.slopes(state.q, state.v, state.tau)
             if found.good[0]:
                 return found.at(0)
-    return reference.derivatives(mechanism, q, v, tau, mode, t, tau_slopes, wrenches)
+    return serving.derivatives(mechanism, q, v, tau, mode, t, tau_slopes, wrenches)
 
 
 def _at_many(
@@ -150,7 +150,7 @@ def _at_many(
                 missing = missing[~more.good]
     known = circles_of(mechanism)
     for i in missing:
-        one = reference.derivatives(
+        one = serving.derivatives(
             mechanism, states[i], fast[i], torques[i], mode, t, tau_slopes, wrenches, known
         )
         _fill(whole, i, one)
