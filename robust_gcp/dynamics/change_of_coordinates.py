@@ -10,14 +10,49 @@ derivatives exist wherever u' parametrises the motion, however near K_d of u' is
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ..mechanism.tree import Array
 from .derivatives import Accelerations, Derivatives
 
+Index = NDArray[np.int64]
 
-def transformed(found: Derivatives, whole: Accelerations, chosen: NDArray[np.int64]) -> Derivatives:
+
+@dataclass(frozen=True)
+class Slope:
+    """How v = G u depends on position and velocity at a state.
+
+    Attributes
+    ----------
+    G : ndarray (nv, m)
+    dv_dy : ndarray (nv, m)
+        Along the velocities G e_j, u held.
+    """
+
+    G: Array
+    dv_dy: Array
+
+    @classmethod
+    def of(cls, found: Derivatives) -> Slope:
+        """That of derivatives."""
+        return cls(found.G, found.dv_dy)
+
+    def change(self, chosen: Index) -> Array:
+        """δ(η', u') by δ(η, u), (2m, 2m): [[G[C], 0], [V_y[C], G[C]]]."""
+        own = self.G[chosen]
+        return np.block([[own, np.zeros_like(own)], [self.dv_dy[chosen], own]])
+
+    def seen_in(self, chosen: Index) -> Slope:
+        """The same by the velocities `chosen` (m,) of v."""
+        W = np.linalg.inv(self.G[chosen])
+        G = self.G @ W
+        return Slope(G, self.dv_dy @ W - G @ (self.dv_dy[chosen] @ W))
+
+
+def transformed(found: Derivatives, whole: Accelerations, chosen: Index) -> Derivatives:
     """Derivatives by the velocities `chosen` (m,) of v and their positions.
 
     Parameters
@@ -28,16 +63,9 @@ def transformed(found: Derivatives, whole: Accelerations, chosen: NDArray[np.int
     chosen : ndarray of int (m,)
         Which of v are independent in the result, in its order.
     """
-    G, own = found.G, found.G[chosen]
+    own = found.G[chosen]
     W = np.linalg.inv(own)
     by_u = (whole.by_u[chosen] + own @ found.da_dv) @ W
-    held = found.dv_dy[chosen] @ W
-    by_y = (whole.by_y[chosen] + own @ found.da_dy) @ W - by_u @ held
-    to_u = G @ W
-    return Derivatives(whole.a[chosen], by_y, by_u, own @ found.da_dtau, to_u, found.dv_dy @ W - to_u @ held)
-
-
-def change(found: Derivatives, chosen: NDArray[np.int64]) -> Array:
-    """δ(η', u') by δ(η, u), (2m, 2m), at a state: [[G[C], 0], [V_y[C], G[C]]]."""
-    own = found.G[chosen]
-    return np.block([[own, np.zeros_like(own)], [found.dv_dy[chosen], own]])
+    by_y = (whole.by_y[chosen] + own @ found.da_dy) @ W - by_u @ (found.dv_dy[chosen] @ W)
+    slope = Slope.of(found).seen_in(chosen)
+    return Derivatives(whole.a[chosen], by_y, by_u, own @ found.da_dtau, slope.G, slope.dv_dy)

@@ -152,8 +152,10 @@ class Derivation:
         udot, rows, status = np.empty((n, m)), np.empty((n, m, 2 * m + nv)), np.empty(n, dtype=np.int32)
         G, v_y = np.empty((n, nv, m)), np.empty((n, nv, m))
         every = Accelerations(np.empty((n, nv)), *np.empty((2, n, nv, m))) if whole else None
-        more = {} if every is None else {"a": every.a, "a_y": every.by_y, "a_u": every.by_u}
-        states = self._states(q, v, tau, status, ydd=udot, rows=rows, G=G, v_y=v_y, **more)
+        wanted: dict[str, Array] = {"ydd": udot, "rows": rows, "G": G, "v_y": v_y}
+        if every is not None:
+            wanted |= {"a": every.a, "a_y": every.by_y, "a_u": every.by_u}
+        states = self._states(q, v, tau, status, 0.0, 0.0, **wanted)
         self._library.slopes(self._handle, ctypes.byref(states.structure))
         good = status == 0 if known else self._sound(status, q, G)
         return Slopes(good, udot, rows, G, v_y, every)

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..checks import check_finite, check_mechanism, check_positive, checked_rows
-from ..dynamics import discrete
 from ..dynamics import linearise as by_reference
 from ..dynamics.continuation import circles_of
 from ..dynamics.derivatives import Derivatives, TorqueSlopes
@@ -28,6 +27,7 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..native.derivation import Derivation, derivation
 from . import serving
+from .differentiated import Acting, differentiated
 
 
 def forward_dynamics(
@@ -210,7 +210,10 @@ def step_jacobians(
     held = None if tau is None else mechanism.velocity(tau, "tau")
     state = _state(mechanism, q, v, held) if mode is None else None
     found = None if state is None else state.kernel.step_jacobians(state.q, state.v, state.tau, float(step))
-    return discrete.step_jacobians(mechanism, q, v, tau, step, mode) if found is None else found
+    if found is not None:
+        return found
+    moved = differentiated(mechanism, (q, v), mode, Acting(held), 0.0, float(step))
+    return moved.A, moved.B
 
 
 def linearise(

@@ -6,6 +6,7 @@ though the motion is smooth: it is described by other joints, as `simulate` does
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from typing import Any
 
@@ -17,13 +18,17 @@ from ..dynamics.change_of_coordinates import transformed
 from ..dynamics.continuation import Circles, circles_of
 from ..dynamics.derivatives import Accelerations, Derivatives, PointDerivatives, TorqueSlopes
 from ..dynamics.loads import Torques, Wrench, one_torque
+from ..dynamics.mode_rates import ZONE
 from ..dynamics.problem import Problem, set_out
+from ..errors import ModelError, NonFiniteError, NotCertifiedError
 from ..maps.point import Counters, Point
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tolerances import CLOSED
 from ..mechanism.tree import Array
 from ..native.derivation import derivation
 from .coordinates import Coordinates
+
+log = logging.getLogger(__name__)
 
 
 def serving(mechanism: Mechanism, point: Point) -> Mechanism | None:
@@ -77,7 +82,13 @@ def forward_dynamics(
     if other is not None:
         motion = set_out(other, *state_of(motion, q, v), mode, applied)
     now = motion.equations.at_point(t, motion.start.point)
-    return require_finite(now.ydd if other is None else now.a[mechanism.iv_independent], "u̇")
+    a = now.a
+    if now.point.conditioning < ZONE:  # K_d gives it to ε/σ² only
+        try:
+            a = PointDerivatives(motion, known=circles_of(motion.mechanism)).whole(t, now)[1].a
+        except (NotCertifiedError, NonFiniteError, ModelError) as missing:
+            log.info("%s: forward dynamics by K_d: %s", mechanism.name, missing)
+    return require_finite(a[mechanism.iv_independent], "u̇")
 
 
 def derivatives(
@@ -115,7 +126,9 @@ def derivatives(
     return transformed(*found, mechanism.iv_independent)
 
 
-def _by_kernel(mechanism: Mechanism, q: Array, v: Array, tau: Any) -> tuple[Derivatives, Accelerations] | None:
+def _by_kernel(
+    mechanism: Mechanism, q: Array, v: Array, tau: Any
+) -> tuple[Derivatives, Accelerations] | None:
     """The kernel's at one state, with the accelerations of all joints; None where it has none."""
     kernel = derivation(mechanism, q)
     if kernel is None:
