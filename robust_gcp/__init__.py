@@ -42,6 +42,7 @@ from .mechanism.recommended import Recommended
 from .native import Backend, NativeBuildWarning, backends
 from .simulation.access import FrameMotion, Sample
 from .simulation.coarse import CoarseStepWarning
+from .simulation.kinked import KinkedDriveWarning
 from .simulation.cost import Cost
 from .simulation.derivatives import derivatives, forward_dynamics, linearise, step_jacobians
 from .simulation.events import Event
@@ -100,6 +101,7 @@ __all__ = [
     "JointDamper",
     "JointSpring",
     "JointTorque",
+    "KinkedDriveWarning",
     "Linearisation",
     "LocalAnalysis",
     "Mechanism",

@@ -120,6 +120,58 @@ class Accelerations:
     by_u: Array
 
 
+class AppliedSlopes:
+    """∂τ/∂q and ∂τ/∂v of the user's torques, (nv, nv) each, at (t, q, v).
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    torque : callable, array_like (nv,) or None
+    given : callable, optional
+        What gives them; by central differences when left out.
+    """
+
+    def __init__(self, mechanism: Mechanism, torque: object, given: TorqueSlopes | None) -> None:
+        self._mechanism, self._tau_slopes = mechanism, given
+        self._torque = torque_function(mechanism, torque) if callable(torque) else None
+        self.some = given is not None or self._torque is not None
+
+    def __call__(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """At a state."""
+        if self._tau_slopes is not None:
+            return self._given(self._tau_slopes(t, q.copy(), v.copy()))
+        if self._torque is not None:
+            return self._differences(self._torque, t, q, v)
+        none = np.zeros((len(v), len(v)))
+        return none, none
+
+    def _given(self, slopes: object) -> tuple[Array, Array]:
+        """What `tau_slopes` returned, or an OptionError."""
+        nv = self._mechanism.nv
+        try:
+            by_q, by_v = (real_array(part) for part in slopes)  # type: ignore[attr-defined]
+        except (TypeError, ValueError) as error:
+            raise OptionError(
+                f"tau_slopes(t, q, v) returned {shown(slopes)}, expected ∂τ/∂q and ∂τ/∂v, ({nv}, {nv}) each"
+            ) from error
+        if by_q.shape != (nv, nv) or by_v.shape != (nv, nv):
+            raise OptionError(
+                f"tau_slopes(t, q, v) returned shapes {by_q.shape} and {by_v.shape}, expected ({nv}, {nv})"
+            )
+        return by_q, by_v
+
+    def _differences(self, torque: CheckedTorque, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """∂τ/∂q and ∂τ/∂v of a function by central differences, (nv, nv) each."""
+        tree, unit = self._mechanism.tree, self._mechanism.units
+
+        def moved(dq: Array) -> Array:
+            return torque(t, tree.integrate(q, dq), v)
+
+        by_q = differences(moved, np.zeros_like(v), unit, central=True)
+        by_v = differences(lambda w: torque(t, q, w), v, np.maximum(unit, np.abs(v)), central=True)
+        return by_q, by_v
+
+
 class PointDerivatives:
     """`Derivatives` at points of a motion.
 
@@ -131,6 +183,8 @@ class PointDerivatives:
     tau_slopes : callable, optional
     known : Circles, optional
         See `derivatives`.
+    sparing : bool
+        See `ModeRates`.
     """
 
     def __init__(
@@ -139,16 +193,16 @@ class PointDerivatives:
         torque: object = None,
         tau_slopes: TorqueSlopes | None = None,
         known: Circles | None = None,
+        sparing: bool = False,
     ) -> None:
         self.motion, self.mechanism = motion, motion.mechanism
-        self._torque = torque_function(self.mechanism, torque) if callable(torque) else None
-        self._tau_slopes = tau_slopes
+        self._applied = AppliedSlopes(self.mechanism, torque, tau_slopes)
         self._inertia = ReducedInertia(self.mechanism)
         memo = self.mechanism.memo
         self._rigid: RigidSlopes = memo.once("rigid slopes", lambda: RigidSlopes(self.mechanism))
         forces = self.mechanism.forces
         self._forces = ForceSlopes(self.mechanism.tree, forces) if forces else None
-        self._mode = ModeRates(motion.start, known)
+        self._mode = ModeRates(motion.start, known, sparing)
 
     def at_start(self, t: float) -> Derivatives:
         """At the start of the motion."""
@@ -204,45 +258,10 @@ class PointDerivatives:
             force = force + now.tau
         return self._inertia.solve(q, rates.G, rates.G.T @ force)
 
-    def torque_slopes(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
-        """∂τ/∂q and ∂τ/∂v of the user's torques, (nv, nv) each."""
-        if self._tau_slopes is not None:
-            return self._given(self._tau_slopes(t, q.copy(), v.copy()))
-        if self._torque is not None:
-            return self._differences(self._torque, t, q, v)
-        none = np.zeros((len(v), len(v)))
-        return none, none
-
     def _slopes(self, t: float, q: Array, v: Array, G: Array) -> list[tuple[Array, Array]]:
         """Gᵀ ∂τ/∂q and Gᵀ ∂τ/∂v of the mechanism's forces and of the user's torques."""
         found = [] if self._forces is None else [self._forces.at(q, v, G)]
-        if self._tau_slopes is not None or self._torque is not None:
-            by_q, by_v = self.torque_slopes(t, q, v)
+        if self._applied.some:
+            by_q, by_v = self._applied(t, q, v)
             found.append((G.T @ by_q, G.T @ by_v))
         return found
-
-    def _given(self, slopes: object) -> tuple[Array, Array]:
-        """What `tau_slopes` returned, or an OptionError."""
-        nv = self.mechanism.nv
-        try:
-            by_q, by_v = (real_array(part) for part in slopes)  # type: ignore[attr-defined]
-        except (TypeError, ValueError) as error:
-            raise OptionError(
-                f"tau_slopes(t, q, v) returned {shown(slopes)}, expected ∂τ/∂q and ∂τ/∂v, ({nv}, {nv}) each"
-            ) from error
-        if by_q.shape != (nv, nv) or by_v.shape != (nv, nv):
-            raise OptionError(
-                f"tau_slopes(t, q, v) returned shapes {by_q.shape} and {by_v.shape}, expected ({nv}, {nv})"
-            )
-        return by_q, by_v
-
-    def _differences(self, torque: CheckedTorque, t: float, q: Array, v: Array) -> tuple[Array, Array]:
-        """∂τ/∂q and ∂τ/∂v of a function by central differences, (nv, nv) each."""
-        tree, unit = self.mechanism.tree, self.mechanism.units
-
-        def moved(dq: Array) -> Array:
-            return torque(t, tree.integrate(q, dq), v)
-
-        by_q = differences(moved, np.zeros_like(v), unit, central=True)
-        by_v = differences(lambda w: torque(t, q, w), v, np.maximum(unit, np.abs(v)), central=True)
-        return by_q, by_v

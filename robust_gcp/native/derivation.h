@@ -38,7 +38,7 @@ class Derivation {
     }
 
     // Takes the steps between states again; G and ∂v/∂y are written for each state. A step is good where the states
-    // at both its ends are, and where it ends at the second one. None is where inputs are no rates in a loop.
+    // at both its ends are, and where it ends at the second one, if that is known: NaN are not. None is where inputs are no rates in a loop.
     void take(const States& s, const double* times) {
         if (path_.charted) return std::fill(s.status, s.status + s.count, CHART);
         const auto steps = static_cast<std::size_t>(s.count - 1);
@@ -57,7 +57,8 @@ class Derivation {
             if (i == s.count - 1) return;
             adjoint_.h[static_cast<std::size_t>(i)] = times[i + 1] - times[i];
             reason = step(s, i);
-            if (reason == DONE && !(apart(s, i + 1, *end_) < s.same)) reason = BRANCH;
+            const bool known = !std::isnan(s.q[(i + 1) * nq_]);
+            if (reason == DONE && known && !(apart(s, i + 1, *end_) < s.same)) reason = BRANCH;
             s.status[i] = reason;
             if (reason != DONE) continue;
             std::swap(begin_, end_);

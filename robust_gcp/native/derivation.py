@@ -155,7 +155,7 @@ class Derivation:
         wanted: dict[str, Array] = {"ydd": udot, "rows": rows, "G": G, "v_y": v_y}
         if every is not None:
             wanted |= {"a": every.a, "a_y": every.by_y, "a_u": every.by_u}
-        states = self._states(q, v, tau, status, 0.0, 0.0, **wanted)
+        states = self._states(q, v, tau, status, 0.0, 0.0, ZONE, **wanted)
         self._library.slopes(self._handle, ctypes.byref(states.structure))
         good = status == 0 if known else self._sound(status, q, G)
         return Slopes(good, udot, rows, G, v_y, every)
@@ -180,7 +180,7 @@ class Derivation:
         return good
 
     def take(
-        self, times: Array, q: Array, v: Array, tau: Array | None, same: float = SAME
+        self, times: Array, q: Array, v: Array, tau: Array | None, same: float = SAME, zone: float = ZONE
     ) -> tuple[NDArray[np.bool_], Array, Array]:
         """Take the N steps between states again, for `pull`.
 
@@ -189,10 +189,13 @@ class Derivation:
         times : ndarray (N + 1,)
             s.
         q, v : ndarray (N + 1, nq), (N + 1, nv)
+            NaN, but for the first, where they are not known.
         tau : ndarray (N, nv) or None
             Held over each step.
         same : float
             How far a step may end from the next state.
+        zone : float
+            Conditioning of K_d below which none is good.
 
         Returns
         -------
@@ -204,7 +207,7 @@ class Derivation:
         n, nv, m = len(times), self.nv, self.m
         G, v_y, status = np.empty((n, nv, m)), np.empty((n, nv, m)), np.empty(n, dtype=np.int32)
         times = np.ascontiguousarray(times, dtype=float)
-        states = self._states(q, v, tau, status, at_rest=1.0, same=same, G=G, v_y=v_y)
+        states = self._states(q, v, tau, status, 1.0, same, zone, G=G, v_y=v_y)
         self._library.take(self._handle, ctypes.byref(states.structure), times.ctypes.data)
         return status == 0, G, v_y
 
@@ -253,11 +256,12 @@ class Derivation:
         status: NDArray[np.int32],
         at_rest: float = 0.0,
         same: float = 0.0,
+        zone: float = ZONE,
         **results: Array,
     ) -> Arrays:
         """A request, which keeps what is given, as rows in a row; the results must outlive it."""
         places = {name: part.ctypes.data for name, part in {"status": status, **results}.items()}
-        request = Arrays(States(count=len(q), zone=ZONE, close=CLOSED, same=same, at_rest=at_rest, **places))
+        request = Arrays(States(count=len(q), zone=zone, close=CLOSED, same=same, at_rest=at_rest, **places))
         request.reals(q=q, v=v, **({} if tau is None else {"tau": tau}))
         return request
 

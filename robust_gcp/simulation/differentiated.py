@@ -20,19 +20,23 @@ from ..dynamics.continuation import circles_of
 from ..dynamics.derivatives import PointDerivatives, TorqueSlopes
 from ..dynamics.discrete import Stage, differentiated_step
 from ..dynamics.equations import CheckedTorque
+from ..dynamics.mode_rates import SPARED
 from ..dynamics.problem import Problem, set_out
 from ..errors import SimulationError
 from ..maps.choice import MapChoice
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from ..native.derivation import derivation
+from ..native.derivation import SAME, Derivation, derivation
 from .charts import in_new_chart
 from .serving import serving, state_of
 
-AGREE = 1e-9
+AGREE = 1e-8
 """Difference of whole and halves, relative, at which the halves are kept: theirs is a fifteenth of it."""
 
-SMALLEST = 2.0**-20
+MOST_DOUBLINGS = 11
+"""Of the kernel's parts of a step, from four on."""
+
+SMALLEST = 2.0**-12
 """Share of the step below which no part is tried."""
 
 Parametric = Callable[[Stage], Array]
@@ -116,6 +120,7 @@ def differentiated(
     t: float,
     h: float,
     by_parts: bool = False,
+    end: tuple[Array, Array] | None = None,
 ) -> Moved:
     """The step from a state, and its derivatives in the mechanism's coordinates.
 
@@ -125,6 +130,8 @@ def differentiated(
     by_parts : bool
         Whether the motion is followed by parts of the step from the first, as where `simulate` controlled
         its error.
+    end : (q, v), optional
+        Where it leads to, which is what the result says then if it was found to lead there.
 
     Raises
     ------
@@ -141,25 +148,25 @@ def differentiated(
                 if moved is not None:
                     return moved.told_in(mechanism)
                 motion = set_out(other, *at, mode, acting.torque)
-            return _Follower(motion, acting, t).whole(h).told_in(mechanism)
+            return Follower(motion, acting, t).whole(h).told_in(mechanism)
         except SimulationError:  # as `simulate`, which then goes on with error control
             pass
-    choice = MapChoice(error_controlled=True)
-    motion = set_out(mechanism if other is None else other, *at, mode, acting.torque, choice)
-    return _Follower(motion, acting, t).by_parts(h).told_in(mechanism)
+    own = mechanism if other is None else other
+    moved = _parts_by_kernel(own, at, mode, acting, h, end)
+    if moved is not None:
+        return moved.told_in(mechanism)
+    motion = set_out(own, *at, mode, acting.torque, MapChoice(error_controlled=True))
+    return Follower(motion, acting, t, sparing=True).by_parts(h).told_in(mechanism)
 
 
 def _by_kernel(
     mechanism: Mechanism, state: tuple[Array, Array], mode: ArrayLike | None, acting: Acting, h: float
 ) -> Moved | None:
     """The step by the kernel; None where it does not take it."""
-    held = acting.torque
-    if mode is not None or callable(held) or acting.by_more is not None:
-        return None
-    kernel = derivation(mechanism, state[0])
+    kernel = _kernel_of(mechanism, state, mode, acting)
     if kernel is None:
         return None
-    tau = None if held is None else np.asarray(held, dtype=float)[None]
+    tau = None if acting.torque is None else np.asarray(acting.torque, dtype=float)[None]
     q, v = (np.repeat(part[None], 2, axis=0) for part in state)
     good, G, v_y = kernel.take(np.array([0.0, h]), q, v, tau, np.inf)
     if not good.all():
@@ -169,7 +176,47 @@ def _by_kernel(
     return Moved(A, B[0], np.zeros((len(A), 0)), mechanism, mechanism, first, last, *state)
 
 
-class _Follower:
+def _parts_by_kernel(
+    mechanism: Mechanism,
+    state: tuple[Array, Array],
+    mode: ArrayLike | None,
+    acting: Acting,
+    h: float,
+    end: tuple[Array, Array] | None,
+) -> Moved | None:
+    """Ever more equal parts by the kernel, until twice as many agree; None where it does not take them."""
+    kernel = _kernel_of(mechanism, state, mode, acting)
+    if kernel is None:
+        return None
+    before: Array | None = None
+    for count in (4 << k for k in range(MOST_DOUBLINGS)):
+        q, v = (np.full((count + 1, len(part)), np.nan) for part in state)
+        q[0], v[0] = state
+        if end is not None:
+            q[-1], v[-1] = end
+        tau = None if acting.torque is None else np.tile(np.asarray(acting.torque, float), (count, 1))
+        good, G, v_y = kernel.take(np.linspace(0.0, h, count + 1), q, v, tau, SAME, SPARED)
+        if not good.all():
+            continue
+        A, B = kernel.pull(0, count, np.eye(2 * kernel.m))
+        if before is not None and np.abs(A - before).max() < AGREE * np.abs(A).max():
+            ends = Slope(G[0], v_y[0]), Slope(G[-1], v_y[-1])
+            none = np.zeros((len(A), 0))
+            return Moved(A, B.sum(axis=0), none, mechanism, mechanism, *ends, *(end or state))
+        before = A
+    return None
+
+
+def _kernel_of(
+    mechanism: Mechanism, state: tuple[Array, Array], mode: ArrayLike | None, acting: Acting
+) -> Derivation | None:
+    """What takes steps of it compiled; None where nothing does."""
+    if mode is not None or callable(acting.torque) or acting.by_more is not None:
+        return None
+    return derivation(mechanism, state[0])
+
+
+class Follower:
     """Follows a motion step by step, with derivatives.
 
     Parameters
@@ -178,11 +225,15 @@ class _Follower:
     acting : Acting
     t : float
         When it begins, s.
+    sparing : bool
+        See `ModeRates`.
     """
 
-    def __init__(self, motion: Problem, acting: Acting, t: float) -> None:
-        self._motion, self._acting, self._t = motion, acting, t
-        self._slopes = PointDerivatives(motion, acting.function, acting.slopes, circles_of(motion.mechanism))
+    def __init__(self, motion: Problem, acting: Acting, t: float, sparing: bool = False) -> None:
+        self._motion, self._acting, self._t, self._sparing = motion, acting, t, sparing
+        self._slopes = PointDerivatives(
+            motion, acting.function, acting.slopes, circles_of(motion.mechanism), sparing
+        )
         self._x = motion.x[: 2 * motion.mechanism.m]
 
     def whole(self, h: float) -> Moved:
@@ -209,7 +260,7 @@ class _Follower:
                 part *= 0.5
                 continue
             found = more if found is None else found.then(more)
-            part *= 2.0
+            part *= 2.0 if self._apart < AGREE / 32.0 else 1.0  # theirs grows as h⁵
             self._renew()
         assert found is not None
         return found
@@ -228,7 +279,8 @@ class _Follower:
             whole = self.whole(h)
             (self._t, self._x), explicit.anchor = begun, anchor
             halves = self.whole(0.5 * h).then(self.whole(0.5 * h))
-            if last or _agree(self._motion.mechanism, whole, halves):
+            self._apart = _apart(self._motion.mechanism, whole, halves)
+            if last or self._apart < AGREE:
                 return halves
         except SimulationError:
             if last:
@@ -246,12 +298,13 @@ class _Follower:
             motion = set_out(other, self._now.point.q, self._now.v, None, self._acting.torque, choice)
         except SimulationError:  # beside a singular place: these do until that is behind
             return
-        self.__init__(motion, self._acting, self._t)  # type: ignore[misc]
+        self.__init__(motion, self._acting, self._t, self._sparing)  # type: ignore[misc]
 
 
-def _agree(mechanism: Mechanism, one: Moved, other: Moved) -> bool:
+def _apart(mechanism: Mechanism, one: Moved, other: Moved) -> float:
+    """Relative difference of two ways to take the same step."""
     unit = mechanism.units
     apart = np.abs(mechanism.tree.difference(one.q, other.q) / unit).max()
     fast = np.abs((one.v - other.v) / unit).max() / (1.0 + np.abs(one.v / unit).max())
     slopes = np.abs(one.A - other.A).max() / np.abs(other.A).max()
-    return bool(max(apart, fast, slopes) < AGREE)
+    return float(max(apart, fast, slopes))
