@@ -48,6 +48,7 @@ from .simulation.cost import Cost
 from .simulation.derivatives import derivatives, forward_dynamics, linearise, step_jacobians
 from .simulation.events import Event
 from .simulation.gradient import Gradient, gradient
+from .simulation.kinked import KinkedDriveWarning
 from .simulation.load import load_trajectory
 from .simulation.reactions import Reaction
 from .simulation.simulate import simulate
@@ -104,6 +105,7 @@ __all__ = [
     "JointDamper",
     "JointSpring",
     "JointTorque",
+    "KinkedDriveWarning",
     "Linearisation",
     "LocalAnalysis",
     "Mechanism",

@@ -105,84 +105,39 @@ def derivatives(
     return PointDerivatives(motion, applied, tau_slopes, known).at_start(t)
 
 
-class PointDerivatives:
-    """`Derivatives` at points of a motion.
+@dataclass(frozen=True)
+class Accelerations:
+    """The accelerations of all joints, and how they change while u̇ is held.
+
+    Attributes
+    ----------
+    a : ndarray (nv,)
+    by_y, by_u : ndarray (nv, m)
+    """
+
+    a: Array
+    by_y: Array
+    by_u: Array
+
+
+class AppliedSlopes:
+    """∂τ/∂q and ∂τ/∂v of the user's torques, (nv, nv) each, at (t, q, v).
 
     Parameters
     ----------
-    motion : Problem
+    mechanism : Mechanism
     torque : callable, array_like (nv,) or None
-        The user's; what it was set out with.
-    tau_slopes : callable, optional
-    known : Circles, optional
-        See `derivatives`.
+    given : callable, optional
+        What gives them; by central differences when left out.
     """
 
-    def __init__(
-        self,
-        motion: Problem,
-        torque: object = None,
-        tau_slopes: TorqueSlopes | None = None,
-        known: Circles | None = None,
-    ) -> None:
-        self.motion, self.mechanism = motion, motion.mechanism
-        self._torque = torque_function(self.mechanism, torque) if callable(torque) else None
-        self._tau_slopes = tau_slopes
-        self._inertia = ReducedInertia(self.mechanism)
-        memo = self.mechanism.memo
-        self._rigid: RigidSlopes = memo.once("rigid slopes", lambda: RigidSlopes(self.mechanism))
-        applied = self.mechanism.applied
-        self._forces = None if applied is None else ForceSlopes(self.mechanism, applied)
-        self._mode = ModeRates(motion.start, known)
+    def __init__(self, mechanism: Mechanism, torque: object, given: TorqueSlopes | None) -> None:
+        self._mechanism, self._tau_slopes = mechanism, given
+        self._torque = torque_function(mechanism, torque) if callable(torque) else None
+        self.some = given is not None or self._torque is not None
 
-    def at_start(self, t: float) -> Derivatives:
-        """At the start of the motion."""
-        equations = self.motion.equations
-        return self.at(t, equations.at_point(t, self.motion.start.point))
-
-    def at(self, t: float, now: Evaluation) -> Derivatives:
-        """At an evaluated point."""
-        with np.errstate(all="ignore"):  # what is not finite ends in an error of ours
-            return self._at(t, now)
-
-    def _at(self, t: float, now: Evaluation) -> Derivatives:
-        mechanism, point = self.mechanism, now.point
-        q, u = point.q, point.ydot
-        rates = self._mode.at(point)
-        G = rates.G
-        v = G @ u
-        ydd = now.ydd if np.array_equal(G, point.G) else self._accelerations(q, v, now, rates)
-        a, A_y = G @ ydd + rates.g, rates.A_y + np.einsum("i,inj->nj", ydd, rates.bend)
-        force = mechanism.tree.rnea(q, v, a).copy()
-        if now.tau is not None:
-            force -= now.tau
-        by_q, by_v, M = self._rigid.at(q, v, a)
-        pulled_q, pulled_v = G.T @ by_q, G.T @ by_v
-        for slopes in self._slopes(t, q, v, G):
-            pulled_q, pulled_v = pulled_q - slopes[0], pulled_v - slopes[1]
-        bent = np.einsum("n,inj->ij", force, rates.bend)
-        rest = np.hstack(
-            [
-                -(bent + pulled_q @ G + pulled_v @ rates.V_y + G.T @ M @ A_y),
-                -(pulled_v @ G + G.T @ M @ rates.A_u),
-                G.T,
-            ]
-        )
-        m = mechanism.m
-        found = self._inertia.solve(q, G, rest)
-        if not np.all(np.isfinite(found)):
-            raise NonFiniteError(f"the linearisation at y = {point.y} is not finite", point.y)
-        return Derivatives(ydd, found[:, :m], found[:, m : 2 * m], found[:, 2 * m :], G, rates.V_y)
-
-    def _accelerations(self, q: Array, v: Array, now: Evaluation, rates: MapRates) -> Array:
-        """u̇ by Eq. (3) with a G and g that were found otherwise than the point's own."""
-        force = -self.mechanism.tree.rnea(q, v, rates.g)
-        if now.tau is not None:
-            force = force + now.tau
-        return self._inertia.solve(q, rates.G, rates.G.T @ force)
-
-    def torque_slopes(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
-        """∂τ/∂q and ∂τ/∂v of the user's torques, (nv, nv) each."""
+    def __call__(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """At a state."""
         if self._tau_slopes is not None:
             return self._given(self._tau_slopes(t, q.copy(), v.copy()))
         if self._torque is not None:
@@ -190,17 +145,9 @@ class PointDerivatives:
         none = np.zeros((len(v), len(v)))
         return none, none
 
-    def _slopes(self, t: float, q: Array, v: Array, G: Array) -> list[tuple[Array, Array]]:
-        """Gᵀ ∂τ/∂q and Gᵀ ∂τ/∂v of the mechanism's forces and of the user's torques."""
-        found = [] if self._forces is None else [self._forces.at(q, v, G)]
-        if self._tau_slopes is not None or self._torque is not None:
-            by_q, by_v = self.torque_slopes(t, q, v)
-            found.append((G.T @ by_q, G.T @ by_v))
-        return found
-
     def _given(self, slopes: object) -> tuple[Array, Array]:
         """What `tau_slopes` returned, or an OptionError."""
-        nv = self.mechanism.nv
+        nv = self._mechanism.nv
         try:
             by_q, by_v = (real_array(part) for part in slopes)  # type: ignore[attr-defined]
         except (TypeError, ValueError) as error:
@@ -215,5 +162,100 @@ class PointDerivatives:
 
     def _differences(self, torque: CheckedTorque, t: float, q: Array, v: Array) -> tuple[Array, Array]:
         """∂τ/∂q and ∂τ/∂v of a function by central differences, (nv, nv) each."""
-        tree, units = self.mechanism.tree, self.mechanism.units
-        return torque_differences(tree, units, lambda q, v: torque(t, q, v), q, v)
+        mechanism = self._mechanism
+        return torque_differences(mechanism.tree, mechanism.units, lambda q, v: torque(t, q, v), q, v)
+
+
+class PointDerivatives:
+    """`Derivatives` at points of a motion.
+
+    Parameters
+    ----------
+    motion : Problem
+    torque : callable, array_like (nv,) or None
+        The user's; what it was set out with.
+    tau_slopes : callable, optional
+    known : Circles, optional
+        See `derivatives`.
+    sparing : bool
+        See `ModeRates`.
+    """
+
+    def __init__(
+        self,
+        motion: Problem,
+        torque: object = None,
+        tau_slopes: TorqueSlopes | None = None,
+        known: Circles | None = None,
+        sparing: bool = False,
+    ) -> None:
+        self.motion, self.mechanism = motion, motion.mechanism
+        self._applied = AppliedSlopes(self.mechanism, torque, tau_slopes)
+        self._inertia = ReducedInertia(self.mechanism)
+        memo = self.mechanism.memo
+        self._rigid: RigidSlopes = memo.once("rigid slopes", lambda: RigidSlopes(self.mechanism))
+        applied = self.mechanism.applied
+        self._forces = None if applied is None else ForceSlopes(self.mechanism, applied)
+        self._mode = ModeRates(motion.start, known, sparing)
+
+    def at_start(self, t: float) -> Derivatives:
+        """At the start of the motion."""
+        return self.whole_at_start(t)[0]
+
+    def whole_at_start(self, t: float) -> tuple[Derivatives, Accelerations]:
+        """The same, with the accelerations of all joints."""
+        return self.whole(t, self.motion.equations.at_point(t, self.motion.start.point))
+
+    def at(self, t: float, now: Evaluation) -> Derivatives:
+        """At an evaluated point."""
+        return self.whole(t, now)[0]
+
+    def whole(self, t: float, now: Evaluation) -> tuple[Derivatives, Accelerations]:
+        """The same, with the accelerations of all joints."""
+        with np.errstate(all="ignore"):  # what is not finite ends in an error of ours
+            return self._at(t, now)
+
+    def _at(self, t: float, now: Evaluation) -> tuple[Derivatives, Accelerations]:
+        mechanism, point = self.mechanism, now.point
+        q, u = point.q, point.ydot
+        rates = self._mode.at(point)
+        G = rates.G
+        v = G @ u
+        ydd = now.ydd if np.array_equal(G, point.G) else self._accelerations(q, v, now, rates)
+        a, A_y = G @ ydd + rates.g, rates.A_y + np.einsum("i,inj->nj", ydd, rates.bend)
+        force = mechanism.tree.rnea(q, v, a).copy()
+        if now.tau is not None:
+            force -= now.tau
+        by_q, by_v, M = self._rigid.at(q, v, a)
+        pulled_q, pulled_v = G.T @ by_q, G.T @ by_v
+        for by in self._slopes(t, q, v, G):
+            pulled_q, pulled_v = pulled_q - by[0], pulled_v - by[1]
+        bent = np.einsum("n,inj->ij", force, rates.bend)
+        rest = np.hstack(
+            [
+                -(bent + pulled_q @ G + pulled_v @ rates.V_y + G.T @ M @ A_y),
+                -(pulled_v @ G + G.T @ M @ rates.A_u),
+                G.T,
+            ]
+        )
+        m = mechanism.m
+        found = self._inertia.solve(q, G, rest)
+        if not np.all(np.isfinite(found)):
+            raise NonFiniteError(f"the linearisation at y = {point.y} is not finite", point.y)
+        slopes = Derivatives(ydd, found[:, :m], found[:, m : 2 * m], found[:, 2 * m :], G, rates.V_y)
+        return slopes, Accelerations(a, A_y, rates.A_u)
+
+    def _accelerations(self, q: Array, v: Array, now: Evaluation, rates: MapRates) -> Array:
+        """u̇ by Eq. (3) with a G and g that were found otherwise than the point's own."""
+        force = -self.mechanism.tree.rnea(q, v, rates.g)
+        if now.tau is not None:
+            force = force + now.tau
+        return self._inertia.solve(q, rates.G, rates.G.T @ force)
+
+    def _slopes(self, t: float, q: Array, v: Array, G: Array) -> list[tuple[Array, Array]]:
+        """Gᵀ ∂τ/∂q and Gᵀ ∂τ/∂v of the mechanism's forces and of the user's torques."""
+        found = [] if self._forces is None else [self._forces.at(q, v, G)]
+        if self._applied.some:
+            by_q, by_v = self._applied(t, q, v)
+            found.append((G.T @ by_q, G.T @ by_v))
+        return found

@@ -28,6 +28,10 @@ from .map_rates import ClusterRates, MapRates
 ZONE = 0.05
 """Conditioning of K_d, as `Point` has it, below which rounding is looked at."""
 
+SPARED = 5e-3
+"""The same for a motion that is followed in coordinates that serve, in short steps: of its rates rounding
+costs some 8 ε/σ² of their size, 7e-11."""
+
 STEADY, UNSTEADY = 2e-11, 2e-10
 """Change of a cluster's rates, where q and φ are rounded otherwise, up to which they are taken where they
 are; and from which they are not even where no circle serves, as on modes that veer. Beside change points of
@@ -63,13 +67,17 @@ class ModeRates:
     start : Start
     known : Circles, optional
         Of other starts of the mechanism, whatever their modes; those made here are added.
+    sparing : bool
+        Whether no circle is tried where nine digits are left without, as beside modes that veer, where a
+        trial takes long and comes to nothing.
     """
 
-    def __init__(self, start: Start, known: Circles | None = None) -> None:
+    def __init__(self, start: Start, known: Circles | None = None, sparing: bool = False) -> None:
         self._start, self._mechanism = start, start.mechanism
         self._clusters = cluster_rates(self._mechanism)
         self._known: Circles = {} if known is None else known
         self._alone = known is None
+        self._zone, self._steady = (SPARED, UNSTEADY) if sparing else (ZONE, STEADY)
 
     def at(self, point: Point) -> MapRates:
         """At a point of the mode.
@@ -131,13 +139,13 @@ class ModeRates:
         q = point.q[rates.cluster.iq]
         cluster = rates.cluster
         G, g = point.G[np.ix_(cluster.iv, cluster.inputs)], point.g[cluster.iv]
-        if point.conditioning >= ZONE:
+        if point.conditioning >= self._zone:
             return rates.along(rates.rates.real(q), u, G, g)
         found = self._remembered(rates, point, u, G)
         if found is not None:
             return found
         q, change = _rounding(rates, q)
-        if change < STEADY:
+        if change < self._steady:
             return rates.at(rates.rates.real(q), u)
         try:
             return self._around(rates, point, rates.rates.real(q), u, G)

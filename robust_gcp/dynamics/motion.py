@@ -20,6 +20,16 @@ LOOKED_AT = (0.0, 0.137, 0.389, 0.618, 0.911)
 NUDGE = 1e-5
 """Step of these differences, s."""
 
+KINK = 1e-6
+"""Jump of ṗ, as a share of the largest, that is told."""
+
+SPLINE = ("t", "x", "c", "k", "axis", "extrapolate")
+"""What scipy's splines are made of."""
+
+HALVINGS, JUMP = 25, 0.01
+"""Of an interval in which ṗ may jump, and the share of its change that is a jump if it is left then: a smooth
+motion leaves 3e-8."""
+
 UNLIKE = 1e-3
 """Relative difference at which a given rate is taken for wrong."""
 
@@ -52,12 +62,39 @@ class Motion:
         check_callable("Motion: acceleration", acceleration, "(t)")
         if acceleration is not None and velocity is None:
             raise OptionError("Motion: an acceleration needs the velocity beside it; give both, or neither")
+        given = {"position": position, "velocity": velocity, "acceleration": acceleration}
+        self._given = {name: part for name, part in given.items() if part is not None}
         self.position, self.velocity, self.acceleration = position, velocity, acceleration
         self.span: tuple[float, float] | None = None
         if not callable(position):
             self.position = _held(position) if np.ndim(position) == 0 else self._joined(position)
         if hasattr(self.position, "derivative") and velocity is None:
             self.velocity, self.acceleration = self.position.derivative(1), self.position.derivative(2)
+
+    def recipe(self) -> dict[str, Any]:
+        """What it was made of by name, a spline by its knots, coefficients and degree."""
+        found = dict(self._given)
+        if not callable(found["position"]):
+            return found
+        spline = found["position"]
+        parts = {name: getattr(spline, name) for name in SPLINE if hasattr(spline, name)}
+        return found | {"position": parts or spline}
+
+    def kink(self, t0: float, t1: float) -> tuple[float, float, float] | None:
+        """Where between two times ṗ jumps, s, and ṗ before and after; None where it does not.
+
+        The half in which ṗ changes more is halved again, until a smooth motion would change no more.
+        """
+        first, last = self.at(t0)[1], self.at(t1)[1]
+        whole = abs(last - first)
+        for _ in range(HALVINGS):
+            middle = 0.5 * (t0 + t1)
+            rate = self.at(middle)[1]
+            if abs(rate - first) >= abs(last - rate):
+                t1, last = middle, rate
+            else:
+                t0, first = middle, rate
+        return (t1, first, last) if abs(last - first) > JUMP * whole else None
 
     def _joined(self, table: Any) -> Any:
         """The spline through (times, positions)."""
@@ -156,6 +193,28 @@ class Drive:
         """y, ẏ and ÿ of the driven joints at time t."""
         p, r, s = np.array([motion.at(t) for motion in self._motions]).T
         return p, r, s
+
+    def kink(self, times: Array) -> tuple[str, float, float, float] | None:
+        """The driven joint whose velocity jumps between times, when, s, and its velocity before and after.
+
+        None where none does. Looked at is where it changes most beyond what the changes before and after
+        would have it.
+        """
+        if len(times) < 4:
+            return None
+        for name, motion in zip(self.names, self._motions, strict=True):
+            rates = np.array([motion.at(float(t))[1] for t in times])
+            change = np.diff(rates)
+            beyond = np.abs(
+                change - 0.5 * (np.append(change[1:], change[-2]) + np.append(change[1], change[:-1]))
+            )
+            i = int(np.argmax(beyond))
+            found = motion.kink(float(times[i]), float(times[i + 1])) if beyond[i] > 0.0 else None
+            if found is not None and abs(found[2] - found[1]) > KINK * max(
+                1e-300, float(np.abs(rates).max())
+            ):
+                return name, *found
+        return None
 
 
 def checked_motions(mechanism: Mechanism, drive: Any, times: Array) -> dict[str, Motion]:

@@ -7,7 +7,7 @@ from typing import Literal
 
 from ..errors import OptionError
 from .classical import ClassicalMap, NewtonStart
-from .cluster.cluster_map import ClusterMap
+from .cluster.cluster_map import LAST_RESORT, PRESCRIBED, ClusterMap
 from .cluster.options import USUAL, BridgeOptions
 from .explicit import ExplicitMap
 from .four_bar import FourBarMap
@@ -35,6 +35,8 @@ class MapChoice:
         Of "projection".
     error_controlled : bool
         Whether the caller controls its error, so that a zone without a certified bridge may be entered.
+    prescribed : bool
+        Whether all coordinates move as prescribed.
     """
 
     method: Method = "bridge"
@@ -42,6 +44,7 @@ class MapChoice:
     newton_start: NewtonStart = "tangent"
     threshold: float = PROJECTION_THRESHOLD
     error_controlled: bool = False
+    prescribed: bool = False
 
     def over(self, start: Start) -> ExplicitMap:
         """The map on the mode of a start."""
@@ -59,4 +62,5 @@ class MapChoice:
             return ProjectionMap(start.path, start.point, self.threshold)
         if self.method == "closed_form":
             return FourBarMap(start.path, start.point, self.error_controlled)
-        return ClusterMap(start.path, start.point, self.options, self.error_controlled, start.trackers)
+        least = PRESCRIBED if self.prescribed else LAST_RESORT
+        return ClusterMap(start.path, start.point, self.options, self.error_controlled, start.trackers, least)

@@ -103,6 +103,9 @@ struct States {  // where derivatives are asked for
     double* rows;           // (count, m, 2m + nv): ∂u̇ by y, u and τ
     double* G;              // (count, nv, m)
     double* v_y;            // (count, nv, m): ∂v/∂y
+    double* a;              // (count, nv)
+    double* a_y;            // (count, nv, m): ∂a/∂y and ∂a/∂u, u̇ held
+    double* a_u;
     std::int32_t* status;   // (count,): a Reason
 };
 

@@ -38,7 +38,7 @@ class Derivation {
     }
 
     // Takes the steps between states again; G and ∂v/∂y are written for each state. A step is good where the states
-    // at both its ends are, and where it ends at the second one. None is where inputs are no rates in a loop.
+    // at both its ends are, and where it ends at the second one, if that is known: NaN are not. None is where inputs are no rates in a loop.
     void take(const States& s, const double* times) {
         if (path_.charted) return std::fill(s.status, s.status + s.count, CHART);
         const auto steps = static_cast<std::size_t>(s.count - 1);
@@ -57,7 +57,8 @@ class Derivation {
             if (i == s.count - 1) return;
             adjoint_.h[static_cast<std::size_t>(i)] = times[i + 1] - times[i];
             reason = step(s, i);
-            if (reason == DONE && !(apart(s, i + 1, *end_) < s.same)) reason = BRANCH;
+            const bool known = !std::isnan(s.q[(i + 1) * nq_]);
+            if (reason == DONE && known && !(apart(s, i + 1, *end_) < s.same)) reason = BRANCH;
             s.status[i] = reason;
             if (reason != DONE) continue;
             std::swap(begin_, end_);
@@ -120,7 +121,12 @@ class Derivation {
     void write(const States& s, std::int64_t i, Point& point) {
         if (s.ydd != nullptr) std::copy(motion_.ydd.begin(), motion_.ydd.end(), s.ydd + i * m_);
         if (s.G != nullptr) std::copy(point.G(), point.G() + nv_ * m_, s.G + i * nv_ * m_);
-        if (s.v_y != nullptr) std::copy(slopes_.v_y().begin(), slopes_.v_y().end(), s.v_y + i * nv_ * m_);
+        const Displacements& moved = slopes_.moved();
+        if (s.v_y != nullptr) std::copy(moved.v_y.begin(), moved.v_y.end(), s.v_y + i * nv_ * m_);
+        if (s.a == nullptr) return;
+        std::copy(moved.a.begin(), moved.a.end(), s.a + i * nv_);
+        std::copy(moved.a_y.begin(), moved.a_y.end(), s.a_y + i * nv_ * m_);
+        std::copy(moved.a_u.begin(), moved.a_u.end(), s.a_u + i * nv_ * m_);
     }
 
     // Largest difference between a point and a state: of numbers in q, dimensionless, and of v relative to the

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..dynamics.continuation import Around, circles_of
-from ..dynamics.derivatives import Derivatives
+from ..dynamics.derivatives import Accelerations, Derivatives
 from ..dynamics.mode_rates import ZONE, ModeRates
 from ..dynamics.problem import set_out
 from ..errors import ClosureError, RobustGcpError
@@ -49,6 +49,8 @@ class Slopes:
     rows : ndarray (N, m, 2m + nv)
         ∂u̇ by y, u and τ.
     G, dv_dy : ndarray (N, nv, m)
+    whole : Accelerations or None
+        (N, nv) and (N, nv, m), where they were asked for.
     """
 
     good: NDArray[np.bool_]
@@ -56,6 +58,7 @@ class Slopes:
     rows: Array
     G: Array
     dv_dy: Array
+    whole: Accelerations | None = None
 
     def at(self, i: int | slice | NDArray[np.bool_]) -> Derivatives:
         """Those of a state, or of several with their number as the first axis."""
@@ -131,7 +134,9 @@ class Derivation:
         self._library.slopes(self._handle, ctypes.byref(states.structure))
         return status == 0 if known else self._sound(status, q, G), udot
 
-    def slopes(self, q: Array, v: Array, tau: Array | None, known: bool = False) -> Slopes:
+    def slopes(
+        self, q: Array, v: Array, tau: Array | None, known: bool = False, whole: bool = False
+    ) -> Slopes:
         """The derivatives at N states.
 
         Parameters
@@ -140,14 +145,20 @@ class Derivation:
         tau : ndarray (N, nv) or None
         known : bool
             Whether the states are those of a motion: rows of φ that the kernel does not have are closed.
+        whole : bool
+            Whether the accelerations of all joints are wanted too.
         """
         n, nv, m = len(q), self.nv, self.m
         udot, rows, status = np.empty((n, m)), np.empty((n, m, 2 * m + nv)), np.empty(n, dtype=np.int32)
         G, v_y = np.empty((n, nv, m)), np.empty((n, nv, m))
-        states = self._states(q, v, tau, status, ydd=udot, rows=rows, G=G, v_y=v_y)
+        every = Accelerations(np.empty((n, nv)), *np.empty((2, n, nv, m))) if whole else None
+        wanted: dict[str, Array] = {"ydd": udot, "rows": rows, "G": G, "v_y": v_y}
+        if every is not None:
+            wanted |= {"a": every.a, "a_y": every.by_y, "a_u": every.by_u}
+        states = self._states(q, v, tau, status, 0.0, 0.0, ZONE, **wanted)
         self._library.slopes(self._handle, ctypes.byref(states.structure))
         good = status == 0 if known else self._sound(status, q, G)
-        return Slopes(good, udot, rows, G, v_y)
+        return Slopes(good, udot, rows, G, v_y, every)
 
     def _sound(self, status: NDArray[np.int32], q: Array, G: Array) -> NDArray[np.bool_]:
         """Which states are good, those rows of φ included that the kernel does not have."""
@@ -169,7 +180,7 @@ class Derivation:
         return good
 
     def take(
-        self, times: Array, q: Array, v: Array, tau: Array | None, same: float = SAME
+        self, times: Array, q: Array, v: Array, tau: Array | None, same: float = SAME, zone: float = ZONE
     ) -> tuple[NDArray[np.bool_], Array, Array]:
         """Take the N steps between states again, for `pull`.
 
@@ -178,10 +189,13 @@ class Derivation:
         times : ndarray (N + 1,)
             s.
         q, v : ndarray (N + 1, nq), (N + 1, nv)
+            NaN, but for the first, where they are not known.
         tau : ndarray (N, nv) or None
             Held over each step.
         same : float
             How far a step may end from the next state.
+        zone : float
+            Conditioning of K_d below which none is good.
 
         Returns
         -------
@@ -193,7 +207,7 @@ class Derivation:
         n, nv, m = len(times), self.nv, self.m
         G, v_y, status = np.empty((n, nv, m)), np.empty((n, nv, m)), np.empty(n, dtype=np.int32)
         times = np.ascontiguousarray(times, dtype=float)
-        states = self._states(q, v, tau, status, at_rest=1.0, same=same, G=G, v_y=v_y)
+        states = self._states(q, v, tau, status, 1.0, same, zone, G=G, v_y=v_y)
         self._library.take(self._handle, ctypes.byref(states.structure), times.ctypes.data)
         return status == 0, G, v_y
 
@@ -242,11 +256,12 @@ class Derivation:
         status: NDArray[np.int32],
         at_rest: float = 0.0,
         same: float = 0.0,
+        zone: float = ZONE,
         **results: Array,
     ) -> Arrays:
         """A request, which keeps what is given, as rows in a row; the results must outlive it."""
         places = {name: part.ctypes.data for name, part in {"status": status, **results}.items()}
-        request = Arrays(States(count=len(q), zone=ZONE, close=CLOSED, same=same, at_rest=at_rest, **places))
+        request = Arrays(States(count=len(q), zone=zone, close=CLOSED, same=same, at_rest=at_rest, **places))
         request.reals(q=q, v=v, **({} if tau is None else {"tau": tau}))
         return request
 

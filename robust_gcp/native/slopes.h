@@ -39,8 +39,8 @@ class Slopes {
         force_y_.resize(widest), force_u_.resize(widest), square_.resize(2 * widest * widest);
     }
 
-    // ∂v/∂y (nv, m).
-    const Cells<double>& v_y() const { return moved_.v_y; }
+    // Accelerations, ∂v/∂y, and ∂a/∂y and ∂a/∂u at u̇ held.
+    const Displacements& moved() const { return moved_; }
 
     // Into rows (m, 2m + nv), ∂u̇/∂y, ∂u̇/∂u and ∂u̇/∂τ, at the point that the motion evaluated last; false where they
     // are not finite.

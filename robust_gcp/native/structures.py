@@ -128,7 +128,7 @@ class States(ctypes.Structure):
         ("count", c_int64),
         *_fields("", "q v tau"),
         *_all(c_double, "zone close same at_rest"),
-        *_fields("", "ydd rows G v_y status"),
+        *_fields("", "ydd rows G v_y a a_y a_u status"),
     ]
 
 

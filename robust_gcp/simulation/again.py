@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..dynamics.equations import CheckedTorque, Evaluation
+from ..dynamics.equations import CheckedTorque
 from ..dynamics.loads import one_torque
 from ..errors import OptionError
 from ..maps.start_check import checked_mode
@@ -107,10 +107,10 @@ def require_answers(run: Trajectory, function: CheckedTorque, table: Array) -> N
             )
 
 
-def require_same(run: Trajectory, mechanism: Mechanism, i: int, now: Evaluation) -> None:
-    """Refuse a step that does not end where it did."""
-    off = np.abs(mechanism.tree.difference(run.q[i], now.point.q)) / mechanism.units
-    fast = np.abs(now.v - run.v[i]) / mechanism.units / (1.0 + np.abs(run.v[i]).max(initial=0.0))
+def require_same(run: Trajectory, mechanism: Mechanism, i: int, q: Array, v: Array) -> None:
+    """Refuse a step to output i that ends at q and v instead of there."""
+    off = np.abs(mechanism.tree.difference(run.q[i], q)) / mechanism.units
+    fast = np.abs(v - run.v[i]) / mechanism.units / (1.0 + np.abs(run.v[i]).max(initial=0.0))
     if not max(off.max(initial=0.0), fast.max(initial=0.0)) < SAME:
         raise OptionError(
             f"gradient: taken again, the step of RK4 to t = {run.t[i]:.6g} s ends {off.max():.1e} rad or "

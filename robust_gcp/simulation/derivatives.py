@@ -14,8 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..checks import check_finite, check_mechanism, check_positive, checked_rows
-from ..dynamics import derivatives as reference
-from ..dynamics import discrete
 from ..dynamics import linearise as by_reference
 from ..dynamics.continuation import circles_of
 from ..dynamics.derivatives import Derivatives, TorqueSlopes
@@ -28,6 +26,8 @@ from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..native.derivation import Derivation, derivation
+from . import serving
+from .differentiated import Acting, differentiated
 
 
 def forward_dynamics(
@@ -69,7 +69,7 @@ def forward_dynamics(
         good, udot = state.kernel.forward_dynamics(state.q, state.v, state.tau)
         if good[0]:
             return np.asarray(udot[0])
-    return reference.forward_dynamics(mechanism, q, v, tau, mode, t)
+    return serving.forward_dynamics(mechanism, q, v, tau, mode, t)
 
 
 def derivatives(
@@ -112,7 +112,7 @@ def derivatives(
             found = state.kernel.slopes(state.q, state.v, state.tau)
             if found.good[0]:
                 return found.at(0)
-    return reference.derivatives(mechanism, q, v, tau, mode, t, tau_slopes, wrenches)
+    return serving.derivatives(mechanism, q, v, tau, mode, t, tau_slopes, wrenches)
 
 
 def _at_many(
@@ -150,7 +150,7 @@ def _at_many(
                 missing = missing[~more.good]
     known = circles_of(mechanism)
     for i in missing:
-        one = reference.derivatives(
+        one = serving.derivatives(
             mechanism, states[i], fast[i], torques[i], mode, t, tau_slopes, wrenches, known
         )
         _fill(whole, i, one)
@@ -210,7 +210,10 @@ def step_jacobians(
     held = None if tau is None else mechanism.velocity(tau, "tau")
     state = _state(mechanism, q, v, held) if mode is None else None
     found = None if state is None else state.kernel.step_jacobians(state.q, state.v, state.tau, float(step))
-    return discrete.step_jacobians(mechanism, q, v, tau, step, mode) if found is None else found
+    if found is not None:
+        return found
+    moved = differentiated(mechanism, (q, v), mode, Acting(held), 0.0, float(step))
+    return moved.A, moved.B
 
 
 def linearise(

@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..checks import check_callable, shown
-from ..dynamics.continuation import circles_of
-from ..dynamics.derivatives import Derivatives, PointDerivatives, TorqueSlopes
-from ..dynamics.discrete import Step, differentiated_step
+from ..dynamics.derivatives import AppliedSlopes, TorqueSlopes
+from ..dynamics.discrete import Stage
 from ..dynamics.equations import Torque, torque_function
 from ..dynamics.held import HeldTorque
 from ..dynamics.parameters import Parameters
@@ -28,9 +27,9 @@ from ..mechanism.tree import Array
 from ..native.derivation import Derivation
 from .again import applied_again, coordinates_of, require_answers, require_same, require_steps
 from .backwards import Backwards, backwards, kernel_of
-from .charts import in_new_chart
 from .cost import Cost, Slopes
 from .derivatives import derivatives
+from .differentiated import Acting, Follower, Moved, differentiated
 from .trajectory import Trajectory
 
 STRETCH = 25
@@ -38,6 +37,9 @@ STRETCH = 25
 
 REGULAR = 0.1
 """Conditioning of K_d from which a stretch may begin at a state."""
+
+EPS = 1e-12
+"""s: times so near to each other are the same."""
 
 
 @dataclass(frozen=True)
@@ -60,16 +62,6 @@ class Gradient:
     dv: Array
     dtau: Array
     parameters: dict[str, float]
-
-
-@dataclass(frozen=True)
-class _Taken:
-    """A step of the run, taken again: from index i, under what was held."""
-
-    i: int
-    step: Step
-    by_parameters: list[Array]
-    """∂u̇/∂p at the stages, (m, parameters) each."""
 
 
 def gradient(
@@ -136,13 +128,14 @@ class _Sweep:
     ) -> None:
         self._run, self._cost, self._mode = trajectory, cost, mode
         self._mechanism, self._torque_slopes = trajectory.mechanism, torque_slopes
-        self._first = 0
         self._parameters = Parameters(self._mechanism, parameters)
         steps = len(trajectory.t) - 1
         applied = applied_again(self._mechanism, trajectory.acted, torque, steps)
         self._function, self._table = torque_function(self._mechanism, applied.function), applied.table
         if self._function is not None and self._table is not None:
             require_answers(trajectory, self._function, self._table)
+        self._held = HeldTorque(np.zeros(self._mechanism.nv))
+        self._slopes_of = AppliedSlopes(self._mechanism, self._function, torque_slopes)
         self._begun_with_end, self._value = False, 0.0
         self._adjoint: Array = np.zeros(2 * self._mechanism.m)
         self._by_torque: Array = np.zeros((steps, self._mechanism.nv))
@@ -155,25 +148,29 @@ class _Sweep:
         for first, mechanism in reversed(coordinates_of(run)):
             if self._begun_with_end:
                 self._change_to(mechanism, end)
-            self._mechanism, self._first = mechanism, first
+            self._mechanism = mechanism
             kernel = kernel_of(mechanism, run) if by_kernel else None
             while not self._begun_with_end or end > first:
+                since = max(first, self._refined_until(end))
+                if since == end > first:
+                    end = self._by_parts(end)
+                    continue
                 stretch = None
                 if kernel is not None and self._table is not None:
-                    stretch = backwards(kernel, run, self._table, first, end)
-                    if stretch is None and self._learned(kernel, end):
-                        stretch = backwards(kernel, run, self._table, first, end)
-                end = self._by_reference(end) if stretch is None else self._by_kernel(stretch)
+                    stretch = backwards(kernel, run, self._table, since, end)
+                    if stretch is None and self._learned(kernel, end, since):
+                        stretch = backwards(kernel, run, self._table, since, end)
+                end = self._by_reference(end, since) if stretch is None else self._by_kernel(stretch)
         if self._mechanism.independent != run.mechanism.independent:
             self._change_to(run.mechanism, 0)
         found = dict(zip(self._parameters.names, self._by_parameters.tolist(), strict=True))
         return Gradient(float(self._value), self._adjoint[:m], self._adjoint[m:], self._by_torque, found)
 
-    def _learned(self, kernel: Derivation, end: int) -> bool:
+    def _learned(self, kernel: Derivation, end: int, first: int) -> bool:
         """Whether the kernel is told of a mode at the last step before an output, that was new to it."""
         run = self._run
         try:
-            _, motion = self._begun(max(self._first, end - 1), None)
+            _, motion = self._begun(max(first, end - 1), None, first)
             near = min(run.crossings, key=lambda crossing: abs(crossing.time - run.t[end]), default=None)
             places = [run.q[end - 1], run.q[end]]
             if near is not None:
@@ -213,27 +210,66 @@ class _Sweep:
         self._by_torque[begin:end] += by_torque
         return begin
 
-    def _by_reference(self, end: int) -> int:
-        """Sweep through a stretch that ends at this output; returns where it begins."""
-        begin, taken, last = self._stretch(end)
-        self._begin_with_end(last.G, last.dv_dy)
-        for step in reversed(taken):
-            i, h = step.i, step.step.h
-            now = step.step.stages[0].slopes
-            after, before = self._running(i, i + 1), self._running(i, i)
-            self._value += 0.5 * h * (after[0] + before[0])
-            adjoint = self._adjoint + 0.5 * h * _reduced(after[1], last.G, last.dv_dy)
-            A, B, P = step.step.jacobians_by(step.by_parameters)
-            by_torque = B.T @ adjoint + 0.5 * h * (after[1][2] + before[1][2])
-            self._by_parameters += P.T @ adjoint
-            self._adjoint = A.T @ adjoint + 0.5 * h * _reduced(before[1], now.G, now.dv_dy)
-            if self._function is not None and self._table is not None:  # asked at the state before the step
-                by_q, by_v = self._slopes_of(float(self._run.t[i]), self._run.q[i], self._run.v[i])
-                answer = by_torque @ by_q, by_torque @ by_v, by_torque
-                self._adjoint = self._adjoint + _reduced(answer, now.G, now.dv_dy)
-            self._by_torque[i] = by_torque
-            last = now
+    def _by_reference(self, end: int, first: int) -> int:
+        """Sweep through a stretch that ends at this output, not before `first`; returns where it begins."""
+        run = self._run
+        torque: Any = self._held if self._table is not None else self._function
+        begin, motion = self._begun(max(first, end - STRETCH), torque, first)
+        follower, taken = Follower(motion, self._acting(torque), float(run.t[begin])), []
+        for i in range(begin, end):
+            self._hold(i)
+            moved = follower.whole(float(run.t[i + 1] - run.t[i]))
+            require_same(run, self._mechanism, i + 1, moved.q, moved.v)
+            taken.append((i, moved))
+        if not taken:  # coordinates were changed at the end
+            rates = derivatives(self._mechanism, run.q[end], run.v[end])
+            self._begin_with_end(rates.G, rates.dv_dy)
+        for i, moved in reversed(taken):
+            self._pull(i, moved)
         return begin
+
+    def _by_parts(self, end: int) -> int:
+        """Sweep through the step that ends at this output, which the run took with error control."""
+        run, i = self._run, end - 1
+        torque: Any = self._function if self._table is None else self._table[i]
+        mode = self._mode if i == 0 else None
+        t, h = float(run.t[i]), float(run.t[end] - run.t[i])
+        state = run.q[i], run.v[i]
+        acting, ahead = self._acting(torque), (run.q[end], run.v[end])
+        moved = differentiated(self._mechanism, state, mode, acting, t, h, True, ahead)
+        require_same(run, self._mechanism, end, moved.q, moved.v)
+        self._pull(i, moved)
+        return i
+
+    def _acting(self, torque: Any) -> Acting:
+        """What acts, with its slopes within steps and those by the parameters."""
+        by_more = None if not self._parameters.names else self._by_parameter
+        if self._table is not None:  # held over each step
+            return Acting(torque, by_more=by_more)
+        return Acting(torque, self._function, self._torque_slopes, by_more)
+
+    def _by_parameter(self, stage: Stage) -> Array:
+        return self._parameters.slopes(stage.now, stage.slopes)
+
+    def _hold(self, i: int) -> None:
+        if self._table is not None:
+            self._held.value = self._table[i]
+
+    def _pull(self, i: int, moved: Moved) -> None:
+        """Take the adjoint from after step i to before it."""
+        first, last, half = moved.first, moved.last, 0.5 * float(self._run.t[i + 1] - self._run.t[i])
+        self._begin_with_end(last.G, last.dv_dy)
+        after, before = self._running(i, i + 1), self._running(i, i)
+        self._value += half * (after[0] + before[0])
+        adjoint = self._adjoint + half * _reduced(after[1], last.G, last.dv_dy)
+        by_torque = moved.B.T @ adjoint + half * (after[1][2] + before[1][2])
+        self._by_parameters += moved.P.T @ adjoint
+        self._adjoint = moved.A.T @ adjoint + half * _reduced(before[1], first.G, first.dv_dy)
+        if self._function is not None and self._table is not None:  # asked at the state before the step
+            by_q, by_v = self._slopes_of(float(self._run.t[i]), self._run.q[i], self._run.v[i])
+            answer = by_torque @ by_q, by_torque @ by_v, by_torque
+            self._adjoint = self._adjoint + _reduced(answer, first.G, first.dv_dy)
+        self._by_torque[i] = by_torque
 
     def _running(self, i: int, at: int) -> tuple[float, Slopes]:
         """The running term at output `at` under the torque of step i, with its slopes."""
@@ -253,34 +289,9 @@ class _Sweep:
         by_q, by_v, by_tau = (np.array(part) for part in zip(*slopes, strict=True))
         return np.array(values), by_q, by_v, by_tau
 
-    def _stretch(self, end: int) -> tuple[int, list[_Taken], Derivatives]:
-        """The steps that end at output `end`, from where they begin, and the derivatives at the end."""
-        run, m = self._run, self._mechanism.m
-        held = HeldTorque(np.zeros(self._mechanism.nv))
-        torque: Any = held if self._table is not None else self._function
-        begin, motion = self._begun(max(self._first, end - STRETCH), torque)
-        known = circles_of(self._mechanism)
-        slopes = given = PointDerivatives(motion, self._function, self._torque_slopes, known)
-        if self._table is not None:  # constant within the steps
-            slopes = PointDerivatives(motion, None, None, known)
-        self._slopes_of = given.torque_slopes
-        equations, x, taken = motion.equations, motion.x[: 2 * m], []
-        now = equations.evaluate(float(run.t[begin]), motion.x)
-        for i in range(begin, end):
-            if self._table is not None:
-                held.value = self._table[i]
-            t, h = float(run.t[i]), float(run.t[i + 1] - run.t[i])
-            step = differentiated_step(slopes, t, x, h)
-            by_more = [self._parameters.slopes(stage.now, stage.slopes) for stage in step.stages]
-            taken.append(_Taken(i, step, by_more))
-            x = np.concatenate([step.end.y, step.end.ydot])
-            now, x = in_new_chart(motion.explicit, equations.at_point(t + h, step.end), x)
-            require_same(run, self._mechanism, i + 1, now)
-        return begin, taken, slopes.at(float(run.t[end]), now)
-
-    def _begun(self, begin: int, torque: Any) -> tuple[int, Problem]:
-        """The motion from this output, or from an earlier one that is regular."""
-        run, first = self._run, self._first
+    def _begun(self, begin: int, torque: Any, first: int) -> tuple[int, Problem]:
+        """The motion from this output, or from an earlier one that is regular, not before `first`."""
+        run = self._run
         while True:
             mode = self._mode if begin == 0 else None
             try:
@@ -291,6 +302,16 @@ class _Sweep:
                 if begin == first:
                     raise
             begin = max(first, begin - 5)
+
+    def _refined_until(self, end: int) -> int:
+        """The last output until `end` that a step with error control led to; 0 where there is none."""
+        times = self._run.t[: end + 1]
+        ends = (
+            min(int(np.searchsorted(times, stop - EPS)), end)
+            for begin, stop in self._run.stats.refined
+            if begin < times[-1] - EPS
+        )
+        return max(ends, default=0)
 
 
 def _reduced(slopes: Slopes, G: Array, dv_dy: Array) -> Array:

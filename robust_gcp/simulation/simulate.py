@@ -31,6 +31,8 @@ from .adaptive import AdaptiveRun
 from .coarse import Coarse
 from .events import EventFunction, checked_events
 from .fixed import FixedRun
+from .kinked import warned_of_kink
+from .remedy import add_remedy
 from .run import Run
 from .schedule import Schedule, last_output, planned
 from .stability import MOST_PARTS, StabilityCheck
@@ -198,7 +200,8 @@ def simulate(
         motions, kernel = checked_motions(mechanism, drive, schedule.times), None
         mechanism = driving(mechanism, tuple(motions), mechanism.home if q0 is None else q0)
         drives = Drive(mechanism, motions, t0)
-    choice = MapChoice(method, options, newton_start, threshold, error_controlled=not fixed)
+    prescribed = drives is not None and not len(drives.free)
+    choice = MapChoice(method, options, newton_start, threshold, not fixed, prescribed)
     counters = Counters()
     begun = time.perf_counter()
     acted = Acted(applied, tuple(wrenches), drive=() if drives is None else drives.names)
@@ -236,6 +239,7 @@ def simulate(
             fault = words_of(error) if guarded else None
             if fault is None:
                 error.trajectory = run.trajectory(begun)
+                add_remedy(error, drives, on_toggle == "error" and method == "bridge")
                 raise
         except OverflowError as overflow:
             stop = NonFiniteError(
@@ -254,6 +258,8 @@ def simulate(
         fault = coarse.fault(finished) if guarded else None
     if fault is not None:
         return taken_again(again, schedule, step, fault)
+    if drives is not None and warned_of_kink(drives, finished.t):
+        return finished
     if fixed and method == "bridge":
         coarse.judge(finished)
     return finished

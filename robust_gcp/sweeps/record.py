@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import shown
+from ..dynamics.motion import Motion
 from ..errors import OptionError, RobustGcpError
 from ..mechanism.tree import Array
 from ..native.measures import measured
@@ -147,6 +148,8 @@ def plain(value: Any, what: str) -> Any:
         return {str(k): plain(v, f"{what}[{k!r}]") for k, v in value.items()}
     if isinstance(value, Sequence) and not isinstance(value, bytes):
         return [plain(v, f"{what}[{i}]") for i, v in enumerate(value)]
+    if isinstance(value, Motion):
+        return {"Motion": plain(value.recipe(), what)}
     if is_dataclass(value) and not isinstance(value, type):
         parts = {f.name: plain(getattr(value, f.name), f"{what}.{f.name}") for f in fields(value)}
         return {type(value).__name__: parts}

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp.dynamics.jet import rates
+from robust_gcp.dynamics.motion import Drive
 from robust_gcp.examples.linkages import add_link
 
 Array = NDArray[np.float64]
@@ -281,3 +282,63 @@ def test_the_torque_is_kept_in_files(tmp_path: Any) -> None:
     again = rg.load_trajectory(run.save(tmp_path / "run.npz"))
     np.testing.assert_array_equal(again["drive.q1"], run["drive.q1"])
     assert "drive.q1" in run.to_csv(tmp_path / "run.csv").read_text().splitlines()[0].split(",")
+
+
+def crank_slider() -> rg.Mechanism:
+    """A crank of 0.1 m and a rod of 0.35 m, whose slider turns back at 0.45 m."""
+    model = pin.Model()
+    crank = model.addJoint(0, pin.JointModelRX(), pin.SE3.Identity(), "crank")
+    rod = model.addJoint(crank, pin.JointModelRX(), pin.SE3(np.eye(3), np.array([0.0, 0.1, 0.0])), "rod")
+    slider = model.addJoint(0, pin.JointModelPY(), pin.SE3.Identity(), "slider")
+    for joint in (crank, rod, slider):
+        body = pin.Inertia(1.0, np.array([0.0, 0.05, 0.0]), 0.01 * np.eye(3))
+        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    tip = pin.SE3(np.eye(3), np.array([0.0, 0.35, 0.0]))
+    model.addFrame(pin.Frame("tip", rod, tip, pin.FrameType.OP_FRAME))
+    model.addFrame(pin.Frame("pin", slider, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    home = np.array([1.0, -1.0 - np.arcsin(np.sin(1.0) * 0.1 / 0.35), 0.0])
+    home[2] = 0.1 * np.cos(1.0) + 0.35 * np.cos(home[0] + home[1])
+    return rg.Mechanism.from_pinocchio(model, [rg.PointClosure("tip", "pin")], ["slider"], home=home)
+
+
+@pytest.mark.parametrize("gap", [1e-4, 1e-6])
+def test_a_slider_that_turns_just_before_its_dead_point(gap: float) -> None:
+    mech = crank_slider()
+    begin = float(mech.home[2])
+    motion = rg.Motion(lambda t: begin + (0.45 - gap - begin) * np.sin(np.pi * t) ** 2)
+    run = rg.simulate(mech, duration=1.0, step=0.05, drive={"slider": motion})
+    crank = np.arccos((run["slider"] ** 2 + 0.1**2 - 0.35**2) / (0.2 * run["slider"]))
+    assert run["slider"].max() == pytest.approx(0.45 - gap, abs=1e-12)
+    np.testing.assert_allclose(run["crank"], crank, rtol=0.0, atol=1e-16 / gap**0.5 * 100.0)
+
+
+def test_a_drive_beyond_a_dead_point_is_told_what_helps() -> None:
+    mech = crank_slider()
+    begin = float(mech.home[2])
+    with pytest.raises(rg.ToggleError) as stop:
+        rg.simulate(mech, duration=1.0, step=0.02, drive={"slider": rg.Motion(lambda t: begin + 0.2 * t)})
+    words = str(stop.value)
+    assert "on_toggle" not in words
+    assert "drive another joint that can" in words
+    assert "slider = 0.44" in words
+    assert ("crank",) in stop.value.choices
+
+
+@pytest.mark.parametrize("step", [1e-2, 1e-3])
+def test_a_kink_of_a_drive_is_named(step: float) -> None:
+    """By its time and both velocities, whatever the step; nothing is said of the step."""
+    mech, kink = rg.load("slider_crank"), 0.0437
+    begin = float(mech.home[0])
+    motion = rg.Motion(lambda t: begin + (3.0 * t if t < kink else 3.0 * kink + 0.0 * t))
+    with pytest.warns(rg.KinkedDriveWarning, match=r"jumps at t = 0.0437 s, from 3 to 0") as caught:
+        rg.simulate(mech, mech.home, duration=0.1, step=step, drive={"q1": motion})
+    assert len(caught) == 1
+
+
+def test_smooth_drives_have_no_kink() -> None:
+    for motion in (
+        rg.Motion(lambda t: np.tanh(200.0 * (t - 0.5))),
+        rg.Motion(lambda t: 3.0 * t),
+        rg.Motion(1.0),
+    ):
+        assert Drive(crank_slider(), {"slider": motion}).kink(np.linspace(0.0, 1.0, 21)) is None

@@ -27,6 +27,12 @@ DRIVEN = """<mujoco><worldbody><body><joint name="a" axis="0 1 0"/>
 <geom size=".1" mass="1" contype="0" conaffinity="0"/></body></worldbody>
 <actuator><motor joint="a"/></actuator></mujoco>"""
 
+
+def abs_shifted(t: Any) -> Any:
+    """RHOMBUS's home on, with a kink at 0.037 s."""
+    return RHOMBUS.home[0] + abs(t - 0.037) - 0.037
+
+
 CASES: dict[str, tuple[type[Warning], Callable[[], Any]]] = {
     "StabilityWarning": (rg.StabilityWarning, lambda: rg.simulate(STIFF, duration=0.02, step=0.01)),
     "CoarseStepWarning": (
@@ -57,6 +63,10 @@ CASES: dict[str, tuple[type[Warning], Callable[[], Any]]] = {
     "SingularityWarning, of a gap, kernel off": (
         rg.SingularityWarning,
         lambda: rg.simulate(GAP, duration=1.0, step=4e-3, backend="python"),
+    ),
+    "KinkedDriveWarning": (
+        rg.KinkedDriveWarning,
+        lambda: rg.simulate(RHOMBUS, duration=0.1, step=1e-2, drive={"q1": rg.Motion(abs_shifted)}),
     ),
     "ModelWarning": (rg.ModelWarning, lambda: rg.Mechanism.from_mjcf(DRIVEN)),
     "NativeBuildWarning": (rg.NativeBuildWarning, lambda: rg.simulate(RHOMBUS, duration=2e-3)),

@@ -235,6 +235,23 @@ def test_joints_that_do_not_serve_from_the_start_on() -> None:
     np.testing.assert_allclose(by_rocker.dy * pace + by_rocker.dv * rates.dv_dy[2], by_crank.dy, rtol=1e-9)
 
 
+def test_through_steps_that_were_taken_with_error_control() -> None:
+    """Beside a near miss, where coordinates change within steps as well; by differences of runs."""
+    mech = four_bar(4.01, 2.0, 3.0, 3.0, y=2.6)
+    ends = np.arange(1.0, 4.0)
+    cost = rg.Cost(terminal=lambda q, v: float(q @ ends), terminal_slopes=lambda q, v: (ends, 0.0 * ends))
+
+    def run(u: float) -> rg.Trajectory:
+        return rg.simulate(mech, v0=mech.lift(mech.home, [u]), duration=0.22, step=4e-3)
+
+    at = run(2.0)
+    assert at.stats.refined
+    assert at.stats.repartitions
+    found, e = rg.gradient(at, cost).dv[0], 1e-4
+    ahead, far = (float((run(2.0 + k * e).q[-1] - run(2.0 - k * e).q[-1]) @ ends) for k in (1, 2))
+    assert found == pytest.approx((8.0 * ahead - far) / (12.0 * e), rel=1e-6)
+
+
 def test_memory_is_that_of_one_stretch(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever the run's length, and the same gradient by stretches of another length (the reference)."""
     import robust_gcp.simulation.gradient as module

@@ -602,3 +602,24 @@ def test_a_script_without_a_guard_is_told_so(tmp_path: Path) -> None:
 
 def test_no_runs_are_no_records(tmp_path: Path) -> None:
     assert rg.sweep("rhombus", []) == rg.sweep("rhombus", [], file=tmp_path / "runs.jsonl") == []
+
+
+def constant_speed(t: Any) -> Any:
+    return 1.0 + 3.0 * t
+
+
+def test_a_driven_sweep_resumes_from_its_file(tmp_path: Path) -> None:
+    """A motion is known by the functions, numbers and tables that it was made of."""
+    path = tmp_path / "driven.jsonl"
+    table = (np.linspace(0.0, 0.1, 7), 1.0 + 0.1 * np.linspace(0.0, 0.1, 7))
+    motions = [rg.Motion(constant_speed), rg.Motion(1.0), rg.Motion(table)]
+
+    def swept(motions: list[rg.Motion]) -> list[rg.RunRecord]:
+        runs = [{"drive": {"q1": motion}} for motion in motions]
+        return rg.sweep("slider_crank", runs, workers=0, file=path, duration=0.02, step=1e-2)
+
+    first, again = swept(motions), swept([*motions, rg.Motion(1.5)])
+    assert all(record.ok for record in [*first, *again])
+    assert [record.resumed for record in again] == [True, True, True, False]
+    with pytest.raises(rg.OptionError, match=r"position.*defined at the top of a module"):
+        swept([rg.Motion(lambda t: 1.0 + t)])

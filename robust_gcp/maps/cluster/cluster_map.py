@@ -38,6 +38,10 @@ LEFT_OPEN = 1e-9
 LAST_RESORT = 2e-2
 """Share of the best chart's quality below which a motion that is followed with error control stops."""
 
+PRESCRIBED = 3e-5
+"""The same where all coordinates move as prescribed, so that nothing is integrated in them: that they
+determine the others to ten digits is enough."""
+
 
 class ClusterMap(Charted):
     """q = γ(y), G and g on one mode, with full accuracy through singular configurations.
@@ -65,9 +69,10 @@ class ClusterMap(Charted):
         options: BridgeOptions,
         error_controlled: bool = False,
         trackers: Mapping[int, Tracker] | None = None,
+        last_resort: float = LAST_RESORT,
     ) -> None:
         self._ground, self.options = RegularGround(path, options.zone), options
-        self.error_controlled = error_controlled
+        self.error_controlled, self._last_resort = error_controlled, last_resort
         self.mechanism = path.mechanism
         self.clusters = self.mechanism.clusters
         self._trackers: list[Tracker] | None = None
@@ -235,7 +240,7 @@ class ClusterMap(Charted):
         tracker.careful = self.error_controlled
         wanted = chart_coordinates(self.mechanism, space, y)
         here = quality(tracker.anchor, cluster.chosen)
-        if here < CHANGE and not (self.error_controlled and here >= LAST_RESORT):
+        if here < CHANGE and not (self.error_controlled and here >= self._last_resort):
             why = "the independent components turn back here"
             raise self._stop(cluster, Obstacle("toggle", tracker.anchor.x, 0.1, np.nan, why))
         try:

@@ -51,8 +51,7 @@ def refusal(mechanism: Mechanism, cluster: LoopCluster, obstacle: Obstacle, here
         ]
         return ToggleError(
             f"toggle at {where}: K_d is singular while K is not, the independent coordinates turn "
-            f"back here and cannot parametrise the motion; joints that can: {spelled(choices)} (or pass "
-            'on_toggle="repartition")',
+            f"back here and cannot parametrise the motion; joints that can: {spelled(choices)}",
             here.y,
             choices,
             **figures,

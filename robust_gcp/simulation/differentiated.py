@@ -1,0 +1,310 @@
+"""A step of a motion with its derivatives, in coordinates that serve, told in the mechanism's own.
+
+Where `simulate` takes a step of RK4 this takes the same one; where it would take it with error control, or
+in other coordinates, the motion over the step is followed by parts of it, each halved until whole and
+halves agree in their end and in their derivatives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..checks import require_finite
+from ..dynamics.change_of_coordinates import Slope
+from ..dynamics.continuation import circles_of
+from ..dynamics.derivatives import PointDerivatives, TorqueSlopes
+from ..dynamics.discrete import Stage, differentiated_step
+from ..dynamics.equations import CheckedTorque
+from ..dynamics.mode_rates import SPARED
+from ..dynamics.problem import Problem, set_out
+from ..errors import SimulationError
+from ..maps.choice import MapChoice
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+from ..native.derivation import SAME, Derivation, derivation
+from .charts import in_new_chart
+from .serving import serving, state_of
+
+AGREE = 1e-8
+"""Difference of whole and halves, relative, at which the halves are kept: theirs is a fifteenth of it."""
+
+MOST_DOUBLINGS = 11
+"""Of the kernel's parts of a step, from four on."""
+
+SMALLEST = 2.0**-12
+"""Share of the step below which no part is tried."""
+
+Parametric = Callable[[Stage], Array]
+
+
+@dataclass(frozen=True)
+class Acting:
+    """What acts over a step, and how that changes.
+
+    Attributes
+    ----------
+    torque : callable, array_like (nv,) or None
+    function : callable or None
+        The torque again, where its slopes are wanted.
+    slopes : callable, optional
+        See `derivatives`.
+    by_more : callable (Stage) -> (m, k), optional
+        ∂u̇ by parameters at a stage.
+    """
+
+    torque: Any = None
+    function: CheckedTorque | None = None
+    slopes: TorqueSlopes | None = None
+    by_more: Parametric | None = None
+
+
+@dataclass(frozen=True)
+class Moved:
+    """A step of a motion with its derivatives.
+
+    Attributes
+    ----------
+    A : ndarray (2m, 2m)
+        δ(η, u) after it by δ(η, u) before it, each in its own coordinates.
+    B, P : ndarray (2m, nv), (2m, k)
+        By torques that are added over it, and by parameters.
+    begun, ended : Mechanism
+        In the coordinates at its start and end.
+    first, last : Slope
+        There, in these coordinates.
+    q, v : ndarray (nq,), (nv,)
+        Its end; what it began with where the kernel took it.
+    """
+
+    A: Array
+    B: Array
+    P: Array
+    begun: Mechanism
+    ended: Mechanism
+    first: Slope
+    last: Slope
+    q: Array
+    v: Array
+
+    def then(self, more: Moved) -> Moved:
+        """One step after this one, which may begin in other coordinates."""
+        A, B, P = self.A, self.B, self.P
+        if more.begun is not self.ended:
+            A, B, P = (self.last.change(more.begun.iv_independent) @ part for part in (A, B, P))
+        A, B, P = more.A @ A, more.A @ B + more.B, more.A @ P + more.P
+        return Moved(A, B, P, self.begun, more.ended, self.first, more.last, more.q, more.v)
+
+    def told_in(self, mechanism: Mechanism) -> Moved:
+        """The same in a mechanism's coordinates at both ends."""
+        A, B, P, first, last = self.A, self.B, self.P, self.first, self.last
+        own = mechanism.iv_independent
+        if self.ended is not mechanism:
+            A, B, P = (last.change(own) @ part for part in (A, B, P))
+            last = last.seen_in(own)
+        if self.begun is not mechanism:
+            A = np.linalg.solve(first.change(own).T, A.T).T
+            first = first.seen_in(own)
+        return Moved(A, B, P, mechanism, mechanism, first, last, self.q, self.v)
+
+
+def differentiated(
+    mechanism: Mechanism,
+    state: tuple[ArrayLike, ArrayLike | None],
+    mode: ArrayLike | None,
+    acting: Acting,
+    t: float,
+    h: float,
+    by_parts: bool = False,
+    end: tuple[Array, Array] | None = None,
+) -> Moved:
+    """The step from a state, and its derivatives in the mechanism's coordinates.
+
+    Parameters
+    ----------
+    state : (q, v)
+    by_parts : bool
+        Whether the motion is followed by parts of the step from the first, as where `simulate` controlled
+        its error.
+    end : (q, v), optional
+        Where it leads to, which is what the result says then if it was found to lead there.
+
+    Raises
+    ------
+    SimulationError
+        Where the mechanism's coordinates do not parametrise the motion at the start, or no part of the step
+        has certified derivatives.
+    """
+    motion = set_out(mechanism, *state, mode, acting.torque)
+    at, other = state_of(motion, *state), serving(mechanism, motion.start.point)
+    if not by_parts:
+        try:
+            if other is not None:
+                moved = _by_kernel(other, at, mode, acting, h)
+                if moved is not None:
+                    return moved.told_in(mechanism)
+                motion = set_out(other, *at, mode, acting.torque)
+            return Follower(motion, acting, t).whole(h).told_in(mechanism)
+        except SimulationError:  # as `simulate`, which then goes on with error control
+            pass
+    own = mechanism if other is None else other
+    moved = _parts_by_kernel(own, at, mode, acting, h, end)
+    if moved is not None:
+        return moved.told_in(mechanism)
+    motion = set_out(own, *at, mode, acting.torque, MapChoice(error_controlled=True))
+    return Follower(motion, acting, t, sparing=True).by_parts(h).told_in(mechanism)
+
+
+def _by_kernel(
+    mechanism: Mechanism, state: tuple[Array, Array], mode: ArrayLike | None, acting: Acting, h: float
+) -> Moved | None:
+    """The step by the kernel; None where it does not take it."""
+    kernel = _kernel_of(mechanism, state, mode, acting)
+    if kernel is None:
+        return None
+    tau = None if acting.torque is None else np.asarray(acting.torque, dtype=float)[None]
+    q, v = (np.repeat(part[None], 2, axis=0) for part in state)
+    good, G, v_y = kernel.take(np.array([0.0, h]), q, v, tau, np.inf)
+    if not good.all():
+        return None
+    A, B = kernel.pull(0, 1, np.eye(2 * kernel.m))
+    first, last = Slope(G[0], v_y[0]), Slope(G[1], v_y[1])
+    return Moved(A, B[0], np.zeros((len(A), 0)), mechanism, mechanism, first, last, *state)
+
+
+def _parts_by_kernel(
+    mechanism: Mechanism,
+    state: tuple[Array, Array],
+    mode: ArrayLike | None,
+    acting: Acting,
+    h: float,
+    end: tuple[Array, Array] | None,
+) -> Moved | None:
+    """Ever more equal parts by the kernel, until twice as many agree; None where it does not take them."""
+    kernel = _kernel_of(mechanism, state, mode, acting)
+    if kernel is None:
+        return None
+    before: Array | None = None
+    for count in (4 << k for k in range(MOST_DOUBLINGS)):
+        q, v = (np.full((count + 1, len(part)), np.nan) for part in state)
+        q[0], v[0] = state
+        if end is not None:
+            q[-1], v[-1] = end
+        tau = None if acting.torque is None else np.tile(np.asarray(acting.torque, float), (count, 1))
+        good, G, v_y = kernel.take(np.linspace(0.0, h, count + 1), q, v, tau, SAME, SPARED)
+        if not good.all():
+            continue
+        A, B = kernel.pull(0, count, np.eye(2 * kernel.m))
+        if before is not None and np.abs(A - before).max() < AGREE * np.abs(A).max():
+            ends = Slope(G[0], v_y[0]), Slope(G[-1], v_y[-1])
+            none = np.zeros((len(A), 0))
+            return Moved(A, B.sum(axis=0), none, mechanism, mechanism, *ends, *(end or state))
+        before = A
+    return None
+
+
+def _kernel_of(
+    mechanism: Mechanism, state: tuple[Array, Array], mode: ArrayLike | None, acting: Acting
+) -> Derivation | None:
+    """What takes steps of it compiled; None where nothing does."""
+    if mode is not None or callable(acting.torque) or acting.by_more is not None:
+        return None
+    return derivation(mechanism, state[0])
+
+
+class Follower:
+    """Follows a motion step by step, with derivatives.
+
+    Parameters
+    ----------
+    motion : Problem
+    acting : Acting
+    t : float
+        When it begins, s.
+    sparing : bool
+        See `ModeRates`.
+    """
+
+    def __init__(self, motion: Problem, acting: Acting, t: float, sparing: bool = False) -> None:
+        self._motion, self._acting, self._t, self._sparing = motion, acting, t, sparing
+        self._slopes = PointDerivatives(
+            motion, acting.function, acting.slopes, circles_of(motion.mechanism), sparing
+        )
+        self._x = motion.x[: 2 * motion.mechanism.m]
+
+    def whole(self, h: float) -> Moved:
+        """One step of RK4, whose end is where it goes on."""
+        motion, slopes, by_more = self._motion, self._slopes, self._acting.by_more
+        step = differentiated_step(slopes, self._t, self._x, h)
+        by = [stage.slopes.da_dtau[:, :0] if by_more is None else by_more(stage) for stage in step.stages]
+        x = np.concatenate([step.end.y, step.end.ydot])
+        now, x = in_new_chart(motion.explicit, motion.equations.at_point(self._t + h, step.end), x)
+        last = Slope.of(slopes.at(self._t + h, now))
+        self._t, self._x, self._now = self._t + h, x, now
+        own = motion.mechanism
+        A, B, P = step.jacobians_by(by)
+        require_finite(A, "A")
+        return Moved(A, B, P, own, own, Slope.of(step.stages[0].slopes), last, now.point.q, now.v)
+
+    def by_parts(self, h: float) -> Moved:
+        """Parts of a step, each halved until whole and halves agree."""
+        end, part, found = self._t + h, h, None
+        while end - self._t > 1e-12 * h:
+            part = min(part, end - self._t)
+            more = self._halves(part, part <= SMALLEST * h)
+            if more is None:
+                part *= 0.5
+                continue
+            found = more if found is None else found.then(more)
+            part *= 2.0 if self._apart < AGREE / 32.0 else 1.0  # theirs grows as h⁵
+            self._renew()
+        assert found is not None
+        return found
+
+    def _halves(self, h: float, last: bool) -> Moved | None:
+        """Two halves, where the whole agrees with them; None, and nothing taken, where it does not.
+
+        Raises
+        ------
+        SimulationError
+            Of a part that is not to be made shorter.
+        """
+        explicit = self._motion.explicit
+        begun, anchor = (self._t, self._x), explicit.anchor
+        try:
+            whole = self.whole(h)
+            (self._t, self._x), explicit.anchor = begun, anchor
+            halves = self.whole(0.5 * h).then(self.whole(0.5 * h))
+            self._apart = _apart(self._motion.mechanism, whole, halves)
+            if last or self._apart < AGREE:
+                return halves
+        except SimulationError:
+            if last:
+                raise
+        (self._t, self._x), explicit.anchor = begun, anchor
+        return None
+
+    def _renew(self) -> None:
+        """Go on in other coordinates, where those present do not serve."""
+        other = serving(self._motion.mechanism, self._now.point)
+        if other is None:
+            return
+        choice = MapChoice(error_controlled=True)
+        try:
+            motion = set_out(other, self._now.point.q, self._now.v, None, self._acting.torque, choice)
+        except SimulationError:  # beside a singular place: these do until that is behind
+            return
+        self.__init__(motion, self._acting, self._t, self._sparing)  # type: ignore[misc]
+
+
+def _apart(mechanism: Mechanism, one: Moved, other: Moved) -> float:
+    """Relative difference of two ways to take the same step."""
+    unit = mechanism.units
+    apart = np.abs(mechanism.tree.difference(one.q, other.q) / unit).max()
+    fast = np.abs((one.v - other.v) / unit).max() / (1.0 + np.abs(one.v / unit).max())
+    slopes = np.abs(one.A - other.A).max() / np.abs(other.A).max()
+    return float(max(apart, fast, slopes))
