@@ -42,11 +42,11 @@ from .mechanism.recommended import Recommended
 from .native import Backend, NativeBuildWarning, backends
 from .simulation.access import FrameMotion, Sample
 from .simulation.coarse import CoarseStepWarning
-from .simulation.kinked import KinkedDriveWarning
 from .simulation.cost import Cost
 from .simulation.derivatives import derivatives, forward_dynamics, linearise, step_jacobians
 from .simulation.events import Event
 from .simulation.gradient import Gradient, gradient
+from .simulation.kinked import KinkedDriveWarning
 from .simulation.load import load_trajectory
 from .simulation.reactions import Reaction
 from .simulation.simulate import simulate

@@ -29,7 +29,9 @@ from ..native.derivation import Derivation
 from .backwards import Backwards, backwards, kernel_of
 from .cost import Cost, Slopes, checked_torques
 from .derivatives import derivatives
-from .differentiated import Acting, Follower, Moved, differentiated
+from .differentiated import Follower, differentiated
+from .moved import Acting, Moved
+from .taken_again import coordinates_of, refined_until, require_same
 from .trajectory import Trajectory
 
 STRETCH = 25
@@ -37,12 +39,6 @@ STRETCH = 25
 
 REGULAR = 0.1
 """Conditioning of K_d from which a stretch may begin at a state."""
-
-EPS = 1e-12
-"""s: times so near to each other are the same."""
-
-SAME = 1e-7
-"""How far a step that is taken again may end from the recorded state: rad or lengths, and relative for v."""
 
 
 @dataclass(frozen=True)
@@ -145,13 +141,13 @@ class _Sweep:
         """The sweep, stretch by stretch from the end."""
         run, end, m = self._run, len(self._run.t) - 1, self._mechanism.m
         by_kernel = self._table is not None and not self._parameters.names
-        for first, mechanism in reversed(_coordinates(run)):
+        for first, mechanism in reversed(coordinates_of(run)):
             if self._begun_with_end:
                 self._change_to(mechanism, end)
             self._mechanism = mechanism
             kernel = kernel_of(mechanism, run) if by_kernel else None
             while not self._begun_with_end or end > first:
-                since = max(first, self._refined_until(end))
+                since = max(first, refined_until(run, end))
                 if since == end > first:
                     end = self._by_parts(end)
                     continue
@@ -219,7 +215,7 @@ class _Sweep:
         for i in range(begin, end):
             self._hold(i)
             taken.append((i, follower.whole(float(run.t[i + 1] - run.t[i]))))
-            self._require_same(*taken[-1])
+            require_same(run, self._mechanism, *taken[-1])
         if not taken:  # coordinates were changed at the end
             rates = derivatives(self._mechanism, run.q[end], run.v[end])
             self._begin_with_end(rates.G, rates.dv_dy)
@@ -236,7 +232,7 @@ class _Sweep:
         state = run.q[i], run.v[i]
         acting, ahead = self._acting(torque), (run.q[end], run.v[end])
         moved = differentiated(self._mechanism, state, mode, acting, t, h, True, ahead)
-        self._require_same(i, moved)
+        require_same(run, self._mechanism, i, moved)
         self._pull(i, moved)
         return i
 
@@ -294,37 +290,6 @@ class _Sweep:
                 if begin == first:
                     raise
             begin = max(first, begin - 5)
-
-    def _refined_until(self, end: int) -> int:
-        """The last output until `end` that a step with error control led to; 0 where there is none."""
-        times = self._run.t[: end + 1]
-        ends = (
-            min(int(np.searchsorted(times, stop - EPS)), end)
-            for begin, stop in self._run.stats.refined
-            if begin < times[-1] - EPS
-        )
-        return max(ends, default=0)
-
-    def _require_same(self, i: int, moved: Moved) -> None:
-        """Refuse a step i that does not end where it did."""
-        run, mechanism, i = self._run, self._mechanism, i + 1
-        off = np.abs(mechanism.tree.difference(run.q[i], moved.q)) / mechanism.units
-        fast = np.abs(moved.v - run.v[i]) / mechanism.units / (1.0 + np.abs(run.v[i]).max(initial=0.0))
-        if not max(off.max(initial=0.0), fast.max(initial=0.0)) < SAME:
-            raise OptionError(
-                f"gradient: taken again, the step of RK4 to t = {run.t[i]:.6g} s ends {off.max():.1e} rad or "
-                f"lengths and {fast.max():.1e} in v from the trajectory; give the torque of the run, and a "
-                'run of stepper="rk4" with an output at each step'
-            )
-
-
-def _coordinates(run: Trajectory) -> list[tuple[int, Mechanism]]:
-    """From which output on a run has which independent joints."""
-    found = [(0, run.mechanism)]
-    for t, names in run.stats.repartitions:
-        at = int(np.argmin(np.abs(run.t - t)))
-        found = [part for part in found if part[0] < at] + [(at, run.mechanism.with_independent(names))]
-    return found
 
 
 def _reduced(slopes: Slopes, G: Array, dv_dy: Array) -> Array:

@@ -621,5 +621,5 @@ def test_a_driven_sweep_resumes_from_its_file(tmp_path: Path) -> None:
     first, again = swept(motions), swept([*motions, rg.Motion(1.5)])
     assert all(record.ok for record in [*first, *again])
     assert [record.resumed for record in again] == [True, True, True, False]
-    with pytest.raises(rg.OptionError, match="position.*defined at the top of a module"):
+    with pytest.raises(rg.OptionError, match=r"position.*defined at the top of a module"):
         swept([rg.Motion(lambda t: 1.0 + t)])
