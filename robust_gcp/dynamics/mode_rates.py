@@ -19,11 +19,11 @@ from ..maps.point import Point
 from ..maps.start import Start
 from ..mechanism.closure_rates import Placement
 from ..mechanism.clusters import LoopCluster
-from ..mechanism.extended import EPS
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .continuation import Around, Circle, Circles, circle
 from .map_rates import ClusterRates, MapRates
+from .rate_rounding import rounding
 
 ZONE = 0.05
 """Conditioning of K_d, as `Point` has it, below which rounding is looked at."""
@@ -36,12 +36,6 @@ STEADY, UNSTEADY = 2e-11, 2e-10
 """Change of a cluster's rates, where q and φ are rounded otherwise, up to which they are taken where they
 are; and from which they are not even where no circle serves, as on modes that veer. Beside change points of
 four four-bars missed by 1e-4 to 1e-9 m the error was 1.6 times as large at most, and a tenth mostly."""
-
-ROUNDINGS, DOUBLE = 8.0, float(np.finfo(float).eps)
-"""How many roundings q and φ are taken to be off by, and their size in q; `extended.EPS` in φ."""
-
-SAMPLES = 4
-"""Ways of rounding that are tried."""
 
 RADII = (0.8, 0.5, 0.3, 0.15)
 """Of circles that are tried, dimensionless joint units along the mode."""
@@ -144,7 +138,7 @@ class ModeRates:
         found = self._remembered(rates, point, u, G)
         if found is not None:
             return found
-        q, change = _rounding(rates, q)
+        q, change = rounding(rates, q)
         if change < self._steady:
             return rates.at(rates.rates.real(q), u)
         try:
@@ -276,32 +270,6 @@ def cluster_rates(mechanism: Mechanism) -> list[ClusterRates]:
         "cluster rates", lambda: [ClusterRates(cluster) for cluster in mechanism.clusters]
     )
     return made
-
-
-def _rounding(rates: ClusterRates, q: Array) -> tuple[Array, float]:
-    """q closed anew, and how much G and its two derivatives change there, without units.
-
-    Where q, and what φ was when q was closed, are rounded otherwise.
-    """
-    scale, tree = rates.scale, rates.cluster.loops.tree
-    unit = scale[rates.independent]
-
-    def parts(at: Array) -> Array:
-        found = rates.at(rates.rates.real(at), unit)
-        return np.array((found.G, *found.bend, found.A_y)) / scale[:, None] * unit
-
-    try:
-        q = rates.closed(q)
-        here, change = parts(q), 0.0
-        for seed in range(1, SAMPLES + 1):
-            sign = np.random.default_rng(seed).choice([-1.0, 1.0], len(scale) + rates.cluster.loops.nc)
-            moved = rates.reopened(q, ROUNDINGS * EPS * sign[len(scale) :])
-            moved = tree.integrate(moved, ROUNDINGS * DOUBLE * sign[: len(scale)] * scale)
-            off = np.abs(here - parts(moved)) / (1.0 + np.abs(here))
-            change = max(change, float(off.max()))
-    except NotCertifiedError:
-        return q, np.inf
-    return q, change
 
 
 def _apart(rates: ClusterRates, one: Array, other: Array) -> float:

@@ -9,13 +9,12 @@ from __future__ import annotations
 import ctypes
 import threading
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..dynamics.continuation import Around, circles_of
-from ..dynamics.derivatives import Accelerations, Derivatives
+from ..dynamics.derivatives import Accelerations
 from ..dynamics.mode_rates import ZONE, ModeRates
 from ..dynamics.problem import set_out
 from ..errors import ClosureError, RobustGcpError
@@ -27,6 +26,7 @@ from ..mechanism.tolerances import NEARLY_CLOSED, RANK
 from ..mechanism.tree import Array
 from .description import NotNativeError, describe
 from .library import Library, library
+from .slopes import Slopes
 from .structures import Arrays, States
 from .told import mode_series
 
@@ -36,35 +36,6 @@ the reference says what is wrong."""
 
 SAME = 1e-7
 """How far a step that is taken again may end from the next state: dimensionless, and relative for v."""
-
-
-@dataclass(frozen=True)
-class Slopes:
-    """What the kernel found at N states; rows of those that are not `good` hold nothing.
-
-    Attributes
-    ----------
-    good : ndarray of bool (N,)
-    udot : ndarray (N, m)
-    rows : ndarray (N, m, 2m + nv)
-        ∂u̇ by y, u and τ.
-    G, dv_dy : ndarray (N, nv, m)
-    whole : Accelerations or None
-        (N, nv) and (N, nv, m), where they were asked for.
-    """
-
-    good: NDArray[np.bool_]
-    udot: Array
-    rows: Array
-    G: Array
-    dv_dy: Array
-    whole: Accelerations | None = None
-
-    def at(self, i: int | slice | NDArray[np.bool_]) -> Derivatives:
-        """Those of a state, or of several with their number as the first axis."""
-        m, rows = self.G.shape[2], self.rows[i]
-        by_y, by_v, by_tau = rows[..., :m], rows[..., m : 2 * m], rows[..., 2 * m :]
-        return Derivatives(self.udot[i], by_y, by_v, by_tau, self.G[i], self.dv_dy[i])
 
 
 class Derivation:

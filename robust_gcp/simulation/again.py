@@ -18,6 +18,9 @@ from .acted import Acted
 from .cost import checked_torques
 from .trajectory import Trajectory
 
+SAME_TIME = 1e-12
+"""s: times so near to each other are the same."""
+
 SAME = 1e-7
 """How far a step that is taken again may end from the recorded state: rad or lengths, and relative for v."""
 
@@ -133,3 +136,11 @@ def coordinates_of(run: Trajectory) -> list[tuple[int, Mechanism]]:
         at = int(np.argmin(np.abs(run.t - t)))
         found = [part for part in found if part[0] < at] + [(at, run.mechanism.with_independent(names))]
     return found
+
+
+def refined_until(run: Trajectory, end: int) -> int:
+    """The last output until `end` that a step with error control led to; 0 where there is none."""
+    times = run.t[: end + 1]
+    stretches = [stretch for stretch in run.stats.refined if stretch[0] < times[-1] - SAME_TIME]
+    ends = (min(int(np.searchsorted(times, stop - SAME_TIME)), end) for _, stop in stretches)
+    return max(ends, default=0)

@@ -1,7 +1,7 @@
 """Forward dynamics, its first derivatives and those of steps: by the compiled kernel where it can.
 
-What the kernel does not do, the reference in `dynamics` does: singular configurations, torques that are
-functions, kinds of joints that it does not know; and it says what is wrong with a state.
+What the kernel does not do, `serving`, `differentiated` and the reference in `dynamics` do; they say what is
+wrong with a state.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..native.derivation import Derivation, derivation
 from . import serving
-from .differentiated import Acting, differentiated
+from .differentiated import differentiated
+from .moved import Acting
 
 
 def forward_dynamics(

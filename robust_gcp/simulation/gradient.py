@@ -25,11 +25,12 @@ from ..errors import OptionError, SimulationError
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..native.derivation import Derivation
-from .again import applied_again, coordinates_of, require_answers, require_same, require_steps
+from .again import applied_again, coordinates_of, refined_until, require_answers, require_same, require_steps
 from .backwards import Backwards, backwards, kernel_of
 from .cost import Cost, Slopes
 from .derivatives import derivatives
-from .differentiated import Acting, Follower, Moved, differentiated
+from .differentiated import Follower, differentiated
+from .moved import Acting, Moved
 from .trajectory import Trajectory
 
 STRETCH = 25
@@ -37,9 +38,6 @@ STRETCH = 25
 
 REGULAR = 0.1
 """Conditioning of K_d from which a stretch may begin at a state."""
-
-EPS = 1e-12
-"""s: times so near to each other are the same."""
 
 
 @dataclass(frozen=True)
@@ -151,7 +149,7 @@ class _Sweep:
             self._mechanism = mechanism
             kernel = kernel_of(mechanism, run) if by_kernel else None
             while not self._begun_with_end or end > first:
-                since = max(first, self._refined_until(end))
+                since = max(first, refined_until(run, end))
                 if since == end > first:
                     end = self._by_parts(end)
                     continue
@@ -302,16 +300,6 @@ class _Sweep:
                 if begin == first:
                     raise
             begin = max(first, begin - 5)
-
-    def _refined_until(self, end: int) -> int:
-        """The last output until `end` that a step with error control led to; 0 where there is none."""
-        times = self._run.t[: end + 1]
-        ends = (
-            min(int(np.searchsorted(times, stop - EPS)), end)
-            for begin, stop in self._run.stats.refined
-            if begin < times[-1] - EPS
-        )
-        return max(ends, default=0)
 
 
 def _reduced(slopes: Slopes, G: Array, dv_dy: Array) -> Array:

@@ -259,14 +259,14 @@ def test_memory_is_that_of_one_stretch(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "kernel_of", lambda mechanism, run: None)
     case = Case(rg.load("rhombus"), [1.0], 3 * STRETCH + 7, 1e-3)
     run, kept = case.run(), []
-    stretch = module._Sweep._stretch
+    by_reference = module._Sweep._by_reference
 
-    def watched(self: Any, end: int) -> Any:
-        found = stretch(self, end)
-        kept.append(len(found[1]))
-        return found
+    def watched(self: Any, end: int, first: int) -> int:
+        begin = by_reference(self, end, first)
+        kept.append(end - begin)
+        return begin
 
-    monkeypatch.setattr(module._Sweep, "_stretch", watched)
+    monkeypatch.setattr(module._Sweep, "_by_reference", watched)
     whole = rg.gradient(run, COST, case.tau)
     assert sum(kept) == case.steps and max(kept) <= STRETCH + 5
     monkeypatch.setattr(module, "STRETCH", 10)
