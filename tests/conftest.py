@@ -22,14 +22,14 @@ from robust_gcp.examples.linkages import add_link, rod
 Array = NDArray[np.float64]
 
 THOROUGH = int(os.environ.get("FUZZ_EXAMPLES", "0"))
-"""Examples for each property of tests/test_fuzz_*.py; 0: some hundred, the same in every run."""
+"""Examples for each property of tests/test_fuzz_*.py; 0: a hundred, the same in every run."""
 
 settings.register_profile(
     "fuzz",
     deadline=None,
     derandomize=not THOROUGH,
     database=None,
-    max_examples=THOROUGH or 200,
+    max_examples=THOROUGH or 100,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much, HealthCheck.data_too_large],
 )
 

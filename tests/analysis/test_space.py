@@ -83,7 +83,7 @@ def test_closed_modes_return_by_whole_turns(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["spherical loop", pytest.param("seven hinges", marks=pytest.mark.campaign)])
+@pytest.mark.parametrize("name", ["seven hinges", pytest.param("spherical loop", marks=pytest.mark.campaign)])
 def test_spatial_loops_are_traced_through_every_turning_point(
     name: str, spatial: dict[str, rg.Mechanism]
 ) -> None:

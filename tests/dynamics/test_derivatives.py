@@ -427,7 +427,11 @@ class TestIdleSpin:
     """Single velocities of a ball in a loop: its other velocities and the chart of a step follow."""
 
     @pytest.mark.parametrize(
-        "own", (("crank", "ball.rx"), ("base", "crank", "ball.ry")), ids=("fixed", "free")
+        "own",
+        [
+            pytest.param(("crank", "ball.rx"), id="fixed"),
+            pytest.param(("base", "crank", "ball.ry"), id="free", marks=pytest.mark.campaign),
+        ],
     )
     def test_derivatives_and_step(self, own: tuple[str, ...]) -> None:
         mech, rng = rssr(*own, floating="base" in own), np.random.default_rng(1)

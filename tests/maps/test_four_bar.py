@@ -59,7 +59,7 @@ def test_closed_form_keeps_its_digits_beside_long_links(r):
 
 
 @pytest.mark.parametrize("stepper", ["rk4", "RK45", "DOP853", "Radau"])
-@pytest.mark.parametrize("step", [3e-4, 1e-3, 1e-2])
+@pytest.mark.parametrize("step", [pytest.param(3e-4, marks=pytest.mark.campaign), 1e-3, 1e-2])
 @pytest.mark.parametrize(("drive", "pace"), [(20.0, 7.0), (35.0, 3.0), (8.0, 11.0)])
 def test_no_run_goes_through_a_dead_point(stepper: str, step: float, drive: float, pace: float) -> None:
     """The kite's crank turns back at ±π/3 rad: a run that reaches it stops there, energy kept until then."""

@@ -48,7 +48,7 @@ def run_of(mechanism: rg.Mechanism, **options: Any) -> rg.Trajectory:
     return rg.simulate(mechanism, q0, mechanism.lift(q0, [4.0]), 0.06, 4e-3, **options)
 
 
-@pytest.mark.parametrize("gap", [0.0, GAP])
+@pytest.mark.parametrize("gap", [0.0, pytest.param(GAP, marks=pytest.mark.campaign)])
 @pytest.mark.parametrize("backend", ["python", "native"])
 def test_far_away_the_same_linkage_moves_bit_by_bit_alike(backend: Any, gap: float) -> None:
     """A million lengths away, at numbers not rounded there: through a crossing, and by a near miss."""
@@ -65,7 +65,7 @@ def test_far_away_the_same_linkage_moves_bit_by_bit_alike(backend: Any, gap: flo
 
 
 @pytest.mark.parametrize(("unit", "away"), [(1e-3, 1e3), (1.0, 6.4e6)])
-@pytest.mark.parametrize("gap", [0.0, 1e-5])
+@pytest.mark.parametrize("gap", [0.0, pytest.param(1e-5, marks=pytest.mark.campaign)])
 def test_lengths_are_rounded_once(unit: float, away: float, gap: float) -> None:
     """4 mm at 1 km, 4 m at the earth's radius: as with the lengths so rounded at the origin."""
     place, ground = np.array([0.0, away, 0.0]), np.array([0.0, away + (4.0 - gap) * unit, 0.0])

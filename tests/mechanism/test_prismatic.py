@@ -78,7 +78,7 @@ def pair() -> tuple[rg.Mechanism, rg.Mechanism]:
     return cut_at_the_slide(), cut_at_the_pin()
 
 
-@pytest.mark.parametrize("backend", ["python", "native"])
+@pytest.mark.parametrize("backend", [pytest.param("python", marks=pytest.mark.campaign), "native"])
 def test_the_same_motion_wherever_the_loop_is_cut(
     pair: tuple[rg.Mechanism, rg.Mechanism], backend: rg.Backend
 ) -> None:
