@@ -388,7 +388,7 @@ def judged_step(state: State, h: float = 5e-4) -> Judgement:
         other = state.step(h, 4, 2e-4)
         error, sure = min(error, off(A, other)), off(wanted, other)
     # q closed to 1e-12 says no more of where the coordinates turn back
-    return "right" if error < max(3e-8, 4e-12 / state.share) else "wrong", f"{words} {error} {sure}"
+    return "right" if error < max(3e-8, 4e-12 / state.share, sure / 200.0) else "wrong", f"{words} {error} {sure}"
 
 
 def main() -> int:
