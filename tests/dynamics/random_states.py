@@ -387,8 +387,9 @@ def judged_step(state: State, h: float = 5e-4) -> Judgement:
     if error > 1e-8:  # more displaced than the motion is smooth, or less than rounding of runs allows
         other = state.step(h, 4, 2e-4)
         error, sure = min(error, off(A, other)), off(wanted, other)
-    # q closed to 1e-12 says no more of where the coordinates turn back
-    return "right" if error < max(3e-8, 4e-12 / state.share, sure / 200.0) else "wrong", f"{words} {error} {sure}"
+    # differences of runs are themselves uncertain by some 3e-8 here, more beside a toggle (q is closed to 1e-12)
+    allowed = max(3e-8, 4e-12 / state.share, sure / 200.0)
+    return "right" if error < allowed else "wrong", f"{words} {error} {sure}"
 
 
 def main() -> int:
