@@ -387,7 +387,7 @@ def judged_step(state: State, h: float = 5e-4) -> Judgement:
     if error > 1e-8:  # more displaced than the motion is smooth, or less than rounding of runs allows
         other = state.step(h, 4, 2e-4)
         error, sure = min(error, off(A, other)), off(wanted, other)
-    # differences of runs are themselves uncertain by some 3e-8 here, more beside a toggle (q is closed to 1e-12)
+    # differences of runs are themselves uncertain by some 3e-8, more beside a toggle (q is closed to 1e-12)
     allowed = max(3e-8, 4e-12 / state.share, sure / 200.0)
     return "right" if error < allowed else "wrong", f"{words} {error} {sure}"
 
