@@ -1,7 +1,6 @@
 """Forward dynamics, its first derivatives and those of steps: by the compiled kernel where it can.
 
-What the kernel does not do, `serving`, `differentiated` and the reference in `dynamics` do; they say what is
-wrong with a state.
+What it does not, `serving`, `differentiated` and the reference do, which say what is wrong with a state.
 """
 
 from __future__ import annotations

@@ -30,4 +30,6 @@ def add_remedy(error: Exception, drive: Drive | None, may_change: bool) -> None:
             "others goes further: give a motion that turns before, or drive another joint that can",
         )
     elif drive is None and may_change:
-        error.args = (f'{error}; or leave on_toggle="error" out, and the coordinates are changed here',)
+        error.args = (
+            f'{error} (or leave out on_toggle: by default, "repartition", coordinates are changed)',
+        )
