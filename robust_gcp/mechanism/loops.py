@@ -15,7 +15,7 @@ from ..errors import ClosureError, ModelError, StateError
 from .closures import Closure, closure_frames
 from .constraint import without_zero_rows
 from .couplings import AnyClosure, CouplingClosure, Couplings, closures_given
-from .joints import Joint, in_v, joint_named
+from .joints import Joint, in_v, joint_named, joints_of
 from .loop_graph import characteristic_length
 from .memo import Memo
 from .named_numbers import Named, with_numbers
@@ -66,11 +66,12 @@ class ClosedLoops:
         couplings = [c for c in closures if isinstance(c, CouplingClosure)]
         self.loops = tuple(c for c in closures if not isinstance(c, CouplingClosure))
         self.closures: tuple[AnyClosure, ...] = (*self.loops, *couplings)
+        Couplings(joints_of(self.own_model), couplings)  # these two refuse what is not there
+        closure_frames(self.own_model, self.loops)
         self.length = characteristic_length(self.own_model, self.closures)
         self.standpoint = standpoint(self.own_model, self.length)
         self.near = seen_from(self.own_model, self.standpoint)
         self.tree = Tree(self.near, closure_frames(self.near, self.loops))
-        Couplings(self.tree.joints, couplings)  # refuses joints that are not there
         self.nq, self.nv = self.tree.nq, self.tree.nv
         self.joint_names = tuple(joint.name for joint in self.joints)
         self.implicit = without_zero_rows(

@@ -406,7 +406,7 @@ class TestSteps:
         mech = rg.load("crank_rocker")
         run = rg.simulate(mech, duration=0.1, step=1e-3, torque=np.array([1.0, 0.0, 0.0]))
         with pytest.raises(rg.OptionError, match="give the torque of the run"):
-            rg.gradient(run, rg.Cost(terminal=lambda q, v: q[0]))
+            rg.gradient(run, rg.Cost(terminal=lambda q, v: q[0]), torque=np.zeros(3))
 
     def test_long_runs_in_several_stretches(self, monkeypatch: pytest.MonkeyPatch) -> None:
         from robust_gcp.simulation import backwards
