@@ -34,6 +34,44 @@ settings.register_profile(
 )
 
 
+SLOW = (
+    "test_work_precision.py::test_the_bridge_stays_on_the_floor_at_full_order",
+    "test_several_at_once.py::test_a_loop_crosses_in_the_step_in_which_another_changes_coordinates[0.0",
+    "test_several_at_once.py::test_solvers_cross_in_a_cluster_of_several_coordinates",
+    "test_evenness.py::test_uneven_coordinates_are_left",
+    "test_fuzz.py::test_a_case_is_the_same_whenever_it_is_asked_for",
+    "test_fuzz.py::test_spoilt_files",
+    "test_fuzz.py::test_a_process_that_hangs_or_dies",
+    "test_paper.py::test_every_figure_is_drawn_for_print",
+    "test_solvers_natively.py::test_the_same_run_of_a_floating_base",
+    "test_costs.py::test_only_what_is_needed_runs",
+    "test_extreme_bodies.py::test_no_cell_is_wrong",
+    "test_extreme_starts.py::test_no_cell_is_wrong",
+    "test_stability_stiff.py::test_no_stiff_cell_is_wrong",
+    "test_trees.py::test_a_dozen_trees",
+    "test_work_precision_references.py::test_two_computations",
+    "test_work_precision_references.py::test_robots_on",
+    "test_threads.py::test_runs_do_not_depend_on_threads",
+    "test_kernel.py::test_random_spatial_mechanisms",
+    "test_kernel.py::test_through_every_crossing",
+    "test_kernel.py::test_up_to_a_toggle",
+    "test_modes.py::test_gradients_over_crossings",
+    "test_gradient.py::test_through_steps_that_were_taken_with_error_control",
+    "test_driven.py::test_a_drive_beyond_a_dead_point",
+    "test_tangential.py::test_simulation_stops_with",
+    "test_space.py::test_modes_that_veer",
+)
+"""Tests, by parts of their names, that take more than some four seconds of a processor each or together."""
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark them."""
+    for item in items:
+        if any(name in item.nodeid for name in SLOW):
+            item.add_marker(pytest.mark.slow)
+
+
 def _placement(rng: np.random.Generator) -> pin.SE3:
     return pin.SE3(pin.exp3(rng.uniform(-1.0, 1.0, 3)), rng.uniform(-0.5, 0.5, 3))
 
