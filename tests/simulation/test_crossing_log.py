@@ -123,6 +123,8 @@ def test_the_log_is_the_same_for_every_tree(apart: float) -> None:
             chain = chain_of_two(0.3, apart, cuts, independent)
             v0 = velocity(chain, -4.0, 0.3)
             runs.append(rg.simulate(chain, v0=v0, duration=0.25, step=1e-3, backend=backend))
+    if not runs:
+        pytest.skip("without the kernel one distance is enough")
     first = runs[0].crossings
     assert [c.corank for c in first] == ([2] if apart < 5e-9 else [1, 1])
     for run in runs[1:]:
