@@ -277,3 +277,11 @@ def _parts(mechanism: Mechanism, named: Sequence[str]) -> list[_Part]:
         at_first = np.array(first, dtype=np.int64) if len(first) == cluster.m else None
         found.append(_Part(cluster, iv, inputs, mechanism.units[iv], candidates, at_first))
     return found
+
+
+def in_coordinates(mechanism: Mechanism, names: Sequence[str]) -> Mechanism:
+    """The mechanism in these coordinates, made once."""
+    made: Mechanism = mechanism.memo.once(
+        ("in coordinates", *names), lambda: mechanism.with_independent(names)
+    )
+    return made

@@ -16,6 +16,7 @@ from ..maps.cluster.cluster_map import ClusterMap
 from ..maps.cluster.product import turned
 from ..mechanism.tree import Array
 from .charts import motion_at, placed_between, stretch_between
+from .coordinates import in_coordinates
 from .crossings import located
 from .recovery import Checkpoint, Recovery
 from .run import Run
@@ -132,7 +133,7 @@ class RefinedRun(Run):
             return False
         self._cross(i + 1, t, here)  # in all clusters: the map that met their bridges is left
         self._last, self._renewed_at = here, t
-        m, mechanism = self._motion.mechanism.m, self._in_coordinates(names)
+        m, mechanism = self._motion.mechanism.m, in_coordinates(self._named, names)
         explicit = self._motion.explicit
         try:
             if isinstance(explicit, ClusterMap) and explicit.beside_apex(mechanism) is not None:

@@ -21,7 +21,7 @@ from ..mechanism.tree import Array
 from ..warning import warn
 from .acted import Acted
 from .charts import map_of_rest, q_of_rest
-from .coordinates import Coordinates
+from .coordinates import Coordinates, in_coordinates
 from .events import Event, Events, Zero
 from .keep import ALL, Keep
 from .record import Record
@@ -186,20 +186,13 @@ class Run:
         assert self._coordinates is not None  # asked for where coordinates may change
         return self._coordinates.best(point)
 
-    def _in_coordinates(self, names: tuple[str, ...]) -> Mechanism:
-        """The mechanism in these coordinates, made once."""
-        made: Mechanism = self._named.memo.once(
-            ("in coordinates", *names), lambda: self._named.with_independent(names)
-        )
-        return made
-
     def _repartition(self, i: int, t: float, names: tuple[str, ...] | None) -> Checkpoint:
         """Go on in other coordinates from the present state, at time i or later, which is returned."""
         if names is None:
             raise self._cluster_map().refusal()
         old, x = self._motion, self._x
         here, m = old.explicit.anchor, old.mechanism.m
-        mechanism = self._in_coordinates(names)
+        mechanism = in_coordinates(self._named, names)
         self._motion = self._set_out(mechanism, here, here.G @ x[m : 2 * m])
         self._coordinates = self._looked_after()
         self._x = np.concatenate([self._motion.x[: 2 * m], x[2 * m :]])

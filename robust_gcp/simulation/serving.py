@@ -26,7 +26,7 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tolerances import CLOSED
 from ..mechanism.tree import Array
 from ..native.derivation import derivation
-from .coordinates import Coordinates
+from .coordinates import Coordinates, in_coordinates
 
 log = logging.getLogger(__name__)
 
@@ -41,14 +41,6 @@ def serving(mechanism: Mechanism, point: Point) -> Mechanism | None:
     """
     names = Coordinates(mechanism, mechanism.independent, Counters(), even=False).better(point)
     return None if names is None else in_coordinates(mechanism, names)
-
-
-def in_coordinates(mechanism: Mechanism, names: Sequence[str]) -> Mechanism:
-    """The mechanism in these coordinates, made once."""
-    made: Mechanism = mechanism.memo.once(
-        ("in coordinates", *names), lambda: mechanism.with_independent(names)
-    )
-    return made
 
 
 def state_of(motion: Problem, q: ArrayLike | None, v: ArrayLike | None) -> tuple[Array, Array]:

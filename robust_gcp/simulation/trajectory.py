@@ -19,8 +19,7 @@ from ..mechanism.tree import Array
 from .access import FrameMotion, Named, Sample, force_columns, frame_motion, state_columns
 from .acted import Acted
 from .dense import Interpolant, sampled_accelerations, times_within
-from .files import ARRAYS as ARRAYS
-from .files import data_frame, write_archive, write_csv
+from .files import ARRAYS, data_frame, write_archive, write_csv
 from .reactions import Reaction, closure_number, reaction, row_names
 from .stats import Stats
 from .summary import told
