@@ -43,7 +43,11 @@ class ClassicalMap(Unaware):
         self._warned = False
 
     def resume(
-        self, anchor: Point, trackers: Callable[[], Array] | None, in_zone: bool | None = None
+        self,
+        anchor: Point,
+        trackers: Callable[[], Array] | None,
+        in_zone: bool | None = None,
+        met: bool | None = None,
     ) -> None:
         """Go on from a point that was reached elsewhere; there are no bridges here."""
         self.anchor = anchor

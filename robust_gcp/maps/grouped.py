@@ -113,13 +113,17 @@ class GroupMap:
         return self._anchor
 
     def resume(
-        self, anchor: Point, trackers: Callable[[], Array] | None, in_zone: bool | None = None
+        self,
+        anchor: Point,
+        trackers: Callable[[], Array] | None,
+        in_zone: bool | None = None,
+        met: bool | None = None,
     ) -> None:
         """Go on from a point that the kernel reached; see `ClusterMap.resume`."""
         assert isinstance(anchor, GroupPoint)
         assert isinstance(self.rest, ClusterMap | ClassicalMap)  # the kernel knows no other map
         self._anchor = anchor
-        self.rest.resume(anchor.rest, trackers, in_zone)
+        self.rest.resume(anchor.rest, trackers, in_zone, met)
 
     def outgrown(self, point: Point) -> bool:
         """Whether the chart ought to be renewed at a point."""

@@ -6,7 +6,7 @@
 
 namespace rg {
 
-constexpr std::int32_t VERSION = 14;
+constexpr std::int32_t VERSION = 15;
 
 enum Reason : std::int32_t {
     DONE = 0,
@@ -160,6 +160,7 @@ struct Request {
     std::int32_t in_zone;     // whether the last accepted state is in a zone
     std::int32_t reason;
     std::int32_t met;         // whether singular places may have been passed that nobody was told of
+    double uncertain, nearest;  // of G, by rounding, beside singular places without a bridge, and their distance
     std::int32_t plain;       // whether all was done and there is nothing to tell of it
 };
 

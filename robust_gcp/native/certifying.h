@@ -27,17 +27,19 @@ template <typename Attempt>
 auto best_of(Attempt attempt, double zone, std::initializer_list<double> shrinks) {
     constexpr double GOOD = 1e-9;
     std::optional<decltype(attempt(zone))> best;
+    NoBridge failure;
     for (const double shrink : shrinks) {
         try {
             auto made = attempt(zone * shrink);
             const bool good = made.error <= GOOD && !made.near_miss;
             if (!best || made.error < best->error) best = std::move(made);
             if (good) break;
-        } catch (const NoBridge&) {
+        } catch (const NoBridge& now) {
+            failure.tangential = failure.tangential || now.tangential;
         } catch (const Lost&) {
         }
     }
-    if (!best) throw NoBridge{};
+    if (!best) throw failure;
     return *std::move(best);
 }
 

@@ -12,7 +12,7 @@
 namespace rg {
 
 // As in cluster_map.py and chart.py, where it says why.
-constexpr double ONE_TURN = 6.283185307179586, CHANGE = 0.35;
+constexpr double ONE_TURN = 6.283185307179586, CHANGE = 0.35, LAST_RESORT = 2e-2;
 constexpr double LOOK_AGAIN = 1.5;  // growth of σ
 
 // σ_min of the chosen rows of a tangent basis (nv, m).
@@ -22,15 +22,15 @@ static double smallest(const Matrix& tangent, const std::vector<int>& chosen) {
     return Svd(rows).s[tangent.cols() - 1];
 }
 
-// Whether the chosen components still parametrise the mode well, against the best ones.
-static bool serves(const Jet& jet, const std::vector<int>& chosen) {
+// Whether the chosen components still parametrise the mode, to a share of how well the best ones do.
+static bool serves(const Jet& jet, const std::vector<int>& chosen, double share) {
     if (jet.J.cols() == 1)
-        return std::fabs(jet.J(chosen[0], 0)) >= CHANGE * jet.J.col(0).cwiseAbs().maxCoeff();
+        return std::fabs(jet.J(chosen[0], 0)) >= share * jet.J.col(0).cwiseAbs().maxCoeff();
     // those of J are the unit matrix: with J = Q R they are R⁻¹ in Q
     const double here = 1.0 / std::sqrt(symmetric_eigenvalues(transposed_times(jet.J, jet.J)).tail(1)[0]);
-    if (here >= CHANGE) return true;
+    if (here >= share) return true;
     const Matrix tangent = jet.tangent();
-    return here >= CHANGE * smallest(tangent, best_rows(tangent));
+    return here >= share * smallest(tangent, best_rows(tangent));
 }
 
 struct Clusters::Inside {
@@ -150,7 +150,7 @@ bool Clusters::at(Point& anchor, const double* origin, const double* y, const do
         for (std::size_t i = 0; i < in.spaces.size(); ++i) {
             Tracker& tracker = in.trackers[i];
             const Space& space = *in.spaces[i];
-            if (!serves(*tracker.anchor, space.chosen)) return false;
+            if (!serves(*tracker.anchor, space.chosen, in.options.careful ? LAST_RESORT : CHANGE)) return false;
             jets.push_back(tracker.at(space.wanted(y)));
             bridged = bridged || tracker.on_bridge();
         }
@@ -225,13 +225,18 @@ void Clusters::forget() {
 
 void Clusters::renew() {
     in_zone_ = false;
-    if (some_) inside_->trackers.clear();
+    if (!some_) return;
+    inside_->trackers.clear();
+    for (const auto& space : inside_->spaces) space->apex.reset();
 }
 
 std::vector<double> Clusters::written() const {
     if (!some_) return {};
     Writer writer;
-    for (const Tracker& tracker : inside_->trackers) writer.tracker(tracker);
+    for (const Tracker& tracker : inside_->trackers) {
+        writer.array(tracker.anchor->space->apex.value_or(Vector()));
+        writer.tracker(tracker);
+    }
     writer.numbers.push_back(inside_->looked);
     return writer.numbers;
 }
@@ -240,10 +245,24 @@ void Clusters::read(const double* numbers) {
     Inside& in = *inside_;
     Reader reader(numbers, in.options, in.tally);
     in.trackers.clear();
-    for (const auto& space : in.spaces) in.trackers.push_back(reader.tracker(*space));
+    for (const auto& space : in.spaces) {
+        const Vector apex = reader.array();
+        space->apex.reset();
+        if (apex.size()) space->apex = apex;
+        in.trackers.push_back(reader.tracker(*space));
+    }
     const double looked = reader.number();
     in.looked = looked < 0.0 ? in.least_sigma() : looked;  // just now, in Python
     in_zone_ = true;
+}
+
+void Clusters::rounding(double& lost, double& nearest) const {
+    lost = 0.0, nearest = FAR;
+    if (!some_ || !in_zone_) return;
+    for (const Tracker& tracker : inside_->trackers) {
+        const auto [share, near] = tracker.rounding();
+        lost = std::max(lost, share), nearest = std::min(nearest, near);
+    }
 }
 
 void Clusters::count(Request& r) const {

@@ -193,7 +193,7 @@ class CurveBuilder {
             shape_.transversality = std::min(shape_.transversality, parted);
             singular += r;
         }
-        if (shape_.transversality < options_.transversality) throw NoBridge{};
+        if (shape_.transversality < options_.transversality) throw NoBridge{true};
         shape_.near_miss = closure.open || singular == 0;
         const auto off = [this](double at, std::size_t inner) {
             Vector y, slope, bend;

@@ -92,6 +92,20 @@ class Patch {
         return contains(there) || (begun - center()) * (there - center()) <= 0.0;
     }
 
+    // Whether the line, moved there, goes through a point at a singular place, which does not tell its mode.
+    bool passes(const Jet& here, double zone) {
+        constexpr double UPON = 0.1, SAME = 1e-8;  // lines are certified to less
+        const Vector eta = line_.C->transpose() * here.x;
+        if (here.nearest().size > UPON * zone || !contains(s(eta))) return false;
+        try {
+            const JetPtr found = point(eta);
+            return found != nullptr && (found->x - here.x).norm() < SAME;
+        } catch (const Lost&) {
+        } catch (const Stop&) {
+        }
+        return false;
+    }
+
     // The innermost node on the side of s.
     const Tracker& inner(double s) const {
         const std::size_t half = now_.ss.size() / 2;

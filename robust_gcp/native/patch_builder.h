@@ -124,7 +124,7 @@ class PatchBuilder {
         now_.closure = closure.left, now_.near_miss = closure.open;
         const JetPtr point = at(zero);
         now_.transversality = null_pairing(space_, *point->P, point->x, point->J * line_.d, *line_.C).second;
-        if (now_.transversality < options_.transversality) throw NoBridge{};
+        if (now_.transversality < options_.transversality) throw NoBridge{true};
         const auto off = [this](double s, std::size_t inner) {
             const JetPtr guess = at(s), solved = solve_at(guess->x, s, now_.trackers[inner].anchor->P).first;
             return relative(guess->bend, beside(solved, s, 0.5 * (now_.right - now_.left)).anchor->bend);
@@ -147,13 +147,17 @@ class PatchBuilder {
 };
 
 inline bool Tracker::enter_patch(const JetPtr& here, const Vector& y) {
-    if (leaves(*here, y)) return false;
+    if (space_->apex || leaves(*here, y)) return false;
     if (beside_ && beside_->leads_to(*here) && !beside_->serves(*here, y)) return false;
+    if (left_ && left_->passes(*here, zone)) {
+        patch = left_;
+        return true;
+    }
     std::shared_ptr<Patch> made;
     try {
         made = PatchBuilder(*this, here, *options_, zone).build();
-    } catch (const NoBridge&) {
-        throw Stop{};
+    } catch (const NoBridge& failure) {
+        return blocked(*here, failure);
     }
     ++tally_->built;
     if (!made->serves(*here, y)) {

@@ -92,17 +92,24 @@ class Rates:
         self._library.bend(self._handle, self._reference, address(unit), address(A))
         return A if self._done() else None
 
-    def told(self) -> tuple[Evaluation, Trackers | None, bool]:
-        """The evaluation made last, the trackers where they know something, and whether it is in a zone."""
+    def told(self) -> tuple[Evaluation, Trackers | None, bool, bool]:
+        """The evaluation made last, the trackers where they know something, whether it is in a zone, and whether a
+        singular place was met.
+        """
         self._library.tell(self._handle, self._reference)
         knows = self._request.in_zone or self._request.met
-        return self._evaluation(), self._trackers() if knows else None, bool(self._request.in_zone)
+        trackers = self._trackers() if knows else None
+        return self._evaluation(), trackers, bool(self._request.in_zone), bool(self._request.met)
 
     def keep(self) -> Evaluation:
         """The evaluation made last, which is gone back to where that is nearer than what comes after."""
         self._library.tell(self._handle, self._reference)
         self._library.keep(self._handle)
         return self._evaluation()
+
+    def rounding(self) -> tuple[float, float]:
+        """What rounding left uncertain of G where it was told last, and the distance to a singular place."""
+        return float(self._request.uncertain), float(self._request.nearest)
 
     def looked(self, limit: float | None) -> None:
         """What was met so far was told of; the largest entry of J that is not told of."""

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <utility>
 
 #include "dense.h"
@@ -79,31 +80,35 @@ inline std::pair<int, double> null_pairing(Space& space, const Matrix& P, const 
     return {r, smallest / (space.phi_size * way.norm())};
 }
 
-// What lies ahead of a point: whether modes cross there, or how near they come to each other.
-struct Verdict {
+// The nearest configuration at which K loses rank, on the mode or beside it; see maps/cluster/place.py.
+struct Place {
     Vector x;
-    double radius = 0.0;
-    bool crossing = true;
-    double approach = 0.0;
+    double gap = 0.0;        // |uᵀ φ| there, in lengths
+    Vector values;           // |eigenvalues| of Q = Nᵀ (uᵀ φ'') N, largest first
+    double correction = FAR;  // Newton's last step
 
-    bool covers(const Vector& at) const { return (at - x).norm() <= radius; }
+    bool found() const { return correction < 1e-9; }
+    // Whether Q bends in three directions or more: modes do not cross there, they meet in a point.
+    bool cone() const { return found() && values.size() > 2 && values[2] > 0.02 * values[0]; }
+    // Closest approach of modes that veer.
+    double approach() const { return std::sqrt(2.0 * gap / std::max(values[0], 1e-300)); }
 };
 
-// Newton from a solved point on U₁ᵀ φ = 0 and uᵀ K N = 0, and what the place says.
-inline Verdict approaching(const Jet& here, double largest_gap) {
-    constexpr double FARTHEST_LOOK = 0.5, CONE = 0.02;
+// Newton from a solved point on U₁ᵀ φ = 0 and uᵀ K N = 0.
+inline Place place(const Jet& here) {
     Space& space = *here.space;
     const int nd = space.nd, m = space.m, nv = space.nv;
-    Vector x = here.x, phi;
-    Matrix K, rates, N, bending(m + 1, nv), rows(nd + m, nv);
-    double size = FAR;
+    Place found;
+    found.x = here.x;
+    Vector phi;
+    Matrix K, rates, N, rows(nd + m, nv);
     for (int iteration = 0; iteration < 15; ++iteration) {
-        space.linear(x, phi, K);
+        space.linear(found.x, phi, K);
         const Svd svd(K);
         const Vector u = svd.U.col(nd - 1);
         N = svd.V.rightCols(m + 1);
         for (int i = 0; i <= m; ++i) {
-            space.second(x, N.col(i), rates);
+            space.second(found.x, N.col(i), rates);
             rows.row(nd - 1 + i) = u.transpose() * rates;
         }
         rows.topRows(nd - 1) = svd.s.head(nd - 1).asDiagonal() * svd.V.leftCols(nd - 1).transpose();
@@ -116,35 +121,23 @@ inline Verdict approaching(const Jet& here, double largest_gap) {
             if (largest > 1e-12) rows.row(i) /= largest, residual[i] /= largest;
         }
         const Vector dx = -space.balance.cwiseProduct(least_squares(rows, residual, 1e-6));
-        size = dx.norm();
-        x += dx * std::min(1.0, size > 0.0 ? 0.5 / size : 1.0);
+        const double size = found.correction = dx.norm();
+        found.x += dx * std::min(1.0, size > 0.0 ? 0.5 / size : 1.0);
         if (size < 1e-14) break;
     }
-    space.linear(x, phi, K);
+    space.linear(found.x, phi, K);
     const Svd svd(K);
     const Vector u = svd.U.col(nd - 1);
     N = svd.V.rightCols(m + 1);
     Matrix Q(m + 1, m + 1);
     for (int i = 0; i <= m; ++i) {
-        space.second(x, N.col(i), rates);
+        space.second(found.x, N.col(i), rates);
         Q.row(i) = (N.transpose() * (rates.transpose() * u)).transpose();
     }
-    Vector values = symmetric_eigenvalues(Q).cwiseAbs();
-    std::sort(values.data(), values.data() + values.size(), [](double a, double b) { return a > b; });
-    Verdict verdict;
-    verdict.x = here.x;
-    verdict.radius = 0.5 * std::min(here.delta(), 1.0);
-    const double gap = std::fabs(u.dot(phi)), far = (x - here.x).norm();
-    if (!(size < 1e-9) || far > 2.0 * FARTHEST_LOOK) return verdict;
-    const double approach = std::sqrt(2.0 * gap / std::max(values[0], 1e-300));
-    if (values.size() > 2 && values[2] > CONE * values[0]) {
-        verdict.crossing = false;
-        verdict.approach = std::min(far, approach != 0.0 ? approach : far);
-    } else if (gap > largest_gap) {
-        verdict.crossing = false;
-        verdict.approach = approach;
-    }
-    return verdict;
+    found.values = symmetric_eigenvalues(Q).cwiseAbs();
+    std::sort(found.values.data(), found.values.data() + found.values.size(), std::greater<>());
+    found.gap = std::fabs(u.dot(phi));
+    return found;
 }
 
 }  // namespace rg

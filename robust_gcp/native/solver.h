@@ -23,8 +23,8 @@ class Solver : public Stepper {
         begin(r);
         std::copy(r.origin, r.origin + home_.size(), home_.begin());
         origin_ = home_.data();
-        clusters.forget();
-        r.in_zone = r.met = r.plain = false;
+        if (r.beginning != IN_ZONE) clusters.forget();
+        r.in_zone = clusters.in_zone(), r.met = clusters.met(), r.plain = false;
     }
 
     // ẋ at the state x and times[0]; NaN at one that is not finite, of a trial that a refusal has spoilt. From
@@ -49,7 +49,7 @@ class Solver : public Stepper {
         rate(*anchor_, rate_);
         std::copy(rate_.begin(), rate_.end(), r.rate);
         watch_.follow(r);
-        r.plain = !r.met && !watch_.exceeds(*anchor_) && !outgrown(*anchor_);
+        r.plain = !r.met && !r.in_zone && !watch_.exceeds(*anchor_) && !outgrown(*anchor_);
     }
 
     // ∂ẋ/∂x without the work done, by forward differences at x and times[0], row by row; `unit` (m,) are those of y.
@@ -70,11 +70,12 @@ class Solver : public Stepper {
     }
 
     // The point evaluated last, and ÿ, τ and the power there.
-    void tell(Request& r) const {
+    void tell(Request& r) {
         anchor_->write(r.anchor);
         std::copy(motion_.ydd.begin(), motion_.ydd.end(), r.ydd);
         std::copy(motion_.tau.begin(), motion_.tau.end(), r.tau);
         r.power = motion_.power;
+        clusters.rounding(r.uncertain, r.nearest);
     }
 
     // Go back to the point evaluated last where that is nearer to a state than those after it.

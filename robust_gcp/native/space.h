@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "dense.h"
@@ -19,7 +20,9 @@ using Chart = std::shared_ptr<const Matrix>;  // C (nv, m): y = Cᵀ x
 // Newton left the mode; a smaller step may help.
 struct Lost {};
 // No certified bridge exists here; a shorter one may.
-struct NoBridge {};
+struct NoBridge {
+    bool tangential = false;  // the modes part at higher than second order
+};
 // A place that Python has to judge.
 struct Stop {};
 
@@ -31,6 +34,7 @@ class Space {
     const Vector D;        // q = D x
     const Vector balance;  // K · balance has columns of size one
     const Chart chart;  // that y is given in
+    std::optional<Vector> apex;  // of an isolated cone, where φ is taken relative to it; see maps/cluster/apex.py
     Lu lu;  // of [P K; Cᵀ] where it was factorised last
     Vector phi, dx;  // room for Newton's method
     Matrix K;
@@ -48,8 +52,9 @@ class Space {
 
     // φ (rows) and K (rows, nv).
     void linear(const Vector& x, Vector& phi, Matrix& K) {
+        if (apex) relative(x, phi, K);
         place(x);
-        phi = Eigen::Map<const Vector>(closures_.phi.data(), rows);
+        if (!apex) phi = Eigen::Map<const Vector>(closures_.phi.data(), rows);
         fill(closures_.values, K);
     }
 
@@ -111,6 +116,21 @@ class Space {
         Matrix C = Matrix::Zero(n, static_cast<int>(chosen.size()));
         for (std::size_t i = 0; i < chosen.size(); ++i) C(chosen[i], static_cast<int>(i)) = 1.0;
         return C;
+    }
+
+    // φ = ∫₀¹ K(x* + s ξ) ξ ds with ξ = x − x*, by Gauss' rule of five points, exact to rounding ε |ξ|.
+    void relative(const Vector& x, Vector& phi, Matrix& K) {
+        constexpr double PLACES[] = {0.0, 0.5384693101056831, -0.5384693101056831, 0.9061798459386640,
+                                     -0.9061798459386640};
+        constexpr double WEIGHTS[] = {0.5688888888888889, 0.4786286704993665, 0.4786286704993665,
+                                      0.2369268850561891, 0.2369268850561891};
+        const Vector away = x - *apex;
+        phi.setZero(rows);
+        for (int i = 0; i < 5; ++i) {
+            place(*apex + (0.5 + 0.5 * PLACES[i]) * away);
+            fill(closures_.values, K);
+            phi += 0.5 * WEIGHTS[i] * (K * away);
+        }
     }
 
     // All joints and closures of the cluster.

@@ -170,12 +170,16 @@ class NativeSteps:
         return self._workspace.prepared(times, outputs, zone, options, watch, best)
 
     def rates(self, explicit: KernelMap, now: Evaluation, x: Array, watch: Watch | None) -> Rates | None:
-        """ẋ by the kernel from an evaluation at x on regular ground on; None where it cannot."""
+        """ẋ by the kernel from an evaluation at x on; None where it cannot."""
+        followed = explicit.rest if isinstance(explicit, GroupMap) else explicit
+        trackers = followed.written if isinstance(followed, ClusterMap) and followed.in_zone else None
+        if trackers is not None and not follows_zones(followed.path):
+            return None
         workspace = self.prepare(_whole(explicit), explicit.path)
         if workspace is None:
             return None
         options, zone = _limits(explicit)
-        return workspace.rates(now, x, zone, options, watch)
+        return workspace.rates(now, x, zone, options, watch, trackers)
 
     def settled(self, begun: int, reached: int) -> Batch:
         """What prepared steps came to; see `Workspace.settled`."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..mechanism.tree import Array
 
-VERSION = 14
+VERSION = 15
 """Of the interface; a library with another one is not used."""
 
 TorqueCallback: Any = ctypes.CFUNCTYPE(c_int32, c_double)
@@ -117,7 +117,9 @@ class Request(ctypes.Structure):
         *_all(c_int64, "marching_steps svds bridges_built second_order logged"),
         ("log", c_void_p),
         ("power", c_double),
-        *_fields("in_zone reason met plain", ""),
+        *_fields("in_zone reason met", ""),
+        *_all(c_double, "uncertain nearest"),
+        ("plain", c_int32),
     ]
 
 

@@ -1,5 +1,5 @@
 // Following one cluster's mode: regular ground by continuation, singular places by bridges; see
-// maps/cluster/tracker.py, whose docstrings say why. What is no crossing is left to Python.
+// maps/cluster/tracker.py, whose docstrings say why. What ends a motion is left to Python.
 #pragma once
 
 #include <algorithm>
@@ -12,6 +12,7 @@
 
 #include "curve_builder.h"
 #include "newton.h"
+#include "obstacles.h"
 
 namespace rg {
 
@@ -55,13 +56,26 @@ class Tracker {
     }
 
     // A tracker of a smaller zone for a node.
-    Tracker nested(JetPtr at, double smaller) const { return {std::move(at), *options_, smaller, *tally_}; }
+    Tracker nested(JetPtr at, double smaller) const {
+        Tracker other(std::move(at), *options_, smaller, *tally_);
+        other.node_ = true;
+        return other;
+    }
 
     // Go on from another solved point of the mode.
     void place_at(JetPtr at) {
         anchor = std::move(at);
         C = anchor->C;
+        if (patch) left_ = patch;
         curve = nullptr, patch = nullptr;
+        space_->apex.reset();
+    }
+
+    // What rounding leaves uncertain of G at a point without a bridge, and its distance to the singular set.
+    std::pair<double, double> rounding() const {
+        if (on_bridge()) return {0.0, FAR};
+        const double near = std::max(anchor->delta(), APEX);
+        return {space_->apex ? 2e-15 / near : 1e-16 / (near * near), near};
     }
 
     // The point at y on the mode.
@@ -81,9 +95,11 @@ class Tracker {
     }
 
   private:
-    static constexpr double CORRECTION = 0.25, STAGES_AHEAD = 40.0, FARTHEST_LOOK = 0.5;
+    static constexpr double CORRECTION = 0.25, STAGES_AHEAD = 40.0;
+    static constexpr double BESIDE = 1e-2, LEFT = 2e-2;        // as in maps/cluster/apex.py
+    static constexpr double NEAR_APEX = 0.1, TURNED = 0.3;
     static constexpr double CLEAR = 1.5;  // zones from a surface, beyond which no line across it is asked for
-    static constexpr int MAX_STEPS = 400, MAX_BRIDGES = 16;
+    static constexpr int MAX_STEPS = 400, MAX_BRIDGES = 16, MAX_OBSTACLES = 400;
 
     JetPtr on_patch(const Vector& y);
     bool enter_patch(const JetPtr& here, const Vector& y);
@@ -122,11 +138,12 @@ class Tracker {
             Vector step = y;
             step.noalias() -= C->transpose().lazyProduct(here->x);
             const double size = here->J.lazyProduct(step).norm();
+            if (options_->careful && space_->m > 1 && !node_) look_for_apex(*here);
             const double ahead = std::min(std::max(zone, STAGES_AHEAD * size), FARTHEST_LOOK);
             const double delta = room(*here, std::max({zone, ahead, size / REACH}));
             if (delta < zone && in_zone(*here) && enter(here, y)) return nullptr;
             if (delta < ahead) look_ahead(*here, size);
-            const double reach = REACH * std::min(delta, limit);
+            const double reach = (space_->apex ? NEAR_APEX : REACH) * std::min(delta, limit);
             const double share = size > 0.0 ? std::min(1.0, reach / size) : 1.0;
             JetPtr found = share == 1.0 ? this->step(here, step, y, size)
                                         : this->step(here, share * step, here->y() + share * step, share * size);
@@ -151,7 +168,30 @@ class Tracker {
     void look_ahead(const Jet& here, double size) {
         if (options_->careful) return;
         if (!seen_ || !seen_->covers(here.x)) seen_ = approaching(here, options_->largest_gap());
-        if (!seen_->crossing && seen_->approach < STAGES_AHEAD * size) throw Stop{};
+        if (seen_->kind != Obstacle::CROSSING && seen_->approach < STAGES_AHEAD * size) throw Stop{};
+    }
+
+    // Take φ relative to the apex of a cone that is near; a stop where it is too near.
+    void look_for_apex(const Jet& here) {
+        const double distance = here.nearest().size;
+        if (space_->apex) {
+            if (distance > LEFT)
+                space_->apex.reset();
+            else if (distance < APEX)
+                throw Stop{};
+        } else if (distance < BESIDE && !(apexless_.size() && (here.x - apexless_).norm() <= 0.5 * distance)) {
+            const Place found = place(here);
+            if (found.cone() && found.gap <= options_->largest_gap())
+                space_->apex = found.x;
+            else
+                apexless_ = here.x;
+        }
+    }
+
+    // Sine of the largest angle between two tangent spaces.
+    static double apart(const Jet& one, const Jet& other) {
+        const Matrix T = other.tangent(), own = one.tangent();
+        return Svd(Matrix(T - times(own, transposed_times(own, T)))).s[0];
     }
 
     // One continuation step; null where Newton left the mode.
@@ -168,8 +208,9 @@ class Tracker {
         const double first = newton->first;
         // rounding of φ looks like a lost branch where K is poor
         const double allowed = CORRECTION * size + 1e-12;
-        if (first <= allowed) return found;
-        return first <= allowed + 1e-14 / std::max(std::min(here->sigma(), found->sigma()), 1e-12) ? found : nullptr;
+        if (first > allowed && first > allowed + 1e-14 / std::max(std::min(here->sigma(), found->sigma()), 1e-12))
+            return nullptr;
+        return space_->apex && apart(*here, *found) > TURNED ? nullptr : found;
     }
 
     // Whether y is so far on this side of the surface that no line across it, from here, would reach it.
@@ -190,6 +231,7 @@ class Tracker {
 
     // Put a bridge in use at a point in the zone, when y lies on it or beyond it.
     bool enter(const JetPtr& here, const Vector& y) {
+        if (known(*here)) return false;
         return space_->m > 1 ? enter_patch(here, y) : enter_curve(here, y[0]);
     }
 
@@ -198,8 +240,8 @@ class Tracker {
         if (found == nullptr) {
             try {
                 found = CurveBuilder(here, *options_, zone).build();
-            } catch (const NoBridge&) {
-                throw Stop{};
+            } catch (const NoBridge& failure) {
+                return blocked(*here, failure);
             }
             ++tally_->built;
             ++tally_->second_order;
@@ -213,6 +255,28 @@ class Tracker {
         touch(found);
         curve = found, u = from;
         return true;
+    }
+
+    // Remember a place without a bridge; a stop unless the caller controls its error.
+    bool blocked(const Jet& here, const NoBridge& failure) {
+        if (!options_->careful) throw Stop{};
+        Obstacle met = judge(here, options_->largest_gap(), zone);
+        if (failure.tangential) met.kind = Obstacle::UNKNOWN;
+        if (obstacles_.size() >= std::size_t{MAX_OBSTACLES}) obstacles_.erase(obstacles_.begin());
+        obstacles_.push_back(met);
+        if (met.stops(here.nearest().size, zone)) throw Stop{};
+        return false;
+    }
+
+    // Whether a point is still at an obstacle.
+    bool known(const Jet& here) const {
+        for (std::size_t i = obstacles_.size(); i-- > 0;) {
+            const Obstacle& one = obstacles_[i];
+            if (!one.covers(here.x)) continue;
+            if (!options_->careful || one.stops(here.nearest().size, zone)) throw Stop{};
+            return true;
+        }
+        return false;
     }
 
     // A kept curve through this point and its u, if the nearest singular place is one of its own.
@@ -254,8 +318,12 @@ class Tracker {
     Space* space_;
     const BridgeOptions* options_;
     Tally* tally_;
-    std::optional<Verdict> seen_;
+    std::optional<Obstacle> seen_;
+    std::vector<Obstacle> obstacles_;  // passed with error control
     std::shared_ptr<Patch> beside_;  // built last where the motion had not reached it
+    std::shared_ptr<Patch> left_;    // in use before the tracker was put elsewhere
+    Vector apexless_;                // where no apex was found last
+    bool node_ = false;              // of a line
     Vector cleared_;      // where the distance to singular places was looked at last
     double clear_ = FAR;  // that distance
 };

@@ -182,14 +182,18 @@ class Workspace:
         zone: float,
         options: BridgeOptions | None,
         watch: Watch | None,
+        trackers: Callable[[], Array] | None = None,
     ) -> Rates:
-        """ẋ from an evaluation at x on regular ground on; parameters as for `run`.
+        """ẋ from an evaluation at x on; parameters as for `run`.
 
         The solver controls its error: uncertified zones are followed on the true curve.
         """
         r, self._latest = self._request, None
         self._choose(zone, options, watch, careful=True)
-        r.power, r.first, r.times, r.beginning = now.power, 0, self._shared.at_time, Beginning.REGULAR
+        r.power, r.first, r.times = now.power, 0, self._shared.at_time
+        r.beginning = Beginning.REGULAR if trackers is None else Beginning.IN_ZONE
+        numbers = None if trackers is None else np.ascontiguousarray(trackers())
+        r.trackers = None if numbers is None else numbers.ctypes.data
         self._shared.x[:], self._shared.ydd[:] = x, now.ydd
         self._pack(now.point)
         self._handed.secure()

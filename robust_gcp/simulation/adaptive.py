@@ -70,7 +70,7 @@ class AdaptiveRun(Run):
                     plain = self._following.plain and not self._events
                     if not plain:
                         self._following.share()
-                        self._rounding(rtol)
+                        self._rounding(self._following, rtol)
                     self._look_behind(step, plain)
                     within, zeros = self._zeros(step)
                     end = zeros[-1].t if zeros and zeros[-1].ends else np.inf

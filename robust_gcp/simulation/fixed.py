@@ -75,6 +75,8 @@ class FixedRun(RefinedRun):
                     return
                 if self._changed(i, now.point):
                     continue
+                if not recovery.careful:
+                    self._leave()
                 if self._native is not None and not recovery.careful:
                     i, going = self._natively(self._native, i, last, now)
                     if i == last or self._ended:
@@ -106,6 +108,8 @@ class FixedRun(RefinedRun):
         if known is not None:
             self._motion.equations.calls += 1
             return known
+        if self._at_end is not None:
+            return self._at_end
         with self._accuracy():
             return self._motion.equations.evaluate(float(self.times[i]), self._x)
 
@@ -222,6 +226,7 @@ class FixedRun(RefinedRun):
 
     def _back_to(self, safe: Checkpoint) -> int:
         """Forget what came after the checkpoint."""
+        self._leave()
         self._x, self._motion.explicit.anchor, self._last = safe.x, safe.point, None
         self._record.rewind(safe.i)
         back = float(self.times[safe.i])

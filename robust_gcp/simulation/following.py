@@ -17,8 +17,8 @@ from .coordinates import Coordinates
 class Following:
     """Follows a motion's mode to the states that a solver asks for, which may be refused far ahead.
 
-    The kernel goes by itself from where Python was on regular ground until it meets what it does not know;
-    Python evaluates that, and hands over again on the next regular ground.
+    The kernel goes by itself from where Python was until it meets what it does not know; Python evaluates that,
+    and hands over again.
 
     Parameters
     ----------
@@ -26,12 +26,17 @@ class Following:
     native : NativeSteps or None
     coordinates : Coordinates or None
         What looks after the independent joints.
+
+    Attributes
+    ----------
+    kept : Evaluation or None
+        Gone back to where it is nearer than what was evaluated last.
     """
 
     def __init__(self, motion: Problem, native: NativeSteps | None, coordinates: Coordinates | None) -> None:
         self._motion, self._native, self._coordinates = motion, native, coordinates
         self._rates: Rates | None = None
-        self._kept: Evaluation | None = None
+        self.kept: Evaluation | None = None
 
     def __call__(self, t: float, x: Array) -> Array:
         """ẋ, (n,), for a solver."""
@@ -43,14 +48,14 @@ class Following:
     def keep(self, t: float, x: Array) -> Evaluation:
         """The evaluation at an output, which is gone back to where that is nearer than what comes after."""
         if self._by_kernel(t, x) is not None and self._rates is not None:
-            self._kept = self._rates.keep()
+            self.kept = self._rates.keep()
         else:
-            self._kept = self._in_python(t, x)
-        return self._kept
+            self.kept = self._in_python(t, x)
+        return self.kept
 
     def begin(self, now: Evaluation, x: Array) -> None:
         """Go on from an output that Python evaluated."""
-        self._kept = now
+        self.kept = now
         self._hand_over(now, x)
 
     @property
@@ -58,14 +63,21 @@ class Following:
         """Whether nothing was met on the way that the map in Python would have to tell of."""
         return self._rates is not None and self._rates.plain
 
+    def rounding(self) -> tuple[float, float]:
+        """What rounding leaves uncertain of G beside singular places without a bridge, and their distance."""
+        if self._rates is not None:
+            return self._rates.rounding()
+        rest = map_of_rest(self._motion.explicit)
+        return rest.rounding() if isinstance(rest, ClusterMap) else (0.0, np.inf)
+
     def share(self) -> None:
         """Put the map in Python where the kernel is, which stays there."""
         if self._rates is None:
             return
-        now, trackers, in_zone = self._rates.told()
+        now, trackers, in_zone, met = self._rates.told()
         explicit = self._motion.explicit
         assert isinstance(explicit, KernelMap)  # the kernel knows no other map
-        explicit.resume(now.point, trackers, in_zone)
+        explicit.resume(now.point, trackers, in_zone, met)
 
     def looked(self) -> None:
         """What was met on the way was told of, and the limit of the coordinates may be another."""
@@ -84,10 +96,10 @@ class Following:
 
     def near(self, x: Array) -> None:
         """Follow the mode, in Python, from what was kept if that is nearer to x than the last evaluation."""
-        if self._kept is None:
+        if self.kept is None:
             return
         explicit, y = self._motion.explicit, x[: self._motion.mechanism.m]
-        rest, last = map_of_rest(explicit), point_of_rest(self._kept.point)
+        rest, last = map_of_rest(explicit), point_of_rest(self.kept.point)
         y = numbers(explicit, y)
         if last.origin is rest.anchor.origin and _apart(y, last.y) < _apart(y, rest.anchor.y):
             rest.anchor = last
@@ -107,8 +119,8 @@ class Following:
     def _in_python(self, t: float, x: Array) -> Evaluation:
         self.near(x)
         now = self._motion.equations.evaluate(t, x)
-        if self._kept is None:  # where the solver begins
-            self._kept = now
+        if self.kept is None:  # where the solver begins
+            self.kept = now
         self._hand_over(now, x)
         return now
 
@@ -122,7 +134,7 @@ class Following:
         if self._native is None or not isinstance(explicit, KernelMap) or not np.isfinite(now.ydd).all():
             return
         rest = map_of_rest(explicit)
-        if isinstance(rest, ClusterMap) and (rest.in_zone or rest.met):  # what was met is looked at first
+        if isinstance(rest, ClusterMap) and rest.met:  # what was met is looked at first
             return
         watch = None if self._coordinates is None else self._coordinates.watch
         self._rates = self._native.rates(explicit, now, x, watch)

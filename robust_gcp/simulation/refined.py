@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,13 +16,16 @@ from ..errors import SimulationError
 from ..maps.cluster.cluster_map import ClusterMap
 from ..maps.cluster.product import turned
 from ..mechanism.tree import Array
+from ..native.steps import NativeSteps
 from .charts import motion_at, placed_between, stretch_between
 from .coordinates import in_coordinates
 from .crossings import located
+from .following import Following
 from .recovery import Checkpoint, Recovery
 from .run import Run
 from .stats import extended
 from .steppers import NoProgressError, SolverStep, solver_steps
+from .trajectory import Trajectory
 from .within import SolverSteps
 
 REFINED_RTOL, REFINED_ATOL = 1e-10, 1e-12
@@ -52,6 +56,9 @@ class RefinedRun(Run):
 
     def __init__(self, *parts: Any, **options: Any) -> None:
         super().__init__(*parts, **options)
+        self._native: NativeSteps | None = None
+        self._following: Following | None = None  # while steps are taken with error control
+        self._at_end: Evaluation | None = None  # of the last such step
         self._behind: Array = self._x  # the state before the last step
         self._refinement: SolverSteps | None = None
         self._renewed_at: float | None = None  # when the present step went on in other coordinates
@@ -70,6 +77,9 @@ class RefinedRun(Run):
         bridged, x, t, end = self._cluster_map(), self._x, float(self.times[i]), float(self.times[i + 1])
         ends, dense = [t], []
         looks = self._looked_for(i + 1)
+        self._at_end = None
+        if self._following is None or self._following.kept is not begun:
+            self._follow_from(begun)
         while t < end:
             with bridged.following_true_curve():
                 try:
@@ -84,8 +94,11 @@ class RefinedRun(Run):
                     raise bridged.refusal() from error
             if t < end:
                 bridged, x = self._cluster_map(), self._x
+                self._follow_from(None)
         if looks:
             self._refinement = SolverSteps(self._motion.explicit, self._motion.mechanism.m, ends, dense)
+        assert self._following is not None
+        self._at_end = self._following.kept
         self._counters.refined_steps += 1
         self._stretches = extended(self._stretches, float(self.times[i]), end)
         return x
@@ -96,32 +109,47 @@ class RefinedRun(Run):
         Where they become many, the rounding of ẋ is measured, and no error below what it makes of the whole
         span is asked for any more: light bodies that turn idly beside heavy ones have it 1e6 times as large.
         """
-        equations, explicit = self._motion.equations, self._motion.explicit
-        good, span = explicit.anchor, float(times[-1] - times[0])
-
-        def f(t: float, state: Array) -> Array:
-            try:
-                return equations(t, state)
-            except SimulationError:
-                explicit.anchor = good
-                raise
-
+        following = self._following
+        assert following is not None
         absolute: Array | float = REFINED_ATOL
-        measured = False
+        measured, span = False, float(times[-1] - times[0])
         while times[0] < times[-1]:
             tolerances = REFINED_RTOL, absolute, REFINED_EFFORT
-            steps = solver_steps("DOP853", f, x, times, *tolerances, rounding=self._rounding)
+            rounding = partial(self._rounding, following)
+            steps = solver_steps("DOP853", following, x, times, *tolerances, rounding=rounding)
             for number, step in enumerate(steps):
-                good = explicit.anchor
+                following.keep(step.t1, step.x)
+                following.share()
                 yield step
                 x, times = step.x, np.array([step.t1, times[-1]])
                 if number == MANY and not measured:
-                    measured, absolute = True, np.maximum(absolute, span * _noise(f, step.t1, x))
-                    explicit.anchor = good
+                    measured, absolute = True, np.maximum(absolute, span * _noise(following, step.t1, x))
                     if np.any(absolute > REFINED_ATOL):
                         break
             else:
                 return
+
+    def _follow_from(self, now: Evaluation | None) -> None:
+        """Follow the mode anew from an evaluation at the present state, or from the map's anchor."""
+        self._leave()
+        self._following = Following(self._motion, self._native, self._coordinates)
+        if now is not None:
+            self._following.begin(now, self._x)
+
+    def _repartition(self, i: int, t: float, names: tuple[str, ...] | None) -> Checkpoint:
+        self._leave()
+        return super()._repartition(i, t, names)
+
+    def trajectory(self, begun: float) -> Trajectory:
+        """What was recorded so far."""
+        self._leave()
+        return super().trajectory(begun)
+
+    def _leave(self) -> None:
+        """No more steps with error control, for now."""
+        if self._following is not None:
+            self._following.drop()
+        self._following = self._at_end = None
 
     def _renewed_within(self, i: int, begun: Evaluation, t: float, x: Array) -> bool:
         """Whether a step from time i, begun there, goes on at t in better coordinates, which are taken."""

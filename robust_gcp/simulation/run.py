@@ -23,6 +23,7 @@ from .acted import Acted
 from .charts import map_of_rest, q_of_rest
 from .coordinates import Coordinates, in_coordinates
 from .events import Event, Events, Zero
+from .following import Following
 from .keep import ALL, Keep
 from .record import Record
 from .recovery import Checkpoint
@@ -148,10 +149,9 @@ class Run:
         assert isinstance(explicit, ClusterMap)  # no other map knows uncertified zones
         return explicit
 
-    def _rounding(self, wanted: float = 0.0) -> float:
-        """What rounding leaves uncertain of G here; told once where that shows in the accuracy wanted."""
-        explicit = map_of_rest(self._motion.explicit)
-        lost, distance = explicit.rounding() if isinstance(explicit, ClusterMap) else (0.0, np.inf)
+    def _rounding(self, following: Following, wanted: float = 0.0) -> float:
+        """What rounding leaves uncertain of G there; told once where that shows in the accuracy wanted."""
+        lost, distance = following.rounding()
         if lost > max(TOLD, wanted) and not self._told:
             self._told = True
             warn(

@@ -235,6 +235,7 @@ class SteppedRun(FixedRun):
         """A copy of all that steps change, or of such a copy; what they do not change is shared."""
         if parts is None:
             self.settle()
+            self._leave()
             parts = self.parts()
         shared: list[Any] = [self._counters, parts["_schedule"]]
         for mechanism in {id(m): m for m in (self._record.mechanism, parts["_motion"].mechanism)}.values():
@@ -244,6 +245,7 @@ class SteppedRun(FixedRun):
     def put_back(self, parts: dict[str, Any]) -> None:
         """Go back to where these parts were copied."""
         self._lean = None
+        self._leave()
         for name, value in self.copied(parts).items():
             setattr(self, name, value)
         self._held.value = self._torques[-1]

@@ -79,6 +79,7 @@ class ClusterMap(Charted):
         self._in_zone = False
         self.anchor = self._own = start
         self._arriving: Callable[[], Array] | None = None
+        self._arriving_met: bool | None = None
         if trackers:
             self._enter(start, trackers)
 
@@ -147,6 +148,8 @@ class ClusterMap(Charted):
     @property
     def met(self) -> bool:
         """Whether a bridge was met so far."""
+        if self._arriving is not None and self._arriving_met is not None:
+            return self._arriving_met
         return any(tracker.touched for tracker in self._known_trackers())
 
     def passed(self, before: Point, after: Point, stretch: Stretch) -> list[Passage]:
@@ -285,13 +288,18 @@ class ClusterMap(Charted):
         return written(self._known_trackers()) if self._arriving is None else self._arriving()
 
     def resume(
-        self, anchor: Point, trackers: Callable[[], Array] | None, in_zone: bool | None = None
+        self,
+        anchor: Point,
+        trackers: Callable[[], Array] | None,
+        in_zone: bool | None = None,
+        met: bool | None = None,
     ) -> None:
         """Go on from a point that was reached elsewhere, with these trackers as plain numbers.
 
-        Where they are given it is in a zone, unless said otherwise: they know then what was met.
+        Where they are given it is in a zone, unless said otherwise: they know then what was met. `met`, where it
+        is known without them, says whether anything was.
         """
-        self.anchor, self._own, self._arriving = anchor, anchor, trackers
+        self.anchor, self._own, self._arriving, self._arriving_met = anchor, anchor, trackers, met
         self._in_zone = trackers is not None if in_zone is None else in_zone
         for tracker in self._trackers or []:
             tracker.current, tracker.touched = None, []

@@ -14,6 +14,7 @@ import numpy as np
 from ...mechanism.tree import Array
 from ..explicit import CrossingKind
 from ..point import Counters
+from .apex import BesideApex
 from .curve import Curve
 from .hermite_curve import HermiteCurve
 from .jet import Jet, jet
@@ -30,6 +31,8 @@ def written(trackers: Sequence[Tracker]) -> Array:
     """
     writer = Writer()
     for tracker in trackers:
+        space = tracker.space
+        writer.array(space.apex if isinstance(space, BesideApex) else np.empty(0))
         writer.tracker(tracker)
     return np.array([*writer.numbers, -1.0])
 
@@ -39,7 +42,11 @@ def read(
 ) -> list[Tracker]:
     """The trackers that were written, one for each of these spaces."""
     reader = Reader(numbers, options, counters)
-    return [reader.tracker(space) for space in spaces]
+    trackers: list[Tracker] = []
+    for space in spaces:
+        apex = reader.array()[:, 0]
+        trackers.append(reader.tracker(BesideApex(space, apex) if len(apex) else space))
+    return trackers
 
 
 class Writer:
