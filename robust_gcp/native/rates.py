@@ -93,9 +93,7 @@ class Rates:
         return A if self._done() else None
 
     def told(self) -> tuple[Evaluation, Trackers | None, bool, bool]:
-        """The evaluation made last, the trackers where they know something, whether it is in a zone, and whether a
-        singular place was met.
-        """
+        """The evaluation made last, the trackers where they know something, whether in a zone, and met."""
         self._library.tell(self._handle, self._reference)
         knows = self._request.in_zone or self._request.met
         trackers = self._trackers() if knows else None

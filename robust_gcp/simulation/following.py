@@ -17,8 +17,8 @@ from .coordinates import Coordinates
 class Following:
     """Follows a motion's mode to the states that a solver asks for, which may be refused far ahead.
 
-    The kernel goes by itself from where Python was until it meets what it does not know; Python evaluates that,
-    and hands over again.
+    The kernel goes by itself from where Python was until it meets what it does not know; Python evaluates
+    that, and hands over again.
 
     Parameters
     ----------

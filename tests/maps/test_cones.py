@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import robust_gcp as rg
 from robust_gcp.examples import linkages
-from robust_gcp.mechanism.loops import ClosedLoops
 from robust_gcp.maps.cluster.apex import BesideApex
 from robust_gcp.maps.cluster.cluster_map import ClusterMap
 from robust_gcp.maps.cluster.space import space_of
+from robust_gcp.mechanism.loops import ClosedLoops
 
 from ..compiled import needs_kernel
 
@@ -111,7 +113,7 @@ def test_a_start_at_the_apex_is_refused() -> None:
 
 
 def origami(cut: int) -> tuple[rg.Mechanism, np.ndarray]:
-    """Six panels of 60 degrees about one vertex, the loop cut at this crease, beside the flat state; and v."""
+    """Six panels of 60 degrees about one vertex, the loop cut at this crease, beside the flat state; v."""
     creases = [(cut + k) % 6 for k in range(6)]
     axes = {k: np.array([np.cos(k * np.pi / 3), np.sin(k * np.pi / 3), 0.0]) for k in creases}
     model, joint = pin.Model(), 0
@@ -140,7 +142,7 @@ def test_a_pass_of_three_coordinates_is_as_good_as_its_steps(cut: int) -> None:
     assert min(np.linalg.norm(runs[-1].q, axis=1)) < 0.1
     lost = [np.abs(run.energy_error()).max() for run in runs]
     assert lost[-1] < 1e-6
-    assert all(fine < coarse / 7.0 for coarse, fine in zip(lost, lost[1:], strict=False))
+    assert all(fine < coarse / 7.0 for coarse, fine in itertools.pairwise(lost))
     assert all(run.stats.refined_steps for run in runs)
 
 

@@ -296,8 +296,8 @@ class ClusterMap(Charted):
     ) -> None:
         """Go on from a point that was reached elsewhere, with these trackers as plain numbers.
 
-        Where they are given it is in a zone, unless said otherwise: they know then what was met. `met`, where it
-        is known without them, says whether anything was.
+        Where they are given it is in a zone, unless said otherwise: they know then what was met. `met`
+        says whether anything was, where that is known without them.
         """
         self.anchor, self._own, self._arriving, self._arriving_met = anchor, anchor, trackers, met
         self._in_zone = trackers is not None if in_zone is None else in_zone
