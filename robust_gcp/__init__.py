@@ -31,6 +31,7 @@ from .errors import (
     SweepError,
     ToggleError,
 )
+from .kernel import Backend, NativeBuildWarning, backends
 from .maps.classical import SingularityWarning
 from .maps.cluster.options import BridgeOptions
 from .maps.explicit import Crossing
@@ -40,7 +41,6 @@ from .mechanism.folders.loader import load, model_names
 from .mechanism.forces import Force, JointDamper, JointSpring, JointTorque, PointSpring
 from .mechanism.mechanism import Mechanism
 from .mechanism.recommended import Recommended
-from .native import Backend, NativeBuildWarning, backends
 from .simulation.access import FrameMotion, Sample
 from .simulation.acted import Acted
 from .simulation.coarse import CoarseStepWarning

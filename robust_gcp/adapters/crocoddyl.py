@@ -21,11 +21,11 @@ from ..dynamics.derivatives import PointDerivatives
 from ..dynamics.discrete import differentiated_step
 from ..dynamics.problem import Problem, set_out
 from ..errors import OptionError, SimulationError, missing_extra
+from ..kernel.derivation import derivation
 from ..maps.grouped import GroupMap, joined
 from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from ..native.derivation import derivation
 from ..simulation.steppers import rk4_step
 
 try:

@@ -26,12 +26,12 @@ from ..arguments import (
     whole,
 )
 from ..errors import OptionError, SimulationError, SingularStartError
+from ..kernel.library import NativeBuildWarning
 from ..maps.choice import METHODS
 from ..maps.classical import SingularityWarning
 from ..mechanism.closures import frame_of
 from ..mechanism.joints import Component, components_of
 from ..mechanism.mechanism import Mechanism
-from ..native.library import NativeBuildWarning
 from ..printing import clean_warnings, complain, fixed, progress_bar, say, table, telling
 from ..simulation.coarse import CoarseStepWarning
 from ..simulation.schedule import last_output

@@ -9,9 +9,9 @@ import numpy as np
 from ..dynamics.equations import Evaluation
 from ..dynamics.linearise import ReducedJacobian
 from ..errors import NonFiniteError, ToggleError
+from ..kernel.steps import NativeSteps
 from ..maps.explicit import Stretch
 from ..mechanism.tree import Array
-from ..native.steps import NativeSteps
 from .charts import in_new_chart, numbers, placed
 from .crossings import located
 from .events import Zero

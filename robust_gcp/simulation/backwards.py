@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import RobustGcpError
+from ..kernel.derivation import Derivation, own_derivation
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from ..native.derivation import Derivation, own_derivation
 from .trajectory import Trajectory
 
 ROOM = 4_000_000

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..kernel.watch import Watch
 from ..maps.cluster.chart import CHANGE, best, smallest
 from ..maps.point import Counters, Point
 from ..mechanism.clusters import LoopCluster
@@ -21,7 +22,6 @@ from ..mechanism.groups import groups_of
 from ..mechanism.joints import in_v
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from ..native.watch import Watch
 from .evenness import GAIN, UNEVEN, bent, evenest, unevenness
 
 GOOD = 0.6

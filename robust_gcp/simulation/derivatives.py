@@ -21,10 +21,10 @@ from ..dynamics.loads import Torques, Wrench, one_torque
 from ..dynamics.motion import Motion
 from ..dynamics.problem import set_out
 from ..errors import SimulationError
+from ..kernel.derivation import Derivation, derivation
 from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from ..native.derivation import Derivation, derivation
 from . import serving
 from .differentiated import differentiated
 from .moved import Acting

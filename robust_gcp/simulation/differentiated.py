@@ -18,10 +18,10 @@ from ..dynamics.discrete import differentiated_step
 from ..dynamics.mode_rates import SPARED
 from ..dynamics.problem import Problem, set_out
 from ..errors import SimulationError
+from ..kernel.derivation import SAME, Derivation, derivation
 from ..maps.choice import MapChoice
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from ..native.derivation import SAME, Derivation, derivation
 from .charts import in_new_chart
 from .moved import Acting, Moved
 from .serving import serving, state_of

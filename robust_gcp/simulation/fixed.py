@@ -7,13 +7,13 @@ from typing import Any
 
 from ..dynamics.equations import Evaluation
 from ..errors import BranchError, NonFiniteError, ToggleError
+from ..kernel.batch import Batch
+from ..kernel.steps import KernelMap, NativeSteps
+from ..kernel.structures import Reason
+from ..kernel.watch import Watch
 from ..maps.cluster.obstacles import ObstacleError
 from ..maps.point import Point
 from ..mechanism.tree import Array
-from ..native.batch import Batch
-from ..native.steps import KernelMap, NativeSteps
-from ..native.structures import Reason
-from ..native.watch import Watch
 from .charts import in_new_chart
 from .recovery import Checkpoint
 from .refined import RefinedRun

@@ -6,10 +6,10 @@ import numpy as np
 
 from ..dynamics.equations import Evaluation
 from ..dynamics.problem import Problem
+from ..kernel.rates import Rates
+from ..kernel.steps import KernelMap, NativeSteps
 from ..maps.cluster.cluster_map import ClusterMap
 from ..mechanism.tree import Array
-from ..native.rates import Rates
-from ..native.steps import KernelMap, NativeSteps
 from .charts import map_of_rest, numbers, point_of_rest
 from .coordinates import Coordinates
 

@@ -22,9 +22,9 @@ from ..dynamics.held import HeldTorque
 from ..dynamics.parameters import Parameters
 from ..dynamics.problem import Problem, set_out
 from ..errors import OptionError, SimulationError
+from ..kernel.derivation import Derivation
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from ..native.derivation import Derivation
 from .again import applied_again, coordinates_of, refined_until, require_answers, require_same, require_steps
 from .backwards import Backwards, backwards, kernel_of
 from .cost import Cost, Slopes

@@ -18,17 +18,17 @@ from ..dynamics.equations import does_work
 from ..dynamics.loads import Torques, one_torque
 from ..dynamics.problem import set_out
 from ..errors import OptionError, RobustGcpError
+from ..kernel.batch import Outputs
+from ..kernel.description import NotNativeError
+from ..kernel.library import Library
+from ..kernel.steps import chosen_library
+from ..kernel.structures import Reason
+from ..kernel.workspace import Workspace
 from ..maps.cluster.options import USUAL
 from ..maps.regular_path import RegularPath
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tolerances import NEARLY_CLOSED
 from ..mechanism.tree import Array
-from ..native.batch import Outputs
-from ..native.description import NotNativeError
-from ..native.library import Library
-from ..native.steps import chosen_library
-from ..native.structures import Reason
-from ..native.workspace import Workspace
 from .acted import Acted
 from .coarse import Coarse
 from .schedule import planned

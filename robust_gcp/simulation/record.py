@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from ..dynamics.equations import EquationsOfMotion, Evaluation, constraint_forces
+from ..kernel.batch import Outputs
 from ..maps.classical import SingularityWarning
 from ..maps.explicit import Crossing
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from ..native.batch import Outputs
 from ..warning import warn
 from .crossings import AT_ONCE, together
 from .events import Events

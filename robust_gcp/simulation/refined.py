@@ -13,10 +13,10 @@ import numpy as np
 from ..dynamics.equations import Evaluation
 from ..dynamics.problem import set_out
 from ..errors import SimulationError
+from ..kernel.steps import NativeSteps
 from ..maps.cluster.cluster_map import ClusterMap
 from ..maps.cluster.product import turned
 from ..mechanism.tree import Array
-from ..native.steps import NativeSteps
 from .charts import motion_at, placed_between, stretch_between
 from .coordinates import in_coordinates
 from .crossings import located

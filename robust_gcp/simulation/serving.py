@@ -21,11 +21,11 @@ from ..dynamics.loads import Torques, Wrench, one_torque
 from ..dynamics.mode_rates import ZONE
 from ..dynamics.problem import Problem, set_out
 from ..errors import ModelError, NonFiniteError, NotCertifiedError
+from ..kernel.derivation import derivation
 from ..maps.point import Counters, Point
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tolerances import CLOSED
 from ..mechanism.tree import Array
-from ..native.derivation import derivation
 from .coordinates import Coordinates, in_coordinates
 
 log = logging.getLogger(__name__)

@@ -18,13 +18,13 @@ from ..dynamics.held import HeldTorque
 from ..dynamics.loads import Torques, Wrench, one_torque
 from ..dynamics.motion import Drive, Motion, checked_motions
 from ..errors import ClosureError, NonFiniteError, OptionError, SimulationError
+from ..kernel.steps import BACKENDS, NativeSteps, chosen_library
 from ..maps.choice import METHODS, MapChoice, Method
 from ..maps.classical import NewtonStart
 from ..maps.cluster.options import USUAL, BridgeOptions
 from ..maps.point import Counters
 from ..maps.projection import PROJECTION_THRESHOLD
 from ..mechanism.mechanism import Mechanism
-from ..native.steps import BACKENDS, NativeSteps, chosen_library
 from ..printing import progress_bar
 from .acted import Acted
 from .adaptive import AdaptiveRun

@@ -11,6 +11,9 @@ from ..dynamics.equations import Evaluation, Torque
 from ..dynamics.motion import Drive
 from ..dynamics.problem import Problem, over, set_out
 from ..errors import BranchError
+from ..kernel.rates import Rates
+from ..kernel.steps import KernelMap, NativeSteps
+from ..kernel.workspace import Workspace
 from ..maps.choice import MapChoice
 from ..maps.grouped import GroupPoint
 from ..maps.grouped_start import start_on_groups
@@ -22,9 +25,6 @@ from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tolerances import COMPATIBLE, NEARLY_CLOSED
 from ..mechanism.tree import Array
-from ..native.rates import Rates
-from ..native.steps import KernelMap, NativeSteps
-from ..native.workspace import Workspace
 from .turned_start import set_out_well
 
 

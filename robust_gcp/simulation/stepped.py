@@ -12,12 +12,12 @@ import numpy as np
 
 from ..dynamics.equations import Evaluation
 from ..dynamics.held import HeldTorque
+from ..kernel.prepared import Prepared
+from ..kernel.steps import KernelMap, NativeSteps, most_steps
 from ..maps.explicit import Crossing
 from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from ..native.prepared import Prepared
-from ..native.steps import KernelMap, NativeSteps, most_steps
 from .fixed import FixedRun
 from .schedule import Schedule
 from .trajectory import Trajectory

@@ -15,12 +15,12 @@ from ..dynamics.driven import driving
 from ..dynamics.held import HeldTorque
 from ..dynamics.motion import Drive, Motion, checked_motions
 from ..errors import ClosureError, OptionError, SimulationError
+from ..kernel.steps import BACKENDS, NativeSteps, chosen_library
 from ..maps.choice import METHODS, MapChoice, Method
 from ..maps.explicit import Crossing
 from ..maps.point import Counters
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from ..native.steps import BACKENDS, NativeSteps, chosen_library
 from .acted import Acted
 from .coarse import Coarse
 from .files import ARRAYS

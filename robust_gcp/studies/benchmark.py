@@ -16,15 +16,15 @@ from ..arguments import DEFAULT, Arguments, existing_file, file, known_folder, p
 from ..dynamics.problem import set_out
 from ..errors import OptionError
 from ..examples.linkages import n_four_bar
+from ..kernel import backends
+from ..kernel.batch import Outputs
+from ..kernel.library import Library, library
+from ..kernel.workspace import Workspace
 from ..maps.choice import MapChoice
 from ..maps.cluster.options import BridgeOptions
 from ..maps.march import same_branch
 from ..mechanism.folders.loader import load
 from ..mechanism.mechanism import Mechanism
-from ..native import backends
-from ..native.batch import Outputs
-from ..native.library import Library, library
-from ..native.workspace import Workspace
 from ..printing import along, table, write_json
 from ..simulation.simulate import simulate
 from . import derivative_cost

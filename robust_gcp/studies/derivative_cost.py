@@ -12,11 +12,11 @@ import numpy as np
 
 from ..errors import ModelWarning, OptionError, RobustGcpError
 from ..examples.legged import legged
+from ..kernel import backends
+from ..kernel.derivation import derivation
 from ..mechanism.folders.loader import load
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from ..native import backends
-from ..native.derivation import derivation
 from ..printing import along, table, write_json
 from ..simulation.cost import Cost
 from ..simulation.gradient import gradient

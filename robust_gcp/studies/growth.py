@@ -22,10 +22,10 @@ from ..dynamics.discrete import step_jacobians
 from ..errors import OptionError
 from ..examples.families import four_bars
 from ..examples.linkages import add_link, n_four_bar
+from ..kernel import backends
 from ..mechanism.closures import PointClosure
 from ..mechanism.folders.loader import load
 from ..mechanism.mechanism import Mechanism
-from ..native import backends
 from ..printing import along, write_json
 from ..simulation.simulate import simulate
 from . import pages, peers
@@ -193,7 +193,7 @@ def thread_gain(mechanism: Mechanism, threads: int = 2, quick: bool = False) -> 
     return gain([work] * threads, 2 if quick else 7)
 
 
-PAGES = ("docs/native.md", "README.md")
+PAGES = ("docs/kernel.md", "README.md")
 """Where the table and the sentence stand."""
 
 

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..errors import OptionError
-from ..native.library import backends
-from ..native.steps import chosen_library
+from ..kernel.library import backends
+from ..kernel.steps import chosen_library
 from ..simulation.simulate import simulate
 
 CHOICES = ("backend", "stepper", "method", "newton_start")

@@ -15,8 +15,8 @@ import numpy as np
 from ..checks import shown
 from ..dynamics.motion import Motion
 from ..errors import OptionError, RobustGcpError
+from ..kernel.measures import measured
 from ..mechanism.tree import Array
-from ..native.measures import measured
 from ..simulation.trajectory import Trajectory, energy_drift
 
 LONGEST = 20_000

@@ -23,7 +23,7 @@ from robust_gcp.maps.closed_form import FourBar
 from robust_gcp.maps.cluster.chart import best, smallest
 from robust_gcp.mechanism.joints import in_v
 
-from ..native.random_links import anywhere, carry
+from ..kernel.random_links import anywhere, carry
 
 Array = NDArray[np.float64]
 

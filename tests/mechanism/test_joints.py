@@ -157,7 +157,7 @@ def test_the_constraint_holds_for_every_kind(kind: str, derivative: Callable[...
 
 
 def test_the_kernel_counts_its_kinds_alike() -> None:
-    header = Path(__file__).parents[2] / "robust_gcp" / "native" / "joints.h"
+    header = Path(__file__).parents[2] / "robust_gcp" / "kernel" / "tree" / "joints.h"
     (listed,) = re.findall(r"enum Kind : std::int32_t \{ (.*) \};", header.read_text(encoding="utf-8"))
     assert listed.split(", ") == [JointKind(number).name for number in range(len(IN_KERNEL))]
     assert {JointKind(number) for number in range(len(IN_KERNEL))} == IN_KERNEL

@@ -160,7 +160,7 @@ def test_the_options_that_are_attacked_are_most_of_them() -> None:
         ("trees --count 0", "--count = 0 must be a whole number from 1"),
         ("growth --out growth.png", ".png ends the name of a file"),
         ("growth --docs missing", "there is no such folder"),
-        ("growth --quick --docs folder.png", "there is no docs/native.md to refresh"),
+        ("growth --quick --docs folder.png", "there is no docs/kernel.md to refresh"),
         ("benchmark --robots missing", "there is no such folder"),
         ("robots missing", "there is no such folder"),
         ("robots file.txt", "there is no such folder"),

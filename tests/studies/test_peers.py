@@ -19,8 +19,8 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
-from robust_gcp.native import build
-from robust_gcp.native.build import BuildError
+from robust_gcp.kernel import build
+from robust_gcp.kernel.build import BuildError
 from robust_gcp.studies import peers
 from robust_gcp.studies.contender import Contender, Outputs, Scene, division
 from robust_gcp.studies.peers import compiled, parts, pinocchio

@@ -20,12 +20,12 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from ...kernel import build
 from ...mechanism.closures import closure_frames, frame_of
 from ...mechanism.forces import JointDamper, JointSpring, JointTorque, PointSpring
 from ...mechanism.joints import JointKind
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
-from ...native import build
 from ..contender import BOUND
 from .parts import held_points
 

@@ -10,10 +10,10 @@ from typing import Any, Literal
 import numpy as np
 
 from ...errors import OptionError, SimulationError
+from ...kernel import backends
 from ...maps.choice import Method
 from ...maps.classical import NewtonStart, SingularityWarning
 from ...maps.four_bar import draw_four_bar
-from ...native import backends
 from ...simulation.simulate import simulate
 from ..contender import Contender, Kind, Outcome, Scene, clock
 from .implicit import Implicit, TunedImplicit

@@ -1,0 +1,280 @@
+#include "cluster/clusters.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <vector>
+
+#include "cluster/passages.h"
+#include "cluster/passing.h"
+#include "cluster/patch_builder.h"
+
+namespace rg {
+
+// As in cluster_map.py and chart.py, where it says why.
+constexpr double ONE_TURN = 6.283185307179586, CHANGE = 0.35, LAST_RESORT = 2e-2;
+constexpr double LOOK_AGAIN = 1.5;  // growth of σ
+
+// σ_min of the chosen rows of a tangent basis (nv, m).
+static double smallest(const Matrix& tangent, const std::vector<int>& chosen) {
+    Matrix rows(tangent.cols(), tangent.cols());
+    for (std::size_t i = 0; i < chosen.size(); ++i) rows.row(static_cast<Eigen::Index>(i)) = tangent.row(chosen[i]);
+    return Svd(rows).s[tangent.cols() - 1];
+}
+
+// Whether the chosen components still parametrise the mode, to a share of how well the best ones do.
+static bool serves(const Jet& jet, const std::vector<int>& chosen, double share) {
+    if (jet.J.cols() == 1)
+        return std::fabs(jet.J(chosen[0], 0)) >= share * jet.J.col(0).cwiseAbs().maxCoeff();
+    // those of J are the unit matrix: with J = Q R they are R⁻¹ in Q
+    const double here = 1.0 / std::sqrt(symmetric_eigenvalues(transposed_times(jet.J, jet.J)).tail(1)[0]);
+    if (here >= share) return true;
+    const Matrix tangent = jet.tangent();
+    return here >= share * smallest(tangent, best_rows(tangent));
+}
+
+struct Clusters::Inside {
+    explicit Inside(const Description& d) : home(d.home, d.home + d.nq), det(d.blocks), rcond(d.blocks) {
+        std::vector<bool> taken(static_cast<std::size_t>(d.m), false);
+        for (int i = 0; i < d.clusters; ++i) {
+            spaces.push_back(std::make_unique<Space>(*d.cluster[i]));
+            for (const int input : spaces.back()->inputs) taken[static_cast<std::size_t>(input)] = true;
+        }
+        for (int i = 0; i < d.m; ++i)
+            if (!taken[static_cast<std::size_t>(i)]) free.push_back(i);
+        independent.assign(d.independent, d.independent + d.m);
+        independent_q.assign(d.independent_q, d.independent_q + d.m);
+    }
+
+    // Put every cluster's tracker on its mode.
+    void enter(Point& anchor) {
+        for (std::size_t i = 0; i < spaces.size(); ++i) {
+            Space& space = *spaces[i];
+            const JetPtr here = jet_at(space, space.x(anchor.q()), space.chart);
+            ++tally.svds;
+            if (trackers.size() > i)
+                trackers[i].place_at(here);
+            else
+                trackers.emplace_back(here, options, space.m == 1 ? options.reach : options.reach_of_several, tally);
+        }
+    }
+
+    // The smallest singular value of all clusters' K.
+    double least_sigma() const {
+        double least = FAR;
+        for (const Tracker& tracker : trackers) least = std::min(least, tracker.anchor->sigma());
+        return least;
+    }
+
+    // That of K_d at a point that is closed, before Newton's method is asked for more.
+    double conditioning(Path& path, Point& point) {
+        path.prime(point);
+        ++path.evaluations;
+        double worst = 1.0;
+        for (std::size_t i = 0; i < path.parts.list.size(); ++i) {
+            if (path.loops(i) == nullptr) continue;
+            const double found = path.loops(i)->blocks.measure(path.enough, det.data(), rcond.data());
+            if (!(found >= worst)) worst = found;  // keeps a NaN
+        }
+        return worst;
+    }
+
+    // q, G and g of the whole from the clusters' points.
+    void product(const std::vector<JetPtr>& jets, const Layout& l, const double* y, const double* ydot,
+                 Point& point) const {
+        double *q = point.q(), *G = point.G(), *g = point.g();
+        std::copy(home.begin(), home.end(), q);
+        std::fill(G, G + static_cast<std::ptrdiff_t>(l.nv) * l.m, 0.0);
+        std::fill(g, g + l.nv, 0.0);
+        if (l.m == 1) std::fill(point.curvature(), point.curvature() + l.nv, 0.0);
+        for (std::size_t c = 0; c < spaces.size(); ++c) {
+            const Space& space = *spaces[c];
+            const Jet& jet = *jets[c];
+            Vector rate(space.m);
+            for (int j = 0; j < space.m; ++j) rate[j] = ydot[space.inputs[j]] / space.D[space.chosen[j]];
+            const Vector bend = jet.bent(rate, rate);
+            for (int i = 0; i < space.nv; ++i) {
+                const int v = space.iv[i];
+                q[space.iq[i]] = space.D[i] * jet.x[i];
+                g[v] = space.D[i] * bend[i];
+                for (int j = 0; j < space.m; ++j)
+                    G[v * l.m + space.inputs[j]] = space.D[i] * jet.J(i, j) / space.D[space.chosen[j]];
+                if (l.m == 1) {
+                    const double unit = space.D[space.chosen[0]];
+                    point.curvature()[v] = space.D[i] * jet.bend(i, 0) / (unit * unit);
+                }
+            }
+        }
+        for (int j = 0; j < l.m; ++j) {
+            const int v = independent[j];
+            point.y()[j] = y[j], point.ydot()[j] = ydot[j];
+            if (independent_q[j] >= 0) q[independent_q[j]] = y[j];
+            g[v] = 0.0;
+            for (int k = 0; k < l.m; ++k) G[v * l.m + k] = j == k ? 1.0 : 0.0;
+            if (l.m == 1) point.curvature()[v] = 0.0;
+        }
+        std::fill(point.det(), point.det() + l.blocks, 0.0);
+        std::fill(point.rcond(), point.rcond() + l.blocks, 0.0);
+        point.conditioning() = point.correction = point.distance = point.turn = 0.0;
+    }
+
+    std::vector<std::unique_ptr<Space>> spaces;
+    std::vector<Tracker> trackers;
+    BridgeOptions options;
+    Tally tally;
+    double looked = 0.0;  // `least_sigma` where Python looked for other rows of K last
+    std::vector<double> home, det, rcond;
+    std::vector<int> free, independent, independent_q;
+};
+
+Clusters::Clusters(const Description& d, Path& path)
+    : some_(d.clusters > 0), path_(path), inside_(some_ ? std::make_unique<Inside>(d) : nullptr) {}
+Clusters::~Clusters() = default;
+
+void Clusters::use(const Bridging& b) {
+    if (!some_) return;
+    inside_->options = {{b.nodes, b.nodes + b.count}, b.careful != 0, b.reach, b.reach_of_several, b.closure_tolerance, b.geometric_tolerance,
+                        b.transversality};
+}
+
+bool Clusters::at(Point& anchor, const double* origin, const double* y, const double* ydot, Point& point,
+                  double zone) {
+    Inside& in = *inside_;
+    try {
+        if (!in_zone_) {
+            if (path_.turn(anchor, y) > ONE_TURN) return false;
+            enter(anchor);
+        }
+        std::vector<JetPtr> jets;
+        bool bridged = false;
+        for (std::size_t i = 0; i < in.spaces.size(); ++i) {
+            Tracker& tracker = in.trackers[i];
+            const Space& space = *in.spaces[i];
+            if (!serves(*tracker.anchor, space.chosen, in.options.careful ? LAST_RESORT : CHANGE)) return false;
+            jets.push_back(tracker.at(space.wanted(y)));
+            bridged = bridged || tracker.on_bridge();
+        }
+        const auto compose = [&] {
+            in.product(jets, path_.layout, y, ydot, point);
+            path_.groups.place(origin, point);
+        };
+        compose();
+        if (!bridged) {
+            const bool regular = in.conditioning(path_, point) >= zone;
+            if (regular) {
+                const std::vector<double> q(point.q(), point.q() + path_.layout.nq);
+                if (path_.settle(point, origin) && point.conditioning() >= zone &&
+                    path_.apart(q.data(), point) < SAME_PLACE) {
+                    in_zone_ = false;
+                    return true;
+                }
+            }
+            // other rows may serve; where Python found none, as long as K is not much better conditioned
+            if (path_.redundant && in.least_sigma() > LOOK_AGAIN * in.looked) return false;
+            if (regular) compose();
+        }
+        ++zone_evaluations;
+        path_.survey(point);
+        return true;
+    } catch (const Lost&) {
+        return false;
+    } catch (const Stop&) {
+        return false;
+    }
+}
+
+bool Clusters::met() const {
+    return some_ && std::any_of(inside_->trackers.begin(), inside_->trackers.end(), [](const Tracker& tracker) {
+        return tracker.crossed || tracker.touched_patch != nullptr;
+    });
+}
+
+void Clusters::passed(const Step& step, std::vector<double>& log) {
+    Inside& in = *inside_;
+    std::vector<Passage> found;
+    for (std::size_t i = 0; i < in.trackers.size(); ++i) {
+        Tracker& tracker = in.trackers[i];
+        for (const CurvePtr& curve : tracker.touched) on_curve(*curve, static_cast<int>(i), step, found);
+        if (tracker.touched_patch) on_patch(tracker, static_cast<int>(i), step, path_, found);
+        tracker.forget_touched();
+    }
+    std::sort(found.begin(), found.end(), [](const Passage& a, const Passage& b) { return a.time < b.time; });
+    for (const Passage& one : found) {
+        const std::size_t from = log.size();
+        for (const double number : {one.time, double(one.cluster), double(one.corank), one.closure,
+                                    one.transversality, double(one.near_miss)})
+            log.push_back(number);
+        log.resize(log.size() + static_cast<std::size_t>(path_.layout.nq));
+        double* q = log.data() + from + 6;
+        between(path_, step, one.time, q);
+        const Space& space = *in.spaces[static_cast<std::size_t>(one.cluster)];
+        for (int i = 0; i < space.nv; ++i) q[space.iq[i]] = space.D[i] * one.x[i];
+    }
+}
+
+void Clusters::enter(Point& anchor) {
+    inside_->enter(anchor);
+    inside_->looked = 0.0;
+    in_zone_ = true;
+}
+
+void Clusters::forget() {
+    if (!some_) return;
+    for (Tracker& tracker : inside_->trackers) tracker.forget_touched();
+}
+
+void Clusters::renew() {
+    in_zone_ = false;
+    if (!some_) return;
+    inside_->trackers.clear();
+    for (const auto& space : inside_->spaces) space->apex.reset();
+}
+
+std::vector<double> Clusters::written() const {
+    if (!some_) return {};
+    Writer writer;
+    for (const Tracker& tracker : inside_->trackers) {
+        writer.array(tracker.anchor->space->apex.value_or(Vector()));
+        writer.tracker(tracker);
+    }
+    writer.numbers.push_back(inside_->looked);
+    return writer.numbers;
+}
+
+void Clusters::read(const double* numbers) {
+    Inside& in = *inside_;
+    Reader reader(numbers, in.options, in.tally);
+    in.trackers.clear();
+    for (const auto& space : in.spaces) {
+        const Vector apex = reader.array();
+        space->apex.reset();
+        if (apex.size()) space->apex = apex;
+        in.trackers.push_back(reader.tracker(*space));
+    }
+    const double looked = reader.number();
+    in.looked = looked < 0.0 ? in.least_sigma() : looked;  // just now, in Python
+    in_zone_ = true;
+}
+
+void Clusters::rounding(double& lost, double& nearest) const {
+    lost = 0.0, nearest = FAR;
+    if (!some_ || !in_zone_) return;
+    for (const Tracker& tracker : inside_->trackers) {
+        const auto [share, near] = tracker.rounding();
+        lost = std::max(lost, share), nearest = std::min(nearest, near);
+    }
+}
+
+void Clusters::count(Request& r) const {
+    if (!some_) return;
+    r.marching_steps = inside_->tally.marching, r.svds = inside_->tally.svds;
+    r.bridges_built = inside_->tally.built, r.second_order = inside_->tally.second_order;
+    r.zone_evaluations = zone_evaluations;
+}
+
+void Clusters::count_anew() {
+    zone_evaluations = 0;
+    if (some_) inside_->tally = {};
+}
+
+}  // namespace rg

@@ -1,0 +1,65 @@
+// q = γ(y), G and g as the product of the clusters' own maps; see maps/cluster/cluster_map.py.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "abi.h"
+#include "path/path.h"
+
+namespace rg {
+
+// A step between two accepted outputs, with ÿ at its ends.
+struct Step {
+    double t0, t1;
+    Point *before, *after;
+    const double *ydd0, *ydd1;
+};
+
+constexpr double SAME_PLACE = 1e-6;  // as in ground.py
+
+class Clusters {
+  public:
+    Clusters(const Description& d, Path& path);
+    ~Clusters();
+
+    // Whether the kernel follows the clusters at all.
+    bool some() const { return some_; }
+    bool in_zone() const { return in_zone_; }
+    // Whether a singular place may have been passed since the last step that was looked through.
+    bool met() const;
+    std::int64_t zone_evaluations = 0;
+
+    void use(const Bridging& options);
+    // On regular ground from now on.
+    void leave() { in_zone_ = false; }
+    // Every cluster by itself from now on, from a point of the mode.
+    void enter(Point& anchor);
+    // What was met so far was told of.
+    void forget();
+    // As if nothing had been done.
+    void renew();
+    // The point at y, where the regular path was not good enough from the anchor; false where Python has to say
+    // what to do. `origin` as in `Path::step`.
+    bool at(Point& anchor, const double* origin, const double* y, const double* ydot, Point& point, double zone);
+    // Appends what a step passed, in the order of time: time, cluster, corank, closure, transversality, whether
+    // it is a near miss, q.
+    void passed(const Step& step, std::vector<double>& log);
+    // The state of all trackers as plain numbers, and back; with what was counted since.
+    std::vector<double> written() const;
+    void read(const double* numbers);
+    // What rounding leaves uncertain of G beside singular places without a bridge, and their distance.
+    void rounding(double& lost, double& nearest) const;
+    void count(Request& r) const;
+    void count_anew();
+
+  private:
+    struct Inside;
+
+    bool some_, in_zone_ = false;
+    Path& path_;
+    std::unique_ptr<Inside> inside_;
+};
+
+}  // namespace rg

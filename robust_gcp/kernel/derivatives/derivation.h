@@ -1,0 +1,229 @@
+// Derivatives at many states, and of many steps of RK4, on regular ground and on known modes; see derivatives.py, discrete.py.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <memory>
+#include <vector>
+
+#include "abi.h"
+#include "derivatives/adjoint.h"
+#include "dynamics/motion.h"
+#include "path/path.h"
+#include "derivatives/slopes.h"
+
+namespace rg {
+
+class Derivation {
+  public:
+    explicit Derivation(const Description& d)
+        : path_(d, true), motion_(d, path_), slopes_(d, path_, motion_), adjoint_(d, path_), m_(d.m), nq_(d.nq),
+          nv_(d.nv), width_(2 * d.m + d.nv), independent_(d.independent, d.independent + d.m),
+          independent_q_(d.independent_q, d.independent_q + d.m), size_(d.size, d.size + d.nv),
+          points_(3, Point(path_.layout)), x_(2 * d.m), state_(2 * d.m), sum_(2 * d.m), rate_(2 * d.m) {
+        path_.modes = std::make_unique<Modes>(d, path_.parts);
+    }
+
+    // u̇ at states, and the rows of `Slopes`, G and ∂v/∂y; null where not wanted.
+    void at(const States& s) {
+        for (std::int64_t i = 0; i < s.count; ++i) {
+            Point& point = points_[0];
+            Reason reason = set_out(s, i, point);
+            if (reason == DONE) reason = evaluate(s, i, point);
+            if (reason == DONE && s.rows != nullptr && !slopes_.at(point, s.rows + i * m_ * width_)) reason = NON_FINITE;
+            if (reason == DONE) write(s, i, point);
+            s.status[i] = reason;
+        }
+    }
+
+    // Takes the steps between states again; G and ∂v/∂y are written for each state. A step is good where the states
+    // at both its ends are, and where it ends at the second one, if that is known: NaN are not. None is where inputs are no rates in a loop.
+    void take(const States& s, const double* times) {
+        if (path_.charted) return std::fill(s.status, s.status + s.count, CHART);
+        const auto steps = static_cast<std::size_t>(s.count - 1);
+        adjoint_.resize(steps);
+        bool ready = false;
+        for (std::int64_t i = 0; i < s.count; ++i) {
+            // the torque of the last step serves at its end, where no more than G is asked for
+            const std::int64_t held = std::min<std::int64_t>(i, s.count - 2);
+            Reason reason = ready ? DONE : set_out(s, i, *begin_);
+            if (reason == DONE) reason = evaluate(s, held, *begin_);
+            if (reason == DONE && !slopes_.at(*begin_, adjoint_.stage(static_cast<std::size_t>(i), 0))) reason = NON_FINITE;
+            s.status[i] = reason;
+            ready = false;
+            if (reason != DONE) continue;
+            write(s, i, *begin_);
+            if (i == s.count - 1) return;
+            adjoint_.h[static_cast<std::size_t>(i)] = times[i + 1] - times[i];
+            reason = step(s, i);
+            const bool known = !std::isnan(s.q[(i + 1) * nq_]);
+            if (reason == DONE && known && !(apart(s, i + 1, *end_) < s.same)) reason = BRANCH;
+            s.status[i] = reason;
+            if (reason != DONE) continue;
+            std::swap(begin_, end_);
+            adjoint_.renew(*begin_);
+            ready = true;
+        }
+    }
+
+    // As `Adjoint::pull`.
+    void pull(std::int64_t first, std::int64_t last, int count, double* rows, const double* after,
+              const double* before, double* by_tau) {
+        adjoint_.pull(first, last, count, rows, after, before, by_tau);
+    }
+
+    // Takes in a series that parts may be put on; false where it is not one of a part of one coordinate.
+    bool learn(const ModeSeries& series) { return path_.modes->learn(series); }
+
+  private:
+    static constexpr double MEETING = 1e-4;  // conditioning, and speed, below which modes are not told apart
+
+    // Whether series may serve: within a step only where its end is known, which tells the modes apart.
+    bool led(const States& s) const { return path_.modes->some() && std::isfinite(s.same); }
+
+    // The point at a state, if it is one of the mechanism's: on regular ground, else with the parts on series that
+    // these serve. Where modes meet, one that rests does not tell which is its own.
+    Reason set_out(const States& s, std::int64_t i, Point& point) {
+        path_.modes->on = false;
+        const Reason reason = settled(s, i, point);
+        if (reason == DONE || !led(s)) return reason;
+        double fastest = reason == ZONE ? point.conditioning() : 0.0;
+        for (int k = 0; k < nv_; ++k) fastest = std::max(fastest, std::fabs(s.v[i * nv_ + k] * size_[k]));
+        path_.modes->on = true;
+        return fastest > MEETING && settled(s, i, point) == DONE ? DONE : reason;
+    }
+
+    Reason settled(const States& s, std::int64_t i, Point& point) {
+        const double *q = s.q + i * nq_, *v = s.v + i * nv_;
+        std::copy(q, q + nq_, point.q());
+        for (int k = 0; k < m_; ++k) {
+            point.ydot()[k] = v[independent_[k]];
+            point.y()[k] = independent_q_[k] < 0 ? 0.0 : q[independent_q_[k]];
+        }
+        point.distance = point.turn = 0.0;
+        if (!path_.settle(point, q)) return NEWTON;
+        if (!(point.conditioning() >= s.zone)) return ZONE;
+        if (!(apart(s, i, point) <= s.close)) return BRANCH;
+        return DONE;
+    }
+
+    Reason evaluate(const States& s, std::int64_t i, Point& point) {
+        Request request{};
+        request.held = s.tau == nullptr ? nullptr : s.tau + i * nv_;
+        const Reason reason = motion_.evaluate(0.0, point, request);
+        if (reason != DONE) return reason;
+        return std::all_of(motion_.ydd.begin(), motion_.ydd.end(), [](double x) { return std::isfinite(x); })
+                   ? DONE
+                   : NON_FINITE;
+    }
+
+    void write(const States& s, std::int64_t i, Point& point) {
+        if (s.ydd != nullptr) std::copy(motion_.ydd.begin(), motion_.ydd.end(), s.ydd + i * m_);
+        if (s.G != nullptr) std::copy(point.G(), point.G() + nv_ * m_, s.G + i * nv_ * m_);
+        const Displacements& moved = slopes_.moved();
+        if (s.v_y != nullptr) std::copy(moved.v_y.begin(), moved.v_y.end(), s.v_y + i * nv_ * m_);
+        if (s.a == nullptr) return;
+        std::copy(moved.a.begin(), moved.a.end(), s.a + i * nv_);
+        std::copy(moved.a_y.begin(), moved.a_y.end(), s.a_y + i * nv_ * m_);
+        std::copy(moved.a_u.begin(), moved.a_u.end(), s.a_u + i * nv_ * m_);
+    }
+
+    // Largest difference between a point and a state: of numbers in q, dimensionless, and of v relative to the
+    // largest one.
+    double apart(const States& s, std::int64_t i, Point& point) {
+        const double *q = s.q + i * nq_, *v = s.v + i * nv_;
+        double worst = 0.0, fastest = 0.0, off = 0.0;
+        for (int j : path_.chain.all) {
+            const Body& b = path_.chain.bodies[j];
+            const bool ball = b.kind == SPHERICAL || b.kind == FREE_FLYER;
+            const int end = b.q + NUMBERS[b.kind].q, turns = ball ? end - 4 : end;
+            const bool flat = NUMBERS[b.kind].q == b.count;
+            for (int k = b.q; k < turns; ++k)
+                keep(worst, (point.q()[k] - q[k]) * (flat ? size_[b.first + k - b.q] : 1.0));
+            double same = 0.0, opposite = 0.0;  // ± q is one rotation
+            for (int k = turns; k < end; ++k) {
+                keep(same, point.q()[k] - q[k]);
+                keep(opposite, point.q()[k] + q[k]);
+            }
+            keep(worst, std::min(same, opposite));
+        }
+        path_.product(point, point.ydot(), motion_.v.data());
+        for (int k = 0; k < nv_; ++k) {
+            keep(fastest, v[k] * size_[k]);
+            keep(off, (motion_.v[k] - v[k]) * size_[k]);
+        }
+        keep(worst, off > 0.0 ? off / (s.at_rest + fastest) : 0.0);
+        return worst;
+    }
+
+    // Keeps a NaN.
+    static void keep(double& worst, double value) {
+        const double magnitude = std::fabs(value);
+        if (!(magnitude <= worst)) worst = magnitude;
+    }
+
+    // One step from the point at its start, which was evaluated, to `end_`.
+    Reason step(const States& s, std::int64_t i) {
+        const auto number = static_cast<std::size_t>(i);
+        const double h = adjoint_.h[number];
+        std::copy(begin_->y(), begin_->y() + m_, x_.begin());
+        std::copy(begin_->ydot(), begin_->ydot() + m_, x_.begin() + m_);
+        std::fill(sum_.begin(), sum_.end(), 0.0);
+        Point *anchor = begin_, *spare = middle_;
+        for (std::size_t stage = 0; stage < 4; ++stage) {
+            if (stage > 0) {
+                for (int k = 0; k < 2 * m_; ++k) state_[k] = x_[k] + h * Adjoint::SHARE[stage] * rate_[k];
+                Reason reason = move(s, *anchor, *spare);
+                if (reason == DONE) reason = evaluate(s, i, *spare);
+                if (reason == DONE && !slopes_.at(*spare, adjoint_.stage(number, stage))) reason = NON_FINITE;
+                if (reason != DONE) return reason;
+                std::swap(anchor, spare);
+                if (spare == begin_) spare = end_;  // the start is needed until the end
+            }
+            if (!adjoint_.chart(*anchor, number, stage)) return CHART;
+            std::copy(anchor->ydot(), anchor->ydot() + m_, rate_.begin());
+            path_.groups.rate(*anchor, rate_.data());
+            std::copy(motion_.ydd.begin(), motion_.ydd.end(), rate_.begin() + m_);
+            for (int k = 0; k < 2 * m_; ++k) sum_[k] += Adjoint::WEIGHT[stage] * rate_[k];
+        }
+        for (int k = 0; k < 2 * m_; ++k) state_[k] = x_[k] + h * sum_[k];
+        const Reason reason = move(s, *anchor, *spare);
+        if (reason != DONE) return reason;
+        end_ = spare;
+        middle_ = anchor;
+        return adjoint_.chart(*end_, number, 4) ? DONE : CHART;
+    }
+
+    // The point at `state_`, if the path is good enough; see RegularGround in ground.py.
+    Reason move(const States& s, Point& anchor, Point& point) {
+        path_.modes->on = false;
+        const Reason reason = stepped(s, anchor, point);
+        if (reason == DONE || !led(s)) return reason;
+        path_.modes->on = true;
+        return stepped(s, anchor, point) == DONE ? DONE : reason;
+    }
+
+    Reason stepped(const States& s, Point& anchor, Point& point) {
+        if (Reason reason = path_.step(anchor, begin_->q(), state_.data(), state_.data() + m_, point)) return reason;
+        const double needed = std::max(s.zone, std::min(POOR, PACE * point.turn));
+        if (!(point.conditioning() >= needed)) return ZONE;
+        // on which side of a singular place K_d is, a series does not tell: the end of the step will
+        const bool same = anchor.by_modes || point.by_modes ? path_.near_prediction(point)
+                                                            : path_.same_branch(anchor, point);
+        return same ? DONE : BRANCH;
+    }
+
+    Path path_;
+    Motion motion_;
+    Slopes slopes_;
+    Adjoint adjoint_;
+    int m_, nq_, nv_, width_;
+    std::vector<int> independent_, independent_q_;
+    Cells<double> size_;
+    std::vector<Point> points_;
+    Point *begin_ = &points_[0], *middle_ = &points_[1], *end_ = &points_[2];
+    Cells<double> x_, state_, sum_, rate_;
+};
+
+}  // namespace rg

@@ -1,0 +1,222 @@
+"""The compiled kernel: where it is, and why it is not there."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import hashlib
+import json
+import os
+import sys
+from ctypes import POINTER, c_char_p, c_double, c_int32, c_int64, c_void_p
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..warning import warn
+from .structures import VERSION, Bridging, Cluster, Description, ModeSeries, Request, States
+
+NAME = "kernel.dylib" if sys.platform == "darwin" else "kernel.so"
+
+REPORT = "build_report.json"
+"""What the build left behind: {"status": "built" | "failed" | "no compiler" | "skipped", "detail": ...}."""
+
+SWITCH = "ROBUST_GCP_NATIVE"
+"""Environment variable: 0 skips the build at installation and the kernel at run time; at run time it
+may also name a library to use instead of the installed one."""
+
+
+@dataclass(frozen=True)
+class Backend:
+    """Whether a backend of `simulate` can be used.
+
+    Attributes
+    ----------
+    available : bool
+    reason : str
+        What it is, or why it is not there and what would help.
+    """
+
+    available: bool
+    reason: str
+
+
+class NativeBuildWarning(RuntimeWarning):
+    """The compiled kernel should be there, but its build failed or it does not load."""
+
+
+class Library:
+    """The functions of the compiled kernel.
+
+    Raises
+    ------
+    OSError
+        When the file is not the one that was built, cannot be loaded, or speaks another version of the
+        interface.
+    """
+
+    def __init__(self, path: Path) -> None:
+        _require_as_built(path)
+        library = ctypes.CDLL(str(path))
+        if library.rg_version() != VERSION:
+            raise OSError(f"{path} has interface {library.rg_version()}, this package needs {VERSION}")
+        for i, structure in enumerate((Description, Cluster, Bridging, Request, States, ModeSeries)):
+            theirs, ours = library.rg_size(i), ctypes.sizeof(structure)
+            if theirs != ours:
+                raise OSError(f"its {structure.__name__} has {theirs} bytes, this package's {ours}")
+        self.create = library.rg_create
+        self.create.argtypes, self.create.restype = [POINTER(Description), c_char_p, c_int32], c_void_p
+        self.destroy = library.rg_destroy
+        self.destroy.argtypes, self.destroy.restype = [c_void_p], None
+        self.run = library.rg_run
+        self.run.argtypes, self.run.restype = [c_void_p, POINTER(Request)], None
+        self.look = library.rg_look
+        self.look.argtypes, self.look.restype = [c_void_p, POINTER(Request)], None
+        self.trackers = library.rg_trackers
+        self.trackers.argtypes, self.trackers.restype = [c_void_p, POINTER(c_int64)], POINTER(c_double)
+        self.begin = library.rg_begin
+        self.begin.argtypes, self.begin.restype = [c_void_p, POINTER(Request)], None
+        self.derive = library.rg_derive
+        self.derive.argtypes, self.derive.restype = self.create.argtypes, c_void_p
+        self.derived = library.rg_derived
+        self.derived.argtypes, self.derived.restype = [c_void_p], None
+        self.learn = library.rg_learn
+        self.learn.argtypes, self.learn.restype = [c_void_p, POINTER(ModeSeries)], c_int32
+        self.slopes = library.rg_slopes
+        self.slopes.argtypes, self.slopes.restype = [c_void_p, POINTER(States)], None
+        self.take = library.rg_take
+        self.take.argtypes, self.take.restype = [c_void_p, POINTER(States), c_void_p], None
+        self.pull = library.rg_pull
+        self.pull.argtypes = [c_void_p, c_int64, c_int64, c_int32, *4 * [c_void_p]]
+        self.pull.restype = None
+        self.follow_from, self.follow, self.tell = library.rg_follow_from, library.rg_follow, library.rg_tell
+        for function in (self.follow_from, self.follow, self.tell):
+            function.argtypes, function.restype = [c_void_p, POINTER(Request)], None
+        self.bend = library.rg_bend
+        self.bend.argtypes, self.bend.restype = [c_void_p, POINTER(Request), c_void_p, c_void_p], None
+        self.keep, self.forget, self.renew = library.rg_keep, library.rg_forget, library.rg_renew
+        for function in (self.keep, self.forget, self.renew):
+            function.argtypes, function.restype = [c_void_p], None
+        self.measure = library.rg_measure
+        self.measure.argtypes = [POINTER(Description), c_int64, *4 * [c_void_p]]
+        self.measure.restype = None
+
+
+def _require_as_built(path: Path) -> None:
+    """Compare with the checksum in the report beside the library, where there is one.
+
+    A library that lost its end loads, and kills the process at the first call into the missing part.
+    """
+    wanted = _report(path.with_name(REPORT)).get("sha256")
+    if wanted is not None and hashlib.sha256(path.read_bytes()).hexdigest() != wanted:
+        raise OSError(f"its {path.stat().st_size} bytes are not what was built: truncated or changed")
+
+
+def backends() -> dict[str, Backend]:
+    """The backends of `simulate`: what is there, and why not."""
+    library, reason = _look()
+    return {
+        "python": Backend(True, "the reference, always there"),
+        "native": Backend(library is not None, reason),
+    }
+
+
+def library() -> Library | None:
+    """The compiled kernel, or None; warns once where it should be there and is not."""
+    found, reason = _look()
+    if found is None and _broken():
+        _warn(reason)
+    return found
+
+
+def _look() -> tuple[Library | None, str]:
+    wanted = os.environ.get(SWITCH, "")
+    if wanted == "0":
+        return None, f"switched off by {SWITCH}=0"
+    return _load(_installed(NAME) if wanted in ("", "1") else Path(wanted))
+
+
+def _installed(name: str) -> Path:
+    """A file beside this one; an editable installation keeps built files in another folder.
+
+    A checkout without a build of its own takes the kernel that was installed from it.
+    """
+    import robust_gcp.kernel as package
+
+    folders = tuple(package.__path__)
+    found = _first(name, folders)
+    if found is None and name == NAME and _first(REPORT, folders) is None:
+        found = _of_another(tuple(sys.path))
+    return found or Path(__file__).parent / name
+
+
+@functools.cache
+def _of_another(entries: tuple[str, ...]) -> Path | None:
+    """The kernel of another installation, for a checkout that was not built: of the same sources or none."""
+    from .build import fingerprint  # a script of its own, which must not be imported before it is run
+
+    own = fingerprint(Path(__file__).parent)
+    for entry in entries:
+        folder = Path(entry or ".") / "robust_gcp" / "kernel"
+        if own is not None and _report(folder / REPORT).get("sources") == own and (folder / NAME).exists():
+            return folder / NAME
+    return None
+
+
+def _first(name: str, folders: tuple[str, ...]) -> Path | None:
+    """The first such file in these folders; remembered once it was there."""
+    if (name, folders) not in _FOUND:
+        found = next((Path(f) / name for f in folders if (Path(f) / name).exists()), None)
+        if found is None:
+            return None
+        _FOUND[name, folders] = found
+    return _FOUND[name, folders]
+
+
+_FOUND: dict[tuple[str, tuple[str, ...]], Path] = {}
+
+
+@functools.cache
+def _load(path: Path) -> tuple[Library | None, str]:
+    if not path.exists():
+        return None, _why_not_built() if path.name == NAME else f"there is no {path}"
+    try:
+        return Library(path), f"compiled kernel {path}"
+    except (OSError, AttributeError) as error:
+        return None, f"{path} does not load ({error}); build it again"
+
+
+def _report(path: Path) -> dict[str, Any]:
+    try:
+        report = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return report if isinstance(report, dict) else {}
+
+
+def _broken() -> bool:
+    wanted = os.environ.get(SWITCH, "")
+    if wanted not in ("", "1"):
+        return wanted != "0"
+    return _installed(NAME).exists() or _report(_installed(REPORT)).get("status") == "failed"
+
+
+def _why_not_built() -> str:
+    report = _report(_installed(REPORT))
+    status, detail = report.get("status"), report.get("detail", "")
+    if status == "failed":
+        return f"its build failed at installation ({detail}); the log is {_installed('build.log')}"
+    if status == "no compiler":
+        return f"no C++ compiler was found at installation ({detail}); install one, then this package again"
+    if status == "skipped":
+        return f"its build was skipped at installation ({detail})"
+    return "not built in this checkout; build it with: python -m robust_gcp.kernel.build"
+
+
+@functools.cache
+def _warn(reason: str) -> None:
+    warn(
+        f"the compiled kernel is not available: {reason}. Simulations run on the slower Python backend; "
+        'robust_gcp.backends() tells more, simulate(backend="python") asks for it without this warning',
+        NativeBuildWarning,
+    )

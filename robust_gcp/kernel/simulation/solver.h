@@ -1,0 +1,117 @@
+// ẋ for a solver that chooses its own steps and takes trials back; see kernel/rates.py and simulation/following.py.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "simulation/stepper.h"
+
+namespace rg {
+
+constexpr double OUTGROWN = 1.0;  // as in explicit.py
+constexpr double FORWARD = 1.4901161193847656e-08;  // as in differences.py
+
+class Solver : public Stepper {
+  public:
+    explicit Solver(const Description& d) : Stepper(d), home_(d.nq) {}
+
+    // Goes on from `anchor` and x, with charts about `origin`; what was met before was told of.
+    void set_out_from(Request& r) {
+        count_anew(r);
+        begin(r);
+        std::copy(r.origin, r.origin + home_.size(), home_.begin());
+        origin_ = home_.data();
+        if (r.beginning != IN_ZONE) clusters.forget();
+        r.in_zone = clusters.in_zone(), r.met = clusters.met(), r.plain = false;
+    }
+
+    // ẋ at the state x and times[0]; NaN at one that is not finite, of a trial that a refusal has spoilt. From
+    // the point evaluated last, or from the one that was kept where that is nearer.
+    void follow(Request& r) {
+        r.reason = DONE;
+        if (!std::all_of(r.x, r.x + n_, [](double number) { return std::isfinite(number); })) {
+            std::fill(r.rate, r.rate + n_, std::numeric_limits<double>::quiet_NaN());
+            return;
+        }
+        if (accepted_ != anchor_ && apart(r.x, *accepted_) < apart(r.x, *anchor_)) go_back(r);
+        r.in_zone = clusters.in_zone();
+        std::copy(r.x, r.x + n_, stage_.begin());
+        r.reason = evaluate(r, r.times[0]);
+        r.met = clusters.met();
+        if (r.reason != DONE) {  // Python evaluates it, and counts
+            --rhs_;
+            return;
+        }
+        count(r);
+        r.in_zone = clusters.in_zone();
+        rate(*anchor_, rate_);
+        std::copy(rate_.begin(), rate_.end(), r.rate);
+        watch_.follow(r);
+        r.plain = !r.met && !r.in_zone && !watch_.exceeds(*anchor_) && !outgrown(*anchor_);
+    }
+
+    // ∂ẋ/∂x without the work done, by forward differences at x and times[0], row by row; `unit` (m,) are those of y.
+    // See dynamics/linearise.py.
+    void bend(Request& r, const double* unit, double* A) {
+        const int m = path.layout.m, n = 2 * m;
+        follow(r);
+        const std::vector<double> base(r.rate, r.rate + n);
+        for (int k = 0; k < n && r.reason == DONE; ++k) {
+            const double size = unit[k % m], at = r.x[k];
+            // a force that ẏ does not change rounds to ε ÿ: ẏ is moved far enough to rise above that
+            const double fast = std::max({size, std::fabs(at), std::sqrt(size * std::fabs(base[m + k % m]))});
+            r.x[k] += FORWARD * (k < m ? size : fast);
+            follow(r);
+            for (int i = 0; i < n; ++i) A[i * n + k] = (r.rate[i] - base[i]) / (r.x[k] - at);
+            r.x[k] = at;
+        }
+    }
+
+    // The point evaluated last, and ÿ, τ and the power there.
+    void tell(Request& r) {
+        anchor_->write(r.anchor);
+        std::copy(motion_.ydd.begin(), motion_.ydd.end(), r.ydd);
+        std::copy(motion_.tau.begin(), motion_.tau.end(), r.tau);
+        r.power = motion_.power;
+        clusters.rounding(r.uncertain, r.nearest);
+    }
+
+    // Go back to the point evaluated last where that is nearer to a state than those after it.
+    void keep() { accepted_ = anchor_; }
+
+  private:
+    // Whether charts ought to be renewed.
+    bool outgrown(Point& point) const {
+        if (path.charted && path.away(point, origin_) > OUTGROWN) return true;
+        return std::any_of(on_groups_.begin(), on_groups_.end(),
+                           [&](int k) { return std::fabs(point.y()[k]) > OUTGROWN; });
+    }
+
+    double apart(const double* y, Point& point) const {
+        double worst = 0.0;
+        for (int i = 0; i < path.layout.m; ++i) worst = std::max(worst, std::fabs(y[i] - point.y()[i]));
+        return worst;
+    }
+
+    // On regular ground at the point that was kept, or beside it cluster by cluster; see ClusterMap._restart.
+    void go_back(const Request& r) {
+        Point& point = spare();
+        point = *accepted_;
+        anchor_ = accepted_;
+        if (r.bridging == nullptr) return;
+        const bool regular = path.settle(point, origin_) && point.conditioning() >= r.zone &&
+                             !(path.numbered && path.apart(accepted_->q(), point) >= SAME_PLACE);
+        if (regular) {
+            anchor_ = &point;
+            clusters.leave();
+        } else if (clusters.some()) {
+            clusters.enter(*accepted_);
+        }
+    }
+
+    Cells<double> home_;
+};
+
+}  // namespace rg

@@ -1,0 +1,280 @@
+// RK4 steps until the end of the batch, or until something rare happens.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "abi.h"
+#include "linalg/cells.h"
+#include "cluster/clusters.h"
+#include "dynamics/motion.h"
+#include "path/path.h"
+#include "simulation/watch.h"
+
+namespace rg {
+
+// Conditioning from which an output is one to return to, of a run that came to `best`: see simulation/recovery.py.
+inline double good_from(double best) { return best >= POOR ? POOR : std::max(0.05, 0.8 * best); }
+
+class alignas(CACHE_LINE) Stepper {
+  public:
+    explicit Stepper(const Description& d)
+        : path(d), clusters(d, path), motion_(d, path), works_(d.works), n_(2 * d.m + d.works),
+          watch_(d, path.parts), slots_(SLOTS, Point(path.layout)), x_(n_), stage_(n_), sum_(n_), rate_(n_) {
+        for (int k = 0; k < d.m; ++k)
+            if (d.independent_q[k] < 0) on_groups_.push_back(k);
+    }
+
+    Path path;
+    Clusters clusters;
+
+    void run(Request& r) {
+        r.completed = 0;
+        r.reason = DONE;
+        log_.clear();
+        if (r.beginning < ON) count_anew(r);
+        begin(r);
+        r.plain = false;
+        if (r.beginning == TURNED && !look(r)) {
+            r.completed = -1;
+            return;
+        }
+        watch_.follow(r);
+        const int m = path.layout.m;
+        bool in_zone = clusters.in_zone();  // at the last accepted output
+        Cells<double> last_ydd(r.ydd, r.ydd + m), last_tau(r.tau, r.tau + path.layout.nv);
+        double last_power = r.power;
+        for (std::int64_t i = r.first; i < r.first + r.steps && r.reason == DONE; ++i) {
+            const Reason reason = step(r, r.times[i], r.times[i + 1]);
+            if (reason != DONE) {
+                r.reason = reason;
+                break;
+            }
+            if (clusters.met())
+                log(i, {r.times[i], r.times[i + 1], accepted_, anchor_, last_ydd.data(), motion_.ydd.data()});
+            accepted_ = anchor_;
+            origin_ = accepted_->q();
+            x_ = sum_;
+            for (int k : on_groups_) accepted_->y()[k] = x_[k] = 0.0;  // a new chart about the point
+            in_zone = clusters.in_zone();
+            last_ydd = motion_.ydd;
+            last_tau = motion_.tau;
+            last_power = motion_.power;
+            ++r.completed;
+            count(r);
+            r.best = std::max(r.best, accepted_->conditioning());
+            if (accepted_->conditioning() >= good_from(r.best)) {
+                safe_ = accepted_;
+                safe_x_ = x_;
+                r.safe_step = i + 1;
+            }
+            if ((i + 1) % r.every == 0) output(r, (i + 1) / r.every - 1);
+            if (!in_zone && watch_.exceeds(*accepted_)) r.reason = CHART;
+        }
+        accepted_->write(r.anchor);
+        std::copy(x_.begin(), x_.end(), r.x);
+        std::copy(last_ydd.begin(), last_ydd.end(), r.ydd);
+        std::copy(last_tau.begin(), last_tau.end(), r.tau);
+        r.power = last_power;
+        write(r.safe, safe_, safe_x_);
+        r.in_zone = in_zone;
+        r.log = log_.data();
+        r.logged = static_cast<std::int64_t>(log_.size()) / (7 + path.layout.nq);
+        r.plain = r.reason == DONE && r.logged == 0 && !(in_zone && watch_.exceeds(*accepted_));
+    }
+
+    // ÿ, τ and the power at the last accepted point, under the torque that is held now; false where they are
+    // not known. What was put out there is put out anew.
+    bool look(Request& r) {
+        r.reason = NON_FINITE;
+        if (accepted_ == nullptr) return false;
+        path.survey(*accepted_);
+        ++rhs_;
+        r.reason = motion_.evaluate(r.times[r.first], *accepted_, r);
+        count(r);
+        if (r.reason != DONE) return false;
+        std::copy(motion_.ydd.begin(), motion_.ydd.end(), r.ydd);
+        std::copy(motion_.tau.begin(), motion_.tau.end(), r.tau);
+        r.power = motion_.power;
+        if (r.beginning == TURNED) output(r, r.first - 1);
+        return true;
+    }
+
+    // For another motion: nothing of those before is known any more.
+    void renew() {
+        anchor_ = accepted_ = safe_ = nullptr;
+        clusters.renew();
+    }
+
+    // The state of the clusters' trackers as plain numbers.
+    const double* trackers(std::int64_t& count) {
+        trackers_ = clusters.written();
+        count = static_cast<std::int64_t>(trackers_.size());
+        return trackers_.data();
+    }
+
+    // The point with the anchor's q, closed, at the state x and times[0], and ÿ there.
+    void set_out(Request& r) {
+        path.enough = std::max(POOR, r.zone);
+        Point& point = slots_[0];
+        point.read(r.anchor);
+        std::copy(r.x, r.x + path.layout.m, point.y());
+        std::copy(r.x + path.layout.m, r.x + 2 * path.layout.m, point.ydot());
+        r.reason = !path.settle(point, r.anchor + path.layout.q) ? NEWTON : !(point.conditioning() >= r.zone) ? ZONE : DONE;
+        if (r.reason == DONE) r.reason = motion_.evaluate(r.times[0], point, r);
+        point.write(r.anchor);
+        std::copy(motion_.ydd.begin(), motion_.ydd.end(), r.ydd);
+        std::copy(motion_.tau.begin(), motion_.tau.end(), r.tau);
+        r.power = motion_.power;
+    }
+
+  protected:
+    static constexpr int SLOTS = 5;  // anchor, trial, accepted, safe, and one more
+
+    void count_anew(Request& r) {
+        path.newton_iterations = path.evaluations = motion_.force_evaluations = rhs_ = 0;
+        clusters.count_anew();
+        count(r);
+        safe_ = nullptr;
+        r.safe_step = -1;
+    }
+
+    // Takes up the state, and the point at it.
+    void begin(const Request& r) {
+        path.enough = std::max(POOR, r.zone);
+        if (r.beginning < ON && r.bridging != nullptr) clusters.use(*r.bridging);
+        if ((r.beginning == GO_ON || r.beginning >= ON) && accepted_ != nullptr) {
+            anchor_ = accepted_;
+        } else {
+            anchor_ = accepted_ = &slots_[0];
+            anchor_->read(r.anchor);
+            path.prime(*anchor_);
+            clusters.leave();
+            if (r.beginning == IN_ZONE) clusters.read(r.trackers);
+        }
+        origin_ = accepted_->q();
+        std::copy(r.x, r.x + n_, x_.begin());
+        std::copy(r.ydd, r.ydd + path.layout.m, motion_.ydd.begin());
+        motion_.power = r.power;
+    }
+
+    void log(std::int64_t i, const Step& step) {
+        passed_.clear();
+        clusters.passed(step, passed_);
+        const std::size_t width = static_cast<std::size_t>(path.layout.nq) + 6;
+        for (std::size_t at = 0; at < passed_.size(); at += width) {
+            log_.push_back(static_cast<double>(i));
+            log_.insert(log_.end(), passed_.begin() + static_cast<std::ptrdiff_t>(at),
+                        passed_.begin() + static_cast<std::ptrdiff_t>(at + width));
+        }
+    }
+
+    // What the steps accepted so far took; a step that is given up is done, and counted, by Python.
+    void count(Request& r) const {
+        r.rhs = rhs_;
+        r.newton = path.newton_iterations;
+        r.constraint_evaluations = path.evaluations;
+        r.force_evaluations = motion_.force_evaluations;
+        clusters.count(r);
+    }
+
+    Reason step(const Request& r, double t, double end) {
+        const double h = end - t, half = 0.5 * h;
+        rate(*accepted_, rate_);
+        sum_ = rate_;
+        advance(half);
+        if (Reason reason = evaluate(r, t + half)) return reason;
+        gather(2.0);
+        advance(half);
+        if (Reason reason = evaluate(r, t + half)) return reason;
+        gather(2.0);
+        advance(h);
+        if (Reason reason = evaluate(r, t + h)) return reason;
+        gather(1.0);
+        bool finite = true;
+        for (int i = 0; i < n_; ++i) {
+            sum_[i] = stage_[i] = x_[i] + (h / 6.0) * sum_[i];
+            finite = finite && std::isfinite(sum_[i]);
+        }
+        return finite ? evaluate(r, end) : NON_FINITE;
+    }
+
+    void gather(double weight) {
+        rate(*anchor_, rate_);
+        for (int i = 0; i < n_; ++i) sum_[i] += weight * rate_[i];
+    }
+
+    void advance(double h) {
+        for (int i = 0; i < n_; ++i) stage_[i] = x_[i] + h * rate_[i];
+    }
+
+    // ẋ at a point that was evaluated just now.
+    void rate(Point& point, Cells<double>& rate) {
+        const int m = path.layout.m;
+        std::copy(point.ydot(), point.ydot() + m, rate.begin());
+        path.rate(point, origin_, rate.data());
+        std::copy(motion_.ydd.begin(), motion_.ydd.end(), rate.begin() + m);
+        if (works_) rate[2 * m] = motion_.power;
+    }
+
+    // The point and ÿ at the state `stage_`; the point becomes the anchor.
+    Reason evaluate(const Request& r, double t) {
+        const int m = path.layout.m;
+        const double *y = stage_.data(), *ydot = y + m;
+        Point& point = spare();
+        ++rhs_;
+        Reason reason = clusters.in_zone() ? ZONE : by_regular_path(r, y, ydot, point);
+        if (reason != DONE && r.bridging != nullptr && clusters.some() &&
+            clusters.at(*anchor_, origin_, y, ydot, point, r.zone))
+            reason = DONE;
+        if (reason != DONE) return reason;
+        anchor_ = &point;
+        return motion_.evaluate(t, point, r);
+    }
+
+    // One step of the regular path, if it is good enough; see RegularGround in ground.py.
+    Reason by_regular_path(const Request& r, const double* y, const double* ydot, Point& point) {
+        if (Reason reason = path.step(*anchor_, origin_, y, ydot, point)) return reason;
+        if (r.bridging == nullptr) return point.conditioning() >= r.zone ? DONE : ZONE;
+        const double needed = std::max(r.zone, std::min(POOR, PACE * point.turn));
+        if (!(point.conditioning() >= needed)) return ZONE;
+        return path.same_branch(*anchor_, point) ? DONE : BRANCH;
+    }
+
+    Point& spare() {
+        for (Point& point : slots_)
+            if (&point != anchor_ && &point != accepted_ && &point != safe_) return point;
+        return slots_[0];  // never: four places are taken at most
+    }
+
+    void output(Request& r, std::int64_t row) {
+        const Layout& l = path.layout;
+        Point& point = *accepted_;
+        if (r.q_out) std::copy(point.q(), point.q() + l.nq, r.q_out + row * l.nq);
+        if (r.v_out) std::copy(motion_.v.begin(), motion_.v.end(), r.v_out + row * l.nv);
+        if (r.tau_out) std::copy(motion_.tau.begin(), motion_.tau.end(), r.tau_out + row * l.nv);
+        if (r.energy_out) r.energy_out[row] = motion_.energy(point);
+        if (r.work_out && works_) r.work_out[row] = x_[2 * l.m];
+        if (r.a_out) path.acceleration(point, motion_.ydd.data(), r.a_out + row * l.nv);
+    }
+
+    void write(double* to, const Point* point, const Cells<double>& x) const {
+        if (point == nullptr || to == nullptr) return;
+        point->write(to);
+        std::copy(x.begin(), x.end(), to + path.layout.size);
+    }
+
+    Motion motion_;
+    int works_, n_;
+    Watch watch_;
+    std::vector<int> on_groups_;  // which of y are in charts
+    std::vector<Point> slots_;
+    Cells<double> x_, stage_, sum_, rate_, safe_x_;
+    Point *anchor_ = nullptr, *accepted_ = nullptr, *safe_ = nullptr;
+    const double* origin_ = nullptr;  // q where charts have theirs
+    std::vector<double> log_, passed_, trackers_;
+    std::int64_t rhs_ = 0;
+};
+
+}  // namespace rg

@@ -1,0 +1,58 @@
+// What a joint is: its kind, its numbers in q, its velocities, where they take its frame, and Pinocchio's
+// type of it. A new kind is added here, and in mechanism/joints.py, which counts the kinds alike.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+
+#include "linalg/spatial.h"
+
+namespace rg {
+
+// Joints whose motion subspace is constant in their own frame. Hinges and slides are about or along z:
+// the caller turns the frames.
+enum Kind : std::int32_t { HINGE, SLIDE, UNBOUNDED_HINGE, SPHERICAL, TRANSLATION, FREE_FLYER, PLANAR };
+
+// One velocity of a joint: a column of the joint's axes, turning about it or sliding along it.
+struct Freedom {
+    int column = 2;
+    bool turning = true;
+};
+
+struct Numbers {
+    int q, v;  // how many
+    Freedom freedoms[6];
+};
+
+constexpr bool SLIDES = false, TURNS = true;
+
+constexpr Numbers NUMBERS[] = {
+    {1, 1, {{2, TURNS}}},
+    {1, 1, {{2, SLIDES}}},
+    {2, 1, {{2, TURNS}}},
+    {4, 3, {{0, TURNS}, {1, TURNS}, {2, TURNS}}},
+    {3, 3, {{0, SLIDES}, {1, SLIDES}, {2, SLIDES}}},
+    {7, 6, {{0, SLIDES}, {1, SLIDES}, {2, SLIDES}, {0, TURNS}, {1, TURNS}, {2, TURNS}}},
+    {4, 3, {{0, SLIDES}, {1, SLIDES}, {2, TURNS}}},
+};
+
+inline bool is_hinge(int kind) { return kind == HINGE || kind == UNBOUNDED_HINGE; }
+
+// The joint's axes, from those of its place on the parent, `base`; its origin r is shifted from there.
+inline Axes moved(int kind, const double* q, const Axes& base, Vec& r) {
+    switch (kind) {
+        case HINGE: return base.about_z(std::cos(q[0]), std::sin(q[0]));
+        case SLIDE: r += q[0] * base.z; return base;
+        case UNBOUNDED_HINGE: return base.about_z(q[0], q[1]);
+        case SPHERICAL: return base.turn(axes_of_quaternion(q));
+        case TRANSLATION: r += base.turn(Vec{q[0], q[1], q[2]}); return base;
+        case FREE_FLYER:
+            r += base.turn(Vec{q[0], q[1], q[2]});
+            return base.turn(axes_of_quaternion(q + 3));
+        default:  // PLANAR
+            r += base.turn(Vec{q[0], q[1], 0.0});
+            return base.about_z(q[2], q[3]);
+    }
+}
+
+}  // namespace rg
