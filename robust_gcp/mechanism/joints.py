@@ -22,7 +22,7 @@ Array = NDArray[np.floating[Any]]
 
 
 class JointKind(IntEnum):
-    """Kinds of joints; the compiled kernel knows the first seven by these numbers, see kernel/tree/joints.h."""
+    """Kinds of joints; the kernel knows the first seven by these numbers, see kernel/tree/joints.h."""
 
     HINGE = 0
     SLIDE = 1
