@@ -6,6 +6,7 @@ import numpy as np
 
 from ..dynamics.equations import Evaluation
 from ..dynamics.problem import Problem
+from ..errors import SimulationError
 from ..kernel.rates import Rates
 from ..kernel.steps import KernelMap, NativeSteps
 from ..maps.cluster.cluster_map import ClusterMap
@@ -26,6 +27,8 @@ class Following:
     native : NativeSteps or None
     coordinates : Coordinates or None
         What looks after the independent joints.
+    returns : bool
+        Whether the map in Python goes back to what was kept wherever that is nearer, not on a refusal alone.
 
     Attributes
     ----------
@@ -33,7 +36,14 @@ class Following:
         Gone back to where it is nearer than what was evaluated last.
     """
 
-    def __init__(self, motion: Problem, native: NativeSteps | None, coordinates: Coordinates | None) -> None:
+    def __init__(
+        self,
+        motion: Problem,
+        native: NativeSteps | None,
+        coordinates: Coordinates | None,
+        returns: bool = True,
+    ) -> None:
+        self._returns = returns
         self._motion, self._native, self._coordinates = motion, native, coordinates
         self._rates: Rates | None = None
         self.kept: Evaluation | None = None
@@ -117,8 +127,14 @@ class Following:
         return rate
 
     def _in_python(self, t: float, x: Array) -> Evaluation:
-        self.near(x)
-        now = self._motion.equations.evaluate(t, x)
+        if self._returns:
+            self.near(x)
+        try:
+            now = self._motion.equations.evaluate(t, x)
+        except SimulationError:  # at a trial: the map goes back to where the step began
+            if self.kept is not None:
+                map_of_rest(self._motion.explicit).anchor = point_of_rest(self.kept.point)
+            raise
         if self.kept is None:  # where the solver begins
             self.kept = now
         self._hand_over(now, x)

@@ -132,7 +132,7 @@ class RefinedRun(Run):
     def _follow_from(self, now: Evaluation | None) -> None:
         """Follow the mode anew from an evaluation at the present state, or from the map's anchor."""
         self._leave()
-        self._following = Following(self._motion, self._native, self._coordinates)
+        self._following = Following(self._motion, self._native, self._coordinates, returns=False)
         if now is not None:
             self._following.begin(now, self._x)
 
