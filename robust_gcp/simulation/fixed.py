@@ -77,13 +77,13 @@ class FixedRun(RefinedRun):
                     continue
                 if not recovery.careful:
                     self._leave()
-                if self._native is not None and not recovery.careful:
-                    i, going = self._natively(self._native, i, last, now)
-                    if i == last or self._ended:
-                        return
-                    if going is None:
-                        continue
-                    now = going
+                    if self._native is not None:
+                        i, going = self._natively(self._native, i, last, now)
+                        if i == last or self._ended:
+                            return
+                        if going is None:
+                            continue
+                        now = going
                 self._behind, self._refinement, self._renewed_at = self._x, None, None
                 self._x = (self._refined if recovery.careful else self._stepped)(i, now)
                 i += 1
@@ -108,8 +108,8 @@ class FixedRun(RefinedRun):
         if known is not None:
             self._motion.equations.calls += 1
             return known
-        if self._at_end is not None:
-            return self._at_end
+        if self._following is not None and self._following.kept is not None:
+            return self._following.kept  # at the end of a step with error control
         with self._accuracy():
             return self._motion.equations.evaluate(float(self.times[i]), self._x)
 

@@ -58,7 +58,6 @@ class RefinedRun(Run):
         super().__init__(*parts, **options)
         self._native: NativeSteps | None = None
         self._following: Following | None = None  # while steps are taken with error control
-        self._at_end: Evaluation | None = None  # of the last such step
         self._behind: Array = self._x  # the state before the last step
         self._refinement: SolverSteps | None = None
         self._renewed_at: float | None = None  # when the present step went on in other coordinates
@@ -77,7 +76,6 @@ class RefinedRun(Run):
         bridged, x, t, end = self._cluster_map(), self._x, float(self.times[i]), float(self.times[i + 1])
         ends, dense = [t], []
         looks = self._looked_for(i + 1)
-        self._at_end = None
         if self._following is None or self._following.kept is not begun:
             self._follow_from(begun)
         while t < end:
@@ -97,8 +95,6 @@ class RefinedRun(Run):
                 self._follow_from(None)
         if looks:
             self._refinement = SolverSteps(self._motion.explicit, self._motion.mechanism.m, ends, dense)
-        assert self._following is not None
-        self._at_end = self._following.kept
         self._counters.refined_steps += 1
         self._stretches = extended(self._stretches, float(self.times[i]), end)
         return x
@@ -149,7 +145,7 @@ class RefinedRun(Run):
         """No more steps with error control, for now."""
         if self._following is not None:
             self._following.drop()
-        self._following = self._at_end = None
+        self._following = None
 
     def _renewed_within(self, i: int, begun: Evaluation, t: float, x: Array) -> bool:
         """Whether a step from time i, begun there, goes on at t in better coordinates, which are taken."""

@@ -181,7 +181,10 @@ class SteppedRun(FixedRun):
         return self._torques[bisect_right(self._changes, i) - 1]
 
     def _evaluated(self, i: int) -> Evaluation:
-        self._held.value = self._torque_from(i)
+        torque = self._torque_from(i)
+        if torque is not self._held.value:
+            self._leave()  # what is known at the end of a step was found under the torque before
+        self._held.value = torque
         return super()._evaluated(i)
 
     def _look_within(self, i: int, before: Evaluation, now: Evaluation) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import robust_gcp as rg
+from robust_gcp.examples import linkages
 
 from ..compiled import needs_kernel
 
@@ -55,6 +56,27 @@ def test_the_digits_of_a_whole_run(backend: Any, method: Any, tau: Any) -> None:
         np.testing.assert_array_equal(sim.q, run.q[-1])
         np.testing.assert_array_equal(sim.v, run.v[-1])
         np.testing.assert_array_equal(sim.y, run.y[-1])
+
+
+def test_steps_taken_once_more_with_error_control_have_the_torques_that_they_had(backend: Any) -> None:
+    """Past a near miss, under a torque that is held over each step: as a solver goes from step to step."""
+    mech = linkages.four_bar(1.0, 1.0, 1.0, 1.001, y=np.pi - 0.4)
+    q, v, h = mech.home, mech.lift(mech.home, [4.0]), 5e-3
+
+    def torque(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return np.array([3.0 * np.sin(60.0 * t), 0.0, 0.0])
+
+    run = rg.simulate(
+        mech, v0=v, duration=0.25, step=h, torque=torque, hold=True, record=["tau"], backend=backend
+    )
+    assert run.stats.refined_steps > 10
+    np.testing.assert_array_equal(run.tau[:-1], [torque(t, q, v) for t in run.t[:-1]])
+    for t in run.t[:-1]:
+        held = torque(t, q, v)
+        tight = {"stepper": "DOP853", "rtol": 1e-11, "atol": 1e-13}
+        piece = rg.simulate(mech, q, v, h, h, torque=held, backend=backend, **tight)
+        q, v = piece.q[-1], piece.v[-1]
+    assert np.abs(run.q[-1] - q).max() < 1e-5  # RK4 before and after the near miss
 
 
 def test_torques_that_change_are_runs_one_after_the_other(backend: Any) -> None:
