@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -141,15 +141,11 @@ class NativeSteps:
         watch, best : Watch, float, optional
             See `Workspace.run`.
         """
-        followed = explicit.rest if isinstance(explicit, GroupMap) else explicit
-        options, zone = _limits(explicit)
-        trackers = followed.written if isinstance(followed, ClusterMap) and followed.in_zone else None
-        if trackers is not None and not follows_zones(followed.path):
-            return None
-        mechanism = _whole(explicit)
-        workspace = self.prepare(mechanism, explicit.path)
+        workspace, trackers = self._at(explicit)
         if workspace is None:
             return None
+        options, zone = _limits(explicit)
+        mechanism = _whole(explicit)
         n = min(len(times) - 1, most_steps(mechanism))
         outputs = Outputs.room(n, mechanism.nq, mechanism.nv, wanted)
         return workspace.run(times[: n + 1], x, now, outputs, zone, options, trackers, 1, watch, best)
@@ -171,15 +167,19 @@ class NativeSteps:
 
     def rates(self, explicit: KernelMap, now: Evaluation, x: Array, watch: Watch | None) -> Rates | None:
         """ẋ by the kernel from an evaluation at x on; None where it cannot."""
-        followed = explicit.rest if isinstance(explicit, GroupMap) else explicit
-        trackers = followed.written if isinstance(followed, ClusterMap) and followed.in_zone else None
-        if trackers is not None and not follows_zones(followed.path):
-            return None
-        workspace = self.prepare(_whole(explicit), explicit.path)
+        workspace, trackers = self._at(explicit)
         if workspace is None:
             return None
         options, zone = _limits(explicit)
         return workspace.rates(now, x, zone, options, watch, trackers)
+
+    def _at(self, explicit: KernelMap) -> tuple[Workspace | None, Callable[[], Array] | None]:
+        """The workspace where a map is, None where the kernel cannot go on there; and trackers in a zone."""
+        followed = explicit.rest if isinstance(explicit, GroupMap) else explicit
+        trackers = followed.written if isinstance(followed, ClusterMap) and followed.in_zone else None
+        if trackers is not None and not follows_zones(followed.path):
+            return None, None
+        return self.prepare(_whole(explicit), explicit.path), trackers
 
     def settled(self, begun: int, reached: int) -> Batch:
         """What prepared steps came to; see `Workspace.settled`."""

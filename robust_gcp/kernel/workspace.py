@@ -121,17 +121,19 @@ class Workspace:
         if self.at(now.point):
             r.beginning = Beginning.GO_ON
         else:
-            r.beginning = Beginning.REGULAR if trackers is None else Beginning.IN_ZONE
-            numbers = None if trackers is None else np.ascontiguousarray(trackers())
-            r.trackers = None if numbers is None else numbers.ctypes.data
-            self._pack(now.point)
+            self._begin_at(now.point, trackers)
         outputs.written_by(r)
         self._handed.secure()
         self._acting.listen()
         self._library.run(self._handle, self._by_reference)
         return self._batch(0, int(r.completed), outputs.first(int(r.completed) // every))
 
-    def _pack(self, point: Point) -> None:
+    def _begin_at(self, point: Point, trackers: Callable[[], Array] | None) -> None:
+        """Begin the request at a point, in a zone where there are trackers."""
+        r = self._request
+        r.beginning = Beginning.REGULAR if trackers is None else Beginning.IN_ZONE
+        self._trackers = None if trackers is None else np.ascontiguousarray(trackers())
+        r.trackers = address(self._trackers)  # which are kept as long as the request may be read
         if point is not self._packed:
             self._layout.pack(point, self._shared.anchor)
             self._packed = point
@@ -191,11 +193,8 @@ class Workspace:
         r, self._latest = self._request, None
         self._choose(zone, options, watch, careful=True)
         r.power, r.first, r.times = now.power, 0, self._shared.at_time
-        r.beginning = Beginning.REGULAR if trackers is None else Beginning.IN_ZONE
-        numbers = None if trackers is None else np.ascontiguousarray(trackers())
-        r.trackers = None if numbers is None else numbers.ctypes.data
+        self._begin_at(now.point, trackers)
         self._shared.x[:], self._shared.ydd[:] = x, now.ydd
-        self._pack(now.point)
         self._handed.secure()
         self._acting.listen()
         buffers = self._shared.time, self._shared.x, self._shared.rate
