@@ -13,6 +13,7 @@ from .dynamics.linearise import Linearisation
 from .dynamics.loads import Wrench
 from .dynamics.motion import Motion
 from .dynamics.regressor import Regressor, regressor
+from .dynamics.tableau import Tableau
 from .errors import (
     BranchError,
     ClosureError,
@@ -55,7 +56,6 @@ from .simulation.simulate import simulate
 from .simulation.stability import StabilityWarning
 from .simulation.stats import Stats
 from .simulation.stepwise import Simulation
-from .simulation.tableau import Tableau
 from .simulation.trajectory import Trajectory
 
 if TYPE_CHECKING:

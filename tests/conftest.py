@@ -39,16 +39,12 @@ SLOW = (
     "test_several_at_once.py::test_a_loop_crosses_in_the_step_in_which_another_changes_coordinates[0.0",
     "test_several_at_once.py::test_solvers_cross_in_a_cluster_of_several_coordinates",
     "test_evenness.py::test_uneven_coordinates_are_left",
-    "test_fuzz.py::test_a_case_is_the_same_whenever_it_is_asked_for",
-    "test_fuzz.py::test_spoilt_files",
-    "test_fuzz.py::test_a_process_that_hangs_or_dies",
     "test_paper.py::test_every_figure_is_drawn_for_print",
     "test_solvers_natively.py::test_the_same_run_of_a_floating_base",
     "test_costs.py::test_only_what_is_needed_runs",
     "test_extreme_bodies.py::test_no_cell_is_wrong",
     "test_extreme_starts.py::test_no_cell_is_wrong",
     "test_stability_stiff.py::test_no_stiff_cell_is_wrong",
-    "test_trees.py::test_a_dozen_trees",
     "test_work_precision_references.py::test_two_computations",
     "test_work_precision_references.py::test_robots_on",
     "test_threads.py::test_runs_do_not_depend_on_threads",
@@ -62,6 +58,39 @@ SLOW = (
     "test_space.py::test_modes_that_veer",
 )
 """Tests, by parts of their names, that take more than some four seconds of a processor each or together."""
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """What attacks at random (`-m campaign tests/campaigns`) asks for."""
+    group = parser.getgroup("campaigns")
+    group.addoption("--seed", type=int, help="of the drawing; default: each campaign's own")
+    group.addoption("--count", type=int, help="cases of each campaign; default: each campaign's own")
+    group.addoption("--most", type=int, default=20, help="choices of coordinates, and of trees, of a scene")
+
+
+def pytest_report_header(config: pytest.Config) -> str | None:
+    """The seed of a campaign."""
+    seed = config.option.seed
+    told = "each one's own, which its tests are named by" if seed is None else seed
+    return f"campaigns: seed {told}" if config.option.markexpr == "campaign" else None
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Figures that campaigns recorded, added up over their tests; of what is largest, the largest."""
+    found: dict[str, dict[str, float]] = {}
+    for report in (each for reports in terminalreporter.stats.values() for each in reports):
+        if getattr(report, "when", "") != "call":
+            continue
+        for name, figures in report.user_properties:
+            so_far = found.setdefault(name, {})
+            for what, value in figures.items():
+                of = max if what.startswith("largest") else sum
+                so_far[what] = of((so_far.get(what, 0.0), value))
+    if found:
+        terminalreporter.section("campaigns")
+    for name, figures in sorted(found.items()):
+        told = ", ".join(f"{value:.5g} {what}" for what, value in figures.items())
+        terminalreporter.line(f"{name}: {told}")
 
 
 @pytest.hookimpl(tryfirst=True)

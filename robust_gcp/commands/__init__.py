@@ -1,1 +1,1 @@
-"""The subcommands of the command line, one module each; those of studies are modules there."""
+"""The subcommands of the command line, one module each; those of reports are modules there."""

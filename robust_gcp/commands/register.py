@@ -46,39 +46,29 @@ COMMANDS = (
     Command(
         "paper",
         "draw Figures 4 to 7 of the paper, with the exact motion in the same panels",
-        ".studies.paper",
+        ".reports.paper",
     ),
-    Command("crossings", "random singularity crossings against the closed form", ".studies.crossings"),
+    Command("a02", "N four-bars in a row (IFToMM A02) against the closed form", ".reports.a02"),
     Command(
-        "descriptions",
-        "the same motion in other coordinates, cuts, trees, axes and units",
-        ".studies.descriptions.command",
+        "benchmark", "time a right-hand side and its parts against the number of loops", ".reports.benchmark"
     ),
-    Command("trees", "random trees of four-bars against the closed forms of their loops", ".studies.trees"),
-    Command("a02", "N four-bars in a row (IFToMM A02) against the closed form", ".studies.a02"),
-    Command(
-        "benchmark", "time a right-hand side and its parts against the number of loops", ".studies.benchmark"
-    ),
-    Command("growth", "time of a step against size, ours and of other tools", ".studies.growth"),
+    Command("growth", "time of a step against size, ours and of other tools", ".reports.growth"),
     Command(
         "costs",
         "which parts of the method each kind of scene runs, and what its steps cost",
-        ".studies.costs",
+        ".reports.costs",
     ),
     Command(
         "work-precision",
         "error against run time: our methods, the implicit equations and other tools",
-        ".studies.work_precision.command",
+        ".reports.work_precision.command",
     ),
     Command(
         "stability",
         "stiff and extreme cases against steppers: right, stopped with a reason, or wrong",
-        ".studies.stability.command",
+        ".reports.stability.command",
     ),
-    Command("robots", "robots' files of a folder: which load and run as they are", ".studies.robots"),
-    Command(
-        "fuzz", "spoilt model files: each must be read, or refused by a typed error", ".studies.fuzz.command"
-    ),
+    Command("robots", "robots' files of a folder: which load and run as they are", ".reports.robots"),
 )
 
 

@@ -54,6 +54,11 @@ class DrivenEquations(EquationsOfMotion):
     mechanism, explicit, torque
         As in `EquationsOfMotion`.
     drive : Drive
+
+    Attributes
+    ----------
+    columns : ndarray of int
+        Where the driven joints' velocities are in v.
     """
 
     def __init__(
@@ -62,7 +67,7 @@ class DrivenEquations(EquationsOfMotion):
         super().__init__(mechanism, explicit, torque)
         self.works, self.driven = True, True
         self._drive = drive
-        self._columns = mechanism.iv_independent[drive.driven]
+        self.columns = mechanism.iv_independent[drive.driven]
 
     def evaluate(self, t: float, x: Array) -> Evaluation:
         """Point, velocity, ÿ and the torques on the driven joints at time t."""
@@ -88,9 +93,9 @@ class DrivenEquations(EquationsOfMotion):
             ydd[free] = self._inertia.solve(q, G_free, G_free.T.dot(force))
         effort = G[:, driven].T.dot(tree.rnea(q, v, G.dot(ydd) + point.g) - tau)
         self.calls += 1
-        tau[self._columns] += effort
+        tau[self.columns] += effort
         kept = np.full(self.mechanism.nv, np.nan)
-        kept[self._columns] = effort
+        kept[self.columns] = effort
         return Evaluation(point, v, ydd, tau, power + float(effort @ ydot[driven]), kept)
 
 

@@ -29,6 +29,11 @@ UNBALANCED = 1e-6
 """Share of the joint forces that constraint forces may leave: more than rounding beside a singularity."""
 
 
+UNBALANCED_WORDS = (
+    "multipliers: at a singular configuration no constraint forces balance the motion; NaN is recorded there"
+)
+
+
 @dataclass(slots=True)
 class Evaluation:
     """One evaluation of the equations of motion.
@@ -188,11 +193,7 @@ def constraint_forces(mechanism: Mechanism, q: Array, v: Array, a: Array, tau: A
     split = _Split(mechanism, q)
     size = float(np.abs(mechanism.column_scale * np.array(parts)).max(initial=0.0))
     if np.abs(split.free.T @ residual).max(initial=0.0) > UNBALANCED * size:
-        warn(
-            "multipliers: at a singular configuration no constraint forces balance the motion; "
-            "NaN is recorded there",
-            SingularityWarning,
-        )
+        warn(UNBALANCED_WORDS, SingularityWarning)
         return np.full(mechanism.nc, np.nan)
     return split.multipliers(residual)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -191,8 +191,32 @@ class Drive:
 
     def at(self, t: float) -> tuple[Array, Array, Array]:
         """y, ẏ and ÿ of the driven joints at time t."""
-        p, r, s = np.array([motion.at(t) for motion in self._motions]).T
+        p, r, s = self._rows(t)
         return p, r, s
+
+    def _rows(self, t: float) -> Array:
+        return np.array([motion.at(t) for motion in self._motions]).T
+
+    def stages(self, times: Array, shares: Sequence[float]) -> Array:
+        """y, ẏ and ÿ at t + c h of the steps h between times, (n, s, 3, driven); of the last one at c = 0.
+
+        Ends before a step in which a motion cannot be told, which is for the step itself to say.
+
+        Parameters
+        ----------
+        times : ndarray (n,)
+        shares : sequence of float (s,)
+            c of the stages, the first 0.
+        """
+        rows = np.zeros((len(times), len(shares), 3, len(self.names)))
+        for i, t in enumerate(times.tolist()):
+            h = float(times[i + 1]) - t if i + 1 < len(times) else 0.0
+            try:
+                for k, share in enumerate(shares if i + 1 < len(times) else shares[:1]):
+                    rows[i, k] = self._rows(t + share * h)
+            except Exception:  # whatever a function of the user's raises
+                return rows[:i]
+        return rows
 
     def kink(self, times: Array) -> tuple[str, float, float, float] | None:
         """The driven joint whose velocity jumps between times, when, s, and its velocity before and after.

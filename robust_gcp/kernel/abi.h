@@ -1,12 +1,14 @@
 // What crosses the boundary between Python and the kernel: plain arrays in plain structs.
-// Mirrored by structures.py; change VERSION with any change here.
+// Mirrored by structures.py; change VERSION with any change here. Functions that cross it are RG_EXPORT, in the .cpp files.
 #pragma once
 
 #include <cstdint>
 
+#define RG_EXPORT extern "C" __attribute__((visibility("default")))
+
 namespace rg {
 
-constexpr std::int32_t VERSION = 15;
+constexpr std::int32_t VERSION = 16;
 
 enum Reason : std::int32_t {
     DONE = 0,
@@ -65,6 +67,8 @@ struct Description {
     const double* drive;                // (nv,)
     const std::int32_t* line_joint;     // (lines, 2)
     const double* line;                 // (lines, 9): two points, stiffness, rest length, damping
+    std::int32_t driven;
+    const std::int32_t* driven_y;       // (driven,): which of y are prescribed
     std::int32_t redundant;             // whether rows of φ are left over
     std::int32_t clusters;              // 0 where the kernel does not follow them one by one
     const Cluster* const* cluster;      // (clusters,)
@@ -135,6 +139,10 @@ struct Request {
     double* torque_stored;    // (2,): power of torque_tau that a potential gives, W, and that potential, J
     const double* held;       // (nv,): a constant torque, or null
     const double* trackers;   // as `rg_trackers` gave them
+    const double* prescribed; // (times, stages, 3, driven): y, ẏ and ÿ at each time and stage after it; or null
+    double* effort;           // (driven,), in and out: what moves them
+    std::int32_t stages;      // of an explicit Runge–Kutta method; 0 for the classical one
+    const double* tableau;    // its rows of a below the diagonal, b, and c
     double* x;                // state, in and out
     double* rate;             // its rate, out; n numbers as in x, or null
     double* anchor;           // point at the state, in and out
@@ -148,6 +156,7 @@ struct Request {
     double* tau_out;
     double* energy_out;
     double* work_out;
+    double* effort_out;       // (rows, driven)
     // results
     std::int64_t completed;   // steps; −1 where the look under another torque failed
     std::int64_t safe_step;   // number of its time, −1 where there was none

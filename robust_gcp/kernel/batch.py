@@ -26,11 +26,12 @@ class Outputs:
     tau: Array | None = None
     energy: Array | None = None
     work: Array | None = None
+    effort: Array | None = None  # of driven joints
 
     @classmethod
-    def room(cls, n: int, nq: int, nv: int, wanted: Sequence[str] = ()) -> Outputs:
+    def room(cls, n: int, nq: int, nv: int, wanted: Sequence[str] = (), driven: int = 0) -> Outputs:
         """Room for n outputs; `wanted` names those besides q and v."""
-        widths = {"a": (n, nv), "tau": (n, nv), "energy": (n,), "work": (n,)}
+        widths = {"a": (n, nv), "tau": (n, nv), "energy": (n,), "work": (n,), "effort": (n, driven)}
         more = {name: np.zeros(widths[name]) for name in wanted}
         return cls(np.empty((n, nq)), np.empty((n, nv)), **more)
 
@@ -39,6 +40,7 @@ class Outputs:
         request.q_out, request.v_out = address(self.q), address(self.v)
         request.a_out, request.tau_out = address(self.a), address(self.tau)
         request.energy_out, request.work_out = address(self.energy), address(self.work)
+        request.effort_out = address(self.effort)
 
     def first(self, n: int) -> Outputs:
         """The first n of them."""

@@ -21,7 +21,13 @@ from importlib.util import find_spec
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-SOURCES = ("cluster/clusters.cpp", "linalg/dense.cpp", "kernel.cpp")
+SOURCES = (
+    "simulation/simulation.cpp",  # the longest first
+    "derivatives/derivatives.cpp",
+    "cluster/clusters.cpp",
+    "linalg/dense.cpp",
+    "dynamics/dynamics.cpp",
+)
 SWITCH = "ROBUST_GCP_NATIVE"
 COMPILERS = ("c++", "g++", "clang++")
 FLAGS = (
@@ -112,7 +118,7 @@ def build(into: Path, log: list[str], sanitize: bool = False) -> Path:
             [*command, "-c", str(HERE / name), "-o", made]
             for name, made in zip(SOURCES, objects, strict=True)
         ]
-        with ThreadPoolExecutor(len(jobs)) as pool:
+        with ThreadPoolExecutor(min(len(jobs), os.cpu_count() or 1)) as pool:
             list(pool.map(lambda job: call(job, log), jobs))
         linked, script = Path(scratch) / library.name, Path(scratch) / "exported.map"
         script.write_text(EXPORTED, encoding="utf-8")

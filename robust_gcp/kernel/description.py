@@ -25,7 +25,7 @@ class NotNativeError(Exception):
     """The kernel cannot take this mechanism; the message says why."""
 
 
-def describe(mechanism: Mechanism, path: RegularPath, works: bool) -> Arrays:
+def describe(mechanism: Mechanism, path: RegularPath, works: bool, driven: tuple[int, ...] = ()) -> Arrays:
     """The kernel's `Description`; kept for each mechanism and choice of rows.
 
     Parameters
@@ -34,14 +34,16 @@ def describe(mechanism: Mechanism, path: RegularPath, works: bool) -> Arrays:
         Of the mechanism, or of what is left of it without joints on groups.
     works : bool
         Whether the state ends with the work done.
+    driven : tuple of int
+        Which of y are prescribed.
 
     Raises
     ------
     NotNativeError
         For a joint that the kernel does not know.
     """
-    key = ("description for the kernel", works, *path.rows.tolist())
-    return mechanism.memo.once(key, lambda: _described(mechanism, path, works))
+    key = ("description for the kernel", works, driven, *path.rows.tolist())
+    return mechanism.memo.once(key, lambda: _described(mechanism, path, works, driven))
 
 
 def describe_all(mechanism: Mechanism) -> Arrays:
@@ -62,7 +64,7 @@ def describe_all(mechanism: Mechanism) -> Arrays:
     return mechanism.memo.once("description of all for the kernel", made)
 
 
-def _described(mechanism: Mechanism, path: RegularPath, works: bool) -> Arrays:
+def _described(mechanism: Mechanism, path: RegularPath, works: bool, driven: tuple[int, ...]) -> Arrays:
     if mechanism.m == 0:
         raise NotNativeError("the mechanism has no degree of freedom")
     if mechanism.m > 1 and workspace_bytes(mechanism.own_model) > memory_left():
@@ -80,7 +82,8 @@ def _described(mechanism: Mechanism, path: RegularPath, works: bool) -> Arrays:
     scale[own[path.dependent]] = rest.column_scale[path.dependent]
     in_q: NDArray[np.int64] = np.full(mechanism.m, -1)
     in_q[mechanism.numbers] = mechanism.iq_numbers
-    arrays.integers(independent=mechanism.iv_independent, independent_q=in_q)
+    arrays.structure.driven = len(driven)
+    arrays.integers(independent=mechanism.iv_independent, independent_q=in_q, driven_y=driven)
     arrays.reals(size=1.0 / column_scale, turn=1.0 / mechanism.units, scale=scale)
     arrays.reals(own=[mechanism.joint_inertia])
     _closures(mechanism, path.mechanism, path.rows, turns, arrays, path.points)

@@ -66,6 +66,8 @@ class Handle:
         Its rows and blocks are taken over.
     works : bool
         Whether the state ends with the work done.
+    driven : tuple of int
+        Which of y are prescribed.
 
     Attributes
     ----------
@@ -79,12 +81,19 @@ class Handle:
         When the kernel cannot take the mechanism.
     """
 
-    def __init__(self, library: Library, mechanism: Mechanism, path: RegularPath, works: bool) -> None:
-        key = ("idle in the kernel", library, works, *path.rows.tolist())
+    def __init__(
+        self,
+        library: Library,
+        mechanism: Mechanism,
+        path: RegularPath,
+        works: bool,
+        driven: tuple[int, ...] = (),
+    ) -> None:
+        key = ("idle in the kernel", library, works, driven, *path.rows.tolist())
         self._pool = mechanism.memo.once(key, lambda: Pool(library))
         address = self._pool.take()
         if address is None:
-            arrays = describe(mechanism, path, works)
+            arrays = describe(mechanism, path, works, driven)
             why = ctypes.create_string_buffer(200)
             address = library.create(ctypes.byref(arrays.structure), why, len(why))
             if not address:

@@ -97,6 +97,9 @@ class Library:
         self.keep, self.forget, self.renew = library.rg_keep, library.rg_forget, library.rg_renew
         for function in (self.keep, self.forget, self.renew):
             function.argtypes, function.restype = [c_void_p], None
+        self.react = library.rg_react
+        self.react.argtypes = [POINTER(Description), *2 * [c_void_p], c_int64, *5 * [c_void_p]]
+        self.react.restype = None
         self.measure = library.rg_measure
         self.measure.argtypes = [POINTER(Description), c_int64, *4 * [c_void_p]]
         self.measure.restype = None

@@ -1,15 +1,16 @@
-"""How far loops are open, and energies, along a motion, measured in the kernel."""
+"""How far loops are open, energies and constraint forces along a motion, measured in the kernel."""
 
 from __future__ import annotations
 
 import ctypes
+from typing import Any
 
 import numpy as np
 
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .description import NotNativeError, describe_all
-from .library import library
+from .library import Library, library
 from .structures import address
 
 
@@ -29,15 +30,42 @@ def measured(mechanism: Mechanism, q: Array, v: Array) -> tuple[Array, Array] | 
     tuple of ndarray (N,), ndarray (N,), or None
         None where there is no kernel, or it does not know a joint.
     """
+    described = _described(mechanism)
+    if described is None:
+        return None
+    found, structure = described
+    q, v = np.ascontiguousarray(q), np.ascontiguousarray(v)
+    open_, energy = np.empty(len(q)), np.empty(len(q))
+    found.measure(structure, len(q), *map(address, (q, v, open_, energy)))
+    return open_, energy
+
+
+def reactions(mechanism: Mechanism, q: Array, v: Array, a: Array, tau: Array | None) -> Array | None:
+    """λ (N, nc) of each state as `dynamics.equations.constraint_forces` has it; None as for `measured`.
+
+    Parameters
+    ----------
+    q, v, a : ndarray (N, nq), (N, nv), (N, nv)
+    tau : ndarray (N, nv) or None
+        All that acts besides gravity.
+    """
+    described = _described(mechanism)
+    if described is None:
+        return None
+    found, structure = described
+    rows = [None if part is None else np.ascontiguousarray(part) for part in (q, v, a, tau)]
+    scales = np.ascontiguousarray(mechanism.row_scale), np.ascontiguousarray(mechanism.column_scale)
+    multipliers: Array = np.empty((len(q), mechanism.nc))
+    found.react(structure, *map(address, scales), len(q), *map(address, (*rows, multipliers)))
+    return multipliers
+
+
+def _described(mechanism: Mechanism) -> tuple[Library, Any] | None:
+    """The kernel, and the mechanism as it reads it; None where it cannot."""
     found = library()
     if found is None:
         return None
     try:
-        arrays = describe_all(mechanism)
+        return found, ctypes.byref(describe_all(mechanism).structure)
     except NotNativeError:
         return None
-    q, v = np.ascontiguousarray(q), np.ascontiguousarray(v)
-    open_, energy = np.empty(len(q)), np.empty(len(q))
-    places = map(address, (q, v, open_, energy))
-    found.measure(ctypes.byref(arrays.structure), len(q), *places)
-    return open_, energy

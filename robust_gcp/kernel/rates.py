@@ -36,6 +36,8 @@ class Rates:
         Of what the torque function raised.
     evaluation, trackers : callable
         Read what the kernel has told, and the state of its trackers.
+    prescribe : callable (t), optional
+        Writes what moves as prescribed.
     """
 
     def __init__(
@@ -48,7 +50,9 @@ class Rates:
         raised: list[BaseException],
         evaluation: Callable[[], Evaluation],
         trackers: Callable[[], Trackers],
+        prescribe: Callable[[float], None] | None = None,
     ) -> None:
+        self._prescribe = prescribe
         self._library, self._follow = library, library.follow
         self._handle, self._request, self._reference = handle, request, reference
         self._time, self._x, self._rate = buffers
@@ -62,10 +66,14 @@ class Rates:
         BaseException
             What the torque function raised.
         """
-        self._time[0] = t
-        self._x[:] = x
+        self._at(t, x)
         self._follow(self._handle, self._reference)
         return self._rate.copy() if self._done() else None
+
+    def _at(self, t: float, x: Array) -> None:
+        self._time[0], self._x[:] = t, x
+        if self._prescribe is not None:
+            self._prescribe(t)
 
     def _done(self) -> bool:
         reason = self._request.reason
@@ -86,8 +94,7 @@ class Rates:
         BaseException
             As a call does.
         """
-        self._time[0] = t
-        self._x[:] = x
+        self._at(t, x)
         A: Array = np.empty((2 * len(unit), 2 * len(unit)))
         self._library.bend(self._handle, self._reference, address(unit), address(A))
         return A if self._done() else None

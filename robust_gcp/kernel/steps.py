@@ -9,6 +9,8 @@ from numpy.typing import ArrayLike
 
 from ..dynamics.equations import Evaluation, Torque, does_work, torque_function
 from ..dynamics.held import HeldTorque
+from ..dynamics.motion import Drive
+from ..dynamics.tableau import Tableau
 from ..errors import OptionError
 from ..maps.classical import DIGITS_LOST, ClassicalMap
 from ..maps.cluster.cluster_map import ClusterMap
@@ -34,7 +36,7 @@ BATCH = 20_000
 """Steps of a batch times velocities: some 20 ms, so that an interrupt or a progress bar need not wait."""
 
 
-def chosen_library(backend: str, stepper: object, method: str, newton_start: str) -> Library | None:
+def chosen_library(backend: str, method: str, newton_start: str) -> Library | None:
     """The kernel for these choices, or None where Python is to do the work.
 
     Raises
@@ -45,9 +47,7 @@ def chosen_library(backend: str, stepper: object, method: str, newton_start: str
     if backend == "python":
         return None
     why = None
-    if not isinstance(stepper, str):
-        why = f'it takes steps of stepper="rk4", not of {stepper!r}'
-    elif method not in ("bridge", "classical"):
+    if method not in ("bridge", "classical"):
         why = f'it knows the methods "bridge" and "classical", not {method!r}'
     elif method == "classical" and newton_start != "tangent":
         why = f'with method="classical" it knows newton_start="tangent", not {newton_start!r}'
@@ -71,10 +71,20 @@ class NativeSteps:
     torque : callable, array_like or None
     required : bool
         Whether a mechanism that the kernel cannot take is an error.
+    drive, tableau : Drive, Tableau, optional
+        See `Workspace`.
     """
 
-    def __init__(self, library: Library, torque: Torque | ArrayLike | None, required: bool) -> None:
+    def __init__(
+        self,
+        library: Library,
+        torque: Torque | ArrayLike | None,
+        required: bool,
+        drive: Drive | None = None,
+        tableau: Tableau | None = None,
+    ) -> None:
         self._library, self._torque, self._required = library, torque, required
+        self._drive, self._tableau = drive, tableau
         self._path: RegularPath | None = None
         self._first = True
         self._workspace: Workspace | None = None
@@ -89,10 +99,11 @@ class NativeSteps:
         """
         if self._path is not path:
             torque = torque_function(mechanism, self._torque) if callable(self._torque) else self._torque
-            works = does_work(mechanism, self._torque)
+            works = does_work(mechanism, self._torque) or self._drive is not None
+            taken = self._drive, self._tableau
             self._path, self._first = path, self._path is None
             try:
-                self._workspace = Workspace(self._library, mechanism, path, torque, works)
+                self._workspace = Workspace(self._library, mechanism, path, torque, works, *taken)
             except NotNativeError as error:
                 self._workspace = None
                 if self._required and self._first:
@@ -130,7 +141,7 @@ class NativeSteps:
         watch: Watch | None = None,
         best: float = 0.0,
     ) -> Batch | None:
-        """Steps from times[0] as far as nothing rare happens; None where the map is not on its regular path.
+        """Steps from times[0] as far as nothing rare happens; None where Python has to take them.
 
         Parameters
         ----------
@@ -147,8 +158,16 @@ class NativeSteps:
         options, zone = _limits(explicit)
         mechanism = _whole(explicit)
         n = min(len(times) - 1, most_steps(mechanism))
-        outputs = Outputs.room(n, mechanism.nq, mechanism.nv, wanted)
-        return workspace.run(times[: n + 1], x, now, outputs, zone, options, trackers, 1, watch, best)
+        driven, prescribed = 0, None
+        if self._drive is not None:
+            driven = len(self._drive.names)
+            prescribed = self._drive.stages(times[: n + 1], workspace.shares)
+            if len(prescribed) < min(2, n + 1):
+                return None
+            n = len(prescribed) - 1
+        outputs = Outputs.room(n, mechanism.nq, mechanism.nv, wanted, driven)
+        limits = zone, options, trackers, 1, watch, best, prescribed
+        return workspace.run(times[: n + 1], x, now, outputs, *limits)
 
     def prepared(
         self,

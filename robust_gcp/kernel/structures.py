@@ -12,7 +12,7 @@ import numpy as np
 
 from ..mechanism.tree import Array
 
-VERSION = 15
+VERSION = 16
 """Of the interface; a library with another one is not used."""
 
 TorqueCallback: Any = ctypes.CFUNCTYPE(c_int32, c_double)
@@ -69,6 +69,8 @@ class Description(ctypes.Structure):
         ),
         *_fields("blocks", "block_start block_rows block_columns reference"),
         *_fields("springs lines forces works", "spring_at spring damping drive line_joint line"),
+        ("driven", c_int32),
+        *_fields("", "driven_y"),
         *_fields("redundant clusters", "cluster home"),
     ]
 
@@ -109,7 +111,10 @@ class Request(ctypes.Structure):
         ("uneven", c_void_p),
         ("torque", TorqueCallback),
         *_fields("", "torque_q torque_v torque_tau torque_stored held trackers"),
-        *_fields("", "x rate anchor origin ydd tau safe q_out v_out a_out tau_out energy_out work_out"),
+        *_fields("", "prescribed effort"),
+        *_fields("stages", "tableau"),
+        *_fields("", "x rate anchor origin ydd tau safe"),
+        *_fields("", "q_out v_out a_out tau_out energy_out work_out effort_out"),
         *_all(
             c_int64,
             "completed safe_step rhs newton constraint_evaluations force_evaluations zone_evaluations",

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..dynamics.equations import CheckedTorque, Evaluation
+from ..dynamics.motion import Drive
+from ..dynamics.tableau import Tableau
 from ..maps.cluster.options import BridgeOptions
 from ..maps.point import Point
 from ..maps.regular_path import RegularPath
@@ -41,11 +43,20 @@ class Workspace:
         A callable is called with shared buffers, in the thread that runs the batch.
     works : bool
         Whether the state ends with the work done.
+    drive : Drive, optional
+        Coordinates that move as prescribed.
+    tableau : Tableau, optional
+        Of the steps; the classical Runge–Kutta method's when left out.
 
     Raises
     ------
     NotNativeError
         When the kernel cannot take the mechanism.
+
+    Attributes
+    ----------
+    shares : tuple of float
+        When the stages of a step are at which something may be prescribed, as shares of it.
     """
 
     def __init__(
@@ -55,10 +66,13 @@ class Workspace:
         path: RegularPath,
         torque: CheckedTorque | ArrayLike | None = None,
         works: bool = False,
+        drive: Drive | None = None,
+        tableau: Tableau | None = None,
     ) -> None:
         self._library, self.path, self._groups = library, path, groups_of(mechanism)
-        self._acts = mechanism.applied is not None or torque is not None
-        self._taken = Handle(library, mechanism, path, works)
+        self._acts = mechanism.applied is not None or torque is not None or drive is not None
+        driven = () if drive is None else tuple(drive.driven.tolist())
+        self._taken = Handle(library, mechanism, path, works, driven)
         self._handle, self._handed = self._taken.address, self._taken.handed
         self._nq, self._nv, self._m = mechanism.nq, mechanism.nv, mechanism.m
         self._numbers, self._numbers_in_q = mechanism.numbers, mechanism.iq_numbers
@@ -69,7 +83,15 @@ class Workspace:
         self._bridging: tuple[BridgeOptions, Arrays] | None = None
         self._latest: Point | None = None
         self._request = Request()
-        self._shared = Shared(self._request, mechanism, 2 * self._m + int(works), self._layout.size)
+        n = 2 * self._m + int(works)
+        self._shared = Shared(self._request, mechanism, n, self._layout.size, len(driven))
+        self._drive, self._columns = drive, mechanism.iv_independent[list(driven)]
+        self._prescribed: Array | None = None
+        self.shares: tuple[float, ...] = (0.0, 0.5)
+        if tableau is not None:
+            self.shares = tableau.c
+            self._weights = np.array([*(x for row in tableau.a for x in row), *tableau.b, *tableau.c])
+            self._request.stages, self._request.tableau = len(tableau.b), address(self._weights)
         self._by_reference = ctypes.byref(self._request)
         acts = mechanism.velocity(torque, "torque") if not callable(torque) and torque is not None else torque
         own = None if mechanism.applied is None else mechanism.applied.own
@@ -87,6 +109,7 @@ class Workspace:
         every: int = 1,
         watch: Watch | None = None,
         best: float = 0.0,
+        prescribed: Array | None = None,
     ) -> Batch:
         """Steps from times[0] to times[-1], or until something rare happens.
 
@@ -109,8 +132,12 @@ class Workspace:
             Up to where the steps go on in the same coordinates.
         best : float, optional
             Largest conditioning of an output so far; see `simulation.recovery`.
+        prescribed : ndarray (n + 1, s, 3, driven), optional
+            See `Drive.stages`.
         """
         r = self._request
+        self._prescribed = prescribed  # what r points to
+        r.prescribed = address(prescribed)
         times = np.ascontiguousarray(times, dtype=float)
         r.steps, r.every, r.first, r.times = len(times) - 1, every, 0, address(times)
         r.power = now.power
@@ -206,7 +233,8 @@ class Workspace:
 
         self._library.follow_from(self._handle, self._by_reference)
         told_by = self._acting.raised, told, self._handed.new
-        return Rates(self._library, self._handle, r, self._by_reference, buffers, *told_by)
+        prescribe = None if self._drive is None else self._prescribe
+        return Rates(self._library, self._handle, r, self._by_reference, buffers, *told_by, prescribe)
 
     def _choose(
         self,
@@ -229,12 +257,28 @@ class Workspace:
             return None
         r, time = self._request, np.array([t])
         r.times, r.first, r.beginning = address(time), 0, Beginning.GO_ON
+        self._prescribe(t)
         self._acting.listen()
         self._library.look(self._handle, self._by_reference)
         self._acting.require_answered()
         if r.reason != Reason.DONE:
             return None
-        return Evaluation(now.point, now.v, self._shared.ydd.copy(), self._shared.tau.copy(), float(r.power))
+        power, effort = float(r.power), self._effort()
+        return Evaluation(now.point, now.v, self._shared.ydd.copy(), self._shared.tau.copy(), power, effort)
+
+    def _prescribe(self, t: float) -> None:
+        """What moves as prescribed at a single time."""
+        if self._drive is not None:
+            self._shared.prescribed[:] = np.concatenate(self._drive.at(t))
+            self._request.prescribed = address(self._shared.prescribed)
+
+    def _effort(self) -> Array | None:
+        """What the kernel found that this takes, (nv,), NaN at other joints."""
+        if self._drive is None:
+            return None
+        found: Array = np.full(self._nv, np.nan)
+        found[self._columns] = self._shared.effort
+        return found
 
     def begin(self, q: Array, u: Array, zone: float, t: float = 0.0) -> tuple[Array, Evaluation] | None:
         """The state and its evaluation at q, closed by Newton's method at its own y, with velocities u.
@@ -287,9 +331,8 @@ class Workspace:
     def _evaluation(self, point: Point) -> Evaluation:
         """What the kernel left at its anchor, which is this point."""
         tau = self._shared.tau.copy() if self._acts else None
-        return Evaluation(
-            point, point.G.dot(point.ydot), self._shared.ydd.copy(), tau, float(self._request.power)
-        )
+        v, power = point.G.dot(point.ydot), float(self._request.power)
+        return Evaluation(point, v, self._shared.ydd.copy(), tau, power, self._effort())
 
     def _options(self, options: BridgeOptions, careful: bool) -> ctypes.Structure:
         if self._bridging is None or self._bridging[0] is not options:

@@ -147,7 +147,7 @@ def simulate_many(
         return runs
     given_up, plain = threading.Event(), None
     if not callable(applied) and set(record) <= set(NATIVE_RECORDS):
-        library = chosen_library("auto", "rk4", "bridge", "tangent")
+        library = chosen_library("auto", "bridge", "tangent")
         path = None if library is None else _found(mechanism, given, applied)
         if library is not None and path is not None:
             with suppress(NotNativeError):

@@ -7,8 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..dynamics.equations import EquationsOfMotion, Evaluation, constraint_forces
+from ..dynamics.driven import DrivenEquations
+from ..dynamics.equations import UNBALANCED_WORDS, EquationsOfMotion, Evaluation, constraint_forces
 from ..kernel.batch import Outputs
+from ..kernel.measures import reactions
 from ..maps.classical import SingularityWarning
 from ..maps.explicit import Crossing
 from ..mechanism.mechanism import Mechanism
@@ -64,7 +66,8 @@ class Record:
         self._multipliers = np.empty((n, mechanism.nc)) if "multipliers" in items else None
         self._tau = np.zeros((n, mechanism.nv)) if "tau" in items else None
         self.work = np.empty(n) if equations.works else None
-        self._drive = np.empty((n, mechanism.nv)) if equations.driven else None
+        self._driven = equations.columns if isinstance(equations, DrivenEquations) else None
+        self._drive = None if self._driven is None else np.full((n, mechanism.nv), np.nan)
         self._crossings: list[Crossing] = []
         self._warned = self._spun = False
         self.keeps, self._gone, self._kept = keep, 0, dict[str, list[Array]]()
@@ -108,6 +111,8 @@ class Record:
         """Which of `Outputs` besides q and v a batch is to bring."""
         kept = {"a": self._a, "energy": self._energy, "tau": self._tau, "work": self.work}
         names = [name for name, values in kept.items() if values is not None]
+        if self._drive is not None:
+            names.append("effort")
         return (*names, "a", "tau") if self._multipliers is not None else tuple(names)
 
     @property
@@ -138,12 +143,16 @@ class Record:
         for mine, given in pairs:
             if mine is not None and given is not None:
                 mine[kept] = given if len(chosen) == n else given[chosen]
+        if self._drive is not None and self._driven is not None and outputs.effort is not None:
+            self._drive[kept, self._driven] = outputs.effort[chosen]
         if self._multipliers is not None:
             assert outputs.a is not None
-            assert outputs.tau is not None
-            for row, j in enumerate(chosen.tolist(), start=first):
-                state = outputs.q[j], outputs.v[j], outputs.a[j], outputs.tau[j]
-                self._multipliers[row] = constraint_forces(self.mechanism, *state)
+            state = outputs.q[chosen], outputs.v[chosen], outputs.a[chosen]
+            found = reactions(self.mechanism, *state, None if outputs.tau is None else outputs.tau[chosen])
+            assert found is not None  # by the kernel that took the steps
+            self._multipliers[kept] = found
+            if np.isnan(found).any():
+                warn(UNBALANCED_WORDS, SingularityWarning)
         self.count, self.at, self.last_state = first + len(chosen), i + n, x
 
     def cross(self, crossings: Sequence[Crossing]) -> None:

@@ -17,6 +17,7 @@ from ..dynamics.equations import Torque
 from ..dynamics.held import HeldTorque
 from ..dynamics.loads import Torques, Wrench, one_torque
 from ..dynamics.motion import Drive, Motion, checked_motions
+from ..dynamics.tableau import Tableau
 from ..errors import ClosureError, NonFiniteError, OptionError, SimulationError
 from ..kernel.steps import BACKENDS, NativeSteps, chosen_library
 from ..maps.choice import METHODS, MapChoice, Method
@@ -39,7 +40,6 @@ from .stability import MOST_PARTS, StabilityCheck
 from .starting import rates_at, started
 from .stepped import HeldRun
 from .steppers import check_stepper, rk4_step
-from .tableau import Tableau
 from .trajectory import Trajectory
 from .unnamed import STIFF, in_parts, is_guarded, taken_again, words_of
 
@@ -105,7 +105,7 @@ def simulate(
         Joints that move as prescribed, from t = 0 on; `traj["drive.q1"]` is the torque or force that it
         takes. The other independent joints move freely. Where q0 is left out, home is led to where the
         drives begin; where v0 is, the free joints start at rest. Joints that are not independent become so.
-        Steps are taken in Python; y is not changed on the way, and where it turns back the run stops.
+        y is not changed on the way, and where it turns back the run stops.
     events : callable (t, q, v) -> float, or sequence of such, optional
         Functions whose zeros are found, as scipy's solve_ivp finds them: `traj.t_events`, `q_events` and
         `v_events`. Attributes, or an `Event`, say which directions count and whether the run ends there;
@@ -141,7 +141,7 @@ def simulate(
         A function is called after each step with the fraction of the duration that is done; the compiled
         kernel takes some steps at once, and the calls follow.
     backend : {"auto", "python", "native"}
-        "native" takes the steps of "rk4" and SciPy's right-hand sides in the compiled kernel (see `backends`)
+        "native" takes fixed steps and SciPy's right-hand sides in the compiled kernel (see `backends`)
         for the methods "bridge" and "classical"; "auto" does so where it can; the results are the same to
         rounding.
 
@@ -186,7 +186,7 @@ def simulate(
     if not isinstance(options, BridgeOptions):
         raise OptionError(f"options = {options!r} must be a BridgeOptions, such as BridgeOptions(zone=0.05)")
     check_choice("backend", backend, BACKENDS)
-    kernel = chosen_library(backend, stepper, method, newton_start)
+    kernel = chosen_library(backend, method, newton_start)
     asked = checked_events(events)
     guarded = guarded and is_guarded(tableau, method, drive, applied, backend)
     again = partial(
@@ -196,8 +196,8 @@ def simulate(
     )  # fmt: skip
     drives = None
     if drive is not None:
-        check_drive_goes_with(backend, on_toggle)
-        motions, kernel = checked_motions(mechanism, drive, schedule.times), None
+        check_drive_goes_with(on_toggle)
+        motions = checked_motions(mechanism, drive, schedule.times)
         mechanism = driving(mechanism, tuple(motions), mechanism.home if q0 is None else q0)
         drives = Drive(mechanism, motions, t0)
     prescribed = drives is not None and not len(drives.free)
@@ -211,7 +211,8 @@ def simulate(
         stability = StabilityCheck(mechanism, applied if held is None else None, step, options)
         applied = stability.torque
     applied = applied if held is None else held
-    native = None if kernel is None else NativeSteps(kernel, applied, backend == "native")
+    own = tableau if isinstance(tableau, Tableau) else None
+    native = None if kernel is None else NativeSteps(kernel, applied, backend == "native", drives, own)
     start = q0, v0, mode
     motion = started(native, mechanism, start, applied, choice, counters, on_toggle, drives, t0)
     rate = None if stability is None else rates_at(native, motion)
@@ -285,11 +286,7 @@ def _reporting(
     return nullcontext(progress)
 
 
-def check_drive_goes_with(backend: str, on_toggle: str = "error") -> None:
+def check_drive_goes_with(on_toggle: str) -> None:
     """Refuse what prescribed motions do not go with."""
-    if backend == "native":
-        raise OptionError(
-            'backend="native": the compiled kernel knows no prescribed motion; use backend="auto" or "python"'
-        )
     if on_toggle == "repartition":
         raise OptionError('drive: driven joints stay independent; leave on_toggle out, or give "error"')

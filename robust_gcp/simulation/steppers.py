@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from ..checks import shown
+from ..dynamics.tableau import Tableau
 from ..errors import OptionError, SimulationError
 from ..mechanism.differences import differences
 from ..mechanism.tree import Array
-from .tableau import Tableau
 
 RightHandSide = Callable[[float, Array], Array]
 Jacobian = Callable[[float, Array], Array]

@@ -27,7 +27,7 @@ from .files import ARRAYS
 from .keep import Keep
 from .saved import SavedState
 from .schedule import Schedule
-from .simulate import check_drive_goes_with, checked_record
+from .simulate import checked_record
 from .stability import StabilityCheck
 from .starting import rates_at, started
 from .stepped import SteppedRun
@@ -99,9 +99,7 @@ class Simulation:
         record = checked_record(record)
         check_finite("t0", t0)
         self._keep = Keep.of(keep)
-        self._kernel = chosen_library(backend, "rk4", method, "tangent"), backend == "native"
-        if drive is not None:
-            check_drive_goes_with(backend)
+        self._kernel = chosen_library(backend, method, "tangent"), backend == "native"
         self._named, self._drive, self._choice = mechanism, drive, MapChoice(method)
         self._record, self._step, self._t0 = record, float(step), float(t0)
         self._none = np.zeros(mechanism.nv)
@@ -131,11 +129,10 @@ class Simulation:
         begun, held, counters = time.perf_counter(), self._held, Counters()
         kernel, required = self._kernel
         if self._drive is not None:
-            kernel = None
             motions = checked_motions(mechanism, self._drive, np.array([t0, t0 + self._step]))
             mechanism = driving(mechanism, tuple(motions), mechanism.home if q0 is None else q0)
             drives = Drive(mechanism, motions, t0)
-        native = None if kernel is None else NativeSteps(kernel, held, required)
+        native = None if kernel is None else NativeSteps(kernel, held, required, drives)
         toggle = "repartition" if choice.method == "bridge" and drives is None else "error"
         before, held.value = held.value, self._none
         try:

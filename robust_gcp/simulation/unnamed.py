@@ -14,11 +14,11 @@ from collections.abc import Callable
 from numpy.typing import ArrayLike
 
 from ..dynamics.equations import Torque
+from ..dynamics.tableau import Tableau
 from ..errors import BranchError, ClosureError, NonFiniteError, SimulationError
 from ..warning import warn
 from .coarse import CoarseStepWarning
 from .schedule import Schedule, planned
-from .tableau import Tableau
 from .trajectory import Trajectory
 
 CONTROLLED, STIFF = "DOP853", "Radau"

@@ -6,12 +6,13 @@ import inspect
 from collections.abc import Mapping
 from typing import Any
 
+from ..dynamics.tableau import Tableau
 from ..errors import OptionError
 from ..kernel.library import backends
 from ..kernel.steps import chosen_library
 from ..simulation.simulate import simulate
 
-CHOICES = ("backend", "stepper", "method", "newton_start")
+CHOICES = ("backend", "method", "newton_start")
 """Parameters of `simulate` that decide who takes the steps, in the order of `chosen_library`."""
 
 _DEFAULTS = {name: inspect.signature(simulate).parameters[name].default for name in CHOICES}
@@ -22,9 +23,8 @@ def runs_natively(parameters: Mapping[str, Any]) -> bool:
     choices = [parameters.get(name, _DEFAULTS[name]) for name in CHOICES]
     if not all(isinstance(choice, str) for choice in choices) or _calls_back(parameters):
         return False
-    if (
-        choices[CHOICES.index("stepper")] != "rk4"
-    ):  # SciPy's solvers are Python and ask the kernel for rates alone
+    stepper = parameters.get("stepper", "rk4")
+    if stepper != "rk4" and not isinstance(stepper, Tableau):  # SciPy's solvers are Python
         return False
     if not backends()["native"].available:  # asked first: to look for a broken kernel would warn
         return False

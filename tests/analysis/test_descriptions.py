@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import robust_gcp as rg
-from robust_gcp.studies.descriptions.choices import Refused, descriptions
-from robust_gcp.studies.descriptions.scenes import SCENES
+
+from ..campaigns.descriptions.choices import Refused, descriptions
+from ..campaigns.descriptions.scenes import SCENES
 
 
 def test_three_legs_in_line_have_one_mode_however_they_are_cut() -> None:
     """Two second-order forms on two directions; in some cuts one of them is a square."""
     scene = next(scene for scene in SCENES if scene.name == "parallel legs")
     seen = 0
-    for description in descriptions(scene, 12, 1):
+    for description in descriptions(scene, 4, 1):
         if isinstance(description, Refused):
             continue
         run = rg.simulate(description.mechanism, None, description.v0, duration=0.12, step=scene.step)

@@ -19,7 +19,7 @@ from robust_gcp.mechanism.extended import ExtendedClosures
 from robust_gcp.mechanism.loops import ClosedLoops
 from robust_gcp.mechanism.motions import Motions
 from robust_gcp.mechanism.tree import Tree
-from robust_gcp.studies.stability.truth import with_forces
+from robust_gcp.reports.stability.truth import with_forces
 
 from ..simulation.test_idle_spins import rssr
 

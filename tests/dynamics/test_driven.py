@@ -23,6 +23,8 @@ WAYS: dict[str, dict[str, Any]] = {
     "DOP853": {"stepper": "DOP853"},
     "Radau": {"stepper": "Radau"},
     "classical": {"method": "classical"},
+    "python": {"backend": "python"},
+    "a tableau": {"stepper": rg.Tableau(((0.5,), (0.0, 0.5), (0.0, 0.0, 1.0)), (1 / 6, 1 / 3, 1 / 3, 1 / 6))},
 }
 
 OMEGA = 3.0
@@ -257,7 +259,6 @@ REFUSED: dict[str, tuple[Any, dict[str, Any], str]] = {
         lambda: {"q1": rg.Motion(([0.0, 0.1, 0.2, 0.3], [1.0, 1.0, 1.1, 1.2]))}, {}, "table of a Motion ends",
     ),
     "not finite": (lambda: {"q1": rg.Motion(lambda t: np.log(t))}, {}, "not finite"),
-    "kernel": (lambda: {"q1": rg.Motion(turning)}, {"backend": "native"}, "prescribed motion"),
     "repartition": (lambda: {"q1": rg.Motion(turning)}, {"on_toggle": "repartition"}, "on_toggle"),
 }  # fmt: skip
 

@@ -21,8 +21,8 @@ from robust_gcp.maps.cluster.cluster_map import ClusterMap
 from robust_gcp.maps.point import Counters
 from robust_gcp.maps.start import begin
 from robust_gcp.mechanism.tree import Tree
-from robust_gcp.studies.stability.bound import System, measure, systems
-from robust_gcp.studies.stability.truth import with_forces
+from robust_gcp.reports.stability.bound import System, measure, systems
+from robust_gcp.reports.stability.truth import with_forces
 
 Array = NDArray[np.float64]
 A, B = parallelogram_pendulum(1.0, 1.0, 1.0, 1.0, 1.0)

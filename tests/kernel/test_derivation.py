@@ -24,8 +24,8 @@ from robust_gcp.examples.legged import legged
 from robust_gcp.examples.linkages import four_bar, n_four_bar
 from robust_gcp.kernel.derivation import derivation
 from robust_gcp.mechanism.joints import JointKind
+from robust_gcp.reports.stability.truth import with_forces
 from robust_gcp.simulation import gradient as gradients
-from robust_gcp.studies.stability.truth import with_forces
 
 from ..compiled import needs_kernel
 from ..dynamics.test_derivatives import FLOATING, floating, geared

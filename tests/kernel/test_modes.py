@@ -17,9 +17,9 @@ from robust_gcp.dynamics.problem import set_out
 from robust_gcp.examples.families import four_bars, scissor_lift
 from robust_gcp.examples.six_bars import CHANGE_POINT, lamp, parallel_legs
 from robust_gcp.kernel.derivation import derivation, own_derivation
+from robust_gcp.reports.stability.truth import with_forces
+from robust_gcp.reports.work_precision.users import floating
 from robust_gcp.simulation import gradient as gradients
-from robust_gcp.studies.stability.truth import with_forces
-from robust_gcp.studies.work_precision.users import floating
 
 from ..compiled import needs_kernel
 

@@ -10,7 +10,6 @@ import robust_gcp as rg
 from robust_gcp.examples import linkages
 from robust_gcp.maps.closed_form import parallelogram_pendulum, pendulum
 from robust_gcp.maps.cluster.options import BridgeOptions
-from robust_gcp.studies.crossings import random_crossings
 
 EXACT = {"method": "closed_form", "stepper": "DOP853", "rtol": 1e-13, "atol": 1e-13}
 
@@ -203,14 +202,6 @@ def test_mobility_two_keeps_order_four():
         assert run.closure_error().max() < 1e-12
         ours.append(np.abs(run.q[:: round(2e-2 / h)] - exact.q).max())
     assert 3.5 < np.log2(ours[0] / ours[1]) < 5.5
-
-
-def test_random_crossings():
-    seed = 20
-    cases, seconds = random_crossings(12, seed)
-    print(f"seed {seed}: {len(cases)} crossings in {seconds:.1f} s")
-    assert [case.record() for case in cases if not case.good] == []
-    assert any(case.nearest < 1e-12 for case in cases)
 
 
 def test_results_do_not_depend_on_the_options_over_a_decade():

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import robust_gcp as rg
-from robust_gcp.studies.a02 import measure
+from robust_gcp.reports.a02 import measure
 
 GOOD = {"andrews": 1e-3, "five_bar": 0.03, "stewart": 0.03}
 """Share of the motion that a set must see at the start to count as valid for a short while: no toggle is

@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 
 import robust_gcp as rg
 from robust_gcp.mechanism.folders.loader import models_folder
-from robust_gcp.studies.fuzz.spoil import spoiled_text, spoiled_xml
+
+from ..campaigns.fuzz.spoil import spoiled_text, spoiled_xml
 
 pytestmark = pytest.mark.filterwarnings("ignore::robust_gcp.ModelWarning")
 """Limits of joints are not what these tests are about."""

@@ -48,12 +48,10 @@ def within(modules: set[str], *packages: str) -> set[str]:
         "analyse rhombus --q 0 0 0",
         "models",
         "modes rhombus --seeds 0",
-        "crossings --seed -1",
     ],
 )
-def test_commands_load_neither_studies_nor_pictures(line: str) -> None:
-    study = () if line.startswith("crossings") else ("robust_gcp.studies",)
-    assert not within(loaded_by(*line.split()), *study, *PICTURES)
+def test_commands_load_neither_reports_nor_pictures(line: str) -> None:
+    assert not within(loaded_by(*line.split()), "robust_gcp.reports", *PICTURES)
 
 
 def test_the_list_of_commands_loads_none_of_them() -> None:
@@ -62,8 +60,8 @@ def test_the_list_of_commands_loads_none_of_them() -> None:
 
 
 def test_a_study_loads_no_other_study() -> None:
-    studies = within(loaded_by("a02", "--help"), "robust_gcp.studies")
-    assert studies == {"robust_gcp.studies", "robust_gcp.studies.a02"}
+    reports = within(loaded_by("a02", "--help"), "robust_gcp.reports")
+    assert reports == {"robust_gcp.reports", "robust_gcp.reports.a02"}
 
 
 def test_pictures_are_loaded_where_they_are_asked_for(tmp_path: Path) -> None:
@@ -84,7 +82,7 @@ def test_every_command_has_its_arguments(command: object, capsys: pytest.Capture
 def test_the_package_loads_what_is_used_when_it_is_used() -> None:
     """Neither pictures, sweeps, bars, SciPy's solvers nor YAML before something asks for them."""
     modules = set(python("import robust_gcp; print(*sys.modules)").split())
-    assert not within(modules, *PICTURES, *SOLVERS, *RARE, "robust_gcp.studies", "robust_gcp.examples")
+    assert not within(modules, *PICTURES, *SOLVERS, *RARE, "robust_gcp.reports", "robust_gcp.examples")
 
 
 def test_public_names_are_all_there_whenever_they_are_loaded() -> None:

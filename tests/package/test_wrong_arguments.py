@@ -147,17 +147,11 @@ def test_the_options_that_are_attacked_are_most_of_them() -> None:
         ("modes rhombus --coordinates q1", "must be two or three different joints"),
         ("modes rhombus --out folder.png", "this is a folder"),
         ("modes five_bar", "one degree of freedom"),
-        ("crossings --seed -1", "--seed = -1 must be a whole number from 0"),
-        ("crossings --count -5", "--count = -5 must be a whole number from 1"),
-        ("crossings --out cases.csv", "a record of cases is a .json file"),
+        ("a02 --out runs.csv", "is a .json file"),
         ("a02 --duration -1", "--duration = -1.0 must be positive and finite"),
         ("a02 --step 0", "--step = 0.0 must be positive and finite"),
         ("a02 --duration 0.01 --step 0.1", "shorter than the steps that are tried"),
         ("a02 --sizes 2 0", "--sizes = 0 must be a whole number from 1"),
-        ("descriptions --scenes none", "--scenes: 'none' is unknown; use one of"),
-        ("descriptions --out runs.csv", "a record of descriptions is a .json file"),
-        ("trees --out runs.csv", "a record of trees is a .json file"),
-        ("trees --count 0", "--count = 0 must be a whole number from 1"),
         ("growth --out growth.png", ".png ends the name of a file"),
         ("growth --docs missing", "there is no such folder"),
         ("growth --quick --docs folder.png", "there is no docs/kernel.md to refresh"),
@@ -184,7 +178,7 @@ def test_what_stands_against_the_model_or_the_disk_is_told_before_the_work(
 
     monkeypatch.setattr("robust_gcp.simulation.simulate.Run", work)
     monkeypatch.setattr("robust_gcp.analysis.space._Search", work)
-    monkeypatch.setattr("robust_gcp.studies.costs.measure", work)
+    monkeypatch.setattr("robust_gcp.reports.costs.measure", work)
     err = refused(line.split(), here, capsys)
     assert err.startswith("robust_gcp: ") and err.count("\n") == 1
     assert message in err
@@ -198,13 +192,10 @@ GOOD = {
     "--robots": ".",
     "--case": "stiff",
     "modes --out": "new/modes.pdf",
-    "crossings --out": "new.json",
     "a02 --out": "new/runs.json",
     "benchmark --out": "new.json",
     "benchmark --base": "free",
     "benchmark --starts": "2",
-    "descriptions --out": "new.json",
-    "trees --out": "new.json",
 }
 """Words that an option takes, where they are not those of its type."""
 
@@ -213,7 +204,7 @@ GOOD = {
 def test_good_words_pass_every_check(command: Command, here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ran: list[argparse.Namespace] = []
     monkeypatch.setattr(MODULES[command.name], "run", lambda args: ran.append(args) or 0)
-    monkeypatch.setattr("robust_gcp.studies.stability.command.families", lambda: {"stiff": list})
+    monkeypatch.setattr("robust_gcp.reports.stability.command.families", lambda: {"stiff": list})
     for option in options(command):
         flag = option.option_strings[-1]
         word = {number: "0.5", int: "1", pathname: "new.1/folder"}.get(option.type, "word")  # type: ignore

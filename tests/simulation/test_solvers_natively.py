@@ -29,7 +29,7 @@ def followed(name: str, backend: str, torque: Any = None) -> tuple[Following, An
     mech = rg.load(name)
     v = mech.lift(mech.home, np.full(mech.m, 0.7))
     motion = set_out(mech, None, v, torque=torque, choice=MapChoice(error_controlled=True))
-    library = chosen_library("native", "DOP853", "bridge", "tangent")
+    library = chosen_library("native", "bridge", "tangent")
     assert library is not None
     native = NativeSteps(library, torque, True) if backend == "native" else None
     following = Following(motion, native, None)

@@ -44,7 +44,6 @@ def test_observed_order_across_crossings(tableau: rg.Tableau, order: int) -> Non
     errors = []
     for step in (4e-3, 2e-3):
         run = rg.simulate(mech, duration=2.0, step=step, stepper=tableau)
-        assert run.stats.native_steps == 0
         errors.append(np.abs(run.q[:: round(0.1 / step)] - exact.q).max())
     assert len(exact.crossings) == len(run.crossings) > 0
     assert order - 0.1 < np.log2(errors[0] / errors[1]) < order + 0.9
@@ -76,8 +75,3 @@ def test_the_classical_tableau_is_rk4() -> None:
 def test_what_is_no_tableau(a: Any, b: Any, words: str) -> None:
     with pytest.raises(rg.OptionError, match=words):
         rg.Tableau(a, b)
-
-
-def test_the_kernel_says_what_it_takes() -> None:
-    with pytest.raises(rg.OptionError, match='stepper="rk4", not of Tableau'):
-        rg.simulate(rg.load("rhombus"), duration=0.1, stepper=THREE_EIGHTHS, backend="native")

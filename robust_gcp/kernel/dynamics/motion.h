@@ -4,10 +4,12 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <vector>
 
 #include "abi.h"
 #include "linalg/cells.h"
+#include "dynamics/driven.h"
 #include "dynamics/forces.h"
 #include "path/path.h"
 #include "dynamics/sweep.h"
@@ -21,10 +23,11 @@ class Motion {
   public:
     Cells<double> v, tau, ydd;
     double power = 0.0;
+    std::unique_ptr<Driven> driven;  // none where nothing is
     std::int64_t force_evaluations = 0;
 
     Motion(const Description& d, Path& path)
-        : v(d.nv), tau(d.nv), ydd(d.m), path_(path), sweep_(d, path), forces_(d),
+        : v(d.nv), tau(d.nv), ydd(d.m), driven(d.driven > 0 ? new Driven(d, path) : nullptr), path_(path), sweep_(d, path, path.parts.list), forces_(d),
           own_(*d.own), size_(d.size, d.size + d.nv), armature_(d.armature, d.armature + d.nv), paces_(d.m),
           turned_(path.chain.bodies.size()), shifted_(path.chain.bodies.size()) {}
 
@@ -34,6 +37,7 @@ class Motion {
         const Chain& chain = sweep_.place(point);
         const Reason acted = act(t, chain, point, r);
         if (acted != DONE) return acted;
+        if (driven) return with_drive(chain, point);
         return by_virtual_power() ? one_coordinate(point) : several(chain, point);
     }
 
@@ -137,13 +141,26 @@ class Motion {
 
     // Several coordinates. Where digits were lost Python looks at it.
     Reason several(const Chain& chain, Point& point) {
-        bool good = sweep_.eliminate(chain, point, v.data(), acting_ ? tau.data() : nullptr, DEFINITE);
-        kinetic_ = sweep_.kinetic();
-        sweep_.diagonal([&](const Part& part, const double* inertia) {
+        return eliminated(sweep_, chain, point, point.g()) ? DONE : INERTIA;
+    }
+
+    // The same beside driven ones, and what moves these.
+    Reason with_drive(const Chain& chain, Point& point) {
+        if (!acting_) std::fill(tau.begin(), tau.end(), 0.0);
+        acting_ = true;
+        if (!eliminated(driven->sweep, chain, point, driven->bias(point))) return INERTIA;
+        power += driven->effort(chain, point, v.data(), ydd.data(), tau.data());
+        return DONE;
+    }
+
+    bool eliminated(Sweep& sweep, const Chain& chain, Point& point, const double* g) {
+        bool good = sweep.eliminate(chain, point, g, v.data(), acting_ ? tau.data() : nullptr, DEFINITE);
+        kinetic_ = sweep.kinetic();
+        sweep.diagonal([&](const Part& part, const double* inertia) {
             good = good && weighs(part.velocities, part.inputs, point.G(), inertia);
         });
-        if (good) sweep_.solve(ydd.data());
-        return good ? DONE : INERTIA;
+        if (good) sweep.solve(ydd.data());
+        return good;
     }
 
     // Whether each input's inertia is more than what rounding leaves of what the joints' motions in its column of G

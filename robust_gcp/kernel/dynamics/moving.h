@@ -25,9 +25,8 @@ class Moving {
 
     // `composed`: parts whose bodies are put together joint by joint. X is that of all other bodies but those of
     // single joints, and of bodies that carry parts.
-    Moving(const Description& d, const Path& path, const std::vector<char>& composed)
-        : path_(path), armature_(d.armature, d.armature + d.nv) {
-        const std::vector<Part>& parts = path.parts.list;
+    Moving(const Description& d, const Path& path, const std::vector<Part>& parts, const std::vector<char>& composed)
+        : path_(path), parts_(parts), armature_(d.armature, d.armature + d.nv) {
         const std::size_t n = path.chain.bodies.size();
         massive.resize(n), freed.resize(n), wrench.resize(n), V_.resize(n), A_.resize(n);
         axes_.resize(static_cast<std::size_t>(d.nv)), ways_at.resize(n);
@@ -74,18 +73,18 @@ class Moving {
         wrench[j] += right * push;
     }
 
-    // Velocities, accelerations at u̇ = 0 and the wrenches that these take, where the chain is placed, for v.
-    void move(const Chain& chain, Point& point, const double* v) {
+    // Velocities, accelerations g and the wrenches that these take, where the chain is placed, for v.
+    void move(const Chain& chain, Point& point, const double* g, const double* v) {
         const Vec near = chain.p[1];
         V_[0] = {};
         A_[0] = {Vec{} - chain.gravity, {}};
         double twice = 0.0;
         Twist* S = axes_.data();
-        for (const Part& part : path_.parts.list)
+        for (const Part& part : parts_)
             for (const int j : part.joints) {
                 const Body& b = chain.bodies[j];
                 const Vec from = chain.p[j] - near;
-                twice += move(chain, b, j, from, point.g(), v, S);
+                twice += move(chain, b, j, from, g, v, S);
                 if (seen_[j]) see(part, b, j, point, S);
                 S += b.count;
                 if (heir_[j]) freed[j] = {};
@@ -143,6 +142,7 @@ class Moving {
     }
 
     const Path& path_;
+    const std::vector<Part>& parts_;
     const Cells<double> armature_;
     std::vector<char> heir_;  // what carries parts, and in composed parts what carries such a body
     std::vector<char> seen_;  // whether X is asked for

@@ -23,9 +23,10 @@ namespace rg {
 
 class Sweep {
   public:
-    Sweep(const Description& d, Path& path)
-        : path_(path), parts_(path.parts.list), armature_(d.armature, d.armature + d.nv),
-          moving_(d, path, composed(path.parts.list)), round_(static_cast<std::size_t>(d.m)) {
+    // `parts`: the path's, or these with some of their inputs.
+    Sweep(const Description& d, Path& path, const std::vector<Part>& parts)
+        : path_(path), parts_(parts), armature_(d.armature, d.armature + d.nv),
+          moving_(d, path, parts, composed(parts)), round_(static_cast<std::size_t>(d.m)) {
         if (path.groups.some()) {
             world_.reset(new Chain(path.chain));
             for (Body& b : world_->bodies) b.held = false;
@@ -51,10 +52,11 @@ class Sweep {
         return *world_;
     }
 
-    // Eliminates Gᵀ M G beside −Gᵀ (M g + C − τ) at velocities v, after `place`; τ (nv,) may be null. False
-    // where a squared pivot is not above `least` times its entry of the diagonal.
-    bool eliminate(const Chain& chain, Point& point, const double* v, const double* tau, double least) {
-        moving_.move(chain, point, v);
+    // Eliminates Gᵀ M G beside −Gᵀ (M g + C − τ) at velocities v, after `place`; g: accelerations at u̇ = 0; τ (nv,)
+    // may be null. False where a squared pivot is not above `least` times its entry of the diagonal.
+    bool eliminate(const Chain& chain, Point& point, const double* g, const double* v, const double* tau, double least) {
+        g_ = g;
+        moving_.move(chain, point, g, v);
         for (std::size_t i = parts_.size(); i-- > 0;)
             if (!eliminate(i, point, tau, least)) return false;
         return true;
@@ -115,7 +117,7 @@ class Sweep {
     // that, and `push_` L⁻¹ of what its inputs ask of the body that carries it, to which it is added.
     bool eliminate(std::size_t i, Point& point, const double* tau, double least) {
         const Part& part = parts_[i];
-        if (part.single()) return eliminate_one(part, i, point, tau, least);
+        if (part.single()) return eliminate_one(part, i, tau, least);
         if (squares_[i] != nullptr) return eliminate_by_joints(part, i, point, tau, least);
         collect(part, i, point, tau);
         const std::size_t count = part.inputs.size();
@@ -168,14 +170,14 @@ class Sweep {
     }
 
     // The same of a joint with one velocity, in no loop.
-    bool eliminate_one(const Part& part, std::size_t i, Point& point, const double* tau, double least) {
+    bool eliminate_one(const Part& part, std::size_t i, const double* tau, double least) {
         const int j = part.joints[0], v = part.velocities[0];
         const Twist& S = *moving_.S(i);
         const Wrench needed = moving_.needed(j, S);
         const double inertia = dot(S, needed) + armature_[v];
         double& alone = alone_[part.first];
         alone = moving_.bears[j] ? dot(S, moving_.massive[j] * S) + armature_[v] : inertia;
-        const double force = dot(S, moving_.wrench[j]) + armature_[v] * point.g()[v] - (tau == nullptr ? 0.0 : tau[v]);
+        const double force = dot(S, moving_.wrench[j]) + armature_[v] * g_[v] - (tau == nullptr ? 0.0 : tau[v]);
         moving_.hand_down(j, part.root);
         if (!(inertia > least * alone)) return false;
         const double inverse = factors_[factors_at_[i]] = 1.0 / std::sqrt(inertia);
@@ -197,7 +199,6 @@ class Sweep {
         const std::size_t count = part.inputs.size(), width = square.width();
         double *U = factors_.data() + factors_at_[i], *alone = alone_.data() + part.first;
         held_still(part, alone);
-        const double* g = point.g();
         const Twist* S = moving_.S(i);
         int place = static_cast<int>(part.velocities.size());
         for (std::size_t n = part.joints.size(); n-- > 0;) {
@@ -206,7 +207,7 @@ class Sweep {
             place -= b.count;
             for (int k = 0; k < b.count; ++k) {
                 const double rotor = armature_[b.first + k], acting = tau == nullptr ? 0.0 : tau[b.first + k];
-                const double force = dot(S[place + k], moving_.wrench[j]) + rotor * g[b.first + k] - acting;
+                const double force = dot(S[place + k], moving_.wrench[j]) + rotor * g_[b.first + k] - acting;
                 square.put(place + k, moving_.needed(j, S[place + k]), rotor, force, S);
             }
             moving_.hand_down(j, b.parent);
@@ -248,9 +249,9 @@ class Sweep {
     // What motors and τ add to a part's square and right-hand side.
     void with_rotors(const Part& part, Point& point, const double* tau, double* U) {
         const int count = part.count(), m = path_.layout.m;
-        const double *G = point.G(), *g = point.g();
+        const double* G = point.G();
         for (int v : part.velocities) {
-            const double rotor = armature_[v], force = rotor * g[v] - (tau == nullptr ? 0.0 : tau[v]);
+            const double rotor = armature_[v], force = rotor * g_[v] - (tau == nullptr ? 0.0 : tau[v]);
             if (rotor == 0.0 && force == 0.0) continue;
             for (int a = 0; a < count; ++a) {
                 const double turn = G[v * m + part.inputs[a]], inertia = rotor * turn;
@@ -264,6 +265,7 @@ class Sweep {
 
     Path& path_;
     const std::vector<Part>& parts_;
+    const double* g_ = nullptr;     // of the last elimination
     std::unique_ptr<Chain> world_;  // where joints on groups are, which the path's chain holds still
     Cells<double> armature_;
     Moving moving_;

@@ -205,4 +205,14 @@ Vector least_squares(const Matrix& A, const Vector& b, double share) {
     return x;
 }
 
+Vector shortest(const Matrix& A, const Vector& b, double share) {
+    constexpr double PLAIN = 1e-4;  // of the pivots: far above any share
+    if (A.rows() >= A.cols()) {
+        const Eigen::ColPivHouseholderQR<Matrix> qr(A);
+        const auto pivots = qr.matrixQR().diagonal().cwiseAbs();
+        if (pivots[A.cols() - 1] > PLAIN * pivots[0]) return qr.solve(b);
+    }
+    return least_squares(A, b, share);
+}
+
 }  // namespace rg

@@ -38,7 +38,7 @@ class Solver : public Stepper {
         if (accepted_ != anchor_ && apart(r.x, *accepted_) < apart(r.x, *anchor_)) go_back(r);
         r.in_zone = clusters.in_zone();
         std::copy(r.x, r.x + n_, stage_.begin());
-        r.reason = evaluate(r, r.times[0]);
+        r.reason = evaluate(r, r.times[0], 0, 0);
         r.met = clusters.met();
         if (r.reason != DONE) {  // Python evaluates it, and counts
             --rhs_;
@@ -75,6 +75,7 @@ class Solver : public Stepper {
         std::copy(motion_.ydd.begin(), motion_.ydd.end(), r.ydd);
         std::copy(motion_.tau.begin(), motion_.tau.end(), r.tau);
         r.power = motion_.power;
+        if (motion_.driven) motion_.driven->write(r.effort);
         clusters.rounding(r.uncertain, r.nearest);
     }
 

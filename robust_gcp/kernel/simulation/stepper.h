@@ -46,7 +46,7 @@ class alignas(CACHE_LINE) Stepper {
         Cells<double> last_ydd(r.ydd, r.ydd + m), last_tau(r.tau, r.tau + path.layout.nv);
         double last_power = r.power;
         for (std::int64_t i = r.first; i < r.first + r.steps && r.reason == DONE; ++i) {
-            const Reason reason = step(r, r.times[i], r.times[i + 1]);
+            const Reason reason = step(r, i);
             if (reason != DONE) {
                 r.reason = reason;
                 break;
@@ -61,6 +61,7 @@ class alignas(CACHE_LINE) Stepper {
             last_ydd = motion_.ydd;
             last_tau = motion_.tau;
             last_power = motion_.power;
+            if (motion_.driven) motion_.driven->write(r.effort);
             ++r.completed;
             count(r);
             r.best = std::max(r.best, accepted_->conditioning());
@@ -91,12 +92,14 @@ class alignas(CACHE_LINE) Stepper {
         if (accepted_ == nullptr) return false;
         path.survey(*accepted_);
         ++rhs_;
+        if (motion_.driven) prescribe(r, r.first, 0, accepted_->y(), accepted_->ydot());
         r.reason = motion_.evaluate(r.times[r.first], *accepted_, r);
         count(r);
         if (r.reason != DONE) return false;
         std::copy(motion_.ydd.begin(), motion_.ydd.end(), r.ydd);
         std::copy(motion_.tau.begin(), motion_.tau.end(), r.tau);
         r.power = motion_.power;
+        if (motion_.driven) motion_.driven->write(r.effort);
         if (r.beginning == TURNED) output(r, r.first - 1);
         return true;
     }
@@ -179,25 +182,51 @@ class alignas(CACHE_LINE) Stepper {
         clusters.count(r);
     }
 
-    Reason step(const Request& r, double t, double end) {
-        const double h = end - t, half = 0.5 * h;
+    Reason step(const Request& r, std::int64_t i) {
+        const double end = r.times[i + 1];
+        const Reason reason = r.stages > 0 ? by_tableau(r, i) : classical(r, i);
+        if (reason != DONE) return reason;
+        stage_ = sum_;
+        const bool finite = std::all_of(sum_.begin(), sum_.end(), [](double x) { return std::isfinite(x); });
+        return finite ? evaluate(r, end, i + 1, 0) : NON_FINITE;
+    }
+
+    Reason classical(const Request& r, std::int64_t i) {
+        const double t = r.times[i], h = r.times[i + 1] - t, half = 0.5 * h;
         rate(*accepted_, rate_);
         sum_ = rate_;
         advance(half);
-        if (Reason reason = evaluate(r, t + half)) return reason;
+        if (Reason reason = evaluate(r, t + half, i, 1)) return reason;
         gather(2.0);
         advance(half);
-        if (Reason reason = evaluate(r, t + half)) return reason;
+        if (Reason reason = evaluate(r, t + half, i, 1)) return reason;
         gather(2.0);
         advance(h);
-        if (Reason reason = evaluate(r, t + h)) return reason;
+        if (Reason reason = evaluate(r, t + h, i + 1, 0)) return reason;
         gather(1.0);
-        bool finite = true;
-        for (int i = 0; i < n_; ++i) {
-            sum_[i] = stage_[i] = x_[i] + (h / 6.0) * sum_[i];
-            finite = finite && std::isfinite(sum_[i]);
+        for (int k = 0; k < n_; ++k) sum_[k] = x_[k] + (h / 6.0) * sum_[k];
+        return DONE;
+    }
+
+    // k_s = f(t + c_s h, x + h Σ a_sj k_j), x ← x + h Σ b_s k_s.
+    Reason by_tableau(const Request& r, std::int64_t i) {
+        const double t = r.times[i], h = r.times[i + 1] - t, *weights = r.tableau;
+        const int stages = r.stages;
+        const double* c = weights + stages * (stages + 1) / 2;
+        k_.resize(static_cast<std::size_t>(stages));
+        for (int s = 0; s <= stages; ++s) {
+            Cells<double>& to = s < stages ? stage_ : sum_;
+            std::fill(to.begin(), to.end(), 0.0);
+            for (int j = 0; j < s; ++j, ++weights)
+                for (int k = 0; *weights != 0.0 && k < n_; ++k) to[k] += *weights * k_[j][k];
+            for (int k = 0; k < n_; ++k) to[k] = x_[k] + h * to[k];
+            if (s == stages) break;
+            if (s > 0)
+                if (Reason reason = evaluate(r, t + c[s] * h, i, s)) return reason;
+            k_[s].resize(static_cast<std::size_t>(n_));
+            rate(s > 0 ? *anchor_ : *accepted_, k_[s]);
         }
-        return finite ? evaluate(r, end) : NON_FINITE;
+        return DONE;
     }
 
     void gather(double weight) {
@@ -218,10 +247,17 @@ class alignas(CACHE_LINE) Stepper {
         if (works_) rate[2 * m] = motion_.power;
     }
 
-    // The point and ÿ at the state `stage_`; the point becomes the anchor.
-    Reason evaluate(const Request& r, double t) {
+    // What moves by prescription at a stage of the step after a time.
+    void prescribe(const Request& r, std::int64_t time, int stage, double* y, double* ydot) {
+        const std::int64_t stages = r.stages > 0 ? r.stages : 2;
+        motion_.driven->prescribe(r.prescribed + (time * stages + stage) * motion_.driven->width(), y, ydot);
+    }
+
+    // The point and ÿ at the state `stage_`, which is at a stage of the step after a time; the point becomes the anchor.
+    Reason evaluate(const Request& r, double t, std::int64_t time, int stage) {
         const int m = path.layout.m;
-        const double *y = stage_.data(), *ydot = y + m;
+        double *y = stage_.data(), *ydot = y + m;
+        if (motion_.driven) prescribe(r, time, stage, y, ydot);
         Point& point = spare();
         ++rhs_;
         Reason reason = clusters.in_zone() ? ZONE : by_regular_path(r, y, ydot, point);
@@ -255,6 +291,7 @@ class alignas(CACHE_LINE) Stepper {
         if (r.v_out) std::copy(motion_.v.begin(), motion_.v.end(), r.v_out + row * l.nv);
         if (r.tau_out) std::copy(motion_.tau.begin(), motion_.tau.end(), r.tau_out + row * l.nv);
         if (r.energy_out) r.energy_out[row] = motion_.energy(point);
+        if (r.effort_out) motion_.driven->write(r.effort_out + row * (motion_.driven->width() / 3));
         if (r.work_out && works_) r.work_out[row] = x_[2 * l.m];
         if (r.a_out) path.acceleration(point, motion_.ydd.data(), r.a_out + row * l.nv);
     }
@@ -271,6 +308,7 @@ class alignas(CACHE_LINE) Stepper {
     std::vector<int> on_groups_;  // which of y are in charts
     std::vector<Point> slots_;
     Cells<double> x_, stage_, sum_, rate_, safe_x_;
+    std::vector<Cells<double>> k_;  // rates at the stages of a tableau
     Point *anchor_ = nullptr, *accepted_ = nullptr, *safe_ = nullptr;
     const double* origin_ = nullptr;  // q where charts have theirs
     std::vector<double> log_, passed_, trackers_;

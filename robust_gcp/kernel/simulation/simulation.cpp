@@ -1,0 +1,59 @@
+// The functions that Python calls for motions. Nothing here is global: each handle is a workspace of its own.
+#include <cstring>
+#include <exception>
+
+#include "abi.h"
+#include "simulation/solver.h"
+
+RG_EXPORT std::int32_t rg_version() { return rg::VERSION; }
+
+// Size of a structure of abi.h, to compare with the caller's.
+RG_EXPORT std::int32_t rg_size(std::int32_t structure) {
+    constexpr std::size_t sizes[] = {sizeof(rg::Description), sizeof(rg::Cluster), sizeof(rg::Bridging),
+                                     sizeof(rg::Request), sizeof(rg::States), sizeof(rg::ModeSeries)};
+    return static_cast<std::int32_t>(sizes[structure]);
+}
+
+// A workspace for a mechanism, or null with the reason in `why`.
+RG_EXPORT void* rg_create(const rg::Description* description, char* why, std::int32_t length) {
+    try {
+        return new rg::Solver(*description);
+    } catch (const std::exception& error) {
+        std::strncpy(why, error.what(), static_cast<std::size_t>(length) - 1);
+        return nullptr;
+    }
+}
+
+RG_EXPORT void rg_destroy(void* stepper) { delete static_cast<rg::Solver*>(stepper); }
+
+RG_EXPORT void rg_run(void* stepper, rg::Request* request) { static_cast<rg::Solver*>(stepper)->run(*request); }
+
+RG_EXPORT void rg_look(void* stepper, rg::Request* request) { static_cast<rg::Solver*>(stepper)->look(*request); }
+
+// The state of the clusters' trackers, as many numbers as `count` then says; valid until the next call.
+RG_EXPORT const double* rg_trackers(void* stepper, std::int64_t* count) {
+    return static_cast<rg::Solver*>(stepper)->trackers(*count);
+}
+
+// Makes a start of a configuration and velocities, for rg_run.
+RG_EXPORT void rg_begin(void* stepper, rg::Request* request) { static_cast<rg::Solver*>(stepper)->set_out(*request); }
+
+RG_EXPORT void rg_follow_from(void* stepper, rg::Request* request) {
+    static_cast<rg::Solver*>(stepper)->set_out_from(*request);
+}
+
+RG_EXPORT void rg_follow(void* stepper, rg::Request* request) {
+    static_cast<rg::Solver*>(stepper)->follow(*request);
+}
+
+RG_EXPORT void rg_bend(void* stepper, rg::Request* request, const double* unit, double* A) {
+    static_cast<rg::Solver*>(stepper)->bend(*request, unit, A);
+}
+
+RG_EXPORT void rg_tell(void* stepper, rg::Request* request) { static_cast<rg::Solver*>(stepper)->tell(*request); }
+
+RG_EXPORT void rg_keep(void* stepper) { static_cast<rg::Solver*>(stepper)->keep(); }
+
+RG_EXPORT void rg_forget(void* stepper) { static_cast<rg::Solver*>(stepper)->clusters.forget(); }
+
+RG_EXPORT void rg_renew(void* stepper) { static_cast<rg::Solver*>(stepper)->renew(); }

@@ -1,0 +1,79 @@
+"""Pages that reports keep true: blocks between marks, and Markdown tables."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ..errors import OptionError
+
+
+def renew(page: Path, blocks: Mapping[str, str]) -> bool:
+    """Put each block between `<!-- begin: name -->` and `<!-- end: name -->` of a page.
+
+    Returns
+    -------
+    bool
+        Whether the page has marks of any of these names; a name without marks is left out.
+
+    Raises
+    ------
+    OptionError
+        When the marks of a name are not there once each, in this order.
+    """
+    found = marked(page, blocks)
+    text = page.read_text(encoding="utf-8")
+    for name in found:
+        begin, end = _marks(name)
+        head, rest = text.split(begin)
+        text = f"{head}{begin}\n{blocks[name].strip()}\n\n{end}{rest.split(end)[1]}"
+    page.write_text(text, encoding="utf-8")
+    return bool(found)
+
+
+def marked(page: Path, names: Iterable[str]) -> list[str]:
+    """Those of the names whose marks the page has; raises as `renew`."""
+    text = page.read_text(encoding="utf-8")
+    found = []
+    for name in names:
+        begin, end = _marks(name)
+        counts = text.count(begin), text.count(end)
+        if counts == (0, 0):
+            continue
+        if counts != (1, 1) or text.index(begin) > text.index(end):
+            raise OptionError(
+                f"{page}: needs the lines {begin.strip()!r} and {end!r}, once each, in this order"
+            )
+        found.append(name)
+    return found
+
+
+def _marks(name: str) -> tuple[str, str]:
+    return f"<!-- begin: {name} -->\n", f"<!-- end: {name} -->"
+
+
+def plain(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of a record, None for what is not finite."""
+    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in values.items()}
+
+
+def write_records(stem: Path, records: Sequence[Mapping[str, Any]], whole: Mapping[str, Any]) -> list[Path]:
+    """Write the records as stem.csv, one line each, and `whole` as stem.json; returns the paths."""
+    csv_path, json_path = stem.with_suffix(".csv"), stem.with_suffix(".json")
+    with csv_path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, list(records[0]) if records else [])
+        writer.writeheader()
+        writer.writerows(records)
+    json_path.write_text(json.dumps(whole, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    return [csv_path, json_path]
+
+
+def table(rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> str:
+    """A Markdown table; the first row is its head, columns of `numbers` are set to the right."""
+    lines = [" | ".join(cell.replace("\n", " ").replace("|", "\\|") for cell in row) for row in rows]
+    rule = "".join("---:|" if i in numbers else "---|" for i in range(len(rows[0])))
+    return "\n".join([f"| {lines[0]} |", f"|{rule}", *(f"| {line} |" for line in lines[1:])])

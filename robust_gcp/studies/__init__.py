@@ -1,1 +1,0 @@
-"""Studies, the paper's figures first, and how they are drawn."""

@@ -1,1 +1,0 @@
-"""The same motion, whatever the description: each scene in other coordinates, cuts, trees, axes and units."""

@@ -1,0 +1,96 @@
+"""The timing of the kernel: what it measures is the kernel's own work."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import robust_gcp as rg
+from robust_gcp.__main__ import main
+from robust_gcp.examples.linkages import n_four_bar
+from robust_gcp.kernel.library import library
+from robust_gcp.mechanism.folders.loader import models_folder
+from robust_gcp.reports.benchmark import batches, native_seconds, thread_gain
+from robust_gcp.reports.peers.compiled import why_not
+from robust_gcp.reports.robot_speed import measured, robots_in
+
+from ..compiled import needs_kernel
+
+pytestmark = needs_kernel
+
+
+def test_a_step_costs_microseconds() -> None:
+    """Some 2 µs for one loop, which grows with the loops and stays far below Python's milliseconds."""
+    one, ten = native_seconds(n_four_bar(1, 1.2)), native_seconds(n_four_bar(10, 1.2))
+    assert 1e-7 < one["native_step"] < ten["native_step"] < 1e-4
+    assert one["native_newton"] == 0.0  # on the parallelogram mode G is constant: predictions are exact
+
+
+def test_two_threads_run() -> None:
+    """Two threads finish what two threads were given; how much faster depends on what else runs."""
+    assert 0.3 < thread_gain(rg.load("crank_rocker"), steps=500) < 2.5
+
+
+def test_a_batch_that_stops_early_is_no_measurement() -> None:
+    """Falling into the zone of a singular configuration ends a batch."""
+    found = library()
+    assert found is not None
+    run = batches(found, n_four_bar(1, 0.2), 500, 1e-3)
+    with pytest.raises(RuntimeError, match="ZONE"):
+        run()
+    assert np.isfinite(batches(found, n_four_bar(1, 1.2), 5, 1e-3)()[0])
+
+
+def test_robots_of_a_folder_are_timed_beside_pinocchio(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What a step costs is there for each robot that steps; a file that is none is named with its reason."""
+    for name in ("crank_rocker", "stewart"):
+        shutil.copytree(models_folder() / name, tmp_path / "found" / name)
+    (tmp_path / "none.xml").write_text("<mujoco/>", encoding="utf-8")
+    assert list(robots_in(tmp_path)) == [
+        tmp_path / "found" / "crank_rocker",
+        tmp_path / "found" / "stewart",
+        tmp_path / "none.xml",
+    ]
+    rows = [measured(path, path.name, None, 2) for path in robots_in(tmp_path)]
+    assert [row.nv for row in rows] == [3, 24, 0]
+    assert rows[2].note and np.isnan(rows[2].step)
+    for row in rows[:2]:
+        assert 1e-1 < row.step < 1e4
+        if not why_not():
+            assert row.aba > 1e-2 and 1e-2 < row.constrained < 1e3
+            assert row.ratio == row.step / row.constrained
+
+
+def test_what_derivatives_cost_is_told_and_renews_its_page(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(models_folder() / "crank_rocker", tmp_path / "robots" / "crank_rocker")
+    page, out = tmp_path / "page.md", tmp_path / "costs.json"
+    begin, end = "<!-- begin: derivatives of robots -->", "<!-- end: derivatives of robots -->"
+    page.write_text(f"# T\n\n{begin}\nold\n{end}\n", encoding="utf-8")
+    line = ["benchmark", "--derivatives", "--quick", "--robots", str(tmp_path / "robots")]
+    assert main([*line, "--out", str(out), "--refresh", str(page)]) == 0
+    assert "crank_rocker" in capsys.readouterr().out
+    (row,) = json.loads(out.read_text(encoding="utf-8"))
+    assert (row["name"], row["nv"], row["m"]) == ("crank_rocker", 3, 1)
+    assert 1e-2 < row["forward"] < row["derivatives"] < 1e3, "µs"
+    assert row["gradient"] > 0.0
+    text = page.read_text(encoding="utf-8")
+    assert "| crank_rocker | 3 | 1 |" in text and "old" not in text
+
+
+@pytest.mark.parametrize("line", ("--derivatives", ""))
+def test_a_page_without_marks_or_table_is_refused(
+    line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("# T\n", encoding="utf-8")
+    assert main(["benchmark", *line.split(), "--quick", "--refresh", str(page)]) != 0
+    assert "--refresh" in capsys.readouterr().err
+    assert page.read_text(encoding="utf-8") == "# T\n"
