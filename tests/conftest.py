@@ -6,6 +6,7 @@ import functools
 import os
 import warnings
 from collections.abc import Callable
+from pathlib import Path
 
 # The matrices here are small: threads of BLAS only wait for each other on a busy machine.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -34,30 +35,8 @@ settings.register_profile(
 )
 
 
-SLOW = (
-    "test_work_precision.py::test_the_bridge_stays_on_the_floor_at_full_order",
-    "test_several_at_once.py::test_a_loop_crosses_in_the_step_in_which_another_changes_coordinates[0.0",
-    "test_several_at_once.py::test_solvers_cross_in_a_cluster_of_several_coordinates",
-    "test_evenness.py::test_uneven_coordinates_are_left",
-    "test_paper.py::test_every_figure_is_drawn_for_print",
-    "test_solvers_natively.py::test_the_same_run_of_a_floating_base",
-    "test_costs.py::test_only_what_is_needed_runs",
-    "test_extreme_bodies.py::test_no_cell_is_wrong",
-    "test_extreme_starts.py::test_no_cell_is_wrong",
-    "test_stability_stiff.py::test_no_stiff_cell_is_wrong",
-    "test_work_precision_references.py::test_two_computations",
-    "test_work_precision_references.py::test_robots_on",
-    "test_threads.py::test_runs_do_not_depend_on_threads",
-    "test_kernel.py::test_random_spatial_mechanisms",
-    "test_kernel.py::test_through_every_crossing",
-    "test_kernel.py::test_up_to_a_toggle",
-    "test_modes.py::test_gradients_over_crossings",
-    "test_gradient.py::test_through_steps_that_were_taken_with_error_control",
-    "test_driven.py::test_a_drive_beyond_a_dead_point",
-    "test_tangential.py::test_simulation_stops_with",
-    "test_space.py::test_modes_that_veer",
-)
-"""Tests, by parts of their names, that take more than some four seconds of a processor each or together."""
+SLOW = Path(__file__).with_name("slow.txt").read_text(encoding="utf-8").split("\n")[:-1]
+"""Tests, as their names begin, that take more than some two seconds of a processor each or together."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -97,7 +76,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark them."""
     for item in items:
-        if any(name in item.nodeid for name in SLOW):
+        if item.nodeid.removeprefix("tests/").startswith(tuple(SLOW)):
             item.add_marker(pytest.mark.slow)
 
 

@@ -22,10 +22,10 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 SOURCES = (
-    "simulation/simulation.cpp",  # the longest first
-    "derivatives/derivatives.cpp",
+    "linalg/dense.cpp",  # the longest first
     "cluster/clusters.cpp",
-    "linalg/dense.cpp",
+    "derivatives/derivatives.cpp",
+    "simulation/simulation.cpp",
     "dynamics/dynamics.cpp",
 )
 SWITCH = "ROBUST_GCP_NATIVE"

@@ -59,7 +59,7 @@ def test_a_failed_build_is_reported_with_its_log(
     report = _report(tmp_path)
     assert report["status"] == "failed"
     assert "this compiler is broken" in report["detail"]
-    assert "simulation.cpp" in (tmp_path / report["log"]).read_text()
+    assert "dense.cpp" in (tmp_path / report["log"]).read_text()
     said = capsys.readouterr().out
     assert "failed" in said
     assert "Python backend" in said

@@ -56,7 +56,9 @@ def test_shipped_scenes_move_alike(name: str, all_of_them: bool) -> None:
 def test_random_mechanisms_on_joints_on_groups_move_alike(seed: int) -> None:
     mechanism, _ = made(seed)
     cranks = [name for name in mechanism.independent if name.startswith("crank")]
-    ours, native = both(mechanism, swings(mechanism, cranks[: 1 + seed % len(cranks)]), duration=0.2, step=2e-3)
+    ours, native = both(
+        mechanism, swings(mechanism, cranks[: 1 + seed % len(cranks)]), duration=0.2, step=2e-3
+    )
     require_alike(ours, native, 1e-10)
     assert native.stats.native_steps > 90
 

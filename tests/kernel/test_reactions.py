@@ -14,9 +14,11 @@ from .test_random_floating import made
 
 pytestmark = needs_kernel
 
+SCENES = ("andrews", "bricard", "delta", "rhombus", "slider_crank", "stewart", "walker")
+
 
 def states(mechanism: rg.Mechanism, seed: int) -> tuple[np.ndarray, ...]:
-    """Configurations and velocities along a motion, any accelerations that the loops allow, and any torques."""
+    """q and v along a motion, any torques, and the accelerations under these."""
     rng = np.random.default_rng(seed)
     run = rg.simulate(mechanism, duration=2e-3, step=2e-4)
     a, tau = [], []
@@ -29,7 +31,7 @@ def states(mechanism: rg.Mechanism, seed: int) -> tuple[np.ndarray, ...]:
     return run.q, run.v, np.array(a), np.array(tau)
 
 
-@pytest.mark.parametrize("name", ["andrews", "bricard", "delta", "rhombus", "slider_crank", "stewart", "walker"])
+@pytest.mark.parametrize("name", SCENES)
 def test_those_of_shipped_scenes_balance(name: str) -> None:
     mechanism = rg.load(name)
     require_those(mechanism, *states(mechanism, 1))
@@ -41,7 +43,9 @@ def test_those_of_random_mechanisms_balance(seed: int) -> None:
     require_those(mechanism, *states(mechanism, seed))
 
 
-def require_those(mechanism: rg.Mechanism, q: np.ndarray, v: np.ndarray, a: np.ndarray, tau: np.ndarray) -> None:
+def require_those(
+    mechanism: rg.Mechanism, q: np.ndarray, v: np.ndarray, a: np.ndarray, tau: np.ndarray
+) -> None:
     found = reactions(mechanism, q, v, a, tau)
     assert found is not None
     for i in range(len(q)):

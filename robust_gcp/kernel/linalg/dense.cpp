@@ -8,7 +8,6 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <Eigen/QR>
-#include <Eigen/SVD>
 
 namespace rg {
 
@@ -16,16 +15,19 @@ namespace rg {
 // Golub and Van Loan, Matrix Computations, 8.6.3).
 static void orthogonalise(Matrix& W, Matrix& R) {
     const Eigen::Index n = W.cols();
+    Vector squares(n);
     for (int sweep = 0; sweep < 60; ++sweep) {
         bool turned = false;
+        squares = W.colwise().squaredNorm().transpose();
         for (Eigen::Index i = 0; i + 1 < n; ++i)
             for (Eigen::Index j = i + 1; j < n; ++j) {
-                const double a = W.col(i).squaredNorm(), b = W.col(j).squaredNorm(), c = W.col(i).dot(W.col(j));
+                const double a = squares[i], b = squares[j], c = W.col(i).dot(W.col(j));
                 if (!(std::fabs(c) > 1e-15 * std::sqrt(a * b))) continue;
                 turned = true;
                 const double zeta = (b - a) / (2.0 * c);
                 const double t = std::copysign(1.0, zeta) / (std::fabs(zeta) + std::sqrt(1.0 + zeta * zeta));
                 const double cosine = 1.0 / std::sqrt(1.0 + t * t), sine = cosine * t;
+                squares[i] -= t * c, squares[j] += t * c;
                 for (Matrix* M : {&W, &R}) {
                     double *__restrict x = M->col(i).data(), *__restrict y = M->col(j).data();
                     for (Eigen::Index k = 0; k < M->rows(); ++k) {
@@ -48,7 +50,7 @@ static std::vector<Eigen::Index> descending(const Vector& values) {
 }
 
 // A = left diag(s) rightᵀ for A at least as high as wide, `left` square and completed to an orthonormal basis.
-static void tall(const Matrix& A, Matrix& left, Vector& s, Matrix& right) {
+static void rotated(const Matrix& A, Matrix& left, Vector& s, Matrix& right) {
     const Eigen::Index rows = A.rows(), n = A.cols();
     Matrix W = A, R = Matrix::Identity(n, n);
     orthogonalise(W, R);
@@ -76,22 +78,27 @@ static void tall(const Matrix& A, Matrix& left, Vector& s, Matrix& right) {
     }
 }
 
-constexpr Eigen::Index SMALL = 16;  // up to which Jacobi's method is faster than Eigen's
-constexpr Eigen::Index LARGE = 40;  // from which dividing and conquering is faster than both
+constexpr Eigen::Index SMALL = 16;  // up to which plain loops are faster than Eigen's blocks
+
+// The same; where A is large by Rᵀ of a pivoted QR, whose columns need fewer rotations (Drmač and Veselić, SIAM
+// J. Matrix Anal. Appl. 29, 2008): A P = Q R and Rᵀ = Y diag(s) Zᵀ give A = Q Z diag(s) (P Y)ᵀ.
+static void tall(const Matrix& A, Matrix& left, Vector& s, Matrix& right) {
+    const Eigen::Index n = A.cols();
+    if (n <= SMALL) return rotated(A, left, s, right);
+    const Eigen::ColPivHouseholderQR<Matrix> qr(A);
+    const Matrix R = qr.matrixQR().topRows(n).triangularView<Eigen::Upper>();
+    Matrix Y, Z;
+    rotated(R.transpose(), Y, s, Z);
+    left = qr.householderQ();
+    left.leftCols(n) = (left.leftCols(n) * Z).eval();
+    right = qr.colsPermutation() * Y;
+}
 
 Svd::Svd(const Matrix& A) {
-    constexpr unsigned FULL = Eigen::ComputeFullU | Eigen::ComputeFullV;
-    const auto take = [this](const auto& svd) { U = svd.matrixU(), V = svd.matrixV(), s = svd.singularValues(); };
-    const Eigen::Index size = std::max(A.rows(), A.cols());
-    if (size >= LARGE) {
-        take(Eigen::BDCSVD<Matrix>(A, FULL));
-    } else if (size > SMALL) {
-        take(Eigen::JacobiSVD<Matrix>(A, FULL));
-    } else if (A.rows() >= A.cols()) {
+    if (A.rows() >= A.cols())
         tall(A, U, s, V);
-    } else {
+    else
         tall(A.transpose(), V, s, U);
-    }
 }
 
 Matrix left_vectors(const Matrix& A) {
