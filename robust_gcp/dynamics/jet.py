@@ -21,7 +21,8 @@ class Jet:
 
     Attributes
     ----------
-    x, rate, bend : float
+    x, rate, bend : float, or ndarray
+        Arrays for many numbers at once, which can be compared with none.
     """
 
     __slots__ = ("bend", "rate", "x")
@@ -113,15 +114,15 @@ class Jet:
         return operator(*parts)
 
 
-def rates(f: Callable[[Any], Any], t: float) -> tuple[float, float, float]:
-    """f, ḟ and f̈ at t.
+def rates(f: Callable[[Any], Any], t: Any) -> tuple[float, float, float]:
+    """f, ḟ and f̈ at t, or at each of an array.
 
     Raises
     ------
     TypeError
         Where f asks for a plain number, or returns none.
     """
-    value = f(Jet(np.float64(t), 1.0))  # which divides by zero as arrays do
+    value = f(Jet(np.float64(t) if np.ndim(t) == 0 else t, 1.0))  # which divides by zero as arrays do
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value.item()  # what np.where makes of jets
     jet = _jet(value)

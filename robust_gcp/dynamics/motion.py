@@ -17,6 +17,9 @@ from .jet import rates
 LOOKED_AT = (0.0, 0.137, 0.389, 0.618, 0.911)
 """Shares of a run at which given rates are compared with differences of the position."""
 
+LOOKED_AT_AGAIN = 5
+"""Times of many at which what functions gave for all at once is compared with what they give for one."""
+
 NUDGE = 1e-5
 """Step of these differences, s."""
 
@@ -140,6 +143,36 @@ class Motion:
             raise NonFiniteError(f"a Motion is not finite at t = {t:.6g} s: p, ṗ, p̈ = {found}")
         return found
 
+    def over(self, times: Array) -> Array:
+        """p, ṗ and p̈ at each time, (3, n): at once where its functions take arrays, else one by one.
+
+        Raises
+        ------
+        OptionError, NonFiniteError
+            As `at`.
+        """
+        found = self._at_once(times) if len(times) > LOOKED_AT_AGAIN else None
+        return np.array([self.at(t) for t in times.tolist()]).T if found is None else found
+
+    def _at_once(self, times: Array) -> Array | None:
+        """The same by arrays, of which some entries are looked at; None where its functions take none."""
+        found: Array = np.empty((3, len(times)))
+        try:
+            with np.errstate(all="ignore"):
+                if self.velocity is None:
+                    found[:] = np.broadcast_arrays(*rates(self.position, times), times)[:3]
+                elif self.acceleration is None:
+                    found[0] = self.position(times)
+                    found[1:] = np.broadcast_arrays(*rates(self.velocity, times)[:2], times)[:2]
+                else:
+                    found[:] = [np.broadcast_to(f(times), times.shape) for f in self._functions]
+        except Exception:  # whatever a function that takes numbers alone does with an array
+            return None
+        some = np.linspace(0, len(times) - 1, LOOKED_AT_AGAIN).astype(int)
+        wanted = np.array([self.at(t) for t in times[some].tolist()]).T
+        same = np.allclose(found[:, some], wanted, rtol=1e-13, atol=1e-13 * np.abs(found).max())
+        return found if same and np.all(np.isfinite(found)) else None
+
     @property
     def _functions(self) -> tuple[Any, Any, Any]:
         return self.position, self.velocity, self.acceleration
@@ -209,6 +242,14 @@ class Drive:
             c of the stages, the first 0.
         """
         rows = np.zeros((len(times), len(shares), 3, len(self.names)))
+        steps = np.append(np.diff(times), 0.0)
+        asked = times[:, None] + np.multiply.outer(steps, np.array(shares))
+        try:
+            for k, motion in enumerate(self._motions):
+                rows[..., k] = motion.over(asked.ravel()).T.reshape(*asked.shape, 3)
+            return rows
+        except Exception:  # somewhere on the way: see where
+            pass
         for i, t in enumerate(times.tolist()):
             h = float(times[i + 1]) - t if i + 1 < len(times) else 0.0
             try:
@@ -227,17 +268,17 @@ class Drive:
         if len(times) < 4:
             return None
         for name, motion in zip(self.names, self._motions, strict=True):
-            rates = np.array([motion.at(float(t))[1] for t in times])
+            rates = motion.over(times)[1]
             change = np.diff(rates)
             beyond = np.abs(
                 change - 0.5 * (np.append(change[1:], change[-2]) + np.append(change[1], change[:-1]))
             )
             i = int(np.argmax(beyond))
-            found = motion.kink(float(times[i]), float(times[i + 1])) if beyond[i] > 0.0 else None
-            if found is not None and abs(found[2] - found[1]) > KINK * max(
-                1e-300, float(np.abs(rates).max())
-            ):
-                return name, *found
+            least = KINK * max(1e-300, float(np.abs(rates).max()))
+            if beyond[i] > 0.1 * least:  # a jump is beyond by half of it at least
+                found = motion.kink(float(times[i]), float(times[i + 1]))
+                if found is not None and abs(found[2] - found[1]) > least:
+                    return name, *found
         return None
 
 

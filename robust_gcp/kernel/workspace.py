@@ -287,6 +287,7 @@ class Workspace:
         """
         r, self._latest, self._shared.time[0] = self._request, None, t
         r.times, r.zone, r.power = self._shared.at_time, zone, 0.0
+        self._prescribe(t)
         if not self._acting.asks:
             self._acting.listen()
         self._packed = None

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..dynamics.driven import driven_start
 from ..dynamics.equations import Evaluation, Torque
 from ..dynamics.motion import Drive
 from ..dynamics.problem import Problem, over, set_out
@@ -46,19 +47,23 @@ def _rest_of(mechanism: Mechanism) -> Mechanism:
 
 
 def closed_by_kernel(
-    workspace: Workspace, mechanism: Mechanism, q: Array, v: Array, zone: float, t: float = 0.0
+    workspace: Workspace, mechanism: Mechanism, q: Array, v: Array | None, zone: float, t: float = 0.0
 ) -> tuple[Array, Evaluation] | None:
     """The state and its evaluation at a start that is closed, with a velocity that the loops allow.
 
-    None where it is not on regular ground (K_d conditioned to `zone`), or is no such start.
+    None where it is not on regular ground (K_d conditioned to `zone`), or is no such start. Without a
+    velocity what is not prescribed rests.
     """
     mechanism.require_proper(q)
-    begun = workspace.begin(q, v[mechanism.iv_independent], zone, t)
+    u = np.zeros(mechanism.m) if v is None else v[mechanism.iv_independent]
+    begun = workspace.begin(q, u, zone, t)
     if begun is None:
         return None
     _, now = begun
     units = mechanism.units
     moved = np.abs(mechanism.tree.difference(q, now.point.q) / units).max()
+    if v is None:
+        return begun if moved <= NEARLY_CLOSED else None
     apart, size = np.abs((now.v - v) / units).max(), np.abs(v / units).max()
     return begun if moved <= NEARLY_CLOSED and apart <= COMPATIBLE * max(size, 1.0) else None
 
@@ -108,6 +113,7 @@ def _plain(
     torque: Torque | ArrayLike | None,
     choice: MapChoice,
     counters: Counters,
+    drives: Drive | None,
     t0: float,
 ) -> Problem | None:
     """What `set_out` gives, with the evaluation there where no function has to be asked for a torque.
@@ -117,8 +123,12 @@ def _plain(
     if native is None or not is_plain(mechanism):
         return None
     q = mechanism.home if q0 is None else mechanism.configuration(q0, "q0")
-    v = mechanism.tree.zero if v0 is None else mechanism.velocity(v0, "v0")
-    require_finite_energy(mechanism, v)
+    if drives is not None:
+        q = driven_start(mechanism, drives, q0, v0, None, choice, counters)
+    at_rest = None if drives is not None else mechanism.tree.zero
+    v = at_rest if v0 is None else mechanism.velocity(v0, "v0")
+    if v is not None:
+        require_finite_energy(mechanism, v)
     rest = _rest_of(mechanism)
     path = RegularPath(rest, np.arange(rest.nc), counters)
     workspace = native.prepare(mechanism, path)
@@ -128,7 +138,7 @@ def _plain(
     if begun is None:
         return None
     _, now = begun
-    motion = over(_start_at(mechanism, path, now.point), torque, choice)
+    motion = over(_start_at(mechanism, path, now.point), torque, choice, drives)
     return motion if native.asks else replace(motion, first=now)
 
 
@@ -166,8 +176,8 @@ def started(
         As `dynamics.problem.set_out` does.
     """
     q0, v0, mode = start
-    if mode is None and drives is None:
-        motion = _plain(native, mechanism, q0, v0, torque, choice, counters, t0)
+    if mode is None:
+        motion = _plain(native, mechanism, q0, v0, torque, choice, counters, drives, t0)
         if motion is not None:
             return motion
     if on_toggle == "error":

@@ -27,6 +27,9 @@ class Driven {
           free_(without(path.parts.list, which_)), sweep(d, path, free_),
           inverse_(d, path.chain.bodies.size()), bias_(d.nv), a_(d.nv), force_(d.nv), effort_(which_.size()) {}
 
+    // Whether other inputs move freely.
+    bool leaves_some() const { return static_cast<int>(which_.size()) < path_.layout.m; }
+
     // Takes up what is prescribed, (3, driven), which replaces entries of y and ẏ.
     void prescribe(const double* now, double* y, double* ydot) {
         now_ = now;

@@ -44,6 +44,7 @@ class Motion {
     // Kinetic and potential energy at the point evaluated last, J.
     double energy(Point& point) {
         const Chain& chain = sweep_.place(point);
+        if (driven && !driven->leaves_some()) eliminated(driven->sweep, chain, point, point.g());
         return kinetic_ + gravity_energy(chain) + forces_.energy(chain, point.q()) + stored_;
     }
 
@@ -148,7 +149,7 @@ class Motion {
     Reason with_drive(const Chain& chain, Point& point) {
         if (!acting_) std::fill(tau.begin(), tau.end(), 0.0);
         acting_ = true;
-        if (!eliminated(driven->sweep, chain, point, driven->bias(point))) return INERTIA;
+        if (driven->leaves_some() && !eliminated(driven->sweep, chain, point, driven->bias(point))) return INERTIA;
         power += driven->effort(chain, point, v.data(), ydd.data(), tau.data());
         return DONE;
     }

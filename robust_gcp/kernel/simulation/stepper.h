@@ -21,9 +21,9 @@ class alignas(CACHE_LINE) Stepper {
   public:
     explicit Stepper(const Description& d)
         : path(d), clusters(d, path), motion_(d, path), works_(d.works), n_(2 * d.m + d.works),
-          watch_(d, path.parts), slots_(SLOTS, Point(path.layout)), x_(n_), stage_(n_), sum_(n_), rate_(n_) {
+          watch_(d, path.parts), numbers_(d.independent_q, d.independent_q + d.m), slots_(SLOTS, Point(path.layout)), x_(n_), stage_(n_), sum_(n_), rate_(n_) {
         for (int k = 0; k < d.m; ++k)
-            if (d.independent_q[k] < 0) on_groups_.push_back(k);
+            if (numbers_[k] < 0) on_groups_.push_back(k);
     }
 
     Path path;
@@ -124,11 +124,15 @@ class alignas(CACHE_LINE) Stepper {
         point.read(r.anchor);
         std::copy(r.x, r.x + path.layout.m, point.y());
         std::copy(r.x + path.layout.m, r.x + 2 * path.layout.m, point.ydot());
+        if (motion_.driven) prescribe(r, 0, 0, point.y(), point.ydot());
+        for (std::size_t k = 0; k < numbers_.size(); ++k)
+            if (numbers_[k] >= 0) point.q()[numbers_[k]] = point.y()[k];
         r.reason = !path.settle(point, r.anchor + path.layout.q) ? NEWTON : !(point.conditioning() >= r.zone) ? ZONE : DONE;
         if (r.reason == DONE) r.reason = motion_.evaluate(r.times[0], point, r);
         point.write(r.anchor);
         std::copy(motion_.ydd.begin(), motion_.ydd.end(), r.ydd);
         std::copy(motion_.tau.begin(), motion_.tau.end(), r.tau);
+        if (motion_.driven) motion_.driven->write(r.effort);
         r.power = motion_.power;
     }
 
@@ -305,7 +309,8 @@ class alignas(CACHE_LINE) Stepper {
     Motion motion_;
     int works_, n_;
     Watch watch_;
-    std::vector<int> on_groups_;  // which of y are in charts
+    const std::vector<int> numbers_;  // where y is in q, −1 where in charts
+    std::vector<int> on_groups_;      // which of y are in charts
     std::vector<Point> slots_;
     Cells<double> x_, stage_, sum_, rate_, safe_x_;
     std::vector<Cells<double>> k_;  // rates at the stages of a tableau
