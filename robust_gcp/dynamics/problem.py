@@ -82,7 +82,11 @@ def set_out(
     q = mechanism.home if q0 is None else q0
     if drive is not None:
         q = driven_start(mechanism, drive, q0, v0, mode, choice, counters)
-    return over(begin_motion(mechanism, q, v0, mode, choice.options, counters), torque, choice, drive)
+    start = begin_motion(mechanism, q, v0, mode, choice.options, counters)
+    if drive is not None:
+        start.ydot = start.ydot.copy()
+        start.ydot[drive.driven] = drive.at(drive.start)[1]
+    return over(start, torque, choice, drive)
 
 
 def over(

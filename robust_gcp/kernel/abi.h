@@ -8,7 +8,7 @@
 
 namespace rg {
 
-constexpr std::int32_t VERSION = 16;
+constexpr std::int32_t VERSION = 17;
 
 enum Reason : std::int32_t {
     DONE = 0,
@@ -92,6 +92,7 @@ struct Bridging {  // see maps/cluster/options.py
     std::int32_t careful;               // the caller controls its error: no look ahead
     double reach, reach_of_several;     // distances at which bridges take over, for one coordinate and for more
     double closure_tolerance, geometric_tolerance, transversality;
+    double last_resort;                 // share of the best chart's quality to which a careful caller goes on
 };
 
 struct States {  // where derivatives are asked for

@@ -56,8 +56,8 @@ def tracker_numbers(library: Library, handle: int | None) -> Array:
     return np.ctypeslib.as_array(numbers, (count.value,)).copy()
 
 
-def bridging(options: BridgeOptions) -> Arrays:
-    """The choices of the bridges as plain numbers."""
+def bridging(options: BridgeOptions, last_resort: float) -> Arrays:
+    """The choices of the bridges as plain numbers; `last_resort` as of `ClusterMap`."""
     numbers = Arrays(
         Bridging(
             count=len(options.nodes),
@@ -66,6 +66,7 @@ def bridging(options: BridgeOptions) -> Arrays:
             closure_tolerance=options.closure_tolerance,
             geometric_tolerance=options.geometric_tolerance,
             transversality=options.transversality,
+            last_resort=last_resort,
         )
     )
     numbers.reals(nodes=options.nodes)

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..mechanism.tree import Array
 
-VERSION = 16
+VERSION = 17
 """Of the interface; a library with another one is not used."""
 
 TorqueCallback: Any = ctypes.CFUNCTYPE(c_int32, c_double)
@@ -91,6 +91,7 @@ class Bridging(ctypes.Structure):
         *_fields("count", "nodes"),
         ("careful", c_int32),
         *_all(c_double, "reach reach_of_several closure_tolerance geometric_tolerance transversality"),
+        ("last_resort", c_double),
     ]
 
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from ..dynamics.equations import CheckedTorque, Evaluation
 from ..dynamics.motion import Drive
 from ..dynamics.tableau import Tableau
+from ..maps.cluster.cluster_map import LAST_RESORT, PRESCRIBED
 from ..maps.cluster.options import BridgeOptions
 from ..maps.point import Point
 from ..maps.regular_path import RegularPath
@@ -86,6 +87,7 @@ class Workspace:
         n = 2 * self._m + int(works)
         self._shared = Shared(self._request, mechanism, n, self._layout.size, len(driven))
         self._drive, self._columns = drive, mechanism.iv_independent[list(driven)]
+        self._last_resort = LAST_RESORT if drive is None or len(drive.free) else PRESCRIBED
         self._prescribed: Array | None = None
         self.shares: tuple[float, ...] = (0.0, 0.5)
         if tableau is not None:
@@ -337,7 +339,7 @@ class Workspace:
 
     def _options(self, options: BridgeOptions, careful: bool) -> ctypes.Structure:
         if self._bridging is None or self._bridging[0] is not options:
-            self._bridging = options, bridging(options)
+            self._bridging = options, bridging(options, self._last_resort)
         structure = self._bridging[1].structure
         structure.careful = careful
         return structure

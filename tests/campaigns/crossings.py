@@ -11,6 +11,8 @@ from scipy.optimize import brentq
 from robust_gcp.errors import OptionError, RobustGcpError
 from robust_gcp.examples.linkages import four_bar
 from robust_gcp.maps.closed_form import FourBar
+from robust_gcp.mechanism.mechanism import Mechanism
+from robust_gcp.mechanism.tree import Array
 from robust_gcp.simulation.simulate import simulate
 from robust_gcp.simulation.trajectory import Trajectory
 
@@ -44,21 +46,25 @@ class Case(RandomCase):
 
     def simulate(self, duration: float, step: float, **options: Any) -> Trajectory:
         """A run of this duration, s."""
-        mechanism = four_bar(*self.lengths, y=self.y, assembly=self.assembly)
-        v0 = FourBar(*self.lengths, self.assembly).evaluate(self.y)[1] * self.speed
+        mechanism, v0 = self.set_up()
         return simulate(mechanism, v0=v0, duration=duration, step=step, **options)
+
+    def set_up(self) -> tuple[Mechanism, Array]:
+        """The linkage and the velocity it starts with."""
+        mechanism = four_bar(*self.lengths, y=self.y, assembly=self.assembly)
+        return mechanism, FourBar(*self.lengths, self.assembly).evaluate(self.y)[1] * self.speed
 
 
 def crossing(seed: int, index: int) -> Case:
     """A random case and how it went; drawn anew where the closed form cannot follow it by a dead point."""
     rng = np.random.default_rng([seed, index])
     while True:
-        case = _run(_draw(rng))
+        case = _run(draw(rng))
         if case is not None:
             return case
 
 
-def _draw(rng: np.random.Generator) -> Case:
+def draw(rng: np.random.Generator) -> Case:
     """A change-point linkage, started up to 0.6 rad beside its crossing and moving towards it.
 
     l0 + l1 = l2 + l3 meets its other mode at y = π, |l0 − l1| = |l2 − l3| at y = 0. Lengths that

@@ -101,9 +101,9 @@ def drawn(seed: int, index: int) -> tuple[Tree, EquationsOfMotion, Array]:
     """A tree whose loops stay in reach, its equations on the closed forms, and its first state."""
     rng = np.random.default_rng([seed, index])
     while True:
-        tree = _draw(rng)
+        tree = draw(rng)
         try:
-            mechanism = _mechanism(tree)
+            mechanism = mechanism_of(tree)
             problem = set_out(mechanism, v0=mechanism.lift(mechanism.home, tree.speeds))
             start = problem.start
             explicit = LoopsInClosedForm(start.path, start.point, tree.lengths, mechanism)
@@ -115,7 +115,7 @@ def drawn(seed: int, index: int) -> tuple[Tree, EquationsOfMotion, Array]:
             return tree, equations, exact
 
 
-def _draw(rng: np.random.Generator) -> Tree:
+def draw(rng: np.random.Generator) -> Tree:
     n = int(rng.integers(2, 6))
     lengths, centers = zip(*(_change_point(rng) for _ in range(n)), strict=True)
     side = 1.0 if rng.random() < 0.5 else -1.0
@@ -145,7 +145,7 @@ def _change_point(rng: np.random.Generator) -> tuple[Lengths, float]:
             return lengths, np.pi if at_pi else 0.0
 
 
-def _mechanism(tree: Tree) -> Mechanism:
+def mechanism_of(tree: Tree) -> Mechanism:
     return four_bars(tree.lengths, tree.starts, tree.parents, tree.assembly, spacing=8.0)
 
 
@@ -168,7 +168,7 @@ def _exactly(f: EquationsOfMotion, x: Array, times: Array) -> Array | None:
 
 def measured(tree: Tree, equations: EquationsOfMotion, exact: Array) -> Tree:
     """The tree with what its run came to."""
-    mechanism = _mechanism(tree)
+    mechanism = mechanism_of(tree)
     m, times = mechanism.m, _times(tree)
     truth = _configurations(equations, exact)
     with warnings.catch_warnings(record=True) as caught:

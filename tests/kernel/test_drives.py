@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import robust_gcp as rg
+from robust_gcp.dynamics.driven import DrivenEquations
 
 from ..compiled import needs_kernel, some
 from .test_random_floating import made
@@ -121,3 +122,31 @@ def test_step_by_step_as_in_one_go() -> None:
     np.testing.assert_array_equal(steps.trajectory.q, run.q)
     np.testing.assert_array_equal(steps.trajectory["drive.q1"], run["drive.q1"])
     assert steps.trajectory.stats.native_steps == 100
+
+
+def test_a_controller_is_asked_with_the_velocities_that_the_drive_begins_with() -> None:
+    mechanism = rg.load("five_bar")
+    drive = swings(mechanism, mechanism.independent[:1])
+    for backend in ("python", "native"):
+        asked: list[np.ndarray] = []
+
+        def torque(t: float, q: np.ndarray, v: np.ndarray, asked: list[np.ndarray] = asked) -> np.ndarray:
+            asked.append(v)
+            return np.zeros(len(v))
+
+        run = rg.simulate(
+            mechanism, duration=4e-3, step=2e-3, drive=drive, torque=torque, hold=True, backend=backend
+        )
+        np.testing.assert_allclose(asked[0], run.v[0], rtol=0.0, atol=1e-14)
+        assert run.v[0][mechanism.joint(mechanism.independent[0]).idx_v] == pytest.approx(0.4)
+
+
+def test_close_to_a_dead_point_the_kernel_goes_as_far_as_python(monkeypatch: pytest.MonkeyPatch) -> None:
+    mechanism, begin = rg.load("slider_crank"), float(rg.load("slider_crank").home[2])
+    drive = {"q3": rg.Motion(lambda t: begin + (3.5 - 2e-3 - begin) * np.sin(2.0 * t))}
+    evaluated = []
+    evaluate = DrivenEquations.evaluate
+    monkeypatch.setattr(DrivenEquations, "evaluate", lambda *a: evaluated.append(a[1]) or evaluate(*a))
+    run = rg.simulate(mechanism, duration=1.0, step=1e-2, drive=drive, backend="native")
+    np.testing.assert_allclose(run["q3"], [drive["q3"].at(t)[0] for t in run.t], rtol=0.0, atol=1e-13)
+    assert len(evaluated) < 0.2 * run.stats.rhs

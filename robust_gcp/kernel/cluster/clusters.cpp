@@ -12,7 +12,7 @@
 namespace rg {
 
 // As in cluster_map.py and chart.py, where it says why.
-constexpr double ONE_TURN = 6.283185307179586, CHANGE = 0.35, LAST_RESORT = 2e-2;
+constexpr double ONE_TURN = 6.283185307179586, CHANGE = 0.35;
 constexpr double LOOK_AGAIN = 1.5;  // growth of σ
 
 // σ_min of the chosen rows of a tangent basis (nv, m).
@@ -121,6 +121,7 @@ struct Clusters::Inside {
     std::vector<std::unique_ptr<Space>> spaces;
     std::vector<Tracker> trackers;
     BridgeOptions options;
+    double last_resort = CHANGE;
     Tally tally;
     double looked = 0.0;  // `least_sigma` where Python looked for other rows of K last
     std::vector<double> home, det, rcond;
@@ -135,6 +136,7 @@ void Clusters::use(const Bridging& b) {
     if (!some_) return;
     inside_->options = {{b.nodes, b.nodes + b.count}, b.careful != 0, b.reach, b.reach_of_several, b.closure_tolerance, b.geometric_tolerance,
                         b.transversality};
+    inside_->last_resort = b.last_resort;
 }
 
 bool Clusters::at(Point& anchor, const double* origin, const double* y, const double* ydot, Point& point,
@@ -150,7 +152,7 @@ bool Clusters::at(Point& anchor, const double* origin, const double* y, const do
         for (std::size_t i = 0; i < in.spaces.size(); ++i) {
             Tracker& tracker = in.trackers[i];
             const Space& space = *in.spaces[i];
-            if (!serves(*tracker.anchor, space.chosen, in.options.careful ? LAST_RESORT : CHANGE)) return false;
+            if (!serves(*tracker.anchor, space.chosen, in.options.careful ? in.last_resort : CHANGE)) return false;
             jets.push_back(tracker.at(space.wanted(y)));
             bridged = bridged || tracker.on_bridge();
         }
