@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from typing import Any, Literal
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from ..checks import check_between, check_choice, check_mechanism, check_positive, listed, shown
@@ -18,30 +15,22 @@ from ..dynamics.held import HeldTorque
 from ..dynamics.loads import Torques, Wrench, one_torque
 from ..dynamics.motion import Drive, Motion, checked_motions
 from ..dynamics.tableau import Tableau
-from ..errors import ClosureError, NonFiniteError, OptionError, SimulationError
-from ..kernel.steps import BACKENDS, NativeSteps, chosen_library
+from ..errors import OptionError
+from ..kernel.steps import BACKENDS, chosen_library
 from ..maps.choice import METHODS, MapChoice, Method
 from ..maps.classical import NewtonStart
 from ..maps.cluster.options import USUAL, BridgeOptions
-from ..maps.point import Counters
 from ..maps.projection import PROJECTION_THRESHOLD
 from ..mechanism.mechanism import Mechanism
-from ..printing import progress_bar
 from .acted import Acted
-from .adaptive import AdaptiveRun
-from .coarse import Coarse
+from .course import Course
 from .events import EventFunction, checked_events
-from .fixed import FixedRun
-from .kinked import warned_of_kink
-from .remedy import add_remedy
-from .run import Run
-from .schedule import Schedule, last_output, planned
-from .stability import MOST_PARTS, StabilityCheck
-from .starting import rates_at, started
-from .stepped import HeldRun
-from .steppers import check_stepper, rk4_step
+from .schedule import last_output, planned
+from .steppers import check_stepper
 from .trajectory import Trajectory
-from .unnamed import STIFF, in_parts, is_guarded, taken_again, words_of
+from .unnamed import is_guarded
+
+Toggle = Literal["repartition", "error"]
 
 RECORDS = ("a", "energy", "multipliers", "tau")
 
@@ -66,7 +55,7 @@ def simulate(
     mode: ArrayLike | None = None,
     rtol: float = 1e-8,
     atol: float = 1e-10,
-    on_toggle: Literal["repartition", "error"] | None = None,
+    on_toggle: Toggle | None = None,
     newton_start: NewtonStart = "tangent",
     threshold: float = PROJECTION_THRESHOLD,
     options: BridgeOptions | None = None,
@@ -157,7 +146,7 @@ def simulate(
         When the run must stop; `error.trajectory` holds what was simulated until then.
     """
     check_mechanism(mechanism, Mechanism, "simulate")
-    guarded = step is None
+    unnamed = step is None
     applied: Torque | ArrayLike | None = one_torque(mechanism, torque, wrenches)
     tableau = check_stepper(stepper)
     fixed = tableau == "rk4" or isinstance(tableau, Tableau)
@@ -166,19 +155,10 @@ def simulate(
     schedule, step = planned(t0, duration, step, outputs, fixed)
     v0 = mechanism.recommended.velocity(q0, mode) if v0 is None and drive is None else v0
     check_choice("method", method, METHODS)
-    if on_toggle is None:
-        on_toggle = "repartition" if method == "bridge" and drive is None else "error"
-    check_choice("on_toggle", on_toggle, ("error", "repartition"))
-    if on_toggle == "repartition" and method != "bridge":
-        raise OptionError(f'on_toggle="repartition" goes with method="bridge", not with {method!r}')
+    on_toggle = checked_toggle(on_toggle, method, drive is not None)
     check_choice("newton_start", newton_start, ("tangent", "previous"))
     record = checked_record(record)
-    if not (progress is None or isinstance(progress, bool) or callable(progress)):
-        raise OptionError(f"progress = {shown(progress)} must be True, or callable, progress(fraction)")
-    if not isinstance(hold, bool):
-        raise OptionError(f"hold = {shown(hold)} must be True or False")
-    if hold and not fixed:
-        raise OptionError(f"hold=True goes with fixed steps, not with {stepper!r}; use rk4 or a Tableau")
+    _check_flags(progress, hold, stepper, fixed)
     check_positive("rtol", rtol)
     check_positive("atol", atol)
     check_between("threshold", threshold, 0.0, 1.0)
@@ -187,83 +167,50 @@ def simulate(
         raise OptionError(f"options = {options!r} must be a BridgeOptions, such as BridgeOptions(zone=0.05)")
     check_choice("backend", backend, BACKENDS)
     kernel = chosen_library(backend, method, newton_start)
-    asked = checked_events(events)
-    guarded = guarded and is_guarded(tableau, method, drive, applied, backend)
-    again = partial(
-        simulate, mechanism, q0, v0, duration, step=step, torque=torque, wrenches=wrenches, events=events,
-        t0=t0, outputs=outputs, record=record, mode=mode, rtol=rtol, atol=atol, on_toggle=on_toggle,
-        options=options, progress=progress,
-    )  # fmt: skip
+    again = None
+    if unnamed and is_guarded(tableau, method, drive, applied, backend):
+        again = partial(
+            simulate, mechanism, q0, v0, duration, step=step, torque=torque, wrenches=wrenches, events=events,
+            t0=t0, outputs=outputs, record=record, mode=mode, rtol=rtol, atol=atol, on_toggle=on_toggle,
+            options=options, progress=progress,
+        )  # fmt: skip
     drives = None
     if drive is not None:
-        check_drive_goes_with(on_toggle)
         motions = checked_motions(mechanism, drive, schedule.times)
         mechanism = driving(mechanism, tuple(motions), mechanism.home if q0 is None else q0)
         drives = Drive(mechanism, motions, t0)
     prescribed = drives is not None and not len(drives.free)
     choice = MapChoice(method, options, newton_start, threshold, not fixed, prescribed)
-    counters = Counters()
-    begun = time.perf_counter()
-    acted = Acted(applied, tuple(wrenches), drive=() if drives is None else drives.names)
     held = HeldTorque.of(mechanism, applied) if hold else None
-    stability = None
-    if tableau == "rk4" and drives is None:
-        stability = StabilityCheck(mechanism, applied if held is None else None, step, options)
-        applied = stability.torque
-    applied = applied if held is None else held
-    own = tableau if isinstance(tableau, Tableau) else None
-    native = None if kernel is None else NativeSteps(kernel, applied, backend == "native", drives, own)
-    start = q0, v0, mode
-    motion = started(native, mechanism, start, applied, choice, counters, on_toggle, drives, t0)
-    rate = None if stability is None else rates_at(native, motion)
-    if stability is not None and guarded:
-        divided = stability.parts(motion, rate)
-        if divided > MOST_PARTS:
-            return again(stepper=STIFF)
-        schedule, step = in_parts(t0, duration, step, divided, outputs)
-    elif stability is not None:
-        stability.before(motion, rate)
-    fault: str | None = None
-    take = tableau.step if isinstance(tableau, Tableau) else rk4_step
-    with _reporting(progress, schedule, mechanism.name) as report:
-        parts = motion, choice, applied, schedule, record, counters, on_toggle, report, asked, mechanism
-        run: Run
-        if not fixed:
-            run = AdaptiveRun(str(stepper), rtol, atol, native, *parts)
-        else:
-            run = FixedRun(take, native, *parts) if held is None else HeldRun(held, take, native, *parts)
-        run.acted = acted
-        try:
-            with np.errstate(over="ignore", invalid="ignore"):  # what is not finite ends in an error of ours
-                run.go()
-        except (SimulationError, ClosureError) as error:
-            fault = words_of(error) if guarded else None
-            if fault is None:
-                error.trajectory = run.trajectory(begun)
-                add_remedy(error, drives, on_toggle == "error" and method == "bridge")
-                raise
-        except OverflowError as overflow:
-            stop = NonFiniteError(
-                "the state left the finite numbers; use a smaller step, and check v0 and torque"
-            )
-            stop.trajectory = run.trajectory(begun)
-            raise stop from overflow
-        finally:
-            if native is not None:
-                native.release()
-            if stability is not None:
-                stability.after(motion)
-    if fault is None:
-        finished = run.trajectory(begun)
-        coarse = Coarse(mechanism, step)
-        fault = coarse.fault(finished) if guarded else None
-    if fault is not None:
-        return taken_again(again, schedule, step, fault)
-    if drives is not None and warned_of_kink(drives, finished.t):
-        return finished
-    if fixed and method == "bridge":
-        coarse.judge(finished)
-    return finished
+    solver = None if fixed else (str(stepper), rtol, atol)
+    acted = Acted(applied, tuple(wrenches), drive=() if drives is None else drives.names)
+    asked = record, checked_events(events)
+    course = Course(
+        mechanism, schedule, duration, step, choice, drives, tableau, solver, acted, *asked, on_toggle
+    )
+    acting = applied if held is None else held
+    return course.run((q0, v0, mode), acting, kernel, backend == "native", again, progress)
+
+
+def checked_toggle(on_toggle: Toggle | None, method: str, driven: bool) -> Toggle:
+    """What is done where y turns back, the default where nothing is said, or an OptionError."""
+    if on_toggle is None:
+        return "repartition" if method == "bridge" and not driven else "error"
+    check_choice("on_toggle", on_toggle, ("error", "repartition"))
+    if on_toggle == "repartition" and method != "bridge":
+        raise OptionError(f'on_toggle="repartition" goes with method="bridge", not with {method!r}')
+    if on_toggle == "repartition" and driven:
+        raise OptionError('drive: driven joints stay independent; leave on_toggle out, or give "error"')
+    return on_toggle
+
+
+def _check_flags(progress: Any, hold: Any, stepper: Any, fixed: bool) -> None:
+    if not (progress is None or isinstance(progress, bool) or callable(progress)):
+        raise OptionError(f"progress = {shown(progress)} must be True, or callable, progress(fraction)")
+    if not isinstance(hold, bool):
+        raise OptionError(f"hold = {shown(hold)} must be True or False")
+    if hold and not fixed:
+        raise OptionError(f"hold=True goes with fixed steps, not with {stepper!r}; use rk4 or a Tableau")
 
 
 def checked_record(record: Any) -> list[str]:
@@ -274,19 +221,3 @@ def checked_record(record: Any) -> list[str]:
     for item in items:
         check_choice("record", item, RECORDS)
     return items
-
-
-def _reporting(
-    progress: Callable[[float], None] | bool | None, schedule: Schedule, name: str
-) -> AbstractContextManager[Callable[[float], None] | None]:
-    """What is told of the work done, while it lasts."""
-    if isinstance(progress, bool):
-        span = float(schedule.times[-1] - schedule.times[0])
-        return progress_bar(span, f"simulating {name}") if progress else nullcontext()
-    return nullcontext(progress)
-
-
-def check_drive_goes_with(on_toggle: str) -> None:
-    """Refuse what prescribed motions do not go with."""
-    if on_toggle == "repartition":
-        raise OptionError('drive: driven joints stay independent; leave on_toggle out, or give "error"')

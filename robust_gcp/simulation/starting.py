@@ -28,6 +28,9 @@ from ..mechanism.tolerances import COMPATIBLE, NEARLY_CLOSED
 from ..mechanism.tree import Array
 from .turned_start import set_out_well
 
+Given = tuple[ArrayLike | None, ArrayLike | None, ArrayLike | None]
+"""q0, v0 and mode, as `simulate` takes them."""
+
 
 def is_plain(mechanism: Mechanism) -> bool:
     """Whether the rows of each cluster are as many as its dependent velocities, and y are numbers in q.
@@ -154,7 +157,7 @@ def _start_at(mechanism: Mechanism, path: RegularPath, point: Point) -> Start:
 def started(
     native: NativeSteps | None,
     mechanism: Mechanism,
-    start: tuple[ArrayLike | None, ArrayLike | None, ArrayLike | None],
+    start: Given,
     torque: Torque | ArrayLike | None,
     choice: MapChoice,
     counters: Counters,

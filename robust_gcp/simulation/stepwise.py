@@ -27,7 +27,7 @@ from .files import ARRAYS
 from .keep import Keep
 from .saved import SavedState
 from .schedule import Schedule
-from .simulate import checked_record
+from .simulate import checked_record, checked_toggle
 from .stability import StabilityCheck
 from .starting import rates_at, started
 from .stepped import SteppedRun
@@ -133,7 +133,7 @@ class Simulation:
             mechanism = driving(mechanism, tuple(motions), mechanism.home if q0 is None else q0)
             drives = Drive(mechanism, motions, t0)
         native = None if kernel is None else NativeSteps(kernel, held, required, drives)
-        toggle = "repartition" if choice.method == "bridge" and drives is None else "error"
+        toggle = checked_toggle(None, choice.method, drives is not None)
         before, held.value = held.value, self._none
         try:
             start = q0, v0, mode

@@ -18,7 +18,7 @@ from ..dynamics.tableau import Tableau
 from ..errors import BranchError, ClosureError, NonFiniteError, SimulationError
 from ..warning import warn
 from .coarse import CoarseStepWarning
-from .schedule import Schedule, planned
+from .schedule import Schedule
 from .trajectory import Trajectory
 
 CONTROLLED, STIFF = "DOP853", "Radau"
@@ -29,14 +29,6 @@ FINER = 16
 
 TOO_LONG = (BranchError, NonFiniteError)
 """Errors that shorter steps may mend."""
-
-
-def in_parts(
-    t0: float, duration: float, step: float, parts: int, outputs: ArrayLike | None
-) -> tuple[Schedule, float]:
-    """Steps cut into parts, what is recorded left as it was; see `planned`."""
-    whole, _ = planned(t0, duration, step, outputs, True)
-    return planned(t0, duration, step / parts, whole.outputs, True)
 
 
 def is_guarded(

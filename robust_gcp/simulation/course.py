@@ -1,0 +1,211 @@
+"""The course of a run: it begins, goes, and is taken again where a step that nobody named does not serve."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..dynamics.equations import Torque
+from ..dynamics.held import HeldTorque
+from ..dynamics.motion import Drive
+from ..dynamics.problem import Problem
+from ..dynamics.tableau import Tableau
+from ..errors import ClosureError, NonFiniteError, SimulationError
+from ..kernel.library import Library
+from ..kernel.steps import NativeSteps
+from ..maps.choice import MapChoice
+from ..maps.point import Counters
+from ..mechanism.mechanism import Mechanism
+from ..printing import progress_bar
+from .acted import Acted
+from .adaptive import AdaptiveRun
+from .coarse import Coarse
+from .events import Event
+from .fixed import FixedRun
+from .kinked import warned_of_kink
+from .remedy import add_remedy
+from .run import Run
+from .schedule import Schedule, planned
+from .stability import MOST_PARTS, StabilityCheck
+from .starting import Given, rates_at, started
+from .stepped import HeldRun
+from .steppers import rk4_step
+from .trajectory import Trajectory
+from .unnamed import STIFF, taken_again, words_of
+
+Again = Callable[..., Trajectory]
+Progress = Callable[[float], None] | bool | None
+
+
+@dataclass
+class Course:
+    """What a run is to do, checked.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+        In coordinates that include the driven joints.
+    schedule : Schedule
+    duration, step : float
+        s.
+    choice : MapChoice
+    drives : Drive or None
+    tableau : Tableau or str
+        Of fixed steps; "rk4" for the classical ones.
+    solver : (str, float, float) or None
+        One of SciPy's and its tolerances, in place of fixed steps.
+    acted : Acted
+    record, events, on_toggle
+        As `Run` takes them.
+    """
+
+    mechanism: Mechanism
+    schedule: Schedule
+    duration: float
+    step: float
+    choice: MapChoice
+    drives: Drive | None
+    tableau: Tableau | str
+    solver: tuple[str, float, float] | None
+    acted: Acted
+    record: Sequence[str]
+    events: Sequence[Event]
+    on_toggle: str
+
+    def run(
+        self,
+        start: Given,
+        torque: Torque | ArrayLike | None,
+        kernel: Library | None,
+        required: bool,
+        again: Again | None,
+        progress: Progress,
+    ) -> Trajectory:
+        """The motion from a start.
+
+        Parameters
+        ----------
+        start : (q0, v0, mode)
+        torque : HeldTorque, callable, array_like or None
+        kernel, required
+            See `NativeSteps`.
+        again : callable, optional
+            The run by another stepper or in other steps, where this one's step was not named.
+        progress
+            As in `simulate`.
+        """
+        begun, counters, stability = time.perf_counter(), Counters(), None
+        if self.tableau == "rk4" and self.solver is None and self.drives is None:
+            held = isinstance(torque, HeldTorque)
+            stability = StabilityCheck(
+                self.mechanism, None if held else torque, self.step, self.choice.options
+            )
+            torque = torque if held else stability.torque
+        own = self.tableau if isinstance(self.tableau, Tableau) else None
+        native = None if kernel is None else NativeSteps(kernel, torque, required, self.drives, own)
+        t0 = float(self.schedule.times[0])
+        motion = started(
+            native, self.mechanism, start, torque, self.choice, counters, self.on_toggle, self.drives, t0
+        )
+        if stability is not None and not self._stable(stability, native, motion, again):
+            assert again is not None  # nothing else is not stable
+            return again(stepper=STIFF)
+        with _reporting(progress, self.schedule, self.mechanism.name) as report:
+            run = self._begun(motion, torque, native, counters, report)
+            try:
+                fault = self._gone(run, begun, again is not None)
+            finally:
+                if native is not None:
+                    native.release()
+                if stability is not None:
+                    stability.after(motion)
+        finished = None if fault is not None else run.trajectory(begun)
+        return self._judged(finished, fault, again)
+
+    def _stable(
+        self, stability: StabilityCheck, native: NativeSteps | None, motion: Problem, again: Again | None
+    ) -> bool:
+        """Whether the steps, or parts of them, are stable at the start, or it is told that they are not."""
+        rate = rates_at(native, motion)
+        if again is None:
+            stability.before(motion, rate)
+            return True
+        parts = stability.parts(motion, rate)
+        if parts > MOST_PARTS:
+            return False
+        t0, outputs = float(self.schedule.times[0]), self.schedule.outputs
+        self.schedule, self.step = planned(t0, self.duration, self.step / parts, outputs, True)
+        return True
+
+    def _begun(
+        self,
+        motion: Problem,
+        torque: Torque | ArrayLike | None,
+        native: NativeSteps | None,
+        counters: Counters,
+        report: Callable[[float], None] | None,
+    ) -> Run:
+        parts = (
+            motion, self.choice, torque, self.schedule, self.record, counters, self.on_toggle, report,
+            self.events, self.mechanism,
+        )  # fmt: skip
+        take = self.tableau.step if isinstance(self.tableau, Tableau) else rk4_step
+        run: Run
+        if self.solver is not None:
+            run = AdaptiveRun(*self.solver, native, *parts)
+        elif isinstance(torque, HeldTorque):
+            run = HeldRun(torque, take, native, *parts)
+        else:
+            run = FixedRun(take, native, *parts)
+        run.acted = self.acted
+        return run
+
+    def _gone(self, run: Run, begun: float, mended: bool) -> str | None:
+        """Take all steps; the words of a stop that may be mended, others are raised with the motion."""
+        try:
+            with np.errstate(over="ignore", invalid="ignore"):  # what is not finite ends in an error of ours
+                run.go()
+        except (SimulationError, ClosureError) as error:
+            fault = words_of(error) if mended else None
+            if fault is not None:
+                return fault
+            error.trajectory = run.trajectory(begun)
+            may_change = self.on_toggle == "error" and self.choice.method == "bridge"
+            add_remedy(error, self.drives, may_change)
+            raise
+        except OverflowError as overflow:
+            stop = NonFiniteError(
+                "the state left the finite numbers; use a smaller step, and check v0 and torque"
+            )
+            stop.trajectory = run.trajectory(begun)
+            raise stop from overflow
+        return None
+
+    def _judged(self, finished: Trajectory | None, fault: str | None, again: Again | None) -> Trajectory:
+        """The run, warned of where its steps were coarse; taken again where nobody named these."""
+        coarse = Coarse(self.mechanism, self.step)
+        if finished is not None and again is not None:
+            fault = coarse.fault(finished)
+        if fault is not None and again is not None:
+            return taken_again(again, self.schedule, self.step, fault)
+        assert finished is not None  # what cannot be mended was raised
+        if self.drives is not None and warned_of_kink(self.drives, finished.t):
+            return finished
+        if self.solver is None and self.choice.method == "bridge":
+            coarse.judge(finished)
+        return finished
+
+
+def _reporting(
+    progress: Progress, schedule: Schedule, name: str
+) -> AbstractContextManager[Callable[[float], None] | None]:
+    """What is told of the work done, while it lasts."""
+    if isinstance(progress, bool):
+        span = float(schedule.times[-1] - schedule.times[0])
+        return progress_bar(span, f"simulating {name}") if progress else nullcontext()
+    return nullcontext(progress)
