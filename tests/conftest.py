@@ -35,8 +35,11 @@ settings.register_profile(
 )
 
 
-SLOW = Path(__file__).with_name("slow.txt").read_text(encoding="utf-8").split("\n")[:-1]
-"""Tests, as their names begin, that take more than some two seconds of a processor each or together."""
+LISTED = {
+    mark: tuple(Path(__file__).with_name(file).read_text(encoding="utf-8").split("\n")[:-1])
+    for mark, file in (("slow", "slow.txt"), ("campaign", "long.txt"))
+}
+"""Tests, as their names begin, that take more than some two, and some ten seconds of a processor."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -76,8 +79,9 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark them."""
     for item in items:
-        if item.nodeid.removeprefix("tests/").startswith(tuple(SLOW)):
-            item.add_marker(pytest.mark.slow)
+        for mark, names in LISTED.items():
+            if item.nodeid.removeprefix("tests/").startswith(names):
+                item.add_marker(mark)
 
 
 def _placement(rng: np.random.Generator) -> pin.SE3:

@@ -28,8 +28,8 @@ from ..mechanism.groups import coordinate_choices
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.partition import spelled
 from ..mechanism.tree import Array
+from .drive import Drive
 from .equations import EquationsOfMotion, Evaluation, Torque
-from .motion import Drive
 
 if TYPE_CHECKING:
     from ..maps.point import Counters

@@ -36,7 +36,7 @@ class Rates:
         Of what the torque function raised.
     evaluation, trackers : callable
         Read what the kernel has told, and the state of its trackers.
-    prescribe : callable (t), optional
+    prescribe : callable (t)
         Writes what moves as prescribed.
     """
 
@@ -50,7 +50,7 @@ class Rates:
         raised: list[BaseException],
         evaluation: Callable[[], Evaluation],
         trackers: Callable[[], Trackers],
-        prescribe: Callable[[float], None] | None = None,
+        prescribe: Callable[[float], None],
     ) -> None:
         self._prescribe = prescribe
         self._library, self._follow = library, library.follow
@@ -72,8 +72,7 @@ class Rates:
 
     def _at(self, t: float, x: Array) -> None:
         self._time[0], self._x[:] = t, x
-        if self._prescribe is not None:
-            self._prescribe(t)
+        self._prescribe(t)
 
     def _done(self) -> bool:
         reason = self._request.reason

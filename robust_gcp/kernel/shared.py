@@ -17,8 +17,6 @@ class Shared:
         Numbers of a state.
     size : int
         Of a point.
-    driven : int
-        How many joints move as prescribed.
 
     Attributes
     ----------
@@ -28,19 +26,15 @@ class Shared:
     anchor : ndarray (size,)
     safe : ndarray (size + n,)
     ydd, tau, origin : ndarray (m,), (nv,), (nq,)
-    prescribed, effort : ndarray (3 · driven,), (driven,)
-        At a single time.
     at_time : int
         The address of `time`.
     """
 
-    def __init__(self, request: Request, mechanism: Mechanism, n: int, size: int, driven: int = 0) -> None:
+    def __init__(self, request: Request, mechanism: Mechanism, n: int, size: int) -> None:
         sizes = {"x": n, "rate": n, "anchor": size, "safe": size + n}
         sizes |= {"ydd": mechanism.m, "tau": mechanism.nv, "origin": mechanism.nq, "time": 1}
-        sizes |= {"prescribed": 3 * driven, "effort": driven}
         arrays, places = side_by_side(sizes)
-        self.x, self.rate, self.anchor, self.safe, self.ydd, self.tau, self.origin, self.time = arrays[:8]
-        self.prescribed, self.effort = arrays[8:]
+        self.x, self.rate, self.anchor, self.safe, self.ydd, self.tau, self.origin, self.time = arrays
         self.at_time = places.pop("time")
         for name, place in places.items():
             setattr(request, name, place)

@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..dynamics.drive import Drive
 from ..dynamics.equations import Evaluation, Torque, does_work, torque_function
 from ..dynamics.held import HeldTorque
-from ..dynamics.motion import Drive
 from ..dynamics.tableau import Tableau
 from ..errors import OptionError
 from ..maps.classical import DIGITS_LOST, ClassicalMap

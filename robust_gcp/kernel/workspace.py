@@ -8,8 +8,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..dynamics.drive import Drive
 from ..dynamics.equations import CheckedTorque, Evaluation
-from ..dynamics.motion import Drive
 from ..dynamics.tableau import Tableau
 from ..maps.cluster.cluster_map import LAST_RESORT, PRESCRIBED
 from ..maps.cluster.options import BridgeOptions
@@ -20,14 +20,16 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .answers import Acting
 from .batch import Batch, Outputs
+from .choices import Choices
+from .driving import Driving
 from .handles import Handle
 from .layout import Layout
 from .library import Library
 from .prepared import Prepared
 from .rates import Rates
-from .results import bridging, counted, crossings
+from .results import counted, crossings
 from .shared import Shared
-from .structures import Arrays, Beginning, Reason, Request, address
+from .structures import Beginning, Reason, Request, address
 from .watch import Watch
 
 
@@ -72,22 +74,20 @@ class Workspace:
     ) -> None:
         self._library, self.path, self._groups = library, path, groups_of(mechanism)
         self._acts = mechanism.applied is not None or torque is not None or drive is not None
-        driven = () if drive is None else tuple(drive.driven.tolist())
-        self._taken = Handle(library, mechanism, path, works, driven)
-        self._handle, self._handed = self._taken.address, self._taken.handed
         self._nq, self._nv, self._m = mechanism.nq, mechanism.nv, mechanism.m
         self._numbers, self._numbers_in_q = mechanism.numbers, mechanism.iq_numbers
         self._layout: Layout = mechanism.memo.once(
             ("layout in the kernel", *path.rows.tolist()), lambda: Layout(mechanism, path, self._groups)
         )
         self._packed: Point | None = None  # the point that `anchor` holds, where that is known
-        self._bridging: tuple[BridgeOptions, Arrays] | None = None
         self._latest: Point | None = None
         self._request = Request()
+        self._driving = Driving(self._request, mechanism, drive)
+        self._taken = Handle(library, mechanism, path, works, self._driving.which)
+        self._handle, self._handed = self._taken.address, self._taken.handed
         n = 2 * self._m + int(works)
-        self._shared = Shared(self._request, mechanism, n, self._layout.size, len(driven))
-        self._drive, self._columns = drive, mechanism.iv_independent[list(driven)]
-        self._last_resort = LAST_RESORT if drive is None or len(drive.free) else PRESCRIBED
+        self._shared = Shared(self._request, mechanism, n, self._layout.size)
+        self._choices = Choices(self._request, PRESCRIBED if self._driving.of_all else LAST_RESORT)
         self._prescribed: Array | None = None
         self.shares: tuple[float, ...] = (0.0, 0.5)
         if tableau is not None:
@@ -120,14 +120,13 @@ class Workspace:
         times : ndarray (n + 1,)
             s.
         x, now : ndarray, Evaluation
-            The state at times[0] and its evaluation.
+            At times[0].
         outputs : Outputs
             n // every rows.
         zone : float
             Conditioning below which the regular path ends.
         options : BridgeOptions, optional
-            Of the bridges; without them the kernel stops where the regular path ends, and does not look
-            whether Newton left the branch.
+            Without them the kernel stops where the regular path ends, and does not look at branches.
         trackers : callable () -> ndarray, optional
             Where `now` is in a zone, and not the last state of this workspace's last batch.
         watch : Watch, optional
@@ -144,7 +143,7 @@ class Workspace:
         r.steps, r.every, r.first, r.times = len(times) - 1, every, 0, address(times)
         r.power = now.power
         r.best = best
-        self._choose(zone, options, watch)
+        self._choices.make(zone, options, watch)
         self._shared.x[:], self._shared.ydd[:] = x, now.ydd
         self._shared.tau[:] = 0.0 if now.tau is None else now.tau
         if self.at(now.point):
@@ -187,14 +186,14 @@ class Workspace:
         times : ndarray (N + 1,)
             s, contiguous; as all arrays here to be kept by the caller as long as steps are taken.
         outputs : Outputs
-            N + 1 rows, of which those reached are written.
+            N + 1 rows.
         zone, options, watch, best
             As for `run`.
         """
         r, self._packed = self._request, None
         r.best = best
         r.every, r.times, r.steps, r.first = 1, address(times), 0, 0
-        self._choose(zone, options, watch)
+        self._choices.make(zone, options, watch)
         outputs.between(1, len(times)).written_by(r)
         self._handed.secure()
         self._acting.listen()
@@ -203,7 +202,7 @@ class Workspace:
         return Prepared(self._library.run, self._handle, r, self._by_reference, self._acting.tau, self)
 
     def settled(self, begun: int, reached: int) -> Batch:
-        """What prepared steps came to, from one time to another; their outputs are where they belong."""
+        """What prepared steps came to, from one time to another."""
         return self._batch(begun, reached - begun, Outputs.room(0, self._nq, self._nv))
 
     def rates(
@@ -220,7 +219,7 @@ class Workspace:
         The solver controls its error: uncertified zones are followed on the true curve.
         """
         r, self._latest = self._request, None
-        self._choose(zone, options, watch, careful=True)
+        self._choices.make(zone, options, watch, careful=True)
         r.power, r.first, r.times = now.power, 0, self._shared.at_time
         self._begin_at(now.point, trackers)
         self._shared.x[:], self._shared.ydd[:] = x, now.ydd
@@ -234,24 +233,8 @@ class Workspace:
             return self._evaluation(self._layout.point(self._shared.anchor, now.point))
 
         self._library.follow_from(self._handle, self._by_reference)
-        told_by = self._acting.raised, told, self._handed.new
-        prescribe = None if self._drive is None else self._prescribe
-        return Rates(self._library, self._handle, r, self._by_reference, buffers, *told_by, prescribe)
-
-    def _choose(
-        self,
-        zone: float,
-        options: BridgeOptions | None,
-        watch: Watch | None,
-        careful: bool = False,
-    ) -> None:
-        r = self._request
-        r.zone = zone
-        r.bridging = None if options is None else ctypes.pointer(self._options(options, careful))
-        self._watched = watch  # keeps what r points to
-        r.sizes = r.uneven = None
-        if watch is not None:
-            r.sizes, r.limit, r.uneven = address(watch.sizes), watch.limit, address(watch.uneven)
+        told_by = self._acting.raised, told, self._handed.new, self._driving.prescribe
+        return Rates(self._library, self._handle, r, self._by_reference, buffers, *told_by)
 
     def look(self, t: float, now: Evaluation) -> Evaluation | None:
         """The last batch's last state under the torque that is held now; None where that is not known."""
@@ -259,28 +242,13 @@ class Workspace:
             return None
         r, time = self._request, np.array([t])
         r.times, r.first, r.beginning = address(time), 0, Beginning.GO_ON
-        self._prescribe(t)
+        self._driving.prescribe(t)
         self._acting.listen()
         self._library.look(self._handle, self._by_reference)
         self._acting.require_answered()
         if r.reason != Reason.DONE:
             return None
-        power, effort = float(r.power), self._effort()
-        return Evaluation(now.point, now.v, self._shared.ydd.copy(), self._shared.tau.copy(), power, effort)
-
-    def _prescribe(self, t: float) -> None:
-        """What moves as prescribed at a single time."""
-        if self._drive is not None:
-            self._shared.prescribed[:] = np.concatenate(self._drive.at(t))
-            self._request.prescribed = address(self._shared.prescribed)
-
-    def _effort(self) -> Array | None:
-        """What the kernel found that this takes, (nv,), NaN at other joints."""
-        if self._drive is None:
-            return None
-        found: Array = np.full(self._nv, np.nan)
-        found[self._columns] = self._shared.effort
-        return found
+        return self._evaluation(now.point)
 
     def begin(self, q: Array, u: Array, zone: float, t: float = 0.0) -> tuple[Array, Evaluation] | None:
         """The state and its evaluation at q, closed by Newton's method at its own y, with velocities u.
@@ -289,7 +257,7 @@ class Workspace:
         """
         r, self._latest, self._shared.time[0] = self._request, None, t
         r.times, r.zone, r.power = self._shared.at_time, zone, 0.0
-        self._prescribe(t)
+        self._driving.prescribe(t)
         if not self._acting.asks:
             self._acting.listen()
         self._packed = None
@@ -335,11 +303,4 @@ class Workspace:
         """What the kernel left at its anchor, which is this point."""
         tau = self._shared.tau.copy() if self._acts else None
         v, power = point.G.dot(point.ydot), float(self._request.power)
-        return Evaluation(point, v, self._shared.ydd.copy(), tau, power, self._effort())
-
-    def _options(self, options: BridgeOptions, careful: bool) -> ctypes.Structure:
-        if self._bridging is None or self._bridging[0] is not options:
-            self._bridging = options, bridging(options, self._last_resort)
-        structure = self._bridging[1].structure
-        structure.careful = careful
-        return structure
+        return Evaluation(point, v, self._shared.ydd.copy(), tau, power, self._driving.effort())

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..dynamics.drive import Drive
 from ..dynamics.equations import Torque
 from ..dynamics.held import HeldTorque
-from ..dynamics.motion import Drive
 from ..dynamics.problem import Problem
 from ..dynamics.tableau import Tableau
 from ..errors import ClosureError, NonFiniteError, SimulationError

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..dynamics.motion import Drive
+from ..dynamics.drive import Drive
 from ..errors import ToggleError
 
 

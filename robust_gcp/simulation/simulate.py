@@ -9,11 +9,12 @@ from typing import Any, Literal
 from numpy.typing import ArrayLike
 
 from ..checks import check_between, check_choice, check_mechanism, check_positive, listed, shown
+from ..dynamics.drive import Drive, checked_motions
 from ..dynamics.driven import driving
 from ..dynamics.equations import Torque
 from ..dynamics.held import HeldTorque
 from ..dynamics.loads import Torques, Wrench, one_torque
-from ..dynamics.motion import Drive, Motion, checked_motions
+from ..dynamics.motion import Motion
 from ..dynamics.tableau import Tableau
 from ..errors import OptionError
 from ..kernel.steps import BACKENDS, chosen_library

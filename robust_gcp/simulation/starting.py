@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..dynamics.drive import Drive
 from ..dynamics.driven import driven_start
 from ..dynamics.equations import Evaluation, Torque
-from ..dynamics.motion import Drive
 from ..dynamics.problem import Problem, over, set_out
 from ..errors import BranchError
 from ..kernel.rates import Rates

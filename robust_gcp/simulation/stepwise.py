@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..checks import check_choice, check_finite, check_mechanism, check_positive, check_whole, shown
+from ..dynamics.drive import Drive, checked_motions
 from ..dynamics.driven import driving
 from ..dynamics.held import HeldTorque
-from ..dynamics.motion import Drive, Motion, checked_motions
+from ..dynamics.motion import Motion
 from ..errors import ClosureError, OptionError, SimulationError
 from ..kernel.steps import BACKENDS, NativeSteps, chosen_library
 from ..maps.choice import METHODS, MapChoice, Method

@@ -12,8 +12,8 @@ import scipy
 from numpy.typing import NDArray
 
 import robust_gcp as rg
+from robust_gcp.dynamics.drive import Drive
 from robust_gcp.dynamics.jet import rates
-from robust_gcp.dynamics.motion import Drive
 from robust_gcp.examples.linkages import add_link
 
 Array = NDArray[np.float64]

@@ -1,14 +1,17 @@
-"""The list of slow tests names tests that are there."""
+"""The lists of slow tests name tests that are there."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 TESTS = Path(__file__).parents[1]
 
 
-def test_each_is_there() -> None:
-    for line in (TESTS / "slow.txt").read_text(encoding="utf-8").splitlines():
+@pytest.mark.parametrize("name", ["slow.txt", "long.txt"])
+def test_each_is_there(name: str) -> None:
+    for line in (TESTS / name).read_text(encoding="utf-8").splitlines():
         file, _, rest = line.partition("::")
         names = rest.partition("[")[0].split("::")
         text = (TESTS / file).read_text(encoding="utf-8")

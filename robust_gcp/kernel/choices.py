@@ -1,0 +1,45 @@
+"""The choices of a batch: where zones begin, how bridges are built, up to where coordinates serve."""
+
+from __future__ import annotations
+
+import ctypes
+
+from ..maps.cluster.options import BridgeOptions
+from .results import bridging
+from .structures import Arrays, Request, address
+from .watch import Watch
+
+
+class Choices:
+    """Makes a request's choices, and keeps what it then points to.
+
+    Parameters
+    ----------
+    request : Request
+    last_resort : float
+        See `ClusterMap`.
+    """
+
+    def __init__(self, request: Request, last_resort: float) -> None:
+        self._request, self._last_resort = request, last_resort
+        self._bridging: tuple[BridgeOptions, Arrays] | None = None
+        self._watch: Watch | None = None
+
+    def make(
+        self, zone: float, options: BridgeOptions | None, watch: Watch | None, careful: bool = False
+    ) -> None:
+        """Parameters are those of `Workspace.run`; `careful`: the caller controls its error."""
+        r = self._request
+        r.zone = zone
+        r.bridging = None if options is None else ctypes.pointer(self._structure(options, careful))
+        self._watch = watch
+        r.sizes = r.uneven = None
+        if watch is not None:
+            r.sizes, r.limit, r.uneven = address(watch.sizes), watch.limit, address(watch.uneven)
+
+    def _structure(self, options: BridgeOptions, careful: bool) -> ctypes.Structure:
+        if self._bridging is None or self._bridging[0] is not options:
+            self._bridging = options, bridging(options, self._last_resort)
+        structure = self._bridging[1].structure
+        structure.careful = careful
+        return structure
