@@ -8,7 +8,7 @@
 
 namespace rg {
 
-constexpr std::int32_t VERSION = 17;
+constexpr std::int32_t VERSION = 18;
 
 enum Reason : std::int32_t {
     DONE = 0,
@@ -75,9 +75,9 @@ struct Description {
     const double* home;                 // (nq,)
 };
 
-struct Cluster {  // a loop cluster: its joints have one number each
+struct Cluster {  // a loop cluster whose coordinates are numbers in q
     const Description* loops;           // all its rows; `scale` is what x is multiplied by
-    const std::int32_t* iq;             // (nv,) in q
+    const std::int32_t* iq;             // (nq,) in q
     const std::int32_t* iv;             // (nv,) in v
     const std::int32_t* inputs;         // (m,) in y
     const std::int32_t* rotates;        // (nv,)

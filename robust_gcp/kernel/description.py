@@ -114,10 +114,10 @@ def _clusters(mechanism: Mechanism, path: RegularPath, arrays: Arrays) -> None:
 def follows_zones(path: RegularPath) -> bool:
     """Whether the kernel follows the clusters of a path's mechanism in zones: all, or none.
 
-    Those have one number a joint, and are no structures.
+    Coordinates of those are numbers in q, and none is a structure.
     """
     rest = path.mechanism
-    return rest.tree.vector_space and all(cluster.m for cluster in rest.clusters)
+    return not rest.chart_joints and all(cluster.m for cluster in rest.clusters)
 
 
 def _cluster(mechanism: Mechanism, rest: Mechanism, cluster: LoopCluster) -> Arrays:

@@ -34,10 +34,10 @@ static bool serves(const Jet& jet, const std::vector<int>& chosen, double share)
 }
 
 struct Clusters::Inside {
-    explicit Inside(const Description& d) : home(d.home, d.home + d.nq), det(d.blocks), rcond(d.blocks) {
+    explicit Inside(const Description& d) : clusters(d.cluster, d.cluster + d.clusters), home(d.home, d.home + d.nq), det(d.blocks), rcond(d.blocks) {
         std::vector<bool> taken(static_cast<std::size_t>(d.m), false);
         for (int i = 0; i < d.clusters; ++i) {
-            spaces.push_back(std::make_unique<Space>(*d.cluster[i]));
+            spaces.push_back(std::make_unique<Space>(*clusters[static_cast<std::size_t>(i)]));
             for (const int input : spaces.back()->inputs) taken[static_cast<std::size_t>(input)] = true;
         }
         for (int i = 0; i < d.m; ++i)
@@ -49,14 +49,39 @@ struct Clusters::Inside {
     // Put every cluster's tracker on its mode.
     void enter(Point& anchor) {
         for (std::size_t i = 0; i < spaces.size(); ++i) {
-            Space& space = *spaces[i];
-            const JetPtr here = jet_at(space, space.x(anchor.q()), space.chart);
-            ++tally.svds;
+            if (!spaces[i]->flat) {
+                refer(i, anchor);
+                continue;
+            }
+            const JetPtr here = at(i, anchor);
             if (trackers.size() > i)
                 trackers[i].place_at(here);
             else
-                trackers.emplace_back(here, options, space.m == 1 ? options.reach : options.reach_of_several, tally);
+                trackers.push_back(tracker(here));
         }
+    }
+
+    // One of them in coordinates about the anchor; curves that were met are told of still.
+    void refer(std::size_t i, Point& anchor) {
+        left.push_back(std::move(spaces[i]));
+        spaces[i] = std::make_unique<Space>(*clusters[i]);
+        spaces[i]->about(anchor.q());
+        Tracker made = tracker(at(i, anchor));
+        if (trackers.size() > i) {
+            made.touched = trackers[i].touched, made.crossed = trackers[i].crossed;
+            trackers[i] = std::move(made);
+        } else {
+            trackers.push_back(std::move(made));
+        }
+    }
+
+    JetPtr at(std::size_t i, Point& anchor) {
+        ++tally.svds;
+        return jet_at(*spaces[i], spaces[i]->x(anchor.q()), spaces[i]->chart);
+    }
+
+    Tracker tracker(const JetPtr& here) {
+        return Tracker(here, options, here->space->m == 1 ? options.reach : options.reach_of_several, tally);
     }
 
     // The smallest singular value of all clusters' K.
@@ -79,19 +104,42 @@ struct Clusters::Inside {
         return worst;
     }
 
+    // The share in q, G and g of one whose joints are in charts.
+    static void turned(Space& space, const Jet& jet, const Vector& rate, const Layout& l, Point& point) {
+        space.write(jet.x, point.q());
+        const Matrix T = space.turn(jet.x), along = times(T, jet.J);
+        const auto bent = [&](const Vector& r) -> Vector {
+            const Vector way = jet.J * r;
+            return T * jet.bent(r, r) + space.turn_rate(jet.x, way) * way;
+        };
+        const Vector bend = bent(rate);
+        for (int i = 0; i < space.nv; ++i) {
+            point.g()[space.iv[i]] = bend[i];
+            for (int j = 0; j < space.m; ++j)
+                point.G()[space.iv[i] * l.m + space.inputs[j]] = along(i, j) / space.D[space.chosen[j]];
+        }
+        if (l.m > 1) return;
+        const Vector once = bent(Vector::Constant(1, 1.0 / space.D[space.chosen[0]]));
+        for (int i = 0; i < space.nv; ++i) point.curvature()[space.iv[i]] = once[i];
+    }
+
     // q, G and g of the whole from the clusters' points.
     void product(const std::vector<JetPtr>& jets, const Layout& l, const double* y, const double* ydot,
-                 Point& point) const {
+                 Point& point) {
         double *q = point.q(), *G = point.G(), *g = point.g();
         std::copy(home.begin(), home.end(), q);
         std::fill(G, G + static_cast<std::ptrdiff_t>(l.nv) * l.m, 0.0);
         std::fill(g, g + l.nv, 0.0);
         if (l.m == 1) std::fill(point.curvature(), point.curvature() + l.nv, 0.0);
         for (std::size_t c = 0; c < spaces.size(); ++c) {
-            const Space& space = *spaces[c];
+            Space& space = *spaces[c];
             const Jet& jet = *jets[c];
             Vector rate(space.m);
             for (int j = 0; j < space.m; ++j) rate[j] = ydot[space.inputs[j]] / space.D[space.chosen[j]];
+            if (!space.flat) {
+                turned(space, jet, rate, l, point);
+                continue;
+            }
             const Vector bend = jet.bent(rate, rate);
             for (int i = 0; i < space.nv; ++i) {
                 const int v = space.iv[i];
@@ -118,7 +166,9 @@ struct Clusters::Inside {
         point.conditioning() = point.correction = point.distance = point.turn = 0.0;
     }
 
+    const std::vector<const Cluster*> clusters;
     std::vector<std::unique_ptr<Space>> spaces;
+    std::vector<std::unique_ptr<Space>> left;  // of curves that may be told of still
     std::vector<Tracker> trackers;
     BridgeOptions options;
     double last_resort = CHANGE;
@@ -209,9 +259,9 @@ void Clusters::passed(const Step& step, std::vector<double>& log) {
         log.resize(log.size() + static_cast<std::size_t>(path_.layout.nq));
         double* q = log.data() + from + 6;
         between(path_, step, one.time, q);
-        const Space& space = *in.spaces[static_cast<std::size_t>(one.cluster)];
-        for (int i = 0; i < space.nv; ++i) q[space.iq[i]] = space.D[i] * one.x[i];
+        one.space->write(one.x, q);
     }
+    in.left.clear();
 }
 
 void Clusters::enter(Point& anchor) {
@@ -223,12 +273,22 @@ void Clusters::enter(Point& anchor) {
 void Clusters::forget() {
     if (!some_) return;
     for (Tracker& tracker : inside_->trackers) tracker.forget_touched();
+    inside_->left.clear();
+}
+
+void Clusters::settle(Point& accepted) {
+    if (!some_ || !in_zone_) return;
+    for (std::size_t i = 0; i < inside_->spaces.size(); ++i) {
+        const Tracker& tracker = inside_->trackers[i];
+        if (!tracker.on_bridge() && inside_->spaces[i]->far(tracker.anchor->x)) inside_->refer(i, accepted);
+    }
 }
 
 void Clusters::renew() {
     in_zone_ = false;
     if (!some_) return;
     inside_->trackers.clear();
+    inside_->left.clear();
     for (const auto& space : inside_->spaces) space->apex.reset();
 }
 
@@ -236,7 +296,9 @@ std::vector<double> Clusters::written() const {
     if (!some_) return {};
     Writer writer;
     for (const Tracker& tracker : inside_->trackers) {
-        writer.array(tracker.anchor->space->apex.value_or(Vector()));
+        const Space& space = *tracker.anchor->space;
+        writer.array(space.apex.value_or(Vector()));
+        if (!space.flat) writer.array(space.reference());
         writer.tracker(tracker);
     }
     writer.numbers.push_back(inside_->looked);
@@ -247,8 +309,11 @@ void Clusters::read(const double* numbers) {
     Inside& in = *inside_;
     Reader reader(numbers, in.options, in.tally);
     in.trackers.clear();
-    for (const auto& space : in.spaces) {
+    for (std::size_t i = 0; i < in.spaces.size(); ++i) {
+        if (!in.spaces[i]->flat) in.spaces[i] = std::make_unique<Space>(*in.clusters[i]);
+        const auto& space = in.spaces[i];
         const Vector apex = reader.array();
+        if (!space->flat) space->refer(reader.array());
         space->apex.reset();
         if (apex.size()) space->apex = apex;
         in.trackers.push_back(reader.tracker(*space));

@@ -38,6 +38,8 @@ class Clusters {
     void enter(Point& anchor);
     // What was met so far was told of.
     void forget();
+    // At an output: coordinates anew of clusters whose joints have turned far from what these are about.
+    void settle(Point& accepted);
     // As if nothing had been done.
     void renew();
     // The point at y, where the regular path was not good enough from the anchor; false where Python has to say

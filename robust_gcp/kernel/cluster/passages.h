@@ -17,6 +17,7 @@ struct Passage {
     double closure, transversality;
     bool near_miss;
     Vector x;
+    Space* space;
 };
 
 // A number that moves, and its first two rates.
@@ -76,7 +77,7 @@ class Quintic {
     double t0_, h_, c_[6];
 };
 
-// q at a time of a step at whose beginning charts of joints on groups have their origin; others have one number.
+// q at a time of a step at whose beginning charts of joints on groups have their origin.
 inline void between(const Path& path, const Step& step, double t, double* q) {
     Point &a = *step.before, &b = *step.after;
     const std::size_t nv = static_cast<std::size_t>(path.layout.nv);
@@ -86,20 +87,30 @@ inline void between(const Path& path, const Step& step, double t, double* q) {
     path.acceleration(a, step.ydd0, a0.data());
     path.acceleration(b, step.ydd1, a1.data());
     for (const Part& part : path.parts.list) {
-        if (part.on_group) {
-            const Body& body = path.groups.body(part);
+        const auto turned = [&](const Body& body, double* w) {
             const int first = body.first;
-            double w[6], rate[6], bend[6];
-            path.groups.take(body, b.y(), w);
+            double rate[6], bend[6];
             rate_in_chart(body.kind, w, v1.data() + first, rate);
             bend_in_chart(body.kind, w, rate, v1.data() + first, a1.data() + first, bend);
             for (int i = 0; i < body.count; ++i)
                 w[i] = Quintic(step, {0.0, v0[first + i], a0[first + i]}, {w[i], rate[i], bend[i]}).at(t);
             integrate_joint(body.kind, a.q() + body.q, w, q + body.q);
+        };
+        double w[6];
+        if (part.on_group) {
+            const Body& body = path.groups.body(part);
+            path.groups.take(body, b.y(), w);
+            turned(body, w);
             continue;
         }
-        for (int i : part.velocities) {
-            const int at = path.chain.number_at[i];
+        for (const int j : part.joints) {
+            const Body& body = path.chain.bodies[j];
+            if (NUMBERS[body.kind].q > 1) {
+                joint_difference(body.kind, a.q() + body.q, b.q() + body.q, w);
+                turned(body, w);
+                continue;
+            }
+            const int i = body.first, at = body.q;
             q[at] = Quintic(step, {a.q()[at], v0[i], a0[i]}, {b.q()[at], v1[i], a1[i]}).at(t);
         }
     }
@@ -114,9 +125,9 @@ inline void on_curve(const Curve& curve, int cluster, const Step& step, std::vec
         if (shape.corank[i] == 0 || !((u0 - root) * (u1 - root) < 0.0 || (u0 != root && root == u1))) continue;
         Vector x, slope, bend;
         curve.point(root, x, slope, bend);
-        const double wanted = space.D[space.chosen[0]] * x[space.chosen[0]];
+        const double wanted = space.number_of(0, x);
         found.push_back({Quintic(step, space.inputs[0]).when(wanted), cluster, shape.corank[i], shape.closure,
-                         shape.transversality, shape.near_miss, x});
+                         shape.transversality, shape.near_miss, x, shape.space});
     }
 }
 
@@ -142,9 +153,9 @@ inline void on_patch(Tracker& tracker, int cluster, const Step& step, const Path
     const auto at_end = [&](Point& end) -> const std::vector<double>& {
         std::vector<double> v(static_cast<std::size_t>(path.layout.nv));
         path.velocity(end, v.data());
-        Vector way(space.nv);
-        for (int i = 0; i < space.nv; ++i) way[i] = v[static_cast<std::size_t>(space.iv[i])] / space.D[i];
-        const Vector x = space.x(end.q());
+        Vector own(space.nv);
+        for (int i = 0; i < space.nv; ++i) own[i] = v[static_cast<std::size_t>(space.iv[i])];
+        const Vector x = space.x(end.q()), way = space.rate(x, own);
         if (tracker.end.x.size() == 0 || x != tracker.end.x || way != tracker.end.way)
             tracker.end = {x, way, real(pencil_roots(space, *anchor->P, x, way, *anchor->C, tracker.zone))};
         return tracker.end.times;
@@ -152,9 +163,8 @@ inline void on_patch(Tracker& tracker, int cluster, const Step& step, const Path
     const auto roots = [&](double t) {
         Vector y(space.m), rate(space.m);
         for (int i = 0; i < space.m; ++i) {
-            const double unit = space.D[space.chosen[i]];
-            y[i] = motion[static_cast<std::size_t>(i)].at(t) / unit;
-            rate[i] = motion[static_cast<std::size_t>(i)].rate(t) / unit;
+            y[i] = space.chart_of(i, motion[static_cast<std::size_t>(i)].at(t));
+            rate[i] = motion[static_cast<std::size_t>(i)].rate(t) / space.D[space.chosen[i]];
         }
         point = tracker.at(y);
         return real(pencil_roots(space, *point->P, point->x, point->J * rate, *point->C, tracker.zone));
@@ -186,7 +196,7 @@ inline void on_patch(Tracker& tracker, int cluster, const Step& step, const Path
             const Bridged& by = bridge->bridged();
             if (by.near_miss || is_singular(space, point->x))
                 found.push_back(
-                    {t, cluster, std::max(1, corank), by.closure, by.transversality, by.near_miss, point->x});
+                    {t, cluster, std::max(1, corank), by.closure, by.transversality, by.near_miss, point->x, &space});
         }
     } catch (const Lost&) {  // beside the step the mode may end; what was found stands
     } catch (const Stop&) {

@@ -23,7 +23,8 @@ class Writer {
         };
         const double used = t.curve ? place(t.curve) : -1.0;
         std::vector<double> touched;
-        for (const CurvePtr& one : t.touched) touched.push_back(place(one));
+        for (const CurvePtr& one : t.touched)
+            if (one->shape().space == t.anchor->space) touched.push_back(place(one));  // others were told of
         number(t.u), number(t.zone), jet(*t.anchor);
         number(static_cast<double>(curves.size()));
         number(used);

@@ -1,16 +1,18 @@
-// A loop cluster in dimensionless joint coordinates x = q / D: φ, K and φ'' there; see maps/cluster/space.py.
+// A loop cluster in dimensionless joint coordinates x, q = q_ref ⊕ D x: φ, K and φ'' there; see maps/cluster/space.py.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
 #include <memory>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "linalg/dense.h"
 #include "abi.h"
 #include "tree/chain.h"
 #include "constraint/closures.h"
+#include "tree/groups.h"
 #include "linalg/lu.h"
 
 namespace rg {
@@ -29,9 +31,10 @@ struct Stop {};
 class Space {
   public:
     const int nv, m, nd, rows;
+    const bool flat;       // whether joints have one number each, and q_ref = 0
     const double phi_size;
     const std::vector<int> iq, iv, chosen, inputs;
-    const Vector D;        // q = D x
+    const Vector D;
     const Vector balance;  // K · balance has columns of size one
     const Chart chart;  // that y is given in
     std::optional<Vector> apex;  // of an isolated cone, where φ is taken relative to it; see maps/cluster/apex.py
@@ -40,32 +43,79 @@ class Space {
     Matrix K;
 
     explicit Space(const Cluster& c)
-        : nv(c.loops->nv), m(c.loops->m), nd(nv - m), rows(c.loops->rows), phi_size(c.phi_size),
-          iq(c.iq, c.iq + nv), iv(c.iv, c.iv + nv), chosen(c.loops->independent, c.loops->independent + m),
+        : nv(c.loops->nv), m(c.loops->m), nd(nv - m), rows(c.loops->rows),
+          flat(c.loops->nq == nv && !turning(*c.loops)), phi_size(c.phi_size), iq(c.iq, c.iq + c.loops->nq), iv(c.iv, c.iv + nv), chosen(c.loops->independent, c.loops->independent + m),
           inputs(c.inputs, c.inputs + m), D(Eigen::Map<const Vector>(c.loops->scale, nv)),
           balance(Eigen::Map<const Vector>(c.balance, nv)),
           chart(std::make_shared<Matrix>(picking(nv, chosen))), lu(nv), chain_(*c.loops), closures_(*c.loops, chain_, whole(*c.loops, chain_)),
           rotates_(c.rotates, c.rotates + nv), periodic_(c.periodic, c.periodic + nv),
-          q_(nv), v_(nv), placed_(Vector::Constant(nv, std::nan(""))), rate_(closures_.entries.size() + 1) {}
+          reference_(Vector::Zero(c.loops->nq)), q_(c.loops->nq), v_(nv), placed_(Vector::Constant(nv, std::nan(""))), rate_(closures_.entries.size() + 1) {}
 
     Space(const Space&) = delete;
+
+    // Coordinates are about the cluster's own part of a whole q from now on; of use before anything else is asked.
+    void about(const double* q) {
+        for (std::size_t i = 0; i < iq.size(); ++i) reference_[static_cast<Eigen::Index>(i)] = q[iq[i]];
+    }
+    const Vector& reference() const { return reference_; }
+    void refer(const Vector& reference) { reference_ = reference; }
 
     // φ (rows) and K (rows, nv).
     void linear(const Vector& x, Vector& phi, Matrix& K) {
         if (apex) relative(x, phi, K);
-        place(x);
+        jacobian(x, K);
         if (!apex) phi = Eigen::Map<const Vector>(closures_.phi.data(), rows);
-        fill(closures_.values, K);
     }
 
     // φ''[a, ·] (rows, nv).
     template <typename Way>
     void second(const Vector& x, const Way& a, Matrix& rate) {
         place(x);
-        v_ = D.cwiseProduct(a);
+        const Matrix T = flat ? Matrix() : turn(x);
+        if (flat)
+            v_ = D.cwiseProduct(a);
+        else
+            v_ = T * a;
         chain_.move(chain_.all, v_.data());
         closures_.jacobian_rate(v_.data(), rate_.data());
         fill(rate_, rate);
+        if (flat) return;
+        Matrix own;
+        fill(closures_.values, own);
+        rate = rate * (D.cwiseInverse().asDiagonal() * T) + own * (D.cwiseInverse().asDiagonal() * turn_rate(x, a));
+    }
+
+    // T D with v = T D ẋ, (nv, nv).
+    Matrix turn(const Vector& x) const {
+        Matrix T = D.asDiagonal();
+        for (const int j : chain_.all) {
+            const Body& b = chain_.bodies[j];
+            if (b.count == 1) continue;
+            const auto [w, rates] = in_chart(b, x);
+            T.block(b.first, b.first, b.count, b.count) = inverse(rates) * D.segment(b.first, b.count).asDiagonal();
+        }
+        return T;
+    }
+
+    // d(T D)/ds along x + s a, by a difference of the eighth order, as in space.py.
+    Matrix turn_rate(const Vector& x, const Vector& a) const {
+        constexpr double STEP = 1e-2, WEIGHTS[] = {4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0};
+        Matrix rate = Matrix::Zero(nv, nv);
+        for (int i = 0; i < 4; ++i) {
+            const Vector move = (i + 1) * STEP * a;
+            rate += WEIGHTS[i] / STEP * (turn(x + move) - turn(x - move));
+        }
+        return rate;
+    }
+
+    // ẋ for which the joints move with velocities v.
+    Vector rate(const Vector& x, const Vector& v) const {
+        Vector found = v;
+        for (const int j : chain_.all) {
+            const Body& b = chain_.bodies[j];
+            if (b.count > 1) found.segment(b.first, b.count) = in_chart(b, x).second * v.segment(b.first, b.count);
+        }
+        return found.cwiseQuotient(D);
     }
 
     // Factorises [P K; Cᵀ] for these rows P K (nd, nv).
@@ -98,17 +148,46 @@ class Space {
         return turns;
     }
 
+    // Of a whole q.
     Vector x(const double* q) const {
         Vector found(nv);
-        for (int i = 0; i < nv; ++i) found[i] = q[iq[i]] / D[i];
-        return found;
+        if (flat) {
+            for (int i = 0; i < nv; ++i) found[i] = q[iq[i]] / D[i];
+            return found;
+        }
+        for (const int j : chain_.all) {
+            const Body& b = chain_.bodies[j];
+            double own[7];
+            for (int i = 0; i < NUMBERS[b.kind].q; ++i) own[i] = q[iq[b.q + i]];
+            joint_difference(b.kind, reference_.data() + b.q, own, found.data() + b.first);
+        }
+        return found.cwiseQuotient(D);
     }
 
-    // The cluster's coordinates y in its chart.
+    // Writes x into a whole q.
+    void write(const Vector& x, double* q) {
+        numbers(x);
+        for (std::size_t i = 0; i < iq.size(); ++i) q[iq[i]] = q_[static_cast<Eigen::Index>(i)];
+        placed_.setConstant(std::nan(""));
+    }
+
+    // The cluster's coordinates y, which are numbers in q, in its chart; and the number that one has there.
     Vector wanted(const double* y) const {
         Vector found(m);
-        for (int i = 0; i < m; ++i) found[i] = y[inputs[i]] / D[chosen[i]];
+        for (int i = 0; i < m; ++i) found[i] = chart_of(i, y[inputs[i]]);
         return found;
+    }
+    double chart_of(int i, double y) const { return (y - reference_[chain_.number_at[chosen[i]]]) / D[chosen[i]]; }
+    double number_of(int i, const Vector& x) const {
+        return reference_[chain_.number_at[chosen[i]]] + D[chosen[i]] * x[chosen[i]];
+    }
+
+    // Whether a joint has turned so far that coordinates about another place serve better.
+    bool far(const Vector& x) const {
+        if (flat) return false;
+        for (int i = 0; i < nv; ++i)
+            if (rotates_[i] && std::fabs(D[i] * x[i]) > 1.0) return true;  // OUTGROWN of explicit.py
+        return false;
     }
 
   private:
@@ -127,8 +206,7 @@ class Space {
         const Vector away = x - *apex;
         phi.setZero(rows);
         for (int i = 0; i < 5; ++i) {
-            place(*apex + (0.5 + 0.5 * PLACES[i]) * away);
-            fill(closures_.values, K);
+            jacobian(*apex + (0.5 + 0.5 * PLACES[i]) * away, K);
             phi += 0.5 * WEIGHTS[i] * (K * away);
         }
     }
@@ -145,7 +223,7 @@ class Space {
     void place(const Vector& x) {
         if (x == placed_) return;
         placed_ = x;
-        q_ = D.cwiseProduct(x);
+        numbers(x);
         chain_.place(chain_.all, q_.data());
         size_ = closures_.residual(q_.data());
         if (!std::isfinite(size_)) {
@@ -153,6 +231,40 @@ class Space {
             throw Lost{};
         }
         closures_.jacobian();
+    }
+
+    // K by x.
+    void jacobian(const Vector& x, Matrix& K) {
+        place(x);
+        fill(closures_.values, K);
+        if (!flat) K = K * (D.cwiseInverse().asDiagonal() * turn(x));
+    }
+
+    // The joints' numbers.
+    void numbers(const Vector& x) {
+        if (flat) {
+            q_ = D.cwiseProduct(x);
+            return;
+        }
+        const Vector w = D.cwiseProduct(x);
+        for (const int j : chain_.all) {
+            const Body& b = chain_.bodies[j];
+            integrate_joint(b.kind, reference_.data() + b.q, w.data() + b.first, q_.data() + b.q);
+        }
+    }
+
+    // w of a joint, and dexp⁻¹(w).
+    std::pair<Vector, Matrix> in_chart(const Body& b, const Vector& x) const {
+        const Vector w = D.segment(b.first, b.count).cwiseProduct(x.segment(b.first, b.count));
+        Matrix rates(b.count, b.count);
+        for (int i = 0; i < b.count; ++i)
+            rate_in_chart(b.kind, w.data(), Vector(Vector::Unit(b.count, i)).data(), rates.col(i).data());
+        return {w, rates};
+    }
+
+    // Whether a joint of one velocity has another number of numbers.
+    static bool turning(const Description& d) {
+        return std::any_of(d.kind, d.kind + d.joints, [](int kind) { return NUMBERS[kind].q != 1; });
     }
 
     void fill(const Cells<double>& values, Matrix& K) const {
@@ -164,7 +276,7 @@ class Space {
     Chain chain_;
     Closures closures_;
     std::vector<char> rotates_, periodic_;
-    Vector q_, v_, placed_;
+    Vector reference_, q_, v_, placed_;
     Cells<double> rate_;
     double size_ = 0.0;
 };

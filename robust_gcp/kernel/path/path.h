@@ -30,7 +30,6 @@ class Path {
     const Layout layout;
     const OnGroups groups;
     const bool charted;  // whether any part is
-    const bool numbered;  // whether joints that are not on groups have one number each
     const bool redundant;  // whether rows of φ are left over
     std::int64_t newton_iterations = 0, evaluations = 0;
     double enough = POOR;  // conditioning above which it need not be known
@@ -43,11 +42,6 @@ class Path {
           layout(d),
           groups(d, chain, parts),
           charted(std::any_of(parts.list.begin(), parts.list.end(), [](const Part& p) { return p.charted; })),
-          numbered(std::all_of(parts.list.begin(), parts.list.end(), [this](const Part& p) {
-              return p.on_group || std::all_of(p.joints.begin(), p.joints.end(), [this](int j) {
-                         return NUMBERS[chain.bodies[j].kind].q == chain.bodies[j].count;
-                     });
-          })),
           redundant(d.redundant != 0),
           independent_(d.independent, d.independent + d.m),
           independent_q_(d.independent_q, d.independent_q + d.m),
@@ -142,13 +136,13 @@ class Path {
         return worst;
     }
 
-    // Largest dimensionless difference of q from that of a point which has the same joints on groups; the
-    // others have one number each.
+    // Largest dimensionless difference of q from that of a point.
     double apart(const double* q, Point& point) const {
-        double worst = 0.0;
-        for (int i = 0; i < layout.nv; ++i) {
-            const int at = chain.number_at[i];
-            worst = std::max(worst, std::fabs((point.q()[at] - q[at]) * size_[i]));
+        double worst = 0.0, w[6];
+        for (const int j : chain.all) {
+            const Body& b = chain.bodies[j];
+            joint_difference(b.kind, q + b.q, point.q() + b.q, w);
+            for (int i = 0; i < b.count; ++i) worst = std::max(worst, std::fabs(w[i] * size_[b.first + i]));
         }
         return worst;
     }

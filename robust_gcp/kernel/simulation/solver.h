@@ -103,7 +103,7 @@ class Solver : public Stepper {
         anchor_ = accepted_;
         if (r.bridging == nullptr) return;
         const bool regular = path.settle(point, origin_) && point.conditioning() >= r.zone &&
-                             !(path.numbered && path.apart(accepted_->q(), point) >= SAME_PLACE);
+                             path.apart(accepted_->q(), point) < SAME_PLACE;
         if (regular) {
             anchor_ = &point;
             clusters.leave();

@@ -57,6 +57,7 @@ class alignas(CACHE_LINE) Stepper {
             origin_ = accepted_->q();
             x_ = sum_;
             for (int k : on_groups_) accepted_->y()[k] = x_[k] = 0.0;  // a new chart about the point
+            clusters.settle(*accepted_);
             in_zone = clusters.in_zone();
             last_ydd = motion_.ydd;
             last_tau = motion_.tau;

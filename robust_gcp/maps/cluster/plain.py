@@ -33,6 +33,8 @@ def written(trackers: Sequence[Tracker]) -> Array:
     for tracker in trackers:
         space = tracker.space
         writer.array(space.apex if isinstance(space, BesideApex) else np.empty(0))
+        if not space.flat:
+            writer.array(space.reference)
         writer.tracker(tracker)
     return np.array([*writer.numbers, -1.0])
 
@@ -45,6 +47,8 @@ def read(
     trackers: list[Tracker] = []
     for space in spaces:
         apex = reader.array()[:, 0]
+        if not space.flat:
+            space = ClusterSpace(space.cluster, reader.array()[:, 0])
         trackers.append(reader.tracker(BesideApex(space, apex) if len(apex) else space))
     return trackers
 
@@ -70,7 +74,9 @@ class Writer:
             return curves.index(curve)
 
         used = place(tracker.current) if isinstance(tracker.current, Curve) else -1
-        touched = [place(bridge) for bridge in tracker.touched if isinstance(bridge, Curve)]
+        space = tracker.space  # curves about another place were told of
+        own = (c for c in tracker.touched if isinstance(c, Curve) and (space.flat or c.space is space))
+        touched = [place(curve) for curve in own]
         self.numbers += [tracker.u, tracker.zone]
         self._jet(tracker.anchor)
         self.numbers += [len(curves), used]
