@@ -16,7 +16,7 @@ class Writer {
     std::vector<double> numbers;
 
     void tracker(const Tracker& t) {
-        std::vector<CurvePtr> curves = t.bridges;
+        std::vector<CurvePtr> curves = t.known_curves.curves;
         const auto place = [&curves](const CurvePtr& one) {
             const auto at = std::find(curves.begin(), curves.end(), one);
             return static_cast<double>((at == curves.end() ? curves.insert(at, one) : at) - curves.begin());
@@ -78,12 +78,12 @@ class Reader {
         made.u = u;
         const int count = static_cast<int>(number()), used = static_cast<int>(number());
         const std::vector<double> touched = list();
-        for (int i = 0; i < count; ++i) made.bridges.push_back(curve(space));
-        if (used >= 0) made.curve = made.bridges[static_cast<std::size_t>(used)];
+        for (int i = 0; i < count; ++i) made.known_curves.curves.push_back(curve(space));
+        if (used >= 0) made.curve = made.known_curves.curves[static_cast<std::size_t>(used)];
         if (number() != 0.0) made.patch = std::make_shared<Patch>(Patch::read(*this, space));
         made.touched_patch = made.patch;
         made.crossed = !touched.empty();
-        for (const double at : touched) made.touched.push_back(made.bridges[static_cast<std::size_t>(at)]);
+        for (const double at : touched) made.touched.push_back(made.known_curves.curves[static_cast<std::size_t>(at)]);
         return made;
     }
 

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "cluster/curve_builder.h"
+#include "cluster/known_curves.h"
 #include "cluster/newton.h"
 #include "cluster/obstacles.h"
 
@@ -32,7 +33,7 @@ class Tracker {
   public:
     JetPtr anchor;
     Chart C;
-    std::vector<CurvePtr> bridges;
+    KnownCurves known_curves;
     CurvePtr curve;                // in use, or null
     std::shared_ptr<Patch> patch;  // in use, or null
     double u = 0.0;
@@ -51,7 +52,7 @@ class Tracker {
     // Another tracker at the same point, which knows the same curves.
     Tracker copy() const {
         Tracker other(anchor, *options_, zone, *tally_);
-        other.bridges = bridges, other.u = u, other.curve = curve;
+        other.known_curves = known_curves, other.u = u, other.curve = curve;
         return other;
     }
 
@@ -99,7 +100,7 @@ class Tracker {
     static constexpr double BESIDE = 1e-2, LEFT = 2e-2;        // as in maps/cluster/apex.py
     static constexpr double NEAR_APEX = 0.1, TURNED = 0.3;
     static constexpr double CLEAR = 1.5;  // zones from a surface, beyond which no line across it is asked for
-    static constexpr int MAX_STEPS = 400, MAX_BRIDGES = 16, MAX_OBSTACLES = 400;
+    static constexpr int MAX_STEPS = 400, MAX_OBSTACLES = 400;
 
     JetPtr on_patch(const Vector& y);
     bool enter_patch(const JetPtr& here, const Vector& y);
@@ -236,7 +237,7 @@ class Tracker {
     }
 
     bool enter_curve(const JetPtr& here, double y) {
-        auto [found, from] = kept(here);
+        auto [found, from] = known_curves.through(here, zone);
         if (found == nullptr) {
             try {
                 found = CurveBuilder(here, *options_, zone).build();
@@ -245,7 +246,7 @@ class Tracker {
             }
             ++tally_->built;
             ++tally_->second_order;
-            keep(found);
+            known_curves.keep(found);
             from = found->u(here->x);
         }
         const int c = space_->chosen[0];
@@ -277,38 +278,6 @@ class Tracker {
             return true;
         }
         return false;
-    }
-
-    // A kept curve through this point and its u, if the nearest singular place is one of its own.
-    std::pair<CurvePtr, double> kept(const JetPtr& here) {
-        for (std::size_t i = bridges.size(); i-- > 0;) {
-            const CurvePtr known = bridges[i], candidate = turned(known, here->x);
-            const std::optional<double> at = candidate->passes(here->x);
-            if (!at) continue;
-            const Roots mu = recharted(here, candidate->shape().C)->roots(Vector::Ones(1));
-            if (mu.empty()) continue;
-            const double ahead = *at + nearest_of(mu).real();
-            double apart = FAR;
-            for (const double root : candidate->shape().roots) apart = std::min(apart, std::fabs(ahead - root));
-            if (!candidate->contains(*at) && apart >= 0.5 * zone) continue;
-            if (candidate != known) keep(candidate);
-            return {candidate, *at};
-        }
-        return {nullptr, 0.0};
-    }
-
-    // The curve after the whole turns of the hinges that bring it next to x.
-    CurvePtr turned(const CurvePtr& known, const Vector& x) const {
-        Vector center, slope, bend;
-        known->point(known->center(), center, slope, bend);
-        const Vector turns = space_->whole_turns(x - center);
-        if (turns.isZero(0.0)) return known;
-        return std::make_shared<Curve>(known->shared(), known->shift() + turns);
-    }
-
-    void keep(const CurvePtr& found) {
-        if (bridges.size() >= std::size_t{MAX_BRIDGES}) bridges.erase(bridges.begin());
-        bridges.push_back(found);
     }
 
     void touch(const CurvePtr& found) {

@@ -7,9 +7,7 @@
 
 #include "abi.h"
 #include "linalg/cells.h"
-#include "cluster/clusters.h"
-#include "dynamics/motion.h"
-#include "path/path.h"
+#include "simulation/evaluator.h"
 #include "simulation/watch.h"
 
 namespace rg {
@@ -17,17 +15,9 @@ namespace rg {
 // Conditioning from which an output is one to return to, of a run that came to `best`: see simulation/recovery.py.
 inline double good_from(double best) { return best >= POOR ? POOR : std::max(0.05, 0.8 * best); }
 
-class alignas(CACHE_LINE) Stepper {
+class alignas(CACHE_LINE) Stepper : public Evaluator {
   public:
-    explicit Stepper(const Description& d)
-        : path(d), clusters(d, path), motion_(d, path), works_(d.works), n_(2 * d.m + d.works),
-          watch_(d, path.parts), numbers_(d.independent_q, d.independent_q + d.m), slots_(SLOTS, Point(path.layout)), x_(n_), stage_(n_), sum_(n_), rate_(n_) {
-        for (int k = 0; k < d.m; ++k)
-            if (numbers_[k] < 0) on_groups_.push_back(k);
-    }
-
-    Path path;
-    Clusters clusters;
+    explicit Stepper(const Description& d) : Evaluator(d), watch_(d, path.parts), x_(n_), sum_(n_), rate_(n_) {}
 
     void run(Request& r) {
         r.completed = 0;
@@ -138,8 +128,6 @@ class alignas(CACHE_LINE) Stepper {
     }
 
   protected:
-    static constexpr int SLOTS = 5;  // anchor, trial, accepted, safe, and one more
-
     void count_anew(Request& r) {
         path.newton_iterations = path.evaluations = motion_.force_evaluations = rhs_ = 0;
         clusters.count_anew();
@@ -243,52 +231,6 @@ class alignas(CACHE_LINE) Stepper {
         for (int i = 0; i < n_; ++i) stage_[i] = x_[i] + h * rate_[i];
     }
 
-    // ẋ at a point that was evaluated just now.
-    void rate(Point& point, Cells<double>& rate) {
-        const int m = path.layout.m;
-        std::copy(point.ydot(), point.ydot() + m, rate.begin());
-        path.rate(point, origin_, rate.data());
-        std::copy(motion_.ydd.begin(), motion_.ydd.end(), rate.begin() + m);
-        if (works_) rate[2 * m] = motion_.power;
-    }
-
-    // What moves by prescription at a stage of the step after a time.
-    void prescribe(const Request& r, std::int64_t time, int stage, double* y, double* ydot) {
-        const std::int64_t stages = r.stages > 0 ? r.stages : 2;
-        motion_.driven->prescribe(r.prescribed + (time * stages + stage) * motion_.driven->width(), y, ydot);
-    }
-
-    // The point and ÿ at the state `stage_`, which is at a stage of the step after a time; the point becomes the anchor.
-    Reason evaluate(const Request& r, double t, std::int64_t time, int stage) {
-        const int m = path.layout.m;
-        double *y = stage_.data(), *ydot = y + m;
-        if (motion_.driven) prescribe(r, time, stage, y, ydot);
-        Point& point = spare();
-        ++rhs_;
-        Reason reason = clusters.in_zone() ? ZONE : by_regular_path(r, y, ydot, point);
-        if (reason != DONE && r.bridging != nullptr && clusters.some() &&
-            clusters.at(*anchor_, origin_, y, ydot, point, r.zone))
-            reason = DONE;
-        if (reason != DONE) return reason;
-        anchor_ = &point;
-        return motion_.evaluate(t, point, r);
-    }
-
-    // One step of the regular path, if it is good enough; see RegularGround in ground.py.
-    Reason by_regular_path(const Request& r, const double* y, const double* ydot, Point& point) {
-        if (Reason reason = path.step(*anchor_, origin_, y, ydot, point)) return reason;
-        if (r.bridging == nullptr) return point.conditioning() >= r.zone ? DONE : ZONE;
-        const double needed = std::max(r.zone, std::min(POOR, PACE * point.turn));
-        if (!(point.conditioning() >= needed)) return ZONE;
-        return path.same_branch(*anchor_, point) ? DONE : BRANCH;
-    }
-
-    Point& spare() {
-        for (Point& point : slots_)
-            if (&point != anchor_ && &point != accepted_ && &point != safe_) return point;
-        return slots_[0];  // never: four places are taken at most
-    }
-
     void output(Request& r, std::int64_t row) {
         const Layout& l = path.layout;
         Point& point = *accepted_;
@@ -307,18 +249,10 @@ class alignas(CACHE_LINE) Stepper {
         std::copy(x.begin(), x.end(), to + path.layout.size);
     }
 
-    Motion motion_;
-    int works_, n_;
     Watch watch_;
-    const std::vector<int> numbers_;  // where y is in q, −1 where in charts
-    std::vector<int> on_groups_;      // which of y are in charts
-    std::vector<Point> slots_;
-    Cells<double> x_, stage_, sum_, rate_, safe_x_;
+    Cells<double> x_, sum_, rate_, safe_x_;
     std::vector<Cells<double>> k_;  // rates at the stages of a tableau
-    Point *anchor_ = nullptr, *accepted_ = nullptr, *safe_ = nullptr;
-    const double* origin_ = nullptr;  // q where charts have theirs
     std::vector<double> log_, passed_, trackers_;
-    std::int64_t rhs_ = 0;
 };
 
 }  // namespace rg

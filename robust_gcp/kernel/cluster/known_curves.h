@@ -1,0 +1,55 @@
+// Bridges of one coordinate that were built, to be met again; see maps/cluster/kept.py.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "cluster/curve.h"
+
+namespace rg {
+
+class KnownCurves {
+  public:
+    std::vector<CurvePtr> curves;
+
+    // A kept curve through this point and its u, if the nearest singular place is one of its own.
+    std::pair<CurvePtr, double> through(const JetPtr& here, double zone) {
+        for (std::size_t i = curves.size(); i-- > 0;) {
+            const CurvePtr known = curves[i], candidate = turned(known, here->x, *here->space);
+            const std::optional<double> at = candidate->passes(here->x);
+            if (!at) continue;
+            const Roots mu = recharted(here, candidate->shape().C)->roots(Vector::Ones(1));
+            if (mu.empty()) continue;
+            const double ahead = *at + nearest_of(mu).real();
+            double apart = FAR;
+            for (const double root : candidate->shape().roots) apart = std::min(apart, std::fabs(ahead - root));
+            if (!candidate->contains(*at) && apart >= 0.5 * zone) continue;
+            if (candidate != known) keep(candidate);
+            return {candidate, *at};
+        }
+        return {nullptr, 0.0};
+    }
+
+    void keep(const CurvePtr& found) {
+        if (curves.size() >= std::size_t{MOST}) curves.erase(curves.begin());
+        curves.push_back(found);
+    }
+
+  private:
+    static constexpr int MOST = 16;
+
+    // The curve after the whole turns of the hinges that bring it next to x.
+    static CurvePtr turned(const CurvePtr& known, const Vector& x, const Space& space) {
+        Vector center, slope, bend;
+        known->point(known->center(), center, slope, bend);
+        const Vector turns = space.whole_turns(x - center);
+        if (turns.isZero(0.0)) return known;
+        return std::make_shared<Curve>(known->shared(), known->shift() + turns);
+    }
+};
+
+}  // namespace rg

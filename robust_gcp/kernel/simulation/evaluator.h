@@ -1,0 +1,88 @@
+// The point and ÿ at a state: on regular ground all at once, beside singular places cluster by cluster.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
+#include "abi.h"
+#include "cluster/clusters.h"
+#include "dynamics/motion.h"
+#include "linalg/cells.h"
+#include "path/path.h"
+
+namespace rg {
+
+class Evaluator {
+  public:
+    explicit Evaluator(const Description& d)
+        : path(d), clusters(d, path), motion_(d, path), works_(d.works), n_(2 * d.m + d.works),
+          numbers_(d.independent_q, d.independent_q + d.m), slots_(SLOTS, Point(path.layout)), stage_(n_) {
+        for (int k = 0; k < d.m; ++k)
+            if (numbers_[k] < 0) on_groups_.push_back(k);
+    }
+
+    Path path;
+    Clusters clusters;
+
+  protected:
+    static constexpr int SLOTS = 5;  // anchor, trial, accepted, safe, and one more
+
+    // ẋ at a point that was evaluated just now.
+    void rate(Point& point, Cells<double>& rate) {
+        const int m = path.layout.m;
+        std::copy(point.ydot(), point.ydot() + m, rate.begin());
+        path.rate(point, origin_, rate.data());
+        std::copy(motion_.ydd.begin(), motion_.ydd.end(), rate.begin() + m);
+        if (works_) rate[2 * m] = motion_.power;
+    }
+
+    // What moves by prescription at a stage of the step after a time.
+    void prescribe(const Request& r, std::int64_t time, int stage, double* y, double* ydot) {
+        const std::int64_t stages = r.stages > 0 ? r.stages : 2;
+        motion_.driven->prescribe(r.prescribed + (time * stages + stage) * motion_.driven->width(), y, ydot);
+    }
+
+    // The point and ÿ at the state `stage_`, which is at a stage of the step after a time; the point becomes the anchor.
+    Reason evaluate(const Request& r, double t, std::int64_t time, int stage) {
+        const int m = path.layout.m;
+        double *y = stage_.data(), *ydot = y + m;
+        if (motion_.driven) prescribe(r, time, stage, y, ydot);
+        Point& point = spare();
+        ++rhs_;
+        Reason reason = clusters.in_zone() ? ZONE : by_regular_path(r, y, ydot, point);
+        if (reason != DONE && r.bridging != nullptr && clusters.some() &&
+            clusters.at(*anchor_, origin_, y, ydot, point, r.zone))
+            reason = DONE;
+        if (reason != DONE) return reason;
+        anchor_ = &point;
+        return motion_.evaluate(t, point, r);
+    }
+
+    // One step of the regular path, if it is good enough; see RegularGround in ground.py.
+    Reason by_regular_path(const Request& r, const double* y, const double* ydot, Point& point) {
+        if (Reason reason = path.step(*anchor_, origin_, y, ydot, point)) return reason;
+        if (r.bridging == nullptr) return point.conditioning() >= r.zone ? DONE : ZONE;
+        const double needed = std::max(r.zone, std::min(POOR, PACE * point.turn));
+        if (!(point.conditioning() >= needed)) return ZONE;
+        return path.same_branch(*anchor_, point) ? DONE : BRANCH;
+    }
+
+    Point& spare() {
+        for (Point& point : slots_)
+            if (&point != anchor_ && &point != accepted_ && &point != safe_) return point;
+        return slots_[0];  // never: four places are taken at most
+    }
+
+    Motion motion_;
+    int works_, n_;
+    const std::vector<int> numbers_;  // where y is in q, −1 where in charts
+    std::vector<int> on_groups_;      // which of y are in charts
+    std::vector<Point> slots_;
+    Cells<double> stage_;             // the state that is asked for
+    Point *anchor_ = nullptr, *accepted_ = nullptr, *safe_ = nullptr;
+    const double* origin_ = nullptr;  // q where charts have theirs
+    std::int64_t rhs_ = 0;
+};
+
+}  // namespace rg
