@@ -10,11 +10,12 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
-from ..checks import OVERFLOWING, check_between, check_number
+from ..checks import check_between, check_number
 from ..errors import OptionError
 from ..maps.closed_form import FourBar
 from ..mechanism.closures import PointClosure
 from ..mechanism.mechanism import Mechanism
+from ..mechanism.model_check import OVERFLOWING
 from ..mechanism.recommended import Recommended
 
 UPRIGHT = 1e-9

@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import OVERFLOWING, check_between
+from ..checks import check_between
 from ..errors import OptionError
+from ..mechanism.model_check import OVERFLOWING
 from .pendulum import Triple
 from .pendulum import parallelogram_pendulum as parallelogram_pendulum
 from .pendulum import pendulum as pendulum

@@ -10,14 +10,16 @@ import pinocchio as pin
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from ..checks import check_model, checked_vector, require_finite
-from ..errors import ClosureError, ModelError, StateError
-from .closures import Closure, closure_frames
+from ..checks import checked_vector, require_finite
+from ..errors import ModelError, StateError
+from .closed import require_closed, require_proper
+from .closures import closure_frames
 from .constraint import without_zero_rows
 from .couplings import AnyClosure, CouplingClosure, Couplings, closures_given
 from .joints import Joint, in_v, joint_named, joints_of
 from .loop_graph import characteristic_length
 from .memo import Memo
+from .model_check import check_model
 from .named_numbers import Named, with_numbers
 from .near import seen_from, standpoint
 from .partition import numerical_rank, ranked_choices
@@ -211,42 +213,12 @@ class ClosedLoops:
 
     def require_closed(self, q: Array, tolerance: float, what: str) -> None:
         """Raise ClosureError when max |φ| / length exceeds `tolerance`."""
-        if self.nc == 0:
-            return
-        phi = self.phi(q)
-        worst = int(np.argmax(np.abs(phi) / self.row_scale))
-        residual = float(np.abs(phi[worst]))
-        if residual / self.row_scale[worst] <= tolerance:
-            return
-        unit = "m" if self.implicit.is_length[worst] else "rad"
-        loop = self.implicit.labels[worst]
-        raise ClosureError(
-            f"{what}: the loop {loop} is open by {residual:.3g} {unit}; "
-            + (
-                "no configuration near the guess closes it with the held joints: try another "
-                "guess, hold fewer joints, or check the link lengths"
-                if what == "assemble"
-                else "close it first with mech.assemble(q)"
-            ),
-            residual,
-            loop,
-        )
+        if self.nc:
+            require_closed(self, q, tolerance, what)
 
     def require_proper(self, q: Array) -> None:
         """Refuse the false zeros of the rotation rows: frames or axes turned by π to each other."""
-        if all(type(closure).is_proper is Closure.is_proper for closure in self.loops):
-            return  # any rotation is
-        self.tree.jacobians(q)
-        for i, closure in enumerate(self.loops):
-            R1, R2 = self.tree.frame_R[i], self.tree.frame_R[len(self.loops) + i]
-            if not closure.is_proper(R2.T @ R1):
-                loop = f"{closure.frame1} – {closure.frame2}"
-                raise ClosureError(
-                    f"the loop {loop} is closed with its frames turned by half a turn to each other; "
-                    "start from a guess nearer to the aligned assembly",
-                    float(np.pi),
-                    loop,
-                )
+        require_proper(self, q)
 
     @property
     def joints(self) -> tuple[Joint, ...]:

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from ..checks import check_model, check_text, listed, plain, require_finite
+from ..checks import check_text, listed, plain, require_finite
 from .applied_forces import AppliedForces
 from .coordinates import Coordinates
 from .couplings import AnyClosure, closures_given
@@ -22,6 +22,7 @@ from .formats.pin_constraints import with_named_frames
 from .formats.urdf import read_urdf
 from .independent import best_at_home, require_determined
 from .loops import ClosedLoops
+from .model_check import check_model
 from .named_numbers import Named
 from .ranges import assembled_near
 from .recommended import Recommended
@@ -294,8 +295,5 @@ def _joints(names: Any, what: str) -> tuple[str, ...]:
 
 def _called(given: str | Path, what: str) -> str:
     """A file's path, or what its text is."""
-    return (
-        f"{what} text"
-        if isinstance(given, str) and given.lstrip("\ufeff \t\r\n").startswith("<")
-        else str(given)
-    )
+    is_text = isinstance(given, str) and given.lstrip("\ufeff \t\r\n").startswith("<")
+    return f"{what} text" if is_text else str(given)
