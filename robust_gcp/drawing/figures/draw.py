@@ -33,6 +33,9 @@ BROAD, HIGH = 4.2, 4.2
 LABELS = 0.7
 """Room for ticks, labels and the title, in."""
 
+ZOOM = 0.9
+"""Of axes in space, so that their labels stay in the picture whatever the proportions."""
+
 FAINT, CLEAR = 0.12, 0.4
 """Opacity of the first and of the last but one of several configurations."""
 
@@ -171,7 +174,7 @@ def prepared(mechanism: Mechanism, at: Sequence[Pose], view: Array, ax: Any) -> 
         vertical = "xyz"[int(np.argmax(np.abs(upward(mechanism.own_model.gravity.linear))))]
         ax.view_init(*turned, vertical_axis=vertical)
         ax.set_proj_type("ortho")
-        ax.set_box_aspect(high - low)
+        ax.set_box_aspect(high - low, zoom=ZOOM)
         for axis, side in zip((ax.xaxis, ax.yaxis, ax.zaxis), high - low, strict=True):
             bins = max(1, round(4.0 * side / (high - low).max()))
             axis.get_major_locator().set_params(nbins=bins, min_n_ticks=1)

@@ -50,6 +50,9 @@ SMALLEST = 1e-17
 HIGHEST = 1e-13
 """Least upper end of that panel: rounding should look like rounding, m or rad."""
 
+LEGEND_LINE = 0.17
+"""in."""
+
 PANEL_HEIGHT = 1.35
 """in."""
 
@@ -160,15 +163,15 @@ def _colors(run: Motion, names: Sequence[str]) -> dict[str, Any]:
         return dict(zip(names, COLORS, strict=False))
     from matplotlib import colormaps
 
-    several = {
-        c.name for joint in run.mechanism.joints if len(joint.components) > 1 for c in joint.components
-    }
-    told = [name for name in names if name in several]
-    told = told if len(told) <= len(COLORS) else []
-    rest = [name for name in names if name not in told]
+    several: list[str] = []
+    for joint in sorted(run.mechanism.joints, key=lambda joint: -len(joint.components)):  # bases first
+        own = [c.name for c in joint.components if c.name in names]
+        if len(joint.components) > 1 and len(several) + len(own) <= len(COLORS):
+            several += own
+    rest = [name for name in names if name not in several]
     share = 0.95 / max(len(rest) - 1, 1)
     shades = {name: colormaps["viridis"](share * i) for i, name in enumerate(rest)}
-    return shades | dict(zip(told, COLORS, strict=False))
+    return shades | dict(zip(several, COLORS, strict=False))
 
 
 def _draw_error(ax: Axes, trajectory: Motion, quantity: str, across: Array, dashes: Any) -> None:
@@ -198,7 +201,9 @@ def _legend(
     labels = list(named)
     if len(labels) > 2 * NAMED:
         kept = np.unique(np.linspace(0, len(labels) - 1, FEW).round().astype(int))
-        shown = {labels[i]: named[labels[i]] for i in kept}
+        told = [label for label in labels if named[label].get_color() in COLORS]
+        told = told if len(told) + FEW < figure.get_figheight() / LEGEND_LINE else []
+        shown = {label: named[label] for label in dict.fromkeys([*told, *(labels[i] for i in kept)])}
         title = f"{len(labels)} numbers, such as"
     else:
         shown = dict(named)
