@@ -150,7 +150,7 @@ class Named:
         recorded = any(known.partition(".")[0] == beginning for known in columns)
         unrecorded = "" if recorded else self._absent.get(beginning, "")
         raise OptionError(
-            f"{shown(name)} is not in this motion{hint(name, [*names, *columns])}{unrecorded}; its joints "
+            f"{shown(name)} is not in this motion{unrecorded or hint(name, [*names, *columns])}; its joints "
             f"are {', '.join(names)}, its columns {', '.join(columns)}"
         )
 

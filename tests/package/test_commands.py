@@ -55,10 +55,10 @@ def test_only_negative_numbers_are_shielded_from_argparse() -> None:
     assert [shield(x) for x in given] == ["--q0", " -pi", " -1e-3", "-h", "0.2", "-pi/0", "rhombus"]
 
 
-@pytest.mark.parametrize("command", ["", "simulate", "analyse", "models", "paper"])
+@pytest.mark.parametrize("command", ["", "simulate", "analyse", "models", "reports", "reports paper"])
 def test_help_on_each_command(command: str, capsys: Capture) -> None:
     with pytest.raises(SystemExit) as exit:
-        main([command, "--help"] if command else ["--help"])
+        main([*command.split(), "--help"])
     assert exit.value.code == 0
     assert capsys.readouterr().out.startswith(f"usage: robust-gcp {command}".rstrip())
 

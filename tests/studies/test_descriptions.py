@@ -1,4 +1,4 @@
-"""The same motion, whatever the description: a small sample; `robust-gcp descriptions` runs all of them."""
+"""The same motion, whatever the description: some; `robust-gcp reports descriptions` runs all of them."""
 
 from __future__ import annotations
 
@@ -120,10 +120,13 @@ def test_couplings_are_refused_by_name() -> None:
 
 def test_the_command_prints_a_line_a_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "found.json"
-    assert main(["descriptions", "--scenes", "rhombus,Bennett", "--most", "1", "--out", str(out)]) == 0
+    assert (
+        main(["reports", "descriptions", "--scenes", "rhombus,Bennett", "--most", "1", "--out", str(out)])
+        == 0
+    )
     printed = capsys.readouterr().out
     assert "silently wrong" in printed and "2 scenes, 0 differ" in printed
     reports = json.loads(out.read_text(encoding="utf-8"))
     assert [report["scene"] for report in reports] == ["rhombus", "Bennett"]
-    assert main(["descriptions", "--scenes", "rombus"]) == 2
+    assert main(["reports", "descriptions", "--scenes", "rombus"]) == 2
     assert "'rombus' is unknown" in capsys.readouterr().err

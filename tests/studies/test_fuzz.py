@@ -1,4 +1,4 @@
-"""Spoilt files, by the hundred: FUZZ_EXAMPLES=5000, or `robust-gcp fuzz`, makes it thousands."""
+"""Spoilt files, by the hundred: FUZZ_EXAMPLES=5000, or `robust-gcp reports fuzz`, makes it thousands."""
 
 from __future__ import annotations
 
@@ -93,16 +93,27 @@ def test_the_command_tells_what_became_of_them(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shutil.copytree(models_folder() / "rhombus", tmp_path / "robots" / "mine")
-    words = ["fuzz", "--count", "12", "--seed", "5", "--folder", str(tmp_path / "robots"), "--jobs", "2"]
+    words = [
+        "reports",
+        "fuzz",
+        "--count",
+        "12",
+        "--seed",
+        "5",
+        "--folder",
+        str(tmp_path / "robots"),
+        "--jobs",
+        "2",
+    ]
     assert main(words) == 0
     out = capsys.readouterr().out
     assert f"12 spoilt files of {len(SHIPPED) + 2} sound ones, seed 5" in out and "slowest: case" in out
-    assert main(["fuzz", "--folder", str(tmp_path / "none")]) == 2
+    assert main(["reports", "fuzz", "--folder", str(tmp_path / "none")]) == 2
     monkeypatch.setattr(
         "robust_gcp.studies.fuzz.command.judged",
         lambda *a: iter([(7, Outcome("foreign", "ZeroDivisionError"))]),
     )
-    assert main(["fuzz", "--only", "7", "--out", str(tmp_path / "bad")]) == 1
+    assert main(["reports", "fuzz", "--only", "7", "--out", str(tmp_path / "bad")]) == 1
     out = capsys.readouterr().out
     assert "case 7 (" in out and "ZeroDivisionError" in out
     assert any((tmp_path / "bad" / "7").iterdir())

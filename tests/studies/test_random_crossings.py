@@ -1,4 +1,4 @@
-"""Random crossings: a dozen of what `robust-gcp crossings` does by the thousand, and how they are judged."""
+"""Random crossings: a dozen of what `robust-gcp reports crossings` does by the thousand, and their judgement."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Random trees of change-point four-bars: a dozen of what `robust-gcp trees` does by the hundred."""
+"""Random trees of change-point four-bars: a dozen of what `robust-gcp reports trees` does by the hundred."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def test_the_first_state_is_the_drawn_one() -> None:
 
 def test_the_command_counts_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "trees.json"
-    assert main(["trees", "--count", "2", "--seed", "7", "--out", str(out)]) == 0
+    assert main(["reports", "trees", "--count", "2", "--seed", "7", "--out", str(out)]) == 0
     assert "silently wrong" in capsys.readouterr().out
     records = json.loads(out.read_text(encoding="utf-8"))
     assert len(records) == 2 and all(record["good"] for record in records)

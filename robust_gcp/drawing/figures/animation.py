@@ -33,10 +33,8 @@ SHORTEST = 2
 
 def animate(run: Sampled, path: str | Path, fps: float = 25.0, speed: float = 1.0) -> Path:
     """Write a motion as a file that plays; see `Trajectory.animate`."""
-    require_matplotlib()
     place = path_given("path", path)
-    if place.suffix not in ENDINGS:
-        raise OptionError(f"{place}: an animation is a {' or a '.join(ENDINGS)} file")
+    require_writer(place)
     check_positive("fps", fps)
     check_positive("speed", speed)
     if place.suffix == ".gif":
@@ -70,10 +68,24 @@ def frame_times(t: Array, fps: float, speed: float) -> Array:
     frames = (t[-1] - t[0]) * fps / speed
     if frames >= MOST:
         raise OptionError(
-            f"{frames:.3g} frames, of at most {MOST}, for {t[-1] - t[0]:.4g} s at fps = {fps:.4g}; take "
-            f"speed = {speed * frames / MOST:.2g} or more, or a smaller fps"
+            f"{frames:.3g} frames, of at most {MOST}, for {t[-1] - t[0]:.4g} s at {fps:.4g} frames a second; "
+            f"take speed={1.1 * speed * frames / MOST:.2g} or faster"
         )
     return np.minimum(t[0] + np.arange(int(frames + 1e-6) + 1) * speed / fps, t[-1])
+
+
+def require_writer(path: Path) -> None:
+    """Refuse, before anything is computed, a file that could not be written."""
+    require_matplotlib()
+    if path.suffix not in ENDINGS:
+        raise OptionError(f"{path}: an animation is a {' or a '.join(ENDINGS)} file")
+    from matplotlib.animation import FFMpegWriter
+
+    if path.suffix == ".mp4" and not FFMpegWriter.isAvailable():
+        raise MissingExtraError(
+            "a .mp4 file needs the program ffmpeg, which is not found: install it (apt install ffmpeg, "
+            "brew install ffmpeg, conda install ffmpeg), or write a .gif file"
+        )
 
 
 def _writer(ending: str, fps: Any) -> AbstractMovieWriter:
@@ -81,9 +93,4 @@ def _writer(ending: str, fps: Any) -> AbstractMovieWriter:
 
     if ending == ".gif":
         return PillowWriter(fps=fps * (1.0 - 1e-9))  # it cuts the duration of a frame to whole milliseconds
-    if not FFMpegWriter.isAvailable():
-        raise MissingExtraError(
-            "a .mp4 file needs the program ffmpeg, which is not found: install it (apt install ffmpeg, "
-            "brew install ffmpeg, conda install ffmpeg), or write a .gif"
-        )
     return FFMpegWriter(fps=fps)

@@ -156,6 +156,15 @@ def lines_of_column(run: Motion, name: str, argument: str = "what") -> list[Line
     return [Line(short_name(each), each) for each in found]
 
 
+def known_names(mechanism: Mechanism) -> list[str]:
+    """Whatever may be drawn of a motion, recorded or not."""
+    columns = list(units(mechanism))
+    joints = [joint.name for joint in mechanism.joints]
+    short = [short_name(name) for name in columns if name.startswith("q.")]
+    whole = [f"{letter}.{joint}" for letter in JOINTS for joint in joints]
+    return list(dict.fromkeys([*joints, *PANELS, *short, *columns, *whole]))
+
+
 def short_name(column: str) -> str:
     """Of a column in a legend, where its quantity stands at the axis."""
     quantity, _, rest = column.partition(".")

@@ -1,4 +1,4 @@
-"""`robust-gcp fuzz`: spoilt model files, each read in a process that may hang or die."""
+"""`robust-gcp reports fuzz`: spoilt model files, each read in a process that may hang or die."""
 
 from __future__ import annotations
 
