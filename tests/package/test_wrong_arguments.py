@@ -158,7 +158,7 @@ def test_the_options_that_are_attacked_are_most_of_them() -> None:
         ("simulate rhombus --outputs 2 --duration 1", "lie outside the run, from 0 to 1 s"),
         ("simulate rhombus --step 1e-12", "outputs, more than"),
         ("simulate rhombus --q0 0.2", "q0 has shape (1,)"),
-        ("simulate rhombus --on-toggle repartition --method classical", "goes with method"),
+        ("simulate rhombus --on-toggle repartition --method classical", "goes with --method bridge"),
         ("simulate crank_rockr", "did you mean 'crank_rocker'"),
         ("modes rhombus --dpi 0", "--dpi = 0 must be a whole number from 1 to 1200"),
         ("modes rhombus --dpi 1000000", "--dpi = 1000000 must be a whole number from 1 to 1200"),

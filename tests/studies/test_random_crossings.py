@@ -1,4 +1,4 @@
-"""Random crossings: a dozen of what `robust-gcp reports crossings` does by the thousand, and their judgement."""
+"""Random crossings: a dozen of what `robust-gcp reports crossings` does by the thousand."""
 
 from __future__ import annotations
 

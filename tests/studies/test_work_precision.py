@@ -165,7 +165,8 @@ def test_the_command_measures_with_one_thread(monkeypatch: pytest.MonkeyPatch, t
     )
     assert all(seen["env"][name] == "1" for name in machine.THREADS)
     assert seen["given"][2:] == [
-        "robust_gcp", "reports", "work-precision", "--out", str(tmp_path), "--scene", "kite", "--quick", "--cap", "0.5",
+        "robust_gcp", "reports", "work-precision", "--out", str(tmp_path),
+        "--scene", "kite", "--quick", "--cap", "0.5",
     ]  # fmt: skip
 
 

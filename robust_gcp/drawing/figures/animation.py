@@ -48,14 +48,14 @@ def animate(run: Sampled, path: str | Path, fps: float = 25.0, speed: float = 1.
     with style():
         ax: Any = prepared(run.mechanism, at, view, None)
         figure = ax.figure
-        ax.set_title(run.mechanism.name, loc="left")
+        ax.set_title(run.mechanism.name, loc="left", y=1.0)  # to look for a place takes long
         bare = set(ax.get_children())
         with writer.saving(figure, str(place), DPI):
             for t, pose in zip(times, at, strict=True):
                 for artist in set(ax.get_children()) - bare:
                     artist.remove()
                 draw_pose(ax, pose)
-                ax.set_title(f"t = {t:.{digits}f} s", loc="right")
+                ax.set_title(f"t = {t:.{digits}f} s", loc="right", y=1.0)
                 if pose is at[0]:
                     figure.draw_without_rendering()
                     figure.set_layout_engine("none")  # or axes would move with what they show

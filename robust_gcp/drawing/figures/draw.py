@@ -33,8 +33,11 @@ BROAD, HIGH = 4.2, 4.2
 LABELS = 0.7
 """Room for ticks, labels and the title, in."""
 
-ZOOM = 0.9
-"""Of axes in space, so that their labels stay in the picture whatever the proportions."""
+ZOOM, SEEN = 0.9, 0.7
+"""Largest size of axes in space, and height or breadth over the diagonal: labels stay in the picture."""
+
+APART = 7.0
+"""Distance of labels from the numbers of axes in space, pt."""
 
 FAINT, CLEAR = 0.12, 0.4
 """Opacity of the first and of the last but one of several configurations."""
@@ -169,25 +172,39 @@ def prepared(mechanism: Mechanism, at: Sequence[Pose], view: Array, ax: Any) -> 
         getattr(ax, f"set_{name}lim")(start, end)
         getattr(ax, f"set_{name}label")(_label(direction))
     if len(view) == 3:
-        normal = np.cross(*OBLIQUE)
-        turned = np.degrees(np.arcsin(normal[2])), np.degrees(np.arctan2(normal[1], normal[0]))
-        vertical = "xyz"[int(np.argmax(np.abs(upward(mechanism.own_model.gravity.linear))))]
-        ax.view_init(*turned, vertical_axis=vertical)
-        ax.set_proj_type("ortho")
-        ax.set_box_aspect(high - low, zoom=ZOOM)
-        for axis, side in zip((ax.xaxis, ax.yaxis, ax.zaxis), high - low, strict=True):
-            bins = max(1, round(4.0 * side / (high - low).max()))
-            axis.get_major_locator().set_params(nbins=bins, min_n_ticks=1)
+        _turn(ax, high - low, upward(mechanism.own_model.gravity.linear))
     else:
         ax.set_aspect("equal")
     drawn: Axes = ax
     return drawn
 
 
+def _turn(ax: Any, sides: Array, up: Array) -> None:
+    """Look at a box in space from where `OBLIQUE` does, so that its labels stay in the picture."""
+    right, above = OBLIQUE
+    normal = np.cross(right, above)
+    vertical = int(np.argmax(np.abs(up)))
+    ax.view_init(
+        np.degrees(np.arcsin(normal[2])),
+        np.degrees(np.arctan2(normal[1], normal[0])),
+        vertical_axis="xyz"[vertical],
+    )
+    ax.set_proj_type("ortho")
+    level = np.delete(sides, vertical)
+    seen = sides[vertical] * above[2] + float(np.linalg.norm(level)) * normal[2], level.sum() * right[1]
+    ax.set_box_aspect(sides, zoom=min(ZOOM, SEEN * float(np.linalg.norm(sides)) / max(seen)))
+    for axis, side in zip((ax.xaxis, ax.yaxis, ax.zaxis), sides, strict=True):
+        axis.labelpad = APART
+        bins = max(1, round(4.0 * side / sides.max()))
+        axis.get_major_locator().set_params(nbins=bins, min_n_ticks=1)
+
+
 def _new_axes(sides: Array) -> Any:
     """In a figure of their own, as large as what they show needs."""
     if len(sides) == 3:
-        return new_figure(HIGH, BROAD + LABELS).add_subplot(projection="3d")
+        figure = new_figure(HIGH, BROAD)
+        figure.set_layout_engine("none")  # it takes what is drawn in space for larger than it is
+        return figure.add_axes((0.02, 0.0, 0.96, 0.93), projection="3d")
     scale = min(BROAD / sides[0], HIGH / sides[1])
     return new_figure(scale * sides[1] + LABELS, scale * sides[0] + LABELS).add_subplot()
 

@@ -1,4 +1,4 @@
-"""`robust-gcp reports descriptions`: each scene in other coordinates, cuts, trees, axes, units, and backwards."""
+"""`robust-gcp reports descriptions`: each scene in other coordinates, cuts, trees, axes and units."""
 
 from __future__ import annotations
 
