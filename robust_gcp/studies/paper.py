@@ -220,7 +220,7 @@ def strobe_figure(case: Case) -> Figure:
             line[0].set_ylabel(title)
         for ax, t in zip(panels[0], instants, strict=True):
             lost = t == case.lock_time and abs(np.interp(t, case.t, y) + np.pi) < 0.02
-            ax.set_title(f"{t:.3f} s, $q_1 = -\\pi$" if lost else f"{t:.2f} s", fontsize=8.5)
+            ax.set_title(f"{t:.3f} s, q₁ = −π" if lost else f"{t:.2f} s", fontsize=8.5)
     body_legend(parts[2], case.mechanism)
     return figure
 
