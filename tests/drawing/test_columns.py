@@ -144,3 +144,12 @@ def test_known_names_are_those_that_can_be_drawn(driven: rg.Trajectory) -> None:
 def test_a_column_picture_is_written(driven: rg.Trajectory, tmp_path: Path) -> None:
     driven.plot("drive.q1", tmp_path / "torque.pdf", x="q1")
     assert (tmp_path / "torque.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_the_title_stands_above_the_names_of_constraint_forces(driven: rg.Trajectory) -> None:
+    figure = driven.plot("multipliers")
+    figure.draw_without_rendering()
+    ax = figure.axes[0]
+    names, title = ax.get_legend(), ax._left_title  # type: ignore[attr-defined]
+    assert names is not None and not names.get_window_extent().overlaps(title.get_window_extent())
+    assert title.get_window_extent().y1 <= figure.bbox.height

@@ -50,6 +50,12 @@ SMALLEST = 1e-17
 HIGHEST = 1e-13
 """Least upper end of that panel: rounding should look like rounding, m or rad."""
 
+ABREAST = 3
+"""Names in a line of the legend of a panel of its own."""
+
+OWN_LINE = 13.0
+"""Its height, pt."""
+
 LEGEND_LINE = 0.17
 """in."""
 
@@ -104,9 +110,12 @@ def plot_motion(
             if panel in long and len(panel.lines) <= NAMED:
                 names = [line.name for line in panel.lines]
                 handles = [next(drawn for drawn in ax.lines if drawn.get_label() == name) for name in names]
-                ax.legend(handles=handles, fontsize=6.5, loc="lower left", bbox_to_anchor=(0, 1), ncols=3)
+                ax.legend(
+                    handles=handles, fontsize=6.5, loc="lower left", bbox_to_anchor=(0, 1), ncols=ABREAST
+                )
         axes[-1].set_xlabel(f"{x or 't'} [{units(first.mechanism)[over.column][1]}]")
-        axes[0].set_title(first.mechanism.name, loc="left")
+        own = -(-len(panels[0].lines) // ABREAST) if panels[0] in long else 0
+        axes[0].set_title(first.mechanism.name, loc="left", pad=6.0 + OWN_LINE * own)
         rows = [ax for ax, panel in zip(axes, panels, strict=True) if panel not in long]
         _legend(figure, rows or axes[:0], title, list(runs) if len(runs) > 1 else [], moments)
         figure.align_ylabels()
