@@ -96,7 +96,7 @@ assert np.all(error_of["bridge"] <= 1.1 * error_of["closed form (the floor)"] + 
 # beside ours, tuned as [docs/peers.md](../docs/peers.md) states:
 #
 # ```
-# python -m robust_gcp work-precision --out report
+# python -m robust_gcp reports work-precision --out report
 # ```
 #
 # [docs/work-precision.md](../docs/work-precision.md) shows what it found.

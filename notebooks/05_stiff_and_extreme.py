@@ -125,7 +125,7 @@ for attempt in (
         print(f"{type(error).__name__}: {error}")
 
 # %% [markdown]
-# The whole map of cases: `python -m robust_gcp stability --out report`, and
+# The whole map of cases: `python -m robust_gcp reports stability --out report`, and
 # [docs/stability.md](../docs/stability.md).
 #
 # Next: [06](06_a_real_robot.py), a real robot with closed loops.

@@ -59,6 +59,7 @@ from .simulation.stepwise import Simulation
 from .simulation.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from .drawing.figures.draw import draw
     from .drawing.figures.modes import plot_modes
     from .drawing.replay.live import live
     from .drawing.replay.replay import ReplayPage, replay
@@ -73,6 +74,7 @@ _LATER = {
     "ReplayPage": ".drawing.replay.replay",
     "RunRecord": ".sweeps.record",
     "Runs": ".simulation.many",
+    "draw": ".drawing.figures.draw",
     "grid": ".sweeps.runs",
     "live": ".drawing.replay.live",
     "plot_modes": ".drawing.figures.modes",
@@ -147,6 +149,7 @@ __all__ = [
     "analyse",
     "backends",
     "derivatives",
+    "draw",
     "forward_dynamics",
     "gradient",
     "grid",

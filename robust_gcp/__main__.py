@@ -10,7 +10,7 @@ from io import TextIOWrapper
 
 from . import __version__
 from .arguments import number
-from .commands.register import COMMANDS, LateParser
+from .commands.register import COMMANDS, REPORTS, add_commands
 from .errors import RobustGcpError
 from .printing import complain
 
@@ -24,6 +24,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     if any("\0" in text for text in given):
         complain("a word holds a null character, which no name or path does; remove it")
         return 2
+    if given and given[0] in {report.name for report in REPORTS}:
+        new = f"reports {given[0]}"
+        complain(
+            f"warning: `{given[0]}` is now `{new}`; the next release no longer knows it without `reports`"
+        )
+        given = ["reports", *given]
     args = _parser().parse_args([shield(text) for text in given])
     try:
         args.check(args)
@@ -55,11 +61,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog="robust-gcp COMMAND --help tells a command's options.",
     )
     parser.add_argument("--version", action="version", version=f"robust_gcp {__version__}")
-    subparsers = parser.add_subparsers(
-        title="commands", metavar="COMMAND", required=True, parser_class=LateParser
-    )
-    for command in COMMANDS:
-        subparsers.add_parser(command.name, command=command, help=command.help, description=command.help)
+    add_commands(parser, COMMANDS)
     return parser
 
 

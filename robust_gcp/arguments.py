@@ -157,9 +157,14 @@ def folder(name: str, given: Path) -> None:
 
 def existing_file(name: str, given: Path) -> None:
     """A file that is there and can be written."""
+    known_file(name, given)
+    _require_writable(name, given)
+
+
+def known_file(name: str, given: Path) -> None:
+    """A file that is there."""
     if not _is(given, Path.is_file, name):
         raise OptionError(f"{name} {given}: there is no such file")
-    _require_writable(name, given)
 
 
 def known_folder(name: str, given: Path) -> None:

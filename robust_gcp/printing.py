@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 import threading
 import warnings
@@ -22,8 +23,28 @@ PATIENCE = 2.0
 """s of silence before a line tells what is being done."""
 
 
+OPTIONS = (
+    (r"\Awhat = ", "--columns "),
+    (r"\Ax = ", "--over "),
+    (r"\brecord=\(\"(\w+)\",\)", r"--record \1"),
+    (r"\b(?:simulate\()?(method|stepper|backend|base)=[\"'](\w+)[\"']\)?", r"--\1 \2"),
+    (r"\b(on|newton)_(toggle|start)=\"(\w+)\"", r"--\1-\2 \3"),
+    (r"\bstrict=True", "--strict"),
+    (r"\bmode=\.\.\.", "--mode INDEX"),
+    (r"\bspeed=(?=\S)", "--speed "),
+    (r"\bdrive=\{joint: Motion\}", "--drive JOINT=TABLE.csv"),
+    (r"\bmech\.assemble\(q\)", "robust-gcp assemble"),
+    (r", for instance from mech\.lift\(q0, ydot\)", ", or leave --v0 out"),
+    (r"\bgive (q0|v0)\b", r"give --\1"),
+    (r"\(q0\)", "(--q0)"),
+)
+"""What messages for Python advise, and how the command line spells it."""
+
+
 def complain(message: str) -> None:
-    """Print one line on stderr."""
+    """Print one line on stderr, with what it advises as options of the command line."""
+    for python, option in OPTIONS:
+        message = re.sub(python, option, message)
     print(plain(f"robust_gcp: {message}"), file=sys.stderr)
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,38 +26,21 @@ class Command:
     ----------
     name, help : str
     module : str
-        Relative to the package.
+        Relative to the package; empty for one that has subcommands of its own.
+    parts : tuple of Command
     """
 
     name: str
     help: str
-    module: str
+    module: str = ""
+    parts: tuple[Command, ...] = ()
 
 
-COMMANDS = (
-    Command("simulate", "simulate a mechanism and summarise the motion", ".commands.simulate"),
-    Command("analyse", "rank, kernel and operation modes at a configuration", ".commands.analyse"),
-    Command("assemble", "close the loops of a model from a guess", ".commands.assemble"),
-    Command("models", "list the shipped models", ".commands.models"),
-    Command(
-        "modes",
-        "trace the operation modes of a mechanism with one degree of freedom, and draw them",
-        ".commands.modes",
-    ),
+REPORTS = (
     Command(
         "paper",
         "draw Figures 4 to 7 of the paper, with the exact motion in the same panels",
         ".reports.paper",
-    ),
-    Command("a02", "N four-bars in a row (IFToMM A02) against the closed form", ".reports.a02"),
-    Command(
-        "benchmark", "time a right-hand side and its parts against the number of loops", ".reports.benchmark"
-    ),
-    Command("growth", "time of a step against size, ours and of other tools", ".reports.growth"),
-    Command(
-        "costs",
-        "which parts of the method each kind of scene runs, and what its steps cost",
-        ".reports.costs",
     ),
     Command(
         "work-precision",
@@ -69,7 +53,44 @@ COMMANDS = (
         ".reports.stability.command",
     ),
     Command("robots", "robots' files of a folder: which load and run as they are", ".reports.robots"),
+    Command("growth", "time of a step against size, ours and of other tools", ".reports.growth"),
+    Command(
+        "costs",
+        "which parts of the method each kind of scene runs, and what its steps cost",
+        ".reports.costs",
+    ),
+    Command(
+        "benchmark", "time a right-hand side and its parts against the number of loops", ".reports.benchmark"
+    ),
+    Command("a02", "N four-bars in a row (IFToMM A02) against the closed form", ".reports.a02"),
 )
+"""What measures the project."""
+
+COMMANDS = (
+    Command(
+        "simulate", "simulate a mechanism: a summary, tables, pictures, animations", ".commands.simulate"
+    ),
+    Command("analyse", "rank, kernel and operation modes at a configuration", ".commands.analyse"),
+    Command("assemble", "close the loops of a model from a guess", ".commands.assemble"),
+    Command(
+        "modes",
+        "trace the operation modes of a mechanism with one degree of freedom, and draw them",
+        ".commands.modes",
+    ),
+    Command("models", "list the shipped models", ".commands.models"),
+    Command(
+        "reports", "measure this package: figures of the paper, errors, costs, other tools", parts=REPORTS
+    ),
+)
+"""What users call."""
+
+
+def add_commands(parser: argparse.ArgumentParser, commands: Sequence[Command]) -> None:
+    """Subcommands, of which only the one that is called is imported."""
+    settings: dict[str, Any] = {"metavar": "COMMAND", "required": True, "parser_class": LateParser}
+    subparsers = parser.add_subparsers(title="commands", **settings)
+    for command in commands:
+        subparsers.add_parser(command.name, command=command, help=command.help, description=command.help)
 
 
 class LateParser(argparse.ArgumentParser):
@@ -81,9 +102,11 @@ class LateParser(argparse.ArgumentParser):
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """As argparse, after the arguments have been added."""
-        if self._command is not None:
-            module = importlib.import_module(self._command.module, __package__.rpartition(".")[0])
-            self._command = None
+        command, self._command = self._command, None
+        if command is not None and command.parts:
+            add_commands(self, command.parts)
+        elif command is not None:
+            module = importlib.import_module(command.module, __package__.rpartition(".")[0])
             arguments = Arguments(self)
             module.arguments(arguments)
             self.set_defaults(check=arguments.check, run=module.run)

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from ..analysis import local
@@ -21,27 +20,31 @@ from ..arguments import (
     names,
     not_negative,
     number,
+    part,
     pathname,
     positive,
     whole,
 )
-from ..errors import OptionError, SimulationError, SingularStartError
+from ..checks import hint
+from ..errors import OptionError, SimulationError
 from ..kernel.library import NativeBuildWarning
 from ..maps.choice import METHODS
 from ..maps.classical import SingularityWarning
 from ..mechanism.closures import frame_of
-from ..mechanism.joints import Component, components_of
 from ..mechanism.mechanism import Mechanism
-from ..printing import clean_warnings, complain, fixed, progress_bar, say, table, telling
+from ..printing import clean_warnings, complain, progress_bar, say, telling
 from ..simulation.coarse import CoarseStepWarning
+from ..simulation.kinked import KinkedDriveWarning
 from ..simulation.schedule import last_output
 from ..simulation.simulate import RECORDS, simulate
 from ..simulation.stability import StabilityWarning
 from ..simulation.steppers import SCIPY_STEPPERS
 from ..simulation.trajectory import Trajectory
+from .acting import add_acting, drive_of, torque_of
 from .model import add_model, loaded
+from .summary import as_json, summary
 
-OURS = (SingularityWarning, StabilityWarning, CoarseStepWarning, NativeBuildWarning)
+OURS = (SingularityWarning, StabilityWarning, CoarseStepWarning, KinkedDriveWarning, NativeBuildWarning)
 
 
 def arguments(add_to: Arguments) -> None:
@@ -55,6 +58,8 @@ def arguments(add_to: Arguments) -> None:
     add_to.add("--v0", finite, nargs="+", type=number, metavar="V", help=text)
     text = "mode to take from a singular q0: its number in the list of analyse"
     add_to.add("--mode", whole(0), type=int, metavar="INDEX", help=text)
+
+    add_acting(add_to)
 
     add_to.heading("method")
     add_to.add("--duration", positive, type=number, metavar="S", help="s; default: the model's, else 1")
@@ -70,7 +75,13 @@ def arguments(add_to: Arguments) -> None:
     text = "where y turns back: change coordinates, as --method bridge does by default, or stop"
     add_to.add("--on-toggle", choices=("repartition", "error"), default=None, help=text)
 
+    add_to.add("--backend", choices=("auto", "python", "native"), default="auto", help=DEFAULT)
+    _output(add_to)
+
+
+def _output(add_to: Arguments) -> None:
     add_to.heading("output")
+    add_to.add("--json", action="store_true", help="print the summary as JSON, all digits")
     text = "times to record, s, ascending; default: every step"
     add_to.add("--outputs", not_negative, nargs="+", type=number, metavar="T", help=text)
     text = f"write also any of {','.join(RECORDS)}"
@@ -78,8 +89,19 @@ def arguments(add_to: Arguments) -> None:
     add_to.add(
         "--out", csv_or_folder, type=pathname, metavar="PATH", help="write CSV: a file.csv, or a folder"
     )
-    text = "draw q and v over time: a .png or .pdf file"
+    text = "keep everything in a .npz file, for load_trajectory in Python"
+    add_to.add("--save", file((".npz",), "a trajectory"), type=pathname, metavar="FILE", help=text)
+
+    add_to.heading("pictures")
+    text = "draw q, v and what drives take over time, or --columns: a .png or .pdf file"
     add_to.add("--plot", file((".png", ".pdf"), "a figure"), type=pathname, metavar="FILE", help=text)
+    text = "what --plot draws: columns of the CSV, joints, or quantities such as q, drive, closure"
+    add_to.add("--columns", part, nargs="+", metavar="NAME", help=text)
+    add_to.add("--over", part, metavar="NAME", help="the column that --plot draws over; default: time")
+    text = "write the motion as an animation: a .gif file, or a .mp4 file where ffmpeg is installed"
+    add_to.add("--animate", file((".gif", ".mp4"), "an animation"), type=pathname, metavar="FILE", help=text)
+    text = f"seconds of the motion in a second of --animate; {DEFAULT}"
+    add_to.add("--speed", positive, type=number, default=1.0, metavar="X", help=text)
     text = "write the motion as a web page: a .html file"
     add_to.add("--replay", file((".html", ".htm"), "a replay"), type=pathname, metavar="FILE", help=text)
     text = "frames whose paths the replay draws; default: the first closure's"
@@ -94,24 +116,60 @@ def csv_or_folder(name: str, path: Path) -> None:
 def run(args: argparse.Namespace) -> int:
     """Simulate, summarise on stdout, write what was asked for."""
     mechanism = loaded(args)
-    csv: Path | None = args.out
-    if csv is not None and csv.suffix != ".csv":
-        csv = csv / f"{mechanism.name}_{args.method}.csv"
-    if args.plot is not None:
+    _require(args, mechanism)
+    trajectory, stop = _simulated(args, mechanism)
+    tell: Callable[[str], None] = say if stop is None else complain
+    if stop is not None:
+        tell(str(stop))
+        tell(f"simulated until t = {trajectory.t[-1]:.6g} s ({len(trajectory.t)} rows)")
+    elif not args.json:
+        newton = f", Newton from {args.newton_start}" if args.method == "classical" else ""
+        spacing = mechanism.recommended.run(args.duration, args.step)[1]
+        taken = trajectory.stats.stepper, trajectory.stats.step or spacing
+        tell(f"{mechanism!r}\nmethod {args.method}{newton}; {taken[0]}, step {taken[1]:g} s\n")
+        with telling("checking loops and energy of every output"):
+            told = summary(trajectory)
+        tell(told)
+    written = _write(args, trajectory, (lambda text: None) if args.json else tell)
+    if args.json:
+        say(as_json(trajectory, args.method, stop, written))
+    return 0 if stop is None else 2
+
+
+def _require(args: argparse.Namespace, mechanism: Mechanism) -> None:
+    """Refuse, before any work, what could not be written."""
+    for option in ("columns", "over"):
+        if getattr(args, option) is not None and args.plot is None:
+            raise OptionError(f"--{option} goes with --plot FILE, which draws it")
+    if args.plot is not None or args.animate is not None:
         from ..drawing.figures.style import require_matplotlib
 
         require_matplotlib()
+    if args.plot is not None:
+        from ..drawing.figures.panels import known_names
+
+        known = known_names(mechanism)
+        for option, given in (("columns", args.columns or ()), ("over", [args.over] if args.over else ())):
+            for name in given:
+                if name not in known:
+                    raise OptionError(f"--{option} {name}: no joint, column or quantity{hint(name, known)}")
+    if args.animate is not None:
+        from ..drawing.figures.animation import require_writer
+
+        require_writer(args.animate)
     if args.replay is not None:
-        from ..drawing.replay.replay import meshcat_folder, replay
+        from ..drawing.replay.replay import meshcat_folder
 
         meshcat_folder()
     for frame in args.trails or ():
         frame_of(mechanism.own_model, frame, "--trails")
+
+
+def _simulated(args: argparse.Namespace, mechanism: Mechanism) -> tuple[Trajectory, SimulationError | None]:
+    """The motion, or how far it came and why it stopped."""
     mode = None if args.mode is None else _mode(mechanism, args.q0, args.mode)
     last = last_output(args.outputs, 0.0)
-    duration = last if args.duration is None else args.duration
-    stop: SimulationError | None = None
-    duration, spacing = mechanism.recommended.run(duration, args.step)
+    duration = mechanism.recommended.run(last if args.duration is None else args.duration, args.step)[0]
     with clean_warnings(OURS), progress_bar(duration, mechanism.name) as progress:
         try:
             trajectory = simulate(
@@ -122,84 +180,68 @@ def run(args: argparse.Namespace) -> int:
                 args.step,
                 args.method,
                 args.stepper,
+                torque=torque_of(args),
+                drive=drive_of(mechanism, args),
                 outputs=args.outputs,
-                record=args.record,
+                record=_recorded(args),
                 mode=mode,
                 rtol=args.rtol,
                 atol=args.atol,
                 on_toggle=args.on_toggle,
                 newton_start=args.newton_start,
                 progress=progress,
+                backend=args.backend,
             )
         except SimulationError as error:
-            if isinstance(error, SingularStartError) and args.mode is None:
-                error.args = (f"{error} (here: --mode INDEX)",)
             if error.trajectory is None or len(error.trajectory.t) == 0:
                 raise
-            trajectory, stop = error.trajectory, error
-    tell: Callable[[str], None] = say if stop is None else complain
-    if stop is None:
-        newton = f", Newton from {args.newton_start}" if args.method == "classical" else ""
-        taken = trajectory.stats.stepper, trajectory.stats.step or spacing
-        tell(f"{mechanism!r}\nmethod {args.method}{newton}; {taken[0]}, step {taken[1]:g} s\n")
-        with telling("checking loops and energy of every output"):
-            told = summary(trajectory)
-        tell(told)
-    else:
-        tell(str(stop))
-        tell(f"simulated until t = {trajectory.t[-1]:.6g} s ({len(trajectory.t)} rows)")
-    if csv is not None:
-        csv.parent.mkdir(parents=True, exist_ok=True)
-        with telling(f"writing {csv}"):
-            trajectory.to_csv(csv)
-        tell(f"wrote {csv}")
-    if args.plot is not None:
-        with telling(f"drawing {args.plot}"):
-            trajectory.plot(("q", "v"), args.plot)
-        tell(f"drew {args.plot}")
-    if args.replay is not None:
-        with telling(f"writing {args.replay}"):
-            replay(trajectory, args.replay, trails=args.trails)
-        tell(f"wrote {args.replay}")
-    return 0 if stop is None else 2
+            return error.trajectory, error
+    return trajectory, None
 
 
-def summary(trajectory: Trajectory) -> str:
-    """Tell end state, certificates, cost and crossings in lines to print."""
-    stats, q, v = trajectory.stats, trajectory.q[-1], trajectory.v[-1]
-    state = [
-        [c.name, fixed(q[c.iq]) if c.iq >= 0 else "", fixed(v[c.iv]) if c.iv >= 0 else "", _units(c)]
-        for c in components_of(trajectory.mechanism.joints)
+def _recorded(args: argparse.Namespace) -> list[str]:
+    """What is to be recorded: what --record lists, and what the columns drawn are made of."""
+    drawn = [name.partition(".")[0] for name in [*(args.columns or ()), args.over or ""]]
+    made = [
+        name for name in ("multipliers" if name == "lambda" else name for name in drawn) if name in RECORDS
     ]
-    figures = {
-        "max closure error": f"{trajectory.closure_error().max(initial=0.0):.1e}",
-        "max |energy error|": f"{np.abs(trajectory.energy_error()).max(initial=0.0):.1e} J",
-        "right-hand sides": str(stats.rhs),
-        "wall time": f"{stats.wall_seconds:.3g} s",
-        "crossings": str(len(trajectory.crossings) or "none"),
-    }
-    lines = [
-        f"state at t = {trajectory.t[-1]:g} s",
-        table(["joint", " q", " v", ""], state),
-        "",
-        *(f"{name:<20}{value}" for name, value in figures.items()),
-    ]
-    if trajectory.crossings:
-        rows = [
-            [f"{c.time:.6f}", " ".join(fixed(y, 6) for y in c.y), c.kind, f"{c.certificate:.1e}"]
-            for c in trajectory.crossings
-        ]
-        lines.append(table(["t [s]", " y", "kind", "certificate"], rows))
-    lines += [f"from t = {t:.6g} s: y = {', '.join(names)}" for t, names in stats.repartitions]
-    return "\n".join(lines)
+    return list(dict.fromkeys([*args.record, *made]))
 
 
-def _units(component: Component) -> str:
-    """Of what is shown of it: "rad, rad/s" where it has both."""
-    if not component.unit:
-        return ""
-    shown = [component.unit] * (component.iq >= 0) + [f"{component.unit}/s"] * (component.iv >= 0)
-    return ", ".join(shown)
+def _write(args: argparse.Namespace, trajectory: Trajectory, tell: Callable[[str], None]) -> list[str]:
+    """Write every file that was asked for; returns their paths."""
+    csv: Path | None = args.out
+    if csv is not None and csv.suffix != ".csv":
+        csv = csv / f"{trajectory.mechanism.name}_{args.method}.csv"
+
+    usual = ("q", "v") if trajectory.drive_torque is None else ("q", "v", "drive")
+
+    def replayed(path: Path) -> None:
+        from ..drawing.replay.replay import replay
+
+        replay(trajectory, path, trails=args.trails)
+
+    asked: tuple[tuple[Path | None, str, str, Callable[[Path], object]], ...] = (
+        (csv, "writing", "wrote", trajectory.to_csv),
+        (args.save, "writing", "wrote", trajectory.save),
+        (
+            args.plot,
+            "drawing",
+            "drew",
+            lambda path: trajectory.plot(args.columns or usual, path, x=args.over),
+        ),
+        (args.animate, "drawing", "drew", lambda path: trajectory.animate(path, speed=args.speed)),
+        (args.replay, "writing", "wrote", replayed),
+    )
+    written = []
+    for path, doing, done, make in asked:
+        if path is not None:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with telling(f"{doing} {path}"):
+                make(path)
+            tell(f"{done} {path}")
+            written.append(str(path))
+    return written
 
 
 def _mode(mechanism: Mechanism, q0: ArrayLike | None, index: int) -> Any:

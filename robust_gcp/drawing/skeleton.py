@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+import pinocchio as pin
 
 from ..mechanism.closures import closure_frames
 from ..mechanism.loops import ClosedLoops
@@ -12,6 +13,9 @@ from ..mechanism.tree import Array
 
 PARALLEL = 1e-6
 """Sine of the angle between axes that still counts as parallel, and relative size of no distance."""
+
+FLAT = 1e-4
+"""Relative size of a distance across which a body is a stick or a plate."""
 
 LYING = 0.7
 """Cosine of the angle between a plane's normal and up from which on the plane is seen as a table."""
@@ -98,6 +102,51 @@ class Skeleton:
         half = len(points) // 2
         held = [closure.holds for closure in mechanism.loops]
         self.cuts += zip(points[:half], points[half:], held, strict=True)
+
+    def reach(self, model: pin.Model) -> None:
+        """Give a body that carries no joint an end: its frames, or its centre of mass."""
+        kinds = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
+        for joint in range(1, model.njoints):
+            if len(model.children[joint]) > 0:
+                continue
+            for frame in model.frames:
+                if frame.parentJoint == joint and frame.type in kinds:
+                    self.add(joint, frame.placement.translation)
+            if sum(body == joint for body, _ in self.points) < 2:
+                self.add(joint, model.inertias[joint].lever)
+
+
+def outline(points: Array, size: float) -> tuple[list[int], list[tuple[int, int]]]:
+    """What a body looks like: a stick, a plate (the flat hull of its points), or the edges of a solid one.
+
+    Parameters
+    ----------
+    points : ndarray (n, 2) or (n, 3)
+        At least two, m.
+    size : float
+        Of the mechanism, m.
+
+    Returns
+    -------
+    rim : list of int
+        Corners of a plate, in order; else none.
+    edges : list of (int, int)
+        Points to join.
+    """
+    centred = points - points.mean(axis=0)
+    _, spread, directions = np.linalg.svd(centred)
+    rank = int(np.sum(spread > FLAT * size))
+    if rank < 2:
+        along = centred @ directions[0]
+        return [], [(int(np.argmin(along)), int(np.argmax(along)))]
+    from scipy.spatial import ConvexHull
+
+    hull = ConvexHull(centred @ directions[:rank].T)
+    if rank == 2:
+        rim = [int(i) for i in hull.vertices]
+        return rim, list(zip(rim, [*rim[1:], rim[0]], strict=True))
+    corners = [sorted(int(i) for i in simplex) for simplex in hull.simplices]
+    return [], sorted({pair for a, b, c in corners for pair in ((a, b), (b, c), (a, c))})
 
 
 def placements(mechanism: ClosedLoops, q: Array) -> tuple[Array, Array]:

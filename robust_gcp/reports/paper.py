@@ -19,7 +19,8 @@ import numpy as np
 
 from ..arguments import DEFAULT, Arguments, folder, pathname
 from ..drawing.figures import style as plots
-from ..drawing.figures.mechanism import body_legend, draw_pose, face_on, pose
+from ..drawing.figures.draw import draw_faded
+from ..drawing.figures.mechanism import body_legend, face_on, poses
 from ..errors import SimulationError
 from ..maps.choice import Method
 from ..maps.classical import SingularityWarning
@@ -201,7 +202,7 @@ def strobe_figure(case: Case) -> Figure:
     """Draw the motion at the same instants by classical and robust GCP, one above the other."""
     view = face_on(case.mechanism)
     times, y = strobe_instants(case).reshape(2, -1), case.exact["q"][:, 0]
-    room = np.vstack([pose(case.mechanism, q, view).points for q in case.exact["q"][::10]])
+    room = np.vstack([pose.points for pose in poses(case.mechanism, case.exact["q"][::10], view)])
     low, high = room.min(axis=0) - MARGIN, room.max(axis=0) + MARGIN
     panel = 0.94 * plots.WIDTH / times.shape[1] / (high - low)[0]
     block_height = 2.0 * panel * float((high - low)[1]) + 0.45
@@ -219,7 +220,7 @@ def strobe_figure(case: Case) -> Figure:
             line[0].set_ylabel(title)
         for ax, t in zip(panels[0], instants, strict=True):
             lost = t == case.lock_time and abs(np.interp(t, case.t, y) + np.pi) < 0.02
-            ax.set_title(f"{t:.3f} s, $q_1 = -\\pi$" if lost else f"{t:.2f} s", fontsize=8.5)
+            ax.set_title(f"{t:.3f} s, q₁ = −π" if lost else f"{t:.2f} s", fontsize=8.5)
     body_legend(parts[2], case.mechanism)
     return figure
 
@@ -236,11 +237,9 @@ def _strobe(ax: Axes, run: Trajectory, view: Array, t: float) -> None:
     """Draw the mechanism at t and, faded, a little earlier."""
     if t > run.t[-1]:
         ax.text(0.5, 0.0, "stopped", transform=ax.transAxes, ha="center", fontsize=8)
-    for before, alpha in GHOSTS.items():
-        if t - before < 0.0:
-            continue
-        q = run.q[min(int(np.searchsorted(run.t, t - before - 1e-9)), len(run.t) - 1)]
-        draw_pose(ax, pose(run.mechanism, q, view), alpha, pins=before == 0.0)
+    before = [time for time in GHOSTS if t - time >= 0.0]
+    rows = [min(int(np.searchsorted(run.t, t - time - 1e-9)), len(run.t) - 1) for time in before]
+    draw_faded(ax, poses(run.mechanism, run.q[rows], view), [GHOSTS[time] for time in before])
 
 
 # --------------------------------------------------------------------------- command

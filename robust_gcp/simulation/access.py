@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import pinocchio as pin
@@ -14,6 +16,16 @@ from ..mechanism.joints import in_q, in_v
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..mechanism.workspace import workspace
+
+UNRECORDED = {
+    "a": '; accelerations were not recorded: simulate with record=("a",)',
+    "energy": '; energy was not recorded: simulate with record=("energy",)',
+    "tau": '; what acts was not recorded: simulate with record=("tau",)',
+    "lambda": '; constraint forces were not recorded: simulate with record=("multipliers",)',
+    "drive": "; no joint is driven: simulate with drive={joint: Motion}",
+    "work": "; nothing does work but gravity and springs",
+}
+"""Why columns that begin so may be missing, and how to have them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +112,7 @@ class Named:
     mechanism: Mechanism
     q: Array
     v: Array
+    _absent: ClassVar[Mapping[str, str]] = {}
 
     def columns(self) -> dict[str, Array]:
         """Every number recorded, by its name in a table."""
@@ -133,9 +146,11 @@ class Named:
             if known in columns:
                 return columns[known]
         names = self.mechanism.joint_names
-        unrecorded = "; accelerations were not recorded" if str(name).startswith("a.") else ""
+        beginning = str(name).partition(".")[0]
+        recorded = any(known.partition(".")[0] == beginning for known in columns)
+        unrecorded = "" if recorded else self._absent.get(beginning, "")
         raise OptionError(
-            f"{shown(name)} is not in this motion{hint(name, [*names, *columns])}{unrecorded}; its joints "
+            f"{shown(name)} is not in this motion{unrecorded or hint(name, [*names, *columns])}; its joints "
             f"are {', '.join(names)}, its columns {', '.join(columns)}"
         )
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -11,26 +10,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import listed, shown
 from ..errors import OptionError
 from ..maps.explicit import Crossing
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from .access import FrameMotion, Named, Sample, force_columns, frame_motion, state_columns
+from .access import UNRECORDED, FrameMotion, Named, Sample, force_columns, frame_motion, state_columns
 from .acted import Acted
 from .dense import Interpolant, sampled_accelerations, times_within
 from .files import ARRAYS, data_frame, write_archive, write_csv
+from .pictures import Pictures
 from .reactions import Reaction, closure_number, reaction, row_names
 from .stats import Stats
 from .summary import told
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
     from pandas import DataFrame
 
 
 @dataclass(repr=False)
-class Trajectory(Named):
+class Trajectory(Named, Pictures):
     """A simulated motion.
 
     `traj["q1"]` gives a joint's numbers in q, `traj["v.q1"]` those in v; see `Named`.
@@ -83,6 +81,8 @@ class Trajectory(Named):
     tau: Array | None = None
     acted: Acted | None = None
 
+    _absent = UNRECORDED
+
     @property
     def y(self) -> Array:
         """Independent coordinates, (N + 1, m); a PartitionError where some are on groups."""
@@ -108,57 +108,6 @@ class Trajectory(Named):
             return self.energy
         energy = self.mechanism.energy
         return np.array([energy(q, v) for q, v in zip(self.q, self.v, strict=True)])
-
-    def plot(
-        self,
-        what: Sequence[str] | str | None = None,
-        path: str | Path | None = None,
-        *,
-        joints: Sequence[str] | str | None = None,
-        overlay: Trajectory | Sequence[Trajectory] | Mapping[str, Trajectory] | None = None,
-    ) -> Figure:
-        """Draw the motion over time, with dotted lines at crossings, dashed ones at events (extra `viz`).
-
-        Each quantity has one panel for each unit.
-
-        Parameters
-        ----------
-        what : sequence of {"q", "v", "a", "multipliers", "energy", "closure"}, optional
-            Panels. "multipliers" are constraint forces, see `reactions.row_names`; "energy" is
-            `energy_error`, J; "closure" is `closure_error`, on a logarithmic scale. When left out: q, v,
-            closure where there are loops, and a and energy if recorded.
-        path : str or Path, optional
-            Also write this .png or .pdf file.
-        joints : sequence of str or "all", optional
-            Joints, or single numbers such as "ball.rx", to draw. When left out: all, or the independent
-            ones of a mechanism with more than twenty numbers.
-        overlay : Trajectory, sequence or mapping {label: Trajectory}, optional
-            Other runs of the same joints, drawn in the same colours with dashes.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-            Outside pyplot: nothing needs to be closed, and a notebook shows it by itself.
-
-        Raises
-        ------
-        OptionError
-            For other words, what was not recorded, joints that are none, another kind of file.
-        MissingExtraError
-            When Matplotlib is not installed.
-        """
-        from ..drawing.figures.motion import plot_motion
-
-        if isinstance(overlay, Mapping):
-            runs = {"this run": self, **overlay}
-        else:
-            given = () if overlay is None else overlay
-            given = [given] if isinstance(given, Trajectory) else given
-            more = listed(given, "overlay", "runs", OptionError, ())
-            runs = {f"run {i}": run for i, run in enumerate((self, *more), start=1)}
-        if not all(isinstance(run, Trajectory) for run in runs.values()):
-            raise OptionError(f"overlay = {shown(overlay)} must hold what simulate returns")
-        return plot_motion(runs, what, path, joints)
 
     # ----------------------------------------------------------------- by name and by time
 

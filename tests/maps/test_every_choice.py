@@ -89,7 +89,7 @@ def test_lcaba_agrees(name: str) -> None:
 
 @pytest.mark.parametrize(("n", "duration"), [(1, 20.0), (2, 5.0), (5, 3.0), (10, 2.0), (40, 1.0)])
 def test_rows_of_four_bars_against_the_closed_form(n: int, duration: float) -> None:
-    # `robust-gcp a02` runs all of them for 20 s; 1e-8 m holds at h = 1 ms and here at twice that
+    # `robust-gcp reports a02` runs all of them for 20 s; 1e-8 m holds at h = 1 ms and here at twice that
     result = measure(n, 2e-3, duration)
     assert result.position < 1e-8
     assert result.velocity < 1e-7

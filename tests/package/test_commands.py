@@ -55,10 +55,10 @@ def test_only_negative_numbers_are_shielded_from_argparse() -> None:
     assert [shield(x) for x in given] == ["--q0", " -pi", " -1e-3", "-h", "0.2", "-pi/0", "rhombus"]
 
 
-@pytest.mark.parametrize("command", ["", "simulate", "analyse", "models", "paper"])
+@pytest.mark.parametrize("command", ["", "simulate", "analyse", "models", "reports", "reports paper"])
 def test_help_on_each_command(command: str, capsys: Capture) -> None:
     with pytest.raises(SystemExit) as exit:
-        main([command, "--help"] if command else ["--help"])
+        main([*command.split(), "--help"])
     assert exit.value.code == 0
     assert capsys.readouterr().out.startswith(f"usage: robust-gcp {command}".rstrip())
 
@@ -196,6 +196,129 @@ def test_an_output_that_cannot_be_written_is_one_line(tmp_path: Path, capsys: Ca
     assert main([*refused, "--out", str(tmp_path / "new" / "folder")]) == 2
     assert not (tmp_path / "new").exists()
     assert capsys.readouterr().err.startswith("robust_gcp: ")
+
+
+# --------------------------------------------------------------------------- torques, drives, pictures
+
+
+def test_torques_act_by_joint(capsys: Capture) -> None:
+    assert run("simulate crank_rocker --torque q1=0.5 q3=-pi --torque q2=1", *SHORT, "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    torque = {"q1": 0.5, "q2": 1.0, "q3": -math.pi}
+    trajectory = rg.simulate(rg.load("crank_rocker"), duration=0.1, step=5e-3, torque=torque)
+    assert list(told["q"].values()) == trajectory.q[-1].tolist()
+    assert list(told["v"].values()) == trajectory.v[-1].tolist()
+
+
+def test_a_joint_is_driven_at_constant_speed_from_where_it_starts(tmp_path: Path, capsys: Capture) -> None:
+    path = tmp_path / "run.npz"
+    assert run("simulate slider_crank --drive-speed q1=3", *SHORT, "--save", str(path)) == 0
+    assert f"wrote {path}" in capsys.readouterr().out
+    mech = rg.load("slider_crank")
+    saved = rg.load_trajectory(path)
+    np.testing.assert_allclose(saved["q1"], mech.home[0] + 3.0 * saved.t, rtol=1e-12)
+    drive = {"q1": rg.Motion(lambda t: mech.home[0] + 3.0 * t)}
+    there = rg.simulate(mech, duration=0.1, step=5e-3, drive=drive)
+    np.testing.assert_allclose(saved["drive.q1"], there["drive.q1"], rtol=1e-9, atol=1e-9)
+    start = mech.assemble({"q1": 2.0})
+    given = ["--q0", *map(str, start), "--drive-speed", "q1=-1", "--json"]
+    assert run("simulate slider_crank", *SHORT, *given) == 0
+    assert json.loads(capsys.readouterr().out)["q"]["q1"] == pytest.approx(1.9, abs=1e-12)
+
+
+@pytest.mark.parametrize("header", ["", "t,q1\n", "\ufefftime, position\n\n"])
+def test_a_joint_is_driven_as_a_table_says(header: str, tmp_path: Path, capsys: Capture) -> None:
+    times = np.linspace(0.0, 0.2, 30)
+    table = tmp_path / "table.csv"
+    rows = "".join(f"{float(t)!r}, {float(1.0 + t * t)!r}\n" for t in times)
+    table.write_text(header + rows, encoding="utf-8")
+    assert run("simulate slider_crank", *SHORT, "--drive", f"q1={table}", "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["q"]["q1"] == pytest.approx(1.01, abs=1e-12)
+    assert told["v"]["q1"] == pytest.approx(0.2, abs=1e-9)
+    table.write_text("0,1\n0.1;2\n")
+    assert run("simulate slider_crank", *SHORT, "--drive", f"q1={table}") == 2
+    assert f"--drive {table}, line 2: 0.1;2 is not a time" in capsys.readouterr().err
+
+
+def test_json_tells_the_summary_and_nothing_else(tmp_path: Path, capsys: Capture) -> None:
+    plot, gif = tmp_path / "run.png", tmp_path / "run.gif"
+    files = ["--plot", str(plot), "--animate", str(gif), "--speed", "4"]
+    assert run("simulate rhombus --duration 0.3 --step 2e-3 --json", *files) == 0
+    out, err = capsys.readouterr()
+    told = json.loads(out)
+    trajectory = rg.simulate(rg.load("rhombus"), duration=0.3, step=2e-3)
+    assert list(told["q"].values()) == trajectory.q[-1].tolist()
+    assert told["t"] == 0.3 and told["stopped"] is None and told["times"] == 151
+    assert [c["time"] for c in told["crossings"]] == [c.time for c in trajectory.crossings]
+    assert told["stats"]["rhs"] == trajectory.stats.rhs
+    assert told["max_closure_error"] < 1e-14
+    assert told["written"] == [str(plot), str(gif)]
+    assert plot.read_bytes().startswith(b"\x89PNG") and gif.read_bytes().startswith(b"GIF89a")
+    assert run("simulate kite --duration 1 --step 5e-3 --on-toggle error --json") == 2
+    out, err = capsys.readouterr()
+    assert json.loads(out)["stopped"].startswith("toggle") and "robust_gcp: toggle" in err
+
+
+def test_columns_are_drawn_and_recorded_where_they_need_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    seen: list[tuple[object, object, set[str]]] = []
+
+    def plot(trajectory: rg.Trajectory, what: object, path: Path, *, x: object) -> None:
+        seen.append((what, x, set(trajectory.columns())))
+
+    monkeypatch.setattr(rg.Trajectory, "plot", plot)
+    names = ["q1", "a.q1", "drive.q1", "lambda.coupler_tip-slider_pin.z", "energy"]
+    given = ["--plot", str(tmp_path / "run.png"), "--drive-speed", "q1=3"]
+    row = next(
+        n
+        for n in rg.simulate(rg.load("slider_crank"), duration=1e-3, record="multipliers").columns()
+        if "lambda" in n
+    )
+    names[3] = row
+    assert run("simulate slider_crank", *SHORT, *given, "--columns", *names, "--over", "tau.q1") == 0
+    assert run("simulate slider_crank", *SHORT, *given) == 0
+    assert seen[0][:2] == (names, "tau.q1")
+    assert seen[0][2] >= {"q.q1", *names[1:], "tau.q1"}
+    assert seen[1][:2] == (("q", "v", "drive"), None) and "a.q1" not in seen[1][2]
+
+
+def test_what_messages_advise_is_spelt_as_options(capsys: Capture) -> None:
+    for line, words in (
+        ("simulate rhombus --q0 0 0 0", "choose one with --mode INDEX"),
+        ("simulate rhombus --q0 0.2 0.3 0.2", "close it first with robust-gcp assemble"),
+        ("simulate rhombus --v0 1 0 0", "or leave --v0 out"),
+        ("simulate rhombus --on-toggle repartition --method classical", "goes with --method bridge"),
+        ("simulate rhombus --plot a.png --columns drive.q1 --duration 0.01", "with --drive JOINT=TABLE.csv"),
+        ("simulate rhombus --animate a.gif --speed 1e-5 --duration 0.01", "take --speed "),
+        ("simulate rhombus --backend native --method projection", "use --backend auto"),
+    ):
+        assert run(line) == 2
+        assert words in capsys.readouterr().err
+
+
+# --------------------------------------------------------------------------- the program
+
+
+def test_help_lists_what_users_call_first_on_one_page(capsys: Capture) -> None:
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) < 40
+    listed = [line.split()[0] for line in lines if line.startswith("    ") and line[4] != " "]
+    assert listed == ["simulate", "analyse", "assemble", "modes", "models", "reports"]
+    with pytest.raises(SystemExit):
+        main(["reports", "--help"])
+    told = capsys.readouterr().out
+    assert all(name in told for name in ("paper", "work-precision", "stability", "fuzz", "a02"))
+
+
+def test_old_spellings_of_reports_work_and_tell_the_new(capsys: Capture) -> None:
+    assert main(["trees", "--count", "0"]) == main(["reports", "trees", "--count", "0"]) == 2
+    old, *rest = capsys.readouterr().err.splitlines()
+    assert old.startswith("robust_gcp: warning: `trees` is now `reports trees`; the next release")
+    assert rest[0] == rest[1] and len(rest) == 2
 
 
 # --------------------------------------------------------------------------- printing

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import robust_gcp as rg
-from robust_gcp.commands.register import COMMANDS
+from robust_gcp.commands.register import COMMANDS, REPORTS
 
 ROOT = Path(rg.__file__).parents[1]
 PICTURES = ("matplotlib", "meshcat", "PIL", "robust_gcp.drawing")
@@ -48,6 +48,7 @@ def within(modules: set[str], *packages: str) -> set[str]:
         "analyse rhombus --q 0 0 0",
         "models",
         "modes rhombus --seeds 0",
+        "reports --help",
     ],
 )
 def test_commands_load_neither_reports_nor_pictures(line: str) -> None:
@@ -60,7 +61,7 @@ def test_the_list_of_commands_loads_none_of_them() -> None:
 
 
 def test_a_study_loads_no_other_study() -> None:
-    reports = within(loaded_by("a02", "--help"), "robust_gcp.reports")
+    reports = within(loaded_by("reports", "a02", "--help"), "robust_gcp.reports")
     assert reports == {"robust_gcp.reports", "robust_gcp.reports.a02"}
 
 
@@ -69,12 +70,14 @@ def test_pictures_are_loaded_where_they_are_asked_for(tmp_path: Path) -> None:
     assert within(loaded_by("simulate", "rhombus", "--duration", "0.01", *plot), "matplotlib")
 
 
-@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: str(command.name))
-def test_every_command_has_its_arguments(command: object, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(
+    "words", [*([c.name] for c in COMMANDS), *(["reports", c.name] for c in REPORTS)], ids=" ".join
+)
+def test_every_command_has_its_arguments(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     from robust_gcp.__main__ import main
 
     with pytest.raises(SystemExit) as exit:
-        main([command.name, "--help"])  # type: ignore[attr-defined]
+        main([*words, "--help"])
     assert exit.value.code == 0
     assert "show this help message" in capsys.readouterr().out
 

@@ -12,11 +12,13 @@ import pytest
 
 from robust_gcp.__main__ import main
 from robust_gcp.arguments import Arguments, number, pathname
-from robust_gcp.commands.register import COMMANDS, Command
+from robust_gcp.commands.acting import named_number, named_path
+from robust_gcp.commands.register import COMMANDS, REPORTS, Command
 
 Capture = pytest.CaptureFixture[str]
 
-MODULES = {command.name: importlib.import_module(command.module, "robust_gcp") for command in COMMANDS}
+LEAVES = [*(command for command in COMMANDS if not command.parts), *REPORTS]
+MODULES = {command.name: importlib.import_module(command.module, "robust_gcp") for command in LEAVES}
 
 NO_NUMBERS = ("", " ", "x", "1,2", "pi/0", "--", "1e", "0x10", "٣٫٥x")
 NOT_FINITE = ("nan", "inf", "-inf", "1e999")
@@ -47,6 +49,10 @@ def wrong_words(option: argparse.Action) -> Iterator[str]:
     elif option.type is pathname:
         yield from ("", " ", "file.txt/inside", "missing/file.txt/", "a" * 300, "missing.txt", "/dev/null/x")
         yield from ("folder.png",) if name == "--plot" else ()
+    elif option.type is named_number:
+        yield from ("q1", "=1", "q1=", "q1=x", "q1=nan", "q1=-inf")
+    elif option.type is named_path:
+        yield from ("q1", "=file.txt", "q1=", "q1=missing.csv", "q1=folder.csv")
     elif option.choices is not None:
         yield from ("", "x", "RK4", "-1")
 
@@ -55,7 +61,7 @@ CASES = [
     pytest.param(
         command.name, option.option_strings[-1], word, id=f"{command.name} {option.dest} {word[:12]!r}"
     )
-    for command in COMMANDS
+    for command in LEAVES
     for option in options(command)
     for word in wrong_words(option)
 ]
@@ -71,13 +77,15 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def needed(name: str) -> list[str]:
-    """What a command line must have."""
+def called(name: str) -> list[str]:
+    """The command, and what its line must have."""
     if name in ("simulate", "analyse", "assemble", "modes"):
-        return ["rhombus"]
+        return [name, "rhombus"]
+    if name == "models":
+        return [name]
     if name == "robots":
-        return ["."]
-    return ["--out", "out"] if name in ("work-precision", "stability") else []
+        return ["reports", name, "."]
+    return ["reports", name, *(["--out", "out"] if name in ("work-precision", "stability") else [])]
 
 
 def code_of(words: list[str]) -> int:
@@ -106,7 +114,7 @@ def test_every_option_refuses_wrong_words(
     ran: list[Any] = []
     if not (name in ("simulate", "analyse", "assemble") and option in BOTH_SIGNS):
         monkeypatch.setattr(MODULES[name], "run", lambda args: ran.append(args) or 0)
-    err = refused([name, *needed(name), option, word], here, capsys)
+    err = refused([*called(name), option, word], here, capsys)
     assert not ran
     assert option in err or option.strip("-") in err
 
@@ -114,7 +122,7 @@ def test_every_option_refuses_wrong_words(
 def test_the_options_that_are_attacked_are_most_of_them() -> None:
     attacked = {(name, option) for name, option, _ in (case.values for case in CASES)}
     assert len(attacked) >= 35
-    assert {name for name, _ in attacked} == {command.name for command in COMMANDS} - {"models"}
+    assert {name for name, _ in attacked} == set(MODULES) - {"models"}
 
 
 @pytest.mark.parametrize(
@@ -128,9 +136,20 @@ def test_the_options_that_are_attacked_are_most_of_them() -> None:
         ("simulate rhombus --replay motion.png", "a replay is a .html or a .htm file"),
         ("simulate rhombus --replay file.txt/motion.html", "file.txt is a file, not a folder"),
         ("simulate rhombus --replay motion.html --trails coupler_tp", "did you mean 'coupler_tip'"),
+        ("simulate rhombus --animate motion.png", "an animation is a .gif or a .mp4 file"),
+        ("simulate rhombus --save run.csv", "a trajectory is a .npz file"),
+        ("simulate rhombus --columns q1", "--columns goes with --plot FILE"),
+        ("simulate rhombus --over q1", "--over goes with --plot FILE"),
+        ("simulate rhombus --plot a.png --columns v.q8", "--columns v.q8: no joint, column or quantity; did"),
+        ("simulate rhombus --plot a.png --over q8", "--over q8: no joint, column or quantity; did you mean"),
+        ("simulate rhombus --torque q9=1", "no joint 'q9'"),
+        ("simulate rhombus --torque q1=1 q1=2", "--torque names 'q1' twice"),
+        ("simulate rhombus --drive-speed q9=1", "no joint 'q9'"),
+        ("simulate rhombus --drive-speed q1=1 --drive q1=file.txt", "both drive 'q1'"),
+        ("simulate rhombus --drive q1=file.txt", "a table is (times, positions) of one length, at least 4"),
         ("simulate rhombus --trails ,", "--trails: the model has no frame ''"),
         ("simulate rhombus --replay /proc/motion.html", "cannot write to /"),
-        ("a02 --out /proc/new/runs.json", "cannot write to /"),
+        ("reports a02 --out /proc/new/runs.json", "cannot write to /"),
         ("simulate rhombus --record energy,speed", "record = 'speed' is unknown"),
         ("simulate rhombus --mode 7", "--mode 7: analyse lists 1 modes"),
         ("simulate rhombus --duration 1e-4", "longer than the duration"),
@@ -139,7 +158,7 @@ def test_the_options_that_are_attacked_are_most_of_them() -> None:
         ("simulate rhombus --outputs 2 --duration 1", "lie outside the run, from 0 to 1 s"),
         ("simulate rhombus --step 1e-12", "outputs, more than"),
         ("simulate rhombus --q0 0.2", "q0 has shape (1,)"),
-        ("simulate rhombus --on-toggle repartition --method classical", "goes with method"),
+        ("simulate rhombus --on-toggle repartition --method classical", "goes with --method bridge"),
         ("simulate crank_rockr", "did you mean 'crank_rocker'"),
         ("modes rhombus --dpi 0", "--dpi = 0 must be a whole number from 1 to 1200"),
         ("modes rhombus --dpi 1000000", "--dpi = 1000000 must be a whole number from 1 to 1200"),
@@ -147,27 +166,27 @@ def test_the_options_that_are_attacked_are_most_of_them() -> None:
         ("modes rhombus --coordinates q1", "must be two or three different joints"),
         ("modes rhombus --out folder.png", "this is a folder"),
         ("modes five_bar", "one degree of freedom"),
-        ("a02 --out runs.csv", "is a .json file"),
-        ("a02 --duration -1", "--duration = -1.0 must be positive and finite"),
-        ("a02 --step 0", "--step = 0.0 must be positive and finite"),
-        ("a02 --duration 0.01 --step 0.1", "shorter than the steps that are tried"),
-        ("a02 --sizes 2 0", "--sizes = 0 must be a whole number from 1"),
-        ("growth --out growth.png", ".png ends the name of a file"),
-        ("growth --docs missing", "there is no such folder"),
-        ("growth --quick --docs folder.png", "there is no docs/kernel.md to refresh"),
-        ("benchmark --robots missing", "there is no such folder"),
-        ("robots missing", "there is no such folder"),
-        ("robots file.txt", "there is no such folder"),
-        ("robots . --duration 0", "--duration = 0.0 must be positive and finite"),
-        ("paper --out figures.png", ".png ends the name of a file"),
-        ("costs --refresh missing.md", "there is no such file"),
-        ("costs --refresh file.txt", "there are no marks of a block named costs"),
-        ("costs --out costs.md", ".md ends the name of a file"),
-        ("stability --out out --case stif", "--case = 'stif' is unknown"),
-        ("stability --out out --docs missing", "there is no such folder"),
-        ("stability --out out --docs folder.png", "there is no stability.md to refresh"),
-        ("work-precision --out out --docs missing", "there is no such folder"),
-        ("work-precision --out out --cap inf", "--cap = inf must be positive and finite"),
+        ("reports a02 --out runs.csv", "is a .json file"),
+        ("reports a02 --duration -1", "--duration = -1.0 must be positive and finite"),
+        ("reports a02 --step 0", "--step = 0.0 must be positive and finite"),
+        ("reports a02 --duration 0.01 --step 0.1", "shorter than the steps that are tried"),
+        ("reports a02 --sizes 2 0", "--sizes = 0 must be a whole number from 1"),
+        ("reports growth --out growth.png", ".png ends the name of a file"),
+        ("reports growth --docs missing", "there is no such folder"),
+        ("reports growth --quick --docs folder.png", "there is no docs/kernel.md to refresh"),
+        ("reports benchmark --robots missing", "there is no such folder"),
+        ("reports robots missing", "there is no such folder"),
+        ("reports robots file.txt", "there is no such folder"),
+        ("reports robots . --duration 0", "--duration = 0.0 must be positive and finite"),
+        ("reports paper --out figures.png", ".png ends the name of a file"),
+        ("reports costs --refresh missing.md", "there is no such file"),
+        ("reports costs --refresh file.txt", "there are no marks of a block named costs"),
+        ("reports costs --out costs.md", ".md ends the name of a file"),
+        ("reports stability --out out --case stif", "--case = 'stif' is unknown"),
+        ("reports stability --out out --docs missing", "there is no such folder"),
+        ("reports stability --out out --docs folder.png", "there is no stability.md to refresh"),
+        ("reports work-precision --out out --docs missing", "there is no such folder"),
+        ("reports work-precision --out out --cap inf", "--cap = inf must be positive and finite"),
     ],
 )
 def test_what_stands_against_the_model_or_the_disk_is_told_before_the_work(
@@ -187,6 +206,11 @@ def test_what_stands_against_the_model_or_the_disk_is_told_before_the_work(
 GOOD = {
     "--plot": "new.png",
     "--replay": "new.html",
+    "--save": "new.npz",
+    "--animate": "new.gif",
+    "--torque": "q1=-0.5",
+    "--drive-speed": "q1=pi",
+    "--drive": "q1=file.txt",
     "--refresh": "file.txt",
     "--docs": ".",
     "--robots": ".",
@@ -200,7 +224,7 @@ GOOD = {
 """Words that an option takes, where they are not those of its type."""
 
 
-@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: str(command.name))
+@pytest.mark.parametrize("command", LEAVES, ids=lambda command: str(command.name))
 def test_good_words_pass_every_check(command: Command, here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ran: list[argparse.Namespace] = []
     monkeypatch.setattr(MODULES[command.name], "run", lambda args: ran.append(args) or 0)
@@ -211,5 +235,5 @@ def test_good_words_pass_every_check(command: Command, here: Path, monkeypatch: 
         word = next(iter(option.choices)) if option.choices is not None else word
         word = GOOD.get(flag, GOOD.get(f"{command.name} {flag}", word))
         given = [flag] if option.nargs == 0 else [flag, word]
-        assert code_of([command.name, *needed(command.name), *given]) == 0, given
+        assert code_of([*called(command.name), *given]) == 0, given
         assert ran.pop()

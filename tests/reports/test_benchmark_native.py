@@ -74,7 +74,7 @@ def test_what_derivatives_cost_is_told_and_renews_its_page(
     page, out = tmp_path / "page.md", tmp_path / "costs.json"
     begin, end = "<!-- begin: derivatives of robots -->", "<!-- end: derivatives of robots -->"
     page.write_text(f"# T\n\n{begin}\nold\n{end}\n", encoding="utf-8")
-    line = ["benchmark", "--derivatives", "--quick", "--robots", str(tmp_path / "robots")]
+    line = ["reports", "benchmark", "--derivatives", "--quick", "--robots", str(tmp_path / "robots")]
     assert main([*line, "--out", str(out), "--refresh", str(page)]) == 0
     assert "crank_rocker" in capsys.readouterr().out
     (row,) = json.loads(out.read_text(encoding="utf-8"))
@@ -91,6 +91,6 @@ def test_a_page_without_marks_or_table_is_refused(
 ) -> None:
     page = tmp_path / "page.md"
     page.write_text("# T\n", encoding="utf-8")
-    assert main(["benchmark", *line.split(), "--quick", "--refresh", str(page)]) != 0
+    assert main(["reports", "benchmark", *line.split(), "--quick", "--refresh", str(page)]) != 0
     assert "--refresh" in capsys.readouterr().err
     assert page.read_text(encoding="utf-8") == "# T\n"

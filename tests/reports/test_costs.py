@@ -146,7 +146,7 @@ def test_the_command_renews_the_document(
     document = tmp_path / "costs.md"
     begin, end = (f"<!-- {side}: costs -->\n" for side in ("begin", "end"))
     document.write_text(f"before\n{begin}old\n{end}after\n", encoding="utf-8")
-    words = ["costs", "--quick", "--out", str(tmp_path / "out"), "--refresh", str(document)]
+    words = ["reports", "costs", "--quick", "--out", str(tmp_path / "out"), "--refresh", str(document)]
     assert main(words) == 0
     table = (tmp_path / "out" / "costs.md").read_text(encoding="utf-8")
     assert document.read_text(encoding="utf-8") == f"before\n{begin}\n{table}\n{end}after\n"

@@ -92,7 +92,7 @@ def test_the_command_writes_tables_figure_and_pages(
     (tmp_path / "docs" / "figures").mkdir(parents=True)
     for page, name in (("README.md", "speed"), ("docs/kernel.md", "growth")):
         (tmp_path / page).write_text(f"<!-- begin: {name} -->\n<!-- end: {name} -->\n", encoding="utf-8")
-    assert main(["growth", "--out", str(tmp_path / "out"), "--docs", str(tmp_path)]) == 0
+    assert main(["reports", "growth", "--out", str(tmp_path / "out"), "--docs", str(tmp_path)]) == 0
     told = (tmp_path / "README.md").read_text(encoding="utf-8")
     assert "An RK4 step of a four-bar takes 1.5 µs, of 40 four-bars in a row 60 µs." in told
     assert "kernel they take 53 and 53 times as long, a fall" in told

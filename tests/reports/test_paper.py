@@ -27,7 +27,7 @@ FILES = (
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("figures") / "new"
-    assert main(["paper", "--quick", "--pdf", "--out", str(path)]) == 0
+    assert main(["reports", "paper", "--quick", "--pdf", "--out", str(path)]) == 0
     return path
 
 
@@ -149,7 +149,7 @@ def test_missing_matplotlib_names_the_extra(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    assert main(["simulate", "rhombus", "--plot", "x.png"]) == main(["paper"]) == 2
+    assert main(["simulate", "rhombus", "--plot", "x.png"]) == main(["reports", "paper"]) == 2
     assert capsys.readouterr().err.count('pip install ".[viz]"') == 2
     with pytest.raises(MissingExtraError):
         plots.new_figure(1.0)

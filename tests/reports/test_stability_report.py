@@ -134,7 +134,7 @@ def test_the_command_writes_everything_and_fails_on_a_wrong_cell(
     docs.mkdir()
     (docs / "stability.md").write_text("<!-- begin: falls -->\n<!-- end: falls -->\n", encoding="utf-8")
     out = tmp_path / "out"
-    assert main(["stability", "--case", "falls", "--out", str(out), "--docs", str(docs)]) == code
+    assert main(["reports", "stability", "--case", "falls", "--out", str(out), "--docs", str(docs)]) == code
     assert {p.name for p in out.iterdir()} == {
         "stability.csv", "stability.json", "stability.md", "stability_falls.png",
     }  # fmt: skip
@@ -147,9 +147,9 @@ def test_the_command_writes_everything_and_fails_on_a_wrong_cell(
 def test_unknown_families_and_missing_pages_are_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["stability", "--case", "spring", "--out", str(tmp_path)]) == 2
+    assert main(["reports", "stability", "--case", "spring", "--out", str(tmp_path)]) == 2
     assert "'stiff springs'" in capsys.readouterr().err
-    assert main(["stability", "--out", str(tmp_path), "--docs", str(tmp_path)]) == 2
+    assert main(["reports", "stability", "--out", str(tmp_path), "--docs", str(tmp_path)]) == 2
     assert "there is no stability.md to refresh" in capsys.readouterr().err
 
 

@@ -36,7 +36,17 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def arguments(out: Path, *more: str) -> list[str]:
-    given = ["work-precision", "--quick", "--scene", "antiparallelogram", "--out", str(out), "--cap", "60"]
+    given = [
+        "reports",
+        "work-precision",
+        "--quick",
+        "--scene",
+        "antiparallelogram",
+        "--out",
+        str(out),
+        "--cap",
+        "60",
+    ]
     return [*given, "--method", *SMALL, *more]
 
 
@@ -122,7 +132,7 @@ def test_points_of_other_settings_are_not_mixed(folder: Path, capsys: pytest.Cap
 
 
 def test_unknown_methods_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["work-precision", "--quick", "--method", "magic", "--out", str(tmp_path)]) == 2
+    assert main(["reports", "work-precision", "--quick", "--method", "magic", "--out", str(tmp_path)]) == 2
     assert "magic" in capsys.readouterr().err
 
 
@@ -137,10 +147,26 @@ def test_the_command_measures_with_one_thread(monkeypatch: pytest.MonkeyPatch, t
         return subprocess.CompletedProcess(given, 7)
 
     monkeypatch.setattr(command.subprocess, "run", called)
-    assert main(["work-precision", "--quick", "--scene", "kite", "--cap", "0.5", "--out", str(tmp_path)]) == 7
+    assert (
+        main(
+            [
+                "reports",
+                "work-precision",
+                "--quick",
+                "--scene",
+                "kite",
+                "--cap",
+                "0.5",
+                "--out",
+                str(tmp_path),
+            ]
+        )
+        == 7
+    )
     assert all(seen["env"][name] == "1" for name in machine.THREADS)
     assert seen["given"][2:] == [
-        "robust_gcp", "work-precision", "--out", str(tmp_path), "--scene", "kite", "--quick", "--cap", "0.5",
+        "robust_gcp", "reports", "work-precision", "--out", str(tmp_path),
+        "--scene", "kite", "--quick", "--cap", "0.5",
     ]  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from ...mechanism.loops import ClosedLoops
 from ...mechanism.tree import Array
-from ..skeleton import Skeleton, on_page, placements, plane_normal
+from ..skeleton import Skeleton, on_page, outline, placements, plane_normal, upward
 from .style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION
 
 if TYPE_CHECKING:
@@ -48,18 +48,23 @@ GUIDE: dict[str, Any] = {"color": "0.7", "linewidth": 3.0, "solid_capstyle": "bu
 
 @dataclass(frozen=True)
 class Pose:
-    """A mechanism at one configuration, projected to a plane; all points (n, 2), m.
+    """A mechanism at one configuration, projected to a plane or in space; all points (n, 2) or (n, 3), m.
 
     Attributes
     ----------
     bodies : tuple of ndarray
-        Joints and cut points of each moving body.
+        Joints, cut points and ends of each moving body; a single one of a slider, none of a body that only
+        carries the next joint's axis.
     order : tuple of int
         The bodies in the order of drawing: from the ground outwards.
-    guides : tuple of ndarray (2, 2)
+    guides : tuple of ndarray (2, 2) or (2, 3)
         From where each sliding joint starts to where it is.
     pivots, pins : ndarray
         Hinges on the ground, and all others and the cut points.
+    up : ndarray (2,) or (3,)
+        Away from the ground.
+    size : float
+        Of the mechanism.
     """
 
     bodies: tuple[Array, ...]
@@ -67,11 +72,13 @@ class Pose:
     guides: tuple[Array, ...]
     pivots: Array
     pins: Array
+    up: Array
+    size: float
 
     @property
     def points(self) -> Array:
-        """Everything that must fit in the picture, (n, 2)."""
-        return np.vstack([*self.bodies, self.pivots, self.pins])
+        """Everything that must fit in the picture, (n, 2) or (n, 3)."""
+        return np.vstack([*self.bodies, *self.guides, self.pivots, self.pins])
 
 
 def face_on(mechanism: ClosedLoops) -> Array:
@@ -84,13 +91,24 @@ def face_on(mechanism: ClosedLoops) -> Array:
 
 
 def pose(mechanism: ClosedLoops, q: ArrayLike, view: Array) -> Pose:
-    """Place the bodies at q (nq,) and project them by `view` (2, 3)."""
-    model = mechanism.own_model
-    R, p = placements(mechanism, mechanism.configuration(q)[None])
+    """Place the bodies at q (nq,) and project them by `view` (2, 3), or leave them in space: (3, 3)."""
+    return poses(mechanism, mechanism.configuration(q)[None], view)[0]
+
+
+def poses(mechanism: ClosedLoops, q: Array, view: Array) -> list[Pose]:
+    """A `pose` for each row of q (n, nq)."""
     bones = Skeleton(mechanism.length)
-    bones.fit(mechanism, R, p)
-    at = bones.positions(R, p)[0] @ view.T
-    seats = {s.joint: view @ (p[0, s.parent] + R[0, s.parent] @ s.place) for s in bones.seats}
+    bones.fit(mechanism, *placements(mechanism, np.array(mechanism.generic_configurations(2))))
+    bones.reach(mechanism.own_model)
+    R, p = placements(mechanism, q)
+    at = bones.positions(R, p) @ view.T
+    return [_pose(mechanism, bones, at[i], R[i], p[i], view) for i in range(len(q))]
+
+
+def _pose(mechanism: ClosedLoops, bones: Skeleton, at: Array, R: Array, p: Array, view: Array) -> Pose:
+    """The bones at their points (n, 2) or (n, 3), the joints placed by R and p."""
+    model, axes = mechanism.own_model, len(view)
+    seats = {s.joint: view @ (p[s.parent] + R[s.parent] @ s.place) for s in bones.seats}
     bodies: list[list[Array]] = [[] for _ in range(model.njoints)]
     for (body, _), point in zip(bones.points, at, strict=True):
         bodies[body].append(point)
@@ -101,9 +119,15 @@ def pose(mechanism: ClosedLoops, q: ArrayLike, view: Array) -> Pose:
     guides = tuple(np.array(ends) for ends in slides)
     depth = [len(model.supports[i]) for i in range(1, model.njoints)]
     order = sorted(range(model.njoints - 1), key=lambda i: depth[i])
-    moving = tuple(_distinct(points, mechanism.length) for points in bodies[1:])
-    pivots, pins = ([at[i] for i, ground in pinned if ground == on] for on in (True, False))
-    return Pose(moving, tuple(order), guides, _points(pivots), _points(pins))
+    moving = [_distinct(points, mechanism.length).reshape(-1, axes) for points in bodies[1:]]
+    for seat in bones.seats:
+        if seat.pinned and len(moving[seat.joint - 1]) == 1:
+            moving[seat.joint - 1] = np.zeros((0, axes))
+    pivots, pins = (
+        np.array([at[i] for i, ground in pinned if ground == on]).reshape(-1, axes) for on in (True, False)
+    )
+    up = np.array([0.0, 1.0]) if axes == 2 else upward(model.gravity.linear)
+    return Pose(tuple(moving), tuple(order), guides, pivots, pins, up, mechanism.length)
 
 
 def draw_pose(
@@ -128,21 +152,22 @@ def draw_pose(
     for k, (width, i) in enumerate(zip(np.linspace(*WIDTHS, len(at.order)), at.order, strict=True)):
         points, paint = at.bodies[i], BODIES[i % len(BODIES)] if shades is None else shades[k]
         looks: dict[str, Any] = {"color": paint, "alpha": alpha, "zorder": 2, "clip_on": False}
-        if len(points) == 1:  # a slider, or a body that only carries the next joint's axis
+        if len(points) == 1:
             ax.plot(*points.T, marker="s", markersize=7 * scale, markeredgewidth=0.0, **looks)
+        if len(points) < 2:
             continue
-        if len(points) > 2:
-            points = _around(points)
-            ax.fill(*points.T, facecolor=paint, alpha=0.35 * alpha, edgecolor="none", zorder=1.9)
-            points = np.vstack([points, points[:1]])
-        ax.plot(*points.T, linewidth=scale * width, solid_joinstyle="round", **looks)
+        rim, edges = outline(points, at.size)
+        if rim:
+            _fill(ax, points[rim], facecolor=paint, alpha=0.35 * alpha, edgecolor="none", zorder=1.9)
+        for line in [[*rim, rim[0]]] if rim else edges:
+            ax.plot(*points[list(line)].T, linewidth=scale * width, solid_joinstyle="round", **looks)
     if not pins:
         return
-    drop = 0.01 * float(np.ptp(at.points, axis=0).max())
-    for x, z in at.pivots:
-        ax.plot(x, z - drop, zorder=1.5, clip_on=False, **{**PIVOT, "markersize": 11 * scale})
+    drop = 0.01 * float(np.ptp(at.points, axis=0).max()) * at.up
+    for point in at.pivots:
+        ax.plot(*_single(point - drop), zorder=1.5, clip_on=False, **{**PIVOT, "markersize": 11 * scale})
     for point in np.vstack([at.pivots, at.pins]):
-        ax.plot(*point, zorder=3, clip_on=False, **{**PIN, "markersize": 3.2 * scale})
+        ax.plot(*_single(point), zorder=3, clip_on=False, **{**PIN, "markersize": 3.2 * scale})
 
 
 def body_legend(figure: Figure | SubFigure, mechanism: ClosedLoops) -> None:
@@ -178,8 +203,19 @@ def _shades(color: str, count: int) -> list[Any]:
     return [tuple(c.tolist()) for c in mixed]
 
 
-def _points(points: Sequence[Array]) -> Array:
-    return np.array(points).reshape(-1, 2)
+def _single(point: Array) -> Array:
+    """Coordinates of one point as lists of one, which axes in space need."""
+    return point[:, None]
+
+
+def _fill(ax: Axes, corners: Array, **looks: Any) -> None:
+    """A plate (n, 2), or in space (n, 3)."""
+    if corners.shape[1] == 2:
+        ax.fill(*corners.T, **looks)
+        return
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    ax.add_collection(Poly3DCollection([corners], **looks))
 
 
 def _distinct(points: Sequence[Array], length: float) -> Array:
@@ -189,9 +225,3 @@ def _distinct(points: Sequence[Array], length: float) -> Array:
         if all(np.linalg.norm(point - other) > 1e-9 * length for other in kept):
             kept.append(point)
     return np.array(kept)
-
-
-def _around(points: Array) -> Array:
-    """Corners of a plate in the order around its middle."""
-    way = points - points.mean(axis=0)
-    return points[np.argsort(np.arctan2(way[:, 1], way[:, 0]))]

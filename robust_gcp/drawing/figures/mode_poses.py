@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...analysis.configuration_space import ConfigurationSpace, ModeCurve
 from ...mechanism.joints import in_v
 from ...mechanism.mechanism import Mechanism
-from .mechanism import draw_pose, face_on, pose
+from .mechanism import draw_pose, face_on, poses
 from .mode_curves import mode_color
 
 if TYPE_CHECKING:
@@ -52,11 +52,11 @@ def draw_poses(
     mechanism = space.mechanism
     view = face_on(mechanism)
     count = max(LEAST, min(POSES, BARS // len(mechanism.joints)))
-    poses = [[pose(mechanism, mode.q[r], view) for r in _spread(mode, rows, count)] for mode, rows in pieces]
-    room = np.vstack([p.points for some in poses for p in some])
+    seen = [poses(mechanism, mode.q[_spread(mode, rows, count)], view) for mode, rows in pieces]
+    room = np.vstack([p.points for some in seen for p in some])
     low, high = room.min(axis=0), room.max(axis=0)
     margin = 0.08 * float((high - low).max())
-    for ax, (mode, rows), some in zip(axes, pieces, poses, strict=True):
+    for ax, (mode, rows), some in zip(axes, pieces, seen, strict=True):
         color = mode_color(space, mode.name)
         for p in some[1:]:
             draw_pose(ax, p, FADED, pins=False, scale=0.7, color=color)

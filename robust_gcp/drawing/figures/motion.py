@@ -1,44 +1,39 @@
-"""Motions over time: q, v, a, constraint forces and errors in stacked panels, the crossings marked."""
+"""Motions over time, or over another column, in stacked panels, the crossings marked."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import cycle
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...checks import check_choice, hint, listed, names_given, path_given
+from ...checks import path_given, shown
 from ...errors import OptionError
-from ...mechanism.joints import Component, components_of
+from ...mechanism.joints import components_of
 from ...mechanism.tree import Array
-from ...simulation.reactions import row_names
-from .moments import Eventful, mark_moments
+from .moments import mark_moments, mark_places, moment_names
+from .panels import LAMBDA, Asked, Line, Motion, Panel, Runs, lines_of_column, panels_of, units
 from .style import BLACK, CYCLE, YELLOW, new_figure, require_file, save, style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ...mechanism.mechanism import Mechanism
-
-PANELS = ("q", "v", "a", "multipliers", "energy", "closure")
-"""What can be drawn, from above."""
-
-PER_SECOND = {"q": "", "v": "/s", "a": "/s²"}
-
 NAMED = 10
-"""Most lines of a panel that have a style each; of more, colours run from the first to the last."""
-
-MANY = 20
-"""Numbers of a mechanism beyond which only the independent ones are drawn, unless joints are named."""
+"""Half of the most names in the legend, and most in that of a panel of its own."""
 
 FEW = 7
 """Names in the legend of more lines than that."""
 
-COLORS = (*CYCLE, YELLOW, "#882255", "#999933")
-"""Of so many lines; the last two are Tol's wine and olive, "Colour Schemes" (2021)."""
+COLORS = (
+    *(*CYCLE, YELLOW, "#882255", "#999933"),
+    *("#0000FF", "#00DD00", "#FF00DD", "#001188", "#FF0055"),
+    *("#663311", "#AA77FF", "#FFAA88", "#224400", "#008800"),
+)
+"""Of so many lines; of more, colours run from the first to the last. Tol's wine and olive, "Colour Schemes"
+(2021), end the first row, then comes each as far as can be from those before, white and `GREY` in CIELAB."""
 
 DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (5, 1.5, 1, 1.5)))
 """Lines of the first and of further runs."""
@@ -55,89 +50,73 @@ SMALLEST = 1e-17
 HIGHEST = 1e-13
 """Least upper end of that panel: rounding should look like rounding, m or rad."""
 
+ABREAST = 3
+"""Names in a line of the legend of a panel of its own."""
+
+OWN_LINE = 13.0
+"""Its height, pt."""
+
+LEGEND_LINE = 0.17
+"""in."""
+
 PANEL_HEIGHT = 1.35
 """in."""
 
-
-class Motion(Eventful, Protocol):
-    """What is drawn of a `Trajectory`."""
-
-    mechanism: Mechanism
-    t: Array
-    q: Array
-    v: Array
-    a: Array | None
-    energy: Array | None
-    multipliers: Array | None
-
-    def closure_error(self) -> Array:
-        """max |φ| at each time."""
-        ...
-
-    def energy_error(self) -> Array:
-        """Energy less its start and the work done, J."""
-        ...
-
-
-class Line(NamedTuple):
-    """One number of every run: its name, and where it is in q, or in v and a, or in λ."""
-
-    name: str
-    at: int
-
-
-class Panel(NamedTuple):
-    """One quantity in one unit; no lines: one error over time."""
-
-    quantity: str
-    unit: str
-    lines: tuple[Line, ...] = ()
-
-
-Runs = Mapping[str, Motion]
-"""By label; the first one decides what is drawn."""
+LARGER = 1.7
+"""Factor on it where a curve is drawn over another column than time."""
 
 
 def plot_motion(
     runs: Runs,
-    what: Sequence[str] | str | None = None,
+    what: Asked = None,
     path: str | Path | None = None,
-    joints: Sequence[str] | str | None = None,
+    joints: Asked = None,
+    x: str | None = None,
 ) -> Figure:
     """Draw trajectories of one mechanism; see `Trajectory.plot`."""
     first = next(iter(runs.values()))
-    chosen = _chosen(runs, what)
-    if path is not None:
-        require_file(path_given("path", path))
-    components, title = _components(first.mechanism, joints)
     for label, run in runs.items():
         if [c.name for c in components_of(run.mechanism.joints)] != [
             c.name for c in components_of(first.mechanism.joints)
         ]:
             raise OptionError(f"overlay: {label!r} is the motion of a mechanism with other joints")
-    panels = [panel for quantity in chosen for panel in _panels(first, quantity, components)]
-    looks = _styles([component.name for component in components], first, panels)
+    panels, title = panels_of(runs, what, joints, x)
+    over, *_ = [_over(run, x) for run in runs.values()]
+    if path is not None:
+        require_file(path_given("path", path))
+    moments = moment_names(runs.values())
+    long = [panel for panel in panels if panel.quantity == LAMBDA]
+    looks = _styles(first, [panel for panel in panels if panel.quantity != LAMBDA])
+    for panel in long:
+        looks |= _styles(first, [panel])
     with style():
-        figure = new_figure(0.5 + PANEL_HEIGHT * len(panels))
+        figure = new_figure(0.5 + PANEL_HEIGHT * len(panels) * (1 if x is None else LARGER))
         axes = list(figure.subplots(len(panels), 1, sharex=True, squeeze=False).flat)
         for dashes, run in zip(cycle(DASHES), runs.values(), strict=False):
+            columns = run.columns()
+            across = columns[over.column]
             for ax, panel in zip(axes, panels, strict=True):
-                if not panel.lines:
-                    _draw_error(ax, run, panel.quantity, dashes)
-                elif panel.quantity == "multipliers":
-                    forces = _styles([line.name for line in panel.lines], first, [panel])
-                    _draw_lines(ax, run, panel, forces, dashes)
+                if panel.lines:
+                    _draw_lines(ax, panel, columns, across, looks, dashes)
+                    for line in panel.lines if x is not None else ():
+                        mark_places(ax, run, across, columns[line.column], moments)
                 else:
-                    _draw_lines(ax, run, panel, looks, dashes)
-        moments = mark_moments(axes, runs.values())
+                    _draw_error(ax, run, panel.quantity, across, dashes)
+            if x is None:
+                mark_moments(axes, run, moments)
         for ax, panel in zip(axes, panels, strict=True):
-            ax.margins(x=0.0)
-            if panel.quantity == "multipliers" and len(panel.lines) <= NAMED:
-                handles = ax.lines[: len(panel.lines)]
-                ax.legend(handles=handles, fontsize=6.5, loc="lower left", bbox_to_anchor=(0, 1), ncols=3)
-        axes[-1].set_xlabel("t [s]")
-        axes[0].set_title(first.mechanism.name, loc="left")
-        rows = [ax for ax, panel in zip(axes, panels, strict=True) if panel.quantity != "multipliers"]
+            if x is None:
+                ax.margins(x=0.0)
+            if panel in long and len(panel.lines) <= NAMED:
+                names = [line.name for line in panel.lines]
+                handles = [next(drawn for drawn in ax.lines if drawn.get_label() == name) for name in names]
+                ax.legend(
+                    handles=handles, fontsize=6.5, loc="lower left", bbox_to_anchor=(0, 1), ncols=ABREAST
+                )
+        axes[-1].set_xlabel(f"{x or 't'} [{units(first.mechanism)[over.column][1]}]")
+        own = -(-len(panels[0].lines) // ABREAST) if panels[0] in long else 0
+        axes[0].set_title(first.mechanism.name, loc="left", pad=6.0 + OWN_LINE * own)
+        rows = [ax for ax, panel in zip(axes, panels, strict=True) if panel not in long]
         _legend(figure, rows or axes[:0], title, list(runs) if len(runs) > 1 else [], moments)
         figure.align_ylabels()
         if path is not None:
@@ -145,113 +124,74 @@ def plot_motion(
     return figure
 
 
-def _chosen(runs: Runs, what: Sequence[str] | str | None) -> list[str]:
-    """The panels asked for, or those for which there is something to see."""
-    first = next(iter(runs.values()))
-    recorded = {
-        name: all(getattr(run, name) is not None for run in runs.values()) for name in ("a", "multipliers")
-    }
-    have = {
-        "q": True,
-        "v": True,
-        "a": recorded["a"],
-        "multipliers": False,  # for the asking: their labels are long
-        "energy": all(run.energy is not None for run in runs.values()),
-        "closure": first.mechanism.nc > 0,
-    }
-    if what is None:
-        return [name for name in PANELS if have[name]]
-    asked = [what] if isinstance(what, str) else listed(what, "what", "quantities", OptionError)
-    for name in asked:
-        check_choice("what", name, PANELS)
-    if not asked:
-        raise OptionError(f"what is empty; use some of {', '.join(PANELS)}")
-    for name, word in (("a", "accelerations"), ("multipliers", "constraint forces")):
-        if name in asked and not recorded[name]:
-            raise OptionError(f'what = "{name}": {word} were not recorded; simulate with record=("{name}",)')
-    if "multipliers" in asked and first.mechanism.nc == 0:
-        raise OptionError('what = "multipliers": a mechanism without loops has no constraint forces')
-    return [name for name in PANELS if name in asked]
-
-
-def _components(mechanism: Mechanism, joints: Sequence[str] | str | None) -> tuple[list[Component], str]:
-    """The numbers to draw, and what the legend says where they are some of many."""
-    every = components_of(mechanism.joints)
-    if (isinstance(joints, str) and joints == "all") or (joints is None and len(every) <= MANY):
-        return every, ""
-    if joints is None:
-        asked = list(mechanism.independent)
-        title = f"independent of {len(mechanism.joints)} joints"
-    else:
-        asked, title = [joints] if isinstance(joints, str) else names_given("joints", joints), ""
-    owned = {joint.name: joint.components for joint in mechanism.joints}
-    owned |= {component.name: (component,) for component in every if component.name not in owned}
-    unknown = [name for name in asked if name not in owned]
-    if unknown or not asked:
-        names = [joint.name for joint in mechanism.joints]
+def _over(run: Motion, x: str | None) -> Line:
+    """The column that is drawn over."""
+    if x is None:
+        return Line("t", "t")
+    if not isinstance(x, str):
+        raise OptionError(f"x = {shown(x)} must be the name of a column")
+    found = lines_of_column(run, x, "x")
+    if len(found) > 1:
         raise OptionError(
-            f"joints = {asked!r}: {'name some of' if not asked else f'no {unknown[0]!r} among'} the joints "
-            f'{", ".join(names)}{hint(unknown[0], owned) if unknown else ""}, or "all"'
+            f"x = {x!r} has several numbers; use one of {', '.join(line.column for line in found)}"
         )
-    wanted = {component for name in asked for component in owned[name]}
-    return [component for component in every if component in wanted], title
+    return found[0]
 
 
-def _panels(run: Motion, quantity: str, components: Sequence[Component]) -> list[Panel]:
-    """One panel for each unit."""
-    groups: dict[str, list[Line]] = {}
-    if quantity in PER_SECOND:
-        for c in components:
-            at = c.iq if quantity == "q" else c.iv
-            if at >= 0:
-                groups.setdefault(f"{c.unit or 1}{PER_SECOND[quantity]}", []).append(Line(c.name, at))
-    elif quantity == "multipliers":
-        lengths = run.mechanism.implicit.is_length
-        for i, name in enumerate(row_names(run.mechanism)):
-            groups.setdefault("N" if lengths[i] else "N m", []).append(Line(name, i))
-    else:
-        return [Panel(quantity, "")]
-    return [Panel(quantity, unit, tuple(lines)) for unit, lines in groups.items()]
-
-
-def _draw_lines(ax: Axes, run: Motion, panel: Panel, looks: Mapping[str, Any], dashes: Any) -> None:
-    values: Array = getattr(run, panel.quantity)
+def _draw_lines(
+    ax: Axes, panel: Panel, columns: Mapping[str, Array], across: Array, looks: Mapping[str, Any], dashes: Any
+) -> None:
     for line in panel.lines:
-        ax.plot(run.t, values[:, line.at], label=line.name, **{**looks[line.name], "linestyle": dashes})
-    ax.set_ylabel(f"{'λ' if panel.quantity == 'multipliers' else panel.quantity} [{panel.unit}]")
+        look = {**looks[line.name], "linestyle": dashes}
+        ax.plot(across, columns[line.column], label=line.name, **look)
+    ax.set_ylabel(f"{panel.quantity} [{panel.unit}]")
 
 
-def _styles(names: Sequence[str], run: Motion, panels: Sequence[Panel]) -> dict[str, dict[str, Any]]:
+def _styles(run: Motion, panels: Sequence[Panel]) -> dict[str, dict[str, Any]]:
     """Colour and width of each line: wider below others that look like it, so that it stays visible."""
-    if len(names) > NAMED:
-        from matplotlib import colormaps
-
-        shade = colormaps["viridis"]
-        share = 0.95 / (len(names) - 1)
-        return {name: {"color": shade(share * i), "linewidth": 0.9} for i, name in enumerate(names)}
+    names = list(dict.fromkeys(line.name for panel in panels for line in panel.lines))
+    colors = _colors(run, names)
+    if len(names) > len(COLORS):
+        return {name: {"color": colors[name], "linewidth": 0.9} for name in names}
     covered = dict.fromkeys(names, 0)
+    columns = run.columns()
     for panel in panels:
+        values = [columns[line.column] for line in panel.lines]
+        near = ALIKE * float(np.ptp(values)) if values else 0.0
         for k, line in enumerate(panel.lines):
-            values: Array = getattr(run, panel.quantity)
-            later = [values[:, other.at] for other in panel.lines[k + 1 :]]
-            near = ALIKE * float(np.ptp(values[:, [each.at for each in panel.lines]]))
-            over = sum(float(np.abs(values[:, line.at] - other).max()) <= near for other in later)
-            covered[line.name] = max(covered.get(line.name, 0), over)
+            over = sum(float(np.abs(values[k] - later).max()) <= near for later in values[k + 1 :])
+            covered[line.name] = max(covered[line.name], over)
     return {
-        name: {"color": COLORS[i], "linewidth": min(1.2 + 0.9 * covered[name], WIDEST)}
-        for i, name in enumerate(names)
+        name: {"color": colors[name], "linewidth": min(1.2 + 0.9 * covered[name], WIDEST)} for name in names
     }
 
 
-def _draw_error(ax: Axes, trajectory: Motion, quantity: str, dashes: Any) -> None:
+def _colors(run: Motion, names: Sequence[str]) -> dict[str, Any]:
+    """A colour for each; of too many to tell apart for numbers of joints with several, the rest in shades."""
+    if len(names) <= len(COLORS):
+        return dict(zip(names, COLORS, strict=False))
+    from matplotlib import colormaps
+
+    several: list[str] = []
+    for joint in sorted(run.mechanism.joints, key=lambda joint: -len(joint.components)):  # bases first
+        own = [c.name for c in joint.components if c.name in names]
+        if len(joint.components) > 1 and len(several) + len(own) <= len(COLORS):
+            several += own
+    rest = [name for name in names if name not in several]
+    share = 0.95 / max(len(rest) - 1, 1)
+    shades = {name: colormaps["viridis"](share * i) for i, name in enumerate(rest)}
+    return shades | dict(zip(several, COLORS, strict=False))
+
+
+def _draw_error(ax: Axes, trajectory: Motion, quantity: str, across: Array, dashes: Any) -> None:
     if quantity == "energy":
-        ax.plot(trajectory.t, trajectory.energy_error(), color=CYCLE[0], linestyle=dashes)
+        ax.plot(across, trajectory.energy_error(), color=CYCLE[0], linestyle=dashes)
         ax.set_ylabel("energy error [J]")
         return
     is_length = trajectory.mechanism.implicit.is_length
     units = [unit for unit, there in (("m", is_length.any()), ("rad", (~is_length).any())) if there]
     error = np.maximum(trajectory.closure_error(), SMALLEST)
-    ax.semilogy(trajectory.t, error, color=CYCLE[0], linewidth=0.8, linestyle=dashes)
+    ax.semilogy(across, error, color=CYCLE[0], linewidth=0.8, linestyle=dashes)
     highest = max(float(np.max(np.asarray(line.get_ydata()))) for line in ax.lines)
     ax.set_ylim(0.5 * SMALLEST, max(2.0 * highest, HIGHEST))
     ax.set_ylabel(f"max |φ| [{' or '.join(units) or 'm'}]")
@@ -270,7 +210,9 @@ def _legend(
     labels = list(named)
     if len(labels) > 2 * NAMED:
         kept = np.unique(np.linspace(0, len(labels) - 1, FEW).round().astype(int))
-        shown = {labels[i]: named[labels[i]] for i in kept}
+        told = [label for label in labels if named[label].get_color() in COLORS]
+        told = told if len(told) + FEW < figure.get_figheight() / LEGEND_LINE else []
+        shown = {label: named[label] for label in dict.fromkeys([*told, *(labels[i] for i in kept)])}
         title = f"{len(labels)} numbers, such as"
     else:
         shown = dict(named)

@@ -7,14 +7,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from ...checks import listed
 from ...mechanism.closures import frame_of
 from ...mechanism.joints import JointKind
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
-from ..skeleton import PARALLEL, Seat, Skeleton, on_page, upward
+from ..skeleton import PARALLEL, Seat, Skeleton, on_page, outline, upward
 
 
 @dataclass
@@ -84,8 +83,7 @@ def sticks(mechanism: Mechanism, R: Array, p: Array, trails: Sequence[str] | Non
     for name in listed(trails, "trails", "frames"):
         frame = frame_of(model, name, "trails")
         made.trails[name] = made.add(frame.parentJoint, frame.placement.translation)
-    for joint in range(1, model.njoints):
-        _far_end(made, model, joint)
+    made.reach(model)
     outlined = [[i for i, (b, _) in enumerate(made.points) if b == body] for body in range(model.njoints)]
     for seat in made.seats:
         if seat.pinned:
@@ -121,44 +119,14 @@ def _rail(made: Sticks, path: Array) -> tuple[int, int]:
     return len(made.points) - 2, len(made.points) - 1
 
 
-def _far_end(made: Sticks, model: pin.Model, joint: int) -> None:
-    """Give a body that carries no joint an end: its frames, or its centre of mass."""
-    if len(model.children[joint]) > 0:
-        return
-    kinds = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
-    for frame in model.frames:
-        if frame.parentJoint == joint and frame.type in kinds:
-            made.add(joint, frame.placement.translation)
-    if sum(body == joint for body, _ in made.points) < 2:
-        made.add(joint, model.inertias[joint].lever)
-
-
 def _outline(made: Sticks, body: int, ends: list[int]) -> None:
     """Join a body's points: a stick, the rim of a flat hull, or the edges of a solid one."""
     if len(ends) < 2:
         return
-    places = np.array([made.points[i][1] for i in ends])
-    centred = places - places.mean(axis=0)
-    _, spread, directions = np.linalg.svd(centred)
-    rank = int(np.sum(spread > 1e-4 * made.size))
-    if rank < 2:
-        along = centred @ directions[0]
-        made.links.append((ends[int(np.argmin(along))], ends[int(np.argmax(along))], body))
-        return
-    from scipy.spatial import ConvexHull
-
-    hull = ConvexHull(centred @ directions[:rank].T)
-    if rank == 2:
-        rim = [ends[i] for i in hull.vertices]
-        made.faces.append((rim, body))
-        edges = {(a, b) for a, b in zip(rim, [*rim[1:], rim[0]], strict=True)}
-    else:
-        edges = {
-            (min(ends[a], ends[b]), max(ends[a], ends[b]))
-            for s in hull.simplices
-            for a, b in ((s[0], s[1]), (s[1], s[2]), (s[2], s[0]))
-        }
-    made.links += [(a, b, body) for a, b in sorted(edges)]
+    rim, edges = outline(np.array([made.points[i][1] for i in ends]), made.size)
+    if rim:
+        made.faces.append(([ends[i] for i in rim], body))
+    made.links += sorted((min(ends[a], ends[b]), max(ends[a], ends[b]), body) for a, b in edges)
 
 
 def layers(made: Sticks, positions: Array) -> list[int]:

@@ -1,4 +1,4 @@
-"""`robust-gcp stability`: cases × steppers, as maps and tables."""
+"""`robust-gcp reports stability`: cases × steppers, as maps and tables."""
 
 from __future__ import annotations
 

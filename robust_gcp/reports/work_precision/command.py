@@ -1,4 +1,4 @@
-"""`python -m robust_gcp work-precision`: measure, tell, draw."""
+"""`python -m robust_gcp reports work-precision`: measure, tell, draw."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _single_threaded(args: argparse.Namespace) -> int:
     """The same command in a process whose BLAS has one thread: it reads that when it is loaded."""
-    command = [sys.executable, "-m", "robust_gcp", "work-precision", "--out", str(args.out)]
+    command = [sys.executable, "-m", "robust_gcp", "reports", "work-precision", "--out", str(args.out)]
     for name in ("scene", "method", "quick", "fresh", "repeats", "cap", "docs"):
         given = getattr(args, name)
         if given:
