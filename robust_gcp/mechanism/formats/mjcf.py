@@ -57,7 +57,7 @@ def read_mjcf(mjcf: str | Path, base: str | None = None, root: str | Path | None
         raise ModelError(f"{name}: no body has a joint; a mechanism needs one at least")
     tree.model.name = xml.get("model", "mjcf")
     keys = {m.key(k).name or f"key{k}": tree.configuration(m.key_qpos[k]) for k in range(m.nkey)}
-    closures = equalities_of(m, tree)
+    closures = equalities_of(m, tree, xml)
     left_out = left_out_of(m, tree, source.told)
     return FileContents(
         tree.model, closures, forces_of(m, tree), tree.home, keys, None, actuated_by(m, tree), left_out

@@ -18,6 +18,9 @@ SIZES = (1.0, 1.5)
 FINITE = ("body_pos", "body_quat", "body_mass", "body_inertia", "body_ipos", "eq_data", "qpos0", "key_qpos")
 """Parts of mjModel that are checked; joints are by what is made of them."""
 
+MASSLESS = "write 1e-12 in place of zero, or add a <geom> to the body"
+"""What helps where MuJoCo asks for a mass and three moments of inertia."""
+
 
 def compiled(document: Document, floats: bool) -> Any:
     """The mjModel; a mesh that no mass depends on is a tetrahedron there.
@@ -54,8 +57,8 @@ def compiled(document: Document, floats: bool) -> Any:
         except ModelError as error:
             lost = ", ".join(f"{mesh!r} ({why})" for mesh, why in list(absent.items())[:5])
             raise ModelError(
-                f"{document.name}: the mass of {', '.join(map(repr, names[:5]))} comes from meshes that cannot "
-                f"be read: {lost}; put them there, name their folder by root=, or give an <inertial>"
+                f"{document.name}: the mass of {', '.join(map(repr, names[:5]))} comes from meshes that "
+                f"cannot be read: {lost}; put them there, name their folder by root=, or give an <inertial>"
             ) from error
         document.told["masses of meshes on bodies"] = names
     for key in FINITE:
@@ -90,7 +93,8 @@ def _compiled(document: Document, filler: float, with_files: bool, massless: tup
             model = spec.compile()
     except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
         words = " ".join(re.sub(r",? line \d+", "", str(error)).split())  # lines of our text, not of the file
-        raise ModelError(f"{document.name}: MuJoCo cannot compile it ({words}); correct the file") from error
+        remedy = MASSLESS if "mjMINVAL" in words else "correct the file"
+        raise ModelError(f"{document.name}: MuJoCo cannot compile it ({words}); {remedy}") from error
     finally:
         mujoco.set_mju_user_warning(before)
     if any("NaN" in line for line in told):

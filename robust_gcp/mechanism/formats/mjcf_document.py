@@ -31,7 +31,7 @@ LARGEST_FLEX = 200_000
 DROPPED = ("contact", "visual", "statistic", "size", "custom", "sensor", "skin", "texture", "layer")
 """Elements without a bearing on masses, joints and loops."""
 
-TOLD = {"contact": "contact pairs", "sensor": "sensors", "extension": "extensions", "skin": "deformables"}
+TOLD = {"contact": "contact pairs", "sensor": "sensors", "extension": "extensions"}
 """Parts that are not simulated and that MuJoCo's model does not hold."""
 
 LABELS = ("name", "joint", "tendon", "site", "body", "objname", "plugin")
@@ -178,9 +178,7 @@ class Document:
         """Leave out what has no bearing on the motion."""
         for child in [c for c in parent if c.tag in DROPPED or c.tag in TOLD]:
             if child.tag in TOLD:
-                labels = [
-                    _label(e) for e in ([child] if child.tag == "skin" else child) if e.tag != "exclude"
-                ]
+                labels = [_label(e) for e in child if e.tag != "exclude"]
                 self.told.setdefault(TOLD[child.tag], []).extend(labels)
             if child.tag in DROPPED:
                 parent.remove(child)

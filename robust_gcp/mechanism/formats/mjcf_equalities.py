@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import Any
+from xml.etree.ElementTree import Element
 
 from ...errors import ModelError
 from ..closures import Closure, FrameClosure, PointClosure
@@ -19,17 +20,32 @@ SITE = 6
 """MuJoCo's mjOBJ_SITE."""
 
 
-def equalities_of(compiled: Any, tree: CompiledTree) -> list[AnyClosure]:
+def equalities_of(compiled: Any, tree: CompiledTree, document: Element) -> list[AnyClosure]:
     """The active ones; frames are added to the tree's model.
 
     Raises
     ------
     ModelError
-        For one of flexible parts or spatial tendons, or a curved relation between tendons.
+        For one of flexible parts or spatial tendons, a curved relation between tendons, or one that MuJoCo
+        drops without a word: it refers to a replicated element and to another one.
     """
     found: list[AnyClosure] = []
     if compiled.opt.disableflags & OFF:
         return found
+    known = {*tree.bodies, *tree.joints, *tree.sites} | {
+        compiled.tendon(t).name for t in range(compiled.ntendon)
+    }
+    for item in document.iterfind("equality/*"):
+        ends = [
+            v
+            for k, v in item.items()
+            if k.rstrip("12") in ("body", "joint", "site", "tendon") and v != "world"
+        ]
+        if 0 < sum(end in known for end in ends) < len(ends):
+            raise ModelError(
+                f"{tree.name}: <{item.tag}> {item.get('name', '')!r} refers to a replicated element and to "
+                f"another one ({', '.join(map(repr, ends))}); write the replicas out"
+            )
     for e in range(compiled.neq):
         if not compiled.eq_active0[e]:
             continue

@@ -66,7 +66,7 @@ def left_out_of(m: Any, tree: CompiledTree, told: dict[str, list[str]]) -> list[
         "nonlinear parts of springs and dampers": [tree.joints[j] for j in sorted(curved)],
         "actuators": [_actuator(m, tree, a) for a in range(m.nu)],
         "tendons": [m.tendon(t).name or "tendon" for t in range(m.ntendon)],
-        "deformables": [m.flex(f).name or "flex" for f in range(m.nflex)] + told.pop("deformables", []),
+        "deformables": [_text(m, adr) or "flex" for adr in m.name_flexadr] + told.pop("deformables", []),
         **told,
         "contacts of bodies": [
             tree.bodies[body]
@@ -75,6 +75,11 @@ def left_out_of(m: Any, tree: CompiledTree, told: dict[str, list[str]]) -> list[
         ],
     }
     return [entry for kind, where in kinds.items() for entry in named(kind, map(str, where))]
+
+
+def _text(m: Any, at: int) -> str:
+    """A name in mjModel, which has no accessor of its own."""
+    return bytes(m.names[at:]).split(b"\0", 1)[0].decode(errors="replace")
 
 
 def _of(names: list[str], which: Any) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,13 +12,15 @@ from ...errors import ModelError
 from ..tree import Array
 
 FREE, BALL, SLIDE, HINGE = range(4)
+LIMITS_OFF, GRAVITY_OFF = 1 << 3, 1 << 7
+"""MuJoCo's mjDSBL_LIMIT and mjDSBL_GRAVITY."""
+
 RESERVED = ("universe", "world")
 ROOT_JOINT = "root_joint"
-AXES = (
-    {SLIDE: pin.JointModelPX, HINGE: pin.JointModelRX},
-    {SLIDE: pin.JointModelPY, HINGE: pin.JointModelRY},
-)
-AXES += ({SLIDE: pin.JointModelPZ, HINGE: pin.JointModelRZ},)
+ALIGNED = {
+    SLIDE: (pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ),
+    HINGE: (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ),
+}
 UNALIGNED = {SLIDE: pin.JointModelPrismaticUnaligned, HINGE: pin.JointModelRevoluteUnaligned}
 
 
@@ -40,42 +42,37 @@ class CompiledTree:
         MuJoCo's qpos0.
     bodies, joints, sites : list of str
         Names, by MuJoCo's numbers.
-    places : list of (joint, pin.SE3)
-        Where each body is, on which joint.
     standing : list of str
         Bodies that stay on the ground though base="free" asks for another base.
     """
 
     def __init__(self, compiled: Any, name: str, base: str | None) -> None:
-        self._from, self.name, self._fixed = compiled, name, base == "fixed"
-        m = compiled
+        m = self._from = compiled
+        self.name, self._fixed = name, base == "fixed"
         self.bodies = _named([m.body(b).name for b in range(m.nbody)], ["body"] * m.nbody)
-        owners = [self.bodies[b] for b in m.jnt_bodyid]
-        endings = ["_free" if kind == FREE else "_joint" for kind in m.jnt_type]
-        wanted = [owner + ending for owner, ending in zip(owners, endings, strict=True)]
+        ends = ["_free" if kind == FREE else "_joint" for kind in m.jnt_type]
+        wanted = [self.bodies[b] + end for b, end in zip(m.jnt_bodyid, ends, strict=True)]
         self.joints = _named([m.joint(j).name for j in range(m.njnt)], wanted)
         self.sites = [m.site(s).name for s in range(m.nsite)]
         for kind, names in (("body", self.bodies[1:]), ("joint", self.joints), ("site", self.sites)):
-            for taken in RESERVED:
-                if taken in names:
-                    raise ModelError(f"{name}: a {kind} is named {taken!r}, which is the ground; rename it")
+            for label in set(RESERVED).intersection(names):
+                raise ModelError(f"{name}: a {kind} is named {label!r}, which is the ground; rename it")
         self.standing: list[str] = []
-        root = self._root() if base == "free" else 0
+        floating = self._floating() if base == "free" else 0
         self.model = pin.Model()
-        self.model.gravity.linear = m.opt.gravity.copy()
-        self._armature: list[float] = []
-        self.places = [(0, pin.SE3.Identity())]
-        self._frame("world", pin.FrameType.BODY, *self.places[0])
+        self.model.gravity.linear = m.opt.gravity * (not m.opt.disableflags & GRAVITY_OFF)
+        self._places = [(0, pin.SE3.Identity())]  # of bodies: on which joint, and where on it
+        self.model.addFrame(pin.Frame("world", *self._places[0], pin.FrameType.BODY), False)
+        armature: list[float] = []
         for b in range(1, m.nbody):
-            self._body(b, b == root)
-        self.model.armature = np.array(self._armature)
-        for site, label in enumerate(self.sites):
+            armature += self._add_body(b, b == floating)
+        self.model.armature = np.array(armature)
+        for s, label in enumerate(self.sites):
             if label:
-                self._frame(label, pin.FrameType.OP_FRAME, *self.site(site))
+                self.model.addFrame(pin.Frame(label, *self.site(s), pin.FrameType.OP_FRAME), False)
         self.home = pin.neutral(self.model)
-        if root:
-            start = self.model.joints[self.model.getJointId(self._root_joint)].idx_q
-            self.home[start : start + 7] = pin.SE3ToXYZQUAT(_pose(m.body_pos[root], m.body_quat[root]))
+        if floating:
+            self.home[:7] = pin.SE3ToXYZQUAT(_pose(m.body_pos[floating], m.body_quat[floating]))
         self.home = self.configuration(m.qpos0)
 
     def configuration(self, qpos: Array) -> Array:
@@ -84,8 +81,7 @@ class CompiledTree:
         for j, label in enumerate(self.joints):
             if not self.is_fixed(j):
                 joint = self.model.joints[self.model.getJointId(label)]
-                at = int(self._from.jnt_qposadr[j])
-                numbers = qpos[at : at + joint.nq].copy()
+                numbers = qpos[self._from.jnt_qposadr[j] :][: joint.nq].copy()
                 if joint.nq > 1:
                     numbers[-4:] = np.roll(numbers[-4:], -1)
                 q[joint.idx_q : joint.idx_q + joint.nq] = numbers
@@ -95,26 +91,24 @@ class CompiledTree:
         """Whether it is a free joint that base="fixed" takes away."""
         return self._fixed and self._from.jnt_type[joint] == FREE
 
-    def on(
-        self, body: int, position: Array, quaternion: Iterable[float] = (1, 0, 0, 0)
-    ) -> tuple[int, pin.SE3]:
+    def on(self, body: int, at: Array, turn: Sequence[float] = (1, 0, 0, 0)) -> tuple[int, pin.SE3]:
         """Joint that carries a body, and the placement on it of a place in body axes."""
-        joint, place = self.places[body]
-        return joint, place * _pose(position, quaternion)
+        joint, place = self._places[body]
+        return joint, place * _pose(at, turn)
 
     def site(self, site: int) -> tuple[int, pin.SE3]:
         """Joint that carries a site, and the placement on it."""
         m = self._from
         return self.on(int(m.site_bodyid[site]), m.site_pos[site], m.site_quat[site])
 
-    def _root(self) -> int:
-        """The body that floats by base="free"; 0 where others float already."""
+    def _floating(self) -> int:
+        """The body that base="free" lets float; 0 where others float already."""
         m = self._from
         tops = [b for b in range(1, m.nbody) if m.body_parentid[b] == 0]
         floating = [b for b in tops if m.body_jntnum[b] and m.jnt_type[m.body_jntadr[b]] == FREE]
         if floating:
-            jointed = {int(m.body_rootid[b]) for b in m.jnt_bodyid}
-            self.standing = [self.bodies[b] for b in tops if b not in floating and b in jointed]
+            jointed = set(m.body_rootid[m.jnt_bodyid]).difference(floating)
+            self.standing = [self.bodies[b] for b in sorted(jointed)]
             return 0
         tied = [b for b in tops if m.body_jntnum[b]]
         if len(tops) != 1 or tied:
@@ -122,69 +116,71 @@ class CompiledTree:
                 f"{self.name}: base='free' needs one body that stands on the ground by itself, and there "
                 f"are {len(tops)} ({len(tied)} on joints); put them into one body"
             )
-        self._root_joint = _named([*self.joints, ""], [*self.joints, ROOT_JOINT])[-1]
         return tops[0]
 
-    def _body(self, b: int, floats: bool) -> None:
-        m = self._from
+    def _add_body(self, b: int, floats: bool) -> list[float]:
+        """A body, its joints before; their armature."""
+        m, armature = self._from, []
         joint, place = self.on(int(m.body_parentid[b]), m.body_pos[b], m.body_quat[b])
         if floats:
-            place = pin.SE3.Identity()
-            joint = self._joint(0, pin.JointModelFreeFlyer(), place, self._root_joint)
+            label = _named([*self.joints, ""], [*self.joints, ROOT_JOINT])[-1]
+            joint, place = self._add_joint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), label)
+            armature += [0.0] * 6
         for j in range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b]):
-            kind, at, axis = int(m.jnt_type[j]), m.jnt_pos[j], m.jnt_axis[j]
-            start = m.qpos0[m.jnt_qposadr[j] :]
+            kind, at, axis, start = m.jnt_type[j], m.jnt_pos[j], m.jnt_axis[j], m.qpos0[m.jnt_qposadr[j] :]
             if self.is_fixed(j):
                 place = _pose(start[:3], start[3:7])
-                continue
-            anchor = place * pin.SE3(np.eye(3), at) if kind != FREE else pin.SE3.Identity()
-            made = {FREE: pin.JointModelFreeFlyer, BALL: pin.JointModelSpherical}.get(kind)
-            if kind == HINGE:  # the file draws its bodies where the joint stands at qpos0
-                anchor.rotation = anchor.rotation @ pin.exp3(-start[0] * axis)
-            elif kind == SLIDE:
-                anchor.translation = anchor.act(-start[0] * axis)
-            jointed = made() if made else _along(kind, axis)
-            armature = 0.0 if kind == FREE else float(m.dof_armature[m.jnt_dofadr[j]])
-            joint = self._joint(joint, jointed, anchor, self.joints[j], armature)
-            place = pin.SE3(np.eye(3), -at) if kind != FREE else pin.SE3.Identity()
-            if m.jnt_limited[j] and kind in (HINGE, SLIDE) and not m.opt.disableflags & LIMITS_OFF:
-                idx = self.model.joints[joint].idx_q
-                self.model.lowerPositionLimit[idx], self.model.upperPositionLimit[idx] = m.jnt_range[j]
-        self.places.append((joint, place))
-        self._frame(self.bodies[b], pin.FrameType.BODY, joint, place)
+            elif kind == FREE:  # its armature would be that of world axes
+                joint, place = self._add_joint(
+                    0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), self.joints[j]
+                )
+                armature += [0.0] * 6
+            else:
+                anchor = place * pin.SE3(np.eye(3), at)
+                if kind == HINGE:  # a file draws its bodies at qpos0
+                    anchor.rotation = anchor.rotation @ pin.exp3(-start[0] * axis)
+                elif kind == SLIDE:
+                    anchor.translation = anchor.act(-start[0] * axis)
+                made = pin.JointModelSpherical() if kind == BALL else _along(int(kind), axis)
+                limits = m.jnt_range[j] if m.jnt_limited[j] and kind != BALL else None
+                joint, place = self._add_joint(joint, made, anchor, self.joints[j], limits)
+                place.translation = -at
+                armature += [float(m.dof_armature[m.jnt_dofadr[j]])] * made.nv
+        self._places.append((joint, place))
+        self.model.addFrame(pin.Frame(self.bodies[b], joint, place, pin.FrameType.BODY), False)
         if joint:
-            turn = pin.Quaternion(*map(float, m.body_iquat[b])).toRotationMatrix()
+            turn = _pose(np.zeros(3), m.body_iquat[b]).rotation
             inertia = turn @ np.diag(m.body_inertia[b]) @ turn.T
             mass = pin.Inertia(float(m.body_mass[b]), m.body_ipos[b].copy(), inertia)
             self.model.appendBodyToJoint(joint, mass, place)
+        return armature
 
-    def _joint(self, parent: int, kind: Any, place: pin.SE3, name: str, armature: float = 0.0) -> int:
-        endless, turns = np.full(kind.nv, np.inf), np.full(kind.nq, np.inf)
+    def _add_joint(
+        self, parent: int, kind: Any, place: pin.SE3, name: str, limits: Array | None = None
+    ) -> tuple[int, pin.SE3]:
+        """The joint, and where it is on itself."""
+        endless, high = np.full(kind.nv, np.inf), np.full(kind.nq, np.inf)
         if kind.nq > kind.nv:  # quaternions: a little more than one, as Pinocchio's readers have it
-            turns[-4:] = 1.01
-        joint = self.model.addJoint(parent, kind, place, name, endless, endless, -turns, turns)
+            high[-4:] = 1.01
+        low = -high
+        if limits is not None and not self._from.opt.disableflags & LIMITS_OFF:
+            low[0], high[0] = limits
+        joint = self.model.addJoint(parent, kind, place, name, endless, endless, low, high)
         self.model.addJointFrame(joint)
-        self._armature += [armature] * self.model.joints[joint].nv
-        return int(joint)
-
-    def _frame(self, name: str, kind: Any, joint: int, place: pin.SE3) -> None:
-        self.model.addFrame(pin.Frame(name, joint, place, kind), False)
+        return int(joint), pin.SE3.Identity()
 
 
-LIMITS_OFF = 1 << 3
-"""MuJoCo's mjDSBL_LIMIT."""
-
-
-def _pose(position: Array, quaternion: Iterable[float]) -> pin.SE3:
-    w, x, y, z = map(float, quaternion)
-    return pin.SE3(pin.Quaternion(w, x, y, z).normalized().toRotationMatrix(), np.array(position))
+def _pose(position: Array, quaternion: Sequence[float]) -> pin.SE3:
+    """A placement of MuJoCo's, quaternions with their scalar first."""
+    turn = pin.Quaternion(*map(float, quaternion)).normalized()
+    return pin.SE3(turn.toRotationMatrix(), np.array(position))
 
 
 def _along(kind: int, axis: Array) -> Any:
     """A joint along an axis: the simplest there is."""
-    for unit, along in zip(np.eye(3), AXES, strict=True):
+    for unit, along in zip(np.eye(3), ALIGNED[kind], strict=True):
         if np.array_equal(axis, unit):
-            return along[kind]()
+            return along()
     return UNALIGNED[kind](axis.copy())
 
 
