@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -327,3 +328,91 @@ def test_joint_lists_are_for_urdf(tmp_path: Path) -> None:
     )
     with pytest.raises(rg.ModelError, match=r"joint_name is for URDF"):
         rg.load(tmp_path)
+
+
+# --------------------------------------------------------------------------- files that nobody vouches for
+
+
+def test_attached_models_are_read_from_the_folder_alone(tmp_path: Path) -> None:
+    """With their defaults, loops and names; what MuJoCo would find outside is not read."""
+    folder = tmp_path / "model"
+    (folder / "parts").mkdir(parents=True)
+    (folder / "parts" / "r.xml").write_text(document(f'<body name="b">{BODIES}</body>'), encoding="utf-8")
+    text = """<mujoco><asset><model name="r" file="FILE"/></asset><worldbody><frame pos="0 0 1">
+    <attach model="r" body="b" prefix="p_"/></frame></worldbody></mujoco>"""
+    file = folder / "robot.xml"
+    file.write_text(text.replace("FILE", "parts/r.xml"), encoding="utf-8")
+    parts, theirs = read_mjcf(file), mujoco.MjModel.from_xml_path(str(file))
+    assert list(parts.model.names)[1:] == ["p_q1", "p_q2", "p_q3"]
+    assert len(parts.closures) == theirs.neq == 1
+    np.testing.assert_allclose(parts.keyframes["p_start"], theirs.key_qpos[0])
+    (tmp_path / "r.xml").write_text((folder / "parts" / "r.xml").read_text(), encoding="utf-8")
+    for outside in ("../r.xml", str(tmp_path / "r.xml")):
+        file.write_text(text.replace("FILE", outside), encoding="utf-8")
+        with pytest.raises(
+            rg.ModelError, match=r"<model file=.*r.xml'> cannot be read: it is outside the folder"
+        ):
+            read_mjcf(file)
+        assert read_mjcf(file, root=tmp_path).model.nv == 3
+    file.write_text(text.replace("FILE", "robot.xml"), encoding="utf-8")
+    with pytest.raises(rg.ModelError, match="more than 100 files"):
+        read_mjcf(file)
+
+
+@pytest.mark.parametrize(
+    "outside",
+    [
+        '<include file="../secret"/>',
+        '<asset><model file="../secret"/></asset>',
+        '<worldbody><flexcomp name="f" type="mesh" file="../secret"/></worldbody>',
+        '<worldbody><body><include file="link"/></body></worldbody>',
+    ],
+)
+def test_paths_out_of_the_folder_are_refused(outside: str, tmp_path: Path) -> None:
+    (tmp_path / "secret").write_text(document(), encoding="utf-8")
+    folder = tmp_path / "model"
+    folder.mkdir()
+    (folder / "link").symlink_to(tmp_path / "secret")
+    (folder / "robot.xml").write_text(document(more=outside), encoding="utf-8")
+    with pytest.raises(rg.ModelError, match=r"cannot be read: it is outside the folder .*root="):
+        read_mjcf(folder / "robot.xml")
+
+
+def test_included_files_may_name_others(tmp_path: Path) -> None:
+    """From the main file's folder, else from their own, as MuJoCo has it; each once."""
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "sub" / "bodies.xml").write_text(
+        '<mujoco><worldbody><include file="b.xml"/></worldbody></mujoco>', encoding="utf-8"
+    )
+    (tmp_path / "sub" / "b.xml").write_text(f"<mujocoinclude>{BODIES}</mujocoinclude>", encoding="utf-8")
+    file = tmp_path / "robot.xml"
+    file.write_text(document("", more='<include file="sub/bodies.xml"/>'), encoding="utf-8")
+    assert list(read_mjcf(file).model.names)[1:] == ["q1", "q2", "q3"]
+    (tmp_path / "b.xml").write_text(
+        f"<mujocoinclude><body><joint/>{ROD}</body></mujocoinclude>", encoding="utf-8"
+    )
+    with pytest.raises(rg.ModelError, match="unknown element 'coupler'"):
+        read_mjcf(file)
+    file.write_text(document(more='<include file="b.xml"/><include file="b.xml"/>'), encoding="utf-8")
+    with pytest.raises(rg.ModelError, match=r"<include file='b.xml'> is there twice"):
+        read_mjcf(file)
+
+
+def test_mujoco_prints_nothing_and_writes_no_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Its warnings go elsewhere while a file is read; whoever takes them otherwise still does."""
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(rg.ModelError, match="NaN"):
+        read_mjcf(document(BODIES.replace('pos="0 1 0"', 'pos="0 nan 0"')))
+    assert list(tmp_path.iterdir()) == []
+    assert capfd.readouterr() == ("", "")
+    assert mujoco.get_mju_user_warning() is None
+
+
+def test_without_mujoco_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(
+        rg.MissingExtraError, match=r"MJCF is compiled by MuJoCo.*pip install mujoco.*\[mjcf\]"
+    ):
+        read_mjcf(document())

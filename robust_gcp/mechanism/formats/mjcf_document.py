@@ -189,7 +189,10 @@ class Document:
             parent.attrib.update(nrow="2", ncol="2")
 
     def _bound(self, element: Element) -> None:
-        """Refuse sizes that would take all memory."""
+        """Refuse what ends MuJoCo's process: sizes that take all memory, words that it prints as formats."""
+        for key, value in element.items():
+            if "%" in value:
+                raise self._error(f"<{element.tag}> {key}={shown(value)} has a per cent sign; leave it out")
         for key in ("actdim", "nsample", *(("params",) if element.get("builtin") else ())):
             if not all(abs(_number(word)) <= LARGEST_SIZE for word in element.get(key, "").split()):
                 raise self._error(
