@@ -276,6 +276,7 @@ REFUSED = [
     ({"compiler": 'coordinate="global"'}, r"global coordinates no longer supported"),
     ({"bodies": BODIES.replace('axis="1 0 0"', 'damping="x"')}, r"bad format in attribute 'damping'"),
     ({"bodies": ROD.join(["<body>", "</body>"]), "equality": "", "more": ""}, r"no body has a joint"),
+    ({"bodies": BODIES.replace("rocker", "a%s%n")}, r"<body> name='a%s%n' has a per cent sign"),
     ({"bodies": BODIES.replace("rocker", "crank")}, r"repeated name 'crank' in body"),
     (
         {"compiler": 'eulerseq="abc"', "bodies": f'<body euler="1 2 3"><joint/>{ROD}</body>'},
