@@ -127,6 +127,8 @@ LEFT_OUT: list[tuple[dict[str, Any], str]] = [
     ({"arm": 'gravcomp="1"'}, "gravity compensation of bodies (arm)"),
     ({"joint": 'frictionloss="1"'}, "dry friction of joints (j)"),
     ({"joint": 'range="-1 1"'}, "limits of joints (j)"),
+    ({"joint": 'stiffness="1 2"'}, "nonlinear parts of springs and dampers (j)"),
+    ({"joint": 'damping="0 0 2"'}, "nonlinear parts of springs and dampers (j)"),
 ]
 
 

@@ -19,8 +19,8 @@ from .xml_text import parsed_xml, require_shallow
 MOST_FILES = 100
 """Documents that one may include or attach."""
 
-MOST_ELEMENTS = 20_000
-"""Elements once replicates are written out: MuJoCo's time grows with their square, ten seconds here."""
+LARGEST = 6000
+"""Bodies and joints once replicates are written out: MuJoCo's time grows with their square, 4 s here."""
 
 LARGEST_SIZE = 200.0
 """Of `builtin` meshes, whose vertices grow with its square, and of buffers of actuators."""
@@ -62,7 +62,7 @@ class Document:
     ------
     ModelError
         For a file that is needed and is absent, outside the folders, or named twice (MuJoCo refuses that
-        too), and for more elements than can be compiled.
+        too), and for more bodies than can be compiled.
     """
 
     def __init__(self, root: Element, name: str, folder: Path | None, allowed: Path | None) -> None:
@@ -105,7 +105,7 @@ class Document:
         return main, include | {k: read_bytes(path, LARGEST_FLEX) for k, path in self._files.items()}, assets
 
     def _take(self, root: Element, key: str) -> float:
-        """Read a document in; how many elements it has once replicates are written out."""
+        """Read a document in; how large it is, in bodies and joints."""
         if root.tag != "mujoco":
             raise self._error(f"the root element is <{root.tag}>, a MJCF file starts with <mujoco>")
         self._roots[key] = root
@@ -124,10 +124,12 @@ class Document:
         for element in list(root.iter()):
             self._bound(element)
             self._drop(element)
-        count = _count(root, attached)
-        if not count <= MOST_ELEMENTS:
-            raise self._error(f"it makes {count:.3g} elements, more than {MOST_ELEMENTS:,}; write fewer")
-        return count
+        size = _size(root, attached)
+        if not size <= LARGEST:
+            raise self._error(
+                f"it is as large as {size:.3g} bodies and joints, more than {LARGEST}; write less"
+            )
+        return size
 
     def _expand(self, parent: Element) -> None:
         """Includes in their places."""
@@ -156,7 +158,7 @@ class Document:
         return parsed_xml(path, "MJCF")[0]
 
     def _open(self, element: Element, given: str, meshes: Path) -> float:
-        """See to the file that an element names; how many elements come with it."""
+        """See to the file that an element names; how large is what comes with it."""
         if element.tag in ("mesh", "hfield"):
             element.attrib.setdefault("name", Path(given).stem)
             if element.tag == "mesh":
@@ -170,9 +172,9 @@ class Document:
             self._files[key] = path
             return 0.0
         outer, self._folder = self._folder, path.parent
-        count = self._take(self._parsed(path), key)
+        size = self._take(self._parsed(path), key)
         self._folder = outer
-        return count
+        return size
 
     def _drop(self, parent: Element) -> None:
         """Leave out what has no bearing on the motion."""
@@ -240,9 +242,10 @@ def _number(word: str) -> float:
         return 0.0
 
 
-def _count(element: Element, attached: float) -> float:
-    """Elements of one once replicates are written out; `attached` come with an <attach>."""
-    own = 1.0 + sum(_count(child, attached) for child in element) + attached * (element.tag == "attach")
-    if element.tag in ("replicate", "flexcomp"):
+def _size(element: Element, attached: float) -> float:
+    """Bodies and joints of an element, replicates written out; `attached` come with an <attach>."""
+    own = 1.0 if element.tag in ("body", "joint", "freejoint") else 0.1
+    own += sum(_size(child, attached) for child in element) + attached * (element.tag == "attach")
+    if element.tag in ("replicate", "flexcomp", "composite"):
         own *= math.prod(max(1.0, abs(_number(word))) for word in element.get("count", "1").split())
-    return own * (5.0 if element.tag == "flexcomp" else 1.0)  # a body with three joints at each vertex
+    return own * (40.0 if element.tag in ("flexcomp", "composite") else 1.0)  # four at each vertex

@@ -46,35 +46,42 @@ def actuated_by(m: Any, tree: CompiledTree) -> tuple[str, ...]:
 
 def left_out_of(m: Any, tree: CompiledTree, told: dict[str, list[str]]) -> list[str]:
     """What is there beside bodies and is not simulated, one entry a kind; `told` by the document itself."""
-    flags, names = m.opt.disableflags, np.array([*tree.joints, ""])[:-1]
-    of_dofs = m.dof_jntid
-    round_ones = np.isin(m.jnt_type, (FREE, BALL))
-    curved = {int(j) for j in np.flatnonzero(np.any(m.jnt_stiffnesspoly, axis=1))}
-    curved |= {int(of_dofs[d]) for d in np.flatnonzero(np.any(m.dof_dampingpoly, axis=1))}
-    free = m.jnt_type[of_dofs] == FREE if m.nv else of_dofs
-    kinds: dict[str, Iterable[Any]] = {
+    flags, at = m.opt.disableflags, m.jnt_dofadr  # a joint's velocities are alike in what is asked here
+    round_ones, moved = np.isin(m.jnt_type, (FREE, BALL)), [not tree.is_fixed(j) for j in range(m.njnt)]
+    sprung = (m.jnt_stiffness != 0.0) & (not flags & SPRINGS_OFF)
+    kinds: dict[str, Iterable[str]] = {
         "drag of a medium": [key for key in ("density", "viscosity", "wind") if np.any(getattr(m.opt, key))],
         "gravity compensation of bodies": _of(tree.bodies, m.body_gravcomp),
         "motion of mocap bodies": _of(tree.bodies, m.body_mocapid >= 0),
         STAYS: tree.standing,
-        "armature of free joints": names[of_dofs[(m.dof_armature != 0.0) & free.astype(bool)]],
-        "dry friction of joints": names[of_dofs[m.dof_frictionloss != 0.0]]
-        if not flags & FRICTION_OFF
-        else (),
-        "limits of joints": _of(tree.joints, m.jnt_limited) if not flags & LIMITS_OFF else (),
-        "springs of ball and free joints": _of(tree.joints, (m.jnt_stiffness != 0.0) & round_ones),
-        "nonlinear parts of springs and dampers": [tree.joints[j] for j in sorted(curved)],
+        "armature of free joints": _of(
+            tree.joints, (m.dof_armature[at] != 0.0) & (m.jnt_type == FREE) & moved
+        ),
+        "dry friction of joints": _of(
+            tree.joints, (m.dof_frictionloss[at] != 0.0) & moved, flags & FRICTION_OFF
+        ),
+        "limits of joints": _of(tree.joints, m.jnt_limited, flags & LIMITS_OFF),
+        "springs of ball and free joints": _of(tree.joints, sprung & round_ones & moved),
+        "nonlinear parts of springs and dampers": _of(tree.joints, _curved(m) & moved),
         "actuators": [_actuator(m, tree, a) for a in range(m.nu)],
         "tendons": [m.tendon(t).name or "tendon" for t in range(m.ntendon)],
-        "deformables": [_text(m, adr) or "flex" for adr in m.name_flexadr] + told.pop("deformables", []),
+        "deformables": [_text(m, at) or "flex" for at in m.name_flexadr],
         **told,
-        "contacts of bodies": [
-            tree.bodies[body]
-            for body, masks in zip(m.geom_bodyid, m.geom_contype | m.geom_conaffinity, strict=True)
-            if body and masks and not flags & CONTACT_OFF
-        ],
+        "contacts of bodies": _of(
+            [tree.bodies[b] for b in m.geom_bodyid],
+            (m.geom_bodyid > 0) & ((m.geom_contype | m.geom_conaffinity) != 0),
+            flags & CONTACT_OFF,
+        ),
     }
-    return [entry for kind, where in kinds.items() for entry in named(kind, map(str, where))]
+    return [entry for kind, where in kinds.items() for entry in named(kind, where)]
+
+
+def _curved(m: Any) -> Any:
+    """Joints whose springs or dampers are more than linear, or yield; MuJoCo 3 has none."""
+    if not hasattr(m, "jnt_stiffnesspoly"):
+        return np.zeros(m.njnt, dtype=bool)
+    curved = np.any(m.jnt_stiffnesspoly, axis=1) | np.any(m.dof_dampingpoly[m.jnt_dofadr], axis=1)
+    return curved | (m.jnt_plasticadr >= 0)
 
 
 def _text(m: Any, at: int) -> str:
@@ -82,8 +89,8 @@ def _text(m: Any, at: int) -> str:
     return bytes(m.names[at:]).split(b"\0", 1)[0].decode(errors="replace")
 
 
-def _of(names: list[str], which: Any) -> list[str]:
-    return [name for name, is_one in zip(names, which, strict=True) if is_one]
+def _of(names: list[str], which: Any, switched_off: int = 0) -> list[str]:
+    return [name for name, is_one in zip(names, which, strict=True) if is_one and not switched_off]
 
 
 def _actuator(m: Any, tree: CompiledTree, actuator: int) -> str:
