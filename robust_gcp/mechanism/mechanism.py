@@ -177,13 +177,14 @@ class Mechanism(Coordinates):
         name: str = "",
         base: str | None = None,
         strict: bool = False,
+        root: str | Path | None = None,
     ) -> Mechanism:
         """A mechanism from a MJCF file (or its text); see `mjcf.read_mjcf` for what is read.
 
-        `home` is q (nq,), the name of a keyframe, or MuJoCo's qpos0 when left out; `base` and `strict` are
-        those of `from_urdf`.
+        `home` is q (nq,), the name of a keyframe, or MuJoCo's qpos0 when left out; `root` a folder besides
+        the file's own, whose files it may include; `base` and `strict` are those of `from_urdf`.
         """
-        contents = read_mjcf(mjcf, base)
+        contents = read_mjcf(mjcf, base, root)
         tell_left_out(contents.left_out, _called(mjcf, "MJCF"), strict)
         q = contents.configuration(home) if home is None or isinstance(home, str) else home
         return cls.from_contents(contents, independent, q, name)

@@ -184,7 +184,8 @@ def test_ranges_of_mjcf_count_from_the_files_zero() -> None:
     ranges = ranges_of(mech)
     np.testing.assert_allclose([ranges.low[0], ranges.high[0]], np.deg2rad([10.0, 50.0]))
     np.testing.assert_allclose(mech.home, np.deg2rad([30.0]))
-    off = rg.Mechanism.from_mjcf(text.replace("COMPILER", '<compiler autolimits="false"/>'))
+    without = text.replace('range="10 50"', 'range="10 50" limited="false"')
+    off = rg.Mechanism.from_mjcf(without.replace("COMPILER", '<compiler autolimits="false"/>'))
     assert ranges_of(off).names == ()
 
 

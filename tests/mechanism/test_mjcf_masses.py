@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -59,7 +60,6 @@ def test_masses_are_those_that_mujoco_compiles(
 ) -> None:
     """M and gravity's torques at random configurations."""
     monkeypatch.chdir(tmp_path)  # MuJoCo writes a log of what it deprecates
-    mujoco = pytest.importorskip("mujoco", reason="mujoco (extra `bench`) is not installed")
     if "inertiafromgeom" in compiler:  # the arm's own mass is then zero there too
         compiler += ' boundmass="0.2" boundinertia="0.01"'
     theirs = mujoco.MjModel.from_xml_string(document(compiler=compiler))
@@ -79,7 +79,6 @@ def test_masses_are_those_that_mujoco_compiles(
 
 def test_bounds_of_bodies_that_nothing_weighs() -> None:
     """MuJoCo has their centre at their own `pos`, in their own axes, whatever frame they are in."""
-    mujoco = pytest.importorskip("mujoco", reason="mujoco (extra `bench`) is not installed")
     text = """<mujoco><compiler boundmass="0.5" boundinertia="0.01"/><worldbody>
       <body name="a" pos="0 0 1"><joint name="j" axis="0 1 0"/><geom size="0.1"/>
         <frame pos="1 2 3" euler="10 20 30">
@@ -92,7 +91,6 @@ def test_bounds_of_bodies_that_nothing_weighs() -> None:
 
 
 def test_springs_given_by_time_and_damping_ratio_are_those_of_mujoco() -> None:
-    mujoco = pytest.importorskip("mujoco", reason="mujoco (extra `bench`) is not installed")
     text = document(
         compiler=BALANCED, joint='springdamper="0.1 0.5" springref="20" stiffness="7" damping="3"'
     )
@@ -129,6 +127,8 @@ LEFT_OUT: list[tuple[dict[str, Any], str]] = [
     ({"arm": 'gravcomp="1"'}, "gravity compensation of bodies (arm)"),
     ({"joint": 'frictionloss="1"'}, "dry friction of joints (j)"),
     ({"joint": 'range="-1 1"'}, "limits of joints (j)"),
+    ({"joint": 'stiffness="1 2"'}, "nonlinear parts of springs and dampers (j)"),
+    ({"joint": 'damping="0 0 2"'}, "nonlinear parts of springs and dampers (j)"),
 ]
 
 
@@ -137,14 +137,70 @@ def test_what_is_left_out_is_told(given: dict[str, Any], entry: str) -> None:
     assert entry in read_mjcf(document(compiler=BALANCED, **given)).left_out
 
 
-def test_bodies_whose_masses_only_meshes_know_load_and_are_told_of() -> None:
-    """Files without their meshes; a body that has other mass keeps that."""
+ASSET = '<asset><mesh name="a" file="a.obj"/></asset>'
+TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+BARE = f"""<mujoco>{ASSET}<option><flag contact='disable'/></option>
+<worldbody><body name='b'><joint name='j'/>{MESH}</body></worldbody></mujoco>"""
+
+
+def test_masses_of_meshes_that_are_absent_are_told_or_refused() -> None:
+    """A body that has other mass keeps that; one that has none is refused by name."""
     text = document(compiler=BALANCED)
-    parts = read_mjcf(text.replace('<geom size="0.07"', f'{MESH}<geom size="0.07"'))
+    parts = read_mjcf(
+        text.replace('<geom size="0.07"', f'{MESH}<geom size="0.07"').replace(
+            "<worldbody>", ASSET + "<worldbody>"
+        )
+    )
     assert "masses of meshes on bodies (arm)" in parts.left_out
-    assert parts.model.inertias[1].mass == read_mjcf(text).model.inertias[1].mass
-    bare = f"<mujoco><worldbody><body><joint name='j' armature='1'/>{MESH}</body></worldbody></mujoco>"
-    assert read_mjcf(bare).model.inertias[1].mass == 0.0
+    assert parts.model.inertias[1].mass == pytest.approx(read_mjcf(text).model.inertias[1].mass, rel=1e-14)
+    with pytest.raises(rg.ModelError, match=r"mass of 'b' comes from meshes .*'a' \(this is text.*root="):
+        read_mjcf(BARE)
+    with pytest.raises(rg.ModelError, match=r"mass of 'b' comes from meshes"):
+        read_mjcf(BARE.replace("<asset>", "<compiler settotalmass='3'/><asset>"))
+
+
+def test_masses_of_meshes_are_those_that_mujoco_computes(tmp_path: Path) -> None:
+    """Beside the file, in its `meshdir`, beside an included file, or in a folder that is named by root=."""
+    assets, elsewhere = tmp_path / "model" / "assets", tmp_path / "elsewhere"
+    for folder in (assets, elsewhere):
+        folder.mkdir(parents=True)
+        (folder / "a.obj").write_text(TETRAHEDRON, encoding="utf-8")
+    file = assets.parent / "robot.xml"
+    part = BARE.replace(ASSET, "").replace("<mujoco>", '<mujoco><include file="assets/meshes.xml"/>')
+    (assets / "meshes.xml").write_text(f"<mujoco>{ASSET}</mujoco>", encoding="utf-8")
+    for text in (
+        BARE.replace("<asset>", '<compiler meshdir="assets"/><asset>'),
+        BARE.replace("<asset>", '<compiler assetdir="assets"/><asset>'),
+        BARE.replace("a.obj", "assets/a.obj"),
+        part,
+    ):
+        file.write_text(text, encoding="utf-8")
+        theirs = mujoco.MjModel.from_xml_path(str(file))
+        assert read_mjcf(file).model.inertias[1].mass == pytest.approx(theirs.body_mass[1], rel=1e-14)
+        assert theirs.body_mass[1] == pytest.approx(1000.0 / 6.0)
+    file.write_text(BARE.replace("a.obj", "../elsewhere/a.obj"), encoding="utf-8")
+    with pytest.raises(rg.ModelError, match=r"'a' \(it is outside the folder"):
+        rg.load(file)
+    assert rg.load(file, root=elsewhere).model.inertias[1].mass == pytest.approx(1000.0 / 6.0)
+
+
+def test_meshes_that_no_mass_needs_are_not_opened(tmp_path: Path) -> None:
+    """Nor heights and pictures; what is beside the file may be anything."""
+    file = tmp_path / "robot.xml"
+    given = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+    assets = """<mesh name="a" file="a.obj"/><mesh file="robot.xml.stl"/>
+    <hfield name="h" file="h.png" size="1 1 1 1"/><texture name="t" type="2d" file="t.png"/>
+    <material name="m" texture="t"/><skin file="s.skn"/>"""
+    text = BARE.replace(ASSET, f"<asset>{assets}</asset>").replace(
+        MESH, given + MESH.replace("/>", ' material="m"/>')
+    )
+    text = text.replace("<worldbody>", '<worldbody><geom type="hfield" hfield="h"/>')
+    for content in (None, b"", b"no mesh"):
+        for name in ("a.obj", "robot.xml.stl", "h.png", "t.png", "s.skn"):
+            if content is not None:
+                (tmp_path / name).write_bytes(content)
+        file.write_text(text, encoding="utf-8")
+        assert rg.Mechanism.from_mjcf(file).model.inertias[1].mass == 1.0
 
 
 def test_bodies_that_a_user_moves_stand_still() -> None:

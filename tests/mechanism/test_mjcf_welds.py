@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mujoco
 import numpy as np
 import pytest
 from scipy.linalg import subspace_angles
@@ -39,7 +40,6 @@ def test_a_weld_holds_what_its_torquescale_leaves(scale: float | None, kind: str
 @pytest.mark.parametrize("ends", ENDS)
 def test_its_rows_are_those_of_mujoco(scale: float, ends: str) -> None:
     """Closed here is closed there, and K has the row space of MuJoCo's own constraint Jacobian."""
-    mujoco = pytest.importorskip("mujoco", reason="mujoco (extra `bench`) is not installed")
     mech = rg.Mechanism.from_mjcf(document(ends, scale))
     model = mujoco.MjModel.from_xml_string(document(ends, scale))
     data = mujoco.MjData(model)

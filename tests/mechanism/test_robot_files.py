@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -258,7 +259,6 @@ MJCF = (
 @pytest.mark.parametrize("file", MJCF)
 def test_trees_are_those_that_mujoco_reads(file: str, robots: Any) -> None:
     """Body poses, total mass, M and gravity's torques at random configurations, meshes left out in both."""
-    mujoco = pytest.importorskip("mujoco", reason="mujoco (extra `bench`) is not installed")
     theirs = mujoco.MjModel.from_xml_string(without_meshes((ROBOTS / file).read_text(encoding="utf-8")))
     mech: rg.Mechanism = robots(file)
     model, state, rng = mech.model, mujoco.MjData(theirs), np.random.default_rng(0)
@@ -292,7 +292,6 @@ def test_trees_are_those_that_mujoco_reads(file: str, robots: Any) -> None:
 @pytest.mark.parametrize("file", MJCF)
 def test_loops_are_those_that_mujoco_reads(file: str, robots: Any) -> None:
     """Row space of K beside home: MuJoCo's Jacobian of the active equalities."""
-    mujoco = pytest.importorskip("mujoco", reason="mujoco (extra `bench`) is not installed")
     theirs = mujoco.MjModel.from_xml_string(without_meshes((ROBOTS / file).read_text(encoding="utf-8")))
     theirs.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     mech: rg.Mechanism = robots(file)

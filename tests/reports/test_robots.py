@@ -19,7 +19,8 @@ def folder(tmp_path: Path) -> Path:
     """A model, a file of parts, and one that is refused."""
     shutil.copytree(models_folder() / "rhombus", tmp_path / "arms" / "rhombus")
     (tmp_path / "parts.xml").write_text("<mujocoinclude><default/></mujocoinclude>", encoding="utf-8")
-    (tmp_path / "plane.xml").write_text("<mujoco><worldbody><geom/></worldbody></mujoco>", encoding="utf-8")
+    plane = "<mujoco><worldbody><geom type='plane' size='1 1 1'/></worldbody></mujoco>"
+    (tmp_path / "plane.xml").write_text(plane, encoding="utf-8")
     return tmp_path
 
 

@@ -58,6 +58,7 @@ def load(
     independent: Sequence[str] | Literal["auto"] | None = None,
     base: str | None = None,
     strict: bool = False,
+    root: str | Path | None = None,
 ) -> Mechanism:
     """A mechanism from a shipped model's name, a folder, or a robot's file (URDF: *.urdf, MJCF: *.xml).
 
@@ -87,6 +88,8 @@ def load(
     strict : bool
         Refuse a file with parts that are not simulated (`Mechanism.left_out`), of which a ModelWarning tells
         else.
+    root : str or Path, optional
+        A folder besides the model's own whose files a MJCF file may include, attach or take meshes from.
 
     Raises
     ------
@@ -107,10 +110,10 @@ def load(
             raise ModelError(f"{path}: give the folder that it is in; read there is robot.yaml")
         path = path.parent
     if path.suffix in READERS and not has_yaml(path):
-        return _mechanism(alone(path, base), path, path.stem, {}, {}, independent, strict)
+        return _mechanism(alone(path, base, root), path, path.stem, {}, {}, independent, strict)
     folder, path = _folder(path.parent if path.suffix in READERS else path, name_or_folder)
     if path.suffix in READERS:
-        contents = alone(inside(folder, path.name), base)
+        contents = alone(inside(folder, path.name), base, root)
         contents.left_out += named("files beside it", others_beside(path))
         return _mechanism(contents, path, folder.name, {}, {}, independent, strict)
     settings = _settings(path)
@@ -119,7 +122,7 @@ def load(
     changes = joint_changes(settings, path)
     robot = inside(folder, robot_file(folder))
     if is_mjcf(robot):
-        contents = read_mjcf(robot, base)
+        contents = read_mjcf(robot, base, root)
         if changes:
             raise ModelError(f"{path}: joint_name is for URDF; write the joint as it is in {robot.name}")
     else:

@@ -34,10 +34,10 @@ def is_mjcf(path: Path) -> bool:
     return path.suffix == ".mjcf"
 
 
-def alone(path: Path, base: str | None) -> FileContents:
+def alone(path: Path, base: str | None, root: str | Path | None = None) -> FileContents:
     """What a file describes without a robot.yaml; one that only such a file could close is refused."""
     if is_mjcf(path):
-        return read_mjcf(path, base)
+        return read_mjcf(path, base, root)
     contents = read_urdf(path, base)
     ends = open_ends(contents.model) if not contents.closures else []
     if ends:

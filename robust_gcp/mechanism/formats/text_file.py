@@ -29,12 +29,20 @@ def path_of(given: Any, what: str) -> Path:
 
 
 def read_text(path: Path, largest: int = LARGEST) -> str:
-    """The text of a regular file in UTF-8.
+    """The text of a regular file in UTF-8, or a ModelError; see `read_bytes`."""
+    try:
+        return read_bytes(path, largest).decode("utf-8")
+    except UnicodeError as error:
+        raise ModelError(f"{path}: cannot be read ({error}); save it as UTF-8") from error
+
+
+def read_bytes(path: Path, largest: int = LARGEST) -> bytes:
+    """What a regular file holds.
 
     Raises
     ------
     ModelError
-        Where it is missing, no regular file (a device or pipe may never end), too large, or not UTF-8.
+        Where it is missing, no regular file (a device or pipe may never end), or too large.
     """
     try:
         if path.exists() and not path.is_file():
@@ -47,13 +55,11 @@ def read_text(path: Path, largest: int = LARGEST) -> str:
                 f"{path}: cannot be read: it has {max(size, len(data)):,} bytes, more than {largest:,}; "
                 "shorten it"
             )
-        return data.decode("utf-8")
+        return data
     except FileNotFoundError as error:
         raise missing_file(path) from error
     except OSError as error:
         raise ModelError(f"{path}: cannot be read ({error})") from error
-    except UnicodeError as error:
-        raise ModelError(f"{path}: cannot be read ({error}); save it as UTF-8") from error
 
 
 def is_file(path: Path) -> bool:

@@ -17,6 +17,9 @@ from .parts import Joint, Place, closure_places, frame_place, held_points, joint
 THIN = 1e-12
 """A slender rod has no moment about itself, which MuJoCo refuses: it gets this fraction of the largest."""
 
+LEAST = 2e-15
+"""Twice the moment that MuJoCo takes for none, kg m²."""
+
 
 def mjcf(mechanism: Mechanism) -> str:
     """MJCF of a mechanism with hinges, sliders and floating bases; joints keep their names and order.
@@ -62,7 +65,8 @@ def _body(parent: ElementTree.Element, joint: Joint, mechanism: Mechanism) -> El
         _simple_joint(body, joint, mechanism)
     moments, axes = np.linalg.eigh(inertia.inertia)
     axes[:, 0] *= np.linalg.det(axes)
-    moments = np.maximum(moments, THIN * (moments.max() or inertia.mass * mechanism.length**2))
+    thin = THIN * (moments.max() or inertia.mass * mechanism.length**2)
+    moments = np.maximum(moments, max(thin, LEAST))
     moments[1] += max(0.0, moments[2] - moments[0] - moments[1])  # a lamina's triangle, lost by rounding
     where = {"pos": _text(inertia.lever), "quat": _quaternion(axes)}
     ElementTree.SubElement(body, "inertial", where, mass=_text([inertia.mass]), diaginertia=_text(moments))
