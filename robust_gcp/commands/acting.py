@@ -75,10 +75,16 @@ def drive_of(mechanism: Mechanism, args: argparse.Namespace) -> dict[str, Motion
     q = mechanism.home if args.q0 is None else mechanism.configuration(args.q0, "q0")
     drives = {name: Motion(_table_of(path)) for name, path in tables.items()}
     for name, speed in speeds.items():
-        joint = mechanism.joint(name)
-        start = float(q[joint.idx_q])
-        drives[name] = Motion(lambda t, start=start, speed=speed: start + speed * t)
+        start = float(q[mechanism.joint(name).idx_q])
+        drives[name] = _steady(start, speed)
     return drives or None
+
+
+def _steady(start: float, speed: float) -> Motion:
+    """start + speed · t, as a spline, which --save keeps where it would lose a function."""
+    from scipy.interpolate import PPoly
+
+    return Motion(PPoly([[speed], [start]], [0.0, 1.0]))
 
 
 def _once(option: str, pairs: Iterable[tuple[str, Value]]) -> dict[str, Value]:

@@ -220,6 +220,7 @@ def test_a_joint_is_driven_at_constant_speed_from_where_it_starts(tmp_path: Path
     drive = {"q1": rg.Motion(lambda t: mech.home[0] + 3.0 * t)}
     there = rg.simulate(mech, duration=0.1, step=5e-3, drive=drive)
     np.testing.assert_allclose(saved["drive.q1"], there["drive.q1"], rtol=1e-9, atol=1e-9)
+    assert saved.acted is not None and not saved.acted.lost
     start = mech.assemble({"q1": 2.0})
     given = ["--q0", *map(str, start), "--drive-speed", "q1=-1", "--json"]
     assert run("simulate slider_crank", *SHORT, *given) == 0
