@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
 
+    from .phases.parts import Happening
+
 
 @dataclass(repr=False)
 class Trajectory(Named):
@@ -61,6 +63,14 @@ class Trajectory(Named):
         Number of the terminal event that ended the run, whose time is the last in t.
     tau : ndarray (N + 1, nv) or None
         All that acts besides gravity, N m and N, when recorded: torques, wrenches, springs, dampers, drives.
+    happenings : list of Happening
+        Impacts, holds, releases and so on of stops, friction and locks (`joints=`), in the order of time.
+    dissipated : ndarray (N + 1,) or None
+        Energy lost since the start by impacts, friction and dampers of stops, J; None without `joints=`.
+    part_names : tuple of str
+        "stop.q3", "friction.q1", "lock.q2": what `joints=` held, as `traj["stop.q3"]`.
+    part_forces : ndarray (N + 1, k) or None
+        The generalised force of each of these, N m and N.
     acted : Acted or None
         What it was simulated with: torques, wrenches, what was held over the steps, driven joints.
     """
@@ -82,6 +92,10 @@ class Trajectory(Named):
     ended_by: int | None = None
     tau: Array | None = None
     acted: Acted | None = None
+    happenings: list[Happening] = field(default_factory=list)
+    dissipated: Array | None = None
+    part_names: tuple[str, ...] = ()
+    part_forces: Array | None = None
 
     @property
     def y(self) -> Array:
@@ -99,8 +113,13 @@ class Trajectory(Named):
         )
 
     def energy_error(self) -> Array:
-        """Energy minus its start and minus the work of torques, drives and dampers, (N + 1,), J."""
-        return energy_drift(self._energy, self.work)
+        """Energy minus its start and the work of torques, drives, dampers, plus what dissipated, (N + 1,), J."""
+        return energy_drift(self._energy, self.work_left)
+
+    @property
+    def work_left(self) -> Array | None:
+        """Work done, less what impacts, friction and dampers of stops dissipated, (N + 1,), J."""
+        return self.work if self.work is None or self.dissipated is None else self.work - self.dissipated
 
     @cached_property
     def _energy(self) -> Array:
@@ -165,7 +184,7 @@ class Trajectory(Named):
     def columns(self) -> dict[str, Array]:
         """Every number recorded, (N + 1,) each, by name.
 
-        t, q.…, v.…, a.…, energy, work, tau.…, drive.…, lambda.…: as far as they are there.
+        t, q.…, v.…, a.…, energy, work, dissipated, tau.…, drive.…, lambda.…, stop.…: as far as they are there.
         The numbers of a joint are called `q.joint` and `v.joint`, or `q.joint.component` where it has
         several, such as `q.ball.qw` and `v.ball.rx`; constraint forces by `reactions.row_names`.
         """
@@ -174,6 +193,8 @@ class Trajectory(Named):
             columns["energy"] = self.energy
         if self.work is not None:
             columns["work"] = self.work
+        if self.dissipated is not None:
+            columns["dissipated"] = self.dissipated
         if self.tau is not None:
             columns |= force_columns(self.mechanism, "tau", self.tau)
         if self.drive_torque is not None:
@@ -181,6 +202,8 @@ class Trajectory(Named):
         if self.multipliers is not None:
             names = row_names(self.mechanism)
             columns |= {f"lambda.{name}": self.multipliers[:, i] for i, name in enumerate(names)}
+        if self.part_forces is not None:
+            columns |= dict(zip(self.part_names, self.part_forces.T, strict=True))
         return columns
 
     def accelerations(self) -> Array:
