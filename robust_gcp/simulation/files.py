@@ -35,7 +35,19 @@ if TYPE_CHECKING:
 
 FORMAT = "robust_gcp trajectory 1"
 
-ARRAYS = ("t", "q", "v", "a", "energy", "multipliers", "work", "drive_torque", "tau")
+ARRAYS = (
+    "t",
+    "q",
+    "v",
+    "a",
+    "energy",
+    "multipliers",
+    "work",
+    "drive_torque",
+    "tau",
+    "dissipated",
+    "part_forces",
+)
 """What a trajectory holds, one row a time; the first three always."""
 
 SAME = 1e-9
@@ -179,7 +191,7 @@ def _require_rows(arrays: Mapping[str, Array]) -> None:
     if t.ndim != 1 or not np.all(np.diff(t) > 0.0):
         raise ValueError("the times do not increase")
     for name, values in rows.items():
-        flat = name in ("t", "energy", "work")
+        flat = name in ("t", "energy", "work", "dissipated")
         if values.ndim != (1 if flat else 2) or len(values) != len(t) or values.dtype != np.float64:
             raise ValueError(f"{name} has the shape {values.shape} at {len(t)} times")
 

@@ -113,7 +113,7 @@ class Trajectory(Named):
         )
 
     def energy_error(self) -> Array:
-        """Energy minus its start and the work of torques, drives, dampers, plus what dissipated, (N + 1,), J."""
+        """Energy minus its start and the work of torques, drives, dampers, plus `dissipated`, (N + 1,), J."""
         return energy_drift(self._energy, self.work_left)
 
     @property
@@ -184,7 +184,7 @@ class Trajectory(Named):
     def columns(self) -> dict[str, Array]:
         """Every number recorded, (N + 1,) each, by name.
 
-        t, q.…, v.…, a.…, energy, work, dissipated, tau.…, drive.…, lambda.…, stop.…: as far as they are there.
+        t, q.…, v.…, a.…, energy, work, tau.…, drive.…, lambda.…, dissipated, stop.…: as far as they are there.
         The numbers of a joint are called `q.joint` and `v.joint`, or `q.joint.component` where it has
         several, such as `q.ball.qw` and `v.ball.rx`; constraint forces by `reactions.row_names`.
         """

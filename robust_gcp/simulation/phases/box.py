@@ -98,7 +98,7 @@ class Load:
         self._dry = np.isfinite(bounds)
 
     def forces(self, need: Array) -> tuple[Array, float]:
-        """f (n,), and its margin: ≥ 0 where what is held stays so, a share of bounds or N m of a stop's push."""
+        """f (n,), and its margin, ≥ 0 where what is held stays so: a share of bounds, or N m of a push."""
         weight = np.where(self._dry, self._bounds, 1.0)
         f = weight * np.linalg.lstsq(self._A.T * weight, need, rcond=RANK)[0]
         margin = self._margin(f)
@@ -129,8 +129,8 @@ class Load:
         ].T  # the range of Aᵀ: need is in it but for errors
         equal = np.hstack([Q @ self._A.T, np.zeros((self._rank, 1))])
         found = linprog(
-            np.append(np.zeros(n), -1.0), np.vstack([above[0], below[0]]), np.concatenate([above[1], below[1]]),
-            equal, Q @ need, bounds=[(None, None)] * n + [(None, LARGEST_MARGIN)],
+            np.append(np.zeros(n), -1.0),
+            np.vstack([above[0], below[0]]), np.concatenate([above[1], below[1]]), equal, Q @ need, bounds=[(None, None)] * n + [(None, LARGEST_MARGIN)],
         )  # fmt: skip
         if found.x is None:
             raise SimulationError(f"the forces of what is held are not found: {found.message}")

@@ -15,10 +15,10 @@ from ...mechanism.tree import Array
 from .box import ZERO, box, independent_rows
 from .frame import Frame, Seen
 from .impact import REST, Tell, settled_impacts
-from .rows import GAP, Kind, Rows
+from .rows import Kind, Rows
 
 ON_STOP = 1e-13
-"""m or rad: a stop that is held this near to its place is held at it, so that its phase is the same each time."""
+"""m or rad: a stop this near to its place is held at it, so that its phase is the same each time."""
 
 Acting = Callable[[float, Array, Array], Array]
 
@@ -67,7 +67,7 @@ class Phase:
             for i in self.touching:
                 part, side = rows.rows[i].part, rows.side[i]
                 depth, rate = -gaps[i], -side * (rows.E[i] @ v)
-                f[i] = side * part.stiffness * depth * (1.0 + part.damping * rate)  # type: ignore[union-attr, operator]
+                f[i] = side * part.stiffness * depth * (1.0 + part.damping * rate)  # type: ignore[union-attr]
         return f
 
 
@@ -171,6 +171,3 @@ def _at_rest(rows: Rows, phase: Phase, q: Array, v: Array, seen: Seen) -> Array:
 def resting(rows: Rows, phase: Phase) -> Sequence[int]:
     """Held rows whose forces have limits."""
     return [i for i in phase.held if rows.rows[i].kind is not Kind.LOCK]
-
-
-__all__ = ["GAP", "Acting", "Phase", "State", "candidates", "decided", "resting", "settled"]

@@ -1,9 +1,9 @@
 """Admissible velocities v = N z and accelerations a = N z + p at an instant: no choice of y enters.
 
 On regular ground the columns of N are an orthonormal basis of ker K, and p = K⁺ k, cluster by cluster. That
-spans what the map's G spans, and G's columns would be worse where y is close to turning back. At and near a
-singular place ker K is larger than the mode, or close to that: there a cluster of mobility 1 takes the tangent
-and the curvature of its motion; of larger ones there is no decision.
+spans what the map's G spans, and G's columns would be worse where y is close to turning back. At and near
+a singular place ker K is larger than the mode, or close to that: there a cluster of mobility 1 takes the
+tangent and the curvature of its motion; of larger ones there is no decision.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from ...errors import SimulationError
 from ...mechanism.mechanism import Mechanism
@@ -52,7 +53,7 @@ class Seen:
         moving = before is None or np.abs(v).max(initial=0.0) > SLOW
         return cls(v, a, v if moving or before is None else before.toward)
 
-    def tangent(self, iv: Array, units: Array) -> tuple[Array, Array] | None:
+    def tangent(self, iv: NDArray[np.int64], units: Array) -> tuple[Array, Array] | None:
         """Unit tangent t of velocities `iv`, and their curvature: dt/ds; None where nothing tells them."""
         v, a = self.v[iv], self.a[iv]
         if np.abs(v / units).max() > SLOW:
@@ -101,9 +102,9 @@ def admissible(mechanism: Mechanism, q: Array, v: Array, seen: Seen | None) -> t
             p[iv] = scale * (Vt[:rank].T @ (U[:, :rank].T @ k / s[:rank]))
         elif cluster.m:
             raise SimulationError(
-                f"stops, friction and locks: at a singular configuration of the loop of {', '.join(cluster.joints)}, "
-                f"with {cluster.m} independent joints{'' if cluster.m > 1 else ' at rest'}, it is not decided "
-                "what is held; start a little beside it",
+                f"stops, friction and locks: at a singular configuration of {', '.join(cluster.joints)}, with "
+                f"{cluster.m} independent joints{'' if cluster.m > 1 else ' at rest'}, it is not decided what "
+                "is held; start a little beside it",
                 None, share=share,
             )  # fmt: skip
         columns.append(own)
@@ -140,11 +141,11 @@ class Frame:
             self._L = np.linalg.cholesky(self.N.T @ self.M @ self.N)
         except np.linalg.LinAlgError as error:
             raise SimulationError(
-                "stops, friction and locks: a motion of the mechanism has no inertia here; give its bodies some"
+                "stops, friction and locks: a motion of the mechanism has no inertia; give its bodies some"
             ) from error
         self._scale = mechanism.column_scale if mechanism.nc else mechanism.units
         self._reach = float(np.linalg.norm(self._solve((self.N / self._scale[:, None]).T)))
-        self.free = np.zeros(self.N.shape[1])
+        self.free: Array = np.zeros(self.N.shape[1])
         if tau is not None:
             force = tau - mechanism.tree.rnea(q, v, self.p)
             self.free = self._solve(self.N.T @ force)

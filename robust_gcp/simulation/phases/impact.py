@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 
 from ...errors import SimulationError
 from ...maps.classical import SingularityWarning
-from ...mechanism.mechanism import Mechanism
-from ...mechanism.tolerances import COMPATIBLE
+from ...maps.start_check import require_compatible
+from ...mechanism.tolerances import NEARLY_CLOSED
 from ...mechanism.tree import Array
 from ...warning import warn
 from .box import box
@@ -103,18 +103,19 @@ def settled_impacts(rows: Rows, t: float, q: Array, v: Array, seen: Seen | None,
             if kind == "impact" and share < DEAD:
                 kind = "grazing"
                 warn(
-                    f"at t = {t:.6g} s the stop of {', '.join(rows.names(met))} is met beside a dead point of its "
-                    "joint: what follows depends on the stop's place without bound",
+                    f"at t = {t:.6g} s the stop of {', '.join(rows.names(met))} is met beside a dead point of "
+                    "its joint: what follows depends on the stop's place without bound",
                     SingularityWarning,
                 )
             tell(kind, met, loss)
     raise SimulationError(f"at t = {t:.6g} s impacts of {', '.join(rows.names(stops))} do not come to an end")
 
 
-def impact(mechanism: Mechanism, q: ArrayLike, v: ArrayLike, joints: Sequence[Any]) -> Impact:
+def impact(mechanism: Any, q: ArrayLike, v: ArrayLike, joints: Sequence[Any]) -> Impact:
     """`Mechanism.impact`."""
     q, v = mechanism.configuration(q), mechanism.velocity(v)
-    mechanism.require_closed(q, COMPATIBLE, "impact: q")
+    mechanism.require_closed(q, NEARLY_CLOSED, "impact: q")
+    require_compatible(mechanism, q, v)
     rows = Rows(mechanism, parts_given(joints))
     rows.require_within(q)
     locks, stops = rows.of(Kind.LOCK), rows.closed(q)

@@ -21,7 +21,7 @@ from ..stats import Stats
 from ..trajectory import Trajectory
 from .decision import Phase
 from .parts import Happening
-from .rows import Kind, Rows
+from .rows import Rows
 
 WHAT = ("t", "q", "v", "a", "tau", "work", "smooth", "forces")
 
@@ -91,8 +91,8 @@ class Joined:
         work = self._work + block.work
         self._work, self._smooth = float(work[-1]), float(smooth[-1])
         new = {
-            "t": block.t, "q": block.q, "v": block.v, "a": block.a, "tau": block.tau + block.held @ self.rows.E,
-            "work": work, "smooth": smooth, "forces": forces,
+            "t": block.t, "q": block.q, "v": block.v, "a": block.a,
+            "tau": block.tau + block.held @ self.rows.E, "work": work, "smooth": smooth, "forces": forces,
         }  # fmt: skip
         if not len(block.t[chosen]):
             return
@@ -113,7 +113,7 @@ class Joined:
     def _lost(self, block: Block, phase: Phase) -> Array:
         """What slipping joints and dampers of springy stops dissipate from the block's start on, J.
 
-        ∫ F |ṙ| dt is F |Δr|; of dampers the integral of k d δ δ̇² by the trapezoidal rule with end corrections.
+        ∫ F |ṙ| dt is F |Δr|; ∫ k d δ δ̇² dt of dampers by the trapezoidal rule with end corrections.
         """
         rows, total = self.rows, np.zeros(len(block.t))
         r = rows.values(block.q)
@@ -133,7 +133,7 @@ class Joined:
             total[1:] += np.cumsum(steps)
         return total
 
-    def cross(self, run: Trajectory, end: float) -> None:
+    def count(self, run: Trajectory, end: float) -> None:
         """Keep crossings and changes of coordinates of a stretch up to the time `end`, and count its cost."""
         mechanism, other = self.rows.mechanism, run.mechanism
         for crossing in run.crossings:
@@ -146,7 +146,6 @@ class Joined:
                 setattr(self.stats, item.name, total)
         self.stats.repartitions += [change for change in run.stats.repartitions if change[0] <= end]
         self.stats.refined += [(begun, min(until, end)) for begun, until in run.stats.refined if begun < end]
-        self.stats.stepper, self.stats.step = run.stats.stepper, self.stats.step
 
     def trajectory(self) -> Trajectory:
         """All that is kept."""
@@ -203,6 +202,3 @@ def _cluster(mechanism: Mechanism, other: Mechanism, index: int | None) -> int |
         return index
     names = set(other.clusters[index].joints)
     return next((c.index for c in mechanism.clusters if names.intersection(c.joints)), None)
-
-
-__all__ = ["Block", "Joined", "Kind"]

@@ -137,13 +137,13 @@ class Rows:
                 row = self.rows[i]
                 which = "lower" if row.side > 0.0 else "upper"
                 raise StateError(
-                    f"the start is {-gaps[i]:.3g} beyond Stop {row.part.joint!r}, {which} = {row.at}: its row "
-                    f"is {float(self.values(q)[i]):.9g} there; start within it"
+                    f"the start is {-gaps[i]:.3g} beyond Stop {row.part.joint!r}, {which} = {row.at}: "
+                    f"its row is {float(self.values(q)[i]):.9g} there; start within it"
                 )
 
     def by_column(self, forces: Array) -> dict[str, Array]:
         """Forces (N, n) of the rows, added up by the columns of the record."""
-        totals = {name: np.zeros(len(forces)) for name in self.columns}
+        totals: dict[str, Array] = {name: np.zeros(len(forces)) for name in self.columns}
         for i, row in enumerate(self.rows):
             totals[row.column] += forces[:, i]
         return totals

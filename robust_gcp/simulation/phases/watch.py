@@ -1,23 +1,21 @@
-"""Events on a stretch of steps: a gap that closes, a spring touched or left, slipping that ends, a hold that breaks.
+"""Events on a stretch of steps: gaps that close, springs touched or left, slips that end, holds that break.
 
 Gaps and rates are watched on the quintics through (r, ṙ, r̈) at both ends of each step: all their real roots,
-so that several bounces in one step, and touches between two ends, are found. Where an event is, is then worked
-out on a partial step by `course`.
+so that several bounces in one step, and touches between two ends, are found. `stretch` locates them then, on a
+partial step.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from ...mechanism.tree import Array
-from .decision import Phase
-from .frame import UNMOVED, Seen, admissible
 from .box import Load
+from .decision import Phase, resting
+from .frame import UNMOVED, Seen, admissible
 from .rows import Kind, Rows
-from .decision import resting
 
 BELOW = 1e-13
 """m, rad, or per second: how far a function has to fall below 0 after a root for an event."""
@@ -141,7 +139,7 @@ class Holding:
 
 
 def quintic(h: float, series: Array) -> Array:
-    """Coefficients in x = (t − t₀)/h, highest first, of the polynomial through s, ṡ, s̈ (3, 2) at both ends."""
+    """Coefficients in x = (t − t₀)/h, highest first, through s, ṡ, s̈ (3, 2) at both ends."""
     s, v, a = series
     d = s[1] - s[0] - h * v[0] - 0.5 * h * h * a[0]
     e = h * (v[1] - v[0]) - h * h * a[0]
@@ -163,7 +161,7 @@ def falling_root(p: Array, tiny: float) -> float | None:
     return None
 
 
-def first_break(margins: Sequence[float]) -> int | None:
+def first_break(margins: Array) -> int | None:
     """The step at whose end the margin is negative first, of those at the ends of all steps."""
-    broken = np.flatnonzero(np.asarray(margins) < 0.0)
+    broken = np.flatnonzero(margins < 0.0)
     return int(broken[0]) if len(broken) else None
