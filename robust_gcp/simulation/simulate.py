@@ -198,7 +198,8 @@ def simulate(
     if joints is not None:
         refused = {
             f"method={method!r}": method != "bridge", f"stepper={stepper!r}": tableau != "rk4",
-            "hold=True": hold, "drive=": drive is not None, "events=": events is not None, "outputs=": outputs is not None,
+            "hold=True": hold, "drive=": drive is not None, "events=": events is not None,
+            "outputs=": outputs is not None,
         }  # fmt: skip
         return course.through_phases(
             joints, (q0, v0, mode), applied, kernel, backend == "native", refused, progress

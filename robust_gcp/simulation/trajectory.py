@@ -184,7 +184,7 @@ class Trajectory(Named):
     def columns(self) -> dict[str, Array]:
         """Every number recorded, (N + 1,) each, by name.
 
-        t, q.…, v.…, a.…, energy, work, tau.…, drive.…, lambda.…, dissipated, stop.…: as far as they are there.
+        t, q.…, v.…, a.…, energy, work, dissipated, tau.…, drive.…, lambda.…, stop.…: as they are there.
         The numbers of a joint are called `q.joint` and `v.joint`, or `q.joint.component` where it has
         several, such as `q.ball.qw` and `v.ball.rx`; constraint forces by `reactions.row_names`.
         """
@@ -297,7 +297,7 @@ class Trajectory(Named):
     def save(self, path: str | Path) -> Path:
         """Write everything to a .npz file, which `load_trajectory` reads back; returns the path.
 
-        Stored: t, q, v and whatever else was recorded, crossings, events, stats, torques that were numbers,
+        Stored: t, q, v and whatever else was recorded, crossings, events, happenings, stats, torques that were numbers,
         and the mechanism (tree, closures, forces, coordinates). Not stored: torque functions, but that some
         acted, classes of your own forces, options of the run, and shapes for replay.
         """
@@ -305,8 +305,10 @@ class Trajectory(Named):
         for what in "tqv":
             found = getattr(self, f"{what}_events")
             arrays |= {f"{what}_event_{k}": values for k, values in enumerate(found)}
-        stats = asdict(self.stats)
-        return write_archive(path, self.mechanism, arrays, self.crossings, stats, self.ended_by, self.acted)
+        stats, happenings = asdict(self.stats), [list(asdict(x).values()) for x in self.happenings]
+        parts = {"names": self.part_names, "happenings": happenings}
+        told = self.crossings, stats, self.ended_by, self.acted, parts
+        return write_archive(path, self.mechanism, arrays, *told)
 
     def __repr__(self) -> str:
         """A summary in a few lines."""

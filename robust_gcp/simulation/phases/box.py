@@ -128,10 +128,9 @@ class Load:
             :, : self._rank
         ].T  # the range of Aᵀ: need is in it but for errors
         equal = np.hstack([Q @ self._A.T, np.zeros((self._rank, 1))])
-        found = linprog(
-            np.append(np.zeros(n), -1.0),
-            np.vstack([above[0], below[0]]), np.concatenate([above[1], below[1]]), equal, Q @ need, bounds=[(None, None)] * n + [(None, LARGEST_MARGIN)],
-        )  # fmt: skip
+        limits = np.vstack([above[0], below[0]]), np.concatenate([above[1], below[1]])
+        free = [(None, None)] * n + [(None, LARGEST_MARGIN)]
+        found = linprog(np.append(np.zeros(n), -1.0), *limits, equal, Q @ need, bounds=free)
         if found.x is None:
             raise SimulationError(f"the forces of what is held are not found: {found.message}")
         return found.x[:-1], float(found.x[-1])

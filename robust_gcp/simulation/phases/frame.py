@@ -102,9 +102,9 @@ def admissible(mechanism: Mechanism, q: Array, v: Array, seen: Seen | None) -> t
             p[iv] = scale * (Vt[:rank].T @ (U[:, :rank].T @ k / s[:rank]))
         elif cluster.m:
             raise SimulationError(
-                f"stops, friction and locks: at a singular configuration of {', '.join(cluster.joints)}, with "
-                f"{cluster.m} independent joints{'' if cluster.m > 1 else ' at rest'}, it is not decided what "
-                "is held; start a little beside it",
+                f"stops, friction and locks: at a singular configuration of {', '.join(cluster.joints)}, "
+                f"with {cluster.m} independent joints{'' if cluster.m > 1 else ' at rest'}, it is not decided "
+                "what is held; start a little beside it",
                 None, share=share,
             )  # fmt: skip
         columns.append(own)

@@ -103,8 +103,8 @@ def settled_impacts(rows: Rows, t: float, q: Array, v: Array, seen: Seen | None,
             if kind == "impact" and share < DEAD:
                 kind = "grazing"
                 warn(
-                    f"at t = {t:.6g} s the stop of {', '.join(rows.names(met))} is met beside a dead point of "
-                    "its joint: what follows depends on the stop's place without bound",
+                    f"at t = {t:.6g} s the stop of {', '.join(rows.names(met))} is met beside a dead point "
+                    "of its joint: what follows depends on the stop's place without bound",
                     SingularityWarning,
                 )
             tell(kind, met, loss)
@@ -113,15 +113,14 @@ def settled_impacts(rows: Rows, t: float, q: Array, v: Array, seen: Seen | None,
 
 def impact(mechanism: Any, q: ArrayLike, v: ArrayLike, joints: Sequence[Any]) -> Impact:
     """`Mechanism.impact`."""
-    q, v = mechanism.configuration(q), mechanism.velocity(v)
-    mechanism.require_closed(q, NEARLY_CLOSED, "impact: q")
-    require_compatible(mechanism, q, v)
+    at, before = mechanism.configuration(q), mechanism.velocity(v)
+    mechanism.require_closed(at, NEARLY_CLOSED, "impact: q")
+    require_compatible(mechanism, at, before)
     rows = Rows(mechanism, parts_given(joints))
-    rows.require_within(q)
-    locks, stops = rows.of(Kind.LOCK), rows.closed(q)
-    found = struck(rows, q, v, stops, locks, Seen(v, np.zeros_like(v), v)) if stops or locks else None
-    columns = rows.by_column(np.zeros((1, len(rows.rows))) if found is None else found[1][None])
-    impulses = {
-        name: float(values[0]) for name, values in columns.items() if not name.startswith("friction.")
-    }
-    return Impact(v.copy(), impulses, 0.0) if found is None else Impact(found[0], impulses, found[2])
+    rows.require_within(at)
+    locks, stops = rows.of(Kind.LOCK), rows.closed(at)
+    found = struck(rows, at, before, stops, locks, Seen(before, np.zeros_like(before), before))
+    forces = np.zeros(len(rows.rows)) if found is None else found[1]
+    impulses = {name: float(values[0]) for name, values in rows.by_column(forces[None]).items()}
+    impulses = {name: value for name, value in impulses.items() if not name.startswith("friction.")}
+    return Impact(before.copy(), impulses, 0.0) if found is None else Impact(found[0], impulses, found[2])

@@ -1,8 +1,8 @@
 """Events on a stretch of steps: gaps that close, springs touched or left, slips that end, holds that break.
 
 Gaps and rates are watched on the quintics through (r, ṙ, r̈) at both ends of each step: all their real roots,
-so that several bounces in one step, and touches between two ends, are found. `stretch` locates them then, on a
-partial step.
+so that several bounces in one step, and touches between two ends, are found. `stretch` locates them then, on
+a partial step.
 """
 
 from __future__ import annotations
