@@ -297,7 +297,7 @@ class Trajectory(Named):
     def save(self, path: str | Path) -> Path:
         """Write everything to a .npz file, which `load_trajectory` reads back; returns the path.
 
-        Stored: t, q, v and whatever else was recorded, crossings, events, happenings, stats, torques that were numbers,
+        Stored: t, q, v and whatever else was recorded, crossings, events, happenings, stats, numbers of torques,
         and the mechanism (tree, closures, forces, coordinates). Not stored: torque functions, but that some
         acted, classes of your own forces, options of the run, and shapes for replay.
         """

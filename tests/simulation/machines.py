@@ -49,6 +49,12 @@ def pendulum() -> rg.Mechanism:
     return rg.Mechanism.from_pinocchio(model)
 
 
+def change_point() -> tuple[rg.Mechanism, Array, Array]:
+    """The shipped change-point linkage, its home, and a velocity there that takes it through a crossing."""
+    mech = rg.load("change_point")
+    return mech, mech.home, mech.lift(mech.home, [0.0])
+
+
 def orders(values: list[Array]) -> Array:
     """Orders by three runs, each with half the step of the one before."""
     coarse, fine = np.abs(values[1] - values[0]), np.abs(values[2] - values[1])

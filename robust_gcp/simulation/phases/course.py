@@ -168,6 +168,8 @@ class Phases:
         """Nothing moves; whether it broke loose."""
         found = rested(self._machines, self._phase, self._state, times)
         self.joined.add(found.block, self._phase)
+        if found.fault is not None:
+            raise found.fault
         self._t, self._v, self._seen = found.until, np.zeros_like(self._v), found.seen
         if found.broke:
             later = [found.until + share * self._step for share in AHEAD]

@@ -103,7 +103,7 @@ def admissible(mechanism: Mechanism, q: Array, v: Array, seen: Seen | None) -> t
         elif cluster.m:
             raise SimulationError(
                 f"stops, friction and locks: at a singular configuration of {', '.join(cluster.joints)}, "
-                f"with {cluster.m} independent joints{'' if cluster.m > 1 else ' at rest'}, it is not decided "
+                f"with {cluster.m} independent joints{'' if cluster.m > 1 else ' at rest'}, it is open "
                 "what is held; start a little beside it",
                 None, share=share,
             )  # fmt: skip

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 
+from ...errors import SimulationError
 from ...mechanism.tree import Array
 from .decision import Phase, State
 from .frame import Seen
@@ -26,12 +27,15 @@ class Rested(NamedTuple):
     broke : bool
         Whether torques became too much there for what is held.
     seen : Seen
+    fault : SimulationError or None
+        That a torque function raised there.
     """
 
     block: Block
     until: float
     broke: bool
     seen: Seen
+    fault: SimulationError | None
 
 
 def rested(machines: Machines, phase: Phase, start: State, times: Array) -> Rested:
@@ -54,9 +58,14 @@ def rested(machines: Machines, phase: Phase, start: State, times: Array) -> Rest
         return holding.margin(q, zero, zero, acting(t, q, zero), still)
 
     broken: float | None = None
+    fault: SimulationError | None = None
     found = [forces(start.t)]
     for before, t in zip(times[:-1].tolist(), times[1:].tolist(), strict=True):
-        found.append(forces(t) if machines.varies else found[0])
+        try:
+            found.append(forces(t) if machines.varies else found[0])
+        except SimulationError as error:
+            fault = error
+            break
         if machines.varies and holding.limited and found[-1][2] < 0.0:
             broken = before if margin(before) <= 0.0 else float(brentq(margin, before, t, xtol=1e-14))
             found[-1] = forces(broken)
@@ -70,4 +79,4 @@ def rested(machines: Machines, phase: Phase, start: State, times: Array) -> Rest
     taus, held, _ = (np.array(part) for part in zip(*found[:n], strict=True))
     flat = np.zeros((n, len(zero)))
     block = Block(t_kept[:n], np.tile(q, (n, 1)), flat, flat, taus, np.zeros(n), held)
-    return Rested(block, float(times[-1]) if broken is None else broken, broken is not None, still)
+    return Rested(block, float(times[-1]) if broken is None else broken, broken is not None, still, fault)
