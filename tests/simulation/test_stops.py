@@ -341,3 +341,18 @@ def test_a_run_without_parts_loads_nothing_of_this() -> None:
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
     )
     assert told.stdout.strip() == "[]"
+
+
+def test_stops_that_drive_each_other_raise_no_energy() -> None:
+    """Two stops of unlike restitution rattle against each other down to rest."""
+    bar = rg.load("five_bar")
+    q = bar.home
+    stops = [
+        rg.Stop("q2", float(q[1]), float(q[1]) + 0.2, 0.3),
+        rg.Stop("q4", float(q[3]), float(q[3]) + 0.2, 0.7),
+    ]
+    for speed in np.random.default_rng(3).normal(0.0, 1.0, (40, 2)):
+        v = bar.lift(q, speed)
+        found = bar.impact(q, v, stops)
+        assert found.loss >= -1e-12
+        assert min(found.v[1], found.v[3]) > -1e-9
