@@ -16,11 +16,11 @@ from ..errors import OptionError
 from ..maps.explicit import Crossing
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from .access import FrameMotion, Named, Sample, force_columns, frame_motion, state_columns
+from .access import FrameMotion, Named, Sample, frame_motion, recorded_columns
 from .acted import Acted
 from .dense import Interpolant, sampled_accelerations, times_within
 from .files import ARRAYS, data_frame, write_archive, write_csv
-from .reactions import Reaction, closure_number, reaction, row_names
+from .reactions import Reaction, closure_number, reaction
 from .stats import Stats
 from .summary import told
 
@@ -64,13 +64,11 @@ class Trajectory(Named):
     tau : ndarray (N + 1, nv) or None
         All that acts besides gravity, N m and N, when recorded: torques, wrenches, springs, dampers, drives.
     happenings : list of Happening
-        Impacts, holds, releases and so on of stops, friction and locks (`joints=`), in the order of time.
+        Of stops, friction and locks (`joints=`): impacts, holds, releases and so on, in the order of time.
     dissipated : ndarray (N + 1,) or None
-        Energy lost since the start by impacts, friction and dampers of stops, J; None without `joints=`.
-    part_names : tuple of str
-        "stop.q3", "friction.q1", "lock.q2": what `joints=` held, as `traj["stop.q3"]`.
-    part_forces : ndarray (N + 1, k) or None
-        The generalised force of each of these, N m and N.
+        Energy lost since the start by impacts, friction and dampers of stops, J.
+    part_forces, part_names : ndarray (N + 1, k) or None, tuple of str
+        Generalised force of each of `joints`, N m and N: `traj["stop.q3"]`, "friction.q1", "lock.q2".
     acted : Acted or None
         What it was simulated with: torques, wrenches, what was held over the steps, driven joints.
     """
@@ -118,7 +116,7 @@ class Trajectory(Named):
 
     @property
     def work_left(self) -> Array | None:
-        """Work done, less what impacts, friction and dampers of stops dissipated, (N + 1,), J."""
+        """Work done less what was dissipated, (N + 1,), J."""
         return self.work if self.work is None or self.dissipated is None else self.work - self.dissipated
 
     @cached_property
@@ -188,23 +186,7 @@ class Trajectory(Named):
         The numbers of a joint are called `q.joint` and `v.joint`, or `q.joint.component` where it has
         several, such as `q.ball.qw` and `v.ball.rx`; constraint forces by `reactions.row_names`.
         """
-        columns = {"t": self.t} | state_columns(self.mechanism, self.q, self.v, self.a)
-        if self.energy is not None:
-            columns["energy"] = self.energy
-        if self.work is not None:
-            columns["work"] = self.work
-        if self.dissipated is not None:
-            columns["dissipated"] = self.dissipated
-        if self.tau is not None:
-            columns |= force_columns(self.mechanism, "tau", self.tau)
-        if self.drive_torque is not None:
-            columns |= force_columns(self.mechanism, "drive", self.drive_torque)
-        if self.multipliers is not None:
-            names = row_names(self.mechanism)
-            columns |= {f"lambda.{name}": self.multipliers[:, i] for i, name in enumerate(names)}
-        if self.part_forces is not None:
-            columns |= dict(zip(self.part_names, self.part_forces.T, strict=True))
-        return columns
+        return recorded_columns(self)
 
     def accelerations(self) -> Array:
         """The recorded accelerations, (N + 1, nv), or else estimates from q and v.
@@ -297,9 +279,9 @@ class Trajectory(Named):
     def save(self, path: str | Path) -> Path:
         """Write everything to a .npz file, which `load_trajectory` reads back; returns the path.
 
-        Stored: t, q, v and whatever else was recorded, crossings, events, happenings, stats, numbers of torques,
-        and the mechanism (tree, closures, forces, coordinates). Not stored: torque functions, but that some
-        acted, classes of your own forces, options of the run, and shapes for replay.
+        Stored: t, q, v and whatever else was recorded, crossings, events, happenings, stats, torques that
+        were numbers, and the mechanism (tree, closures, forces, coordinates). Not stored: torque functions,
+        but that some acted, classes of your own forces, options of the run, and shapes for replay.
         """
         arrays = {name: getattr(self, name) for name in ARRAYS}
         for what in "tqv":

@@ -29,7 +29,7 @@ def oscillator() -> rg.Mechanism:
 
 
 def stick_and_slip(t_end: float) -> tuple[np.ndarray, np.ndarray]:
-    """x and v of the oscillator at the end, and when it stops and breaks loose, by DOP853 and the law by hand."""
+    """x and v of the oscillator at the end, and when it stops and breaks loose, by DOP853."""
     t, x, when = 0.0, np.array([0.2, 0.0]), []
     sign = -1.0
 
@@ -68,16 +68,16 @@ def stick_and_slip(t_end: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_a_forced_oscillator_sticks_and_slips_at_order_four(backend: Any) -> None:
-    exact, when = stick_and_slip(3.0)
+    exact, when = stick_and_slip(2.0)
     found, late = [], []
     for h in (0.02, 0.01, 0.005):
         run = rg.simulate(
-            oscillator(), [0.2], [0.0], 3.0, h, backend=backend, joints=[rg.JointFriction("q1", DRY)],
+            oscillator(), [0.2], [0.0], 2.0, h, backend=backend, joints=[rg.JointFriction("q1", DRY)],
             torque=lambda t, q, v: np.array([PUSH * np.sin(OMEGA * t)]),
         )  # fmt: skip
         kinds = times_of(run, "at rest", "release")
         met = np.unique(kinds[kinds > 0.0].round(12))
-        assert len(met) == len(when) and len(when) > 5
+        assert len(met) == len(when) and len(when) > 4
         found.append(np.abs([run.q[-1, 0] - exact[0], run.v[-1, 0] - exact[1]]).max())
         late.append(np.abs(met - when).max())
         require_sound(run, 1e3 * h**4)
@@ -90,7 +90,7 @@ def test_a_forced_oscillator_sticks_and_slips_at_order_four(backend: Any) -> Non
 
 
 def test_a_block_slides_to_rest_and_stays() -> None:
-    """2 kg at 3 m/s against 4 N: at rest after 1.5 s and 2.25 m, 9 J; the force at rest is that of balance."""
+    """2 kg at 3 m/s against 4 N: at rest after 1.5 s and 2.25 m, 9 J; there is no force then."""
     level = sliders(2.0, along=pin.JointModelPY())
     run = rg.simulate(level, [0.0], [3.0], 2.0, 0.1, joints=[rg.JointFriction("q1", 4.0)], torque=[0.0])
     assert [(x.kind, x.joints) for x in run.happenings] == [("at rest", ("q1",)), ("hold", ("q1",))]
@@ -157,12 +157,11 @@ def test_four_dry_joints_at_order_four() -> None:
 
 def test_through_crossings_at_order_four() -> None:
     """A rhombus with friction in a dependent joint passes crossings; the same for every y."""
-    rhombus, runs = rg.load("rhombus"), []
+    rhombus, runs = rg.load("rhombus"), list[rg.Trajectory]()
     ask: dict[str, Any] = dict(q0=[0.6, -0.6, 0.6], duration=1.0)
     parts = [rg.JointFriction("q3", 0.5)]
     v = rhombus.lift(ask["q0"], [-1.0])
-    for h in (0.02, 0.01, 0.005):
-        runs.append(rg.simulate(rhombus, v0=v, step=h, joints=parts, **ask))
+    runs += [rg.simulate(rhombus, v0=v, step=h, joints=parts, **ask) for h in (0.02, 0.01, 0.005)]
     assert len(runs[-1].crossings) >= 1
     assert orders([run.v[-1] for run in runs]).min() > 3.8
     other = rg.simulate(rhombus.with_independent(["q2"]), v0=v, step=0.005, joints=parts, **ask)

@@ -30,8 +30,8 @@ DEAD = 1e-3
 """Share of the most that a stop's row can be moved below which its joint is at a dead point."""
 
 MOST = 100
-"""Impulses after each other at one instant, between stops that drive each other; the next one is plastic, as their
-limit is."""
+"""Impulses after each other at one instant, between stops that drive each other; then one is plastic, as
+their limit is."""
 
 Tell = Callable[[str, Sequence[int], float], None]
 """kind, rows, loss."""
@@ -74,8 +74,9 @@ def struck(
     plastic: bool = False,
 ) -> Struck | None:
     """One impulse of closed stops and of locks; None where nothing has to change.
-    Stops that are left have no part in it: Newton's law with these could
-    raise the energy. What they are driven into then is the next impulse.
+
+    Stops that are left have no part in it: Newton's law with these could raise the energy. What they are
+    driven into then is the next impulse.
     """
     size = float(np.abs(v).max(initial=0.0))
     tiny = 1e-13 + 1e-12 * size
