@@ -64,6 +64,8 @@ if TYPE_CHECKING:
     from .drawing.replay.live import live
     from .drawing.replay.replay import ReplayPage, replay
     from .simulation.many import Runs, simulate_many
+    from .simulation.phases.impact import Impact
+    from .simulation.phases.parts import Happening, JointFriction, Lock, Stop
     from .sweeps.record import Failure, RunRecord
     from .sweeps.runs import grid, sweep, sweep_as_completed
 
@@ -71,9 +73,14 @@ __version__ = "0.1.0"
 
 _LATER = {
     "Failure": ".sweeps.record",
+    "Happening": ".simulation.phases.parts",
+    "Impact": ".simulation.phases.impact",
+    "JointFriction": ".simulation.phases.parts",
+    "Lock": ".simulation.phases.parts",
     "ReplayPage": ".drawing.replay.replay",
     "RunRecord": ".sweeps.record",
     "Runs": ".simulation.many",
+    "Stop": ".simulation.phases.parts",
     "draw": ".drawing.figures.draw",
     "grid": ".sweeps.runs",
     "live": ".drawing.replay.live",
@@ -104,12 +111,16 @@ __all__ = [
     "FrameClosure",
     "FrameMotion",
     "Gradient",
+    "Happening",
+    "Impact",
     "JointDamper",
+    "JointFriction",
     "JointSpring",
     "JointTorque",
     "KinkedDriveWarning",
     "Linearisation",
     "LocalAnalysis",
+    "Lock",
     "Mechanism",
     "MissingExtraError",
     "MissingFileError",
@@ -141,6 +152,7 @@ __all__ = [
     "StabilityWarning",
     "StateError",
     "Stats",
+    "Stop",
     "SweepError",
     "Tableau",
     "ToggleError",

@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 
 from ..checks import check_text, listed, plain, require_finite
 from .applied_forces import AppliedForces
-from .coordinates import Coordinates
 from .couplings import AnyClosure, closures_given
 from .forces import Force, forces_given, require_length
 from .formats.contents import FileContents, named, tell_left_out
@@ -27,10 +26,11 @@ from .named_numbers import Named
 from .ranges import assembled_near
 from .recommended import Recommended
 from .rounding import IMPLIED, without_unmoved_rows
+from .struck import Struck
 from .tree import Array
 
 
-class Mechanism(Coordinates):
+class Mechanism(Struck):
     """A `pin.Model` with closed loops, seen in minimal coordinates.
 
     Use `load`, `Mechanism.from_urdf`, `Mechanism.from_mjcf` or `Mechanism.from_pinocchio`.

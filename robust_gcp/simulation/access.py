@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import pinocchio as pin
@@ -16,6 +16,10 @@ from ..mechanism.joints import in_q, in_v
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..mechanism.workspace import workspace
+from .reactions import row_names
+
+if TYPE_CHECKING:
+    from .trajectory import Trajectory
 
 UNRECORDED = {
     "a": '; accelerations were not recorded: simulate with record=("a",)',
@@ -104,6 +108,23 @@ def force_columns(mechanism: Mechanism, what: str, forces: Array) -> dict[str, A
     """What acts on each number in v, such as "tau.q1", as views into forces (N, nv); not where it is NaN."""
     known = [c for c in in_v(mechanism.joints) if not np.isnan(forces[:, c.iv]).any()]
     return {f"{what}.{c.name}": forces[:, c.iv] for c in known}
+
+
+def recorded_columns(run: Trajectory) -> dict[str, Array]:
+    """`Trajectory.columns`."""
+    mechanism = run.mechanism
+    columns = {"t": run.t} | state_columns(mechanism, run.q, run.v, run.a)
+    single = {"energy": run.energy, "work": run.work, "dissipated": run.dissipated}
+    columns |= {name: values for name, values in single.items() if values is not None}
+    for what, forces in (("tau", run.tau), ("drive", run.drive_torque)):
+        if forces is not None:
+            columns |= force_columns(mechanism, what, forces)
+    if run.multipliers is not None:
+        names = row_names(mechanism)
+        columns |= {f"lambda.{name}": run.multipliers[:, i] for i, name in enumerate(names)}
+    if run.part_forces is not None:
+        columns |= dict(zip(run.part_names, run.part_forces.T, strict=True))
+    return columns
 
 
 class Named:

@@ -84,6 +84,11 @@ def require_steps(run: Trajectory, mode: ArrayLike | None) -> None:
     """Refuse a run that is not one of RK4 with an output at each step, and a mode that is none."""
     if mode is not None:
         checked_mode(run.mechanism, mode)
+    if run.dissipated is not None:
+        raise OptionError(
+            "gradient: the run has stops, friction or locks, whose events are not differentiated; make it "
+            "without joints="
+        )
     stats = run.stats
     if stats.stepper != "rk4":
         raise OptionError(

@@ -85,7 +85,8 @@ class Coarse:
         mechanism = run.mechanism
         # plain floats: arrays of so few cost more than the energies themselves
         moving, resting = zip(*[energies_of(mechanism, run.q[i], run.v[i]) for i in rows], strict=True)
-        work = [0.0] * len(rows) if run.work is None else run.work[rows].tolist()
+        done = run.work_left
+        work = [0.0] * len(rows) if done is None else done[rows].tolist()
         total = [k + u - w for k, u, w in zip(moving, resting, work, strict=True)]
         leak = max(abs(e - total[0]) for e in total)
         at_work = max(*moving, max(resting) - min(resting))

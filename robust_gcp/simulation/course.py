@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -62,6 +63,8 @@ class Course:
     acted : Acted
     record, events, on_toggle
         As `Run` takes them.
+    checked : bool
+        Whether it is warned of steps that are too long.
     """
 
     mechanism: Mechanism
@@ -76,6 +79,7 @@ class Course:
     record: Sequence[str]
     events: Sequence[Event]
     on_toggle: str
+    checked: bool = True
 
     def run(
         self,
@@ -100,7 +104,7 @@ class Course:
             As in `simulate`.
         """
         begun, counters, stability = time.perf_counter(), Counters(), None
-        if self.tableau == "rk4" and self.solver is None and self.drives is None:
+        if self.checked and self.tableau == "rk4" and self.solver is None and self.drives is None:
             held = isinstance(torque, HeldTorque)
             stability = StabilityCheck(
                 self.mechanism, None if held else torque, self.step, self.choice.options
@@ -126,6 +130,23 @@ class Course:
                     stability.after(motion)
         finished = None if fault is not None else run.trajectory(begun)
         return self._judged(finished, fault, again)
+
+    def through_phases(
+        self, joints: Any, start: Given, torque: Torque | ArrayLike | None, kernel: Library | None,
+        required: bool, refused: dict[str, bool], progress: Progress,
+    ) -> Trajectory:  # fmt: skip
+        """The motion with stops, friction and locks; see `phases.course.run_phases`.
+
+        Parameters
+        ----------
+        refused : dict of str to bool
+            Arguments of `simulate` that do not go with them, and whether they were given.
+        """
+        from .phases.course import require_plain, run_phases  # a run without them need not load them
+
+        require_plain(refused)
+        with _reporting(progress, self.schedule, self.mechanism.name) as report:
+            return run_phases(self, joints, start, torque, kernel, required, report)
 
     def _stable(
         self, stability: StabilityCheck, native: NativeSteps | None, motion: Problem, again: Again | None
@@ -196,7 +217,7 @@ class Course:
         assert finished is not None  # what cannot be mended was raised
         if self.drives is not None and warned_of_kink(self.drives, finished.t):
             return finished
-        if self.solver is None and self.choice.method == "bridge":
+        if self.checked and self.solver is None and self.choice.method == "bridge":
             coarse.judge(finished)
         return finished
 

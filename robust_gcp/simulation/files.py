@@ -35,7 +35,19 @@ if TYPE_CHECKING:
 
 FORMAT = "robust_gcp trajectory 1"
 
-ARRAYS = ("t", "q", "v", "a", "energy", "multipliers", "work", "drive_torque", "tau")
+ARRAYS = (
+    "t",
+    "q",
+    "v",
+    "a",
+    "energy",
+    "multipliers",
+    "work",
+    "drive_torque",
+    "tau",
+    "dissipated",
+    "part_forces",
+)
 """What a trajectory holds, one row a time; the first three always."""
 
 SAME = 1e-9
@@ -88,7 +100,7 @@ def data_frame(columns: Mapping[str, Array]) -> DataFrame:
 
 def write_archive(
     path: str | Path, mechanism: Mechanism, arrays: Mapping[str, Array | None], crossings: Sequence[Crossing],
-    stats: Mapping[str, Any], ended_by: int | None, acted: Acted | None,
+    stats: Mapping[str, Any], ended_by: int | None, acted: Acted | None, parts: Mapping[str, Any],
 ) -> Path:  # fmt: skip
     """Write a trajectory; see `Trajectory.save`."""
     path = path_given("path", path)
@@ -108,6 +120,7 @@ def write_archive(
         "crossings": [c.kind for c in crossings],
         "stats": stats,
         "ended_by": ended_by,
+        "parts": parts,
         "acted": None if acted is None else {"drive": acted.drive, "lost": acted.without_code().lost},
     }
     arrays = {**arrays, **({} if acted is None else acted.arrays())}
@@ -129,7 +142,9 @@ def _number(value: Any) -> Any:
 
 def read_archive(
     path: str | Path, mechanism: Mechanism | None
-) -> tuple[Mechanism, dict[str, Array], list[Crossing], dict[str, Any], int | None, Acted | None]:
+) -> tuple[
+    Mechanism, dict[str, Array], list[Crossing], dict[str, Any], int | None, Acted | None, dict[str, Any]
+]:
     """What `write_archive` was given; the mechanism is rebuilt unless one is given.
 
     Raises
@@ -170,7 +185,8 @@ def read_archive(
         if any((c.q.shape, c.y.ndim) != ((mechanism.nq,), 1) for c in crossings):
             raise ValueError("a crossing has another number of coordinates")
         acted = _acted(meta, mechanism, arrays)
-        return mechanism, arrays, crossings, dict(meta["stats"]), meta.get("ended_by"), acted
+        parts = dict(meta.get("parts", {}))  # of stops, friction and locks; files of 0.1.0 have none
+        return mechanism, arrays, crossings, dict(meta["stats"]), meta.get("ended_by"), acted, parts
 
 
 def _require_rows(arrays: Mapping[str, Array]) -> None:
@@ -179,7 +195,7 @@ def _require_rows(arrays: Mapping[str, Array]) -> None:
     if t.ndim != 1 or not np.all(np.diff(t) > 0.0):
         raise ValueError("the times do not increase")
     for name, values in rows.items():
-        flat = name in ("t", "energy", "work")
+        flat = name in ("t", "energy", "work", "dissipated")
         if values.ndim != (1 if flat else 2) or len(values) != len(t) or values.dtype != np.float64:
             raise ValueError(f"{name} has the shape {values.shape} at {len(t)} times")
 

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from ..mechanism.mechanism import Mechanism
 from .archive import reading
 from .files import ARRAYS, read_archive
 from .stats import Stats
 from .trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from .phases.parts import Happening
 
 
 def load_trajectory(path: str | Path, mechanism: Mechanism | None = None) -> Trajectory:
@@ -29,7 +33,7 @@ def load_trajectory(path: str | Path, mechanism: Mechanism | None = None) -> Tra
     OptionError
         For another kind of file, a damaged one, or a mechanism that is not the one that moved.
     """
-    mechanism, arrays, crossings, stats, ended_by, acted = read_archive(path, mechanism)
+    mechanism, arrays, crossings, stats, ended_by, acted, parts = read_archive(path, mechanism)
     with reading(Path(path)):
         changes = [(float(t), tuple(map(str, names))) for t, names in stats.pop("repartitions")]
         refined = [(float(t0), float(t1)) for t0, t1 in stats.pop("refined", [])]  # files of 0.1.0 lack it
@@ -42,5 +46,16 @@ def load_trajectory(path: str | Path, mechanism: Mechanism | None = None) -> Tra
             found.t_events.append(arrays[f"t_event_{k}"])
             found.q_events.append(arrays[f"q_event_{k}"])
             found.v_events.append(arrays[f"v_event_{k}"])
+        found.part_names = tuple(map(str, parts.get("names", ())))
+        if parts.get("happenings"):
+            found.happenings = _happenings(parts["happenings"])
         found.ended_by, found.acted = None if ended_by is None else int(ended_by), acted
     return found
+
+
+def _happenings(rows: list[Any]) -> list[Happening]:
+    from .phases.parts import Happening
+
+    return [
+        Happening(float(t), str(kind), tuple(map(str, joints)), float(loss)) for t, kind, joints, loss in rows
+    ]

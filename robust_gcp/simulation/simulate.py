@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from numpy.typing import ArrayLike
 
@@ -31,6 +31,9 @@ from .steppers import check_stepper
 from .trajectory import Trajectory
 from .unnamed import is_guarded
 
+if TYPE_CHECKING:
+    from .phases.parts import Part
+
 Toggle = Literal["repartition", "error"]
 
 RECORDS = ("a", "energy", "multipliers", "tau")
@@ -47,6 +50,7 @@ def simulate(
     *,
     torque: Torques | None = None,
     wrenches: Sequence[Wrench] = (),
+    joints: Sequence[Part] | None = None,
     drive: Mapping[str, Motion] | None = None,
     events: EventFunction | Sequence[EventFunction] | None = None,
     t0: float = 0.0,
@@ -91,6 +95,9 @@ def simulate(
         theirs ("ball.rx"), each a number (an array for a joint of several) or a function (t, q, v) of it.
     wrenches : sequence of Wrench
         Forces and moments on frames.
+    joints : sequence of Stop, JointFriction, Lock, optional
+        Stops, dry friction and locks: the motion goes through phases, which begin and end at events that are
+        found to rounding; see `traj.happenings`. With RK4 and method="bridge".
     drive : mapping of str to Motion, optional
         Joints that move as prescribed, from t = 0 on; `traj["drive.q1"]` is the torque or force that it
         takes. The other independent joints move freely. Where q0 is left out, home is led to where the
@@ -189,6 +196,15 @@ def simulate(
     course = Course(
         mechanism, schedule, duration, step, choice, drives, tableau, solver, acted, *asked, on_toggle
     )
+    if joints is not None:
+        refused = {
+            f"method={method!r}": method != "bridge", f"stepper={stepper!r}": tableau != "rk4",
+            "hold=True": hold, "drive=": drive is not None, "events=": events is not None,
+            "outputs=": outputs is not None,
+        }  # fmt: skip
+        return course.through_phases(
+            joints, (q0, v0, mode), applied, kernel, backend == "native", refused, progress
+        )
     acting = applied if held is None else held
     return course.run((q0, v0, mode), acting, kernel, backend == "native", again, progress)
 

@@ -14,17 +14,19 @@ from ..errors import OptionError
 from ..maps.explicit import Crossing
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from .access import UNRECORDED, FrameMotion, Named, Sample, force_columns, frame_motion, state_columns
+from .access import UNRECORDED, FrameMotion, Named, Sample, frame_motion, recorded_columns
 from .acted import Acted
 from .dense import Interpolant, sampled_accelerations, times_within
 from .files import ARRAYS, data_frame, write_archive, write_csv
 from .pictures import Pictures
-from .reactions import Reaction, closure_number, reaction, row_names
+from .reactions import Reaction, closure_number, reaction
 from .stats import Stats
 from .summary import told
 
 if TYPE_CHECKING:
     from pandas import DataFrame
+
+    from .phases.parts import Happening
 
 
 @dataclass(repr=False)
@@ -59,6 +61,12 @@ class Trajectory(Named, Pictures):
         Number of the terminal event that ended the run, whose time is the last in t.
     tau : ndarray (N + 1, nv) or None
         All that acts besides gravity, N m and N, when recorded: torques, wrenches, springs, dampers, drives.
+    happenings : list of Happening
+        Of stops, friction and locks (`joints=`): impacts, holds, releases and so on, in the order of time.
+    dissipated : ndarray (N + 1,) or None
+        Energy lost since the start by impacts, friction and dampers of stops, J.
+    part_forces, part_names : ndarray (N + 1, k) or None, tuple of str
+        Generalised force of each of `joints`, N m and N: `traj["stop.q3"]`, "friction.q1", "lock.q2".
     acted : Acted or None
         What it was simulated with: torques, wrenches, what was held over the steps, driven joints.
     """
@@ -80,6 +88,10 @@ class Trajectory(Named, Pictures):
     ended_by: int | None = None
     tau: Array | None = None
     acted: Acted | None = None
+    happenings: list[Happening] = field(default_factory=list)
+    dissipated: Array | None = None
+    part_names: tuple[str, ...] = ()
+    part_forces: Array | None = None
 
     _absent = UNRECORDED
 
@@ -99,8 +111,13 @@ class Trajectory(Named, Pictures):
         )
 
     def energy_error(self) -> Array:
-        """Energy minus its start and minus the work of torques, drives and dampers, (N + 1,), J."""
-        return energy_drift(self._energy, self.work)
+        """Energy minus its start and the work of torques, drives, dampers, plus `dissipated`, (N + 1,), J."""
+        return energy_drift(self._energy, self.work_left)
+
+    @property
+    def work_left(self) -> Array | None:
+        """Work done less what was dissipated, (N + 1,), J."""
+        return self.work if self.work is None or self.dissipated is None else self.work - self.dissipated
 
     @cached_property
     def _energy(self) -> Array:
@@ -114,23 +131,11 @@ class Trajectory(Named, Pictures):
     def columns(self) -> dict[str, Array]:
         """Every number recorded, (N + 1,) each, by name.
 
-        t, q.…, v.…, a.…, energy, work, tau.…, drive.…, lambda.…: as far as they are there.
+        t, q.…, v.…, a.…, energy, work, dissipated, tau.…, drive.…, lambda.…, stop.…: as they are there.
         The numbers of a joint are called `q.joint` and `v.joint`, or `q.joint.component` where it has
         several, such as `q.ball.qw` and `v.ball.rx`; constraint forces by `reactions.row_names`.
         """
-        columns = {"t": self.t} | state_columns(self.mechanism, self.q, self.v, self.a)
-        if self.energy is not None:
-            columns["energy"] = self.energy
-        if self.work is not None:
-            columns["work"] = self.work
-        if self.tau is not None:
-            columns |= force_columns(self.mechanism, "tau", self.tau)
-        if self.drive_torque is not None:
-            columns |= force_columns(self.mechanism, "drive", self.drive_torque)
-        if self.multipliers is not None:
-            names = row_names(self.mechanism)
-            columns |= {f"lambda.{name}": self.multipliers[:, i] for i, name in enumerate(names)}
-        return columns
+        return recorded_columns(self)
 
     def accelerations(self) -> Array:
         """The recorded accelerations, (N + 1, nv), or else estimates from q and v.
@@ -223,16 +228,18 @@ class Trajectory(Named, Pictures):
     def save(self, path: str | Path) -> Path:
         """Write everything to a .npz file, which `load_trajectory` reads back; returns the path.
 
-        Stored: t, q, v and whatever else was recorded, crossings, events, stats, torques that were numbers,
-        and the mechanism (tree, closures, forces, coordinates). Not stored: torque functions, but that some
-        acted, classes of your own forces, options of the run, and shapes for replay.
+        Stored: t, q, v and whatever else was recorded, crossings, events, happenings, stats, torques that
+        were numbers, and the mechanism (tree, closures, forces, coordinates). Not stored: torque functions,
+        but that some acted, classes of your own forces, options of the run, and shapes for replay.
         """
         arrays = {name: getattr(self, name) for name in ARRAYS}
         for what in "tqv":
             found = getattr(self, f"{what}_events")
             arrays |= {f"{what}_event_{k}": values for k, values in enumerate(found)}
-        stats = asdict(self.stats)
-        return write_archive(path, self.mechanism, arrays, self.crossings, stats, self.ended_by, self.acted)
+        stats, happenings = asdict(self.stats), [list(asdict(x).values()) for x in self.happenings]
+        parts = {"names": self.part_names, "happenings": happenings}
+        told = self.crossings, stats, self.ended_by, self.acted, parts
+        return write_archive(path, self.mechanism, arrays, *told)
 
     def __repr__(self) -> str:
         """A summary in a few lines."""

@@ -127,7 +127,7 @@ def _errors(trajectory: Trajectory) -> tuple[Array, Array]:
     if found is None:
         return trajectory.closure_error(), trajectory.energy_error()
     left_open, energy = found
-    return left_open, energy_drift(energy, trajectory.work)
+    return left_open, energy_drift(energy, trajectory.work_left)
 
 
 def plain(value: Any, what: str) -> Any:

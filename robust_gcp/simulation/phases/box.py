@@ -1,0 +1,136 @@
+"""Quadratic and linear programs of a few unknowns: forces within bounds."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import qr
+from scipy.optimize import linprog, lsq_linear
+
+from ...errors import SimulationError
+from ...mechanism.tree import Array
+
+ZERO = 1e-9
+"""Share of the accelerations at hand below which a row does not move."""
+
+RANK = 1e-9
+"""Relative singular value below which rows depend on each other."""
+
+DEPENDENT = 1e-7
+"""The same on the diagonal of a pivoted QR, whose columns have length 1."""
+
+LARGEST_MARGIN = 1e6
+"""Of what is held without limit."""
+
+
+def box(B: Array, b: Array, lower: Array, upper: Array, size: float) -> tuple[Array, Array]:
+    """f and w = BᵀB f + b with lower ≤ f ≤ upper, w ≥ 0 at lower, w ≤ 0 at upper, w = 0 between.
+
+    It is the minimum of ½ fᵀ BᵀB f + bᵀ f: bounded least squares where b is in the range of Bᵀ. Dependent
+    rows that ask for different things, such as stops of different restitution, have b outside of it; then
+    all sets are looked at, of which there are few.
+
+    Parameters
+    ----------
+    size : float
+        Of the rates or accelerations at hand, of which b has rounding.
+
+    Raises
+    ------
+    SimulationError
+        Where there is no solution: rows contradict each other.
+    """
+    n = len(b)
+    if n == 0:
+        return np.zeros(0), np.zeros(0)
+    d = np.linalg.lstsq(B.T, b, rcond=RANK)[0]
+    if np.abs(B.T @ d - b).max() <= ZERO * size:
+        found = lsq_linear(B, -d, (lower, upper), method="bvls", tol=1e-15, max_iter=1000)
+        return found.x, B.T @ (B @ found.x) + b
+    if n > 10:
+        raise SimulationError(
+            f"{n} stops, joints with friction and locks that depend on each other meet at once"
+        )
+    W = B.T @ B
+    least, best = np.inf, (np.zeros(n), b)
+    for index in np.ndindex(*(3,) * n):
+        sets = np.array(index)
+        inner, f = sets == 0, np.where(sets == 1, lower, np.where(sets == 2, upper, 0.0))
+        if not np.all(np.isfinite(f)):
+            continue
+        f[inner] = np.linalg.lstsq(W[np.ix_(inner, inner)], -(W[inner] @ f + b[inner]), rcond=RANK)[0]
+        w = W @ f + b
+        parts = [lower - f, f - upper, np.abs(w[inner]), -w[sets == 1], w[sets == 2]]
+        wrong = float(np.concatenate(parts).max())
+        if wrong < least:
+            least, best = wrong, (f, w)
+    if least > 100.0 * ZERO * size:
+        raise SimulationError("stops and locks that are closed contradict each other: the mechanism jams")
+    return best
+
+
+def independent_rows(B: Array) -> list[int]:
+    """A largest set of independent columns of B."""
+    size = np.linalg.norm(B, axis=0)
+    keep = np.flatnonzero(size)
+    if not len(keep):
+        return []
+    R, order = qr(B[:, keep] / size[keep], mode="r", pivoting=True)
+    count = int(np.sum(np.abs(np.diag(R)) > DEPENDENT))
+    return sorted(keep[order[:count]].tolist())
+
+
+class Load:
+    """What rows at rest carry: f with Aᵀ f = need, within bounds, A = E N.
+
+    Parameters
+    ----------
+    A : ndarray (n, m)
+    rank : int
+        Of A; less than n where rows share the load as they can.
+    bounds : ndarray (n,)
+        |f| ≤ bound of dry friction; infinite for the others.
+    pushes : ndarray (n,) of bool
+        Stops: f ≥ 0.
+    """
+
+    def __init__(self, A: Array, rank: int, bounds: Array, pushes: Array) -> None:
+        self._A, self._rank, self._bounds, self._pushes = A, rank, bounds, pushes
+        self._dry = np.isfinite(bounds)
+
+    def forces(self, need: Array) -> tuple[Array, float]:
+        """f (n,), and its margin, ≥ 0 where what is held stays so: a share of bounds, or N m of a push."""
+        weight = np.where(self._dry, self._bounds, 1.0)
+        f = weight * np.linalg.lstsq(self._A.T * weight, need, rcond=RANK)[0]
+        margin = self._margin(f)
+        if margin >= 0.0 or len(f) <= self._rank:
+            return f, margin
+        return self._shared(need)
+
+    def margin(self, need: Array) -> float:
+        """The best margin, continuous in `need`."""
+        if len(self._A) <= self._rank:
+            return self.forces(need)[1]
+        return self._shared(need)[1]
+
+    def _margin(self, f: Array) -> float:
+        shares = 1.0 - np.abs(f) / np.where(self._dry, self._bounds, 1.0)
+        limits = np.where(self._pushes, f, np.where(self._dry, shares, np.inf))
+        return float(limits.min(initial=np.inf))
+
+    def _shared(self, need: Array) -> tuple[Array, float]:
+        """Dependent rows share the load as they can: the largest margin, a linear program."""
+        n, dry, push, F = len(self._A), self._dry, self._pushes, self._bounds
+        slack = np.where(dry, F, np.where(push, 1.0, 0.0))[:, None]
+        one_sided = dry | push
+        above = np.hstack([np.eye(n), slack])[dry], F[dry]
+        below = np.hstack([-np.eye(n), slack])[one_sided], np.where(push, 0.0, F)[one_sided]
+        Q = qr(self._A.T, pivoting=True)[0][
+            :, : self._rank
+        ].T  # the range of Aᵀ: need is in it but for errors
+        equal = np.hstack([Q @ self._A.T, np.zeros((self._rank, 1))])
+        limits = np.vstack([above[0], below[0]]), np.concatenate([above[1], below[1]])
+        free = [(None, None)] * n + [(None, LARGEST_MARGIN)]
+        found = linprog(np.append(np.zeros(n), -1.0), *limits, equal, Q @ need, bounds=free)
+        if found.x is None:
+            raise SimulationError(f"the forces of what is held are not found: {found.message}")
+        return found.x[:-1], float(found.x[-1])

@@ -1,0 +1,173 @@
+"""What is held from an instant on: Gauss's principle, min ½ fᵀ W f + bᵀ f over the rows that rest.
+
+f ∈ [0, ∞) of stops, [−F, F] of dry friction, ℝ of locks; w = W f + b are the rows' accelerations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...errors import SimulationError
+from ...mechanism.tree import Array
+from .box import ZERO, box, independent_rows
+from .frame import Frame, Seen
+from .impact import REST, Tell, settled_impacts
+from .rows import Kind, Rows
+
+ON_STOP = 1e-13
+"""m or rad: a stop this near to its place is held at it, so that its phase is the same each time."""
+
+Acting = Callable[[float, Array, Array], Array]
+
+
+@dataclass(frozen=True)
+class State:
+    """An instant: t, q (nq,), v (nv,), and how it moves."""
+
+    t: float
+    q: Array
+    v: Array
+    seen: Seen
+
+
+@dataclass
+class Phase:
+    """A phase of smooth motion.
+
+    Attributes
+    ----------
+    held : list of int
+        Rows at rest: resting stops, sticking joints, locks.
+    basis : list of int
+        Independent ones of them, which the phase's mechanism holds.
+    offsets : dict of int to float
+        r of these.
+    slip : dict of int to float
+        Slipping joints and the signs of their rates.
+    touching : frozenset of int
+        Springy stops that are touched.
+    """
+
+    held: list[int] = field(default_factory=list)
+    basis: list[int] = field(default_factory=list)
+    offsets: dict[int, float] = field(default_factory=dict)
+    slip: dict[int, float] = field(default_factory=dict)
+    touching: frozenset[int] = frozenset()
+
+    def push(self, rows: Rows, q: Array, v: Array) -> Array:
+        """Forces (n,) of slipping joints and touched springs."""
+        f = np.zeros(len(rows.rows))
+        for i, sign in self.slip.items():
+            f[i] = -rows.bounds[i] * sign
+        if self.touching:
+            gaps = rows.gaps(q)
+            for i in self.touching:
+                part, side = rows.rows[i].part, rows.side[i]
+                depth, rate = -gaps[i], -side * (rows.E[i] @ v)
+                f[i] = side * part.stiffness * depth * (1.0 + part.damping * rate)  # type: ignore[union-attr]
+        return f
+
+
+def candidates(rows: Rows, t: float, q: Array, v: Array) -> tuple[list[int], Array, Array]:
+    """Rows that rest, and the bounds of their forces in the direction `side`."""
+    rates, closed, locked = rows.E @ v, set(rows.closed(q)), set(rows.locked(t))
+    found: list[tuple[int, float, float]] = []
+    for i, row in enumerate(rows.rows):
+        resting = abs(rates[i]) <= REST
+        if i in locked:
+            found.append((i, -np.inf, np.inf))
+        elif row.kind is Kind.FRICTION and resting and row.bound > 0.0:
+            found.append((i, -row.bound, row.bound))
+        elif i in closed and resting:
+            found.append((i, 0.0, np.inf))
+    chosen = [i for i, _, _ in found]
+    return chosen, np.array([low for _, low, _ in found]), np.array([high for _, _, high in found])
+
+
+def decided(rows: Rows, acting: Acting, phase: Phase, state: State) -> list[int]:
+    """The rows that stay at rest; `phase.slip` is set to those that slip, with their directions."""
+    t, q, v = state.t, state.q, state.v
+    chosen, lower, upper = candidates(rows, t, q, v)
+    rates = rows.E @ v
+    phase.slip = {
+        i: float(np.sign(rates[i])) for i in rows.of(Kind.FRICTION) if i not in chosen and rows.bounds[i]
+    }
+    if not chosen:
+        return []
+    frame = Frame(rows.mechanism, q, v, acting(t, q, v), state.seen)
+    E = rows.side[chosen][:, None] * rows.E[chosen]
+    B = frame.rows(E)
+    b = B.T @ frame.free + E @ frame.p
+    size = float(np.abs(frame.acceleration).max(initial=np.abs(b).max(initial=0.0)))
+    f, w = box(B, b, lower, upper, size)
+    held = []
+    for k, i in enumerate(chosen):
+        kind, moves = rows.rows[i].kind, abs(w[k]) > ZERO * size
+        if kind is Kind.FRICTION and moves:
+            phase.slip[i] = float(np.sign(w[k]))
+        elif kind is not Kind.STOP or (f[k] > 0.0 and not moves):
+            held.append(i)
+    return held
+
+
+def settled(
+    rows: Rows, acting: Callable[[Phase], Acting], before: Phase, state: State, ahead: Iterable[State] | None,
+    tell: Tell,
+) -> tuple[Phase, Array]:  # fmt: skip
+    """The phase that begins at an instant, and its velocity.
+
+    Parameters
+    ----------
+    acting : callable
+        All that acts besides gravity and what is held, of a phase.
+    before : Phase
+        That ends, with `touching` as it is from now on.
+    ahead : iterable of State, optional
+        States a moment later on the phase that ends, where what was held breaks: its rows have no
+        acceleration yet, and their signs are told by what they would have then.
+    """
+    v = settled_impacts(rows, state.t, state.q, state.v, state.seen, tell)
+    phase = Phase(touching=before.touching)
+    if ahead is None:
+        phase.held = decided(rows, acting(phase), phase, State(state.t, state.q, v, state.seen))
+    elif not _broken(rows, acting, before, phase, ahead):
+        raise SimulationError(f"at t = {state.t:.6g} s a joint ought to break loose and does not")
+    for kind, here, there in (("hold", phase.held, before.held), ("release", before.held, phase.held)):
+        if changed := sorted(set(here) - set(there)):
+            tell(kind, changed, 0.0)
+    if phase.held:
+        v = _at_rest(rows, phase, state.q, v, state.seen)
+    return phase, v
+
+
+def _broken(
+    rows: Rows, acting: Callable[[Phase], Acting], before: Phase, phase: Phase, ahead: Iterable[State]
+) -> bool:
+    """Whether the phase differs from the one before at one of the states ahead."""
+    for state in ahead:
+        phase.slip = dict(before.slip)
+        phase.held = decided(rows, acting(phase), phase, state)
+        if sorted(phase.held) != sorted(before.held):
+            return True
+    return False
+
+
+def _at_rest(rows: Rows, phase: Phase, q: Array, v: Array, seen: Seen) -> Array:
+    """v with the rates of what is held to rounding 0, and the phase's independent rows."""
+    frame = Frame(rows.mechanism, q, v, None, seen)
+    E = rows.E[phase.held]
+    B = frame.rows(E)
+    phase.basis = [phase.held[k] for k in independent_rows(B)]
+    values, gaps = rows.values(q), rows.gaps(q)
+    for i in phase.basis:
+        on = rows.rows[i].kind is Kind.STOP and abs(gaps[i]) <= ON_STOP
+        phase.offsets[i] = float(rows.at[i] if on else values[i])
+    return v + frame.kick(np.linalg.lstsq(B.T, -E @ v, rcond=ZERO)[0])
+
+
+def resting(rows: Rows, phase: Phase) -> Sequence[int]:
+    """Held rows whose forces have limits."""
+    return [i for i in phase.held if rows.rows[i].kind is not Kind.LOCK]

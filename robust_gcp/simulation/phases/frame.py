@@ -1,0 +1,174 @@
+"""Admissible velocities v = N z and accelerations a = N z + p at an instant: no choice of y enters.
+
+On regular ground the columns of N are an orthonormal basis of ker K, and p = K⁺ k, cluster by cluster. That
+spans what the map's G spans, and G's columns would be worse where y is close to turning back. At and near
+a singular place ker K is larger than the mode, or close to that: there a cluster of mobility 1 takes the
+tangent and the curvature of its motion; of larger ones there is no decision.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from ...errors import SimulationError
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree import Array
+
+NEAR = 1e-2
+"""σ_min of K over σ_max below which the motion's own tangent is the better one: ker K errs by ε/δ."""
+
+SINGULAR = 1e-6
+"""The same, below which ker K is not taken at all."""
+
+SLOW = 1e-6
+"""Units per second below which a velocity has too few digits for a tangent; the acceleration has it then."""
+
+UNMOVED = 1e-9
+"""Share of the most that a row can be moved below which this mode does not move it: the rest is rounding."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """How the mechanism moves, or moved here last.
+
+    Attributes
+    ----------
+    v, a : ndarray (nv,)
+        Now.
+    toward : ndarray (nv,)
+        Velocity when it last moved.
+    """
+
+    v: Array
+    a: Array
+    toward: Array
+
+    @classmethod
+    def of(cls, v: Array, a: Array, before: Seen | None = None) -> Seen:
+        """Where nothing moves `toward` stays as it was."""
+        moving = before is None or np.abs(v).max(initial=0.0) > SLOW
+        return cls(v, a, v if moving or before is None else before.toward)
+
+    def tangent(self, iv: NDArray[np.int64], units: Array) -> tuple[Array, Array] | None:
+        """Unit tangent t of velocities `iv`, and their curvature: dt/ds; None where nothing tells them."""
+        v, a = self.v[iv], self.a[iv]
+        if np.abs(v / units).max() > SLOW:
+            size = float(np.linalg.norm(v))
+            t = v / size
+            return t, (a - t * (t @ a)) / size**2
+        for way in (a, self.toward[iv]):
+            if np.abs(way / units).max() > SLOW:
+                return way / np.linalg.norm(way), np.zeros(len(way))
+        return None
+
+
+def admissible(mechanism: Mechanism, q: Array, v: Array, seen: Seen | None) -> tuple[Array, Array]:
+    """N (nv, m) and p (nv,): what may move at q, and the acceleration that v alone asks for.
+
+    Raises
+    ------
+    SimulationError
+        At singular places of a cluster whose motion does not tell its mode.
+    """
+    nv = mechanism.nv
+    if not mechanism.nc:
+        return np.eye(nv), np.zeros(nv)
+    K = mechanism.scaled(mechanism.K(q))
+    k = mechanism.k(q, v) / mechanism.row_scale
+    inside = np.concatenate([cluster.iv for cluster in mechanism.clusters])
+    free = np.setdiff1d(np.arange(nv), inside)
+    columns, p = [np.eye(nv)[:, free]], np.zeros(nv)
+    for cluster in mechanism.clusters:
+        iv, rank = cluster.iv, len(cluster.iv) - cluster.m
+        scale = mechanism.column_scale[iv]
+        U, s, Vt = np.linalg.svd(K[:, iv], full_matrices=True)
+        share = float(s[rank - 1] / s[0]) if rank else 1.0
+        told = (
+            seen.tangent(iv, mechanism.units[iv])
+            if cluster.m == 1 and seen is not None and share < NEAR
+            else None
+        )
+        own = np.zeros((nv, cluster.m))
+        if told is not None:
+            tangent, curvature = told
+            own[iv, 0] = tangent
+            p[iv] = curvature * float(v[iv] @ v[iv])
+        elif share > SINGULAR:
+            own[iv] = scale[:, None] * Vt[rank:].T
+            p[iv] = scale * (Vt[:rank].T @ (U[:, :rank].T @ k / s[:rank]))
+        elif cluster.m:
+            raise SimulationError(
+                f"stops, friction and locks: at a singular configuration of {', '.join(cluster.joints)}, "
+                f"with {cluster.m} independent joints{'' if cluster.m > 1 else ' at rest'}, it is open "
+                "what is held; start a little beside it",
+                None, share=share,
+            )  # fmt: skip
+        columns.append(own)
+    return np.hstack(columns), p
+
+
+class Frame:
+    """The reduced dynamics at a state in such coordinates.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    q, v : ndarray (nq,), (nv,)
+    tau : ndarray (nv,) or None
+        All that acts besides gravity; None where only impulses are asked for.
+    seen : Seen, optional
+
+    Attributes
+    ----------
+    M : ndarray (nv, nv)
+    N, p
+        See `admissible`.
+    free : ndarray (m,)
+        Lᵀ z of the unconstrained motion, with L Lᵀ = Nᵀ M N.
+    """
+
+    def __init__(
+        self, mechanism: Mechanism, q: Array, v: Array, tau: Array | None = None, seen: Seen | None = None
+    ) -> None:
+        self.N, self.p = admissible(mechanism, q, v, seen)
+        upper = np.triu(mechanism.tree.crba(q))
+        self.M: Array = upper + np.triu(upper, 1).T
+        try:
+            self._L = np.linalg.cholesky(self.N.T @ self.M @ self.N)
+        except np.linalg.LinAlgError as error:
+            raise SimulationError(
+                "stops, friction and locks: a motion of the mechanism has no inertia; give its bodies some"
+            ) from error
+        self._scale = mechanism.column_scale if mechanism.nc else mechanism.units
+        self._reach = float(np.linalg.norm(self._solve((self.N / self._scale[:, None]).T)))
+        self.free: Array = np.zeros(self.N.shape[1])
+        if tau is not None:
+            force = tau - mechanism.tree.rnea(q, v, self.p)
+            self.free = self._solve(self.N.T @ force)
+
+    def _solve(self, rhs: Array) -> Array:
+        return np.asarray(scipy.linalg.solve_triangular(self._L, rhs, lower=True))
+
+    def rows(self, E: Array) -> Array:
+        """B (m, n) with W = BᵀB = E G M_r⁻¹ Gᵀ Eᵀ; a column is 0 for a row that this mode does not move."""
+        B = self._solve((E @ self.N).T)
+        B[:, self.shares(E, B) <= UNMOVED] = 0.0
+        return B
+
+    def shares(self, E: Array, B: Array) -> Array:
+        """How much of the most that rows like these can be moved this mode moves them, (n,)."""
+        most = self._reach * np.linalg.norm(E * self._scale, axis=1)
+        return np.linalg.norm(B, axis=0) / np.where(most > 0.0, most, 1.0)
+
+    def kick(self, impulse: Array) -> Array:
+        """Change of v where Lᵀ z grows by `impulse`."""
+        return np.asarray(self.N @ scipy.linalg.solve_triangular(self._L.T, impulse, lower=False))
+
+    @property
+    def acceleration(self) -> Array:
+        """a of the unconstrained motion, (nv,)."""
+        return self.p + self.kick(self.free)

@@ -1,0 +1,159 @@
+"""Impulses: v⁺ = v⁻ + G M_r⁻¹ Gᵀ Eᵀ P where stops are met or locks close.
+
+Newton's restitution for stops, 0 ≤ P ⊥ E v⁺ + e ∘ min(E v⁻, 0) ≥ 0, and E v⁺ = 0 for locks. Dry friction is
+bounded, so that it has no impulse: sticking joints do not hold against impacts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...errors import SimulationError
+from ...maps.classical import SingularityWarning
+from ...maps.start_check import require_compatible
+from ...mechanism.tolerances import NEARLY_CLOSED
+from ...mechanism.tree import Array
+from ...warning import warn
+from .box import box
+from .frame import Frame, Seen
+from .parts import parts_given
+from .rows import Kind, Rows
+
+REST = 1e-6
+"""m/s or rad/s: below, an impact is plastic. What is dropped is v²/2a of height and 2v/a of time."""
+
+DEAD = 1e-3
+"""Share of the most that a stop's row can be moved below which its joint is at a dead point."""
+
+MOST = 100
+"""Impulses after each other at one instant, between stops that drive each other; then one is plastic, as
+their limit is."""
+
+Tell = Callable[[str, Sequence[int], float], None]
+"""kind, rows, loss."""
+
+
+class Impact(NamedTuple):
+    """What an impulse does.
+
+    Attributes
+    ----------
+    v : ndarray (nv,)
+        Velocity after it.
+    impulses : dict of str to float
+        N s or N m s, by "stop.q1" or "lock.q2".
+    loss : float
+        Energy lost, J.
+    """
+
+    v: Array
+    impulses: dict[str, float]
+    loss: float
+
+
+class Struck(NamedTuple):
+    """One impulse: v⁺ (nv,), P (n,) by row, the energy lost, the least share that moves a stop's row."""
+
+    v: Array
+    impulses: Array
+    loss: float
+    share: float
+
+
+def struck(
+    rows: Rows,
+    q: Array,
+    v: Array,
+    stops: Sequence[int],
+    locks: Sequence[int],
+    seen: Seen | None,
+    plastic: bool = False,
+) -> Struck | None:
+    """One impulse of closed stops and of locks; None where nothing has to change.
+
+    Stops that are left have no part in it: Newton's law with these could raise the energy. What they are
+    driven into then is the next impulse.
+    """
+    size = float(np.abs(v).max(initial=0.0))
+    tiny = 1e-13 + 1e-12 * size
+    rates = rows.side * (rows.E @ v)
+    stops = [i for i in stops if plastic or rates[i] <= tiny]
+    struck_rows, n = [*stops, *locks], len(stops)
+    E, w = rows.side[struck_rows][:, None] * rows.E[struck_rows], rates[struck_rows]
+    if not (np.any(w[:n] < -tiny) or np.any(np.abs(w[n:]) > tiny)):
+        return None
+    frame = Frame(rows.mechanism, q, v, None, seen)
+    B = frame.rows(E)
+    e = np.array([rows.rows[i].restitution for i in struck_rows])
+    e[(w >= -REST) | plastic] = 0.0
+    lower = np.where(np.arange(len(w)) < n, 0.0, -np.inf)
+    P, _ = box(B, w + e * np.minimum(w, 0.0), lower, np.full(len(w), np.inf), size)
+    after = v + frame.kick(B @ P)
+    loss = 0.5 * float(v @ frame.M @ v - after @ frame.M @ after)
+    by_row = np.zeros(len(rows.rows))
+    by_row[struck_rows] = rows.side[struck_rows] * P
+    shares = frame.shares(E, B)[:n][(P[:n] > 0.0) & (w[:n] < -REST)]
+    return Struck(after, by_row, loss, float(shares.min(initial=1.0)))
+
+
+def impulses(
+    rows: Rows, q: Array, v: Array, stops: Sequence[int], locks: Sequence[int], seen: Seen | None
+) -> Iterator[tuple[Array, Struck]]:
+    """The velocity before each impulse and what it does, until no closed stop is approached and locks rest.
+
+    Raises
+    ------
+    SimulationError
+    """
+    for count in range(2 * MOST if stops or locks else 0):
+        found = struck(rows, q, v, stops, locks, seen, plastic=count >= MOST)
+        if found is None:
+            return
+        yield v, found
+        v = found.v
+    if stops or locks:
+        raise SimulationError(f"impacts of {', '.join(rows.names([*stops, *locks]))} do not come to an end")
+
+
+def settled_impacts(rows: Rows, t: float, q: Array, v: Array, seen: Seen | None, tell: Tell) -> Array:
+    """v⁺ where no closed stop is approached any more and locks rest.
+
+    Raises
+    ------
+    SimulationError
+    """
+    stops, locks = rows.closed(q), rows.locked(t)
+    for before, found in impulses(rows, q, v, stops, locks, seen):
+        v, w = found.v, rows.side * (rows.E @ before)
+        met = [i for i in stops if w[i] < -REST] or [i for i in locks if abs(w[i]) > REST]
+        if not met:
+            continue
+        kind = "lock" if rows.rows[met[0]].kind is Kind.LOCK else "impact"
+        if kind == "impact" and found.share < DEAD:
+            kind = "grazing"
+            warn(
+                f"at t = {t:.6g} s the stop of {', '.join(rows.names(met))} is met beside a dead point of "
+                "its joint: what follows depends on the stop's place without bound",
+                SingularityWarning,
+            )
+        tell(kind, met, found.loss)
+    return v
+
+
+def impact(mechanism: Any, q: ArrayLike, v: ArrayLike, joints: Sequence[Any]) -> Impact:
+    """`Mechanism.impact`."""
+    at, after = mechanism.configuration(q), mechanism.velocity(v)
+    mechanism.require_closed(at, NEARLY_CLOSED, "impact: q")
+    require_compatible(mechanism, at, after)
+    rows = Rows(mechanism, parts_given(joints))
+    rows.require_within(at)
+    total, loss = np.zeros(len(rows.rows)), 0.0
+    seen = Seen(after, np.zeros_like(after), after)
+    for _, found in impulses(rows, at, after, rows.closed(at), rows.of(Kind.LOCK), seen):
+        after, total, loss = found.v, total + found.impulses, loss + found.loss
+    by_name = rows.by_column(total[None]).items()
+    return Impact(after, {n: float(p[0]) for n, p in by_name if not n.startswith("friction.")}, loss)

@@ -1,0 +1,204 @@
+"""The record of a run through phases: all stretches as one trajectory.
+
+Where a phase ends there are two outputs: the last state before it, one rounding earlier than the event, and
+the first state after it, so that times increase and everything between two outputs is smooth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+
+from ...dynamics.equations import constraint_forces
+from ...kernel.measures import reactions
+from ...maps.explicit import Crossing
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree import Array
+from ..crossings import AT_ONCE, together
+from ..stats import Stats
+from ..trajectory import Trajectory
+from .decision import Phase
+from .parts import Happening
+from .rows import Rows
+
+WHAT = ("t", "q", "v", "a", "tau", "work", "smooth", "forces")
+
+
+@dataclass
+class Block:
+    """Outputs of a part of a phase.
+
+    Attributes
+    ----------
+    t, q, v, a, tau
+        tau is all that acts besides gravity and what is held.
+    work : ndarray (N,)
+        Of that, since the first of them, J.
+    held : ndarray (N, n)
+        Forces of the rows that are held.
+    """
+
+    t: Array
+    q: Array
+    v: Array
+    a: Array
+    tau: Array
+    work: Array
+    held: Array
+
+    @classmethod
+    def of(cls, run: Trajectory, count: int, held: Array) -> Block:
+        """The first `count` outputs of a run."""
+        n = slice(0, count)
+        tau = np.zeros_like(run.v) if run.tau is None else run.tau
+        work = np.zeros(len(run.t)) if run.work is None else run.work
+        assert run.a is not None
+        return cls(run.t[n], run.q[n], run.v[n], run.a[n], tau[n], work[n] - work[0], held)
+
+
+@dataclass
+class Joined:
+    """What is kept of a run.
+
+    Attributes
+    ----------
+    rows : Rows
+    record : sequence of str
+        What the user asked for.
+    """
+
+    rows: Rows
+    record: Sequence[str]
+    happenings: list[Happening] = field(default_factory=list)
+    stats: Stats = field(default_factory=Stats)
+
+    def __post_init__(self) -> None:
+        self._kept: dict[str, list[Array]] = {name: [] for name in WHAT}
+        self._work = self._smooth = 0.0
+        self._crossings: list[Crossing] = []
+
+    def add(self, block: Block, phase: Phase, chosen: slice = slice(None)) -> None:
+        """Keep the chosen outputs of a block, in place of those kept from its first time on.
+
+        Work and losses go on from the last block's end.
+        """
+        forces = block.held + np.array(
+            [phase.push(self.rows, q, v) for q, v in zip(block.q, block.v, strict=True)]
+        )
+        smooth = self._smooth + self._lost(block, phase)
+        work = self._work + block.work
+        self._work, self._smooth = float(work[-1]), float(smooth[-1])
+        new = {
+            "t": block.t, "q": block.q, "v": block.v, "a": block.a,
+            "tau": block.tau + block.held @ self.rows.E, "work": work, "smooth": smooth, "forces": forces,
+        }  # fmt: skip
+        if not len(block.t[chosen]):
+            return
+        self._cut(float(block.t[chosen][0]))
+        for name, values in new.items():
+            self._kept[name].append(values[chosen].copy())
+
+    def _cut(self, t: float) -> None:
+        """Drop what is kept from the time t on."""
+        times = self._kept["t"]
+        while times and times[-1][-1] >= t:
+            n = int(np.searchsorted(times[-1], t))
+            for values in self._kept.values():
+                values[-1] = values[-1][:n]
+                if not n:
+                    values.pop()
+
+    def _lost(self, block: Block, phase: Phase) -> Array:
+        """What slipping joints and dampers of springy stops dissipate from the block's start on, J.
+
+        ∫ F |ṙ| dt is F |Δr|; ∫ k d δ δ̇² dt of dampers by the trapezoidal rule with end corrections.
+        """
+        rows, total = self.rows, np.zeros(len(block.t))
+        r = rows.values(block.q)
+        for i, sign in phase.slip.items():
+            total += rows.bounds[i] * sign * (r[:, i] - r[0, i])
+        h = np.diff(block.t)
+        for i in phase.touching:
+            part, side = rows.rows[i].part, rows.side[i]
+            rate = part.stiffness * part.damping  # type: ignore[union-attr, operator]
+            d, d1, d2 = (
+                -rows.gaps(block.q)[:, i],
+                -side * (block.v @ rows.E[i]),
+                -side * (block.a @ rows.E[i]),
+            )
+            power, slope = rate * d * d1**2, rate * (d1**3 + 2.0 * d * d1 * d2)
+            steps = 0.5 * h * (power[1:] + power[:-1]) + h**2 / 12.0 * (slope[:-1] - slope[1:])
+            total[1:] += np.cumsum(steps)
+        return total
+
+    def count(self, run: Trajectory, end: float) -> None:
+        """Keep crossings and changes of coordinates of a stretch up to the time `end`, and count its cost."""
+        mechanism, other = self.rows.mechanism, run.mechanism
+        for crossing in run.crossings:
+            if crossing.time <= end + AT_ONCE:
+                cluster = _cluster(mechanism, other, crossing.cluster)
+                self._crossings.append(replace(crossing, y=crossing.q[mechanism.iq_numbers], cluster=cluster))
+        for item in fields(Stats):
+            if item.type == "int":
+                total = getattr(self.stats, item.name) + getattr(run.stats, item.name)
+                setattr(self.stats, item.name, total)
+        self.stats.repartitions += [change for change in run.stats.repartitions if change[0] <= end]
+        self.stats.refined += [(begun, min(until, end)) for begun, until in run.stats.refined if begun < end]
+
+    def trajectory(self) -> Trajectory:
+        """All that is kept."""
+        rows, mechanism = self.rows, self.rows.mechanism
+        sizes = {
+            "q": mechanism.nq,
+            "v": mechanism.nv,
+            "a": mechanism.nv,
+            "tau": mechanism.nv,
+            "forces": len(rows.rows),
+        }
+        kept = {
+            name: np.concatenate(values) if values else np.zeros((0, sizes[name]) if name in sizes else 0)
+            for name, values in self._kept.items()
+        }
+        t, q, v, a, tau = (kept[name] for name in ("t", "q", "v", "a", "tau"))
+        losses = np.array([0.0, *np.cumsum([happening.loss for happening in self.happenings])])
+        when = np.array([happening.time for happening in self.happenings])
+        columns = rows.by_column(kept["forces"])
+        return Trajectory(
+            mechanism,
+            t,
+            q,
+            v,
+            a,
+            np.array([mechanism.energy(*state) for state in zip(q, v, strict=True)])
+            if "energy" in self.record
+            else None,
+            _multipliers(mechanism, q, v, a, tau) if "multipliers" in self.record else None,
+            kept["work"] + kept["smooth"],
+            together(self._crossings),
+            self.stats,
+            tau=tau if "tau" in self.record else None,
+            happenings=list(self.happenings),
+            dissipated=kept["smooth"] + losses[np.searchsorted(when, t, side="right")],
+            part_names=tuple(columns),
+            part_forces=np.array(list(columns.values())).reshape(len(columns), len(t)).T,
+        )
+
+
+def _multipliers(mechanism: Mechanism, q: Array, v: Array, a: Array, tau: Array) -> Array:
+    found = reactions(mechanism, q, v, a, tau)
+    if found is None:
+        states = zip(q, v, a, tau, strict=True)
+        found = np.array([constraint_forces(mechanism, *state) for state in states]).reshape(
+            len(q), mechanism.nc
+        )
+    return found
+
+
+def _cluster(mechanism: Mechanism, other: Mechanism, index: int | None) -> int | None:
+    """The cluster of the mechanism that has joints of another's, in which more is held."""
+    if index is None or other is mechanism:
+        return index
+    names = set(other.clusters[index].joints)
+    return next((c.index for c in mechanism.clusters if names.intersection(c.joints)), None)

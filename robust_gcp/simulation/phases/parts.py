@@ -1,0 +1,222 @@
+"""What a machine has besides its loops: stops, dry friction and locks, as a user names them.
+
+Each acts on one number r(q) = q_joint − ratio q_other − Σ c q, of joints with one number each: on a joint,
+or on a sum of joints such as the angle of a planar loop's cut joint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from ...checks import check_finite, check_number, check_text, listed, shown
+from ...errors import ModelError, OptionError
+
+
+@dataclass(frozen=True)
+class _Part:
+    joint: str
+    other: str | None = field(default=None, kw_only=True)
+    ratio: float = field(default=0.0, kw_only=True)
+    more: Sequence[tuple[str, float]] = field(default=(), kw_only=True)
+
+    def __post_init__(self) -> None:
+        kind = type(self).__name__
+        check_text(f"{kind}: joint", self.joint)
+        label = f"{kind} {self.joint!r}"
+        if self.other is not None:
+            check_text(f"{label}: other", self.other)
+        check_finite(f"{label}: ratio", self.ratio)
+        if (self.other is None) != (self.ratio == 0.0):
+            raise OptionError(
+                f"{label}: other = {shown(self.other)} and ratio = {self.ratio}: give both, r = q_joint − "
+                "ratio q_other, or none"
+            )
+        more = listed(self.more, f"{label}: more", "pairs of joint and number", OptionError)
+        try:
+            further = tuple((str(name), float(value)) for name, value in more)
+        except (TypeError, ValueError) as error:
+            raise OptionError(
+                f"{label}: more = {shown(self.more)} must be pairs of joint and number"
+            ) from error
+        for name, value in further:
+            check_finite(f"{label}: more, {name}", value)
+        object.__setattr__(self, "more", further)
+        if len(set(self.joints)) < len(self.joints):
+            raise ModelError(f"{label}: a joint counts twice in {', '.join(self.joints)}")
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """All joints of its row."""
+        second = () if self.other is None else (self.other,)
+        return (self.joint, *second, *(name for name, _ in self.more))
+
+    @property
+    def weights(self) -> tuple[float, ...]:
+        """∂r/∂q of these."""
+        second = () if self.other is None else (-float(self.ratio),)
+        return (1.0, *second, *(-value for _, value in self.more))
+
+
+@dataclass(frozen=True)
+class Stop(_Part):
+    """lower ≤ r ≤ upper: a rigid stop with Newton's restitution, or a springy one.
+
+    Rigid: ṙ⁺ = −restitution ṙ⁻ at an impact, and a force that only pushes while it rests. Springy
+    (Hunt–Crossley): force = stiffness δ (1 + damping δ̇), δ the depth.
+
+    Parameters
+    ----------
+    joint : str
+        A joint with one number; dependent ones of loops too.
+    lower, upper : float, optional
+        rad or m; at least one of them.
+    restitution : float
+        From 0 to 1, of a rigid stop. Impacts slower than 1e-6 m/s or rad/s are plastic.
+    stiffness : float, optional
+        N m/rad or N/m; given, the stop is springy.
+    damping : float
+        s/m or s/rad, of a springy stop.
+    other, ratio, more
+        r = q_joint − ratio q_other − Σ value q, `more` = ((joint, value), …).
+
+    Raises
+    ------
+    OptionError, ModelError
+        For numbers that make no stop.
+    """
+
+    lower: float | None = None
+    upper: float | None = None
+    restitution: float = 0.0
+    stiffness: float | None = None
+    damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        label = f"Stop {self.joint!r}"
+        if self.lower is None and self.upper is None:
+            raise OptionError(f"{label}: give lower, upper or both")
+        for name in ("lower", "upper", "stiffness"):
+            if getattr(self, name) is not None:
+                check_finite(f"{label}: {name}", getattr(self, name))
+        if self.lower is not None and self.upper is not None and not self.lower < self.upper:
+            raise OptionError(
+                f"{label}: lower = {self.lower} must be below upper = {self.upper}; what may not move at all "
+                "is a Lock"
+            )
+        check_number(f"{label}: restitution", self.restitution)
+        if not 0.0 <= self.restitution <= 1.0:
+            raise OptionError(f"{label}: restitution = {self.restitution} must lie from 0 to 1")
+        check_finite(f"{label}: damping", self.damping)
+        if self.stiffness is None and self.damping != 0.0:
+            raise OptionError(f"{label}: damping goes with stiffness; a rigid stop has restitution")
+        if self.stiffness is not None and self.restitution != 0.0:
+            raise OptionError(f"{label}: restitution is a rigid stop's; a springy one loses by damping")
+        if (self.stiffness is not None and self.stiffness <= 0.0) or self.damping < 0.0:
+            raise OptionError(f"{label}: stiffness must be positive, and damping not negative")
+
+
+@dataclass(frozen=True)
+class JointFriction(_Part):
+    """Dry friction: |f| ≤ bound, f = −bound sign(ṙ) while it slips.
+
+    Parameters
+    ----------
+    joint : str
+        A joint with one number; dependent ones of loops too.
+    bound : float
+        N m or N, not negative.
+    coefficient : float, optional
+        Refused: friction as a share of the joint's reaction is not simulated yet.
+    other, ratio, more
+        As for `Stop`.
+
+    Raises
+    ------
+    OptionError, ModelError
+    """
+
+    bound: float = 0.0
+    coefficient: float | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        label = f"JointFriction {self.joint!r}"
+        if self.coefficient is not None:
+            raise OptionError(
+                f"{label}: coefficient = {shown(self.coefficient)}: friction as a share of the joint's "
+                "reaction is not simulated; give its bound, N m or N"
+            )
+        check_finite(f"{label}: bound", self.bound)
+        if self.bound < 0.0:
+            raise OptionError(f"{label}: bound = {self.bound} must not be negative")
+
+
+@dataclass(frozen=True)
+class Lock(_Part):
+    """ṙ = 0 from `start` to `end`: a brake, a latch; with `other` a clutch. What moves then is stopped.
+
+    Parameters
+    ----------
+    joint : str
+        A joint with one number; dependent ones of loops too.
+    start, end : float, optional
+        s, on the run's clock; to the end of the run where `end` is left out.
+    other, ratio, more
+        As for `Stop`; q̇_joint = ratio q̇_other in a clutch.
+
+    Raises
+    ------
+    OptionError, ModelError
+    """
+
+    start: float = 0.0
+    end: float | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        label = f"Lock {self.joint!r}"
+        check_number(f"{label}: start", self.start)
+        if self.end is not None:
+            check_number(f"{label}: end", self.end)
+        if not self.start < (float("inf") if self.end is None else self.end):
+            raise OptionError(f"{label}: start = {self.start} must be before end = {self.end}")
+
+
+Part = Stop | JointFriction | Lock
+
+
+@dataclass(frozen=True)
+class Happening:
+    """What happened where one phase of smooth motion ended and another began.
+
+    Attributes
+    ----------
+    time : float
+        s.
+    kind : str
+        "impact", "grazing" (an impact where the stop is at a dead point of its joint: its outcome depends on
+        the stop's place without bound), "hold" (rows that rest from now on), "release", "at rest" (slipping
+        came to an end), "lock" (moving parts were stopped), "touch", "leave" (springy stops).
+    joints : tuple of str
+    loss : float
+        Energy lost at this instant, J.
+    """
+
+    time: float
+    kind: str
+    joints: tuple[str, ...]
+    loss: float = 0.0
+
+
+def parts_given(parts: Any) -> list[Part]:
+    """A list of parts, or an OptionError."""
+    given = listed(parts, "joints", "Stop, JointFriction and Lock", OptionError, Part)
+    for part in given:
+        if not isinstance(part, Part):
+            raise OptionError(
+                f'joints: {shown(part)} is no Stop, JointFriction or Lock, as Stop("q1", lower=0.0)'
+            )
+    return given

@@ -1,0 +1,82 @@
+"""A phase in which nothing can move: only the forces of what is held are watched."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq
+
+from ...errors import SimulationError
+from ...mechanism.tree import Array
+from .decision import Phase, State
+from .frame import Seen
+from .joined import Block
+from .machine import Machines
+from .watch import Holding
+
+
+class Rested(NamedTuple):
+    """What came of it.
+
+    Attributes
+    ----------
+    block : Block
+    until : float
+        s.
+    broke : bool
+        Whether torques became too much there for what is held.
+    seen : Seen
+    fault : SimulationError or None
+        That a torque function raised there.
+    """
+
+    block: Block
+    until: float
+    broke: bool
+    seen: Seen
+    fault: SimulationError | None
+
+
+def rested(machines: Machines, phase: Phase, start: State, times: Array) -> Rested:
+    """Nothing moves until torques that change with time are too much for what is held.
+
+    Parameters
+    ----------
+    times : ndarray (N,)
+        Outputs, from the start on.
+    """
+    q, zero = start.q, np.zeros_like(start.v)
+    holding, acting = Holding(machines.rows, phase), machines.acting(phase)
+    still = Seen(zero, zero, start.seen.toward)
+
+    def forces(t: float) -> tuple[Array, Array, float]:
+        tau = acting(t, q, zero)
+        return (tau, *holding.forces(q, zero, zero, tau, still))
+
+    def margin(t: float) -> float:
+        return holding.margin(q, zero, zero, acting(t, q, zero), still)
+
+    broken: float | None = None
+    fault: SimulationError | None = None
+    found = [forces(start.t)]
+    for before, t in zip(times[:-1].tolist(), times[1:].tolist(), strict=True):
+        try:
+            found.append(forces(t) if machines.varies else found[0])
+        except SimulationError as error:
+            fault = error
+            break
+        if machines.varies and holding.limited and found[-1][2] < 0.0:
+            broken = before if margin(before) <= 0.0 else float(brentq(margin, before, t, xtol=1e-14))
+            found[-1] = forces(broken)
+            break
+    n = len(found)
+    t_kept = times[:n].copy()
+    if broken is not None:
+        t_kept[-1] = np.nextafter(broken, -np.inf)
+        if t_kept[-1] <= t_kept[-2]:
+            n -= 1
+    taus, held, _ = (np.array(part) for part in zip(*found[:n], strict=True))
+    flat = np.zeros((n, len(zero)))
+    block = Block(t_kept[:n], np.tile(q, (n, 1)), flat, flat, taus, np.zeros(n), held)
+    return Rested(block, float(times[-1]) if broken is None else broken, broken is not None, still, fault)

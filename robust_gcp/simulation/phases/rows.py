@@ -1,0 +1,174 @@
+"""Rows r(q) of stops, friction and locks in one mechanism: what is watched, held, or acts.
+
+A stop with two limits is two rows. E (n, nv) holds ∂r/∂q of each; a force f on a row is the generalised
+force Eᵀ f, and its gap is c = side (r − at).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from ...errors import StateError
+from ...mechanism.couplings import CouplingClosure
+from ...mechanism.joints import single_joint
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree import Array
+from .parts import JointFriction, Lock, Part, Stop
+
+GAP = 1e-12
+"""m or rad: stops nearer than this at an event are closed, so that impacts at once are solved together."""
+
+BEYOND = 1e-9
+"""m or rad by which a start may be beyond its stop, as rounded input."""
+
+
+class Kind(IntEnum):
+    """What a row does."""
+
+    STOP = 0
+    SPRING = 1
+    FRICTION = 2
+    LOCK = 3
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row: its kind, its numbers, and the column of the record that its force counts in."""
+
+    kind: Kind
+    part: Part
+    column: str
+    at: float = 0.0
+    side: float = 1.0
+    start: float = -np.inf
+    end: float = np.inf
+
+    @property
+    def restitution(self) -> float:
+        """Newton's, of a stop."""
+        return self.part.restitution if isinstance(self.part, Stop) else 0.0
+
+    @property
+    def bound(self) -> float:
+        """Largest force of dry friction."""
+        return self.part.bound if isinstance(self.part, JointFriction) else np.inf
+
+    def closure(self, value: float) -> CouplingClosure:
+        """r = value as a closure."""
+        part = self.part
+        second, ratio, more = part.other, part.ratio, tuple(part.more)
+        if second is None and more:
+            (second, ratio), more = more[0], more[1:]
+        return CouplingClosure(part.joint, second, ratio, value, (), more)
+
+
+class Rows:
+    """All rows of some parts in a mechanism.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    parts : sequence of Stop, JointFriction, Lock
+
+    Attributes
+    ----------
+    rows : list of Row
+    E : ndarray (n, nv)
+
+    Raises
+    ------
+    ModelError
+        For a joint that there is not, or one with several numbers.
+    """
+
+    def __init__(self, mechanism: Mechanism, parts: Sequence[Part]) -> None:
+        self.mechanism = mechanism
+        names = _columns(parts)
+        self.rows: list[Row] = []
+        for part, name in zip(parts, names, strict=True):
+            self.rows += _rows_of(part, name)
+        n = len(self.rows)
+        self.E, self._in_q = np.zeros((n, mechanism.nv)), np.zeros((n, mechanism.nq))
+        for i, row in enumerate(self.rows):
+            label = f"{type(row.part).__name__} {row.part.joint!r}"
+            for joint_name, weight in zip(row.part.joints, row.part.weights, strict=True):
+                joint = single_joint(mechanism.joints, joint_name, label, "choose another")
+                self.E[i, joint.idx_v] += weight
+                self._in_q[i, joint.idx_q] += weight
+        self.at = np.array([row.at for row in self.rows])
+        self.side = np.array([row.side for row in self.rows])
+        self.bounds = np.array([row.bound for row in self.rows])
+        self.columns = tuple(dict.fromkeys(row.column for row in self.rows))
+
+    def of(self, kind: Kind) -> list[int]:
+        """The rows of a kind."""
+        return [i for i, row in enumerate(self.rows) if row.kind is kind]
+
+    def values(self, q: Array) -> Array:
+        """r, (..., n) for q (..., nq), rad or m."""
+        return np.asarray(q @ self._in_q.T)
+
+    def gaps(self, q: Array) -> Array:
+        """c = side (r − at), (..., n); without meaning for rows that are no stops."""
+        return self.side * (self.values(q) - self.at)
+
+    def locked(self, t: float) -> list[int]:
+        """Locks that hold at the time t."""
+        return [i for i in self.of(Kind.LOCK) if self.rows[i].start <= t < self.rows[i].end]
+
+    def closed(self, q: Array) -> list[int]:
+        """Rigid stops that are closed at q."""
+        gaps = self.gaps(q)
+        return [i for i in self.of(Kind.STOP) if gaps[i] <= GAP]
+
+    def names(self, rows: Sequence[int]) -> tuple[str, ...]:
+        """Their joints."""
+        return tuple(dict.fromkeys(self.rows[i].part.joint for i in rows))
+
+    def require_within(self, q: Array) -> None:
+        """Refuse a start beyond a rigid stop by more than rounding."""
+        gaps = self.gaps(q)
+        for i in self.of(Kind.STOP):
+            if gaps[i] < -BEYOND:
+                row = self.rows[i]
+                which = "lower" if row.side > 0.0 else "upper"
+                raise StateError(
+                    f"the start is {-gaps[i]:.3g} beyond Stop {row.part.joint!r}, {which} = {row.at}: "
+                    f"its row is {float(self.values(q)[i]):.9g} there; start within it"
+                )
+
+    def by_column(self, forces: Array) -> dict[str, Array]:
+        """Forces (N, n) of the rows, added up by the columns of the record."""
+        totals: dict[str, Array] = {name: np.zeros(len(forces)) for name in self.columns}
+        for i, row in enumerate(self.rows):
+            totals[row.column] += forces[:, i]
+        return totals
+
+
+def _rows_of(part: Part, column: str) -> list[Row]:
+    if isinstance(part, Stop):
+        kind = Kind.STOP if part.stiffness is None else Kind.SPRING
+        limits = ((part.lower, 1.0), (part.upper, -1.0))
+        return [Row(kind, part, column, float(at), side) for at, side in limits if at is not None]
+    if isinstance(part, Lock):
+        end = np.inf if part.end is None else float(part.end)
+        return [Row(Kind.LOCK, part, column, start=float(part.start), end=end)]
+    return [Row(Kind.FRICTION, part, column)]
+
+
+def _columns(parts: Sequence[Part]) -> list[str]:
+    """The column of each part: its kind and joint, with the others of its row where that is not enough."""
+    words = {Stop: "stop", JointFriction: "friction", Lock: "lock"}
+    named: dict[tuple[str, str], set[tuple[object, ...]]] = {}
+    for part in parts:
+        named.setdefault((words[type(part)], part.joint), set()).add((part.joints, part.weights))
+    found = []
+    for part in parts:
+        word = words[type(part)]
+        several = len(named[word, part.joint]) > 1
+        found.append(f"{word}.{'-'.join(part.joints) if several else part.joint}")
+    return found

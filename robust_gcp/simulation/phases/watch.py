@@ -1,0 +1,167 @@
+"""Events on a stretch of steps: gaps that close, springs touched or left, slips that end, holds that break.
+
+Gaps and rates are watched on the quintics through (r, ṙ, r̈) at both ends of each step: all their real roots,
+so that several bounces in one step, and touches between two ends, are found. `stretch` locates them then, on
+a partial step.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ...mechanism.tree import Array
+from .box import Load
+from .decision import Phase, resting
+from .frame import UNMOVED, Seen, admissible
+from .rows import Kind, Rows
+
+BELOW = 1e-13
+"""m, rad, or per second: how far a function has to fall below 0 after a root for an event."""
+
+
+class Found(NamedTuple):
+    """An event in a stretch.
+
+    Attributes
+    ----------
+    step : int
+        It begins at this output.
+    share : float
+        Of the step, in [0, 1].
+    row : int
+        −1: what is held breaks.
+    """
+
+    step: int
+    share: float
+    row: int
+
+
+class Signals:
+    """The functions of a phase that must not fall below 0.
+
+    Parameters
+    ----------
+    rows : Rows
+    phase : Phase
+    """
+
+    def __init__(self, rows: Rows, phase: Phase) -> None:
+        held = set(phase.held)
+        stops = [i for i in rows.of(Kind.STOP) if i not in held]
+        springs, slips = rows.of(Kind.SPRING), list(phase.slip)
+        self.rows = np.array([*stops, *springs, *slips], dtype=np.int64)
+        signs = [rows.side[i] for i in stops]
+        signs += [-rows.side[i] if i in phase.touching else rows.side[i] for i in springs]
+        signs += [phase.slip[i] for i in slips]
+        self._sign, self._rows = np.array(signs), rows
+        self._rate = np.arange(len(self.rows)) >= len(stops) + len(springs)
+        self._at = np.where(self._rate, 0.0, rows.at[self.rows]) if len(self.rows) else np.zeros(0)
+
+    def series(self, q: Array, v: Array, a: Array) -> Array:
+        """Value, rate and acceleration of each, (3, N, k)."""
+        E = self._rows.E[self.rows].T
+        r = self._rows.values(q)[:, self.rows] - self._at
+        return self._sign * np.array([r, v @ E, a @ E])
+
+    def at(self, row: int, q: Array, v: Array, a: Array) -> tuple[float, float]:
+        """The function of a row at a state, and its rate."""
+        k = int(np.flatnonzero(self.rows == row)[0])
+        parts = self.series(q[None], v[None], a[None])[:, 0, k]
+        first = int(self._rate[k])
+        return float(parts[first]), float(parts[first + 1])
+
+    def first(self, t: Array, q: Array, v: Array, a: Array) -> Found | None:
+        """The first event on the steps between these times."""
+        if not len(self.rows):
+            return None
+        series, h = self.series(q, v, a), np.diff(t)
+        value = np.where(self._rate, series[1], series[0])
+        rate = np.where(self._rate, series[2], series[1])
+        may = (value[1:] <= 0.0) | ((rate[:-1] < 0.0) & (rate[1:] > 0.0))  # at an end, or between them
+        best: Found | None = None
+        for step in np.flatnonzero(may.any(axis=1)):
+            for k in np.flatnonzero(may[step]):
+                p = quintic(h[step], series[:, step : step + 2, k])
+                slip = self._rate[k]
+                x = falling_root(np.polyder(p) if slip else p, BELOW * (h[step] if slip else 1.0))
+                if x is not None and (best is None or x < best.share):
+                    best = Found(int(step), x, int(self.rows[k]))
+            if best is not None:
+                break
+        return best
+
+
+class Holding:
+    """The forces of what a phase holds.
+
+    Parameters
+    ----------
+    rows : Rows
+    phase : Phase
+    """
+
+    def __init__(self, rows: Rows, phase: Phase) -> None:
+        self._rows, self._held, self._rank = rows, phase.held, len(phase.basis)
+        self._E = rows.side[self._held][:, None] * rows.E[self._held]
+        kinds = [rows.rows[i].kind for i in self._held]
+        self._pushes = np.array([kind is Kind.STOP for kind in kinds], dtype=bool)
+        self.limited = bool(resting(rows, phase))
+
+    def __bool__(self) -> bool:
+        """Whether anything is held."""
+        return bool(self._held)
+
+    def _load(self, q: Array, v: Array, a: Array, tau: Array, seen: Seen) -> tuple[Load, Array]:
+        mechanism = self._rows.mechanism
+        N, _ = admissible(mechanism, q, v, seen)
+        A = self._E @ N
+        A[np.linalg.norm(A, axis=1) <= UNMOVED * np.linalg.norm(N)] = 0.0
+        need = N.T @ (mechanism.tree.rnea(q, v, a) - tau)
+        return Load(A, self._rank, self._rows.bounds[self._held], self._pushes), need
+
+    def margin(self, q: Array, v: Array, a: Array, tau: Array, seen: Seen | None = None) -> float:
+        """By how much what is held is held; negative where it breaks."""
+        load, need = self._load(q, v, a, tau, Seen.of(v, a) if seen is None else seen)
+        return load.margin(need)
+
+    def forces(
+        self, q: Array, v: Array, a: Array, tau: Array, seen: Seen | None = None
+    ) -> tuple[Array, float]:
+        """f (n,) of all rows, and the sign of the margin."""
+        load, need = self._load(q, v, a, tau, Seen.of(v, a) if seen is None else seen)
+        f, margin = load.forces(need)
+        all_rows = np.zeros(len(self._rows.rows))
+        all_rows[self._held] = self._rows.side[self._held] * f
+        return all_rows, margin
+
+
+def quintic(h: float, series: Array) -> Array:
+    """Coefficients in x = (t − t₀)/h, highest first, through s, ṡ, s̈ (3, 2) at both ends."""
+    s, v, a = series
+    d = s[1] - s[0] - h * v[0] - 0.5 * h * h * a[0]
+    e = h * (v[1] - v[0]) - h * h * a[0]
+    g = h * h * (a[1] - a[0])
+    high = 6.0 * d - 3.0 * e + 0.5 * g, -15.0 * d + 7.0 * e - g, 10.0 * d - 4.0 * e + 0.5 * g
+    return np.array([*high, 0.5 * h * h * a[0], h * v[0], s[0]])
+
+
+def falling_root(p: Array, tiny: float) -> float | None:
+    """The first x in [0, 1] where p falls through 0 and is below −tiny after it, or None."""
+    roots = np.roots(p)
+    real = np.sort(roots.real[np.abs(roots.imag) < 1e-7])
+    slope, between = np.polyder(p), np.array([0.1, 0.3, 0.5, 0.7, 0.9, 1.0])
+    for x in real[(real > -1e-9) & (real <= 1.0 + 1e-9)]:
+        later = [*real[real > x + 1e-9].tolist(), 1.0]
+        after = np.polyval(p, x + between * (min(later[0], 1.0) - x))
+        if np.polyval(slope, x) <= 0.0 and after.min() < -tiny:
+            return float(np.clip(x, 0.0, 1.0))
+    return None
+
+
+def first_break(margins: Array) -> int | None:
+    """The step at whose end the margin is negative first, of those at the ends of all steps."""
+    broken = np.flatnonzero(margins < 0.0)
+    return int(broken[0]) if len(broken) else None

@@ -1,0 +1,108 @@
+"""Locks, brakes, clutches: against the mechanism without the joint, momentum, and singular places."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import robust_gcp as rg
+
+from .machines import BACKENDS, flywheels, require_backend, require_sound, sliders, times_of
+
+
+@pytest.fixture(params=BACKENDS)
+def backend(request: pytest.FixtureRequest) -> Any:
+    return require_backend(request.param)
+
+
+def test_a_locked_joint_is_as_one_left_out(backend: Any) -> None:
+    bar = rg.load("five_bar")
+    model, home = bar.model, bar.home
+    v0 = np.zeros(4)
+    locked = rg.simulate(bar, home, v0, 0.8, 0.005, joints=[rg.Lock("q1")], backend=backend)
+    reduced = pin.buildReducedModel(model, [model.getJointId("q1")], home)
+    without = rg.Mechanism.from_pinocchio(reduced, bar.closures, "auto", home[1:])
+    alone = rg.simulate(without, home[1:], v0[1:], 0.8, 0.005, backend=backend)
+    assert np.abs(locked.q[-1, 1:] - alone.q[-1]).max() < 1e-8
+    fine = [
+        rg.simulate(without.with_independent([y]), home[1:], v0[1:], 0.8, 0.005).q[-1] for y in ("q2", "q3")
+    ]
+    assert np.abs(fine[0] - fine[1]).max() < 1e-8
+    assert np.abs(locked["q1"] - home[0]).max() < 1e-14 and np.abs(locked["v.q1"]).max() < 1e-14
+    require_sound(locked, 1e-6)
+
+
+def test_a_clutch_of_two_flywheels() -> None:
+    """ω₁ = −3 ω₂ from 0.35 s to 0.8 s: reduced momentum is kept, the energy lost is exact."""
+    I1, I2, ratio, w1, w2 = 2.0, 5.0, -3.0, 4.0, 1.0
+    clutch = rg.Lock("q1", other="q2", ratio=ratio, start=0.35, end=0.8)
+    run = rg.simulate(flywheels(I1, I2), [0.0, 0.0], [w1, w2], 1.0, 0.1, torque=[7.0, 0.0], joints=[clutch])
+    before = w1 + 7.0 / I1 * 0.35
+    after = (ratio * I1 * before + I2 * w2) / (ratio**2 * I1 + I2)  # of wheel 2
+    k = int(np.searchsorted(run.t, 0.35))
+    assert run.v[k] == pytest.approx([ratio * after, after], abs=1e-13)
+    lost = 0.5 * (I1 * before**2 + I2 * w2**2) - 0.5 * (I1 * ratio**2 + I2) * after**2
+    assert [x.kind for x in run.happenings] == ["lock", "hold", "release"]
+    assert run.happenings[0].loss == pytest.approx(lost, rel=1e-13)
+    a2 = ratio * 7.0 / (ratio**2 * I1 + I2)
+    end = after + a2 * 0.45
+    k = int(np.searchsorted(run.t, 0.8))
+    assert run.v[k] == pytest.approx([ratio * end, end], abs=1e-12)
+    held = (run.t > 0.35) & (run.t < 0.8)
+    assert np.abs(run["lock.q1"][held] - (I1 * ratio * a2 - 7.0)).max() < 1e-11
+    assert run["lock.q1"][-1] == 0.0
+    assert run.v[-1] == pytest.approx([ratio * end + 7.0 / I1 * 0.2, end], abs=1e-12)
+    require_sound(run, 1e-11)
+
+
+def test_a_latch_holds_a_falling_mass_and_lets_it_go() -> None:
+    latch = rg.Lock("q1", start=0.3, end=0.55)
+    run = rg.simulate(sliders(2.0), [0.0], [0.0], 1.0, 0.1, joints=[latch])
+    g = 9.81
+    assert times_of(run, "lock") == pytest.approx([0.3]) and times_of(run, "release") == pytest.approx([0.55])
+    assert run.q[-1, 0] == pytest.approx(-0.5 * g * (0.3**2 + 0.45**2), abs=1e-13)
+    assert run["lock.q1"][(run.t >= 0.3) & (run.t < 0.55)] == pytest.approx(2.0 * g)
+    assert run.dissipated is not None and run.dissipated[-1] == pytest.approx(g**2 * 0.09, rel=1e-12)
+    require_sound(run, 1e-12)
+
+
+def test_a_sum_of_joints_is_held() -> None:
+    """The angle of a body above two joints, q1 + q2, held by a lock on the sum."""
+    bar = rg.load("five_bar")
+    v0 = np.zeros(4)
+    run = rg.simulate(bar, bar.home, v0, 0.5, 0.005, joints=[rg.Lock("q1", more=(("q2", -1.0),))])
+    total = run["q1"] + run["q2"]
+    assert np.abs(total - total[0]).max() < 1e-13 and np.abs(run["q1"] - bar.home[0]).max() > 1e-2
+    require_sound(run, 1e-6)
+
+
+def test_names_tell_a_brake_from_a_clutch() -> None:
+    parts = [rg.Lock("q1", start=0.5), rg.Lock("q1", other="q2", ratio=1.0, end=0.2)]
+    run = rg.simulate(flywheels(1.0, 1.0), [0.0, 0.0], [1.0, 0.0], 1.0, 0.1, joints=parts)
+    assert run.part_names == ("lock.q1", "lock.q1-q2")
+    assert run.v[-1] == pytest.approx([0.0, 0.5]) and run.q[-1] == pytest.approx([0.25, 0.5])
+
+
+def test_locks_that_end_the_motion_of_all() -> None:
+    """At a flat rhombus, between its modes, a lock of q1 stops it there, as it does just before and after."""
+    rhombus = rg.load("rhombus")
+    q0, v0 = [0.6, -0.6, 0.6], rhombus.lift([0.6, -0.6, 0.6], [-3.0])
+    free = rg.simulate(rhombus, q0, v0, 0.5, 0.005)
+    flat = free.crossings[0].time
+    for after in (-1e-3, 0.0, 1e-3):
+        run = rg.simulate(rhombus, q0, v0, 0.4, 0.005, joints=[rg.Lock("q1", start=flat + after)])
+        assert np.abs(run.v[-1]).max() < 1e-12
+        k = int(np.searchsorted(run.t, flat + after))
+        assert np.abs(run.v[k]).max() < 1e-6
+        assert abs(run.q[-1, 0]) < 0.1
+
+
+def test_contradictions_are_refused() -> None:
+    """Two closed stops of one gear train that a lock's impulse would drive into each other."""
+    pair = sliders(1.0, 1.0)
+    stops = [rg.Stop("q1", lower=0.0), rg.Stop("q1", lower=0.0, restitution=0.5)]
+    run = rg.simulate(pair, [1.0, 0.0], [0.0, 0.0], 0.6, 0.1, joints=stops)
+    assert run.happenings[0].kind == "impact" and run.q[:, 0].min() > -1e-12
