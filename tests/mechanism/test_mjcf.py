@@ -296,6 +296,7 @@ REFUSED = [
         r"<mesh> 'm' asks for params=",
     ),
 ]
+MESH = '<asset><mesh name="a" file="a.stl"/></asset>'
 FLEXIBLE = """<mujoco><worldbody><flexcomp name="f" type="grid" count="3 1 1" spacing="1 1 1" radius="0.1"
 dim="1" mass="1"><edge equality="true"/></flexcomp></worldbody></mujoco>"""
 
@@ -346,11 +347,18 @@ def test_attached_models_are_read_from_the_folder_alone(tmp_path: Path) -> None:
     <attach model="r" body="b" prefix="p_"/></frame></worldbody></mujoco>"""
     file = folder / "robot.xml"
     file.write_text(text.replace("FILE", "parts/r.xml"), encoding="utf-8")
+    (tmp_path / "r.xml").write_text((folder / "parts" / "r.xml").read_text(), encoding="utf-8")
     parts, theirs = read_mjcf(file), mujoco.MjModel.from_xml_path(str(file))
     assert list(parts.model.names)[1:] == ["p_q1", "p_q2", "p_q3"]
     assert len(parts.closures) == theirs.neq == 1
     np.testing.assert_allclose(parts.keyframes["p_start"], theirs.key_qpos[0])
-    (tmp_path / "r.xml").write_text((folder / "parts" / "r.xml").read_text(), encoding="utf-8")
+    lost = (folder / "parts" / "r.xml").read_text().replace("<worldbody>", MESH + "<worldbody>")
+    lost = lost.replace('<site name="r"', '<geom type="mesh" mesh="a"/><site name="r"').replace(ROD, "")
+    (folder / "parts" / "r.xml").write_text(
+        lost.replace("<joint", "<geom size='1'/><joint"), encoding="utf-8"
+    )
+    with pytest.raises(rg.ModelError, match=r"mass of 'p_rocker' comes from meshes .*'a' \(there is no such"):
+        read_mjcf(file)
     for outside in ("../r.xml", str(tmp_path / "r.xml")):
         file.write_text(text.replace("FILE", outside), encoding="utf-8")
         with pytest.raises(

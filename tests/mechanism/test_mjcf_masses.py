@@ -195,12 +195,14 @@ def test_meshes_that_no_mass_needs_are_not_opened(tmp_path: Path) -> None:
         MESH, given + MESH.replace("/>", ' material="m"/>')
     )
     text = text.replace("<worldbody>", '<worldbody><geom type="hfield" hfield="h"/>')
+    text = text.replace("<worldbody>", f'<worldbody><body mocap="true">{MESH}</body><body>{MESH}</body>')
     for content in (None, b"", b"no mesh"):
         for name in ("a.obj", "robot.xml.stl", "h.png", "t.png", "s.skn"):
             if content is not None:
                 (tmp_path / name).write_bytes(content)
         file.write_text(text, encoding="utf-8")
-        assert rg.Mechanism.from_mjcf(file).model.inertias[1].mass == 1.0
+        assert read_mjcf(file).model.inertias[1].mass == 1.0
+        assert read_mjcf(file).left_out == ["motion of mocap bodies (body)"]
 
 
 def test_bodies_that_a_user_moves_stand_still() -> None:

@@ -9,14 +9,16 @@ from typing import Any
 import numpy as np
 
 from ...errors import ModelError, missing_extra
-from ..tree import Array
 from .mjcf_document import Document
 
 SIZES = (1.0, 1.5)
 """Of tetrahedra in place of meshes, m: what differs between the two depends on a mesh."""
 
-FINITE = ("body_pos", "body_quat", "body_mass", "body_inertia", "body_ipos", "eq_data", "qpos0", "key_qpos")
-"""Parts of mjModel that are checked; joints are by what is made of them."""
+FINITE = (
+    *("body_pos", "body_quat", "body_mass", "body_inertia", "body_ipos", "jnt_pos", "jnt_axis"),
+    *("dof_armature", "site_pos", "site_quat", "eq_data", "qpos0", "key_qpos"),
+)
+"""Parts of mjModel that are checked."""
 
 MASSLESS = "write 1e-12 in place of zero, or add a <geom> to the body"
 """What helps where MuJoCo asks for a mass and three moments of inertia."""
@@ -46,31 +48,40 @@ def compiled(document: Document, floats: bool) -> Any:
             if with_files or len(absent) == len(document.meshes):
                 raise
             continue
-        unknown = np.any(_masses(models[0]) != _masses(models[-1]), axis=1)
-        unknown &= floats | (models[0].body_weldid > 0)
-        if not unknown.any():
+        unknown = _unknown(models, floats)
+        if not unknown:
             break
     else:
-        names = [models[0].body(int(b)).name or "unnamed" for b in np.flatnonzero(unknown)]
-        try:
-            models = [_compiled(document, SIZES[0], True, tuple(absent))]
-        except ModelError as error:
-            lost = ", ".join(f"{mesh!r} ({why})" for mesh, why in list(absent.items())[:5])
-            raise ModelError(
-                f"{document.name}: the mass of {', '.join(map(repr, names[:5]))} comes from meshes that "
-                f"cannot be read: {lost}; put them there, name their folder by root=, or give an <inertial>"
-            ) from error
-        document.told["masses of meshes on bodies"] = names
+        models = _without_masses(document, unknown, floats)
+        document.told["masses of meshes on bodies"] = unknown
     for key in FINITE:
         if not np.all(np.isfinite(getattr(models[0], key))):
             raise ModelError(f"{document.name}: {key} is not finite once it is compiled; correct its numbers")
     return models[0]
 
 
-def _masses(model: Any) -> Array:
-    """Masses, centres and inertias, a row for each body."""
-    columns = (model.body_mass[:, None], model.body_ipos, model.body_iquat, model.body_inertia)
-    return np.nan_to_num(np.hstack(columns))
+def _unknown(models: list[Any], floats: bool) -> list[str]:
+    """Moving bodies whose masses, centres or inertias differ between the models."""
+    columns = [np.hstack([m.body_mass[:, None], m.body_ipos, m.body_iquat, m.body_inertia]) for m in models]
+    differ = np.any(np.nan_to_num(columns[0]) != np.nan_to_num(columns[-1]), axis=1)
+    still = (models[0].body_weldid == 0) | (models[0].body_mocapid[models[0].body_weldid] >= 0)
+    return [models[0].body(int(b)).name or "unnamed" for b in np.flatnonzero(differ & (floats | ~still))]
+
+
+def _without_masses(document: Document, unknown: list[str], floats: bool) -> list[Any]:
+    """The models where absent meshes weigh nothing; a ModelError where a body has no other mass."""
+    absent, reason = document.absent(), None
+    try:
+        models = [_compiled(document, size, True, tuple(absent)) for size in SIZES]
+        if not _unknown(models, floats):
+            return models
+    except ModelError as error:
+        reason = error
+    lost = ", ".join(f"{mesh!r} ({why})" for mesh, why in list(absent.items())[:5])
+    raise ModelError(
+        f"{document.name}: the mass of {', '.join(map(repr, unknown[:5]))} comes from meshes that cannot be "
+        f"read: {lost}; put them there, name their folder by root=, or give an <inertial>"
+    ) from reason
 
 
 def _compiled(document: Document, filler: float, with_files: bool, massless: tuple[str, ...] = ()) -> Any:
