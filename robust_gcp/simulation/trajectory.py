@@ -38,9 +38,7 @@ class Trajectory(Named, Pictures):
     Attributes
     ----------
     mechanism : Mechanism
-    t : ndarray (N + 1,)
-        s.
-    q, v : ndarray (N + 1, nq), (N + 1, nv)
+    t, q, v : ndarray (N + 1,), (N + 1, nq), (N + 1, nv)
     a : ndarray (N + 1, nv) or None
         Accelerations, when recorded.
     energy : ndarray (N + 1,) or None
@@ -48,19 +46,17 @@ class Trajectory(Named, Pictures):
     multipliers : ndarray (N + 1, nc) or None
         Constraint forces λ, N and N m, when recorded; `reactions.row_names` says what each is.
     work : ndarray (N + 1,) or None
-        Work done by torques, drives and dampers since the start, J; None without any.
+        Work done by torques, drives, dampers, elastic stops since the start, J; None without any.
     crossings : list of Crossing
     stats : Stats
     drive_torque : ndarray (N + 1, nv) or None
         What prescribed motions take, N m and N; NaN at joints that are not driven. `traj["drive.q1"]`.
-    t_events : list of ndarray (k,)
-        When each event happened, s, in the order that `simulate` was given them.
-    q_events, v_events : list of ndarray (k, nq), (k, nv)
-        Configuration and velocity then.
+    t_events, q_events, v_events : list of ndarray (k,), (k, nq), (k, nv)
+        When each event happened, s, in the order that `simulate` was given them, and the states then.
     ended_by : int or None
         Number of the terminal event that ended the run, whose time is the last in t.
     tau : ndarray (N + 1, nv) or None
-        All that acts besides gravity, N m and N, when recorded: torques, wrenches, springs, dampers, drives.
+        All that acts besides gravity, N m and N, when recorded: torques, wrenches, forces, drives, `joints`.
     happenings : list of Happening
         Of stops, friction and locks (`joints=`): impacts, holds, releases and so on, in the order of time.
     dissipated : ndarray (N + 1,) or None

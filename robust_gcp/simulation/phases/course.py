@@ -60,7 +60,7 @@ class Phases:
         self._rows.require_within(self._q)
         gaps = self._rows.gaps(self._q)
         self._phase = Phase(touching=frozenset(i for i in self._rows.of(Kind.SPRING) if gaps[i] < 0.0))
-        self._seen = Seen.of(self._v, np.zeros_like(self._v))
+        self._seen = Seen(self._v, np.zeros_like(self._v), machines.toward(self._v))
         self._ahead: Iterator[State] | None = None
         self.joined = Joined(self._rows, course.record)
         self.joined.stats.step = self._step

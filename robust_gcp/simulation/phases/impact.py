@@ -56,11 +56,15 @@ class Impact(NamedTuple):
 
 
 class Struck(NamedTuple):
-    """One impulse: v⁺ (nv,), P (n,) by row, the energy lost, the least share that moves a stop's row."""
+    """One impulse: v⁺ (nv,), P (n,) by row, the energy lost, stops met or else locks, a stop's least share.
+
+    A row's share is how much of the most that it could move this motion moves it: 0 at a dead point.
+    """
 
     v: Array
     impulses: Array
     loss: float
+    met: list[int]
     share: float
 
 
@@ -88,22 +92,24 @@ def struck(
         return None
     frame = Frame(rows.mechanism, q, v, None, seen)
     B = frame.rows(E)
-    e = np.array([rows.rows[i].restitution for i in struck_rows])
-    e[(w >= -REST) | plastic] = 0.0
+    share = np.minimum(frame.shares(E, B), 1.0)
+    fast = np.abs(w) > REST * share  # at a dead point the joint is slow, not what it is part of
+    e = np.where(fast & (w < 0.0) & (not plastic), [rows.rows[i].restitution for i in struck_rows], 0.0)
     lower = np.where(np.arange(len(w)) < n, 0.0, -np.inf)
     P, _ = box(B, w + e * np.minimum(w, 0.0), lower, np.full(len(w), np.inf), size)
     after = v + frame.kick(B @ P)
-    loss = 0.5 * float(v @ frame.M @ v - after @ frame.M @ after)
     by_row = np.zeros(len(rows.rows))
     by_row[struck_rows] = rows.side[struck_rows] * P
-    shares = frame.shares(E, B)[:n][(P[:n] > 0.0) & (w[:n] < -REST)]
-    return Struck(after, by_row, loss, float(shares.min(initial=1.0)))
+    loss = 0.5 * float(v @ frame.M @ v - after @ frame.M @ after)
+    met = [i for k, i in enumerate(stops) if fast[k] and w[k] < 0.0]
+    least = float(share[:n][(P[:n] > 0.0) & fast[:n]].min(initial=1.0))
+    return Struck(after, by_row, loss, met or [i for k, i in enumerate(locks, n) if fast[k]], least)
 
 
 def impulses(
     rows: Rows, q: Array, v: Array, stops: Sequence[int], locks: Sequence[int], seen: Seen | None
-) -> Iterator[tuple[Array, Struck]]:
-    """The velocity before each impulse and what it does, until no closed stop is approached and locks rest.
+) -> Iterator[Struck]:
+    """Impulses until no closed stop is approached and locks rest.
 
     Raises
     ------
@@ -113,7 +119,7 @@ def impulses(
         found = struck(rows, q, v, stops, locks, seen, plastic=count >= MOST)
         if found is None:
             return
-        yield v, found
+        yield found
         v = found.v
     if stops or locks:
         raise SimulationError(f"impacts of {', '.join(rows.names([*stops, *locks]))} do not come to an end")
@@ -127,9 +133,8 @@ def settled_impacts(rows: Rows, t: float, q: Array, v: Array, seen: Seen | None,
     SimulationError
     """
     stops, locks = rows.closed(q), rows.locked(t)
-    for before, found in impulses(rows, q, v, stops, locks, seen):
-        v, w = found.v, rows.side * (rows.E @ before)
-        met = [i for i in stops if w[i] < -REST] or [i for i in locks if abs(w[i]) > REST]
+    for found in impulses(rows, q, v, stops, locks, seen):
+        v, met = found.v, found.met
         if not met:
             continue
         kind = "lock" if rows.rows[met[0]].kind is Kind.LOCK else "impact"
@@ -153,7 +158,7 @@ def impact(mechanism: Any, q: ArrayLike, v: ArrayLike, joints: Sequence[Any]) ->
     rows.require_within(at)
     total, loss = np.zeros(len(rows.rows)), 0.0
     seen = Seen(after, np.zeros_like(after), after)
-    for _, found in impulses(rows, at, after, rows.closed(at), rows.of(Kind.LOCK), seen):
+    for found in impulses(rows, at, after, rows.closed(at), rows.of(Kind.LOCK), seen):
         after, total, loss = found.v, total + found.impulses, loss + found.loss
     by_name = rows.by_column(total[None]).items()
     return Impact(after, {n: float(p[0]) for n, p in by_name if not n.startswith("friction.")}, loss)

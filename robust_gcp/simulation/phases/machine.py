@@ -58,6 +58,12 @@ class Machines:
         self._once: dict[tuple[object, ...], Mechanism] = {}
         self.checked = True
 
+    def toward(self, v: Array) -> Array:
+        """Where a start with the velocity v goes: along v, or along the one tangent that was named."""
+        if np.any(v) or self.mode is None or np.size(self.mode) != len(v):
+            return v
+        return self.rows.mechanism.velocity(np.ravel(self.mode), "mode")
+
     @property
     def varies(self) -> bool:
         """Whether torques at rest may change with time."""

@@ -13,13 +13,17 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from .decision import Phase, State
 from .machine import Machines
-from .watch import Found, Holding, Signals, first_break
+from .rows import Kind
+from .watch import BELOW, Found, Holding, Signals, first_break
 
 if TYPE_CHECKING:
     from ..trajectory import Trajectory
 
 FINER = (4, 16, 64)
 """Parts of a step that fails: a stop may be what keeps the mechanism from the place where it does."""
+
+SHALLOW = 1e-6
+"""m or rad: a stop that is passed by less is looked at on a partial step, since the interpolant errs."""
 
 CORRECTIONS = 5
 """Partial steps to an event: one or two do."""
@@ -76,11 +80,11 @@ class Stretch:
             Where a step fails and no event comes before it.
         """
         run, fault = self._marched(start, times)
-        found, held = self._first(run)
+        found, held = self._first(run, start.seen.toward)
         if fault is not None and len(run.t) < 2:
             for parts in FINER:
                 run, _ = self._marched(start, np.linspace(times[0], times[1], parts + 1))
-                found, held = self._first(run)
+                found, held = self._first(run, start.seen.toward)
                 if found is not None:
                     break
             else:
@@ -115,11 +119,27 @@ class Stretch:
 
     # ----------------------------------------------------------------- which event comes first
 
-    def _first(self, run: Trajectory) -> tuple[Found | None, Array]:
+    def _is_reached(self, run: Trajectory, found: Found, toward: Array) -> bool:
+        """Whether a stop is met, where the interpolant would go beyond it by little more than it errs."""
+        k = found.step
+        lowest = float(run.t[k] + found.lowest * (run.t[k + 1] - run.t[k]))
+        times = np.array([run.t[k], lowest])
+        if self._machines.rows.rows[found.row].kind is not Kind.STOP or found.lowest == 1.0:
+            return True
+        part = self._machines.march(self._machine, self._phase, times, run.q[k], run.v[k], toward)
+        assert part.a is not None
+        return self._signals.at(found.row, part.q[-1], part.v[-1], part.a[-1])[0] < -BELOW
+
+    def _first(self, run: Trajectory, toward: Array) -> tuple[Found | None, Array]:
         """The first event of a stretch, and the forces of what is held as far as that."""
         assert run.a is not None
         holding, n = self._holding, len(run.t)
-        found = self._signals.first(run.t, run.q, run.v, run.a)
+        found, none = None, set[tuple[int, int]]()
+        while True:
+            found = self._signals.first(run.t, run.q, run.v, run.a, none)
+            if found is None or found.depth > SHALLOW or self._is_reached(run, found, toward):
+                break
+            none.add((found.step, found.row))
         held, margins = np.zeros((n, self._size)), np.full(n, np.inf)
         for k in range(n if found is None else found.step + 2) if holding else ():
             held[k], margins[k] = holding.forces(run.q[k], run.v[k], run.a[k], torque_at(run, k))

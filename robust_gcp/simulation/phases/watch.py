@@ -7,6 +7,7 @@ a partial step.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
@@ -32,11 +33,17 @@ class Found(NamedTuple):
         Of the step, in [0, 1].
     row : int
         −1: what is held breaks.
+    lowest : float
+        Share of the step at which its function is lowest after that.
+    depth : float
+        How far below 0 it is there.
     """
 
     step: int
     share: float
     row: int
+    lowest: float = 1.0
+    depth: float = np.inf
 
 
 class Signals:
@@ -73,8 +80,10 @@ class Signals:
         first = int(self._rate[k])
         return float(parts[first]), float(parts[first + 1])
 
-    def first(self, t: Array, q: Array, v: Array, a: Array) -> Found | None:
-        """The first event on the steps between these times."""
+    def first(
+        self, t: Array, q: Array, v: Array, a: Array, none: Collection[tuple[int, int]] = ()
+    ) -> Found | None:
+        """The first event on the steps between these times, but for steps and rows in which there is none."""
         if not len(self.rows):
             return None
         series, h = self.series(q, v, a), np.diff(t)
@@ -86,9 +95,10 @@ class Signals:
             for k in np.flatnonzero(may[step]):
                 p = quintic(h[step], series[:, step : step + 2, k])
                 slip = self._rate[k]
-                x = falling_root(np.polyder(p) if slip else p, BELOW * (h[step] if slip else 1.0))
-                if x is not None and (best is None or x < best.share):
-                    best = Found(int(step), x, int(self.rows[k]))
+                root = falling_root(np.polyder(p) if slip else p, BELOW * (h[step] if slip else 1.0))
+                where = int(step), int(self.rows[k])
+                if root is not None and where not in none and (best is None or root[0] < best.share):
+                    best = Found(where[0], root[0], where[1], *root[1:])
             if best is not None:
                 break
         return best
@@ -148,17 +158,26 @@ def quintic(h: float, series: Array) -> Array:
     return np.array([*high, 0.5 * h * h * a[0], h * v[0], s[0]])
 
 
-def falling_root(p: Array, tiny: float) -> float | None:
-    """The first x in [0, 1] where p falls through 0 and is below −tiny after it, or None."""
-    roots = np.roots(p)
-    real = np.sort(roots.real[np.abs(roots.imag) < 1e-7])
-    slope, between = np.polyder(p), np.array([0.1, 0.3, 0.5, 0.7, 0.9, 1.0])
+def falling_root(p: Array, tiny: float) -> tuple[float, float, float] | None:
+    """The first x in [0, 1] where p falls through 0 to below −tiny; where it is lowest then, how deep."""
+    real = _real_roots(p)
+    slope = np.polyder(p)
     for x in real[(real > -1e-9) & (real <= 1.0 + 1e-9)]:
-        later = [*real[real > x + 1e-9].tolist(), 1.0]
-        after = np.polyval(p, x + between * (min(later[0], 1.0) - x))
-        if np.polyval(slope, x) <= 0.0 and after.min() < -tiny:
-            return float(np.clip(x, 0.0, 1.0))
+        if np.polyval(slope, x) > 0.0:
+            continue
+        end = min([*real[real > x + 1e-9].tolist(), 1.0])
+        inner = _real_roots(slope)
+        after = np.array([*inner[(inner > x) & (inner < end)], end])
+        values = np.polyval(p, after)
+        k = int(np.argmin(values))
+        if values[k] < -tiny:
+            return float(np.clip(x, 0.0, 1.0)), float(after[k]), -float(values[k])
     return None
+
+
+def _real_roots(p: Array) -> Array:
+    roots = np.roots(p)
+    return np.sort(roots.real[np.abs(roots.imag) < 1e-7])
 
 
 def first_break(margins: Array) -> int | None:
