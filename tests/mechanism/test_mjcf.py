@@ -262,7 +262,10 @@ REFUSED = [
     ),
     ({"bodies": f"<composite>{BODIES}</composite>"}, r"unrecognized element Element 'composite'"),
     ({"bodies": BODIES.replace('axis="1 0 0"', 'axis="0 0 0"')}, r"axis too small in joint.*'q1'"),
-    ({"bodies": BODIES.replace('axis="1 0 0"', 'axis="nan 0 0"')}, r"a number in it that is none"),
+    (
+        {"bodies": BODIES.replace('axis="1 0 0"', 'axis="nan 0 0"')},
+        r"<joint> axis='nan 0 0' has a number that is none",
+    ),
     ({"bodies": BODIES.replace('pos="0 1 0"', 'pos="0 inf 0"')}, r"not finite"),
     ({"bodies": BODIES.replace('name="q1"', 'name="q1" class="z"')}, r"unknown default class name 'z'"),
     (
@@ -276,6 +279,7 @@ REFUSED = [
     ({"compiler": 'coordinate="global"'}, r"global coordinates no longer supported"),
     ({"bodies": BODIES.replace('axis="1 0 0"', 'damping="x"')}, r"bad format in attribute 'damping'"),
     ({"bodies": ROD.join(["<body>", "</body>"]), "equality": "", "more": ""}, r"no body has a joint"),
+    ({"equality": '<connect name="e" body1="coupler" anchor=" "/>'}, r"<connect> 'e': its anchor is empty"),
     ({"bodies": BODIES.replace("rocker", "a%s%n")}, r"<body> name='a%s%n' has a per cent sign"),
     ({"bodies": BODIES.replace("rocker", "crank")}, r"repeated name 'crank' in body"),
     (
@@ -416,10 +420,17 @@ def test_mujoco_prints_nothing_and_writes_no_log(
     """Its warnings go elsewhere while a file is read; whoever takes them otherwise still does."""
     monkeypatch.chdir(tmp_path)
     with pytest.raises(rg.ModelError, match="NaN"):
-        read_mjcf(document(BODIES.replace('pos="0 1 0"', 'pos="0 nan 0"')))
+        read_mjcf(document(BODIES.replace('pos="0 1 0"', 'pos="0 nan(1) 0"')))
     assert list(tmp_path.iterdir()) == []
     assert capfd.readouterr() == ("", "")
     assert mujoco.get_mju_user_warning() is None
+
+
+def test_muscles_do_not_keep_a_file_from_being_read() -> None:
+    """MuJoCo simulates how far a muscle goes, which may not converge, or never end."""
+    parts = read_mjcf(document(more='<actuator><muscle name="m" joint="q1"/></actuator>'))
+    assert parts.actuated == ("q1",)
+    assert "actuators (m)" in parts.left_out
 
 
 def test_without_mujoco_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -101,6 +101,7 @@ def _compiled(document: Document, filler: float, with_files: bool, massless: tup
             for geom in spec.geoms if massless else ():
                 if geom.meshname in massless:
                     geom.mass = 0.0
+            spec.compiler.LRopt.mode = 0  # no simulation for the lengths of muscles, which may never end
             model = spec.compile()
     except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
         words = " ".join(re.sub(r",? line \d+", "", str(error)).split())  # lines of our text, not of the file

@@ -191,10 +191,16 @@ class Document:
             parent.attrib.update(nrow="2", ncol="2")
 
     def _bound(self, element: Element) -> None:
-        """Refuse what ends MuJoCo's process: sizes that take all memory, words that it prints as formats."""
+        """Refuse what ends or hangs MuJoCo: sizes that take all memory, formats for its messages, NaN."""
         for key, value in element.items():
             if "%" in value:
                 raise self._error(f"<{element.tag}> {key}={shown(value)} has a per cent sign; leave it out")
+            if any(math.isnan(_number(word)) for word in value.split()):
+                raise self._error(f"<{element.tag}> {key}={shown(value)} has a number that is none (NaN)")
+            if key == "anchor" and not value.strip():
+                raise self._error(
+                    f"<{element.tag}> {element.get('name', '')!r}: its anchor is empty; write three numbers"
+                )
         for key in ("actdim", "nsample", *(("params",) if element.get("builtin") else ())):
             if not all(abs(_number(word)) <= LARGEST_SIZE for word in element.get(key, "").split()):
                 raise self._error(
