@@ -26,9 +26,7 @@ def different(report: Report) -> str:
 
 
 @pytest.mark.campaign
-@pytest.mark.filterwarnings(
-    "ignore::robust_gcp.ModelWarning"
-)  # rows implied but for rounding
+@pytest.mark.filterwarnings("ignore::robust_gcp.ModelWarning")  # rows implied but for rounding
 @pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.name)
 def test_a_scene_moves_alike(
     scene: Scene, seed: int, pytestconfig: pytest.Config, record_property: Callable[..., None]
