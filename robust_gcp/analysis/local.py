@@ -16,7 +16,7 @@ from ..mechanism.partition import numerical_rank
 from ..mechanism.rank import rank_along
 from ..mechanism.tolerances import FORM, NEARLY_CLOSED, RANK
 from ..mechanism.tree import Array
-from .second_order import bending, curvature, full_svd, orthonormal, second_order_forms
+from .second_order import bending, bending_along, curvature, full_svd, orthonormal, second_order_forms
 from .tangent_cone import is_definite, linear_modes, polished, rank_two_forms
 
 Kind = Literal["regular", "redundant", "singular", "not certified"]
@@ -34,7 +34,7 @@ class LocalAnalysis:
     q : ndarray (nq,)
     kind : {"regular", "redundant", "singular", "not certified"}
     rank, generic_rank : int
-        Rank of K here, and at nearby points of the same mode.
+        Rank of K here, and at nearby points of the same mode; or more, where many loops are singular.
     singular_values : ndarray
         Of the scaled (dimensionless) K, descending.
     kernel : ndarray (nv, δ_diff)
@@ -133,8 +133,13 @@ def analyse(mechanism: ClosedLoops, q: ArrayLike, rank_tolerance: float = RANK) 
     if rank == len(K) or kernel.shape[1] == 0:
         tangent = (_direction(kernel),) if kernel.shape[1] else ()
         return answer("regular", rank, tangent, f"K has full rank {rank}: one smooth mode")
+    size = FORM * curvature(mechanism, q)
+    most = int(np.log2(MAX_COMBINATIONS))
+    if left.shape[1] > most and bending_along(mechanism, q, left, kernel, most + 1, size) > most:
+        words = f"more than {most} loops are singular at once: too many combinations of modes to list"
+        return answer("not certified", rank + most + 1, (), words)
     forms = second_order_forms(mechanism, q, left, kernel)
-    bent, flat = bending(forms, FORM * curvature(mechanism, q))
+    bent, flat = bending(forms, size)
     if bent.shape[1] == 0:
         generic = rank_along(mechanism, q, kernel, rank_tolerance)
         if generic == rank:
@@ -145,7 +150,7 @@ def analyse(mechanism: ClosedLoops, q: ArrayLike, rank_tolerance: float = RANK) 
             "a tangential or higher-order singularity"
         )
         return answer("not certified", generic, (), words, tuple(forms))
-    forms = second_order_forms(mechanism, q, left @ bent, kernel)
+    forms = list(np.einsum("uc,uij->cij", bent, np.array(forms)))
     generic = rank + len(forms)
     decoupled = rank_two_forms(forms)
     forms = forms if decoupled is None else decoupled
@@ -201,9 +206,6 @@ def _factored(
         a, b = np.sqrt(-low) * v[:, 0], np.sqrt(high) * v[:, 1]
         planes.append([a + b, a - b])
     squares = any(len(pair) == 1 for pair in planes)
-    if 2 ** len(planes) > MAX_COMBINATIONS:
-        words = f"{len(planes)} loops are singular at once: too many combinations of modes to list"
-        return "not certified", (), words
     spaces: list[tuple[Array, int]] = []
     for combination in product(*planes):
         normals = np.array(combination)

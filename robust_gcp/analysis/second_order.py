@@ -59,6 +59,16 @@ def bending(forms: list[Array], size: float) -> tuple[Array, Array]:
     return U[:, :rank], U[:, rank:]
 
 
+def bending_along(
+    mechanism: ClosedLoops, q: Array, left: Array, kernel: Array, directions: int, size: float
+) -> int:
+    """How many combinations of the columns of `left` have forms that bend, seen in random directions."""
+    ways = np.random.default_rng(4).normal(size=(directions, kernel.shape[1])) @ kernel.T
+    ways /= np.linalg.norm(ways, axis=1)[:, None]
+    seen = left.T @ np.array([second_derivative(mechanism, q, way) for way in ways]).T
+    return int(np.sum(np.linalg.svd(seen, compute_uv=False) > size))
+
+
 def full_svd(K: Array) -> tuple[Array, Array, Array]:
     """Full SVD that also serves a K without rows."""
     if K.shape[0] == 0:

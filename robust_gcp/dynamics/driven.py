@@ -14,7 +14,7 @@ Where all independent joints are driven nothing is left to integrate but the wor
 from __future__ import annotations
 
 import logging
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,7 +28,7 @@ from ..mechanism.groups import coordinate_choices
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.partition import spelled
 from ..mechanism.tree import Array
-from .drive import Drive
+from .drive import Drive, checked_motions
 from .equations import EquationsOfMotion, Evaluation, Torque
 
 if TYPE_CHECKING:
@@ -97,6 +97,25 @@ class DrivenEquations(EquationsOfMotion):
         kept = np.full(self.mechanism.nv, np.nan)
         kept[self.columns] = effort
         return Evaluation(point, v, ydd, tau, power + float(effort @ ydot[driven]), kept)
+
+
+def prescribed(
+    mechanism: Mechanism, drive: Any, q0: ArrayLike | None, times: Array
+) -> tuple[Mechanism, Drive | None]:
+    """The mechanism in coordinates that include the driven joints, and their motions from times[0] on.
+
+    The mechanism as it is, and None, where `drive` is None.
+
+    Raises
+    ------
+    OptionError
+        As `checked_motions` and `driving` do.
+    """
+    if drive is None:
+        return mechanism, None
+    motions = checked_motions(mechanism, drive, times)
+    mechanism = driving(mechanism, tuple(motions), mechanism.home if q0 is None else q0)
+    return mechanism, Drive(mechanism, motions, float(times[0]))
 
 
 def driving(mechanism: Mechanism, names: tuple[str, ...], q: ArrayLike) -> Mechanism:

@@ -1,10 +1,8 @@
 // What crosses the boundary between Python and the kernel: plain arrays in plain structs.
-// Mirrored by structures.py; change VERSION with any change here. Functions that cross it are RG_EXPORT, in the .cpp files.
+// Mirrored by structures.py; change VERSION with any change here. Functions that cross it are RG_EXPORT (exports.h).
 #pragma once
 
 #include <cstdint>
-
-#define RG_EXPORT extern "C" __attribute__((visibility("default")))
 
 namespace rg {
 

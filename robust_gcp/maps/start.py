@@ -18,7 +18,7 @@ from ..errors import (
 from ..mechanism.joints import in_v
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.partition import spelled
-from ..mechanism.tolerances import DETERMINES, NEARLY_CLOSED, SAME_MODE, SINGULAR_START
+from ..mechanism.tolerances import DETERMINES, SAME_MODE, SINGULAR_START
 from ..mechanism.tree import Array
 from .charted_path import regular_path
 from .cluster.chart import CHANGE, best, smallest
@@ -32,8 +32,7 @@ from .regular_path import RegularPath
 from .start_check import (
     apart,
     checked_mode,
-    require_compatible,
-    require_finite_energy,
+    checked_state,
     require_lasting_mobility,
     require_mobility,
     require_mode,
@@ -96,13 +95,7 @@ def begin(
     ToggleError, NotCertifiedError
         When the independent joints, or second order, cannot describe the motion from here.
     """
-    q = mechanism.configuration(q0, "q0")
-    mechanism.require_closed(q, NEARLY_CLOSED, "q0")
-    mechanism.require_proper(q)
-    q = mechanism.polish(q, mechanism.iv_dependent)
-    v = mechanism.tree.zero if v0 is None else mechanism.velocity(v0, "v0")
-    require_finite_energy(mechanism, v)
-    require_compatible(mechanism, q, v)
+    q, v = checked_state(mechanism, q0, v0)
     ydot = v[mechanism.iv_independent]
     y = mechanism.y_about(q)
     path = regular_path(mechanism, mechanism.select_rows(mechanism.K(q)), counters)

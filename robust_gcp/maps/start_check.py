@@ -10,7 +10,7 @@ from ..errors import NonFiniteError, OptionError, PartitionError, StateError
 from ..mechanism.independent import motions, regular_near
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.partition import numerical_rank, spelled
-from ..mechanism.tolerances import COMPATIBLE, RANK, SAME_MODE
+from ..mechanism.tolerances import COMPATIBLE, NEARLY_CLOSED, RANK, SAME_MODE
 from ..mechanism.tree import Array
 from .point import Point
 from .regular_path import RegularPath
@@ -36,6 +36,24 @@ def require_freedom(mechanism: Mechanism) -> None:
     """Refuse a mechanism without independent velocities."""
     if mechanism.m == 0:
         raise PartitionError(f"{mechanism.name!r} is rigid: {STRUCTURE}")
+
+
+def checked_state(mechanism: Mechanism, q0: ArrayLike, v0: ArrayLike | None) -> tuple[Array, Array]:
+    """q0 (nq,) with its loops closed to rounding, and v0 (nv,), zero where left out.
+
+    Raises
+    ------
+    StateError, ClosureError, NonFiniteError
+        For what is no state of the mechanism.
+    """
+    q = mechanism.configuration(q0, "q0")
+    mechanism.require_closed(q, NEARLY_CLOSED, "q0")
+    mechanism.require_proper(q)
+    q = mechanism.polish(q, mechanism.iv_dependent)
+    v = mechanism.tree.zero if v0 is None else mechanism.velocity(v0, "v0")
+    require_finite_energy(mechanism, v)
+    require_compatible(mechanism, q, v)
+    return q, v
 
 
 def require_finite_energy(mechanism: Mechanism, v: Array) -> None:

@@ -71,7 +71,7 @@ class ClosedLoops:
         Couplings(joints_of(self.own_model), couplings)  # these two refuse what is not there
         closure_frames(self.own_model, self.loops)
         self.length = characteristic_length(self.own_model, self.closures)
-        self.standpoint = standpoint(self.own_model, self.length)
+        self.standpoint = standpoint(self.own_model)
         self.near = seen_from(self.own_model, self.standpoint)
         self.tree = Tree(self.near, closure_frames(self.near, self.loops))
         self.nq, self.nv = self.tree.nq, self.tree.nv

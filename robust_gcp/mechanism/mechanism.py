@@ -19,6 +19,7 @@ from .formats.contents import FileContents, named, tell_left_out
 from .formats.mjcf import read_mjcf
 from .formats.pin_constraints import with_named_frames
 from .formats.urdf import read_urdf
+from .formats.xml_text import is_xml_text
 from .independent import best_at_home, require_determined
 from .loops import ClosedLoops
 from .model_check import check_model
@@ -296,5 +297,4 @@ def _joints(names: Any, what: str) -> tuple[str, ...]:
 
 def _called(given: str | Path, what: str) -> str:
     """A file's path, or what its text is."""
-    is_text = isinstance(given, str) and given.lstrip("\ufeff \t\r\n").startswith("<")
-    return f"{what} text" if is_text else str(given)
+    return f"{what} text" if is_xml_text(given) else str(given)

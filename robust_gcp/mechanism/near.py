@@ -11,20 +11,10 @@ import pinocchio as pin
 
 from .tree import Array
 
-FAR = 10.0
-"""Lengths from the origin to the first joint below which the origin serves: it costs one digit there."""
 
-
-def standpoint(model: pin.Model, length: float) -> Array:
-    """Where the first joint stands on the ground, (3,), m, where that is far from the origin; else 0.
-
-    Parameters
-    ----------
-    length : float
-        Characteristic length, m.
-    """
-    first = np.array(model.jointPlacements[1].translation) if model.njoints > 1 else np.zeros(3)
-    return first if np.linalg.norm(first) > FAR * length else np.zeros(3)
+def standpoint(model: pin.Model) -> Array:
+    """Where the first joint stands on the ground, (3,), m."""
+    return np.array(model.jointPlacements[1].translation) if model.njoints > 1 else np.zeros(3)
 
 
 def seen_from(model: pin.Model, point: Array) -> pin.Model:

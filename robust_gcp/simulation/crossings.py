@@ -54,6 +54,18 @@ def _met_before(found: Sequence[Crossing], new: Crossing) -> int | None:
 def hermite(t0: float, t1: float, before: Sequence[Array], after: Sequence[Array]) -> Stretch:
     """The stretch whose y is the quintic through (y, ẏ, ÿ) at both ends."""
     h = t1 - t0
+    c0, c1, c2, c3, c4, c5 = quintic(h, before, after)
+
+    def y(t: float) -> Array:
+        u = (t - t0) / h
+        value: Array = c0 + u * (c1 + u * (c2 + u * (c3 + u * (c4 + u * c5))))
+        return value
+
+    return Stretch(t0, t1, y)
+
+
+def quintic(h: float, before: Sequence[Array], after: Sequence[Array]) -> tuple[Array, ...]:
+    """Coefficients in u = (t − t₀)/h, lowest first, through (p, ṗ, p̈) at both ends of a step h."""
     (p0, v0, a0), (p1, v1, a1) = before, after
     v0, v1, a0, a1 = h * v0, h * v1, h * h * a0, h * h * a1
     jump = p1 - p0 - v0 - 0.5 * a0
@@ -61,13 +73,7 @@ def hermite(t0: float, t1: float, before: Sequence[Array], after: Sequence[Array
     c3 = 10.0 * jump - 4.0 * turn + 0.5 * bend
     c4 = -15.0 * jump + 7.0 * turn - bend
     c5 = 6.0 * jump - 3.0 * turn + 0.5 * bend
-
-    def y(t: float) -> Array:
-        u = (t - t0) / h
-        value: Array = p0 + u * (v0 + u * (0.5 * a0 + u * (c3 + u * (c4 + u * c5))))
-        return value
-
-    return Stretch(t0, t1, y)
+    return p0, v0, 0.5 * a0, c3, c4, c5
 
 
 def located(passages: Sequence[Passage], stretch: Stretch) -> list[Crossing]:

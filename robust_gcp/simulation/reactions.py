@@ -14,11 +14,31 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..checks import shown
+from ..dynamics.equations import UNBALANCED_WORDS, constraint_forces
 from ..errors import OptionError
+from ..kernel.measures import reactions
+from ..maps.classical import SingularityWarning
 from ..mechanism.closures import Closure
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.rows import ALONG, ROTATION, Row, rows_of
 from ..mechanism.tree import Array
+from ..warning import warn
+
+
+def multipliers_of(mechanism: Mechanism, q: Array, v: Array, a: Array, tau: Array | None) -> Array:
+    """λ (N, nc) of each state: by the kernel where it is there, else by `constraint_forces`.
+
+    NaN, with a warning, where nothing balances the motion.
+    """
+    found = reactions(mechanism, q, v, a, tau)
+    if found is None:
+        every = [None] * len(q) if tau is None else tau
+        states = zip(q, v, a, every, strict=True)
+        found = np.array([constraint_forces(mechanism, *state) for state in states])
+        return found.reshape(len(q), mechanism.nc)
+    if np.isnan(found).any():
+        warn(UNBALANCED_WORDS, SingularityWarning)
+    return found
 
 
 def row_names(mechanism: Mechanism) -> list[str]:

@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from ..dynamics.driven import DrivenEquations
-from ..dynamics.equations import UNBALANCED_WORDS, EquationsOfMotion, Evaluation, constraint_forces
+from ..dynamics.equations import EquationsOfMotion, Evaluation, constraint_forces
 from ..kernel.batch import Outputs
-from ..kernel.measures import reactions
 from ..maps.classical import SingularityWarning
 from ..maps.explicit import Crossing
 from ..mechanism.mechanism import Mechanism
@@ -19,6 +18,7 @@ from ..warning import warn
 from .crossings import AT_ONCE, together
 from .events import Events
 from .keep import ALL, Keep
+from .reactions import multipliers_of
 from .schedule import Schedule
 from .stats import Stats
 from .trajectory import Trajectory
@@ -148,11 +148,8 @@ class Record:
         if self._multipliers is not None:
             assert outputs.a is not None
             state = outputs.q[chosen], outputs.v[chosen], outputs.a[chosen]
-            found = reactions(self.mechanism, *state, None if outputs.tau is None else outputs.tau[chosen])
-            assert found is not None  # by the kernel that took the steps
-            self._multipliers[kept] = found
-            if np.isnan(found).any():
-                warn(UNBALANCED_WORDS, SingularityWarning)
+            tau = None if outputs.tau is None else outputs.tau[chosen]
+            self._multipliers[kept] = multipliers_of(self.mechanism, *state, tau)
         self.count, self.at, self.last_state = first + len(chosen), i + n, x
 
     def cross(self, crossings: Sequence[Crossing]) -> None:

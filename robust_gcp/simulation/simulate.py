@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from numpy.typing import ArrayLike
 
 from ..checks import check_between, check_choice, check_mechanism, check_positive, listed, shown
-from ..dynamics.drive import Drive, checked_motions
-from ..dynamics.driven import driving
+from ..dynamics.driven import prescribed
 from ..dynamics.equations import Torque
 from ..dynamics.held import HeldTorque
 from ..dynamics.loads import Torques, Wrench, one_torque
@@ -182,13 +181,9 @@ def simulate(
             t0=t0, outputs=outputs, record=record, mode=mode, rtol=rtol, atol=atol, on_toggle=on_toggle,
             options=options, progress=progress,
         )  # fmt: skip
-    drives = None
-    if drive is not None:
-        motions = checked_motions(mechanism, drive, schedule.times)
-        mechanism = driving(mechanism, tuple(motions), mechanism.home if q0 is None else q0)
-        drives = Drive(mechanism, motions, t0)
-    prescribed = drives is not None and not len(drives.free)
-    choice = MapChoice(method, options, newton_start, threshold, not fixed, prescribed)
+    mechanism, drives = prescribed(mechanism, drive, q0, schedule.times)
+    all_of_it = drives is not None and not len(drives.free)
+    choice = MapChoice(method, options, newton_start, threshold, not fixed, all_of_it)
     held = HeldTorque.of(mechanism, applied) if hold else None
     solver = None if fixed else (str(stepper), rtol, atol)
     acted = Acted(applied, tuple(wrenches), drive=() if drives is None else drives.names)

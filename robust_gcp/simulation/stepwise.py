@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..checks import check_choice, check_finite, check_mechanism, check_positive, check_whole, shown
-from ..dynamics.drive import Drive, checked_motions
-from ..dynamics.driven import driving
+from ..dynamics.driven import prescribed
 from ..dynamics.held import HeldTorque
 from ..dynamics.motion import Motion
 from ..errors import ClosureError, OptionError, SimulationError
@@ -126,13 +125,10 @@ class Simulation:
             As `simulate` does for a start; the simulation is then as it was.
         """
         self._named.require_unchanged()
-        mechanism, choice, drives, t0 = self._named, self._choice, None, self._t0
+        choice, t0 = self._choice, self._t0
         begun, held, counters = time.perf_counter(), self._held, Counters()
         kernel, required = self._kernel
-        if self._drive is not None:
-            motions = checked_motions(mechanism, self._drive, np.array([t0, t0 + self._step]))
-            mechanism = driving(mechanism, tuple(motions), mechanism.home if q0 is None else q0)
-            drives = Drive(mechanism, motions, t0)
+        mechanism, drives = prescribed(self._named, self._drive, q0, np.array([t0, t0 + self._step]))
         native = None if kernel is None else NativeSteps(kernel, held, required, drives)
         toggle = checked_toggle(None, choice.method, drives is not None)
         before, held.value = held.value, self._none

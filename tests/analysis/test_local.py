@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
+from robust_gcp.analysis import local
 from robust_gcp.analysis.second_order import second_order_forms
 from robust_gcp.examples import linkages, six_bars, spatial
 from robust_gcp.maps.closed_form import FourBar
@@ -410,6 +411,21 @@ def test_redundant_legs_flat_keep_the_mode_on_which_all_turn_alike(legs: int) ->
     assert (here.kind, here.rank, here.generic_rank, here.local_dof) == ("singular", legs - 1, legs, 1)
     (mode,) = here.modes
     np.testing.assert_allclose(mode, [1.0, -1.0, *[1.0] * (legs - 1)], atol=1e-9)
+
+
+def test_many_loops_singular_at_once_are_counted_and_not_taken_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nine have 512 combinations of modes; so have 60, whose forms alone would take minutes."""
+    model = pin.Model()
+    for i in range(9):
+        crank = linkages.add_link(model, 0, 0.0, f"a{i}", 1.0)
+        linkages.add_link(model, crank, 1.0, f"b{i}", 2.0)
+        linkages.add_link(model, 0, 2.0, f"c{i}", 1.0)
+    closures = [rg.PointClosure(f"b{i}_tip", f"c{i}_tip") for i in range(9)]
+    flat = rg.Mechanism.from_pinocchio(model, closures, [f"a{i}" for i in range(9)])
+    monkeypatch.setattr(local, "second_order_forms", None)  # not called
+    here = rg.analyse(flat, np.zeros(27))
+    assert (here.kind, here.modes, here.local_dof) == ("not certified", (), None)
+    assert "more than 8 loops are singular at once" in here.message
 
 
 def test_sarrus_flat_has_its_own_mode_and_one_of_idle_legs() -> None:

@@ -42,9 +42,9 @@ def gentle(t: float, q: Array, v: Array) -> Array:
     return np.array([0.1 * np.sin(t), 0.0, 0.0])
 
 
-def run_for(duration: float, stepper: str) -> None:
+def run_for(mechanism: rg.Mechanism, duration: float, stepper: str) -> None:
     rg.simulate(
-        rg.load("rhombus"),
+        mechanism,
         [0.2, -0.2, 0.2],
         duration=duration,
         step=2e-5,
@@ -67,13 +67,14 @@ def test_signals_are_answered(wanted: type[BaseException], stepper: str) -> None
     def raising(signum: int, frame: object) -> None:
         raise wanted
 
-    run_for(1e-3, stepper)  # modules that are imported at first use are not what is interrupted
+    mechanism = rg.load("rhombus")  # before: a file that is just being opened is left open by any signal
+    run_for(mechanism, 1e-3, stepper)  # modules that are imported at first use are not what is interrupted
     usual = signal.signal(signal.SIGALRM, raising)
     try:
         for i in range(12 if stepper == "rk4" else 2):
             signal.setitimer(signal.ITIMER_REAL, 0.05 + 0.0037 * i)
             with pytest.raises(wanted):
-                run_for(600.0, stepper)  # minutes, if nothing stopped it
+                run_for(mechanism, 600.0, stepper)  # minutes, if nothing stopped it
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, usual)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -24,8 +25,8 @@ START = [3.05, -2.9, 3.1]
 """Near flat, rad."""
 
 
-def four_bar(place: Array, ground: Array, unit: float = 1.0) -> rg.Mechanism:
-    """4, 2, 3, 3 units, the crank's pivot at `place` and the rocker's at `ground`, both in m."""
+def four_bars(places: Sequence[Array], grounds: Sequence[Array], unit: float = 1.0) -> rg.Mechanism:
+    """4, 2, 3, 3 units each, the cranks' pivots at `places` and the rockers' at `grounds`, in m."""
     model = pin.Model()
     model.gravity.linear = np.array([0.0, 0.0, -9.81 * unit])
 
@@ -36,16 +37,24 @@ def four_bar(place: Array, ground: Array, unit: float = 1.0) -> rg.Mechanism:
         model.addFrame(pin.Frame(f"{name}_tip", joint, tip, pin.FrameType.OP_FRAME))
         return int(joint)
 
-    crank = add(0, place, "q1", 2.0 * unit)
-    add(crank, np.array([0.0, 2.0 * unit, 0.0]), "q2", 3.0 * unit)
-    add(0, ground, "q3", 3.0 * unit)
-    return rg.Mechanism.from_pinocchio(model, [rg.PointClosure("q2_tip", "q3_tip")], ["q1"])
+    for i, (place, ground) in enumerate(zip(places, grounds, strict=True)):
+        crank = add(0, place, f"q1_{i}", 2.0 * unit)
+        add(crank, np.array([0.0, 2.0 * unit, 0.0]), f"q2_{i}", 3.0 * unit)
+        add(0, ground, f"q3_{i}", 3.0 * unit)
+    loops = range(len(places))
+    closures = [rg.PointClosure(f"q2_{i}_tip", f"q3_{i}_tip") for i in loops]
+    return rg.Mechanism.from_pinocchio(model, closures, [f"q1_{i}" for i in loops])
+
+
+def four_bar(place: Array, ground: Array, unit: float = 1.0) -> rg.Mechanism:
+    """One of them."""
+    return four_bars([place], [ground], unit)
 
 
 def run_of(mechanism: rg.Mechanism, **options: Any) -> rg.Trajectory:
     """Through flat, or by it."""
-    q0 = mechanism.assemble(START)
-    return rg.simulate(mechanism, q0, mechanism.lift(q0, [4.0]), 0.06, 4e-3, **options)
+    q0 = mechanism.assemble(mechanism.m * START)
+    return rg.simulate(mechanism, q0, mechanism.lift(q0, mechanism.m * [4.0]), 0.06, 4e-3, **options)
 
 
 @pytest.mark.parametrize("gap", [0.0, pytest.param(GAP, marks=pytest.mark.campaign)])
@@ -59,6 +68,22 @@ def test_far_away_the_same_linkage_moves_bit_by_bit_alike(backend: Any, gap: flo
     away = np.array([EXACT, -EXACT, 0.5 * EXACT])
     far = run_of(four_bar(away, away + reach), backend=backend)
     assert len(near.crossings) == int(gap == 0.0)
+    np.testing.assert_array_equal(far.q, near.q)
+    np.testing.assert_array_equal(far.v, near.v)
+    assert [c.time for c in far.crossings] == [c.time for c in near.crossings]
+
+
+@pytest.mark.parametrize("backend", ["python", "native"])
+def test_linkages_side_by_side_move_bit_by_bit_alike_far_away(backend: Any) -> None:
+    """Neither sees the other's place: each has the digits that it would have alone."""
+    if not rg.backends()[backend].available:
+        pytest.skip("no compiled kernel")
+    reach, beside = np.array([0.0, 4.0, 0.0]), np.array([0.5, 8.25, -1.5])
+    away = np.array([EXACT, -EXACT, 0.5 * EXACT])
+    starts = [np.zeros(3), beside]
+    near = run_of(four_bars(starts, [start + reach for start in starts]), backend=backend)
+    far = run_of(four_bars([away + s for s in starts], [away + s + reach for s in starts]), backend=backend)
+    assert len(near.crossings) == 2
     np.testing.assert_array_equal(far.q, near.q)
     np.testing.assert_array_equal(far.v, near.v)
     assert [c.time for c in far.crossings] == [c.time for c in near.crossings]
@@ -90,5 +115,5 @@ def test_the_users_model_stays_and_energies_are_its_own() -> None:
     assert run.energy is not None
     assert run.energy[0] == pytest.approx(energy, rel=1e-12)
     pin.framesForwardKinematics(mechanism.model, data, run.q[-1])
-    tip = data.oMf[mechanism.model.getFrameId("q2_tip")].translation
-    assert run.frame("q2_tip").position[-1] == pytest.approx(tip, abs=1e-9)
+    tip = data.oMf[mechanism.model.getFrameId("q2_0_tip")].translation
+    assert run.frame("q2_0_tip").position[-1] == pytest.approx(tip, abs=1e-9)

@@ -21,14 +21,14 @@ struct Passage {
 };
 
 // A number that moves, and its first two rates.
-struct Moving {
+struct Varying {
     double value, rate, bend;
 };
 
 // One number on a step: the quintic through its value, rate and second rate at both ends.
 class Quintic {
   public:
-    Quintic(const Step& step, const Moving& before, const Moving& after) : t0_(step.t0), h_(step.t1 - step.t0) {
+    Quintic(const Step& step, const Varying& before, const Varying& after) : t0_(step.t0), h_(step.t1 - step.t0) {
         const double p0 = before.value, v0 = h_ * before.rate, a0 = h_ * h_ * before.bend;
         const double p1 = after.value, v1 = h_ * after.rate, a1 = h_ * h_ * after.bend;
         const double jump = p1 - p0 - v0 - 0.5 * a0, turn = v1 - v0 - a0, bend = a1 - a0;

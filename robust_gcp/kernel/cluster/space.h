@@ -56,9 +56,13 @@ class Space {
     // Coordinates are about the cluster's own part of a whole q from now on; of use before anything else is asked.
     void about(const double* q) {
         for (std::size_t i = 0; i < iq.size(); ++i) reference_[static_cast<Eigen::Index>(i)] = q[iq[i]];
+        placed_.setConstant(std::nan(""));
     }
     const Vector& reference() const { return reference_; }
-    void refer(const Vector& reference) { reference_ = reference; }
+    void refer(const Vector& reference) {
+        reference_ = reference;
+        placed_.setConstant(std::nan(""));
+    }
 
     // φ (rows) and K (rows, nv).
     void linear(const Vector& x, Vector& phi, Matrix& K) {
@@ -168,7 +172,6 @@ class Space {
     void write(const Vector& x, double* q) {
         numbers(x);
         for (std::size_t i = 0; i < iq.size(); ++i) q[iq[i]] = q_[static_cast<Eigen::Index>(i)];
-        placed_.setConstant(std::nan(""));
     }
 
     // The cluster's coordinates y, which are numbers in q, in its chart; and the number that one has there.

@@ -1,18 +1,10 @@
 // The functions that Python calls for derivatives.
-#include <cstring>
-#include <exception>
-
-#include "abi.h"
+#include "exports.h"
 #include "derivatives/derivation.h"
 
 // A workspace for derivatives of a mechanism, or null with the reason in `why`.
 RG_EXPORT void* rg_derive(const rg::Description* description, char* why, std::int32_t length) {
-    try {
-        return new rg::Derivation(*description);
-    } catch (const std::exception& error) {
-        std::strncpy(why, error.what(), static_cast<std::size_t>(length) - 1);
-        return nullptr;
-    }
+    return rg::made<rg::Derivation>(*description, why, length);
 }
 
 RG_EXPORT void rg_derived(void* derivation) { delete static_cast<rg::Derivation*>(derivation); }

@@ -1,5 +1,5 @@
 // The functions that Python calls for what is measured along a motion.
-#include "abi.h"
+#include "exports.h"
 #include "dynamics/measures.h"
 #include "dynamics/reactions.h"
 

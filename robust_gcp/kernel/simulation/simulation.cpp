@@ -1,8 +1,5 @@
 // The functions that Python calls for motions. Nothing here is global: each handle is a workspace of its own.
-#include <cstring>
-#include <exception>
-
-#include "abi.h"
+#include "exports.h"
 #include "simulation/solver.h"
 
 RG_EXPORT std::int32_t rg_version() { return rg::VERSION; }
@@ -16,12 +13,7 @@ RG_EXPORT std::int32_t rg_size(std::int32_t structure) {
 
 // A workspace for a mechanism, or null with the reason in `why`.
 RG_EXPORT void* rg_create(const rg::Description* description, char* why, std::int32_t length) {
-    try {
-        return new rg::Solver(*description);
-    } catch (const std::exception& error) {
-        std::strncpy(why, error.what(), static_cast<std::size_t>(length) - 1);
-        return nullptr;
-    }
+    return rg::made<rg::Solver>(*description, why, length);
 }
 
 RG_EXPORT void rg_destroy(void* stepper) { delete static_cast<rg::Solver*>(stepper); }

@@ -12,7 +12,7 @@ from .mjcf_equalities import equalities_of
 from .mjcf_left_out import actuated_by, forces_of, left_out_of
 from .mjcf_tree import CompiledTree
 from .text_file import path_of
-from .xml_text import parsed_xml
+from .xml_text import is_xml_text, parsed_xml
 
 
 def read_mjcf(mjcf: str | Path, base: str | None = None, root: str | Path | None = None) -> FileContents:
@@ -49,8 +49,7 @@ def read_mjcf(mjcf: str | Path, base: str | None = None, root: str | Path | None
     if allowed is not None and not allowed.is_dir():
         raise ModelError(f"root: there is no folder {allowed}; name one that holds meshes or includes")
     xml, name = parsed_xml(mjcf, "MJCF")
-    is_text = isinstance(mjcf, str) and mjcf.lstrip("\ufeff \t\r\n").startswith("<")
-    source = Document(xml, name, None if is_text else Path(mjcf).parent, allowed)
+    source = Document(xml, name, None if is_xml_text(mjcf) else Path(mjcf).parent, allowed)
     m = compiled(source, base == "free")
     tree = CompiledTree(m, name, base)
     if tree.model.njoints == 1:

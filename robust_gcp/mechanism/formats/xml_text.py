@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 from xml.etree import ElementTree
 from xml.parsers import expat
 
@@ -15,8 +15,16 @@ DEEPEST = 200
 """Elements within elements; readers that call themselves run out of stack at some hundred."""
 
 
+LEADING = "\ufeff \t\r\n"
+"""What may stand before a document."""
+
 MOST = 500_000
 """Elements of a document: a hundred times what a humanoid has, read in some seconds."""
+
+
+def is_xml_text(given: str | Path) -> TypeGuard[str]:
+    """Whether it is a document's text, and no path of one: text starts with "<"."""
+    return isinstance(given, str) and given.lstrip(LEADING).startswith("<")
 
 
 def parsed_xml(
@@ -42,7 +50,7 @@ def parsed_xml(
         Where it cannot be read, is not well-formed, has too many elements, nests too deeply, or declares a
         document type: entities may name other files, or grow without bounds.
     """
-    if isinstance(given, str) and given.lstrip("\ufeff \t\r\n").startswith("<"):
+    if is_xml_text(given):
         text, name = given, f"{what} text"
     else:
         path = path_of(given, what)
@@ -60,7 +68,7 @@ def parsed_xml(
     parser.CharacterDataHandler = builder.data
     parser.StartDoctypeDeclHandler = builder.doctype
     try:
-        parser.Parse(text.lstrip("\ufeff \t\r\n"), True)
+        parser.Parse(text.lstrip(LEADING), True)
         root = builder.close()
     except (expat.ExpatError, ValueError) as error:
         if isinstance(error, ModelError):

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import OptionError, SimulationError
-from ...maps.start_check import require_compatible, require_finite_energy, require_freedom
+from ...maps.start_check import checked_state, require_freedom
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tolerances import NEARLY_CLOSED
 from ...mechanism.tree import Array
 from ..coarse import Coarse
 from .decision import Phase, State, settled
@@ -208,10 +207,10 @@ def run_phases(
     begun, mechanism = time.perf_counter(), course.mechanism
     rows = Rows(mechanism, parts_given(parts))
     q0, v0, mode = start
-    q = mechanism.home if q0 is None else mechanism.configuration(q0, "q0")
-    v = np.zeros(mechanism.nv) if v0 is None else mechanism.velocity(v0, "v0")
+    require_freedom(mechanism)
+    state = checked_state(mechanism, mechanism.home if q0 is None else q0, v0)
     machines = Machines(rows, course, torque, kernel, required, mode)
-    phases = Phases(machines, (_checked(mechanism, q, v), v), report if callable(report) else None)
+    phases = Phases(machines, state, report if callable(report) else None)
 
     def joined() -> Trajectory:
         run = phases.joined.trajectory()
@@ -226,16 +225,6 @@ def run_phases(
     run = joined()
     Coarse(mechanism, course.step).judge(run)
     return run
-
-
-def _checked(mechanism: Mechanism, q: Array, v: Array) -> Array:
-    """q0 with its loops closed, or an error that tells what is wrong with the start."""
-    require_freedom(mechanism)
-    mechanism.require_closed(q, NEARLY_CLOSED, "q0")
-    mechanism.require_proper(q)
-    require_finite_energy(mechanism, v)
-    require_compatible(mechanism, q, v)
-    return mechanism.polish(q, mechanism.iv_dependent)
 
 
 def require_plain(refused: dict[str, bool]) -> None:

@@ -55,7 +55,7 @@ class Impact(NamedTuple):
     loss: float
 
 
-class Struck(NamedTuple):
+class Impulse(NamedTuple):
     """One impulse: v⁺ (nv,), P (n,) by row, the energy lost, stops met or else locks, a stop's least share.
 
     A row's share is how much of the most that it could move this motion moves it: 0 at a dead point.
@@ -76,7 +76,7 @@ def struck(
     locks: Sequence[int],
     seen: Seen | None,
     plastic: bool = False,
-) -> Struck | None:
+) -> Impulse | None:
     """One impulse of closed stops and of locks; None where nothing has to change.
 
     Stops that are left have no part in it: Newton's law with these could raise the energy. What they are
@@ -103,12 +103,12 @@ def struck(
     loss = 0.5 * float(v @ frame.M @ v - after @ frame.M @ after)
     met = [i for k, i in enumerate(stops) if fast[k] and w[k] < 0.0]
     least = float(share[:n][(P[:n] > 0.0) & fast[:n]].min(initial=1.0))
-    return Struck(after, by_row, loss, met or [i for k, i in enumerate(locks, n) if fast[k]], least)
+    return Impulse(after, by_row, loss, met or [i for k, i in enumerate(locks, n) if fast[k]], least)
 
 
 def impulses(
     rows: Rows, q: Array, v: Array, stops: Sequence[int], locks: Sequence[int], seen: Seen | None
-) -> Iterator[Struck]:
+) -> Iterator[Impulse]:
     """Impulses until no closed stop is approached and locks rest.
 
     Raises

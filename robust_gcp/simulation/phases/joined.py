@@ -11,12 +11,11 @@ from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
-from ...dynamics.equations import constraint_forces
-from ...kernel.measures import reactions
 from ...maps.explicit import Crossing
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ..crossings import AT_ONCE, together
+from ..reactions import multipliers_of
 from ..stats import Stats
 from ..trajectory import Trajectory
 from .decision import Phase
@@ -174,7 +173,7 @@ class Joined:
             np.array([mechanism.energy(*state) for state in zip(q, v, strict=True)])
             if "energy" in self.record
             else None,
-            _multipliers(mechanism, q, v, a, tau) if "multipliers" in self.record else None,
+            multipliers_of(mechanism, q, v, a, tau) if "multipliers" in self.record else None,
             kept["work"] + kept["smooth"],
             together(self._crossings),
             self.stats,
@@ -184,16 +183,6 @@ class Joined:
             part_names=tuple(columns),
             part_forces=np.array(list(columns.values())).reshape(len(columns), len(t)).T,
         )
-
-
-def _multipliers(mechanism: Mechanism, q: Array, v: Array, a: Array, tau: Array) -> Array:
-    found = reactions(mechanism, q, v, a, tau)
-    if found is None:
-        states = zip(q, v, a, tau, strict=True)
-        found = np.array([constraint_forces(mechanism, *state) for state in states]).reshape(
-            len(q), mechanism.nc
-        )
-    return found
 
 
 def _cluster(mechanism: Mechanism, other: Mechanism, index: int | None) -> int | None:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...mechanism.tree import Array
+from ..crossings import quintic
 from .box import Load
 from .decision import Phase, resting
 from .frame import UNMOVED, Seen, admissible
@@ -93,7 +94,7 @@ class Signals:
         best: Found | None = None
         for step in np.flatnonzero(may.any(axis=1)):
             for k in np.flatnonzero(may[step]):
-                p = quintic(h[step], series[:, step : step + 2, k])
+                p = np.array(quintic(h[step], *series[:, step : step + 2, k].T)[::-1])
                 slip = self._rate[k]
                 root = falling_root(np.polyder(p) if slip else p, BELOW * (h[step] if slip else 1.0))
                 where = int(step), int(self.rows[k])
@@ -146,16 +147,6 @@ class Holding:
         all_rows = np.zeros(len(self._rows.rows))
         all_rows[self._held] = self._rows.side[self._held] * f
         return all_rows, margin
-
-
-def quintic(h: float, series: Array) -> Array:
-    """Coefficients in x = (t − t₀)/h, highest first, through s, ṡ, s̈ (3, 2) at both ends."""
-    s, v, a = series
-    d = s[1] - s[0] - h * v[0] - 0.5 * h * h * a[0]
-    e = h * (v[1] - v[0]) - h * h * a[0]
-    g = h * h * (a[1] - a[0])
-    high = 6.0 * d - 3.0 * e + 0.5 * g, -15.0 * d + 7.0 * e - g, 10.0 * d - 4.0 * e + 0.5 * g
-    return np.array([*high, 0.5 * h * h * a[0], h * v[0], s[0]])
 
 
 def falling_root(p: Array, tiny: float) -> tuple[float, float, float] | None:
