@@ -6,7 +6,7 @@
 
 namespace rg {
 
-constexpr std::int32_t VERSION = 18;
+constexpr std::int32_t VERSION = 19;
 
 enum Reason : std::int32_t {
     DONE = 0,
@@ -73,7 +73,7 @@ struct Description {
     const double* home;                 // (nq,)
 };
 
-struct Cluster {  // a loop cluster whose coordinates are numbers in q
+struct Cluster {  // a loop cluster
     const Description* loops;           // all its rows; `scale` is what x is multiplied by
     const std::int32_t* iq;             // (nq,) in q
     const std::int32_t* iv;             // (nv,) in v
@@ -145,7 +145,7 @@ struct Request {
     double* x;                // state, in and out
     double* rate;             // its rate, out; n numbers as in x, or null
     double* anchor;           // point at the state, in and out
-    const double* origin;     // (nq,): where a solver's charts have theirs
+    double* origin;           // (nq,), in and out: where charts have theirs
     double* ydd;              // (m,), in and out
     double* tau;              // (nv,), in and out
     double* safe;             // out: point, state of the last well-conditioned output

@@ -112,12 +112,8 @@ def _clusters(mechanism: Mechanism, path: RegularPath, arrays: Arrays) -> None:
 
 
 def follows_zones(path: RegularPath) -> bool:
-    """Whether the kernel follows the clusters of a path's mechanism in zones: all, or none.
-
-    Coordinates of those are numbers in q, and none is a structure.
-    """
-    rest = path.mechanism
-    return not rest.chart_joints and all(cluster.m for cluster in rest.clusters)
+    """Whether the kernel follows the clusters of a mechanism in zones: all or none; none is a structure."""
+    return all(cluster.m for cluster in path.mechanism.clusters)
 
 
 def _cluster(mechanism: Mechanism, rest: Mechanism, cluster: LoopCluster) -> Arrays:

@@ -36,7 +36,9 @@ class Layout:
 
     def __init__(self, mechanism: Mechanism, path: RegularPath, groups: Groups | None) -> None:
         self._groups, self._nv, self._m = groups, mechanism.nv, mechanism.m
-        self._charts = loop_charts(path.mechanism)
+        self._charts = charts = loop_charts(path.mechanism)
+        if charts is not None:
+            self._in_charts = charts.iq if groups is None else groups.rest_iq[charts.iq]
         self._looped = bool(path.blocks)
         nv, m, blocks = self._nv, self._m, len(path.blocks)
         widths = [m, m, mechanism.nq, nv * m, nv, nv if m == 1 else 0, blocks, blocks, 1]
@@ -62,12 +64,11 @@ class Layout:
         if groups is not None:
             q[groups.iq] = point.origin
         if self._charts is not None:
-            iq = self._charts.iq if groups is None else groups.rest_iq[self._charts.iq]
-            q[iq] = _rest_of(point).origin
+            q[self._in_charts] = _rest_of(point).origin
         return q
 
-    def point(self, packed: Array, like: Point | None = None) -> Point:
-        """The point at the front of these numbers, in charts about q, or in those of another point."""
+    def point(self, packed: Array, origin: Array | None = None) -> Point:
+        """The point at the front of these numbers, in charts about q, or about another whole q."""
         flat = packed[: self.size].copy()
         y, ydot, q, G, g, bend, det, rcond, _ = self._slices
         one = np.ones(0)
@@ -82,11 +83,11 @@ class Layout:
             flat[rcond] if self._looped else one,
             float(flat[-1]),
         )
+        origin = point.q if origin is None else origin
         if self._groups is not None:
-            point = taken_apart(self._groups, point, None if like is None else like.origin)
+            point = taken_apart(self._groups, point, origin[self._groups.iq])
         if self._charts is not None:
-            rest = _rest_of(point)
-            rest.origin = rest.q[self._charts.iq] if like is None else _rest_of(like).origin
+            _rest_of(point).origin = origin[self._in_charts]
         return point
 
 

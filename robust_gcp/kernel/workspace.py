@@ -165,6 +165,7 @@ class Workspace:
         if point is not self._packed:
             self._layout.pack(point, self._shared.anchor)
             self._packed = point
+        self._shared.origin[:] = self._layout.origin(point)
 
     def at(self, point: Point) -> bool:
         """Whether this is where the kernel can go on as it is: the last batch's last point."""
@@ -226,11 +227,10 @@ class Workspace:
         self._handed.secure()
         self._acting.listen()
         buffers = self._shared.time, self._shared.x, self._shared.rate
-        self._shared.origin[:] = self._layout.origin(now.point)
 
         def told() -> Evaluation:
             self._packed = None
-            return self._evaluation(self._layout.point(self._shared.anchor, now.point))
+            return self._evaluation(self._layout.point(self._shared.anchor, self._shared.origin))
 
         self._library.follow_from(self._handle, self._by_reference)
         told_by = self._acting.raised, told, self._handed.new, self._driving.prescribe
@@ -274,7 +274,7 @@ class Workspace:
 
     def _batch(self, begun: int, steps: int, outputs: Outputs) -> Batch:
         r = self._request
-        point = self._packed = self._layout.point(self._shared.anchor)
+        point = self._packed = self._layout.point(self._shared.anchor, self._shared.origin)
         self._latest = point if r.reason in (Reason.DONE, Reason.CHART) else None
         trackers = self._handed.new() if r.in_zone else None
         now = self._evaluation(point)

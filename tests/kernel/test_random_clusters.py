@@ -32,8 +32,8 @@ JOINTS = {
 SHARES = (0.19, 0.19, 0.15, 0.08, 0.16, 0.05, 0.05, 0.08, 0.05)
 BASES = (pin.JointModelFreeFlyer, pin.JointModelPlanar, pin.JointModelSpherical)
 CLOSURES = (rg.PointClosure, rg.RevoluteClosure, rg.FrameClosure)
-SEEDS = sorted(set(range(48)) - {7, 40})
-"""Not one that is coupled across a ball beside other loops, which is Python's, nor one that cannot move."""
+SEEDS = sorted(set(range(48)) - {40})
+"""Not one that cannot move."""
 
 RUN = {"duration": 0.02, "step": 2e-3}
 

@@ -47,10 +47,10 @@ struct Clusters::Inside {
     }
 
     // Put every cluster's tracker on its mode.
-    void enter(Point& anchor) {
+    void enter(Point& anchor, const double* origin) {
         for (std::size_t i = 0; i < spaces.size(); ++i) {
             if (!spaces[i]->flat) {
-                refer(i, anchor);
+                refer(i, anchor, origin);
                 continue;
             }
             const JetPtr here = at(i, anchor);
@@ -62,10 +62,10 @@ struct Clusters::Inside {
     }
 
     // One of them in coordinates about the anchor; curves that were met are told of still.
-    void refer(std::size_t i, Point& anchor) {
+    void refer(std::size_t i, Point& anchor, const double* origin) {
         left.push_back(std::move(spaces[i]));
         spaces[i] = std::make_unique<Space>(*clusters[i]);
-        spaces[i]->about(anchor.q());
+        spaces[i]->about(anchor.q(), origin);
         Tracker made = tracker(at(i, anchor));
         if (trackers.size() > i) {
             made.touched = trackers[i].touched, made.crossed = trackers[i].crossed;
@@ -104,22 +104,38 @@ struct Clusters::Inside {
         return worst;
     }
 
-    // The share in q, G and g of one whose joints are in charts.
-    static void turned(Space& space, const Jet& jet, const Vector& rate, const Layout& l, Point& point) {
+    // The share in q, G and g of one with joints on groups. Where some of its y are in charts u are velocities, of
+    // which the chart's rates follow.
+    static void turned(Space& space, const Jet& jet, const double* ydot, const Layout& l, Point& point) {
         space.write(jet.x, point.q());
         const Matrix T = space.turn(jet.x), along = times(T, jet.J);
-        const auto bent = [&](const Vector& r) -> Vector {
-            const Vector way = jet.J * r;
-            return T * jet.bent(r, r) + space.turn_rate(jet.x, way) * way;
+        Matrix to_rate = Matrix::Zero(space.m, space.m);
+        for (int j = 0; j < space.m; ++j) {
+            if (space.charted())
+                to_rate.row(j) = along.row(space.chosen[j]);
+            else
+                to_rate(j, j) = space.D[space.chosen[j]];
+        }
+        to_rate = inverse(to_rate);
+        const Matrix own = times(along, to_rate);
+        const auto bent = [&](const Vector& u) -> Vector {
+            const Vector rate = to_rate * u, way = jet.J * rate;
+            Vector left = T * jet.bent(rate, rate) + space.turn_rate(jet.x, way) * way;
+            if (!space.charted()) return left;
+            Vector at_chosen(space.m);
+            for (int j = 0; j < space.m; ++j) at_chosen[j] = left[space.chosen[j]];
+            left -= own * at_chosen;
+            return left;
         };
-        const Vector bend = bent(rate);
+        Vector u(space.m);
+        for (int j = 0; j < space.m; ++j) u[j] = ydot[space.inputs[j]];
+        const Vector bend = bent(u);
         for (int i = 0; i < space.nv; ++i) {
             point.g()[space.iv[i]] = bend[i];
-            for (int j = 0; j < space.m; ++j)
-                point.G()[space.iv[i] * l.m + space.inputs[j]] = along(i, j) / space.D[space.chosen[j]];
+            for (int j = 0; j < space.m; ++j) point.G()[space.iv[i] * l.m + space.inputs[j]] = own(i, j);
         }
         if (l.m > 1) return;
-        const Vector once = bent(Vector::Constant(1, 1.0 / space.D[space.chosen[0]]));
+        const Vector once = bent(Vector::Ones(1));
         for (int i = 0; i < space.nv; ++i) point.curvature()[space.iv[i]] = once[i];
     }
 
@@ -134,12 +150,12 @@ struct Clusters::Inside {
         for (std::size_t c = 0; c < spaces.size(); ++c) {
             Space& space = *spaces[c];
             const Jet& jet = *jets[c];
-            Vector rate(space.m);
-            for (int j = 0; j < space.m; ++j) rate[j] = ydot[space.inputs[j]] / space.D[space.chosen[j]];
             if (!space.flat) {
-                turned(space, jet, rate, l, point);
+                turned(space, jet, ydot, l, point);
                 continue;
             }
+            Vector rate(space.m);
+            for (int j = 0; j < space.m; ++j) rate[j] = ydot[space.inputs[j]] / space.D[space.chosen[j]];
             const Vector bend = jet.bent(rate, rate);
             for (int i = 0; i < space.nv; ++i) {
                 const int v = space.iv[i];
@@ -195,7 +211,7 @@ bool Clusters::at(Point& anchor, const double* origin, const double* y, const do
     try {
         if (!in_zone_) {
             if (path_.turn(anchor, y) > ONE_TURN) return false;
-            enter(anchor);
+            enter(anchor, origin);
         }
         std::vector<JetPtr> jets;
         bool bridged = false;
@@ -209,6 +225,7 @@ bool Clusters::at(Point& anchor, const double* origin, const double* y, const do
         const auto compose = [&] {
             in.product(jets, path_.layout, y, ydot, point);
             path_.groups.place(origin, point);
+            if (path_.charted) path_.place_charts(origin, point);
         };
         compose();
         if (!bridged) {
@@ -246,7 +263,7 @@ void Clusters::passed(const Step& step, std::vector<double>& log) {
     std::vector<Passage> found;
     for (std::size_t i = 0; i < in.trackers.size(); ++i) {
         Tracker& tracker = in.trackers[i];
-        for (const CurvePtr& curve : tracker.touched) on_curve(*curve, static_cast<int>(i), step, found);
+        for (const CurvePtr& curve : tracker.touched) on_curve(*curve, static_cast<int>(i), step, path_, found);
         if (tracker.touched_patch) on_patch(tracker, static_cast<int>(i), step, path_, found);
         tracker.forget_touched();
     }
@@ -264,8 +281,8 @@ void Clusters::passed(const Step& step, std::vector<double>& log) {
     in.left.clear();
 }
 
-void Clusters::enter(Point& anchor) {
-    inside_->enter(anchor);
+void Clusters::enter(Point& anchor, const double* origin) {
+    inside_->enter(anchor, origin);
     inside_->looked = 0.0;
     in_zone_ = true;
 }
@@ -276,11 +293,17 @@ void Clusters::forget() {
     inside_->left.clear();
 }
 
+bool Clusters::turning_on_bridge() const {
+    return some_ && in_zone_ && std::any_of(inside_->trackers.begin(), inside_->trackers.end(), [](const Tracker& t) {
+        return !t.anchor->space->flat && t.on_bridge();
+    });
+}
+
 void Clusters::settle(Point& accepted) {
-    if (!some_ || !in_zone_) return;
+    if (!some_ || !in_zone_ || turning_on_bridge()) return;
     for (std::size_t i = 0; i < inside_->spaces.size(); ++i) {
-        const Tracker& tracker = inside_->trackers[i];
-        if (!tracker.on_bridge() && inside_->spaces[i]->far(tracker.anchor->x)) inside_->refer(i, accepted);
+        const Space& space = *inside_->spaces[i];
+        if (space.charted() || space.far(inside_->trackers[i].anchor->x)) inside_->refer(i, accepted, accepted.q());
     }
 }
 

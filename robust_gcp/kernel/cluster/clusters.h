@@ -34,11 +34,14 @@ class Clusters {
     void use(const Bridging& options);
     // On regular ground from now on.
     void leave() { in_zone_ = false; }
-    // Every cluster by itself from now on, from a point of the mode.
-    void enter(Point& anchor);
+    // Every cluster by itself from now on, from a point of the mode; `origin` as in `Path::step`.
+    void enter(Point& anchor, const double* origin);
     // What was met so far was told of.
     void forget();
-    // At an output: coordinates anew of clusters whose joints have turned far from what these are about.
+    // Whether a cluster with joints on groups is on a bridge, whose coordinates are not renewed.
+    bool turning_on_bridge() const;
+    // At an output, where charts are about it now: coordinates anew of clusters that are in charts, or whose joints
+    // have turned far from what these are about.
     void settle(Point& accepted);
     // As if nothing had been done.
     void renew();

@@ -53,26 +53,6 @@ class Quintic {
         return (c_[1] + u * (2.0 * c_[2] + u * (3.0 * c_[3] + u * (4.0 * c_[4] + u * 5.0 * c_[5])))) / h_;
     }
 
-    // When it is a value on the step; the nearer end where it stays on one side of it.
-    double when(double value) const {
-        double low = t0_, high = t0_ + h_, f_low = at(low) - value;
-        const double f_high = at(high) - value;
-        if (!(f_low * f_high < 0.0)) return std::fabs(f_high) <= std::fabs(f_low) ? high : low;
-        double t = low + (high - low) * f_low / (f_low - f_high);
-        for (int i = 0; i < 100; ++i) {
-            const double f = at(t) - value;
-            if (f == 0.0) break;
-            (f * f_low > 0.0 ? low : high) = t;
-            double next = t - f / rate(t);
-            if (!(next > low && next < high)) next = 0.5 * (low + high);
-            const double moved = std::fabs(next - t);
-            t = next;
-            if (moved <= 2.0 * std::numeric_limits<double>::epsilon() * std::fabs(t) || next == low || next == high)
-                break;
-        }
-        return t;
-    }
-
   private:
     double t0_, h_, c_[6];
 };
@@ -116,17 +96,76 @@ inline void between(const Path& path, const Step& step, double t, double* q) {
     }
 }
 
-inline void on_curve(const Curve& curve, int cluster, const Step& step, std::vector<Passage>& found) {
+// The y of a cluster on a step, and their rates, in the chart of its coordinates.
+class Course {
+  public:
+    Course(const Space& space, const Step& step, const Path& path) : space_(space), step_(step), path_(path) {
+        if (space.charted()) return;
+        for (const int input : space.inputs) numbers_.emplace_back(step, input);
+    }
+
+    Vector at(double t) const {
+        Vector y(space_.m);
+        if (space_.charted()) {
+            std::vector<double> q(static_cast<std::size_t>(path_.layout.nq));
+            between(path_, step_, t, q.data());
+            const Vector x = space_.x(q.data());
+            for (int i = 0; i < space_.m; ++i) y[i] = x[space_.chosen[i]];
+        } else {
+            for (int i = 0; i < space_.m; ++i) y[i] = space_.chart_of(i, numbers_[static_cast<std::size_t>(i)].at(t));
+        }
+        return y;
+    }
+
+    Vector rate(double t) const {
+        Vector rate(space_.m);
+        if (space_.charted()) {
+            const double apart = 1e-4 * (step_.t1 - step_.t0);
+            return (at(t + apart) - at(t - apart)) / (2.0 * apart);
+        }
+        for (int i = 0; i < space_.m; ++i)
+            rate[i] = numbers_[static_cast<std::size_t>(i)].rate(t) / space_.D[space_.chosen[i]];
+        return rate;
+    }
+
+    // When the first of them is a value; the nearer end where it stays on one side of it.
+    double when(double value) const {
+        double low = step_.t0, high = step_.t1, f_low = at(low)[0] - value;
+        const double f_high = at(high)[0] - value;
+        if (!(f_low * f_high < 0.0)) return std::fabs(f_high) <= std::fabs(f_low) ? high : low;
+        double t = low + (high - low) * f_low / (f_low - f_high);
+        for (int i = 0; i < 100; ++i) {
+            const double f = at(t)[0] - value;
+            if (f == 0.0) break;
+            (f * f_low > 0.0 ? low : high) = t;
+            double next = t - f / rate(t)[0];
+            if (!(next > low && next < high)) next = 0.5 * (low + high);
+            const double moved = std::fabs(next - t);
+            t = next;
+            if (moved <= 2.0 * std::numeric_limits<double>::epsilon() * std::fabs(t) || next == low || next == high)
+                break;
+        }
+        return t;
+    }
+
+  private:
+    const Space& space_;
+    const Step& step_;
+    const Path& path_;
+    std::vector<Quintic> numbers_;
+};
+
+inline void on_curve(const Curve& curve, int cluster, const Step& step, const Path& path, std::vector<Passage>& found) {
     const CurveShape& shape = curve.shape();
     const Space& space = *shape.space;
+    const Course course(space, step, path);
     const double u0 = curve.u(space.x(step.before->q())), u1 = curve.u(space.x(step.after->q()));
     for (std::size_t i = 0; i < shape.roots.size(); ++i) {
         const double root = shape.roots[i];
         if (shape.corank[i] == 0 || !((u0 - root) * (u1 - root) < 0.0 || (u0 != root && root == u1))) continue;
         Vector x, slope, bend;
         curve.point(root, x, slope, bend);
-        const double wanted = space.number_of(0, x);
-        found.push_back({Quintic(step, space.inputs[0]).when(wanted), cluster, shape.corank[i], shape.closure,
+        found.push_back({course.when(x[space.chosen[0]]), cluster, shape.corank[i], shape.closure,
                          shape.transversality, shape.near_miss, x, shape.space});
     }
 }
@@ -141,8 +180,7 @@ inline void on_patch(Tracker& tracker, int cluster, const Step& step, const Path
     const CurvePtr curve = tracker.curve;
     const std::shared_ptr<Patch> patch = tracker.patch;
     const double u = tracker.u, h = step.t1 - step.t0;
-    std::vector<Quintic> motion;
-    for (const int input : space.inputs) motion.emplace_back(step, input);
+    const Course course(space, step, path);
     JetPtr point;
     const auto real = [&](const Roots& all) {
         std::vector<double> kept;
@@ -161,13 +199,8 @@ inline void on_patch(Tracker& tracker, int cluster, const Step& step, const Path
         return tracker.end.times;
     };
     const auto roots = [&](double t) {
-        Vector y(space.m), rate(space.m);
-        for (int i = 0; i < space.m; ++i) {
-            y[i] = space.chart_of(i, motion[static_cast<std::size_t>(i)].at(t));
-            rate[i] = motion[static_cast<std::size_t>(i)].rate(t) / space.D[space.chosen[i]];
-        }
-        point = tracker.at(y);
-        return real(pencil_roots(space, *point->P, point->x, point->J * rate, *point->C, tracker.zone));
+        point = tracker.at(course.at(t));
+        return real(pencil_roots(space, *point->P, point->x, point->J * course.rate(t), *point->C, tracker.zone));
     };
     try {
         std::vector<double> starts, met;

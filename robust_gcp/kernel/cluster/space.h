@@ -49,13 +49,27 @@ class Space {
           balance(Eigen::Map<const Vector>(c.balance, nv)),
           chart(std::make_shared<Matrix>(picking(nv, chosen))), lu(nv), chain_(*c.loops), closures_(*c.loops, chain_, whole(*c.loops, chain_)),
           rotates_(c.rotates, c.rotates + nv), periodic_(c.periodic, c.periodic + nv),
-          reference_(Vector::Zero(c.loops->nq)), q_(c.loops->nq), v_(nv), placed_(Vector::Constant(nv, std::nan(""))), rate_(closures_.entries.size() + 1) {}
+          reference_(Vector::Zero(c.loops->nq)), q_(c.loops->nq), v_(nv), placed_(Vector::Constant(nv, std::nan(""))), rate_(closures_.entries.size() + 1) {
+        for (const int i : chosen)
+            for (const int j : chain_.all) {
+                const Body& b = chain_.bodies[j];
+                if (b.first <= i && i < b.first + b.count && turns(b.kind)) in_charts_.push_back(j);
+            }
+    }
 
     Space(const Space&) = delete;
 
-    // Coordinates are about the cluster's own part of a whole q from now on; of use before anything else is asked.
-    void about(const double* q) {
+    // Whether some of its y are in charts, as entries of x about the charts' origin.
+    bool charted() const { return !in_charts_.empty(); }
+
+    // Coordinates are about the cluster's own part of a whole q from now on, those of joints in charts about `origin`;
+    // of use before anything else is asked.
+    void about(const double* q, const double* origin) {
         for (std::size_t i = 0; i < iq.size(); ++i) reference_[static_cast<Eigen::Index>(i)] = q[iq[i]];
+        for (const int j : in_charts_) {
+            const Body& b = chain_.bodies[j];
+            for (int i = b.q; i < b.q + NUMBERS[b.kind].q; ++i) reference_[i] = origin[iq[static_cast<std::size_t>(i)]];
+        }
         placed_.setConstant(std::nan(""));
     }
     const Vector& reference() const { return reference_; }
@@ -174,16 +188,13 @@ class Space {
         for (std::size_t i = 0; i < iq.size(); ++i) q[iq[i]] = q_[static_cast<Eigen::Index>(i)];
     }
 
-    // The cluster's coordinates y, which are numbers in q, in its chart; and the number that one has there.
+    // The cluster's coordinates y in its chart.
     Vector wanted(const double* y) const {
         Vector found(m);
         for (int i = 0; i < m; ++i) found[i] = chart_of(i, y[inputs[i]]);
         return found;
     }
-    double chart_of(int i, double y) const { return (y - reference_[chain_.number_at[chosen[i]]]) / D[chosen[i]]; }
-    double number_of(int i, const Vector& x) const {
-        return reference_[chain_.number_at[chosen[i]]] + D[chosen[i]] * x[chosen[i]];
-    }
+    double chart_of(int i, double y) const { return (y - number_at_origin(i)) / D[chosen[i]]; }
 
     // Whether a joint has turned so far that coordinates about another place serve better.
     bool far(const Vector& x) const {
@@ -270,6 +281,18 @@ class Space {
         return std::any_of(d.kind, d.kind + d.joints, [](int kind) { return NUMBERS[kind].q != 1; });
     }
 
+    // Whether the velocities of a joint are no rates of its numbers.
+    static bool turns(int kind) { return NUMBERS[kind].q != NUMBERS[kind].v; }
+
+    // y at x = 0.
+    double number_at_origin(int i) const {
+        const int v = chosen[i];
+        const bool in_chart = std::any_of(in_charts_.begin(), in_charts_.end(), [&](int j) {
+            return chain_.bodies[j].first <= v && v < chain_.bodies[j].first + chain_.bodies[j].count;
+        });
+        return in_chart ? 0.0 : reference_[chain_.number_at[v]];
+    }
+
     void fill(const Cells<double>& values, Matrix& K) const {
         K.setZero(rows, nv);
         std::size_t at = 0;
@@ -279,6 +302,7 @@ class Space {
     Chain chain_;
     Closures closures_;
     std::vector<char> rotates_, periodic_;
+    std::vector<int> in_charts_;  // joints some of whose velocities are chosen, and no rates of numbers
     Vector reference_, q_, v_, placed_;
     Cells<double> rate_;
     double size_ = 0.0;

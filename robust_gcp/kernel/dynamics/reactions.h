@@ -21,7 +21,7 @@ class Reactions {
   public:
     // Of all rows, in their own units; the scales make K dimensionless.
     Reactions(const Description& d, const double* row_scale, const double* column_scale)
-        : chain_(d), parts_(d, chain_, true), inverse_(d, chain_.bodies.size()), nv_(d.nv), rows_(d.rows),
+        : chain_(d), parts_(d, chain_), inverse_(d, chain_.bodies.size()), nv_(d.nv), rows_(d.rows),
           row_scale_(row_scale), column_scale_(column_scale), still_(d.nv), bias_(d.nv), force_(d.nv) {
         std::vector<int> row_at(rows_);
         for (const Part& part : parts_.list) {

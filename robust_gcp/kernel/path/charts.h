@@ -47,6 +47,14 @@ class Charts {
         }
     }
 
+    // Their numbers in one whole q, into another.
+    void copy(const double* from, double* q) const {
+        for (const Joint& joint : joints_) {
+            const int at = joint.body->q;
+            std::copy(from + at, from + at + NUMBERS[joint.body->kind].q, q + at);
+        }
+    }
+
     // Largest entry of w after `begin`.
     double largest() const {
         double most = 0.0;

@@ -35,10 +35,9 @@ class Path {
     double enough = POOR;  // conditioning above which it need not be known
     std::unique_ptr<Modes> modes;  // what derivatives know of them; null in steps
 
-    // `standing`: for points that are given, and no steps.
-    explicit Path(const Description& d, bool standing = false)
+    explicit Path(const Description& d)
         : chain(d),
-          parts(d, chain, standing),
+          parts(d, chain),
           layout(d),
           groups(d, chain, parts),
           charted(std::any_of(parts.list.begin(), parts.list.end(), [](const Part& p) { return p.charted; })),
@@ -106,6 +105,18 @@ class Path {
         if (!charted) return;
         for (const auto& loops : loops_)
             if (loops != nullptr) loops->charts.rate(origin, point, point.ydot(), rate);
+    }
+
+    // Joints in loops that are in charts at their y; of use where all others are in place.
+    void place_charts(const double* origin, Point& point) {
+        for (const auto& loops : loops_)
+            if (loops != nullptr) loops->charts.begin(origin, point.y(), point.q());
+    }
+
+    // Puts joints in loops that are in charts where another whole q has them.
+    void keep_charts(const double* from, double* q) const {
+        for (const auto& loops : loops_)
+            if (loops != nullptr) loops->charts.copy(from, q);
     }
 
     // Largest entry of w of joints in loops.

@@ -17,9 +17,10 @@ class Evaluator {
   public:
     explicit Evaluator(const Description& d)
         : path(d), clusters(d, path), motion_(d, path), works_(d.works), n_(2 * d.m + d.works),
-          numbers_(d.independent_q, d.independent_q + d.m), slots_(SLOTS, Point(path.layout)), stage_(n_) {
-        for (int k = 0; k < d.m; ++k)
-            if (numbers_[k] < 0) on_groups_.push_back(k);
+          numbers_(d.independent_q, d.independent_q + d.m), slots_(SLOTS, Point(path.layout)), stage_(n_), home_(d.nq) {
+        for (const Part& part : path.parts.list)
+            for (const int k : part.inputs)
+                if (numbers_[k] < 0) (part.on_group ? on_groups_ : in_loops_).push_back(k);
     }
 
     Path path;
@@ -68,6 +69,21 @@ class Evaluator {
         return path.same_branch(*anchor_, point) ? DONE : BRANCH;
     }
 
+    // New charts about the accepted point; those in loops stay where one of these is on a bridge.
+    void renew_charts(double* x) {
+        Point& point = *accepted_;
+        for (int k : on_groups_) point.y()[k] = x[k] = 0.0;
+        if (in_loops_.empty() || !clusters.turning_on_bridge()) {
+            origin_ = point.q();
+            for (int k : in_loops_) point.y()[k] = x[k] = 0.0;
+            return;
+        }
+        const std::vector<double> before(origin_, origin_ + home_.size());
+        std::copy(point.q(), point.q() + home_.size(), home_.begin());
+        path.keep_charts(before.data(), home_.data());
+        origin_ = home_.data();
+    }
+
     Point& spare() {
         for (Point& point : slots_)
             if (&point != anchor_ && &point != accepted_ && &point != safe_) return point;
@@ -77,11 +93,12 @@ class Evaluator {
     Motion motion_;
     int works_, n_;
     const std::vector<int> numbers_;  // where y is in q, −1 where in charts
-    std::vector<int> on_groups_;      // which of y are in charts
+    std::vector<int> on_groups_, in_loops_;  // which of y are in charts
     std::vector<Point> slots_;
     Cells<double> stage_;             // the state that is asked for
     Point *anchor_ = nullptr, *accepted_ = nullptr, *safe_ = nullptr;
-    const double* origin_ = nullptr;  // q where charts have theirs
+    Cells<double> home_;              // q where charts have theirs, where that is no point of the motion
+    const double* origin_ = nullptr;  // where they have them
     std::int64_t rhs_ = 0;
 };
 

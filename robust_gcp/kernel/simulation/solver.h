@@ -15,14 +15,12 @@ constexpr double FORWARD = 1.4901161193847656e-08;  // as in differences.py
 
 class Solver : public Stepper {
   public:
-    explicit Solver(const Description& d) : Stepper(d), home_(d.nq) {}
+    using Stepper::Stepper;
 
     // Goes on from `anchor` and x, with charts about `origin`; what was met before was told of.
     void set_out_from(Request& r) {
         count_anew(r);
         begin(r);
-        std::copy(r.origin, r.origin + home_.size(), home_.begin());
-        origin_ = home_.data();
         if (r.beginning != IN_ZONE) clusters.forget();
         r.in_zone = clusters.in_zone(), r.met = clusters.met(), r.plain = false;
     }
@@ -86,8 +84,9 @@ class Solver : public Stepper {
     // Whether charts ought to be renewed.
     bool outgrown(Point& point) const {
         if (path.charted && path.away(point, origin_) > OUTGROWN) return true;
-        return std::any_of(on_groups_.begin(), on_groups_.end(),
-                           [&](int k) { return std::fabs(point.y()[k]) > OUTGROWN; });
+        const auto far = [&](int k) { return std::fabs(point.y()[k]) > OUTGROWN; };
+        return std::any_of(on_groups_.begin(), on_groups_.end(), far) ||
+               std::any_of(in_loops_.begin(), in_loops_.end(), far);
     }
 
     double apart(const double* y, Point& point) const {
@@ -108,11 +107,9 @@ class Solver : public Stepper {
             anchor_ = &point;
             clusters.leave();
         } else if (clusters.some()) {
-            clusters.enter(*accepted_);
+            clusters.enter(*accepted_, origin_);
         }
     }
-
-    Cells<double> home_;
 };
 
 }  // namespace rg

@@ -44,9 +44,8 @@ class alignas(CACHE_LINE) Stepper : public Evaluator {
             if (clusters.met())
                 log(i, {r.times[i], r.times[i + 1], accepted_, anchor_, last_ydd.data(), motion_.ydd.data()});
             accepted_ = anchor_;
-            origin_ = accepted_->q();
             x_ = sum_;
-            for (int k : on_groups_) accepted_->y()[k] = x_[k] = 0.0;  // a new chart about the point
+            renew_charts(x_.data());
             clusters.settle(*accepted_);
             in_zone = clusters.in_zone();
             last_ydd = motion_.ydd;
@@ -70,6 +69,7 @@ class alignas(CACHE_LINE) Stepper : public Evaluator {
         std::copy(last_tau.begin(), last_tau.end(), r.tau);
         r.power = last_power;
         write(r.safe, safe_, safe_x_);
+        std::copy(origin_, origin_ + home_.size(), r.origin);
         r.in_zone = in_zone;
         r.log = log_.data();
         r.logged = static_cast<std::int64_t>(log_.size()) / (7 + path.layout.nq);
@@ -148,8 +148,9 @@ class alignas(CACHE_LINE) Stepper : public Evaluator {
             path.prime(*anchor_);
             clusters.leave();
             if (r.beginning == IN_ZONE) clusters.read(r.trackers);
+            std::copy(r.origin, r.origin + home_.size(), home_.begin());
+            origin_ = home_.data();
         }
-        origin_ = accepted_->q();
         std::copy(r.x, r.x + n_, x_.begin());
         std::copy(r.ydd, r.ydd + path.layout.m, motion_.ydd.begin());
         motion_.power = r.power;

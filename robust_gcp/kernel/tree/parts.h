@@ -29,16 +29,14 @@ struct Part {
 };
 
 // Parts, carriers first. Joints of a closure lie on its two paths below their lowest common ancestor; parts
-// that share a joint are one, and so are those between which couplings would leave a part with two roots: an
-// exception where that takes a joint on a group in among clusters with zones of their own; `standing` where there
-// are no steps.
+// that share a joint are one, and so are those between which couplings would leave a part with two roots.
 class Parts {
   public:
     std::vector<Part> list;
     std::vector<int> of_joint, of_velocity;
     std::vector<int> all_velocities;
 
-    Parts(const Description& d, const Chain& chain, bool standing) : chain_(chain), owner_(chain.bodies.size()) {
+    Parts(const Description& d, const Chain& chain) : chain_(chain), owner_(chain.bodies.size()) {
         const int n = static_cast<int>(owner_.size());
         for (int j = 0; j < n; ++j) owner_[j] = j;
         std::vector<int> joint_of_v(d.nv), closure_at(d.closures), coupling_at(d.couplings, 0);
@@ -84,7 +82,6 @@ class Parts {
             part.first = first;
             first += part.count();
             if (!part.on_group || !part.tied()) continue;
-            if (!standing && d.clusters > 0) throw std::invalid_argument("joints are coupled across a ball or a floating joint");
             part.on_group = false;
             part.charted = true;
         }
