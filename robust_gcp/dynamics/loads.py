@@ -153,6 +153,12 @@ class _FrameLoad:
         self._constant = np.zeros(6) if callable(wrench.force) else real_array(wrench.force)
 
     def __call__(self, t: float, q: Array, v: Array, tau: Array) -> None:
+        _, point, force, moment = self.at(t, q, v)
+        about_origin = np.concatenate([force, moment + np.cross(point, force)])
+        tau[self._columns] += self._tree.J[self._columns] @ about_origin
+
+    def at(self, t: float, q: Array, v: Array) -> tuple[int, Array, Array, Array]:
+        """The joint that carries the frame, its origin, force and moment there, in world axes."""
         F = self._constant
         if self._supplied is not None:
             given = self._supplied(t, q.copy(), v.copy())
@@ -163,9 +169,15 @@ class _FrameLoad:
         if self._turn is not None:
             axes = R @ self._turn
             force, moment = axes @ force, axes @ moment
-        point = tree.p[self._joint] + R @ self._offset
-        about_origin = np.concatenate([force, moment + np.cross(point, force)])
-        tau[self._columns] += tree.J[self._columns] @ about_origin
+        return self._joint, tree.p[self._joint] + R @ self._offset, force, moment
+
+
+def wrench_of(
+    mechanism: Mechanism, wrench: Wrench, t: float, q: Array, v: Array
+) -> tuple[int, Array, Array, Array]:
+    """What a wrench is at a state: joint that carries it, point, force and moment about it, in world axes."""
+    joint, point, force, moment = _FrameLoad(mechanism, wrench).at(t, q, v)
+    return joint, point + mechanism.standpoint, force, moment
 
 
 def _returned(value: Any, size: int, label: str, t: float) -> Array:

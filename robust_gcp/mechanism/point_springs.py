@@ -51,6 +51,21 @@ class Lines:
 
     def at(self, q: Array, v: Array) -> tuple[Array, float]:
         """τ (nv,) and the power of the dampers."""
+        _, _, rate, tension, power = self._pulling(q, v)
+        return -tension @ rate, power
+
+    def pulls(self, q: Array, v: Array) -> list[tuple[int, Array, Array]]:
+        """The forces on bodies: joint that carries it (0: the ground), point and force (3,) in world axes."""
+        start, u, _, tension, _ = self._pulling(q, v)
+        points = start, start + self._ends(q)[1]
+        return [
+            (int(self._joint[end, i]), points[end][i], sign * tension[i] * u[i])
+            for i in range(len(tension))
+            for end, sign in ((0, 1.0), (1, -1.0))
+        ]
+
+    def _pulling(self, q: Array, v: Array) -> tuple[Array, Array, Array, Array, float]:
+        """Point 1, u, ∂l/∂q (nv,) and tension of each, and the power of the dampers."""
         start, along = self._ends(q)
         length = np.linalg.norm(along, axis=1)
         if not length.all():
@@ -66,7 +81,7 @@ class Lines:
             drag = self._damping * speed
             tension = tension + drag
             power = -float(drag @ speed)
-        return -tension @ rate, power
+        return start, u, rate, tension, power
 
     def energy(self, q: Array) -> float:
         """Potential energy, J."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -105,9 +105,9 @@ def state_columns(mechanism: Mechanism, q: Array, v: Array, a: Array | None) -> 
 
 
 def force_columns(mechanism: Mechanism, what: str, forces: Array) -> dict[str, Array]:
-    """What acts on each number in v, such as "tau.q1", as views into forces (N, nv); not where it is NaN."""
-    known = [c for c in in_v(mechanism.joints) if not np.isnan(forces[:, c.iv]).any()]
-    return {f"{what}.{c.name}": forces[:, c.iv] for c in known}
+    """What acts on each number in v, such as "tau.q1", as views into forces (..., nv); none of NaN."""
+    known = [c for c in in_v(mechanism.joints) if not np.isnan(forces[..., c.iv]).any()]
+    return {f"{what}.{c.name}": forces[..., c.iv] for c in known}
 
 
 def recorded_columns(run: Trajectory) -> dict[str, Array]:
@@ -186,6 +186,8 @@ class Sample(Named):
     t : ndarray (k,), or () for one time
         s.
     q, v, a : ndarray (k, nq), (k, nv), (k, nv); without the first dimension for one time
+    more : dict of str to ndarray
+        Other columns, where they are known: of the present state of a `Simulation`.
     """
 
     mechanism: Mechanism
@@ -193,6 +195,7 @@ class Sample(Named):
     q: Array
     v: Array
     a: Array
+    more: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def y(self) -> Array:
@@ -200,8 +203,8 @@ class Sample(Named):
         return self.q[..., self.mechanism.iq_independent]
 
     def columns(self) -> dict[str, Array]:
-        """Time and each number of each joint, by name."""
-        return {"t": self.t} | state_columns(self.mechanism, self.q, self.v, self.a)
+        """Time and each number of each joint, by name, and what more is known."""
+        return {"t": self.t, **state_columns(self.mechanism, self.q, self.v, self.a), **self.more}
 
     def frame(self, name: str) -> FrameMotion:
         """The motion of a frame of the model; see `Trajectory.frame`."""

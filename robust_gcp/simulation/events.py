@@ -110,6 +110,7 @@ class Events:
 
     Attributes
     ----------
+    asked : list of Event
     t, q, v : list of list
         What was found, for each event.
     ended_by : int or None
@@ -117,7 +118,7 @@ class Events:
     """
 
     def __init__(self, asked: Sequence[Event], start: float, step: float) -> None:
-        self._asked, self._start, self._soon = list(asked), start, start + AT_START * step
+        self.asked, self._start, self._soon = list(asked), start, start + AT_START * step
         self.t: list[list[float]] = [[] for _ in asked]
         self.q: list[list[Array]] = [[] for _ in asked]
         self.v: list[list[Array]] = [[] for _ in asked]
@@ -127,7 +128,7 @@ class Events:
 
     def __bool__(self) -> bool:
         """Whether any are asked for."""
-        return bool(self._asked)
+        return bool(self.asked)
 
     def begin(self, t: float, q: Array, v: Array) -> None:
         """Take note of the state from which the next step begins."""
@@ -152,7 +153,7 @@ class Events:
         times = [(self._zero(k, before, after, step), k) for k in self._changed(left, before, after)]
         found = []
         for t, k in sorted(times):
-            limit, so_far = int(self._asked[k].terminal), sum(when > self._soon for when in self.t[k])
+            limit, so_far = int(self.asked[k].terminal), sum(when > self._soon for when in self.t[k])
             ends = t > self._soon and 0 < limit <= so_far + 1
             found.append(Zero(t, k, ends))
             if ends:
@@ -174,7 +175,7 @@ class Events:
             del self.t[k][kept:], self.q[k][kept:], self.v[k][kept:]
 
     def _at(self, t: float, q: Array, v: Array) -> Array:
-        return np.array([_value(event, k, t, q, v) for k, event in enumerate(self._asked)])
+        return np.array([_value(event, k, t, q, v) for k, event in enumerate(self.asked)])
 
     def _changed(self, left: float, before: Array, after: Array) -> list[int]:
         """Which functions became or passed zero, in a direction that counts, after the time `left`."""
@@ -183,7 +184,7 @@ class Events:
             rises, falls = a < 0.0 <= b, a > 0.0 >= b
             if a == 0.0 and left == self._start:
                 rises, falls = b > 0.0, b < 0.0
-            way = self._asked[k].direction
+            way = self.asked[k].direction
             if (rises and way >= 0.0) or (falls and way <= 0.0):
                 found.append(k)
         return found
@@ -192,7 +193,7 @@ class Events:
         ends = {step.t0: float(before[k]), step.t1: float(after[k])}
 
         def value(t: float) -> float:
-            return ends[t] if t in ends else _value(self._asked[k], k, t, *step.state(t))
+            return ends[t] if t in ends else _value(self.asked[k], k, t, *step.state(t))
 
         xtol = 4.0 * float(np.spacing(max(abs(step.t0), abs(step.t1))))
         return float(scipy.optimize.brentq(value, step.t0, step.t1, xtol=xtol, rtol=RTOL))

@@ -1,4 +1,4 @@
-"""Constraint forces by name: what each row of λ is, and the force and moment in each cut joint.
+"""Constraint forces by name: what each row of λ is, and the force and moment in each joint.
 
 λ belongs to the rows of φ, which acts on the joints as Kᵀ λ. With φ = p₁ − p₂ in world axes, the three
 position rows of a closure are the force, in world axes, that the body of its first frame receives at the cut
@@ -9,19 +9,26 @@ the force λ n at p₁ to the first body, the opposite there to the second. A ro
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 
 from ..checks import shown
 from ..dynamics.equations import UNBALANCED_WORDS, constraint_forces
+from ..dynamics.loads import Wrench, wrench_of
 from ..errors import OptionError
 from ..kernel.measures import reactions
 from ..maps.classical import SingularityWarning
 from ..mechanism.closures import Closure
+from ..mechanism.forces import PointSpring
+from ..mechanism.frames import place_of
 from ..mechanism.mechanism import Mechanism
+from ..mechanism.point_springs import Lines
 from ..mechanism.rows import ALONG, ROTATION, Row, rows_of
 from ..mechanism.tree import Array
+from ..mechanism.workspace import workspace
 from ..warning import warn
 
 
@@ -68,43 +75,125 @@ def _rows(mechanism: Mechanism) -> list[Row]:
 
 @dataclass(frozen=True, eq=False)
 class Reaction:
-    """What a closed loop's cut joint transmits, N times.
+    """What a joint transmits, N times, or once (then without the first dimension).
 
     Attributes
     ----------
-    closure : closure
+    joint : closure or str
+        A closed loop's cut joint, or a joint of the tree by its name.
     force : ndarray (N, 3)
-        On the body of frame1, at that frame, from the body of frame2; world axes, N. Zero along axes
-        whose row of φ is zero in every configuration, as across the plane of a planar mechanism: what
-        acts there, rigid bodies do not determine.
+        World axes, N. In a cut joint: on the body of frame1, at that frame, from the body of frame2. In a
+        joint of the tree: on the body that it moves, at the joint, from the body that carries it; what the
+        joint's own springs, motors and friction do is part of it.
+        Zero along axes whose row of φ is zero in every configuration, as across the plane of a planar
+        mechanism: what acts there, rigid bodies do not determine.
     moment : ndarray (N, 3)
         Likewise, N m.
     """
 
-    closure: Closure
+    joint: Closure | str
     force: Array
     moment: Array
 
+    @property
+    def closure(self) -> Closure | None:
+        """The closed loop's cut joint, where it is one."""
+        return None if isinstance(self.joint, str) else self.joint
 
-def reaction(mechanism: Mechanism, number: int, q: Array, multipliers: Array) -> Reaction:
-    """Force and moment in the cut joint of closure `number` at the configurations q (N, nq)."""
-    closure, tree = mechanism.loops[number], mechanism.tree
-    force, moment = np.zeros((len(q), 3)), np.zeros((len(q), 3))
-    own = [(i, row) for i, row in enumerate(_rows(mechanism)) if row.closure == number]
-    for i, row in own:
-        if row.axis >= 0:
-            force[:, row.axis] = multipliers[:, i]
-    turning = [(i, row) for i, row in own if row.axis < 0]
-    for at in range(len(q) if turning else 0):
-        tree.jacobians(q[at])
-        first, second = tree.frame_R[number], tree.frame_R[len(mechanism.loops) + number]
-        for i, row in turning:
-            for weight, u, n in row.terms:
-                if row.axis == ALONG:
-                    force[at] += multipliers[at, i] * (second @ n)
-                elif row.axis == ROTATION:
-                    moment[at] += multipliers[at, i] * weight * np.cross(first @ u, second @ n)
-    return Reaction(closure, force, moment)
+    def at(self, i: int) -> Reaction:
+        """The i-th of them."""
+        return Reaction(self.joint, self.force[i], self.moment[i])
+
+
+@dataclass(frozen=True, eq=False)
+class Loaded:
+    """States, and what acts at them, from which the forces in joints follow.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+    t, q, v : ndarray (N,), (N, nq), (N, nv)
+    accelerations : callable () -> ndarray (N, nv)
+    multipliers : ndarray (N, nc) or None
+    wrenches : sequence of Wrench or None
+        None where they are not known any more.
+    """
+
+    mechanism: Mechanism
+    t: Array
+    q: Array
+    v: Array
+    accelerations: Callable[[], Array]
+    multipliers: Array | None
+    wrenches: Sequence[Wrench] | None = ()
+
+    def reaction(self, name: str | int) -> Reaction:
+        """Force and moment in a joint of the tree, or in a cut joint; see `Trajectory.reaction`."""
+        mechanism = self.mechanism
+        cut = {frame for closure in mechanism.loops for frame in (closure.frame1, closure.frame2)}
+        if isinstance(name, str) and name in mechanism.joint_names and name not in cut:
+            return self._in_tree(name)
+        return self._in_cut(closure_number(mechanism, name))
+
+    def _in_cut(self, number: int) -> Reaction:
+        mechanism, q = self.mechanism, self.q
+        if self.multipliers is None:
+            raise OptionError('constraint forces were not recorded; simulate with record=("multipliers",)')
+        closure, tree, multipliers = mechanism.loops[number], mechanism.tree, self.multipliers
+        force, moment = np.zeros((len(q), 3)), np.zeros((len(q), 3))
+        own = [(i, row) for i, row in enumerate(_rows(mechanism)) if row.closure == number]
+        for i, row in own:
+            if row.axis >= 0:
+                force[:, row.axis] = multipliers[:, i]
+        turning = [(i, row) for i, row in own if row.axis < 0]
+        for at in range(len(q) if turning else 0):
+            tree.jacobians(q[at])
+            first, second = tree.frame_R[number], tree.frame_R[len(mechanism.loops) + number]
+            for i, row in turning:
+                for weight, u, n in row.terms:
+                    if row.axis == ALONG:
+                        force[at] += multipliers[at, i] * (second @ n)
+                    elif row.axis == ROTATION:
+                        moment[at] += multipliers[at, i] * weight * np.cross(first @ u, second @ n)
+        return Reaction(closure, force, moment)
+
+    def _in_tree(self, name: str) -> Reaction:
+        """By the recursive Newton–Euler algorithm, with all that acts on bodies from elsewhere."""
+        if self.wrenches is None:
+            raise OptionError(
+                "reaction: a torque function or wrenches acted on this motion, and its file or pickle holds "
+                "none; ask the trajectory that was simulated"
+            )
+        model, loops = self.mechanism.own_model, self.mechanism.loops
+        data, joint = workspace(model), model.getJointId(name)
+        cuts = [self._in_cut(i) for i in range(len(loops))]
+        ends = [[place_of(model, frame) for frame in (loop.frame1, loop.frame2)] for loop in loops]
+        force, moment = np.empty((len(self.q), 3)), np.empty((len(self.q), 3))
+        states = zip(self.t, self.q, self.v, self.accelerations(), strict=True)
+        for i, (t, q, v, a) in enumerate(states):
+            pin.forwardKinematics(model, data, q)
+            acting = list(self._acting(float(t), q, v))
+            for cut, both in zip(cuts, ends, strict=True):
+                for (carrier, place), sign in zip(both, (1.0, -1.0), strict=True):
+                    point = (data.oMi[carrier] * place).translation
+                    acting.append((carrier, point, sign * cut.force[i], sign * cut.moment[i]))
+            outer = [pin.Force.Zero() for _ in range(model.njoints)]
+            for carrier, point, own, about in acting:
+                outer[carrier] += data.oMi[carrier].actInv(pin.Force(own, about + np.cross(point, own)))
+            pin.rnea(model, data, q, v, a, pin.StdVec_Force(outer))
+            turned = data.oMi[joint].rotation
+            force[i], moment[i] = turned @ data.f[joint].linear, turned @ data.f[joint].angular
+        return Reaction(name, force, moment)
+
+    def _acting(self, t: float, q: Array, v: Array) -> Iterator[tuple[int, Array, Array, Array]]:
+        """Body, point, force and moment about it, in world axes, of wrenches and springs between points."""
+        mechanism, none = self.mechanism, np.zeros(3)
+        for wrench in self.wrenches or ():
+            yield wrench_of(mechanism, wrench, t, q, v)
+        springs = [force for force in mechanism.forces if isinstance(force, PointSpring)]
+        if springs:
+            for carrier, point, pull in Lines(mechanism.tree, springs).pulls(q, v):
+                yield carrier, point + mechanism.standpoint, pull, none
 
 
 def closure_number(mechanism: Mechanism, name: str | int) -> int:
@@ -124,5 +213,6 @@ def closure_number(mechanism: Mechanism, name: str | int) -> int:
         return found[0]
     listed = ", ".join(f"{i}: {c.frame1}-{c.frame2}" for i, c in enumerate(closures)) or "none"
     raise OptionError(
-        f"closure {shown(name)} is {'not one' if found else 'none'} of this mechanism's: {listed}"
+        f"closure {shown(name)} is {'not one' if found else 'none'} of this mechanism's, {listed}, nor a "
+        f"joint of its tree, {', '.join(mechanism.joint_names)}"
     )

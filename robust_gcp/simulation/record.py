@@ -222,6 +222,11 @@ class Record:
         """q and v that were kept last."""
         return self._q[self.count - 1], self._v[self.count - 1]
 
+    @property
+    def time(self) -> float:
+        """Of what was kept last, s."""
+        return float(self._t[self.count - 1])
+
     def rewind(self, i: int) -> None:
         """Forget what came at the end of step i and later."""
         self.count, self.at = int(self._schedule.first[i]), i - 1

@@ -137,7 +137,7 @@ class Run:
             now = self._motion.equations.evaluate(zero.t, x)
             self._events.add(zero, now.point.q, now.v)
             self._record.end(zero.t, now, x)
-            self._ended = True
+            self._last, self._ended = now, True
         else:
             point = self._motion.explicit.at(x[:m], x[m : 2 * m])
             self._events.add(zero, point.q, point.G.dot(point.ydot))

@@ -1,15 +1,41 @@
-"""What a simulation that is saved hands out: a state that leads back that simulation and no other."""
+"""What a simulation that is saved hands out: a state that leads back, and its numbers where it is pickled."""
 
 from __future__ import annotations
 
 import weakref
-from typing import Any, NoReturn
+from dataclasses import dataclass
+from typing import Any
 
 from ..errors import OptionError
+from ..mechanism.tree import Array
+
+
+@dataclass(frozen=True, eq=False)
+class StartState:
+    """Where a motion can begin: what pickling leaves of a saved state.
+
+    Attributes
+    ----------
+    joints : tuple of str
+        Names of the mechanism's joints.
+    t : float
+        s.
+    q, v : ndarray (nq,), (nv,)
+    mode : ndarray (nv, m)
+        Tangent of the mode there.
+    """
+
+    joints: tuple[str, ...]
+    t: float
+    q: Array
+    v: Array
+    mode: Array
 
 
 class SavedState:
-    """What `Simulation.save` returned; it leads that simulation back, as often as one likes.
+    """What `Simulation.save` returned; it leads that simulation back to the last bit, as often as one likes.
+
+    Pickled, it is a `StartState`: any simulation of such a mechanism goes on from there, equal to rounding.
 
     Parameters
     ----------
@@ -17,12 +43,14 @@ class SavedState:
     parts : dict
         What its steps change, in whose midst are parts of its run that they do not: so no other run can go on
         from there.
+    start : StartState
     """
 
-    __slots__ = ("_of", "_parts", "_told")
+    __slots__ = ("_of", "_parts", "_start", "_told")
 
-    def __init__(self, simulation: object, parts: dict[str, Any]) -> None:
+    def __init__(self, simulation: object, parts: dict[str, Any], start: StartState) -> None:
         self._of, self._parts, self._told = weakref.ref(simulation), parts, repr(simulation)
+        self._start = start
 
     def parts_of(self, simulation: object) -> dict[str, Any]:
         """The parts, for the simulation that they were copied from.
@@ -35,18 +63,17 @@ class SavedState:
         if self._of() is not simulation:
             raise OptionError(
                 f"state was saved by another simulation ({self._told}), and leads back that one alone, not "
-                f"{simulation!r}; for another one from there: Simulation(mechanism, q, v, t0=t)"
+                f"{simulation!r}; for another one from there: Simulation(mechanism, q, v, t0=t), or "
+                "restore(pickle.loads(pickle.dumps(state)))"
             )
         return self._parts
 
     def __deepcopy__(self, memo: Any) -> SavedState:
         return self  # nothing changes it
 
-    def __reduce_ex__(self, protocol: Any) -> NoReturn:
-        raise OptionError(
-            f"the saved state of a simulation ({self._told}) leads back the one that gave it and cannot be "
-            "pickled; keep q, v and t, or the motion with trajectory.save(path)"
-        )
+    def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
+        start = self._start
+        return StartState, (start.joints, start.t, start.q, start.v, start.mode)
 
     def __repr__(self) -> str:
         return f"state saved by {self._told}"

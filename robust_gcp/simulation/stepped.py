@@ -18,6 +18,7 @@ from ..maps.explicit import Crossing
 from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from .events import Events
 from .fixed import FixedRun
 from .schedule import Schedule
 from .trajectory import Trajectory
@@ -138,9 +139,24 @@ class SteppedRun(FixedRun):
     @property
     def state(self) -> tuple[Array, Array]:
         """q and v where the run is."""
-        if self._lean is None:
+        if self._lean is None and not self._ended:
             return self.last.point.q, self.last.v
         return self._record.state()
+
+    @property
+    def time(self) -> float:
+        """Where the run is, s."""
+        return self._record.time if self._ended else float(self.times[self.at])
+
+    @property
+    def ended(self) -> bool:
+        """Whether an event ended it."""
+        return self._ended
+
+    @property
+    def events(self) -> Events:
+        """What is looked for, and what was found of it."""
+        return self._events
 
     @property
     def crossings(self) -> list[Crossing]:
@@ -240,7 +256,7 @@ class SteppedRun(FixedRun):
             self.settle()
             self._leave()
             parts = self.parts()
-        shared: list[Any] = [self._counters, parts["_schedule"]]
+        shared: list[Any] = [self._counters, parts["_schedule"], *self._events.asked]
         for mechanism in {id(m): m for m in (self._record.mechanism, parts["_motion"].mechanism)}.values():
             shared += _unchanging(mechanism)
         return copy.deepcopy(parts, {id(part): part for part in shared})

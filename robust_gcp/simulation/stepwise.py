@@ -13,19 +13,21 @@ from numpy.typing import ArrayLike
 from ..checks import check_choice, check_finite, check_mechanism, check_positive, check_whole, shown
 from ..dynamics.driven import prescribed
 from ..dynamics.held import HeldTorque
+from ..dynamics.loads import Wrench, one_torque
 from ..dynamics.motion import Motion
-from ..errors import ClosureError, OptionError, SimulationError
+from ..errors import ClosureError, OptionError, SimulationError, SingularStartError
 from ..kernel.steps import BACKENDS, NativeSteps, chosen_library
 from ..maps.choice import METHODS, MapChoice, Method
-from ..maps.explicit import Crossing
 from ..maps.point import Counters
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .acted import Acted
 from .coarse import Coarse
+from .events import EventFunction, checked_events
 from .files import ARRAYS
 from .keep import Keep
-from .saved import SavedState
+from .present import Present
+from .saved import SavedState, StartState
 from .schedule import Schedule
 from .simulate import checked_record, checked_toggle
 from .stability import StabilityCheck
@@ -38,7 +40,7 @@ ROOM = 1024
 """Outputs that there is room for at first; when they are full, those that are not kept go, or it doubles."""
 
 
-class Simulation:
+class Simulation(Present):
     """A mechanism simulated by RK4, step by step, with torques held over each step.
 
     The same digits as `simulate` with the same torques, through singular configurations too.
@@ -54,6 +56,11 @@ class Simulation:
     backend : {"auto", "python", "native"}
     mode : array_like, optional
         As in `simulate`, where q0 is singular.
+    wrenches : sequence of Wrench
+        Forces and moments on frames; their functions are called once a step and held over it.
+    events : callable (t, q, v) -> float, or sequence of such, optional
+        As in `simulate`: `t_events`, `q_events`, `v_events`. One that is terminal ends the simulation, whose
+        state is then the one there; `reset` and `restore` lead on.
     record : sequence of {"a", "energy", "multipliers", "tau"}
         What `trajectory` holds besides q and v.
     drive : mapping of str to Motion, optional
@@ -87,6 +94,8 @@ class Simulation:
         backend: Literal["auto", "python", "native"] = "auto",
         *,
         mode: ArrayLike | None = None,
+        wrenches: Sequence[Wrench] = (),
+        events: EventFunction | Sequence[EventFunction] | None = None,
         record: Sequence[str] = (),
         drive: Mapping[str, Motion] | None = None,
         t0: float = 0.0,
@@ -104,6 +113,9 @@ class Simulation:
         self._record, self._step, self._t0 = record, float(step), float(t0)
         self._none = np.zeros(mechanism.nv)
         self._held = HeldTorque(self._none)
+        self._events, self._wrenches = checked_events(events), tuple(wrenches)
+        loads = one_torque(mechanism, None, wrenches)
+        self._loads = loads if callable(loads) else None
         self._places = {joint.name: joint.idx_v for joint in mechanism.joints if joint.single}
         self.reset(q0, v0, mode=mode)
 
@@ -153,10 +165,11 @@ class Simulation:
             self._record,
             counters,
             toggle,
+            events=self._events,
             named=mechanism,
             keep=self._keep,
         )
-        run.acted = Acted(drive=() if drives is None else drives.names)
+        run.acted = Acted(wrenches=self._wrenches, drive=() if drives is None else drives.names)
         self.mechanism, self._begun, self._run = mechanism, begun, run
         self._coarse = Coarse(mechanism, self._step) if choice.method == "bridge" else None
         try:
@@ -186,17 +199,21 @@ class Simulation:
         self._named.require_unchanged()
         held = self._none if tau is None else self._asked(tau)
         run, left = self._run, int(n)
+        if run.ended:
+            raise OptionError(f"event {run.events.ended_by} ended this simulation; go on by reset or restore")
+        at_once = 1 if self._loads is not None else left if self._keep.all else ROOM
         try:
-            while left:
-                now = left if self._keep.all else min(left, ROOM)
+            while left and not run.ended:
+                now = min(left, at_once)
                 run.room_for(now, self._clock)
-                run.take(held, now)
+                loads = self._loads
+                run.take(held if loads is None else held + np.asarray(loads(run.time, *run.state)), now)
                 left -= now
         except (SimulationError, ClosureError) as error:
             error.trajectory = self.trajectory
             raise
         if self._coarse is not None:
-            self._coarse.look(run.times[run.at], run.state[1])
+            self._coarse.look(run.time, run.state[1])
         return self
 
     def _asked(self, tau: ArrayLike | Mapping[str, Any]) -> Array:
@@ -231,31 +248,6 @@ class Simulation:
         return f"Simulation of {what}, {len(self.crossings)} crossings"
 
     @property
-    def t(self) -> float:
-        """s."""
-        return float(self._run.times[self._run.at])
-
-    @property
-    def q(self) -> Array:
-        """Configuration (nq,)."""
-        return self._run.state[0].copy()
-
-    @property
-    def v(self) -> Array:
-        """Velocity (nv,)."""
-        return self._run.state[1].copy()
-
-    @property
-    def y(self) -> Array:
-        """Independent coordinates (m,); a PartitionError where some are on groups."""
-        return self._run.state[0][self.mechanism.iq_independent]
-
-    @property
-    def crossings(self) -> list[Crossing]:
-        """Singular configurations passed so far."""
-        return self._run.crossings
-
-    @property
     def trajectory(self) -> Trajectory:
         """The motion so far, as far as it is kept; a copy."""
         run = self._run.trajectory(self._begun)
@@ -267,21 +259,43 @@ class Simulation:
         return run
 
     def save(self) -> SavedState:
-        """All that steps change, to be given to `restore` as often as one likes."""
-        return SavedState(self, self._run.copied())
+        """All that steps change, to be given to `restore` as often as one likes.
 
-    def restore(self, state: SavedState) -> Simulation:
+        Pickled, it is where another simulation may begin.
+        """
+        mode = self._run.last.point.G.copy()
+        start = StartState(self.mechanism.joint_names, self.t, self.q, self.v, mode)
+        return SavedState(self, self._run.copied(), start)
+
+    def restore(self, state: SavedState | StartState) -> Simulation:
         """Go back, to the last bit, to where `save` of this simulation gave the state; returns itself.
+
+        From one that was pickled it begins anew, at that state and time, whichever simulation gave it.
 
         Raises
         ------
         OptionError
             For what is no such state, or another simulation's.
         """
+        if isinstance(state, StartState):
+            return self._begin_at(state)
         if not isinstance(state, SavedState):
             raise OptionError(f"state = {shown(state)} is not what save() returned")
         self._run.put_back(state.parts_of(self))
         return self
+
+    def _begin_at(self, start: StartState) -> Simulation:
+        """Begin anew at a state, on its mode where it is singular."""
+        if start.joints != self.mechanism.joint_names:
+            raise OptionError(f"state is one of the joints {', '.join(start.joints)}, not of {self!r}")
+        before, self._t0 = self._t0, start.t
+        try:
+            return self.reset(start.q, start.v)
+        except SingularStartError:
+            return self.reset(start.q, start.v, mode=start.mode)
+        except Exception:
+            self._t0 = before
+            raise
 
     def __reduce_ex__(self, protocol: Any) -> NoReturn:
         raise OptionError(

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import OptionError
 from ..maps.explicit import Crossing
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
@@ -19,7 +18,7 @@ from .acted import Acted
 from .dense import Interpolant, sampled_accelerations, times_within
 from .files import ARRAYS, data_frame, write_archive, write_csv
 from .pictures import Pictures
-from .reactions import Reaction, closure_number, reaction
+from .reactions import Loaded, Reaction
 from .stats import Stats
 from .summary import told
 
@@ -187,23 +186,27 @@ class Trajectory(Named, Pictures):
         """
         return frame_motion(self.mechanism, name, self.q, self.v, self._accelerations)
 
-    def reaction(self, closure: str | int) -> Reaction:
-        """Force and moment that a loop's cut joint transmits, at all times, in world axes.
+    def reaction(self, joint: str | int) -> Reaction:
+        """Force and moment that a joint transmits, at all times, in world axes.
+
+        In a joint of the tree by the recursive Newton–Euler algorithm, from `accelerations`.
 
         Parameters
         ----------
-        closure : str or int
-            A frame of it, "frame1-frame2", or its number in `mechanism.closures`.
+        joint : str or int
+            Of a loop's cut joint a frame, "frame1-frame2", or its number in `mechanism.closures`; or a joint
+            of the tree.
 
         Raises
         ------
         OptionError
-            Where `record` did not hold "multipliers", or for a closure that is none.
+            Where `record` did not hold "multipliers" and there are loops, for a joint that is none, and where
+            wrenches acted that a file does not hold.
         """
-        number = closure_number(self.mechanism, closure)
-        if self.multipliers is None:
-            raise OptionError('constraint forces were not recorded; simulate with record=("multipliers",)')
-        return reaction(self.mechanism, number, self.q, self.multipliers)
+        acted = Acted() if self.acted is None else self.acted
+        known = None if acted.lost else acted.wrenches
+        state = self.mechanism, self.t, self.q, self.v, self.accelerations
+        return Loaded(*state, self.multipliers, known).reaction(joint)
 
     @cached_property
     def _accelerations(self) -> Array:

@@ -162,9 +162,8 @@ def test_a_state_leads_back_the_simulation_that_saved_it_alone(backend: Any) -> 
         np.testing.assert_array_equal(stranger.q, before)
     assert copy.deepcopy(state) is state
     assert sim.step().restore(state).t == 5e-3
-    for kept in (sim, state):
-        with pytest.raises(rg.OptionError, match=r"cannot be (copied or )?pickled"):
-            pickle.dumps(kept)
+    with pytest.raises(rg.OptionError, match="cannot be copied or pickled"):
+        pickle.dumps(sim)
     with pytest.raises(rg.OptionError, match="for another one from here"):
         copy.deepcopy(sim)
 

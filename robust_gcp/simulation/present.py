@@ -1,0 +1,114 @@
+"""Where a simulation is: its state, and what follows from that, by name."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..dynamics.loads import Wrench
+from ..maps.explicit import Crossing
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+from .access import FrameMotion, Sample, force_columns
+from .reactions import Loaded, Reaction, multipliers_of, row_names
+from .stepped import SteppedRun
+
+
+class Present:
+    """The present state of a `Simulation`."""
+
+    mechanism: Mechanism
+    _run: SteppedRun
+    _wrenches: tuple[Wrench, ...]
+
+    @property
+    def t(self) -> float:
+        """s."""
+        return self._run.time
+
+    @property
+    def q(self) -> Array:
+        """Configuration (nq,)."""
+        return self._run.state[0].copy()
+
+    @property
+    def v(self) -> Array:
+        """Velocity (nv,)."""
+        return self._run.state[1].copy()
+
+    @property
+    def y(self) -> Array:
+        """Independent coordinates (m,); a PartitionError where some are on groups."""
+        return self._run.state[0][self.mechanism.iq_independent]
+
+    @property
+    def a(self) -> Array:
+        """Acceleration (nv,) under the torque that was held last."""
+        return self._run.last.a.copy()
+
+    @property
+    def energy(self) -> float:
+        """Kinetic energy plus that of gravity and springs, J."""
+        return self.mechanism.energy(*self._run.state)
+
+    def __getitem__(self, name: str) -> Array:
+        """A number of the present state: "q1", "v.q1" and whatever `now` has."""
+        if name in self.mechanism.joint_names or str(name).startswith(("q.", "v.")):
+            q, v = self._run.state
+            return Sample(self.mechanism, np.array(self.t), q.copy(), v.copy(), v)[name]
+        return self.now[name]
+
+    @property
+    def now(self) -> Sample:
+        """The present state with all that is known of it, under the torque that was held last.
+
+        `now["q1"]`, `now["a.q1"]`, "energy", "tau.q1", "drive.q1", "lambda.…": the names of
+        `Trajectory.columns`.
+        """
+        mechanism, last, here = self.mechanism, self._run.last, self._loaded()
+        more = {"energy": np.array(self.energy)}
+        more |= force_columns(mechanism, "tau", mechanism.tree.zero if last.tau is None else last.tau)
+        if last.drive is not None:
+            more |= force_columns(mechanism, "drive", last.drive)
+        if mechanism.nc and here.multipliers is not None:
+            found = here.multipliers[0]
+            more |= {f"lambda.{name}": found[i] for i, name in enumerate(row_names(mechanism))}
+        return Sample(mechanism, here.t[0], here.q[0], here.v[0], last.a, more)
+
+    def frame(self, name: str) -> FrameMotion:
+        """How a frame moves now; see `Trajectory.frame`."""
+        return Sample(self.mechanism, np.array(self.t), self.q, self.v, self.a).frame(name)
+
+    def reaction(self, joint: str | int) -> Reaction:
+        """Force (3,) and moment (3,) that a joint transmits now; see `Trajectory.reaction`."""
+        return self._loaded().reaction(joint).at(0)
+
+    def _loaded(self) -> Loaded:
+        mechanism, last = self.mechanism, self._run.last
+        q, v, a = last.point.q[None], last.v[None], last.a[None]
+        multipliers = multipliers_of(mechanism, q, v, a, None if last.tau is None else last.tau[None])
+        return Loaded(mechanism, np.array([self.t]), q, v, lambda: a, multipliers, self._wrenches)
+
+    @property
+    def t_events(self) -> list[Array]:
+        """When each event happened so far, s."""
+        return [np.array(times) for times in self._run.events.t]
+
+    @property
+    def q_events(self) -> list[Array]:
+        """q then, (k, nq) each."""
+        return [np.array(q).reshape(-1, self.mechanism.nq) for q in self._run.events.q]
+
+    @property
+    def v_events(self) -> list[Array]:
+        """v then, (k, nv) each."""
+        return [np.array(v).reshape(-1, self.mechanism.nv) for v in self._run.events.v]
+
+    @property
+    def ended_by(self) -> int | None:
+        """Number of the event that ended the simulation."""
+        return self._run.events.ended_by
+
+    @property
+    def crossings(self) -> list[Crossing]:
+        """Singular configurations passed so far."""
+        return self._run.crossings
