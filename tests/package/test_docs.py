@@ -73,12 +73,12 @@ def rounding_left_out(text: str) -> list[str]:
 def test_the_readme_shows_what_its_command_prints(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    found = blocks(ROOT / "README.md")
-    command = found[0][1].splitlines()[-1].split()
+    found = [text for kind, text in blocks(ROOT / "README.md") if kind != "python"]
+    command = found[1].splitlines()[-1].split()
     assert command[:3] == ["python", "-m", "robust_gcp"]
     monkeypatch.chdir(tmp_path)
     assert main(command[3:]) == 0
-    assert rounding_left_out(capsys.readouterr().out) == rounding_left_out(found[1][1])
+    assert rounding_left_out(capsys.readouterr().out) == rounding_left_out(found[2])
 
 
 def test_the_readme_shows_two_commands_that_stand_alone() -> None:
