@@ -66,7 +66,7 @@ if TYPE_CHECKING:
     from .simulation.many import Runs, simulate_many
     from .simulation.phases.impact import Impact
     from .simulation.phases.parts import Happening, JointFriction, Lock, Stop
-    from .sweeps.record import Failure, RunRecord
+    from .sweeps.record import Failure, Records, RunRecord
     from .sweeps.runs import grid, sweep, sweep_as_completed
 
 __version__ = "0.1.0"
@@ -78,6 +78,7 @@ _LATER = {
     "JointFriction": ".simulation.phases.parts",
     "Lock": ".simulation.phases.parts",
     "ReplayPage": ".drawing.replay.replay",
+    "Records": ".sweeps.record",
     "RunRecord": ".sweeps.record",
     "Runs": ".simulation.many",
     "Stop": ".simulation.phases.parts",
@@ -138,6 +139,7 @@ __all__ = [
     "PrismaticClosure",
     "Reaction",
     "Recommended",
+    "Records",
     "Regressor",
     "ReplayPage",
     "RevoluteClosure",

@@ -69,20 +69,21 @@ def _parts() -> dict[str, type[Any]]:
     return {kind.__name__: kind for kind in kinds}
 
 
-def write_csv(columns: Mapping[str, Array], path: str | Path) -> Path:
-    """Write the columns, one row a time, every digit kept; returns the path."""
+def write_csv(columns: Mapping[str, Array | list[Any]], path: str | Path) -> Path:
+    """Write the columns, row by row, every digit kept; returns the path."""
 
     def fill(file: io.BufferedWriter) -> None:
         with io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True) as text:
             writer = csv.writer(text)
             writer.writerow(columns)
-            writer.writerows(np.stack(list(columns.values()), axis=1).tolist())
+            values = [c.tolist() if isinstance(c, np.ndarray) else c for c in columns.values()]
+            writer.writerows(zip(*values, strict=True))
 
     return write_whole(path_given("path", path), fill)
 
 
-def data_frame(columns: Mapping[str, Array]) -> DataFrame:
-    """The columns as a pandas.DataFrame, with the times as its index.
+def data_frame(columns: Mapping[str, Array | list[Any]], index: str) -> DataFrame:
+    """The columns as a pandas.DataFrame, one of them as its index.
 
     Raises
     ------
@@ -94,8 +95,8 @@ def data_frame(columns: Mapping[str, Array]) -> DataFrame:
     except ImportError as error:
         raise missing_extra("to_dataframe needs pandas", "pandas", "data") from error
     values = dict(columns)
-    index = pandas.Index(values.pop("t"), name="t")
-    return pandas.DataFrame({name: np.array(column) for name, column in values.items()}, index=index)
+    rows = pandas.Index(values.pop(index), name=index)
+    return pandas.DataFrame(values, index=rows, copy=True)
 
 
 def write_archive(

@@ -222,7 +222,7 @@ class Trajectory(Named, Pictures):
 
     def to_dataframe(self) -> DataFrame:
         """`columns` as a pandas.DataFrame with t as its index; needs pandas."""
-        return data_frame(self.columns())
+        return data_frame(self.columns(), "t")
 
     def save(self, path: str | Path) -> Path:
         """Write everything to a .npz file, which `load_trajectory` reads back; returns the path.

@@ -8,7 +8,7 @@ import traceback
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,7 +17,11 @@ from ..dynamics.motion import Motion
 from ..errors import OptionError, RobustGcpError
 from ..kernel.measures import measured
 from ..mechanism.tree import Array
+from ..simulation.files import data_frame, write_csv
 from ..simulation.trajectory import Trajectory, energy_drift
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 LONGEST = 20_000
 """Characters kept of a message (its beginning) and of a traceback (its end)."""
@@ -93,6 +97,43 @@ class RunRecord:
     def ok(self) -> bool:
         """Whether the run reached its end."""
         return self.failure is None
+
+
+class Records(list[RunRecord]):
+    """The records of a sweep, a list, and as a table."""
+
+    def columns(self) -> dict[str, list[Any]]:
+        """One value a run and name: "index", "ok", the parameters, the numbers of `summary`, "failure".
+
+        q and v at the end are "q.0", "q.1", … and "v.0", …; counts of `Stats` "stats.rhs" and so on. None
+        where a run has none.
+        """
+        rows = [_row(record) for record in self]
+        names = list(dict.fromkeys(name for row in rows for name in row))
+        return {name: [row.get(name) for row in rows] for name in names}
+
+    def to_dataframe(self) -> DataFrame:
+        """`columns` as a pandas.DataFrame with the index of the runs; needs pandas."""
+        return data_frame(self.columns(), "index")
+
+    def to_csv(self, path: str | Path) -> Path:
+        """Write `columns`, one row a run, every digit kept; returns the path."""
+        return write_csv(self.columns(), path)
+
+
+def _row(record: RunRecord) -> dict[str, Any]:
+    row: dict[str, Any] = {"index": record.index, "ok": record.ok, **record.parameters}
+    for name, value in (record.summary or {}).items():
+        if isinstance(value, list):
+            row |= {f"{name}.{i}": number for i, number in enumerate(value)}
+        elif isinstance(value, dict):
+            counts = {f"{name}.{key}": number for key, number in value.items()}
+            row |= {key: number for key, number in counts.items() if isinstance(number, int | float | str)}
+        else:
+            row[name] = value
+    return row | (
+        {} if record.failure is None else {"failure": f"{record.failure.kind}: {record.failure.message}"}
+    )
 
 
 def summary(trajectory: Trajectory) -> dict[str, Any]:

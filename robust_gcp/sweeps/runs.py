@@ -19,7 +19,7 @@ from ..mechanism.mechanism import Mechanism
 from .file import SweepFile
 from .natively import runs_natively
 from .pool import Task, here, on_executor, on_processes, on_threads
-from .record import RunRecord, key
+from .record import Records, RunRecord, key
 from .worker import OPTIONS, Build, Keep
 
 Progress = bool | Callable[[int, int], None]
@@ -56,7 +56,7 @@ def sweep(
     progress: Progress = False,
     on_record: Callable[[RunRecord], None] | None = None,
     **shared: Any,
-) -> list[RunRecord]:
+) -> Records:
     """Simulate many times; the same results as one run after the other.
 
     Parameters
@@ -85,8 +85,9 @@ def sweep(
 
     Returns
     -------
-    list of RunRecord
-        In the order of `runs`, failures beside successes.
+    Records
+        A list of `RunRecord` in the order of `runs`, failures beside successes; `to_dataframe()` and
+        `to_csv(path)` make a table of it.
 
     Raises
     ------
@@ -116,7 +117,7 @@ def sweep(
             found.append(record)
     finally:
         records.close()
-    return sorted(found, key=lambda record: record.index)
+    return Records(sorted(found, key=lambda record: record.index))
 
 
 def sweep_as_completed(

@@ -26,7 +26,17 @@ RHOMBUS = MECHANISMS[0]
 RUN = rg.simulate(RHOMBUS, duration=0.05, step=5e-3, record=("a", "energy", "multipliers"))
 
 HOLDERS = (
-    *("RunRecord", "Failure", "Stats", "Crossing", "Backend", "LocalAnalysis", "Linearisation", "ModeCurve"),
+    *(
+        "Records",
+        "RunRecord",
+        "Failure",
+        "Stats",
+        "Crossing",
+        "Backend",
+        "LocalAnalysis",
+        "Linearisation",
+        "ModeCurve",
+    ),
     *("ConfigurationSpace", "Trajectory", "ReplayPage", "FrameMotion", "Reaction", "Sample", "Recommended"),
     *("Acted", "Derivatives", "Gradient", "Regressor"),
 )

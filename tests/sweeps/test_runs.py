@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import csv
 import json
 import multiprocessing
 import os
@@ -623,3 +624,20 @@ def test_a_driven_sweep_resumes_from_its_file(tmp_path: Path) -> None:
     assert [record.resumed for record in again] == [True, True, True, False]
     with pytest.raises(rg.OptionError, match=r"position.*defined at the top of a module"):
         swept([rg.Motion(lambda t: 1.0 + t)])
+
+
+def test_records_are_a_table(tmp_path: Path) -> None:
+    """Parameters, numbers and failures, a row a run; the list is what it was."""
+    runs = [{"q0": [0.2, -0.2, 0.2]}, {"q0": [9.0, 0.0, 0.0]}, {"q0": [0.3, -0.3, 0.3], "t0": 1.5}]
+    records = rg.sweep("rhombus", runs, workers=0, duration=0.5, step=5e-3)
+    assert isinstance(records, list) and [record.ok for record in records] == [True, False, True]
+    table = records.to_dataframe()
+    assert table.index.tolist() == [0, 1, 2] and table["ok"].tolist() == [True, False, True]
+    assert table["t0"].tolist()[2] == 1.5 and table["q.0"][0] == records[0].summary["q"][0]
+    assert table["crossings"][2] == records[2].summary["crossings"]
+    assert table["stats.rhs"][0] == records[0].summary["stats"]["rhs"]
+    assert "ClosureError" in table["failure"][1] and table["q.0"].isna().tolist() == [False, True, False]
+    with records.to_csv(tmp_path / "table.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert float(rows[2]["v.1"]) == records[2].summary["v"][1] and rows[1]["v.1"] == ""
+    assert rg.sweep("rhombus", [], workers=0).columns() == {}
