@@ -55,7 +55,7 @@ def joint(name: str, kind: str, parent: str, child: str, y: float = 0.0, axis: s
     <joint name="{name}" type="{kind}">
       <parent link="{parent}"/> <child link="{child}"/>
       <origin xyz="0 {y} 0"/> <axis xyz="{axis}"/>
-      <limit lower="-100" upper="100" effort="100" velocity="100"/>
+      <limit effort="100" velocity="100"/>
     </joint>"""
 
 
