@@ -47,13 +47,21 @@ def anchors(page: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_python_examples_print_what_is_shown(page: Path) -> None:
+def test_python_examples_print_what_is_shown(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each by itself; those of the tutorial one after the other, in an empty folder."""
+    names: dict[str, Any] = {"__name__": "example"}
+    if page.name == "tutorial.md":
+        monkeypatch.chdir(tmp_path)
     if page.name == "comparison.md" and pin.__version__ != "4.1.0":
         pytest.skip("the page shows errors of Pinocchio 4.1.0")
     for code, shown in examples(page):
         printed = io.StringIO()
         with contextlib.redirect_stdout(printed):
-            exec(compile(code, str(page), "exec", dont_inherit=True), {"__name__": "example"})
+            exec(compile(code, str(page), "exec", dont_inherit=True), names)
+        if page.name != "tutorial.md":
+            names = {"__name__": "example"}
         assert printed.getvalue() == shown
 
 
