@@ -77,6 +77,9 @@ COMMANDS = (
         "trace the operation modes of a mechanism with one degree of freedom, and draw them",
         ".commands.modes",
     ),
+    Command(
+        "live", "a mechanism in your browser, with a slider for each independent joint", ".commands.live"
+    ),
     Command("models", "list the shipped models", ".commands.models"),
     Command(
         "reports", "measure this package: figures of the paper, errors, costs, other tools", parts=REPORTS

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import json
 import socket
 import subprocess
 import sys
@@ -171,3 +173,94 @@ def test_a_port_that_is_none_is_refused_and_leaves_no_thread(port: object) -> No
     with pytest.raises(rg.OptionError, match=r"port = .* must be a whole number, from 0 to 65535"):
         rg.live(rg.load("rhombus"), port=port)  # type: ignore[arg-type]
     assert "live viewer" not in {thread.name for thread in threading.enumerate()}
+
+
+async def dragged(url: str, moves: list[str]) -> list[dict]:
+    """What a page is told that opens, sends these messages and reads what it is answered."""
+    from tornado.websocket import websocket_connect
+
+    connection = await websocket_connect(url)
+    found: list[dict] = []
+
+    async def drain() -> None:
+        while True:
+            message = await asyncio.wait_for(connection.read_message(), 0.3)
+            assert isinstance(message, bytes)
+            found.append(umsgpack.unpackb(message))
+
+    for move in ["", *moves]:
+        if move:
+            await connection.write_message(move)
+        with contextlib.suppress(asyncio.TimeoutError):
+            await drain()
+    connection.close()
+    while await connection.read_message() is not None:
+        pass
+    return found
+
+
+def slide(name: str, value: float) -> str:
+    return json.dumps({"name": name, "value": value})
+
+
+def test_a_slider_moves_the_mechanism_along_its_mode() -> None:
+    """Through a singular configuration, on the parallelogram mode, and far in one message."""
+    with rg.live(rg.load("rhombus"), sliders=True) as viewer:
+        url = f"ws://127.0.0.1:{port_of(viewer.url)}/"
+        found = asyncio.run(dragged(url, [slide("q1", 0.7), slide("q1", -2.0)]))
+        (control,) = [m for m in found if m["type"] == "set_control"]
+        assert control["name"] == "q1" and control["value"] == pytest.approx(0.2)
+        assert control["min"] < -6.0 and control["max"] > 6.0
+        np.testing.assert_allclose(viewer.q, [-2.0, 2.0, -2.0], atol=1e-12)
+        viewer.show([0.5, -0.5, 0.5])
+        np.testing.assert_array_equal(viewer.q, [0.5, -0.5, 0.5])
+
+
+def test_a_slider_stops_at_a_dead_point_and_says_so() -> None:
+    """A slider-crank moved by its slide goes to where crank and rod are in line, and comes back."""
+    mechanism = rg.load("slider_crank").with_independent(["q3"])
+    with rg.live(mechanism, sliders=True) as viewer:
+        url = f"ws://127.0.0.1:{port_of(viewer.url)}/"
+        start = viewer.q[2]
+        found = asyncio.run(dragged(url, [slide("q3", 50.0)]))
+        assert viewer.q[2] < 50.0 and mechanism.closure_residual(viewer.q) < 1e-9
+        notices = [m["name"] for m in found if m["type"] == "set_control" and m["name"] != "q3"]
+        assert notices and set(notices) == {"q3: a dead point"}
+        back = [m["value"] for m in found if m["type"] == "set_control_value"]
+        assert back[-1] == pytest.approx(viewer.q[2])
+        found = asyncio.run(dragged(url, [slide("q3", float(start))]))
+        assert {"type": "delete_control", "name": "q3: a dead point"} in found
+        np.testing.assert_allclose(viewer.q, mechanism.home, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        "", "no json", "[" * 150, json.dumps({"name": "q9", "value": 1.0}), json.dumps({"name": "q1"}),
+        json.dumps({"name": "q1", "value": "1"}), json.dumps({"name": "q1", "value": True}),
+        json.dumps({"name": "q1", "value": 1.0, "more": 1}), '{"name": "q1", "value": NaN}',
+        '{"name": "q1", "value": 1e400}', json.dumps({"name": "q1", "value": 1.0}) + " " * 300,
+        json.dumps({"name": "q1", "value": 1.0}).encode(),
+    ],
+)  # fmt: skip
+def test_nothing_else_is_taken_from_a_page(message: str | bytes) -> None:
+    with rg.live(rg.load("rhombus"), sliders=True) as viewer:
+        url = f"ws://127.0.0.1:{port_of(viewer.url)}/"
+        asyncio.run(dragged(url, [message] if isinstance(message, str) else []))
+        np.testing.assert_allclose(viewer.q, rg.load("rhombus").home)
+    with rg.live(rg.load("rhombus")) as viewer:  # without sliders nothing at all
+        asyncio.run(dragged(f"ws://127.0.0.1:{port_of(viewer.url)}/", [slide("q1", 1.0)]))
+        np.testing.assert_array_equal(viewer.q, rg.load("rhombus").home)
+
+
+def test_a_page_of_another_origin_is_refused() -> None:
+    from tornado.httpclient import HTTPClientError, HTTPRequest
+    from tornado.websocket import websocket_connect
+
+    async def connect(url: str, origin: str) -> None:
+        await websocket_connect(HTTPRequest(url, headers={"Origin": origin}))
+
+    with rg.live(rg.load("rhombus"), sliders=True) as viewer:
+        url = f"ws://127.0.0.1:{port_of(viewer.url)}/"
+        with pytest.raises(HTTPClientError, match="403"):
+            asyncio.run(connect(url, "http://elsewhere.example"))

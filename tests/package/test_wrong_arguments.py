@@ -24,7 +24,7 @@ NO_NUMBERS = ("", " ", "x", "1,2", "pi/0", "--", "1e", "0x10", "٣٫٥x")
 NOT_FINITE = ("nan", "inf", "-inf", "1e999")
 NOT_WHOLE = ("1.5", "nan", "inf", "1e3", *("9" * 5000,))
 BOTH_SIGNS = {"--q0", "--v0", "--q"}
-FROM_ZERO = {"--mode", "--only", "--seed", "--seeds", "--outputs"}
+FROM_ZERO = {"--port", "--mode", "--only", "--seed", "--seeds", "--outputs"}
 
 
 def options(command: Command) -> Iterator[argparse.Action]:
@@ -79,7 +79,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def called(name: str) -> list[str]:
     """The command, and what its line must have."""
-    if name in ("simulate", "analyse", "assemble", "modes"):
+    if name in ("simulate", "analyse", "assemble", "modes", "live"):
         return [name, "rhombus"]
     if name == "models":
         return [name]

@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 LAST_PORT = 65_535
 
 
-def live(shown: Mechanism | Trajectory, port: int = 0, open_browser: bool = False) -> LiveViewer:
+def live(
+    shown: Mechanism | Trajectory, port: int = 0, open_browser: bool = False, sliders: bool = False
+) -> LiveViewer:
     """Serve a live view of a mechanism to browsers on this machine, at 127.0.0.1 only.
 
     ```
@@ -33,6 +35,10 @@ def live(shown: Mechanism | Trajectory, port: int = 0, open_browser: bool = Fals
         0 takes a free one.
     open_browser : bool
         Whether to open the page in the user's browser.
+    sliders : bool
+        Whether the page has a slider for each independent joint. The mechanism follows it along its mode, and
+        stops with a notice at a dead point; `viewer.q` is where it is. The page then sends these numbers, and
+        nothing else is taken from it.
 
     Returns
     -------
@@ -54,7 +60,7 @@ def live(shown: Mechanism | Trajectory, port: int = 0, open_browser: bool = Fals
         from .live_viewer import LiveViewer
     except ImportError as error:
         raise missing_extra(f"live needs meshcat with tornado ({error})", "meshcat", "viz") from error
-    viewer = LiveViewer(shown, port)
+    viewer = LiveViewer(shown, port, sliders)
     if open_browser:
         import webbrowser
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import socket
+from collections.abc import Callable
 from pathlib import Path
 
 import tornado.httpserver
@@ -16,6 +17,9 @@ import tornado.web
 import tornado.websocket
 
 ADDRESS = "127.0.0.1"
+
+LARGEST = 1024
+"""Bytes of a message from a browser."""
 
 
 class Watcher(tornado.websocket.WebSocketHandler):
@@ -33,7 +37,9 @@ class Watcher(tornado.websocket.WebSocketHandler):
         self.feeding = asyncio.ensure_future(self._feed())
 
     def on_message(self, message: str | bytes) -> None:
-        """Nothing is taken from a browser."""
+        """Nothing is taken from a browser but what somebody listens to."""
+        if self.server.listener is not None:
+            self.server.listener(message)
 
     def on_close(self) -> None:
         """Forget it."""
@@ -63,13 +69,19 @@ class LoopbackServer:
     poses : dict of str to bytes
         The newest command for each part.
     watchers : set of Watcher
+    listener : callable (message) or None
+        Takes what browsers send.
     """
 
     def __init__(self, folder: Path, port: int) -> None:
         self.scene: list[bytes] = []
         self.poses: dict[str, bytes] = {}
         self.watchers: set[Watcher] = set()
-        application = tornado.web.Application(log_function=lambda handler: None)  # a browser asks for icons
+        self.listener: Callable[[str | bytes], None] | None = None
+        application = tornado.web.Application(
+            log_function=lambda handler: None,  # a browser asks for icons
+            websocket_max_message_size=LARGEST,
+        )
         # another host name would be a page from elsewhere that had its name point here; the group, since
         # tornado appends the end of the name to the last alternative alone
         application.add_handlers(
@@ -100,9 +112,19 @@ class LoopbackServer:
 
     async def pose(self, poses: dict[str, bytes]) -> None:
         """Set where its parts are, and tell."""
+        self.tell(poses)
+
+    def tell(self, poses: dict[str, bytes], forgotten: str = "") -> None:
+        """The same inside the event loop; parts whose names begin with `forgotten` are told of no more."""
+        if forgotten:
+            self.poses = {name: told for name, told in self.poses.items() if not name.startswith(forgotten)}
         self.poses.update(poses)
         for watcher in self.watchers:
             watcher.news.set()
+
+    async def listen(self, listener: Callable[[str | bytes], None]) -> None:
+        """Hand over what browsers send from now on."""
+        self.listener = listener
 
     async def stop(self) -> None:
         """Free the port and let all browsers go."""

@@ -15,10 +15,12 @@ from numpy.typing import ArrayLike
 
 from ...errors import OptionError, RobustGcpError
 from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree import Array
 from ...simulation.trajectory import Trajectory
 from .frames import FPS, frame_times, resample
 from .live_scene import LiveScene
 from .live_server import LoopbackServer
+from .live_sliders import NOTICE, Sliders
 from .replay import meshcat_folder
 
 PATIENCE = 5.0
@@ -39,7 +41,7 @@ class LiveViewer:
         Address of the page, on 127.0.0.1.
     """
 
-    def __init__(self, shown: Mechanism | Trajectory, port: int = 0) -> None:
+    def __init__(self, shown: Mechanism | Trajectory, port: int = 0, sliders: bool = False) -> None:
         folder = meshcat_folder() / "viewer" / "dist"
         self._scene = LiveScene(shown)
         self._mechanism = self._scene.mechanism
@@ -53,12 +55,35 @@ class LiveViewer:
             raise OptionError(f"port = {port} cannot be used ({error}); 0 takes a free one") from error
         atexit.register(self.close)
         self.url: str = self._server.url
-        self._ask(self._server.build(self._scene.commands()))
-        self.show(self._mechanism.home if isinstance(shown, Mechanism) else shown.q[0])
+        self._q = self._mechanism.home if isinstance(shown, Mechanism) else shown.q[0]
+        self._sliders = Sliders(self._mechanism, self._q) if sliders else None
+        controls = [] if self._sliders is None else self._sliders.controls()
+        self._ask(self._server.build([*self._scene.commands(), *controls]))
+        self.show(self._q)
+        if self._sliders is not None:
+            self._ask(self._server.listen(self._heard))
+
+    @property
+    def q(self) -> Array:
+        """The configuration shown (nq,)."""
+        return (self._q if self._sliders is None else self._sliders.q).copy()
 
     def show(self, q: ArrayLike) -> None:
         """Show the configuration q (nq,)."""
-        self._ask(self._server.pose(self._scene.poses(self._mechanism.configuration(q))))
+        self._q = self._mechanism.configuration(q)
+        if self._sliders is not None:
+            self._sliders.place(self._q)
+        self._ask(self._server.pose(self._scene.poses(self._q)))
+
+    def _heard(self, message: str | bytes) -> None:
+        """Move to where a slider was dragged, in the server's thread."""
+        sliders = self._sliders
+        asked = None if sliders is None else sliders.heard(message)
+        if sliders is None or asked is None:
+            return
+        name, value = asked
+        answer = sliders.answer(name, sliders.move(name, value))
+        self._server.tell(self._scene.poses(sliders.q) | answer, forgotten=NOTICE)
 
     def play(self, trajectory: Trajectory, speed: float = 1.0) -> None:
         """Play a motion at `speed` simulated seconds a second; returns when it is over.
