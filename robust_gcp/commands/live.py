@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import time
 
-from ..arguments import Arguments, positive, number, whole
+from ..arguments import Arguments, number, positive, whole
 from ..printing import say
 from .model import add_model, loaded
 
