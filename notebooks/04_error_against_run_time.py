@@ -93,7 +93,8 @@ assert np.all(error_of["bridge"] <= 1.1 * error_of["closed form (the floor)"] + 
 # Here each run is timed once, start included; the bridge runs in the compiled kernel where there is one, the
 # other three in Python, which is why the floor, with the same steps and no loop to close, takes longer. So
 # the left picture is what to trust, the right one what to expect. The command line measures with care, on
-# many motions, planar and spatial, with error-controlled steppers and other tools beside ours, tuned as [docs/peers.md](../docs/peers.md) states:
+# many motions, planar and spatial, with error-controlled steppers and other tools beside ours, tuned as
+# [docs/peers.md](../docs/peers.md) states:
 #
 # ```
 # python -m robust_gcp reports work-precision --out report

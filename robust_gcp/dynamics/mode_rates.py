@@ -47,7 +47,10 @@ LARGEST_ERROR = 1e-9
 """Of a circle that is used."""
 
 SAME_MODE = 1e-7
-"""Agreement of the circle's mean with the map, and of its far side with the real mode there."""
+"""Agreement of a circle's far side with the real mode there, and of its configuration with the map's."""
+
+SAME_WAY = 1e-5
+"""Agreement of its G with the map's, which K_d leaves uncertain by ε/δ² at a distance δ."""
 
 STRIDE = 0.1
 """Step in which a map walks to a circle, dimensionless joint units."""
@@ -158,10 +161,10 @@ class ModeRates:
             if not around.covers(y):
                 continue
             found = around.at(y, float(u[0]))
-            off = _apart(rates, found.G, G)
+            off = 0.0
             if tree.vector_space:
-                off = max(off, float(np.abs((q - around.q - around.moved(y)) / rates.scale).max()))
-            if off < SAME_MODE:
+                off = float(np.abs((q - around.q - around.moved(y)) / rates.scale).max())
+            if off < SAME_MODE and _apart(rates, found.G, G) < SAME_WAY:
                 return found
         return None
 
@@ -199,11 +202,10 @@ class ModeRates:
                 continue
             there = rates.rates.real(far.q[rates.cluster.iq])
             off = max(
-                _apart(rates, made.mean().G, G),
                 float(np.abs(made.far.p - there.p).max(initial=0.0)) / rates.cluster.loops.length,
                 float(np.abs(made.far.J[:, 3:] - there.J[:, 3:]).max(initial=0.0)),
             )
-            if off > SAME_MODE:
+            if off > SAME_MODE or _apart(rates, made.mean().G, G) > SAME_WAY:
                 reason = "followed around the singular place in complex numbers, it is not the same mode"
             elif best is None or made.error < best.error:
                 best = made

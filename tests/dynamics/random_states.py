@@ -404,7 +404,7 @@ def judged_step(state: State, h: float = 5e-4) -> Judgement:
         return "right", f"{words} {error}"
     # RK4 ends elsewhere in other coordinates: by h⁵, so that it goes away with the step
     shorter = _step_error(state, rg.step_jacobians(state.poor, state.q, state.v, state.tau, h / 4)[0], h / 4)
-    return "right" if shorter < error / 64.0 else "wrong", f"{words} {error} {shorter}"
+    return "right" if shorter < max(error / 64.0, 2.0 * allowed) else "wrong", f"{words} {error} {shorter}"
 
 
 def _step_error(state: State, A: Array, h: float) -> float:
@@ -412,9 +412,12 @@ def _step_error(state: State, A: Array, h: float) -> float:
     exact = state.truth.mech.tree.vector_space
     errors = []
     for size in (1e-3, 1e-4, 1e-2, 3e-5) if exact else (1e-3, 2e-4, 4e-5):
-        before, after = state.step(h, 6 if exact else 4, size)
+        try:
+            before, after = state.step(h, 6 if exact else 4, size)
+        except rg.RobustGcpError:  # so far away the loops do not close
+            continue
         errors.append(float(np.abs(A @ before - after).max() / max(np.abs(A).max(), 1.0)))
-    return min(errors)
+    return min(errors, default=np.inf)
 
 
 def main() -> int:
