@@ -60,7 +60,11 @@ class Mechanism(Struck):
         Duration, step and velocity at home that `simulate` takes where they are left out.
     length : float
         Characteristic length, m: the largest distance from a joint to its children and cut points in a loop.
+    source : Path or None
+        The robot's file that it was loaded from.
     """
+
+    source: Path | None
 
     def __init__(
         self,
@@ -79,7 +83,7 @@ class Mechanism(Struck):
         require_length(self.forces, self.closures)
         check_text("name", name)
         self.name = name or str(model.name)
-        self.recommended = Recommended()
+        self.recommended, self.source = Recommended(), None
         self.home = pin.neutral(self.own_model) if home is None else self.configuration(home, "home")
         if isinstance(independent, str) and independent == "auto":
             self.home, chosen = best_at_home(self, self.home, self.name)
@@ -262,7 +266,7 @@ class Mechanism(Struck):
             self.actuated,
             self.left_out,
         )
-        other.recommended = self.recommended
+        other.recommended, other.source = self.recommended, self.source
         return other
 
     def __reduce__(self) -> tuple[type[Mechanism], tuple[Any, ...], dict[str, Any]]:
@@ -272,15 +276,11 @@ class Mechanism(Struck):
             self.own_model, self.closures, self.independent, self.home, self.name, self.forces,
             self.actuated, self.left_out,
         )  # fmt: skip
-        return Mechanism, recipe, {"recommended": self.recommended}
+        return Mechanism, recipe, {"recommended": self.recommended, "source": self.source}
 
     def __repr__(self) -> str:
-        return plain(
-            f"Mechanism({self.name!r}: {self.nv} velocities, {len(self.closures)} closures with "
-            f"{self.nc} rows, y = {', '.join(self.independent) or 'none'})"
-        )
-
-    # ----------------------------------------------------------------- construction
+        sizes = f"{self.nv} velocities, {len(self.closures)} closures with {self.nc} rows"
+        return plain(f"Mechanism({self.name!r}: {sizes}, y = {', '.join(self.independent) or 'none'})")
 
 
 def energies_of(mechanism: Mechanism, q: Array, v: Array) -> tuple[float, float]:

@@ -407,6 +407,44 @@ def test_it_plays_inside_a_notebook(browser: Browser, pair: list[rg.Trajectory],
     assert browser.complaints() == []
 
 
+def test_a_scale_a_grid_and_a_camera_that_follows(browser: Browser, overlay: Path, tmp_path: Path) -> None:
+    """The bar is as long as it says; a planar motion has no grid at first; what is followed stays."""
+    browser.open(overlay, "t=0&paused")
+    browser.draw()
+    bar, text = (
+        browser.box("#scale i")["width"],
+        browser.run("document.querySelector('#scale span').textContent"),
+    )
+    number, unit = text.split()
+    length = float(number) * {"m": 1.0, "mm": 1e-3}[unit]
+    points = "[new THREE.Vector3(0, 0, 0), new THREE.Vector3(0, 1, 0)]"
+    ends = browser.run(f"{points}.map(p => replay.scene.project(p, replay.scene.views()[0]).x)")
+    assert bar / length == pytest.approx(abs(ends[1] - ends[0]), rel=0.02) and 50 < bar < 170
+    assert browser.run("replay.around.grid.visible") is False
+    flying = rg.load("walker", base="free")
+    page = rg.replay(rg.simulate(flying, duration=1.0), tmp_path / "walker.html")
+    browser.open(page, "t=0&paused")
+    assert browser.run("replay.around.grid.visible") is True
+    for followed in (False, True):
+        browser.run(f"replay.seek(0); document.getElementById('follow').checked = {str(followed).lower()}")
+        before = browser.run("replay.scene.viewer.controls.target.z")
+        browser.run("replay.seek(1)")
+        fallen = before - browser.run("replay.scene.viewer.controls.target.z")
+        assert fallen == pytest.approx(4.9 * followed, abs=0.5 * followed)
+    assert browser.complaints() == []
+
+
+def test_a_video_of_the_motion_is_saved(browser: Browser, tmp_path: Path) -> None:
+    page = rg.replay(
+        rg.simulate(rg.load("rhombus"), duration=1.0, step=1e-2), tmp_path / "short.html", speed=1.0
+    )
+    browser.open(page, "t=0&paused")
+    assert browser.run("document.getElementById('record').hidden") is False
+    assert browser.run("replay.record()") > 1000
+    assert browser.run("replay.time()") == pytest.approx(1.0)
+    assert browser.complaints() == []
+
+
 def test_speed_is_that_of_the_clock(browser: Browser, overlay: Path) -> None:
     browser.open(overlay, "t=0&paused")
     script = """(async () => {

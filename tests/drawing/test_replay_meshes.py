@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import base64
+import json
+import pickle
+from pathlib import Path
 
 import coal
 import numpy as np
@@ -13,6 +16,7 @@ import robust_gcp as rg
 from robust_gcp.drawing.replay.geometry import sticks
 from robust_gcp.drawing.replay.meshes import bare_bodies, mesh_data
 from robust_gcp.drawing.skeleton import placements
+from robust_gcp.examples import linkages
 
 CORNERS = np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.0, 0.2, 0.0], [0.0, 0.0, 0.1]])
 TETRAHEDRON = ((0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2))
@@ -95,7 +99,9 @@ def test_three_points_carry_the_pose_of_each_body() -> None:
 def test_what_cannot_be_drawn_is_refused() -> None:
     mechanism = rg.load("rhombus")
     run = rg.Trajectory(mechanism, np.zeros(1), mechanism.home[None], np.zeros((1, 3)))
-    with pytest.raises(rg.OptionError, match=r"pin\.GeometryModel, not a str"):
+    with pytest.raises(rg.OptionError, match=r"pin\.GeometryModel, not a int"):
+        rg.replay(run, visual=3)
+    with pytest.raises(rg.OptionError, match=r"there is no file robot\.urdf"):
         rg.replay(run, visual="robot.urdf")
     with pytest.raises(rg.OptionError, match="'shape0' is a Halfspace"):
         rg.replay(run, visual=visual_of(mechanism, coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)))
@@ -119,3 +125,29 @@ def test_sticks_stay_where_no_shape_shows_the_body() -> None:
 
     assert bare_bodies(made, visual(1.0)) == [2]
     assert bare_bodies(made, visual(0.5)) == [2, 3]
+
+
+def test_the_shapes_of_the_file_that_was_loaded(tmp_path: Path) -> None:
+    """By asking once, in other coordinates and after pickling too, or by the file's path."""
+    mechanism = rg.load("five_bar")
+    source = mechanism.source
+    assert source is not None and source.name == "robot.urdf"
+    shapes = pin.buildGeomFromUrdf(mechanism.model, str(source), pin.VISUAL).ngeoms
+    other = pickle.loads(pickle.dumps(mechanism.with_independent(["q2", "q4"])))
+    for made, visual in ((mechanism, True), (other, True), (mechanism, source), (mechanism, str(source))):
+        run = rg.Trajectory(made, np.zeros(1), made.home[None], np.zeros((1, 4)))
+        data = json.loads(
+            rg.replay(run, visual=visual).html.split('type="application/json">')[1].split("</script>")[0]
+        )
+        assert len(data["runs"][0]["meshes"]) == shapes > 3
+    built = linkages.four_bar(4.0, 2.0, 3.0, 3.0)
+    run = rg.Trajectory(built, np.zeros(1), built.home[None], np.zeros((1, 3)))
+    with pytest.raises(rg.OptionError, match="was not loaded from a URDF"):
+        rg.replay(run, visual=True)
+    bare = tmp_path / "bare.urdf"
+    bare.write_text('<robot name="r"><link name="ground"/></robot>')
+    with pytest.raises(rg.OptionError, match="no <visual> shapes"):
+        rg.replay(run, visual=bare)
+    bare.write_text("<robot")
+    with pytest.raises(rg.OptionError, match="cannot be read"):
+        rg.replay(run, visual=bare)

@@ -21,7 +21,7 @@ def test_derivatives_beside_toggles(seed: int) -> None:
     require_right(judged(state))
 
 
-@pytest.mark.parametrize("seed", (1, 2, 5, 6, 8, 11))
+@pytest.mark.parametrize("seed", (1, 2, 5, 6, 8, 11, 20524))
 def test_derivatives_beside_singular_places(seed: int) -> None:
     require_right(judged(beside_flat(seed)))
 
@@ -33,6 +33,6 @@ def test_steps_beside_toggles(seed: int) -> None:
     require_right(judged_step(state))
 
 
-@pytest.mark.parametrize("seed", (2, 8))
+@pytest.mark.parametrize("seed", (2, 8, 81))
 def test_steps_beside_singular_places(seed: int) -> None:
     require_right(judged_step(beside_flat(seed)))

@@ -15,7 +15,7 @@ from ...simulation.trajectory import Trajectory
 from ..skeleton import PARALLEL, placements, plane_normal, upward
 from .frames import frame_times, resample
 from .geometry import Sticks, face_on, layers, sticks
-from .meshes import bare_bodies, mesh_data
+from .meshes import bare_bodies, mesh_data, shapes_of
 
 NAMED = 3
 """Independent coordinates that a crossing's label spells out; more are counted."""
@@ -38,10 +38,11 @@ def run_data(
         Simulated seconds for one second of play.
     trails : sequence of str or None
         Frames to follow; None: the first closure's.
-    visual : pin.GeometryModel, optional
-        Shapes of the bodies.
+    visual : pin.GeometryModel, path or True, optional
+        Shapes of the bodies; see `shapes_of`.
     """
     mechanism = trajectory.mechanism
+    visual = None if visual is None or visual is False else shapes_of(mechanism, visual)
     ends = (float(trajectory.t[0]), float(trajectory.t[-1])) if len(trajectory.t) else (0.0, 0.0)
     q = resample(trajectory, frame_times(*ends, speed))
     R, p = placements(mechanism, q)

@@ -3,17 +3,51 @@
 from __future__ import annotations
 
 import base64
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
+from ...checks import path_given
 from ...errors import OptionError
 from ...mechanism.mechanism import Mechanism
 from .geometry import Sticks
 
 OFF = 0.25
 """Distance of a cut point from its body's shapes, in characteristic lengths, that nothing shown bridges."""
+
+
+def shapes_of(mechanism: Mechanism, visual: Any) -> Any:
+    """The shapes that are meant: those given, or of a URDF, by its path or the one that was loaded (True).
+
+    Raises
+    ------
+    OptionError
+        Where there is no such file, or Pinocchio cannot read its shapes.
+    """
+    if visual is True:
+        if mechanism.source is None or mechanism.source.suffix != ".urdf":
+            raise OptionError(
+                f"visual=True: {mechanism.name!r} was not loaded from a URDF; give the path of one, or a "
+                "pin.GeometryModel"
+            )
+        visual = mechanism.source
+    if not isinstance(visual, str | Path):
+        return visual
+    file = path_given("visual", visual)
+    if not file.is_file():
+        raise OptionError(f"visual: there is no file {file}")
+    folders = [str(folder) for folder in (file.parent, *file.resolve().parents[:3])]
+    try:
+        found = pin.buildGeomFromUrdf(mechanism.own_model, str(file), pin.VISUAL, package_dirs=folders)
+    except (ValueError, RuntimeError) as error:
+        raise OptionError(f"visual: the shapes of {file} cannot be read ({error})") from error
+    if not len(found.geometryObjects):
+        raise OptionError(
+            f"visual: {file} has no <visual> shapes of this mechanism's links; leave visual out"
+        )
+    return found
 
 
 def mesh_data(mechanism: Mechanism, made: Sticks, visual: Any) -> list[dict[str, Any]]:

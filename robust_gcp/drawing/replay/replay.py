@@ -26,7 +26,7 @@ MOST_RUNS = 4
 
 PARTS = Path(__file__).parent / "page"
 
-SCENE = ("trail", "mesh", "drawing", "scene")
+SCENE = ("trail", "mesh", "drawing", "scene", "surroundings")
 """Scripts of the scene, each using those before it."""
 
 
@@ -129,8 +129,9 @@ def replay(
         more than 300 s; the page says which it is.
     view : array_like (3,), optional
         Direction from the scene to the camera; face-on for planar motions when left out.
-    visual : pin.GeometryModel, optional
-        Shapes of the bodies, built from the mechanism's model; sticks when left out.
+    visual : pin.GeometryModel, path or True, optional
+        Shapes of the bodies: built from the mechanism's model, those of a URDF, or those of the file that the
+        mechanism was loaded from. Meshes are then opened. Sticks when left out.
     title : str, optional
         The mechanism's name when left out.
     height : int

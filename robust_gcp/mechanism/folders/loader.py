@@ -110,12 +110,12 @@ def load(
             raise ModelError(f"{path}: give the folder that it is in; read there is robot.yaml")
         path = path.parent
     if path.suffix in READERS and not has_yaml(path):
-        return _mechanism(alone(path, base, root), path, path.stem, {}, {}, independent, strict)
+        return _mechanism(alone(path, base, root), path, path, path.stem, {}, {}, independent, strict)
     folder, path = _folder(path.parent if path.suffix in READERS else path, name_or_folder)
     if path.suffix in READERS:
         contents = alone(inside(folder, path.name), base, root)
         contents.left_out += named("files beside it", others_beside(path))
-        return _mechanism(contents, path, folder.name, {}, {}, independent, strict)
+        return _mechanism(contents, path, path, folder.name, {}, {}, independent, strict)
     settings = _settings(path)
     own = own_block(settings, path)
     closures = with_axes(own.get("axes"), _closures(settings, path), path)
@@ -132,7 +132,7 @@ def load(
     contents.close(closures)
     contents.forces += forces_of(own, path)
     set_gravity(own.get("gravity"), contents.model, path)
-    return _mechanism(contents, path, folder.name, settings, own, independent, strict)
+    return _mechanism(contents, path, robot, folder.name, settings, own, independent, strict)
 
 
 def _folder(path: Path, given: str | Path) -> tuple[Path, Path]:
@@ -157,6 +157,7 @@ def _folder(path: Path, given: str | Path) -> tuple[Path, Path]:
 def _mechanism(
     contents: FileContents,
     path: Path,
+    source: Path,
     name: str,
     settings: dict[str, Any],
     own: dict[str, Any],
@@ -204,6 +205,7 @@ def _mechanism(
         mechanism.require_closed(mechanism.home, NEARLY_CLOSED, f"{path}: home")
         mechanism.home = mechanism.polish(mechanism.home, mechanism.iv_dependent)
     tell_outside(mechanism, mechanism.home, f"{path}: home")
+    mechanism.source = source
     if own.get("recommended") is not None:
         mechanism.recommended = recommended_of(own, mechanism, path)
     return mechanism

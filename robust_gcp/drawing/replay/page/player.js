@@ -8,6 +8,7 @@
     throw new Error("This browser cannot draw the motion: WebGL is missing or switched off.");
   }
   const scene = new Scene($("pane"), data);
+  const around = new Surroundings(scene);
   const picture = data.speed / 30; // simulated seconds from one picture to the next
   const span = data.end - data.start;
   const digits = span > 0 ? Math.min(9, Math.max(2, 3 + Math.ceil(-Math.log10(span)))) : 3;
@@ -173,6 +174,14 @@
   function seek(time) {
     state.time = Math.min(Math.max(time, data.start), data.end);
     scene.place(state.time);
+    around.follow($("follow").checked);
+  }
+
+  function show_scale() {
+    const { length, width } = around.scale();
+    $("scale").firstElementChild.style.width = `${width}px`;
+    $("scale").lastElementChild.textContent = length >= 1 ? `${length} m` : length >= 1e-3
+      ? `${Number((1e3 * length).toPrecision(3))} mm` : `${length.toExponential(0)} m`;
   }
 
   function show_time() {
@@ -212,6 +221,7 @@
     }
     if (!scene.dirty) return;
     scene.draw();
+    show_scale();
     draw_labels();
     show_time();
   }
@@ -224,7 +234,18 @@
       drawing.ghost.visible = $("show-ghost").checked;
       for (const trail of drawing.trails) trail.visible = $("show-trails").checked;
     }
+    around.grid.visible = $("show-grid").checked;
     scene.dirty = true;
+  }
+
+  // Plays the motion once, at its speed, into a file.
+  async function record() {
+    $("loop").checked = false;
+    seek(data.start);
+    const film = recording(scene.viewer.renderer.domElement, `${document.title.split(" – ")[0]}.webm`);
+    play();
+    while (state.playing) await new Promise((done) => requestAnimationFrame(done));
+    return film.stop();
   }
 
   function hop(sign) {
@@ -259,9 +280,10 @@
   $("zoom-in").addEventListener("click", () => scene.zoom(0.8));
   $("zoom-out").addEventListener("click", () => scene.zoom(1.25));
   $("reset").addEventListener("click", () => scene.fit());
+  $("record").addEventListener("click", record);
   $("time").addEventListener("input", () => { pause(); seek(Number($("time").value)); });
   $("speed").addEventListener("change", () => { state.speed = Number($("speed").value); });
-  for (const box of ["show-trails", "show-ghost", "show-labels", "show-meshes"]) $(box).addEventListener("change", show);
+  for (const box of ["show-trails", "show-ghost", "show-labels", "show-meshes", "show-grid"]) $(box).addEventListener("change", show);
   new ResizeObserver(() => { scene.resize(); draw_ticks(); }).observe($("pane"));
 
   function follow_fragment() {
@@ -281,7 +303,10 @@
   }
   $("time").min = data.start;
   $("time").max = data.end;
+  $("record").hidden = !window.MediaRecorder || !scene.viewer.renderer.domElement.captureStream;
+  $("show-grid").checked = !scene.drawings.every((drawing) => drawing.flat);
   $("show-meshes").parentElement.hidden = data.runs.every((run) => run.meshes.length === 0);
+  show();
   draw_legend();
   list_crossings();
   draw_ticks();
@@ -291,5 +316,5 @@
   requestAnimationFrame(tick);
 
   // For scripts and the browser's console.
-  window.replay = { play, pause, seek, scene, time: () => state.time };
+  window.replay = { play, pause, seek, scene, around, record, time: () => state.time };
 })();
