@@ -17,6 +17,17 @@ from .partition import independent_rows
 from .tolerances import COMPATIBLE, RANK
 from .tree import Array
 
+INTERNAL = frozenset(
+    {
+        "K_rate", "applied", "chart_joints", "choose", "column_scale", "from_contents", "generic_configurations",
+        "generic_jacobians", "group_joints", "implicit", "iq_independent", "iq_numbers", "iv_dependent",
+        "iv_independent", "joint_at", "joint_inertia", "lifted", "loops", "memo", "near", "numbers", "own_model",
+        "polish", "require_closed", "require_proper", "require_unchanged", "row_scale", "scaled", "select_rows",
+        "standpoint", "tree", "units", "velocities_named", "velocities_of", "velocity_slice", "y_about",
+    }
+)  # fmt: skip
+"""What the other rooms ask a mechanism for, and nobody who writes its name and a dot is shown."""
+
 
 class Coordinates(ClosedLoops):
     """`ClosedLoops` with a choice of independent velocities.
@@ -34,6 +45,10 @@ class Coordinates(ClosedLoops):
 
     name: str
     independent: tuple[str, ...]
+
+    def __dir__(self) -> list[str]:
+        """What users need."""
+        return [name for name in super().__dir__() if name not in INTERNAL]
 
     def choose(self, independent: tuple[str, ...]) -> None:
         """Make these the independent joints and components; whether they can serve is not asked here."""

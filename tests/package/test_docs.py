@@ -17,6 +17,7 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.__main__ import main
+from robust_gcp.reports.work_precision.report import in_short
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -123,6 +124,15 @@ def test_every_public_name_is_in_the_api_page() -> None:
     assert [name for name in rg.__all__ if not re.search(rf"\b{name}\b", text)] == []
 
 
+@pytest.mark.parametrize("name", ["Mechanism", "Trajectory", "Simulation", "Sample", "Runs", "Records"])
+def test_every_public_member_is_in_the_api_page(name: str) -> None:
+    """And what is not there is no member that one is shown."""
+    text = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+    shown = dir(rg.load("rhombus")) if name == "Mechanism" else dir(getattr(rg, name))
+    own = [member for member in shown if not member.startswith("_") and member not in dir(list)]
+    assert [member for member in own if not re.search(rf"\b{member}\b", text)] == []
+
+
 def test_every_public_name_is_in_the_reference() -> None:
     pages = (ROOT / "docs" / "reference").glob("*.md")
     named = [
@@ -154,3 +164,13 @@ def test_the_tables_can_be_measured(table: str) -> None:
     assert rule == "|" + "---|" * (header.count("|") - 1)
     assert rows
     assert all(row.count("|") == header.count("|") for row in rows)
+
+
+def test_the_table_of_the_readme_is_part_of_the_one_of_all_scenes() -> None:
+    def block(page: Path) -> str:
+        return page.read_text("utf-8").split("<!-- begin: work-precision -->")[1].split("<!-- end")[0].strip()
+
+    whole, short = block(ROOT / "docs" / "work-precision.md"), block(ROOT / "README.md")
+    table, measured = short.rsplit("\n\n", 1)
+    assert table == in_short(whole.split("\n\n")[0]) and len(table.splitlines()) == 7
+    assert measured in whole
