@@ -32,13 +32,13 @@ from .errors import (
     SweepError,
     ToggleError,
 )
+from .io.loader import load, model_names
 from .kernel import Backend, NativeBuildWarning, backends
 from .maps.classical import SingularityWarning
 from .maps.cluster.options import BridgeOptions
 from .maps.explicit import Crossing
 from .mechanism.closures import Closure, FrameClosure, PointClosure, PrismaticClosure, RevoluteClosure
 from .mechanism.couplings import CouplingClosure
-from .mechanism.folders.loader import load, model_names
 from .mechanism.forces import Force, JointDamper, JointSpring, JointTorque, PointSpring
 from .mechanism.mechanism import Mechanism
 from .mechanism.recommended import Recommended

@@ -6,7 +6,7 @@ import argparse
 
 from ..arguments import MODEL, Arguments
 from ..errors import ModelWarning
-from ..mechanism.folders.loader import load
+from ..io.loader import load
 from ..mechanism.mechanism import Mechanism
 from ..printing import clean_warnings
 

@@ -7,8 +7,8 @@ import textwrap
 from collections.abc import Sequence
 
 from ..arguments import Arguments
-from ..mechanism.folders.loader import load, model_names, models_folder
-from ..mechanism.folders.yaml_text import parsed_yaml
+from ..io.loader import load, model_names, models_folder
+from ..io.yaml_text import parsed_yaml
 from ..printing import say, table
 
 WIDTH = 100

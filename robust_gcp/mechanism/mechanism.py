@@ -13,17 +13,14 @@ from numpy.typing import ArrayLike
 
 from ..checks import check_text, listed, plain, require_finite
 from .applied_forces import AppliedForces
+from .contents import FileContents, named, tell_left_out
 from .couplings import AnyClosure, closures_given
 from .forces import Force, forces_given, require_length
-from .formats.contents import FileContents, named, tell_left_out
-from .formats.mjcf import read_mjcf
-from .formats.pin_constraints import with_named_frames
-from .formats.urdf import read_urdf
-from .formats.xml_text import is_xml_text
 from .independent import best_at_home, require_determined
 from .loops import ClosedLoops
 from .model_check import check_model
 from .named_numbers import Named
+from .pin_constraints import with_named_frames
 from .ranges import assembled_near
 from .recommended import Recommended
 from .rounding import IMPLIED, without_unmoved_rows
@@ -158,7 +155,7 @@ class Mechanism(Struck):
         """A mechanism from a URDF file (or its text); `continuous` joints become one number in q.
 
         Loops, couplings and dampers of the file are kept beside those that are given; see
-        `urdf.read_urdf` for what is read, and `from_pinocchio` for the other parameters.
+        `io.urdf.read_urdf` for what is read, and `from_pinocchio` for the other parameters.
 
         Parameters
         ----------
@@ -167,6 +164,8 @@ class Mechanism(Struck):
         strict : bool
             Refuse a file with parts that are not simulated instead of warning of them.
         """
+        from ..io.urdf import read_urdf  # readers stand above the mechanisms that they make
+
         contents = read_urdf(urdf, base)
         tell_left_out(contents.left_out, _called(urdf, "URDF"), strict)
         contents.close(closures_given(closures))
@@ -184,11 +183,13 @@ class Mechanism(Struck):
         strict: bool = False,
         root: str | Path | None = None,
     ) -> Mechanism:
-        """A mechanism from a MJCF file (or its text); see `mjcf.read_mjcf` for what is read.
+        """A mechanism from a MJCF file (or its text); see `io.mjcf.read_mjcf` for what is read.
 
         `home` is q (nq,), the name of a keyframe, or MuJoCo's qpos0 when left out; `root` a folder besides
         the file's own, whose files it may include; `base` and `strict` are those of `from_urdf`.
         """
+        from ..io.mjcf import read_mjcf
+
         contents = read_mjcf(mjcf, base, root)
         tell_left_out(contents.left_out, _called(mjcf, "MJCF"), strict)
         q = contents.configuration(home) if home is None or isinstance(home, str) else home
@@ -272,11 +273,12 @@ class Mechanism(Struck):
     def __reduce__(self) -> tuple[type[Mechanism], tuple[Any, ...], dict[str, Any]]:
         """Pickle and copy by the recipe: the workspace holds views that must not be copied."""
         self.require_unchanged()
-        recipe = (
-            self.own_model, self.closures, self.independent, self.home, self.name, self.forces,
-            self.actuated, self.left_out,
-        )  # fmt: skip
-        return Mechanism, recipe, {"recommended": self.recommended, "source": self.source}
+        recipe = self.own_model, self.closures, self.independent, self.home, self.name, self.forces
+        return (
+            Mechanism,
+            (*recipe, self.actuated, self.left_out),
+            {"recommended": self.recommended, "source": self.source},
+        )
 
     def __repr__(self) -> str:
         sizes = f"{self.nv} velocities, {len(self.closures)} closures with {self.nc} rows"
@@ -297,4 +299,6 @@ def _joints(names: Any, what: str) -> tuple[str, ...]:
 
 def _called(given: str | Path, what: str) -> str:
     """A file's path, or what its text is."""
+    from ..io.xml_text import is_xml_text
+
     return f"{what} text" if is_xml_text(given) else str(given)

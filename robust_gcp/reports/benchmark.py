@@ -16,6 +16,7 @@ from ..arguments import DEFAULT, Arguments, existing_file, file, known_folder, p
 from ..dynamics.problem import set_out
 from ..errors import OptionError
 from ..examples.linkages import n_four_bar
+from ..io.loader import load
 from ..kernel import backends
 from ..kernel.batch import Outputs
 from ..kernel.library import Library, library
@@ -23,7 +24,6 @@ from ..kernel.workspace import Workspace
 from ..maps.choice import MapChoice
 from ..maps.cluster.options import BridgeOptions
 from ..maps.march import same_branch
-from ..mechanism.folders.loader import load
 from ..mechanism.mechanism import Mechanism
 from ..printing import along, table, write_json
 from ..simulation.simulate import simulate

@@ -25,11 +25,11 @@ from ..arguments import Arguments, existing_file, folder, pathname
 from ..dynamics.equations import Evaluation, constraint_forces
 from ..errors import OptionError
 from ..examples.linkages import n_four_bar
+from ..io.loader import load
 from ..kernel import backends
 from ..maps.choice import Method
 from ..maps.cluster.jet import null_pairing
 from ..mechanism.applied_forces import AppliedForces
-from ..mechanism.folders.loader import load
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Tree
 from ..printing import along, write, write_json

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..examples import linkages
-from ..mechanism.folders.loader import load
+from ..io.loader import load
 from ..mechanism.forces import JointDamper, JointSpring
 from ..mechanism.mechanism import Mechanism
 from .stability.truth import with_forces

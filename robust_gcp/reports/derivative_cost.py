@@ -12,9 +12,9 @@ import numpy as np
 
 from ..errors import ModelWarning, OptionError, RobustGcpError
 from ..examples.legged import legged
+from ..io.loader import load
 from ..kernel import backends
 from ..kernel.derivation import derivation
-from ..mechanism.folders.loader import load
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..printing import along, table, write_json

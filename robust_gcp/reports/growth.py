@@ -22,9 +22,9 @@ from ..dynamics.discrete import step_jacobians
 from ..errors import OptionError
 from ..examples.families import four_bars
 from ..examples.linkages import add_link, n_four_bar
+from ..io.loader import load
 from ..kernel import backends
 from ..mechanism.closures import PointClosure
-from ..mechanism.folders.loader import load
 from ..mechanism.mechanism import Mechanism
 from ..printing import along, write_json
 from ..simulation.simulate import simulate

@@ -22,11 +22,11 @@ from ..drawing.figures import style as plots
 from ..drawing.figures.draw import draw_faded
 from ..drawing.figures.mechanism import body_legend, face_on, poses
 from ..errors import SimulationError
+from ..io.loader import load
 from ..maps.choice import Method
 from ..maps.classical import SingularityWarning
 from ..maps.four_bar import draw_four_bar
 from ..maps.pendulum import parallelogram_pendulum, pendulum
-from ..mechanism.folders.loader import load
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..printing import progress_bar, table, write_json

@@ -13,12 +13,12 @@ import numpy as np
 from ..dynamics.equations import implicit_dynamics
 from ..dynamics.problem import set_out
 from ..errors import RobustGcpError
+from ..io.loader import load
 from ..kernel.batch import Outputs
 from ..kernel.description import NotNativeError
 from ..kernel.library import library
 from ..kernel.workspace import Workspace
 from ..maps.cluster.options import BridgeOptions
-from ..mechanism.folders.loader import load
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .peers.compiled import Loop, Settings, knows, why_not

@@ -19,7 +19,7 @@ import numpy as np
 
 from ..arguments import Arguments, known_folder, number, pathname, positive
 from ..errors import RobustGcpError
-from ..mechanism.folders.loader import load
+from ..io.loader import load
 from ..mechanism.mechanism import Mechanism
 from ..printing import table
 from ..simulation.simulate import simulate

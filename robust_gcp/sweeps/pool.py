@@ -25,7 +25,7 @@ from typing import Any
 
 from ..checks import shown
 from ..errors import OptionError, SweepError
-from ..mechanism.folders.loader import load
+from ..io.loader import load
 from .record import Failure, failure_of, words_of
 from .worker import Build, Keep, Outcome, begin, ready, unpickled, work, work_pickled
 

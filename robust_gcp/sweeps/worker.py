@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ..errors import OptionError, RobustGcpError
-from ..mechanism.folders.loader import load
+from ..io.loader import load
 from ..mechanism.mechanism import Mechanism
 from ..simulation.simulate import simulate
 from ..simulation.trajectory import Trajectory

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp.examples import linkages
-from robust_gcp.mechanism.folders.loader import models_folder
+from robust_gcp.io.loader import models_folder
 
 Array = NDArray[np.float64]
 Case = tuple[Callable[[], Any], type[rg.RobustGcpError], tuple[str, ...]]

@@ -100,7 +100,7 @@ def test_public_names_are_all_there_whenever_they_are_loaded() -> None:
 
 def test_star_import_gives_what_is_public() -> None:
     printed = python("from robust_gcp import *; print(sweep.__module__, load.__module__)")
-    assert printed.split() == ["robust_gcp.sweeps.runs", "robust_gcp.mechanism.folders.loader"]
+    assert printed.split() == ["robust_gcp.sweeps.runs", "robust_gcp.io.loader"]
 
 
 def test_the_package_does_without_fcntl() -> None:

@@ -16,7 +16,7 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
-from robust_gcp.mechanism.folders.loader import models_folder
+from robust_gcp.io.loader import models_folder
 
 Array = NDArray[np.float64]
 DOCS = Path(__file__).parents[2] / "docs"

@@ -12,8 +12,8 @@ import pytest
 import robust_gcp as rg
 from robust_gcp.__main__ import main
 from robust_gcp.examples.linkages import n_four_bar
+from robust_gcp.io.loader import models_folder
 from robust_gcp.kernel.library import library
-from robust_gcp.mechanism.folders.loader import models_folder
 from robust_gcp.reports.benchmark import batches, native_seconds, thread_gain
 from robust_gcp.reports.peers.compiled import why_not
 from robust_gcp.reports.robot_speed import measured, robots_in

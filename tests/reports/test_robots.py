@@ -10,7 +10,7 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.__main__ import main
-from robust_gcp.mechanism.folders.loader import models_folder
+from robust_gcp.io.loader import models_folder
 from robust_gcp.reports.robots import Entry, files_below, tried
 
 

@@ -14,7 +14,7 @@ import pytest
 import robust_gcp as rg
 from robust_gcp.__main__ import main
 from robust_gcp.examples.linkages import four_bar, n_four_bar
-from robust_gcp.mechanism.folders.loader import models_folder
+from robust_gcp.io.loader import models_folder
 
 
 def kinetic_peak(run: rg.Trajectory) -> float:

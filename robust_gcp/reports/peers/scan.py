@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ...examples.linkages import four_bar
-from ...mechanism.folders.loader import load
+from ...io.loader import load
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ...printing import along, table

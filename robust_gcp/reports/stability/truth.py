@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
+from ...io.loader import load
 from ...maps.pendulum import parallelogram_pendulum
-from ...mechanism.folders.loader import load
 from ...mechanism.forces import Force, PointSpring
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from ...mechanism.folders.loader import load
+from ...io.loader import load
 from ...mechanism.forces import JointSpring
 from ...mechanism.joints import JointKind
 from ...mechanism.mechanism import Mechanism

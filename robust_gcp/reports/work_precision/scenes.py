@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from ...examples.linkages import four_bar, n_four_bar
+from ...io.loader import load
 from ...maps.pendulum import parallelogram_pendulum
-from ...mechanism.folders.loader import load
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ..contender import Scene

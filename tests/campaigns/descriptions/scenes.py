@@ -12,7 +12,7 @@ from robust_gcp.examples import six_bars, spatial
 from robust_gcp.examples.families import four_bars, scissor_lift
 from robust_gcp.examples.six_bars import CHANGE_POINT, lamp
 from robust_gcp.examples.six_bars import joined_by_dyad as joined
-from robust_gcp.mechanism.folders.loader import load
+from robust_gcp.io.loader import load
 from robust_gcp.mechanism.mechanism import Mechanism
 from robust_gcp.mechanism.tree import Array
 

@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from robust_gcp.errors import RobustGcpError
-from robust_gcp.mechanism.folders.loader import load, model_names, models_folder
+from robust_gcp.io.loader import load, model_names, models_folder
 from robust_gcp.mechanism.forces import PointSpring
 from robust_gcp.mechanism.mechanism import Mechanism
 from robust_gcp.reports.peers.mjcf_text import mjcf

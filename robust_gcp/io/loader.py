@@ -1,0 +1,287 @@
+"""Robots' files and model folders to a `Mechanism`."""
+
+from __future__ import annotations
+
+import contextlib
+import difflib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from ..checks import hint, shown
+from ..errors import ClosureError, ModelError, PartitionError, RobustGcpError, missing_file
+from ..mechanism.assembly import FEW_STARTS, MANY_STARTS, assembled
+from ..mechanism.closures import Closure, closure_kinds
+from ..mechanism.contents import FileContents, check_base, named, tell_left_out
+from ..mechanism.independent import completed, regular_near
+from ..mechanism.loops import ClosedLoops
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.ranges import assembled_within, tell_outside
+from ..mechanism.rank import singular_words
+from ..mechanism.rounding import IMPLIED, ROUNDED, without_rounded_rows, without_unmoved_rows
+from ..mechanism.tolerances import NEARLY_CLOSED
+from ..mechanism.tree import Array
+from .gepetto import joint_changes, with_changed_forces, with_joint_changes
+from .mjcf import read_mjcf
+from .own_block import forces_of, home_of, own_block, recommended_of, set_gravity, with_axes
+from .robot_file import READERS, UNREAD, alone, has_yaml, is_mjcf, others_beside, require_read, robot_file
+from .text_file import files_in, inside, is_file, is_link, path_of
+from .urdf import read_urdf
+from .yaml_text import parsed_yaml
+
+KEYS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type", "robust_gcp")
+"""Keys of robot.yaml that are read."""
+
+NEARLY_SINGULAR = 1e-3
+"""Conditioning of K below which a pose that nobody chose is left: G has lost three digits there."""
+
+ALIKE = 0.85
+"""Likeness (difflib's ratio) above which another key is taken for one of them misspelt."""
+
+
+def models_folder() -> Path:
+    """Where the shipped models are: inside an installed package, or beside it in a checkout."""
+    package = Path(__file__).parents[1]
+    inside = package / "models"
+    return inside if inside.is_dir() else package.parent / "models"
+
+
+def model_names() -> list[str]:
+    """Names of the shipped models, for `load`."""
+    return sorted(p.parent.name for p in models_folder().glob("*/robot.yaml"))
+
+
+def load(
+    name_or_folder: str | Path,
+    independent: Sequence[str] | Literal["auto"] | None = None,
+    base: str | None = None,
+    strict: bool = False,
+    root: str | Path | None = None,
+) -> Mechanism:
+    """A mechanism from a shipped model's name, a folder, or a robot's file (URDF: *.urdf, MJCF: *.xml).
+
+    A folder holds robot.yaml and robot.urdf, or robot.xml (MJCF) in its place; without robot.yaml, one such
+    file. A file beside a robot.yaml that belongs to it is read with it. The YAML's keys are those of the
+    parallel-robot community around Pinocchio: `closed_loop` (pairs of frame names), `type` ('3d', '6d',
+    'revolute' or 'prismatic'), `name_mot` (motors, or "auto"),
+    `joint_name` and `joint_type` (joints of the URDF that stand for SPHERICAL, UJOINT_XY, … or FIXED ones);
+    the block `robust_gcp` is this package's own and optional: `schema`, `description`, `home`
+    (configuration by joint), `guess` (the same, closed on loading), `gravity`, `axes` (of revolute and
+    prismatic closures), `springs`, `dampers`, `point_springs`, `torques`, `recommended` (duration, step and
+    velocity of a run from home). Other keys are left to other programs.
+
+    Home is closed on loading, from the file's pose: `home`, `guess`, the keyframe "home" or the first one, or
+    else the neutral configuration (moved to a regular one beside it where it is singular, or nearly). Where
+    that leaves the ranges of joints, but for `home`, an assembly inside them is looked for; a home outside is
+    told. A pose that is singular is kept, with coordinates of the motions beside it.
+
+    Parameters
+    ----------
+    name_or_folder : str or Path
+    independent : sequence of str or "auto", optional
+        Joints, or components of joints (`joint.x`), that serve as minimal coordinates. Left out: the motors
+        of the file as far as they can serve, completed by the best conditioned ones; "auto": without them.
+    base : "fixed", "free" or None
+        What the robot stands on; None: as the file says.
+    strict : bool
+        Refuse a file with parts that are not simulated (`Mechanism.left_out`), of which a ModelWarning tells
+        else.
+    root : str or Path, optional
+        A folder besides the model's own whose files a MJCF file may include, attach or take meshes from.
+
+    Raises
+    ------
+    ModelError
+        Naming the file, the key and the remedy.
+    ClosureError
+        When a home that the file gives leaves a loop open by more than rounding, or no configuration is
+        found that closes them all; each is named.
+    """
+    check_base(base)
+    path = path_of(name_or_folder, "load")
+    if path.suffix in UNREAD:
+        raise ModelError(f"{path}: {UNREAD[path.suffix]}")
+    if path.suffix.lower() in (".yaml", ".yml") and not path.is_dir():
+        if not path.exists() and not is_link(path):
+            raise missing_file(path)
+        if path.name != "robot.yaml":
+            raise ModelError(f"{path}: give the folder that it is in; read there is robot.yaml")
+        path = path.parent
+    if path.suffix in READERS and not has_yaml(path):
+        return _mechanism(alone(path, base, root), path, path, path.stem, {}, {}, independent, strict)
+    folder, path = _folder(path.parent if path.suffix in READERS else path, name_or_folder)
+    if path.suffix in READERS:
+        contents = alone(inside(folder, path.name), base, root)
+        contents.left_out += named("files beside it", others_beside(path))
+        return _mechanism(contents, path, path, folder.name, {}, {}, independent, strict)
+    settings = _settings(path)
+    own = own_block(settings, path)
+    closures = with_axes(own.get("axes"), _closures(settings, path), path)
+    changes = joint_changes(settings, path)
+    robot = inside(folder, robot_file(folder))
+    if is_mjcf(robot):
+        contents = read_mjcf(robot, base, root)
+        if changes:
+            raise ModelError(f"{path}: joint_name is for URDF; write the joint as it is in {robot.name}")
+    else:
+        contents = read_urdf(robot, base)
+        contents.model = with_joint_changes(contents.model, changes, path)
+        contents.forces = with_changed_forces(contents.forces, changes)
+    contents.close(closures)
+    contents.forces += forces_of(own, path)
+    set_gravity(own.get("gravity"), contents.model, path)
+    return _mechanism(contents, path, robot, folder.name, settings, own, independent, strict)
+
+
+def _folder(path: Path, given: str | Path) -> tuple[Path, Path]:
+    """The folder that is meant, and what to read in it first: robot.yaml or, without it, one robot's file."""
+    if not is_file(path / "robot.yaml") and str(given) in model_names():
+        path = models_folder() / str(given)
+    if str(given) and (is_file(path / "robot.yaml") or is_link(path / "robot.yaml")):
+        return path, inside(path, "robot.yaml")
+    require_read(path)
+    files = [f for f in files_in(path) if f.suffix in READERS] if str(given) else []
+    preferred = [f for f in files if f.stem == "robot"] or files
+    if len(preferred) == 1:
+        return path, preferred[0]
+    names = model_names()
+    found = f" (it holds {', '.join(sorted(f.name for f in files))}: name one)" if files else ""
+    raise ModelError(
+        f"{shown(str(given))} is neither a folder with robot.yaml or one robot's file{found} nor one of the "
+        f"shipped models {', '.join(names)}{hint(given, names)}"
+    )
+
+
+def _mechanism(
+    contents: FileContents,
+    path: Path,
+    source: Path,
+    name: str,
+    settings: dict[str, Any],
+    own: dict[str, Any],
+    independent: Sequence[str] | Literal["auto"] | None,
+    strict: bool,
+) -> Mechanism:
+    """Home closed, coordinates completed, what is left out told."""
+    if strict:
+        tell_left_out(contents.left_out, str(path), strict)
+    model = contents.model
+    motors = settings.get("name_mot")
+    if motors is not None and motors != "auto" and not _is_list_of_str(motors):
+        raise ModelError(f"{path}: name_mot must be a list of joint names or 'auto', not {shown(motors)}")
+    given = home_of(own["home"], model, path) if own.get("home") is not None else None
+    guess = home_of(own["guess"], model, path, "guess") if own.get("guess") is not None else contents.pose()
+    try:
+        loops = ClosedLoops(model, contents.closures)
+        kept, rounded = without_unmoved_rows(loops)
+        contents.left_out += named(IMPLIED, rounded)
+        if rounded:
+            contents.closures = list(kept)
+            loops = ClosedLoops(model, kept)
+        if given is not None:
+            home = given
+        else:
+            spreads = MANY_STARTS if guess is None else FEW_STARTS
+            start = loops.home if guess is None else guess
+            loops, home, rounded = _closed(loops, start, spreads)
+            contents.closures = list(loops.closures)
+            contents.left_out += named(IMPLIED, rounded)
+            if guess is None:  # a pose that nobody chose may be singular, where no motion starts by itself
+                home = regular_near(loops, home, NEARLY_SINGULAR)
+        if isinstance(motors, list):
+            known = set(loops.joint_names)
+            contents.actuated = tuple(m for m in motors if m in known)
+            for motor in motors:
+                loops.velocities_of(motor)  # refuses what is not there
+        tell_left_out(contents.left_out, str(path), strict)
+        wanted = motors if isinstance(motors, list) else () if motors == "auto" else contents.wanted()
+        mechanism = _with_coordinates(contents, loops, home, name, independent, wanted, given is not None)
+    except RobustGcpError as error:
+        error.args = (f"{path}: {error.args[0]}", *error.args[1:])
+        raise
+    if given is not None:
+        mechanism.require_closed(mechanism.home, NEARLY_CLOSED, f"{path}: home")
+        mechanism.home = mechanism.polish(mechanism.home, mechanism.iv_dependent)
+    tell_outside(mechanism, mechanism.home, f"{path}: home")
+    mechanism.source = source
+    if own.get("recommended") is not None:
+        mechanism.recommended = recommended_of(own, mechanism, path)
+    return mechanism
+
+
+def _closed(
+    loops: ClosedLoops, start: Array, spreads: tuple[float, ...]
+) -> tuple[ClosedLoops, Array, list[str]]:
+    """The loops without rows that others imply up to rounding, a home that closes them, and what was left."""
+    every = np.arange(loops.nv)
+    try:
+        home = assembled_within(loops, start, every, "home", spreads)
+    except ClosureError as failure:
+        if failure.nearest is None or loops.closure_residual(failure.nearest) > ROUNDED:
+            raise
+        kept, rounded = without_rounded_rows(loops, failure.nearest)
+        if not rounded:
+            raise
+        home = failure.nearest
+    else:
+        kept, rounded = without_rounded_rows(loops, home)
+    if not rounded:
+        return loops, home, rounded
+    freed = ClosedLoops(loops.own_model, kept)
+    return freed, assembled(freed, home, every, "home"), rounded
+
+
+def _with_coordinates(
+    contents: FileContents,
+    loops: ClosedLoops,
+    home: Array,
+    name: str,
+    independent: Sequence[str] | Literal["auto"] | None,
+    wanted: Sequence[str],
+    as_named: bool,
+) -> Mechanism:
+    """The mechanism in the coordinates that are asked for, or in the wanted ones, completed.
+
+    At a singular home, on which motion the wanted ones serve is open: they are tried as they are first, and
+    completed for a configuration beside it.
+    """
+    if independent is not None:
+        return Mechanism.from_contents(contents, independent, home, name)
+    place = home
+    if loops.closure_residual(home) <= NEARLY_CLOSED and singular_words(loops, home):
+        place = regular_near(loops, home)
+    if (as_named or place is not home) and wanted:
+        with contextlib.suppress(PartitionError):
+            return Mechanism.from_contents(contents, wanted, home, name)
+    chosen, _ = completed(loops, place, wanted, name)
+    return Mechanism.from_contents(contents, chosen, home, name)
+
+
+def _settings(path: Path) -> dict[str, Any]:
+    settings = parsed_yaml(path)
+    unknown = [key for key in settings if key not in KEYS]
+    for key in KEYS:
+        near = [] if key in settings else difflib.get_close_matches(key, map(str, unknown), n=1, cutoff=ALIKE)
+        if near:
+            raise ModelError(f"{path}: {shown(near[0])} is not a key that is read; did you mean {key!r}?")
+    return settings
+
+
+def _closures(settings: dict[str, Any], path: Path) -> list[Closure]:
+    pairs = settings.get("closed_loop") or []
+    kinds = settings.get("type") or []
+    if not isinstance(pairs, list) or not all(_is_list_of_str(p) and len(p) == 2 for p in pairs):
+        raise ModelError(f"{path}: closed_loop must be a list of pairs of frame names, not {shown(pairs)}")
+    known = {kind.kind: kind for kind in closure_kinds()}
+    if not _is_list_of_str(kinds) or len(kinds) != len(pairs):
+        raise ModelError(f"{path}: type must list one of {', '.join(known)} for each of {len(pairs)} loops")
+    unknown = [kind for kind in kinds if kind.lower() not in known]
+    if unknown:
+        raise ModelError(f"{path}: type {shown(unknown[0])} is unknown; use one of {', '.join(known)}")
+    return [known[kind.lower()](*pair) for pair, kind in zip(pairs, kinds, strict=True)]
+
+
+def _is_list_of_str(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(item, str) for item in value)

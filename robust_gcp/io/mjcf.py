@@ -1,0 +1,63 @@
+"""MJCF (MuJoCo XML) to a spanning tree with closures, by MuJoCo's own compiler."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..errors import ModelError
+from ..mechanism.contents import FileContents, check_base
+from .mjcf_compiled import compiled
+from .mjcf_document import Document
+from .mjcf_equalities import equalities_of
+from .mjcf_left_out import actuated_by, forces_of, left_out_of
+from .mjcf_tree import CompiledTree
+from .text_file import path_of
+from .xml_text import is_xml_text, parsed_xml
+
+
+def read_mjcf(mjcf: str | Path, base: str | None = None, root: str | Path | None = None) -> FileContents:
+    """What a MJCF file describes: spanning tree, loops and couplings, springs and dampers of joints.
+
+    MuJoCo compiles the file: its defaults, frames, replicates, attachments and inertias are MuJoCo's. Of its
+    model bodies, joints (`hinge`, `slide`, `ball`, `free`), masses, armature, joint stiffness and damping,
+    gravity, and of equalities `connect`, `weld`, `joint` and `tendon` (fixed ones) are simulated. Equality
+    constraints are rigid whatever their `solref` says. Home is qpos0, where every `connect` of two bodies is
+    closed by definition; bodies and sites are frames of the same name. Actuators, contacts, limits, dry
+    friction, tendons, sensors, plugins, flexible parts, drag, gravity compensation and springs of ball joints
+    are left out and listed, mocap bodies stand still. Files of meshes are read where a mass comes from them,
+    other shapes and pictures never.
+
+    Parameters
+    ----------
+    mjcf : str or Path
+        A file, or the XML text itself.
+    base : "fixed", "free" or None
+        "fixed": bodies with a free joint are fixed where they are at qpos0. "free": the body that stands on
+        the ground floats.
+    root : str or Path, optional
+        A folder besides the file's own that holds files which it includes, attaches or takes meshes from.
+
+    Raises
+    ------
+    ModelError
+        Naming the file, the element and the remedy, in MuJoCo's words where MuJoCo refuses the file.
+    MissingExtraError
+        Without MuJoCo.
+    """
+    check_base(base)
+    allowed = None if root is None else path_of(root, "root")
+    if allowed is not None and not allowed.is_dir():
+        raise ModelError(f"root: there is no folder {allowed}; name one that holds meshes or includes")
+    xml, name = parsed_xml(mjcf, "MJCF")
+    source = Document(xml, name, None if is_xml_text(mjcf) else Path(mjcf).parent, allowed)
+    m = compiled(source, base == "free")
+    tree = CompiledTree(m, name, base)
+    if tree.model.njoints == 1:
+        raise ModelError(f"{name}: no body has a joint; a mechanism needs one at least")
+    tree.model.name = xml.get("model", "mjcf")
+    keys = {m.key(k).name or f"key{k}": tree.configuration(m.key_qpos[k]) for k in range(m.nkey)}
+    closures = equalities_of(m, tree, xml)
+    left_out = left_out_of(m, tree, source.told)
+    return FileContents(
+        tree.model, closures, forces_of(m, tree), tree.home, keys, None, actuated_by(m, tree), left_out
+    )

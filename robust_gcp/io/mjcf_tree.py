@@ -1,0 +1,197 @@
+"""The spanning tree of a compiled MJCF model: mjModel to pin.Model, configurations and frames."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from ..errors import ModelError
+from ..mechanism.tree import Array
+
+FREE, BALL, SLIDE, HINGE = range(4)
+LIMITS_OFF, GRAVITY_OFF = 1 << 3, 1 << 7
+"""MuJoCo's mjDSBL_LIMIT and mjDSBL_GRAVITY."""
+
+RESERVED = ("universe", "world")
+ROOT_JOINT = "root_joint"
+ALIGNED = {
+    SLIDE: (pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ),
+    HINGE: (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ),
+}
+UNALIGNED = {SLIDE: pin.JointModelPrismaticUnaligned, HINGE: pin.JointModelRevoluteUnaligned}
+
+
+class CompiledTree:
+    """A pin.Model made of a mjModel; joints, bodies and sites keep their names, unnamed ones get some.
+
+    Parameters
+    ----------
+    compiled : mjModel
+    name : str
+        What to call it in errors.
+    base : "fixed", "free" or None
+        As in `mjcf.read_mjcf`.
+
+    Attributes
+    ----------
+    model : pin.Model
+    home : ndarray (nq,)
+        MuJoCo's qpos0.
+    bodies, joints, sites : list of str
+        Names, by MuJoCo's numbers.
+    standing : list of str
+        Bodies that stay on the ground though base="free" asks for another base.
+    """
+
+    def __init__(self, compiled: Any, name: str, base: str | None) -> None:
+        m = self._from = compiled
+        self.name, self._fixed = name, base == "fixed"
+        self.bodies = _named([m.body(b).name for b in range(m.nbody)], ["body"] * m.nbody)
+        ends = ["_free" if kind == FREE else "_joint" for kind in m.jnt_type]
+        wanted = [self.bodies[b] + end for b, end in zip(m.jnt_bodyid, ends, strict=True)]
+        self.joints = _named([m.joint(j).name for j in range(m.njnt)], wanted)
+        self.sites = [m.site(s).name for s in range(m.nsite)]
+        for kind, names in (("body", self.bodies[1:]), ("joint", self.joints), ("site", self.sites)):
+            for label in set(RESERVED).intersection(names):
+                raise ModelError(f"{name}: a {kind} is named {label!r}, which is the ground; rename it")
+        self.standing: list[str] = []
+        floating = self._floating() if base == "free" else 0
+        self.model = pin.Model()
+        self.model.gravity.linear = m.opt.gravity * (not m.opt.disableflags & GRAVITY_OFF)
+        self._places = [(0, pin.SE3.Identity())]  # of bodies: on which joint, and where on it
+        self.model.addFrame(pin.Frame("world", *self._places[0], pin.FrameType.BODY), False)
+        armature: list[float] = []
+        for b in range(1, m.nbody):
+            armature += self._add_body(b, b == floating)
+        self.model.armature = np.array(armature)
+        for s, label in enumerate(self.sites):
+            if label:
+                self.model.addFrame(pin.Frame(label, *self.site(s), pin.FrameType.OP_FRAME), False)
+        self.home = pin.neutral(self.model)
+        if floating:
+            self.home[:7] = pin.SE3ToXYZQUAT(_pose(m.body_pos[floating], m.body_quat[floating]))
+        self.home = self.configuration(m.qpos0)
+
+    def configuration(self, qpos: Array) -> Array:
+        """MuJoCo's numbers in the order of the model, quaternions with their scalar last."""
+        q = self.home.copy()
+        for j, label in enumerate(self.joints):
+            if not self.is_fixed(j):
+                joint = self.model.joints[self.model.getJointId(label)]
+                numbers = qpos[self._from.jnt_qposadr[j] :][: joint.nq].copy()
+                if joint.nq > 1:
+                    numbers[-4:] = np.roll(numbers[-4:], -1)
+                q[joint.idx_q : joint.idx_q + joint.nq] = numbers
+        return q
+
+    def is_fixed(self, joint: int) -> bool:
+        """Whether it is a free joint that base="fixed" takes away."""
+        return self._fixed and self._from.jnt_type[joint] == FREE
+
+    def on(self, body: int, at: Array, turn: Sequence[float] = (1, 0, 0, 0)) -> tuple[int, pin.SE3]:
+        """Joint that carries a body, and the placement on it of a place in body axes."""
+        joint, place = self._places[body]
+        return joint, place * _pose(at, turn)
+
+    def site(self, site: int) -> tuple[int, pin.SE3]:
+        """Joint that carries a site, and the placement on it."""
+        m = self._from
+        return self.on(int(m.site_bodyid[site]), m.site_pos[site], m.site_quat[site])
+
+    def _floating(self) -> int:
+        """The body that base="free" lets float; 0 where others float already."""
+        m = self._from
+        tops = [b for b in range(1, m.nbody) if m.body_parentid[b] == 0]
+        floating = [b for b in tops if m.body_jntnum[b] and m.jnt_type[m.body_jntadr[b]] == FREE]
+        if floating:
+            jointed = set(m.body_rootid[m.jnt_bodyid]).difference(floating)
+            self.standing = [self.bodies[b] for b in sorted(jointed)]
+            return 0
+        tied = [b for b in tops if m.body_jntnum[b]]
+        if len(tops) != 1 or tied:
+            raise ModelError(
+                f"{self.name}: base='free' needs one body that stands on the ground by itself, and there "
+                f"are {len(tops)} ({len(tied)} on joints); put them into one body"
+            )
+        return tops[0]
+
+    def _add_body(self, b: int, floats: bool) -> list[float]:
+        """A body, its joints before; their armature."""
+        m, armature = self._from, []
+        joint, place = self.on(int(m.body_parentid[b]), m.body_pos[b], m.body_quat[b])
+        if floats:
+            label = _named([*self.joints, ""], [*self.joints, ROOT_JOINT])[-1]
+            joint, place = self._add_joint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), label)
+            armature += [0.0] * 6
+        for j in range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b]):
+            kind, at, axis, start = m.jnt_type[j], m.jnt_pos[j], m.jnt_axis[j], m.qpos0[m.jnt_qposadr[j] :]
+            if self.is_fixed(j):
+                place = _pose(start[:3], start[3:7])
+            elif kind == FREE:  # its armature would be that of world axes
+                joint, place = self._add_joint(
+                    0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), self.joints[j]
+                )
+                armature += [0.0] * 6
+            else:
+                anchor = place * pin.SE3(np.eye(3), at)
+                if kind == HINGE:  # a file draws its bodies at qpos0
+                    anchor.rotation = anchor.rotation @ pin.exp3(-start[0] * axis)
+                elif kind == SLIDE:
+                    anchor.translation = anchor.act(-start[0] * axis)
+                made = pin.JointModelSpherical() if kind == BALL else _along(int(kind), axis)
+                limits = m.jnt_range[j] if m.jnt_limited[j] and kind != BALL else None
+                joint, place = self._add_joint(joint, made, anchor, self.joints[j], limits)
+                place.translation = -at
+                armature += [float(m.dof_armature[m.jnt_dofadr[j]])] * made.nv
+        self._places.append((joint, place))
+        self.model.addFrame(pin.Frame(self.bodies[b], joint, place, pin.FrameType.BODY), False)
+        if joint:
+            turn = _pose(np.zeros(3), m.body_iquat[b]).rotation
+            inertia = turn @ np.diag(m.body_inertia[b]) @ turn.T
+            mass = pin.Inertia(float(m.body_mass[b]), m.body_ipos[b].copy(), inertia)
+            self.model.appendBodyToJoint(joint, mass, place)
+        return armature
+
+    def _add_joint(
+        self, parent: int, kind: Any, place: pin.SE3, name: str, limits: Array | None = None
+    ) -> tuple[int, pin.SE3]:
+        """The joint, and where it is on itself."""
+        endless, high = np.full(kind.nv, np.inf), np.full(kind.nq, np.inf)
+        if kind.nq > kind.nv:  # quaternions: a little more than one, as Pinocchio's readers have it
+            high[-4:] = 1.01
+        low = -high
+        if limits is not None and not self._from.opt.disableflags & LIMITS_OFF:
+            low[0], high[0] = limits
+        joint = self.model.addJoint(parent, kind, place, name, endless, endless, low, high)
+        self.model.addJointFrame(joint)
+        return int(joint), pin.SE3.Identity()
+
+
+def _pose(position: Array, quaternion: Sequence[float]) -> pin.SE3:
+    """A placement of MuJoCo's, quaternions with their scalar first."""
+    turn = pin.Quaternion(*map(float, quaternion)).normalized()
+    return pin.SE3(turn.toRotationMatrix(), np.array(position))
+
+
+def _along(kind: int, axis: Array) -> Any:
+    """A joint along an axis: the simplest there is."""
+    for unit, along in zip(np.eye(3), ALIGNED[kind], strict=True):
+        if np.array_equal(axis, unit):
+            return along()
+    return UNALIGNED[kind](axis.copy())
+
+
+def _named(given: list[str], wanted: list[str]) -> list[str]:
+    """The names that are given; in place of empty ones the wanted ones, numbered where they are taken."""
+    taken, made = set(given), []
+    for name, unique in zip(given, wanted, strict=True):
+        label, count = name or unique, 0
+        while not name and label in taken:
+            count += 1
+            label = f"{unique}{count}"
+        taken.add(label)
+        made.append(label)
+    return made

@@ -1,0 +1,105 @@
+"""Which file of a robot is read, and by what."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..errors import ModelError
+from ..mechanism.contents import FileContents
+from .mjcf import read_mjcf
+from .text_file import files_in, is_file, is_link
+from .urdf import read_urdf
+from .urdf_loops import open_ends
+from .xml_text import parsed_xml
+
+READERS = (".urdf", ".xml", ".mjcf")
+
+UNREAD = {
+    ".sdf": "SDF cannot be read; write the robot as URDF, its loops as <loop> or <loop_joint>, or as MJCF",
+    ".world": "Gazebo's worlds cannot be read; write the robot as URDF or MJCF",
+    ".xacro": "xacro is not expanded; run xacro on the file and load its output",
+    ".usd": "USD cannot be read; write the robot as URDF or MJCF",
+    ".usda": "USD cannot be read; write the robot as URDF or MJCF",
+    ".mjb": "compiled models cannot be read; load the MJCF that it was made from",
+    ".osim": "OpenSim's models cannot be read; write the mechanism as URDF or MJCF",
+}
+"""Other formats of robots' files, and what helps."""
+
+
+def is_mjcf(path: Path) -> bool:
+    """By its suffix; of *.xml by its root element, which some files have of a URDF."""
+    if path.suffix == ".xml":
+        root, _ = parsed_xml(path, "MJCF")
+        return root.tag != "robot"
+    return path.suffix == ".mjcf"
+
+
+def alone(path: Path, base: str | None, root: str | Path | None = None) -> FileContents:
+    """What a file describes without a robot.yaml; one that only such a file could close is refused."""
+    if is_mjcf(path):
+        return read_mjcf(path, base, root)
+    contents = read_urdf(path, base)
+    ends = open_ends(contents.model) if not contents.closures else []
+    if ends:
+        raise ModelError(
+            f"{path}: {' and '.join(map(repr, ends[0]))} are named as the ends of a loop that was cut "
+            f"({len(ends)} such pairs), and nothing closes it; list them under closed_loop in a robot.yaml "
+            "beside it, or give closures to Mechanism.from_urdf"
+        )
+    return contents
+
+
+def has_yaml(path: Path) -> bool:
+    """Whether a robot.yaml beside a robot's file belongs to it.
+
+    Raises
+    ------
+    ModelError
+        Where one belongs to it that is not read; see `require_read`.
+    """
+    folder = path.parent
+    if is_file(folder / "robot.yaml"):
+        return robot_file(folder) == path.name
+    robots = [file.name for file in files_in(folder) if file.suffix in READERS]
+    if robots == [path.name] or path.stem == "robot":
+        require_read(folder)
+    return False
+
+
+def require_read(folder: Path) -> None:
+    """Refuse what was meant to be robot.yaml, in a folder without one: its loops would stay open.
+
+    Raises
+    ------
+    ModelError
+        For robot.yml, Robot.yaml and the like, and for a robot.yaml that is a folder or a device.
+    """
+    try:
+        names = sorted(entry.name for entry in folder.iterdir()) if folder.is_dir() else []
+    except OSError:
+        return
+    for name in names:
+        if name == "robot.yaml" and not is_link(folder / name):
+            raise ModelError(f"{folder / name}: cannot be read: it is a folder or a device; give a file")
+        if name != "robot.yaml" and name.lower() in ("robot.yaml", "robot.yml"):
+            raise ModelError(f"{folder / name}: is not read under this name; call it robot.yaml")
+
+
+def others_beside(path: Path) -> list[str]:
+    """YAML files beside a robot's file, which are not read."""
+    return [file.name for file in files_in(path.parent) if file.suffix.lower() in (".yaml", ".yml")]
+
+
+def robot_file(folder: Path) -> str:
+    """The robot's file beside robot.yaml: of that name, or the only one."""
+    for name in ("robot.urdf", "robot.xml"):
+        if is_file(folder / name) or is_link(folder / name):
+            return name
+    names = sorted(f.name for f in files_in(folder) if f.suffix in READERS)
+    if len(names) == 1:
+        return names[0]
+    for name in ("robot.urdf", "robot.xml"):
+        if (folder / name).exists():  # a folder or a device: whoever reads it refuses it by name
+            return name
+    beside = f"stands beside {', '.join(names)}: call the one that is meant" if names else "needs"
+    raise ModelError(f"{folder}: robot.yaml {beside} robot.urdf or robot.xml")

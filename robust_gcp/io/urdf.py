@@ -1,0 +1,173 @@
+"""URDF to a spanning tree with closures: the traps of the format removed, its faults named."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+import pinocchio as pin
+
+from ..errors import ModelError
+from ..mechanism.contents import STAYS, FileContents, check_base, named
+from ..mechanism.forces import Force, JointDamper
+from ..mechanism.workspace import require_memory
+from .urdf_base import declare_world, set_base
+from .urdf_check import LIMITS, MOMENTS, MOVING, PRODUCTS, check_urdf
+from .urdf_left_out import left_out_of
+from .urdf_loops import closures_of, refuse_unknown_ties
+from .urdf_numbers import number_in
+from .xml_text import parsed_xml
+
+UNLIMITED = "1e9"
+"""Limit, rad or m, written for a joint that has none: nothing here enforces limits."""
+
+VELOCITIES = {"revolute": 1, "continuous": 1, "prismatic": 1, "planar": 3, "floating": 6}
+"""How many numbers the types of joints have in v; the others have none."""
+
+ENDLESS = {"lower": f"-{UNLIMITED}", "upper": UNLIMITED, "effort": UNLIMITED, "velocity": UNLIMITED}
+
+
+LARGE = 10_000_000
+"""Characters that take some seconds to be parsed and checked."""
+
+COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
+TYPED = re.compile(r"""<(?:\w+:)?joint\s[^<>]*?\btype\s*=\s*["'](\w+)["']""")
+"""A joint's type, in the text of a URDF."""
+
+YES, NO = ("true", "1"), ("false", "0")
+
+
+def read_urdf(urdf: str | Path, base: str | None = None) -> FileContents:
+    """What a URDF describes: the spanning tree, its loops and couplings, its joints' dampers.
+
+    `continuous` joints, which Pinocchio stores as (cos, sin), are read as revolute joints without
+    limits: one number in q each, and full turns are counted. Links with their inertia, joints with their
+    damping, and the elements of `urdf_loops` are read; shapes and meshes are not opened. `independent` of
+    URDF+ marks joints: those marked "false" are not independent, the others are.
+
+    Parameters
+    ----------
+    urdf : str or Path
+        A file, or the XML text itself.
+    base : "fixed", "free" or None
+        See `urdf_base.set_base`.
+
+    Raises
+    ------
+    ModelError
+        Naming the file and what is wrong: not found, not XML, loops that are not known, and see
+        `urdf_check.check_urdf`.
+    """
+    check_base(base)
+    root, name = parsed_xml(urdf, "URDF", _scan)
+    if root.tag != "robot":
+        raise ModelError(f"{name}: the root element is <{root.tag}>, a URDF starts with <robot>")
+    declare_world(root)
+    check_urdf(root, name)
+    refuse_unknown_ties(root, name)
+    left_out = left_out_of(root, name)
+    left_out += named(STAYS, set_base(root, base))
+    _require_memory(joint.get("type", "") for joint in root.findall("joint"))
+    try:
+        model = pin.buildModelFromXML(ElementTree.tostring(_reduced(root), encoding="unicode"))
+    except (ValueError, RuntimeError) as error:
+        raise ModelError(f"{name}: Pinocchio cannot build a model from it ({error})") from error
+    if model.nv == 0:
+        raise ModelError(
+            f"{name}: no joint moves; a mechanism needs one at least, or base='free' that lets it float"
+        )
+    closures = closures_of(root, model, name)
+    contents = FileContents(model, closures, _dampers(root, name), left_out=left_out)
+    contents.independent = _marked(root, name)
+    return contents
+
+
+def _scan(text: str) -> None:
+    """Refuse a large tree whose workspace would not fit, before its text is parsed."""
+    if len(text) > LARGE:
+        _require_memory(TYPED.findall(COMMENT.sub("", text)))
+
+
+def _require_memory(kinds: Iterable[str]) -> None:
+    """Refuse joints of these types where their workspace would not fit, before Pinocchio reads them."""
+    moving = [VELOCITIES.get(kind, 0) for kind in kinds]
+    require_memory(sum(moving), sum(map(bool, moving)))
+
+
+def _dampers(root: Element, name: str) -> list[Force]:
+    found: list[Force] = []
+    for joint in root.findall("joint"):
+        dynamics = joint.find("dynamics")
+        if joint.get("type") in MOVING and dynamics is not None and dynamics.get("damping") is not None:
+            damping = number_in(dynamics, "damping", name)
+            if damping > 0.0:
+                found.append(JointDamper(joint.get("name", ""), damping))
+    return found
+
+
+def _marked(root: Element, name: str) -> tuple[str, ...] | None:
+    """Joints that are not marked as dependent, where any is marked; None else."""
+    moving = [j for j in root.findall("joint") if j.get("type") != "fixed"]
+    marks = {j.get("name", ""): j.get("independent", "").lower() for j in moving}
+    for joint, mark in marks.items():
+        if mark and mark not in (*YES, *NO):
+            raise ModelError(f"{name}: joint {joint!r}: independent={mark!r} is neither true nor false")
+    if not any(marks.values()):
+        return None
+    return tuple(joint for joint, mark in marks.items() if mark not in NO)
+
+
+def _reduced(root: Element) -> Element:
+    """What makes the tree, its numbers rewritten: Python and C++ do not read all of them alike."""
+    robot = Element("robot", {"name": root.get("name") or "robot"})
+    for link in root.findall("link"):
+        to = SubElement(robot, "link", {"name": link.get("name", "")})
+        inertial = link.find("inertial")
+        if inertial is not None:
+            to = SubElement(to, "inertial")
+            _place(inertial, to)
+            _numbers(inertial, to, "mass", ("value",))
+            _numbers(inertial, to, "inertia", (*MOMENTS, *PRODUCTS))
+    for joint in root.findall("joint"):
+        kind = joint.get("type", "")
+        endless = kind == "continuous"
+        to = SubElement(
+            robot, "joint", {"name": joint.get("name", ""), "type": "revolute" if endless else kind}
+        )
+        for end in ("parent", "child"):
+            SubElement(to, end, {"link": joint.find(end).get("link", "")})  # type: ignore[union-attr]
+        _place(joint, to)
+        axis = joint.find("axis")
+        if axis is not None and kind in MOVING:
+            x, y, z = map(float, axis.get("xyz", "").split())
+            size = math.hypot(x, y, z)
+            SubElement(to, "axis", {"xyz": f"{x / size!r} {y / size!r} {z / size!r}"})
+        if endless:
+            SubElement(to, "limit", ENDLESS)
+        elif kind in ("revolute", "prismatic"):
+            limit = joint.find("limit")
+            given = (
+                {}
+                if limit is None
+                else {k: repr(float(limit.get(k, ""))) for k in LIMITS if k in limit.attrib}
+            )
+            SubElement(to, "limit", ENDLESS | given)
+        _numbers(joint, to, "dynamics", ("damping", "friction"))
+    return robot
+
+
+def _place(source: Element, target: Element) -> None:
+    _numbers(source, target, "origin", ("xyz", "rpy"))
+
+
+def _numbers(source: Element, target: Element, tag: str, keys: tuple[str, ...]) -> None:
+    """The element of that tag with those of its attributes that are given."""
+    element = source.find(tag)
+    if element is None:
+        return
+    given = {key: element.get(key, "").split() for key in keys if key in element.attrib}
+    SubElement(target, tag, {key: " ".join(repr(float(x)) for x in words) for key, words in given.items()})

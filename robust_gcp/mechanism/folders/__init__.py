@@ -1,1 +1,0 @@
-"""Model folders: robot.urdf and robot.yaml to a mechanism."""
