@@ -274,11 +274,8 @@ class Mechanism(Struck):
         """Pickle and copy by the recipe: the workspace holds views that must not be copied."""
         self.require_unchanged()
         recipe = self.own_model, self.closures, self.independent, self.home, self.name, self.forces
-        return (
-            Mechanism,
-            (*recipe, self.actuated, self.left_out),
-            {"recommended": self.recommended, "source": self.source},
-        )
+        more = {"recommended": self.recommended, "source": self.source}
+        return Mechanism, (*recipe, self.actuated, self.left_out), more
 
     def __repr__(self) -> str:
         sizes = f"{self.nv} velocities, {len(self.closures)} closures with {self.nc} rows"
@@ -299,6 +296,4 @@ def _joints(names: Any, what: str) -> tuple[str, ...]:
 
 def _called(given: str | Path, what: str) -> str:
     """A file's path, or what its text is."""
-    from ..io.xml_text import is_xml_text
-
-    return f"{what} text" if is_xml_text(given) else str(given)
+    return f"{what} text" if "<" in str(given) else str(given)
