@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Generator, Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..dynamics.equations import CheckedTorque
 from ..dynamics.held import HeldTorque
 from ..mechanism.applied_forces import OwnForces
+from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .structures import Reason, Request, TorqueCallback, side_by_side
 
@@ -21,10 +23,9 @@ class Acting:
     Parameters
     ----------
     request : Request
-    nq, nv : int
-    torque : callable, ndarray (nv,) or None
-    forces : OwnForces, optional
-        Of the mechanism.
+    mechanism : Mechanism
+        Its `OwnForces` act as well.
+    torque : callable, array_like (nv,) or None
 
     Attributes
     ----------
@@ -39,13 +40,10 @@ class Acting:
     """
 
     def __init__(
-        self,
-        request: Request,
-        nq: int,
-        nv: int,
-        torque: CheckedTorque | Array | None,
-        forces: OwnForces | None = None,
+        self, request: Request, mechanism: Mechanism, torque: CheckedTorque | ArrayLike | None
     ) -> None:
+        nq, nv = mechanism.nq, mechanism.nv
+        forces = None if mechanism.applied is None else mechanism.applied.own
         self._held = torque if isinstance(torque, HeldTorque) else None
         self.held = self._held is not None
         supplied = torque if callable(torque) and not self.held else None
@@ -57,7 +55,7 @@ class Acting:
         if torque is not None and supplied is None:
             (self.tau,), places = side_by_side({"tau": nv})
             request.held = places["tau"]
-            self.tau[:] = 0.0 if callable(torque) else torque
+            self.tau[:] = 0.0 if callable(torque) else mechanism.velocity(torque, "torque")
         if supplied is not None or forces is not None:
             self._shared, places = side_by_side({"q": nq, "v": nv, "tau": nv, "stored": 2})
             for name, place in places.items():

@@ -12,6 +12,7 @@ from ..mechanism.tree import Array
 from .batch import Trackers
 from .library import Library
 from .results import counted
+from .shared import Shared
 from .structures import Reason, Request, address
 
 DONE, TORQUE = int(Reason.DONE), int(Reason.TORQUE)
@@ -30,7 +31,7 @@ class Rates:
         With all choices and the point to begin from.
     reference : pointer
         To the request.
-    time, x, rate : ndarray (1,), (n,), (n,)
+    shared : Shared
         Where the kernel reads and writes.
     raised : list
         Of what the torque function raised.
@@ -46,7 +47,7 @@ class Rates:
         handle: Any,
         request: Request,
         reference: Any,
-        buffers: tuple[Array, Array, Array],
+        shared: Shared,
         raised: list[BaseException],
         evaluation: Callable[[], Evaluation],
         trackers: Callable[[], Trackers],
@@ -55,7 +56,7 @@ class Rates:
         self._prescribe = prescribe
         self._library, self._follow = library, library.follow
         self._handle, self._request, self._reference = handle, request, reference
-        self._time, self._x, self._rate = buffers
+        self._time, self._x, self._rate = shared.time, shared.x, shared.rate
         self._raised, self._evaluation, self._trackers = raised, evaluation, trackers
 
     def __call__(self, t: float, x: Array) -> Array | None:

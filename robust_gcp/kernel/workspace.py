@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 from ..dynamics.drive import Drive
 from ..dynamics.equations import CheckedTorque, Evaluation
 from ..dynamics.tableau import Tableau
-from ..maps.cluster.cluster_map import LAST_RESORT, PRESCRIBED
-from ..maps.cluster.options import BridgeOptions
+from ..maps.cluster.options import LAST_RESORT, PRESCRIBED, BridgeOptions
 from ..maps.point import Point
 from ..maps.regular_path import RegularPath
 from ..mechanism.groups import groups_of
@@ -85,19 +84,15 @@ class Workspace:
         self._driving = Driving(self._request, mechanism, drive)
         self._taken = Handle(library, mechanism, path, works, self._driving.which)
         self._handle, self._handed = self._taken.address, self._taken.handed
-        n = 2 * self._m + int(works)
-        self._shared = Shared(self._request, mechanism, n, self._layout.size)
+        self._shared = Shared(self._request, mechanism, 2 * self._m + int(works), self._layout.size)
         self._choices = Choices(self._request, PRESCRIBED if self._driving.of_all else LAST_RESORT)
-        self._prescribed: Array | None = None
         self.shares: tuple[float, ...] = (0.0, 0.5)
         if tableau is not None:
             self.shares = tableau.c
             self._weights = np.array([*(x for row in tableau.a for x in row), *tableau.b, *tableau.c])
             self._request.stages, self._request.tableau = len(tableau.b), address(self._weights)
         self._by_reference = ctypes.byref(self._request)
-        acts = mechanism.velocity(torque, "torque") if not callable(torque) and torque is not None else torque
-        own = None if mechanism.applied is None else mechanism.applied.own
-        self._acting = Acting(self._request, self._nq, self._nv, acts, own)
+        self._acting = Acting(self._request, mechanism, torque)
 
     def run(
         self,
@@ -226,7 +221,6 @@ class Workspace:
         self._shared.x[:], self._shared.ydd[:] = x, now.ydd
         self._handed.secure()
         self._acting.listen()
-        buffers = self._shared.time, self._shared.x, self._shared.rate
 
         def told() -> Evaluation:
             self._packed = None
@@ -234,7 +228,7 @@ class Workspace:
 
         self._library.follow_from(self._handle, self._by_reference)
         told_by = self._acting.raised, told, self._handed.new, self._driving.prescribe
-        return Rates(self._library, self._handle, r, self._by_reference, buffers, *told_by)
+        return Rates(self._library, self._handle, r, self._by_reference, self._shared, *told_by)
 
     def look(self, t: float, now: Evaluation) -> Evaluation | None:
         """The last batch's last state under the torque that is held now; None where that is not known."""

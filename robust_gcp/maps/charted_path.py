@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from ..mechanism.joint_charts import loop_charts
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from .point import Counters, Point
-from .regular_path import Closed, RegularPath
+from .point import Closed, Counters, Point
+from .regular_path import RegularPath
 
 
 class ChartedPath(RegularPath):

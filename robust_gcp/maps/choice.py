@@ -7,8 +7,8 @@ from typing import Literal
 
 from ..errors import OptionError
 from .classical import ClassicalMap, NewtonStart
-from .cluster.cluster_map import LAST_RESORT, PRESCRIBED, ClusterMap
-from .cluster.options import USUAL, BridgeOptions
+from .cluster.cluster_map import ClusterMap
+from .cluster.options import LAST_RESORT, PRESCRIBED, USUAL, BridgeOptions
 from .explicit import ExplicitMap
 from .four_bar import FourBarMap
 from .grouped import GroupMap

@@ -6,7 +6,6 @@ nothing of singularities beyond reporting how well K_d is conditioned.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -18,7 +17,7 @@ from ..mechanism.partition import Block
 from ..mechanism.tree import Array, Tree
 from .blocks import BlockFactor
 from .meeting_points import tree_at_points
-from .point import Counters, Point
+from .point import Closed, Counters, Point
 from .structure import reference_of_whole, structured
 
 CONVERGED = 2e-15
@@ -32,27 +31,6 @@ NONE = np.ones(0)
 
 MAX_NEWTON = 12
 """Newton iterations before a start counts as lost; from a good prediction two or three suffice."""
-
-
-@dataclass(frozen=True, slots=True)
-class Closed:
-    """A configuration that closes the selected rows, as the tree's workspace holds it.
-
-    Attributes
-    ----------
-    q : ndarray (nq,)
-    K : ndarray (nd, nv)
-        Dimensionless.
-    correction : float
-        Length of Newton's first step, dimensionless.
-    placed : int
-        `Tree.placed` when it was evaluated: another number there means that the workspace has moved on.
-    """
-
-    q: Array
-    K: Array
-    correction: float
-    placed: int
 
 
 class RegularPath:

@@ -151,3 +151,9 @@ def checked_torques(mechanism: Mechanism, torque: ArrayLike | None, steps: int) 
             )
         return table
     return np.tile(mechanism.velocity(torque, "torque"), (steps, 1))
+
+
+def reduced(slopes: Slopes, G: Array, dv_dy: Array) -> Array:
+    """Slopes by q and v as those by the independent positions and velocities, (2m,)."""
+    by_q, by_v, _ = slopes
+    return np.concatenate([by_q @ G + by_v @ dv_dy, by_v @ G])

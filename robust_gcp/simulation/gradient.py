@@ -27,7 +27,7 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .again import applied_again, coordinates_of, refined_until, require_answers, require_same, require_steps
 from .backwards import Backwards, backwards, kernel_of
-from .cost import Cost, Slopes
+from .cost import Cost, Slopes, reduced
 from .derivatives import derivatives
 from .differentiated import Follower, differentiated
 from .moved import Acting, Moved
@@ -190,7 +190,7 @@ class _Sweep:
         if not self._begun_with_end:
             self._begun_with_end = True
             self._value, slopes = self._cost.at_end(self._mechanism, self._run.q[-1], self._run.v[-1])
-            self._adjoint = _reduced(slopes, G, dv_dy)
+            self._adjoint = reduced(slopes, G, dv_dy)
 
     def _by_kernel(self, stretch: Backwards) -> int:
         """Sweep through a stretch that the kernel took again; returns where it begins."""
@@ -215,7 +215,8 @@ class _Sweep:
         begin, motion = self._begun(max(first, end - STRETCH), torque, first)
         follower, taken = Follower(motion, self._acting(torque), float(run.t[begin])), []
         for i in range(begin, end):
-            self._hold(i)
+            if self._table is not None:
+                self._held.value = self._table[i]
             moved = follower.whole(float(run.t[i + 1] - run.t[i]))
             require_same(run, self._mechanism, i + 1, moved.q, moved.v)
             taken.append((i, moved))
@@ -249,24 +250,20 @@ class _Sweep:
     def _by_parameter(self, stage: Stage) -> Array:
         return self._parameters.slopes(stage.now, stage.slopes)
 
-    def _hold(self, i: int) -> None:
-        if self._table is not None:
-            self._held.value = self._table[i]
-
     def _pull(self, i: int, moved: Moved) -> None:
         """Take the adjoint from after step i to before it."""
         first, last, half = moved.first, moved.last, 0.5 * float(self._run.t[i + 1] - self._run.t[i])
         self._begin_with_end(last.G, last.dv_dy)
         after, before = self._running(i, i + 1), self._running(i, i)
         self._value += half * (after[0] + before[0])
-        adjoint = self._adjoint + half * _reduced(after[1], last.G, last.dv_dy)
+        adjoint = self._adjoint + half * reduced(after[1], last.G, last.dv_dy)
         by_torque = moved.B.T @ adjoint + half * (after[1][2] + before[1][2])
         self._by_parameters += moved.P.T @ adjoint
-        self._adjoint = moved.A.T @ adjoint + half * _reduced(before[1], first.G, first.dv_dy)
+        self._adjoint = moved.A.T @ adjoint + half * reduced(before[1], first.G, first.dv_dy)
         if self._function is not None and self._table is not None:  # asked at the state before the step
             by_q, by_v = self._slopes_of(float(self._run.t[i]), self._run.q[i], self._run.v[i])
             answer = by_torque @ by_q, by_torque @ by_v, by_torque
-            self._adjoint = self._adjoint + _reduced(answer, first.G, first.dv_dy)
+            self._adjoint = self._adjoint + reduced(answer, first.G, first.dv_dy)
         self._by_torque[i] = by_torque
 
     def _running(self, i: int, at: int) -> tuple[float, Slopes]:
@@ -300,9 +297,3 @@ class _Sweep:
                 if begin == first:
                     raise
             begin = max(first, begin - 5)
-
-
-def _reduced(slopes: Slopes, G: Array, dv_dy: Array) -> Array:
-    """Slopes by q and v as those by the independent positions and velocities, (2m,)."""
-    by_q, by_v, _ = slopes
-    return np.concatenate([by_q @ G + by_v @ dv_dy, by_v @ G])

@@ -19,6 +19,12 @@ class Present:
     mechanism: Mechanism
     _run: SteppedRun
     _wrenches: tuple[Wrench, ...]
+    _step: float
+
+    def __repr__(self) -> str:
+        """What moves, where time is, what happened."""
+        what = f"{self.mechanism.name!r}: t = {self.t:g} s, step {self._step:g} s"
+        return f"Simulation of {what}, {len(self.crossings)} crossings"
 
     @property
     def t(self) -> float:

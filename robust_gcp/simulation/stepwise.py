@@ -242,11 +242,6 @@ class Simulation(Present):
         """Times of the outputs numbered from `first` on."""
         return self._t0 + self._step * np.arange(first, first + count)
 
-    def __repr__(self) -> str:
-        """What moves, where time is, what happened."""
-        what = f"{self.mechanism.name!r}: t = {self.t:g} s, step {self._step:g} s"
-        return f"Simulation of {what}, {len(self.crossings)} crossings"
-
     @property
     def trajectory(self) -> Trajectory:
         """The motion so far, as far as it is kept; a copy."""

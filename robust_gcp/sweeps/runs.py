@@ -143,7 +143,6 @@ def sweep_as_completed(
 
 def _merged(runs: Iterable[Mapping[str, Any]], shared: Mapping[str, Any]) -> list[dict[str, Any]]:
     merged = []
-    run: Any
     items = "dicts, one a run (see robust_gcp.grid)"
     for i, run in enumerate(listed(runs, "runs", items, OptionError, Mapping)):
         if not isinstance(run, Mapping) or not all(isinstance(name, str) for name in run):

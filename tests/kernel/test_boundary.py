@@ -170,7 +170,7 @@ def constants(header: str) -> dict[str, float]:
     ("header", "homes"),
     [
         ("abi.h", ["kernel.structures"]),
-        ("path.h", ["maps.regular_path", "maps.march", "maps.cluster.ground"]),
+        ("branch.h", ["maps.regular_path", "maps.march", "maps.cluster.ground"]),
         ("loops.h", ["maps.regular_path", "maps.march"]),
         ("jet.h", ["maps.cluster.jet"]),
         ("newton.h", ["maps.cluster.jet"]),
@@ -181,7 +181,8 @@ def constants(header: str) -> dict[str, float]:
         ("curve.h", ["maps.cluster.curve"]),
         ("curve_builder.h", ["maps.cluster.curve_builder"]),
         ("tracker.h", ["maps.cluster.tracker", "maps.cluster.apex", "maps.cluster.kept"]),
-        ("clusters.cpp", ["maps.cluster.cluster_map", "maps.cluster.chart", "maps.cluster.ground"]),
+        ("chart.h", ["maps.cluster.chart"]),
+        ("clusters.cpp", ["maps.cluster.cluster_map", "maps.cluster.ground"]),
         ("motion.h", ["dynamics.reduced_inertia"]),
     ],
 )

@@ -5,33 +5,17 @@
 #include <memory>
 #include <vector>
 
+#include "cluster/chart.h"
 #include "cluster/passages.h"
 #include "cluster/passing.h"
 #include "cluster/patch_builder.h"
+#include "cluster/product.h"
 
 namespace rg {
 
-// As in cluster_map.py and chart.py, where it says why.
-constexpr double ONE_TURN = 6.283185307179586, CHANGE = 0.35;
+// As in cluster_map.py, where it says why.
+constexpr double ONE_TURN = 6.283185307179586;
 constexpr double LOOK_AGAIN = 1.5;  // growth of σ
-
-// σ_min of the chosen rows of a tangent basis (nv, m).
-static double smallest(const Matrix& tangent, const std::vector<int>& chosen) {
-    Matrix rows(tangent.cols(), tangent.cols());
-    for (std::size_t i = 0; i < chosen.size(); ++i) rows.row(static_cast<Eigen::Index>(i)) = tangent.row(chosen[i]);
-    return Svd(rows).s[tangent.cols() - 1];
-}
-
-// Whether the chosen components still parametrise the mode, to a share of how well the best ones do.
-static bool serves(const Jet& jet, const std::vector<int>& chosen, double share) {
-    if (jet.J.cols() == 1)
-        return std::fabs(jet.J(chosen[0], 0)) >= share * jet.J.col(0).cwiseAbs().maxCoeff();
-    // those of J are the unit matrix: with J = Q R they are R⁻¹ in Q
-    const double here = 1.0 / std::sqrt(symmetric_eigenvalues(transposed_times(jet.J, jet.J)).tail(1)[0]);
-    if (here >= share) return true;
-    const Matrix tangent = jet.tangent();
-    return here >= share * smallest(tangent, best_rows(tangent));
-}
 
 struct Clusters::Inside {
     explicit Inside(const Description& d) : clusters(d.cluster, d.cluster + d.clusters), home(d.home, d.home + d.nq), det(d.blocks), rcond(d.blocks) {
@@ -104,41 +88,6 @@ struct Clusters::Inside {
         return worst;
     }
 
-    // The share in q, G and g of one with joints on groups. Where some of its y are in charts u are velocities, of
-    // which the chart's rates follow.
-    static void turned(Space& space, const Jet& jet, const double* ydot, const Layout& l, Point& point) {
-        space.write(jet.x, point.q());
-        const Matrix T = space.turn(jet.x), along = times(T, jet.J);
-        Matrix to_rate = Matrix::Zero(space.m, space.m);
-        for (int j = 0; j < space.m; ++j) {
-            if (space.charted())
-                to_rate.row(j) = along.row(space.chosen[j]);
-            else
-                to_rate(j, j) = space.D[space.chosen[j]];
-        }
-        to_rate = inverse(to_rate);
-        const Matrix own = times(along, to_rate);
-        const auto bent = [&](const Vector& u) -> Vector {
-            const Vector rate = to_rate * u, way = jet.J * rate;
-            Vector left = T * jet.bent(rate, rate) + space.turn_rate(jet.x, way) * way;
-            if (!space.charted()) return left;
-            Vector at_chosen(space.m);
-            for (int j = 0; j < space.m; ++j) at_chosen[j] = left[space.chosen[j]];
-            left -= own * at_chosen;
-            return left;
-        };
-        Vector u(space.m);
-        for (int j = 0; j < space.m; ++j) u[j] = ydot[space.inputs[j]];
-        const Vector bend = bent(u);
-        for (int i = 0; i < space.nv; ++i) {
-            point.g()[space.iv[i]] = bend[i];
-            for (int j = 0; j < space.m; ++j) point.G()[space.iv[i] * l.m + space.inputs[j]] = own(i, j);
-        }
-        if (l.m > 1) return;
-        const Vector once = bent(Vector::Ones(1));
-        for (int i = 0; i < space.nv; ++i) point.curvature()[space.iv[i]] = once[i];
-    }
-
     // q, G and g of the whole from the clusters' points.
     void product(const std::vector<JetPtr>& jets, const Layout& l, const double* y, const double* ydot,
                  Point& point) {
@@ -147,28 +96,7 @@ struct Clusters::Inside {
         std::fill(G, G + static_cast<std::ptrdiff_t>(l.nv) * l.m, 0.0);
         std::fill(g, g + l.nv, 0.0);
         if (l.m == 1) std::fill(point.curvature(), point.curvature() + l.nv, 0.0);
-        for (std::size_t c = 0; c < spaces.size(); ++c) {
-            Space& space = *spaces[c];
-            const Jet& jet = *jets[c];
-            if (!space.flat) {
-                turned(space, jet, ydot, l, point);
-                continue;
-            }
-            Vector rate(space.m);
-            for (int j = 0; j < space.m; ++j) rate[j] = ydot[space.inputs[j]] / space.D[space.chosen[j]];
-            const Vector bend = jet.bent(rate, rate);
-            for (int i = 0; i < space.nv; ++i) {
-                const int v = space.iv[i];
-                q[space.iq[i]] = space.D[i] * jet.x[i];
-                g[v] = space.D[i] * bend[i];
-                for (int j = 0; j < space.m; ++j)
-                    G[v * l.m + space.inputs[j]] = space.D[i] * jet.J(i, j) / space.D[space.chosen[j]];
-                if (l.m == 1) {
-                    const double unit = space.D[space.chosen[0]];
-                    point.curvature()[v] = space.D[i] * jet.bend(i, 0) / (unit * unit);
-                }
-            }
-        }
+        for (std::size_t c = 0; c < spaces.size(); ++c) add_share(*spaces[c], *jets[c], ydot, l, point);
         for (int j = 0; j < l.m; ++j) {
             const int v = independent[j];
             point.y()[j] = y[j], point.ydot()[j] = ydot[j];

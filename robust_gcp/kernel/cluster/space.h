@@ -8,25 +8,18 @@
 #include <utility>
 #include <vector>
 
+#include "cluster/outcomes.h"
 #include "linalg/dense.h"
 #include "abi.h"
 #include "tree/chain.h"
 #include "constraint/closures.h"
 #include "tree/groups.h"
+#include "tree/parts.h"
 #include "linalg/lu.h"
 
 namespace rg {
 
 using Chart = std::shared_ptr<const Matrix>;  // C (nv, m): y = Cᵀ x
-
-// Newton left the mode; a smaller step may help.
-struct Lost {};
-// No certified bridge exists here; a shorter one may.
-struct NoBridge {
-    bool tangential = false;  // the modes part at higher than second order
-};
-// A place that Python has to judge.
-struct Stop {};
 
 class Space {
   public:
@@ -47,7 +40,7 @@ class Space {
           flat(c.loops->nq == nv && !turning(*c.loops)), phi_size(c.phi_size), iq(c.iq, c.iq + c.loops->nq), iv(c.iv, c.iv + nv), chosen(c.loops->independent, c.loops->independent + m),
           inputs(c.inputs, c.inputs + m), D(Eigen::Map<const Vector>(c.loops->scale, nv)),
           balance(Eigen::Map<const Vector>(c.balance, nv)),
-          chart(std::make_shared<Matrix>(picking(nv, chosen))), lu(nv), chain_(*c.loops), closures_(*c.loops, chain_, whole(*c.loops, chain_)),
+          chart(std::make_shared<Matrix>(picking(nv, chosen))), lu(nv), chain_(*c.loops), closures_(*c.loops, chain_, all_of(*c.loops, chain_)),
           rotates_(c.rotates, c.rotates + nv), periodic_(c.periodic, c.periodic + nv),
           reference_(Vector::Zero(c.loops->nq)), q_(c.loops->nq), v_(nv), placed_(Vector::Constant(nv, std::nan(""))), rate_(closures_.entries.size() + 1) {
         for (const int i : chosen)
@@ -223,15 +216,6 @@ class Space {
             jacobian(*apex + (0.5 + 0.5 * PLACES[i]) * away, K);
             phi += 0.5 * WEIGHTS[i] * (K * away);
         }
-    }
-
-    // All joints and closures of the cluster.
-    static Part whole(const Description& d, const Chain& chain) {
-        Part part;
-        part.joints = chain.all;
-        for (int i = 0; i < d.closures; ++i) part.closures.push_back(i);
-        for (int i = 0; i < d.couplings; ++i) part.couplings.push_back(i);
-        return part;
     }
 
     void place(const Vector& x) {

@@ -209,8 +209,8 @@ class Derivation {
         const double needed = std::max(s.zone, std::min(POOR, PACE * point.turn));
         if (!(point.conditioning() >= needed)) return ZONE;
         // on which side of a singular place K_d is, a series does not tell: the end of the step will
-        const bool same = anchor.by_modes || point.by_modes ? path_.near_prediction(point)
-                                                            : path_.same_branch(anchor, point);
+        const bool same = anchor.by_modes || point.by_modes ? near_prediction(point, path_.layout.blocks)
+                                                            : same_branch(anchor, point, path_.layout.blocks);
         return same ? DONE : BRANCH;
     }
 

@@ -1,4 +1,4 @@
-// The regular path: prediction, Newton, G and g with K_d factorised once, the test of the branch.
+// The regular path: prediction, Newton, G and g with K_d factorised once.
 // The same steps as regular_path.py and march.py, whose docstrings say why; constants come from there.
 #pragma once
 
@@ -12,6 +12,7 @@
 #include "linalg/cells.h"
 #include "tree/chain.h"
 #include "tree/groups.h"
+#include "path/branch.h"
 #include "path/loops.h"
 #include "path/modes.h"
 #include "path/on_groups.h"
@@ -19,9 +20,6 @@
 #include "path/point.h"
 
 namespace rg {
-
-constexpr double DETERMINANT_RATIO = 2.5, POOR = 0.3, CORRECTION = 0.25, ROUNDING = 1e-12,
-                 FARTHEST = 0.5, PACE = 3.0;
 
 class Path {
   public:
@@ -156,31 +154,6 @@ class Path {
             for (int i = 0; i < b.count; ++i) worst = std::max(worst, std::fabs(w[i] * size_[b.first + i]));
         }
         return worst;
-    }
-
-    // Whether Newton ended near enough to the prediction.
-    bool near_prediction(Point& after) const {
-        if (layout.blocks == 0) return true;
-        const double beyond = after.correction - CORRECTION * after.distance;
-        return !(after.turn > FARTHEST) && !(beyond > 0.0 && beyond * std::max(after.conditioning(), 1e-12) > ROUNDING);
-    }
-
-    // Whether Newton, started from the prediction, stayed on the branch of `before`.
-    bool same_branch(Point& before, Point& after) const {
-        const int n = layout.blocks;
-        if (!near_prediction(after)) return false;
-        const double conditioning = after.conditioning();
-        const double *a = before.det(), *b = after.det();
-        int changed = 0;  // of all blocks at once, as vectors: none is left early
-        for (int i = 0; i < n; ++i) changed |= !(a[i] * b[i] > 0.0);
-        if (changed) return false;
-        if (conditioning >= POOR && before.conditioning() >= POOR) return true;
-        for (int i = 0; i < n; ++i) {
-            if (std::min(before.rcond()[i], after.rcond()[i]) >= POOR) continue;
-            const double ratio = b[i] / a[i];
-            if (!(1.0 / DETERMINANT_RATIO < ratio && ratio < DETERMINANT_RATIO)) return false;
-        }
-        return true;
     }
 
     // All placements and, for v = G at m = 1, all velocities and accelerations at q̈ = 0.

@@ -66,7 +66,7 @@ class Evaluator {
         if (r.bridging == nullptr) return point.conditioning() >= r.zone ? DONE : ZONE;
         const double needed = std::max(r.zone, std::min(POOR, PACE * point.turn));
         if (!(point.conditioning() >= needed)) return ZONE;
-        return path.same_branch(*anchor_, point) ? DONE : BRANCH;
+        return same_branch(*anchor_, point, path.layout.blocks) ? DONE : BRANCH;
     }
 
     // New charts about the accepted point; those in loops stay where one of these is on a bridge.

@@ -28,6 +28,15 @@ struct Part {
     int count() const { return static_cast<int>(inputs.size()); }
 };
 
+// All joints and closures, as one.
+inline Part all_of(const Description& d, const Chain& chain) {
+    Part part;
+    part.joints = chain.all;
+    for (int i = 0; i < d.closures; ++i) part.closures.push_back(i);
+    for (int i = 0; i < d.couplings; ++i) part.couplings.push_back(i);
+    return part;
+}
+
 // Parts, carriers first. Joints of a closure lie on its two paths below their lowest common ancestor; parts
 // that share a joint are one, and so are those between which couplings would leave a part with two roots.
 class Parts {

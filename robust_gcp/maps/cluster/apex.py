@@ -8,6 +8,7 @@ import numpy as np
 
 from ...mechanism.tree import Array
 from .jet import Jet
+from .obstacles import APEX
 from .place import place
 from .space import ClusterSpace
 
@@ -59,9 +60,14 @@ def apart(one: Jet, other: Jet) -> float:
     return float(np.linalg.norm(T - own @ (own.T @ T), 2))
 
 
-def rounding(space: ClusterSpace, distance: float) -> float:
-    """What rounding leaves uncertain of G at this distance from a singular place without a bridge.
+def rounding(points: Iterable[Jet]) -> tuple[float, float]:
+    """What rounding leaves uncertain of G beside singular places without a bridge, and the least distance.
 
     x is known to ε/δ, and G changes within δ. Relative to an apex φ is known to ε δ.
     """
-    return 2e-15 / distance if isinstance(space, BesideApex) else 1e-16 / distance**2
+    lost, nearest = 0.0, np.inf
+    for here in points:
+        distance = max(here.delta(), APEX)
+        own = 2e-15 / distance if isinstance(here.space, BesideApex) else 1e-16 / distance**2
+        lost, nearest = max(lost, own), min(nearest, distance)
+    return lost, nearest

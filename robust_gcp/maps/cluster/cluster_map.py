@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from ...errors import BranchError, SimulationError
+from ...errors import SimulationError
 from ...mechanism.clusters import LoopCluster
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
@@ -18,13 +18,13 @@ from .apex import rounding
 from .chart import CHANGE, quality
 from .ground import RegularGround
 from .jet import Jet, LostError
-from .obstacles import APEX, Obstacle, ObstacleError
-from .options import BridgeOptions
+from .obstacles import Obstacle, ObstacleError
+from .options import LAST_RESORT, BridgeOptions
 from .passages import passages
 from .plain import read, written
 from .product import chart_coordinates, product
 from .reference import in_charts, is_far
-from .refusal import SMALLER, obstacle_at, refusal, what_stopped
+from .refusal import not_followed, obstacle_at, refusal, too_large, what_stopped
 from .renewal import jet_at, recharted, tracker_at, whole_point
 from .space import space_of
 from .tracker import Tracker
@@ -34,13 +34,6 @@ ONE_TURN = 2.0 * np.pi
 
 LEFT_OPEN = 1e-9
 """max |φ| / length that rows may keep which depend on the others: the rounding of a model's numbers."""
-
-LAST_RESORT = 2e-2
-"""Share of the best chart's quality below which a motion that is followed with error control stops."""
-
-PRESCRIBED = 3e-5
-"""The same where all coordinates move as prescribed, so that nothing is integrated in them: that they
-determine the others to ten digits is enough."""
 
 
 class ClusterMap(Charted):
@@ -132,13 +125,8 @@ class ClusterMap(Charted):
 
     def rounding(self) -> tuple[float, float]:
         """What rounding leaves uncertain of G beside singular places without a bridge, and their distance."""
-        lost, nearest = 0.0, np.inf
-        for tracker in self._known_trackers() if self._in_zone else []:
-            if tracker.current is None:
-                near = max(tracker.anchor.delta(), APEX)
-                nearest = min(nearest, near)
-                lost = max(lost, rounding(tracker.space, near))
-        return lost, nearest
+        trackers = self._known_trackers() if self._in_zone else []
+        return rounding(tracker.anchor for tracker in trackers if tracker.current is None)
 
     def beside_apex(self, mechanism: Mechanism) -> tuple[RegularPath, Point, Mapping[int, Tracker]] | None:
         """Where the map is, in the coordinates of `mechanism`; None but beside the apex of a cone."""
@@ -180,13 +168,12 @@ class ClusterMap(Charted):
             if c.index in known:
                 self._trackers.append(known[c.index].twin())
             elif old is None or not old[c.index].space.flat:
-                self._trackers.append(self._tracker(c, anchor, None if old is None else old[c.index]))
+                before = None if old is None else old[c.index]
+                made = tracker_at(self.mechanism, c, anchor, self.options, self.counters, before)
+                self._trackers.append(made)
             else:
                 old[c.index].place_at(jet_at(self.mechanism, c, anchor, self.counters))
                 self._trackers.append(old[c.index])
-
-    def _tracker(self, cluster: LoopCluster, anchor: Point, before: Tracker | None) -> Tracker:
-        return tracker_at(self.mechanism, cluster, anchor, self.options, self.counters, before)
 
     def renewed(self, point: Point) -> Point:
         """See `ExplicitMap.renewed`; not on a bridge, which is in coordinates of its own."""
@@ -200,7 +187,8 @@ class ClusterMap(Charted):
             cluster = tracker.space.cluster
             if in_charts(self.mechanism, cluster) or is_far(tracker.anchor):
                 assert self._trackers is not None
-                self._trackers[cluster.index] = self._tracker(cluster, new, tracker)
+                made = tracker_at(self.mechanism, cluster, new, self.options, self.counters, tracker)
+                self._trackers[cluster.index] = made
         return new
 
     def outgrown(self, point: Point) -> bool:
@@ -213,12 +201,7 @@ class ClusterMap(Charted):
         if not self._in_zone:
             turn = self.path.turn(self.anchor.G @ (y - self.anchor.y))
             if turn > ONE_TURN:
-                raise BranchError(
-                    f"from y = {self.anchor.y} to {y} the stepper moves a joint by {turn:.3g} rad (or "
-                    "lengths) at once, more than a turn, in which no branch can be followed: the step is too "
-                    f"large for this motion, or the motion has become unstable; {SMALLER}",
-                    self.anchor.y,
-                )
+                raise too_large(self.anchor, y, turn)
             self._enter(self.anchor, {})
         trackers = self._known_trackers()
         jets = [self._tracked(c, t, y) for c, t in zip(self.clusters, trackers, strict=True)]
@@ -278,8 +261,7 @@ class ClusterMap(Charted):
             obstacle = obstacle_at(tracker)
             if obstacle is not None:
                 return refusal(self.mechanism, cluster, obstacle, self.anchor)
-        words = "the motion could not be followed with error control"
-        return BranchError(f"at y = {self.anchor.y}: {words}; {SMALLER}", self.anchor.y)
+        return not_followed(self.anchor)
 
     # --------------------------------------------------------------------- for the compiled kernel
 

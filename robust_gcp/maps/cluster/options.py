@@ -10,6 +10,13 @@ import numpy as np
 from ...checks import check_between, check_number, check_positive, listed
 from ...errors import OptionError, SimulationError
 
+LAST_RESORT = 2e-2
+"""Share of the best chart's quality below which a motion that is followed with error control stops."""
+
+PRESCRIBED = 3e-5
+"""The same where all coordinates move as prescribed, so that nothing is integrated in them: that they
+determine the others to ten digits is enough."""
+
 REACH_OF_ZONE = 5.0
 """Distance to the singular set, rad, of a zone of unit conditioning: 0.25 for a zone of 0.05."""
 

@@ -8,6 +8,7 @@ from ...errors import BranchError, NotCertifiedError, SimulationError, ToggleErr
 from ...mechanism.clusters import LoopCluster
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.partition import spelled
+from ...mechanism.tree import Array
 from ..march import POOR
 from ..point import Point
 from .chart import quality
@@ -71,3 +72,19 @@ def refusal(mechanism: Mechanism, cluster: LoopCluster, obstacle: Obstacle, here
         here.y,
         **figures,
     )
+
+
+def too_large(anchor: Point, y: Array, turn: float) -> BranchError:
+    """That a stepper goes so far at once that no branch can be followed."""
+    return BranchError(
+        f"from y = {anchor.y} to {y} the stepper moves a joint by {turn:.3g} rad (or lengths) at once, more "
+        "than a turn, in which no branch can be followed: the step is too large for this motion, or the "
+        f"motion has become unstable; {SMALLER}",
+        anchor.y,
+    )
+
+
+def not_followed(here: Point) -> BranchError:
+    """That error control did not help, where no obstacle says why."""
+    words = "the motion could not be followed with error control"
+    return BranchError(f"at y = {here.y}: {words}; {SMALLER}", here.y)
