@@ -26,7 +26,7 @@ MOST_RUNS = 4
 
 PARTS = Path(__file__).parent / "page"
 
-SCENE = ("trail", "mesh", "drawing", "scene", "surroundings")
+SCENE = ("trail", "mesh", "motion", "drawing", "scene", "surroundings", "labels")
 """Scripts of the scene, each using those before it."""
 
 

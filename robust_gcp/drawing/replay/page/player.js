@@ -1,5 +1,5 @@
 "use strict";
-// Play, pause, scrub, speed; labels; keys; the address's fragment.
+// Play, pause, scrub, speed; keys; the address's fragment.
 
 (() => {
   const $ = (id) => document.getElementById(id);
@@ -22,6 +22,7 @@
     .flatMap((run, i) => run.crossings.map((crossing, k) => ({ ...crossing, run: i, index: k })))
     .sort((a, b) => a.time - b.time);
   crossings.forEach((crossing, i) => { crossing.number = i + 1; });
+  const labels = new Labels(scene, data, crossings, spell);
 
   function nearest() {
     let best = null;
@@ -65,98 +66,6 @@
       ticks.append(name);
       free = x + half;
     }
-  }
-
-  // ------------------------------------------------------------------ labels in the scene
-
-  const marks = scene.drawings.flatMap((drawing, i) => drawing.marks.map((mark) => {
-    const label = document.createElement("div");
-    label.className = "mark";
-    $("labels").append(label);
-    const members = mark.members.map((k) => crossings.find((c) => c.run === i && c.index === k));
-    if (many) label.style.borderColor = RUN_COLOURS[i];
-    return { ...mark, drawing, label, members, run: i };
-  }));
-  const leaders = document.createElementNS("http://www.w3.org/2000/svg", "svg");
-  $("labels").prepend(leaders);
-
-  function draw_labels() {
-    const shown = $("show-labels").checked, now = nearest();
-    const width = $("pane").clientWidth, height = $("pane").clientHeight;
-    leaders.replaceChildren();
-    const placed = [], views = scene.views();
-    draw_captions(views, width, height);
-    for (const mark of marks) {
-      mark.label.hidden = !shown;
-      mark.ring.visible = shown;
-      if (!shown) continue;
-      const active = now !== null && mark.members.includes(now);
-      const numbers = mark.members.map((c) => c.number);
-      const some = numbers.length > 6 ? [...numbers.slice(0, 5), "…"] : numbers;
-      const whose = many && !scene.side_by_side ? `${data.runs[mark.run].label}: ` : "";
-      const text = active ? `${now.number}: ${whose}t = ${spell(now.time)} s\n${now.y}, ${now.kind}` : whose + some.join(" · ");
-      if (mark.label.textContent !== text) mark.label.textContent = text;
-      mark.label.classList.toggle("now", active);
-      const tile = views.find((view) => view.shown.includes(mark.drawing));
-      const at = scene.project(mark.at, tile), rim = scene.project(mark.rim, tile);
-      const gap = 6 + Math.hypot(rim.x - at.x, rim.y - at.y);
-      placed.push({ mark, tile, ...at, gap, w: mark.label.offsetWidth, h: mark.label.offsetHeight });
-    }
-    // Each label above its mark, then pushed clear of those already set, inside its own view.
-    const boxes = obstacles();
-    placed.sort((a, b) => a.y - b.y || a.x - b.x);
-    for (const { mark, tile, x, y, gap, w, h } of placed) {
-      const low = tile.x + 4, top = height - tile.y - tile.h + 4;
-      const left = Math.min(Math.max(x - w / 2, low), Math.max(low, tile.x + tile.w - w - 4));
-      const options = [];
-      for (let k = 0; k < 12; k++) options.push(y - gap - h - 4 * k, y + gap + 4 * k);
-      const clear = (b) => b >= top && b + h <= top + tile.h - 8
-        && boxes.every((o) => left >= o.x + o.w + 3 || left + w + 3 <= o.x || b >= o.y + o.h + 3 || b + h + 3 <= o.y);
-      const b = options.find(clear);
-      mark.label.style.visibility = b === undefined ? "hidden" : "visible";
-      if (b === undefined) continue;
-      boxes.push({ x: left, y: b, w, h });
-      mark.label.style.transform = `translate(${left}px, ${b}px)`;
-      const line = document.createElementNS("http://www.w3.org/2000/svg", "line");
-      const ends = { x1: x, y1: b > y ? y + gap - 6 : y - gap + 6, x2: Math.min(Math.max(x, left + 6), left + w - 6), y2: b > y ? b : b + h };
-      for (const [name, value] of Object.entries(ends)) line.setAttribute(name, value);
-      leaders.append(line);
-    }
-  }
-
-  function obstacles() {
-    const pane = $("pane").getBoundingClientRect();
-    return [$("view-buttons"), ...captions].map((element) => {
-      const box = element.getBoundingClientRect();
-      return { x: box.left - pane.left, y: box.top - pane.top, w: box.width, h: box.height };
-    });
-  }
-
-  const captions = scene.side_by_side ? data.runs.map((run) => {
-    const caption = document.createElement("div");
-    caption.className = "caption";
-    caption.textContent = run.label;
-    $("labels").append(caption);
-    return caption;
-  }) : [];
-  const dividers = captions.slice(1).map(() => {
-    const divider = document.createElement("div");
-    divider.className = "divider";
-    $("labels").append(divider);
-    return divider;
-  });
-
-  function draw_captions(views, width, height) {
-    captions.forEach((caption, i) => {
-      const { x, y, w, h } = views[i], top = height - y - h;
-      caption.style.left = `${x + 10}px`;
-      caption.style.top = `${top + 8}px`;
-      caption.style.color = RUN_COLOURS[i];
-      if (i === 0) return;
-      const wide = views[0].y === y;
-      const box = wide ? [x, 0, 1, height] : [0, top, width, 1];
-      ["left", "top", "width", "height"].forEach((name, k) => { dividers[i - 1].style[name] = `${box[k]}px`; });
-    });
   }
 
   function draw_legend() {
@@ -222,7 +131,7 @@
     if (!scene.dirty) return;
     scene.draw();
     show_scale();
-    draw_labels();
+    labels.draw($("show-labels").checked, nearest());
     show_time();
   }
 
