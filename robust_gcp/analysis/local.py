@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from typing import Literal
 
@@ -121,11 +122,7 @@ def analyse(mechanism: ClosedLoops, q: ArrayLike, rank_tolerance: float = RANK) 
     left = U[:, rank:]
 
     def answer(
-        kind: Kind,
-        generic: int,
-        modes: tuple[Array, ...],
-        message: str,
-        forms: tuple[Array, ...] = (),
+        kind: Kind, generic: int, modes: tuple[Array, ...], message: str, forms: tuple[Array, ...] = ()
     ) -> LocalAnalysis:
         unscaled_left = orthonormal(left / mechanism.row_scale[:, None])
         return LocalAnalysis(q, kind, rank, generic, s, kernel, unscaled_left, forms, modes, message)
@@ -155,10 +152,7 @@ def analyse(mechanism: ClosedLoops, q: ArrayLike, rank_tolerance: float = RANK) 
     decoupled = rank_two_forms(forms)
     forms = forms if decoupled is None else decoupled
     if decoupled or len(forms) == 1:
-
-        def moves(T: Array, conditions: int) -> bool:
-            return _seen_to_move(mechanism, q, kernel @ T, rank + conditions, rank_tolerance)
-
+        moves = partial(_seen_to_move, mechanism, q, kernel, rank, rank_tolerance)
         kind, modes, words = _factored(forms, kernel, moves)
     else:
         kind, modes, words = _coupled(forms, kernel)
@@ -166,10 +160,10 @@ def analyse(mechanism: ClosedLoops, q: ArrayLike, rank_tolerance: float = RANK) 
         generic = rank + kernel.shape[1] - min(_dimension(mode) for mode in modes)
     if modes and flat.shape[1]:
         # what second order leaves flat must be redundant along every mode
-        nearby = [rank_along(mechanism, q, t.reshape(len(kernel), -1), rank_tolerance) for t in modes]
-        if any(found > generic for found in nearby):
-            words = f"rank {max(nearby)} nearby, of which second order explains {generic} only"
-            return answer("not certified", max(nearby), (), words, tuple(forms))
+        nearby = max(rank_along(mechanism, q, t.reshape(len(kernel), -1), rank_tolerance) for t in modes)
+        if nearby > generic:
+            words = f"rank {nearby} nearby, of which second order explains {generic} only"
+            return answer("not certified", nearby, (), words, tuple(forms))
     if modes and kind == "singular":
         sizes = " and ".join(str(m) for m in sorted({_dimension(mode) for mode in modes}))
         words = f"rank {rank} against {generic} nearby: {len(modes)} modes of dimension {sizes} meet here"
@@ -232,8 +226,11 @@ def _factored(
     return "singular", tuple(modes), "no direction passes second order: an isolated point"
 
 
-def _seen_to_move(mechanism: ClosedLoops, q: Array, ways: Array, expected: int, tolerance: float) -> bool:
-    """Whether the loops close a little way along each column of `ways`, forth and back, at that rank."""
+def _seen_to_move(
+    mechanism: ClosedLoops, q: Array, kernel: Array, rank: int, tolerance: float, T: Array, conditions: int
+) -> bool:
+    """Whether the loops close a little way along each column of N T, forth and back, with rank above K's."""
+    ways, expected = kernel @ T, rank + conditions
     both = np.hstack([ways, -ways])
     return all(rank_along(mechanism, q, way[:, None], tolerance) == expected for way in both.T)
 

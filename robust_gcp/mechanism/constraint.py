@@ -97,27 +97,35 @@ class ImplicitConstraint:
         self._entry_column = np.array(columns_at, dtype=np.int64)
         self._entry_weight = np.array(weights)
         self._entry_at = (self._entry_wrench % max(n, 1)) * tree.nv + self._entry_column
-        # k: velocities and accelerations of the frames from those of their joints, in frame axes
-        self._joint = np.array(joints, dtype=np.int64)
-        self._carried = np.zeros((len(joints), tree.nv))
-        for point, joint in enumerate(joints):
-            self._carried[point, support(tree.model, joint)] = 1.0
-        self._to_frame = np.array([_point_motion(frame) for frame in frames]).reshape(-1, 3, 6)
-        self._turn = np.array([frame.placement.rotation.T for frame in frames]).reshape(-1, 3, 3)
+        self._read_motion(frames)
         self._rotation = RotationRows(self.rows, layout.rows, loops) if np.any(axis == ROTATION) else None
         self._along = RowsAlong(self.rows, layout.rows, loops) if np.any(axis == ALONG) else None
         self._coupled = np.flatnonzero(closure < 0)
         self._coupling: Couplings | None = None
         if len(self._coupled):
             which = self.rows[self._coupled] - (len(layout.labels) - len(couplings))
-            self._coupling = Couplings(tree.joints, [couplings[int(i)] for i in which])
-            self._coupled_at = self._coupled[:, None] * tree.nv + self._coupling.iv
-            self._coupled_weight = self._weight[self._coupled, None] * columns[self._coupling.iv]
-            self._further = [
-                (int(self._coupled[i]) * tree.nv + iv, -value * self._weight[self._coupled[i]] * columns[iv])
-                for i, _, iv, value in self._coupling.further
-            ]
+            self._couple(Couplings(tree.joints, [couplings[int(i)] for i in which]), columns)
         self._plain = len(self._position) == n
+
+    def _read_motion(self, frames: Sequence[pin.Frame]) -> None:
+        """For k: velocities and accelerations of the frames from those of their joints, in frame axes."""
+        self._joint = np.array([int(frame.parentJoint) for frame in frames], dtype=np.int64)
+        self._carried = np.zeros((len(frames), self._tree.nv))
+        for point, joint in enumerate(self._joint.tolist()):
+            self._carried[point, support(self._tree.model, joint)] = 1.0
+        self._to_frame = np.array([_point_motion(frame) for frame in frames]).reshape(-1, 3, 6)
+        self._turn = np.array([frame.placement.rotation.T for frame in frames]).reshape(-1, 3, 3)
+
+    def _couple(self, coupling: Couplings, columns: Array) -> None:
+        """Where the entries of couplings are in K, and what they are multiplied by."""
+        nv, weight = self._tree.nv, self._weight[self._coupled]
+        self._coupling = coupling
+        self._coupled_at = self._coupled[:, None] * nv + coupling.iv
+        self._coupled_weight = weight[:, None] * columns[coupling.iv]
+        self._further = [
+            (int(self._coupled[i]) * nv + iv, -value * weight[i] * columns[iv])
+            for i, _, iv, value in coupling.further
+        ]
 
     def residual(self) -> Array:
         """φ at the tree's present placements, (nc,), m and rad (or scaled); a new array."""

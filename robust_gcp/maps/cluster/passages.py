@@ -128,6 +128,22 @@ def between(a: Point, b: Point, stretch: Stretch, time: float, mechanism: Mechan
     return np.array(mechanism.tree.integrate(a.q, way))
 
 
+def _sharpened(
+    roots: Callable[[float], tuple[Array, Array]], t: float, stretch: Stretch
+) -> tuple[float, float]:
+    """A time of the motion at which K is singular, from one near it, and the last step towards it."""
+    step, h = np.inf, stretch.t1 - stretch.t0
+    for _ in range(10):
+        mu, _ = roots(t)
+        if not len(mu):
+            break
+        step = float(mu[np.argmin(np.abs(mu))])
+        t += step
+        if not stretch.t0 - 0.6 * h <= t <= stretch.t1 + 0.6 * h or abs(step) < 1e-11 * h:
+            break
+    return t, step
+
+
 def _on_patch(
     tracker: Tracker,
     patch: Patch[Tracker],
@@ -167,15 +183,7 @@ def _on_patch(
         for start in starts:
             if not stretch.t0 - 0.5 * h <= start <= stretch.t1 + 0.5 * h:
                 continue
-            t, step = float(start), np.inf
-            for _ in range(10):
-                mu, _ = roots(t)
-                if not len(mu):
-                    break
-                step = float(mu[np.argmin(np.abs(mu))])
-                t += step
-                if not stretch.t0 - 0.6 * h <= t <= stretch.t1 + 0.6 * h or abs(step) < 1e-11 * h:
-                    break
+            t, step = _sharpened(roots, float(start), stretch)
             new = not any(abs(t - known) < SAME * h for known in met)
             if abs(step) < 1e-8 * h and stretch.t0 < t <= stretch.t1 and new:
                 met.append(t)
