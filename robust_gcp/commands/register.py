@@ -96,6 +96,10 @@ def add_commands(parser: argparse.ArgumentParser, commands: Sequence[Command]) -
         subparsers.add_parser(command.name, command=command, help=command.help, description=command.help)
 
 
+LONG = 6
+"""Lines of a command's usage above which its options are left to the list of them."""
+
+
 class LateParser(argparse.ArgumentParser):
     """A subcommand's parser, empty until words reach it: then its module is imported and fills it."""
 
@@ -112,5 +116,8 @@ class LateParser(argparse.ArgumentParser):
             module = importlib.import_module(command.module, __package__.rpartition(".")[0])
             arguments = Arguments(self)
             module.arguments(arguments)
+            if len(self.format_usage().splitlines()) > LONG:
+                words = (str(a.metavar or a.dest) for a in self._get_positional_actions())
+                self.usage = " ".join(["%(prog)s", "[options]", *words])
             self.set_defaults(check=arguments.check, run=module.run)
         return super().parse_known_args(args, namespace)

@@ -68,7 +68,9 @@ def test_words_that_are_not_understood_exit_with_2(given: list[str], capsys: Cap
     with pytest.raises(SystemExit) as exit:
         main(given)
     assert exit.value.code == 2
-    assert "robust-gcp" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "robust-gcp" in told
+    assert len(told.splitlines()) <= 4  # the usage does not bury what is wrong
 
 
 # --------------------------------------------------------------------------- simulate
