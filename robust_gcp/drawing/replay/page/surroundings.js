@@ -69,13 +69,20 @@ function round_length(least) {
 function recording(canvas, name) {
   if (!window.MediaRecorder || !canvas.captureStream) return null;
   const parts = [], recorder = new MediaRecorder(canvas.captureStream(30), { mimeType: "video/webm" });
+  const begun = new Promise((resolve) => {
+    recorder.addEventListener("dataavailable", (event) => {
+      parts.push(event.data);
+      if (event.data.size > 0) resolve();
+    });
+    setTimeout(resolve, 20000);
+  });
   const done = new Promise((resolve) => {
-    recorder.addEventListener("dataavailable", (event) => parts.push(event.data));
     recorder.addEventListener("stop", () => resolve(new Blob(parts, { type: "video/webm" })));
   });
   recorder.start(100);
   return {
     async stop() {
+      await begun; // stopped before its first picture is encoded the film would be empty
       recorder.stop();
       const link = document.createElement("a");
       const made = await done;
