@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import ModelError
+from ..mechanism.joints import along
 from ..mechanism.tree import Array
 
 FREE, BALL, SLIDE, HINGE = range(4)
@@ -17,11 +18,6 @@ LIMITS_OFF, GRAVITY_OFF = 1 << 3, 1 << 7
 
 RESERVED = ("universe", "world")
 ROOT_JOINT = "root_joint"
-ALIGNED = {
-    SLIDE: (pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ),
-    HINGE: (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ),
-}
-UNALIGNED = {SLIDE: pin.JointModelPrismaticUnaligned, HINGE: pin.JointModelRevoluteUnaligned}
 
 
 class CompiledTree:
@@ -141,7 +137,7 @@ class CompiledTree:
                     anchor.rotation = anchor.rotation @ pin.exp3(-start[0] * axis)
                 elif kind == SLIDE:
                     anchor.translation = anchor.act(-start[0] * axis)
-                made = pin.JointModelSpherical() if kind == BALL else _along(int(kind), axis)
+                made = pin.JointModelSpherical() if kind == BALL else along("PR"[kind - SLIDE], axis)
                 limits = m.jnt_range[j] if m.jnt_limited[j] and kind != BALL else None
                 joint, place = self._add_joint(joint, made, anchor, self.joints[j], limits)
                 place.translation = -at
@@ -174,14 +170,6 @@ def _pose(position: Array, quaternion: Sequence[float]) -> pin.SE3:
     """A placement of MuJoCo's, quaternions with their scalar first."""
     turn = pin.Quaternion(*map(float, quaternion)).normalized()
     return pin.SE3(turn.toRotationMatrix(), np.array(position))
-
-
-def _along(kind: int, axis: Array) -> Any:
-    """A joint along an axis: the simplest there is."""
-    for unit, along in zip(np.eye(3), ALIGNED[kind], strict=True):
-        if np.array_equal(axis, unit):
-            return along()
-    return UNALIGNED[kind](axis.copy())
 
 
 def _named(given: list[str], wanted: list[str]) -> list[str]:

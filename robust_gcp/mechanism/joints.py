@@ -272,6 +272,14 @@ def _components(joint: Any, name: str, iq: int, iv: int) -> list[Component]:
     return made
 
 
+def along(letter: str, axis: Array) -> pin.JointModel:
+    """Pinocchio's joint of a hinge ("R") or slide ("P") along a unit vector: the simplest there is."""
+    for unit, name in zip(np.eye(3), _XYZ, strict=True):
+        if np.array_equal(axis, unit):
+            return getattr(pin, f"JointModel{letter}{name}")()
+    return {"R": pin.JointModelRevoluteUnaligned, "P": pin.JointModelPrismaticUnaligned}[letter](axis.copy())
+
+
 def _axis(model: pin.Model, joint: pin.JointModel) -> Array:
     """From the motion subspace, which is constant in the joint's frame."""
     data = joint.createData()
