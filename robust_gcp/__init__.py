@@ -37,7 +37,14 @@ from .kernel import Backend, NativeBuildWarning, backends
 from .maps.classical import SingularityWarning
 from .maps.cluster.options import BridgeOptions
 from .maps.explicit import Crossing
-from .mechanism.closures import Closure, FrameClosure, PointClosure, PrismaticClosure, RevoluteClosure
+from .mechanism.closures import (
+    Closure,
+    FrameClosure,
+    PointClosure,
+    PrismaticClosure,
+    RevoluteClosure,
+    UniversalClosure,
+)
 from .mechanism.couplings import CouplingClosure
 from .mechanism.forces import Force, JointDamper, JointSpring, JointTorque, PointSpring
 from .mechanism.mechanism import Mechanism
@@ -159,6 +166,7 @@ __all__ = [
     "Tableau",
     "ToggleError",
     "Trajectory",
+    "UniversalClosure",
     "Wrench",
     "analyse",
     "backends",

@@ -10,16 +10,16 @@ from .mjcf import read_mjcf
 from .text_file import files_in, is_file, is_link
 from .urdf import read_urdf
 from .urdf_loops import open_ends
+from .usd import read_usd
 from .xml_text import parsed_xml
 
-READERS = (".urdf", ".xml", ".mjcf")
+USD = (".usda", ".usdc", ".usd")
+READERS = (".urdf", ".xml", ".mjcf", *USD)
 
 UNREAD = {
     ".sdf": "SDF cannot be read; write the robot as URDF, its loops as <loop> or <loop_joint>, or as MJCF",
     ".world": "Gazebo's worlds cannot be read; write the robot as URDF or MJCF",
     ".xacro": "xacro is not expanded; run xacro on the file and load its output",
-    ".usd": "USD cannot be read; write the robot as URDF or MJCF",
-    ".usda": "USD cannot be read; write the robot as URDF or MJCF",
     ".mjb": "compiled models cannot be read; load the MJCF that it was made from",
     ".osim": "OpenSim's models cannot be read; write the mechanism as URDF or MJCF",
 }
@@ -38,6 +38,8 @@ def alone(path: Path, base: str | None, root: str | Path | None = None) -> FileC
     """What a file describes without a robot.yaml; one that only such a file could close is refused."""
     if is_mjcf(path):
         return read_mjcf(path, base, root)
+    if path.suffix in USD:
+        return read_usd(path, base, root)
     contents = read_urdf(path, base)
     ends = open_ends(contents.model) if not contents.closures else []
     if ends:

@@ -2,8 +2,8 @@
 
 Read are `<loop>` and `<coupling>` of URDF+, its earlier `<loop_constraint>` (points held together) and
 `<joint_constraint>` with a gear ratio, `<loop_joint>` of RigidBodyDynamics.jl, Drake's first parser and
-Isaac Sim, `drake:ball_constraint`, the standard's `<mimic>`, and pairs of links that onshape-to-robot names
-`closing_NAME_1` and `closing_NAME_2`, as points held together.
+Isaac Sim, `drake:ball_constraint`, `<constraint>` as proposed for URDF in 2026, the standard's `<mimic>`, and
+pairs of links that onshape-to-robot names `closing_NAME_1` and `closing_NAME_2`, as points held together.
 """
 
 from __future__ import annotations
@@ -11,17 +11,25 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from functools import partial
-from xml.etree.ElementTree import Element
+from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 import pinocchio as pin
 
 from ..checks import hint
 from ..errors import ModelError
-from ..mechanism.closures import Closure, FrameClosure, PointClosure, PrismaticClosure, RevoluteClosure
-from ..mechanism.couplings import AnyClosure, CouplingClosure
+from ..mechanism.closures import (
+    Closure,
+    FrameClosure,
+    PointClosure,
+    PrismaticClosure,
+    RevoluteClosure,
+    UniversalClosure,
+)
+from ..mechanism.couplings import AnyClosure
 from ..mechanism.pin_constraints import close_between
-from .urdf_numbers import number_in, numbers_in
+from .urdf_couplings import coupling, mimic, part
+from .urdf_numbers import numbers_in
 
 LOOP_TAGS = (
     "loop",
@@ -29,6 +37,7 @@ LOOP_TAGS = (
     "loop_constraint",
     "coupling",
     "joint_constraint",
+    "constraint",
     "drake:ball_constraint",
 )
 """Elements below <robot> that tie links together and are read."""
@@ -50,8 +59,8 @@ TREELIKE = ("link", "joint", "material", "transmission", "sensor", "ros2_control
 """Elements below <robot> whose meaning is known, and that tie nothing (a <joint> in <gazebo> does)."""
 
 REMEDY = (
-    "write the loop as <loop>, <loop_joint>, drake:ball_constraint, <coupling> or <mimic>, or list its two "
-    "frames under closed_loop in robot.yaml"
+    "write the loop as <loop>, <loop_joint>, <constraint>, drake:ball_constraint, <coupling> or <mimic>, or "
+    "list its two frames under closed_loop in robot.yaml"
 )
 
 
@@ -94,7 +103,7 @@ def closures_of(root: Element, model: pin.Model, name: str) -> list[AnyClosure]:
         label = element.get("name") or f"{element.tag.replace(':', '_')}_{i}"
         where = f"{name}: <{element.tag}> {label!r}"
         if element.tag == "loop":
-            ends = _part(element, "predecessor", where), _part(element, "successor", where)
+            ends = part(element, "predecessor", where), part(element, "successor", where)
             found.append(_loop(model, element, label, ends, where, "0 0 1"))
         elif element.tag == "loop_joint":
             links = [e for e in element if e.tag in ("link1", "link2")]
@@ -104,17 +113,19 @@ def closures_of(root: Element, model: pin.Model, name: str) -> list[AnyClosure]:
         elif element.tag == "loop_constraint":
             placed = [_with_origin(element, tag, where) for tag in ("parent", "child")]
             found.append(_loop(model, element, label, (placed[0], placed[1]), where, "0 0 1"))
+        elif element.tag == "constraint":
+            found.append(_constraint(model, element, label, where))
         elif element.tag == "drake:ball_constraint":
             found.append(_ball(model, element, label, where))
         elif element.tag == "coupling":
-            found.append(_coupling(root, element, ("predecessor", "successor", "ratio"), where))
+            found.append(coupling(root, element, ("predecessor", "successor", "ratio"), where))
         elif element.tag == "joint_constraint":
-            found.append(_coupling(root, element, ("parent", "child", "gear_ratio"), where))
+            found.append(coupling(root, element, ("parent", "child", "gear_ratio"), where))
     found += _cut_by_name(model)
     for joint in root.findall("joint"):
-        mimic = joint.find("mimic")
-        if mimic is not None and joint.get("type") != "fixed":
-            found.append(_mimic(joint, mimic, name))
+        tag = joint.find("mimic")
+        if tag is not None and joint.get("type") != "fixed":
+            found.append(mimic(joint, tag, name))
     return found
 
 
@@ -142,18 +153,38 @@ def _carrier(model: pin.Model, link: str) -> int:
     return int(model.frames[model.getFrameId(link, pin.FrameType.BODY)].parentJoint)
 
 
-def _part(element: Element, tag: str, where: str) -> Element:
-    part = element.find(tag)
-    if part is None or not part.get("link"):
-        raise ModelError(f"{where} lacks <{tag} link=…>; name the link")
-    return part
-
-
 def _with_origin(element: Element, tag: str, where: str) -> Element:
     """A link of `<loop_constraint>` with the place on it, which stands beside it."""
     origin = element.find(f"{tag}_origin")
     given = {} if origin is None else {key: origin.get(key, "") for key in ("xyz", "rpy") if origin.get(key)}
-    return Element(tag, {"link": _part(element, tag, where).get("link", "")} | given)
+    return Element(tag, {"link": part(element, tag, where).get("link", "")} | given)
+
+
+def _constraint(model: pin.Model, element: Element, label: str, where: str) -> Closure:
+    """A cut joint with a place and an axis on each of its links; `<axis>` alone is that of both.
+
+    The child's place is turned so that its axis has the components of the parent's.
+    """
+    placed = [_with_origin(element, tag, where) for tag in ("parent", "child")]
+    given = element.find("axis")
+    axes = []
+    for tag in ("parent", "child"):
+        axis = element.find(f"{tag}_axis")
+        axis = given if axis is None else axis
+        axes.append(np.array(numbers_in(axis, "xyz", where) if axis is not None else (1.0, 0.0, 0.0)))
+        if not 0.0 < np.linalg.norm(axes[-1]) < np.inf:
+            raise ModelError(f"{where}: its {tag}_axis is no direction; give a vector that is not zero")
+    kind = element.get("type", "")
+    ends = [_place(model, end, where) for end in placed]
+    if kind == "universal":
+        make = partial(UniversalClosure, axis=tuple(axes[0].tolist()), axis2=tuple(axes[1].tolist()))
+        return close_between(model, make, label, (ends[0], ends[1]))
+    if kind in ("revolute", "continuous", "prismatic"):
+        turn = pin.Quaternion.FromTwoVectors(axes[0], axes[1]).toRotationMatrix()
+        ends[1] = (ends[1][0], ends[1][1] * pin.SE3(turn, np.zeros(3)))
+        element = Element(element.tag, element.attrib)
+        SubElement(element, "axis", {"xyz": " ".join(map(repr, axes[0].tolist()))})
+    return _closed(model, element, label, (ends[0], ends[1]), where, "1 0 0")
 
 
 def _loop(
@@ -165,6 +196,19 @@ def _loop(
     default_axis: str,
 ) -> Closure:
     """A cut joint of the element's type between two links."""
+    first, second = (_place(model, end, where) for end in ends)
+    return _closed(model, element, label, (first, second), where, default_axis)
+
+
+def _closed(
+    model: pin.Model,
+    element: Element,
+    label: str,
+    ends: tuple[tuple[int, pin.SE3], tuple[int, pin.SE3]],
+    where: str,
+    default_axis: str,
+) -> Closure:
+    """The same between two places."""
     kind = element.get("type", "spherical" if element.tag == "loop_constraint" else "")
     axis = element.find("axis")
     make: Callable[[str, str], Closure]
@@ -181,8 +225,7 @@ def _loop(
             f"{where} is of type {kind!r}; loops are closed by revolute, continuous, prismatic, spherical "
             "and fixed ones"
         )
-    first, second = (_place(model, end, where) for end in ends)
-    return close_between(model, make, label, (first, second))
+    return close_between(model, make, label, ends)
 
 
 def _ball(model: pin.Model, element: Element, label: str, where: str) -> Closure:
@@ -216,46 +259,3 @@ def _on_link(model: pin.Model, link: str, place: pin.SE3, where: str) -> tuple[i
         raise ModelError(f"{where} names the link {link!r}, which is not there{hint(link, links)}")
     frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
     return int(frame.parentJoint), frame.placement * place
-
-
-def _coupling(root: Element, element: Element, tags: tuple[str, str, str], where: str) -> CouplingClosure:
-    """Σ successors' joints = ratio Σ predecessors' joints, each below the links' nearest common ancestor.
-
-    `tags` are those of the predecessor, the successor and the ratio.
-    """
-    above = {}
-    for joint in root.findall("joint"):
-        child, parent = joint.find("child"), joint.find("parent")
-        if child is not None and parent is not None:
-            above[child.get("link", "")] = (joint, parent.get("link", ""))
-    chains = []
-    for tag in tags[:2]:
-        link = _part(element, tag, where).get("link", "")
-        chain = []
-        while link in above:
-            joint, link = above[link]
-            chain.append(joint)
-        chains.append(chain)
-    common = [joint for joint in chains[0] if joint in chains[1]]
-    before, after = ([j for j in c if j not in common and j.get("type") != "fixed"] for c in chains)
-    if not before or not after:
-        raise ModelError(
-            f"{where} needs a moving joint on either side, below the links' nearest common ancestor"
-        )
-    ratio_element = element.find(tags[2])
-    if ratio_element is None:
-        raise ModelError(f"{where} lacks <{tags[2]} value=…>; give the {tags[1]}'s rate over the {tags[0]}'s")
-    ratio = number_in(ratio_element, "value", where)
-    names = [j.get("name", "") for j in (*after, *before)]
-    further = [(n, -1.0) for n in names[1 : len(after)]] + [(n, ratio) for n in names[len(after) + 1 :]]
-    return CouplingClosure(names[0], names[len(after)], ratio, more=tuple(further))
-
-
-def _mimic(joint: Element, mimic: Element, name: str) -> CouplingClosure:
-    where = f"{name}: joint {joint.get('name')!r}"
-    leader = mimic.get("joint")
-    if not leader:
-        raise ModelError(f"{where}: its <mimic> names no joint; give <mimic joint=…>")
-    multiplier = number_in(mimic, "multiplier", where) if mimic.get("multiplier") is not None else 1.0
-    offset = number_in(mimic, "offset", where) if mimic.get("offset") is not None else 0.0
-    return CouplingClosure(joint.get("name", ""), leader, multiplier, offset)

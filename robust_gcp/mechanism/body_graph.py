@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import ModelError
-from .closures import FrameClosure, PointClosure, PrismaticClosure, RevoluteClosure
+from .closures import FrameClosure, PointClosure, PrismaticClosure, RevoluteClosure, UniversalClosure
 from .contents import STAYS, FileContents, named
 from .forces import Force, JointDamper, JointSpring
 from .joints import along
@@ -87,9 +87,9 @@ def spanned(
 ) -> FileContents:
     """Spanning tree, closures, springs and dampers of a graph of bodies; home is the pose that is drawn.
 
-    In the tree come first the joints that no closure stands for, then the others in their order, those marked
-    `cut` last. A body that no joint leads to from the ground floats, unless `base` is "fixed". With "free"
-    the bodies welded to the ground float.
+    In the tree come first the joints that no closure stands for, then those with springs or dampers, then
+    the others in their order, those marked `cut` last. A body that no joint leads to from the ground floats,
+    unless `base` is "fixed". With "free" the bodies welded to the ground float.
 
     Raises
     ------
@@ -119,7 +119,7 @@ class _Graph:
         self._bodies = {WORLD: Body(WORLD, pin.SE3.Identity())} | {body.name: body for body in bodies}
         self._require_names([body.name for body in bodies], joints)
         self._parts = {body: body for body in self._bodies}
-        order = sorted(joints, key=lambda joint: (joint.cut, joint.kind in _CLOSURES))
+        order = sorted(joints, key=_lateness)
         self._standing: list[str] = []
         if base == "free":
             order = self._freed(order)
@@ -137,7 +137,7 @@ class _Graph:
         for first in [b for b in self._bodies if b not in led] + list(self._bodies):
             if first not in self._places:
                 kind = "fixed" if self._base == "fixed" else "free"
-                label = self._fresh(ROOT_JOINT, contents.model) if kind == "free" else first
+                label = ROOT_JOINT if ROOT_JOINT not in contents.model.names else f"{first}_{ROOT_JOINT}"
                 pose = self._bodies[first].pose
                 start = pose if kind == "fixed" else pin.SE3.Identity()
                 root = BodyJoint(label, kind, WORLD, first, start, pin.SE3.Identity())
@@ -160,7 +160,10 @@ class _Graph:
                 for body, place in ((joint.parent, joint.on_parent), (joint.child, joint.on_child))
             ]
             kind = _CLOSURES[joint.kind]
-            if joint.axes:
+            if joint.kind == "universal":
+                first, second = (tuple(map(float, axis)) for axis in joint.axes)
+                kind = partial(kind, axis=second, axis2=first)
+            elif joint.axes:
                 kind = partial(kind, axis=tuple(map(float, joint.axes[0])))
             contents.closures.append(close_between(contents.model, kind, joint.name, (ends[1], ends[0])))
             if joint.damping or joint.stiffness:
@@ -251,11 +254,10 @@ class _Graph:
         model.addFrame(pin.Frame(far, *self._places[far], pin.FrameType.BODY), False)
         contents.forces += _forces(joint)
 
-    @staticmethod
-    def _fresh(wanted: str, model: pin.Model) -> str:
-        while wanted in model.names:
-            wanted += "_"
-        return wanted
+
+def _lateness(joint: BodyJoint) -> tuple[bool, ...]:
+    """What is lost where it is not in the tree, the worst first."""
+    return joint.cut, joint.kind in _CLOSURES, not (joint.damping or joint.stiffness)
 
 
 def _made(
@@ -292,4 +294,5 @@ _CLOSURES: dict[str, Any] = {
     "fixed": FrameClosure,
     "revolute": RevoluteClosure,
     "prismatic": PrismaticClosure,
+    "universal": UniversalClosure,
 }

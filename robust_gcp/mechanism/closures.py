@@ -211,6 +211,26 @@ class PrismaticClosure(AxisClosure):
         return float(np.trace(turn)) > 1.0
 
 
+@dataclass(frozen=True)
+class UniversalClosure(AxisClosure):
+    """Two frames share their origin, an axis of each stays normal to the other's: four rows (a cut cross).
+
+    Parameters
+    ----------
+    frame1, frame2 : str
+        Names of frames of the spanning tree.
+    axis, axis2 : tuple of float
+        The axis that is fixed in frame 1, z unless given, and the one in frame 2, x unless given.
+    """
+
+    axis2: Direction = _X
+    kind: ClassVar[str] = "universal"
+
+    def rotation_terms(self) -> list[Term]:
+        """The axis in frame 1 is normal to that of frame 2."""
+        return [(0, 1.0, self.across()[0], AxisClosure("", "", self.axis2).across()[0])]
+
+
 def closure_kinds() -> list[type[Closure]]:
     """All kinds of cut joints that there are, those of other programs too."""
     found, more = list[type[Closure]](), [Closure]

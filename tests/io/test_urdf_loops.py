@@ -312,3 +312,36 @@ def test_a_mechanism_is_called_as_its_file_calls_it() -> None:
     rigid = rg.Mechanism.from_urdf(four_bar(weld), independent=[])
     with pytest.raises(rg.PartitionError, match="'r' is rigid"):
         rg.simulate(rigid, duration=0.01)
+
+
+CONSTRAINT = """<constraint name="l" type="{kind}"><parent link="coupler"/><parent_origin xyz="0 1 0"/>
+  {one}<child link="rocker"/><child_origin xyz="0 1 0" rpy="{rpy}"/>{two}</constraint>"""
+
+
+@pytest.mark.parametrize(
+    ("kind", "one", "two", "rpy"),
+    [
+        ("spherical", "", "", "0 0 0"),
+        ("revolute", "", "", "0 0 0"),
+        ("revolute", '<parent_axis xyz="1 0 0"/>', '<child_axis xyz="0 -1 0"/>', "0 0 1.5707963267948966"),
+        ("universal", '<parent_axis xyz="1 0 0"/>', '<child_axis xyz="0 1 0"/>', "0 0 0"),
+    ],
+)
+def test_a_constraint_with_an_axis_on_either_link(kind: str, one: str, two: str, rpy: str) -> None:
+    """The axis of the child's place is that of the parent's, in whatever frame it is written."""
+    mech = rg.Mechanism.from_urdf(
+        four_bar(CONSTRAINT.format(kind=kind, one=one, two=two, rpy=rpy)), independent=["q1"]
+    )
+    wanted = rg.Mechanism.from_urdf(four_bar(DIALECTS["Drake"]), independent=["q1"])
+    q = wanted.assemble({"q1": 0.5, "q2": -0.5, "q3": 0.5})
+    assert mech.closure_residual(q) < 1e-14
+    runs = [rg.simulate(m, q, duration=0.3, step=1e-3) for m in (mech, wanted)]
+    np.testing.assert_allclose(runs[0].q, runs[1].q, atol=1e-12)
+
+
+def test_constraints_without_an_axis_or_of_unknown_types_are_refused() -> None:
+    zero = CONSTRAINT.format(kind="revolute", one='<parent_axis xyz="0 0 0"/>', two="", rpy="0 0 0")
+    with pytest.raises(rg.ModelError, match="its parent_axis is no direction"):
+        read_urdf(four_bar(zero))
+    with pytest.raises(rg.ModelError, match="is of type 'screw'"):
+        read_urdf(four_bar(CONSTRAINT.format(kind="screw", one="", two="", rpy="0 0 0")))
