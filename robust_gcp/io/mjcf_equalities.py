@@ -79,6 +79,8 @@ def _closure(m: Any, e: int, tree: CompiledTree, label: str) -> Closure:
         ends = (tree.on(one, data[3:6], data[6:10]), tree.on(two, data[:3]))
     holds_frame = m.eq_type[e] == WELD and data[10] != 0.0
     kind: type[PointClosure] | type[FrameClosure] = FrameClosure if holds_frame else PointClosure
+    if m.eq_objtype[e] == SITE and tree.sites[one] and tree.sites[two]:
+        return kind(tree.sites[one], tree.sites[two])
     return close_between(tree.model, kind, label, ends)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..mechanism.contents import STAYS, named
-from ..mechanism.forces import Force, JointDamper, JointSpring
+from ..mechanism.forces import Force, JointDamper, JointSpring, JointTorque, PointSpring
 from .mjcf_equalities import arms_of
 from .mjcf_tree import BALL, FREE, LIMITS_OFF, CompiledTree
 
@@ -17,6 +17,11 @@ FRICTION_OFF, CONTACT_OFF, SPRINGS_OFF, DAMPERS_OFF = 1 << 2, 1 << 4, 1 << 5, 1 
 
 JOINT, IN_PARENT, SLIDER_CRANK, TENDON, SITE, BODY = range(6)
 """MuJoCo's mjtTrn: what an actuator drives."""
+
+AFFINE, WRAP_SITE, ACTUATION_OFF = 1, 3, 1 << 10
+"""MuJoCo's mjBIAS_AFFINE, mjWRAP_SITE and mjDSBL_ACTUATION."""
+
+CURVED = ("tendon_stiffnesspoly", "tendon_dampingpoly")
 
 
 def forces_of(m: Any, tree: CompiledTree) -> list[Force]:
@@ -30,13 +35,51 @@ def forces_of(m: Any, tree: CompiledTree) -> list[Force]:
         damping = float(m.dof_damping[m.jnt_dofadr[j]])
         if damping and not tree.is_fixed(j) and not m.opt.disableflags & DAMPERS_OFF:
             found.append(JointDamper(label, damping))
+    for t in _springs_between_sites(m):
+        one, two = (tree.sites[int(m.wrap_objid[m.tendon_adr[t] + end])] for end in (0, 1))
+        stiffness = 0.0 if m.opt.disableflags & SPRINGS_OFF else float(m.tendon_stiffness[t])
+        damping = 0.0 if m.opt.disableflags & DAMPERS_OFF else float(m.tendon_damping[t])
+        found.append(PointSpring(one, two, stiffness, float(m.tendon_lengthspring[t, 0]), damping))
+    found += [
+        JointTorque(tree.joints[int(m.actuator_trnid[a, 0])], torque) for a, torque in _constant(m).items()
+    ]
     return found
+
+
+def _springs_between_sites(m: Any) -> list[int]:
+    """Spatial tendons straight from one site to another with a linear spring or damper."""
+    found = []
+    for t in range(m.ntendon):
+        straight = m.tendon_num[t] == 2 and set(m.wrap_type[m.tendon_adr[t] :][:2].tolist()) == {WRAP_SITE}
+        linear = m.tendon_lengthspring[t, 0] == m.tendon_lengthspring[t, 1] and not any(
+            np.any(getattr(m, key)[t]) for key in CURVED if hasattr(m, key)
+        )
+        if straight and linear and (m.tendon_stiffness[t] or m.tendon_damping[t]):
+            found.append(t)
+    return found
+
+
+def _constant(m: Any) -> dict[int, float]:
+    """Actuators on joints whose force is a constant, N m or N, whatever their control."""
+    found = {}
+    for a in range(m.nu):
+        on_slide = m.actuator_trntype[a] == JOINT and m.jnt_type[m.actuator_trnid[a, 0]] not in (FREE, BALL)
+        plain = (
+            m.actuator_dyntype[a] == 0 and m.actuator_gaintype[a] == 0 and m.actuator_biastype[a] == AFFINE
+        )
+        free = not np.any(m.actuator_gainprm[a]) and not np.any(m.actuator_biasprm[a, 1:])
+        if on_slide and plain and free and not m.actuator_forcelimited[a]:
+            found[a] = float(m.actuator_biasprm[a, 0] * m.actuator_gear[a, 0])
+    return {} if m.opt.disableflags & ACTUATION_OFF else found
 
 
 def actuated_by(m: Any, tree: CompiledTree) -> tuple[str, ...]:
     """Joints that actuators drive, directly or by a fixed tendon."""
     driven: list[int] = []
-    for kind, target in zip(m.actuator_trntype, m.actuator_trnid[:, 0], strict=True):
+    constant = _constant(m)
+    for a, (kind, target) in enumerate(zip(m.actuator_trntype, m.actuator_trnid[:, 0], strict=True)):
+        if a in constant:
+            continue
         if kind in (JOINT, IN_PARENT):
             driven.append(int(target))
         elif kind == TENDON:
@@ -48,6 +91,7 @@ def left_out_of(m: Any, tree: CompiledTree, told: dict[str, list[str]]) -> list[
     """What is there beside bodies and is not simulated, one entry a kind; `told` by the document itself."""
     flags, at = m.opt.disableflags, m.jnt_dofadr  # a joint's velocities are alike in what is asked here
     round_ones, moved = np.isin(m.jnt_type, (FREE, BALL)), [not tree.is_fixed(j) for j in range(m.njnt)]
+    constant = _constant(m)
     sprung = (m.jnt_stiffness != 0.0) & (not flags & SPRINGS_OFF)
     kinds: dict[str, Iterable[str]] = {
         "drag of a medium": [key for key in ("density", "viscosity", "wind") if np.any(getattr(m.opt, key))],
@@ -63,8 +107,8 @@ def left_out_of(m: Any, tree: CompiledTree, told: dict[str, list[str]]) -> list[
         "limits of joints": _of(tree.joints, m.jnt_limited, flags & LIMITS_OFF),
         "springs of ball and free joints": _of(tree.joints, sprung & round_ones & moved),
         "nonlinear parts of springs and dampers": _of(tree.joints, _curved(m) & moved),
-        "actuators": [_actuator(m, tree, a) for a in range(m.nu)],
-        "tendons": [m.tendon(t).name or "tendon" for t in range(m.ntendon)],
+        "actuators": [_actuator(m, tree, a) for a in range(m.nu) if a not in constant],
+        "tendons": [m.tendon(t).name or "tendon" for t in range(m.ntendon) if _acts(m, t)],
         "deformables": [_text(m, at) or "flex" for at in m.name_flexadr],
         **told,
         "contacts of bodies": _of(
@@ -74,6 +118,12 @@ def left_out_of(m: Any, tree: CompiledTree, told: dict[str, list[str]]) -> list[
         ),
     }
     return [entry for kind, where in kinds.items() for entry in named(kind, where)]
+
+
+def _acts(m: Any, t: int) -> bool:
+    """Whether a tendon does more than what is simulated: springs between two sites, and equalities."""
+    pulls = (m.tendon_stiffness[t] or m.tendon_damping[t]) and t not in _springs_between_sites(m)
+    return bool(pulls or m.tendon_limited[t] or m.tendon_frictionloss[t] or m.tendon_armature[t])
 
 
 def _curved(m: Any) -> Any:

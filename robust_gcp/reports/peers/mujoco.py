@@ -15,12 +15,12 @@ import numpy as np
 import pinocchio as pin
 from mujoco import rollout
 
+from ...io.mjcf_out import mjcf_text
 from ...mechanism.joints import JointKind
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ..contender import Contender, Kind, Outcome, Outputs, Scene, clock, division
-from .mjcf_text import mjcf
-from .parts import constant_torques, has_simple_joints
+from .parts import has_simple_joints
 
 HARDEST = 0.9999
 """Largest `solimp` that MuJoCo does not clip: 1 − d = 1e-4 of softness is left."""
@@ -56,11 +56,8 @@ class Connect:
             return "the adapter knows hinges, sliders and floating bases only"
         if any(c.kind not in ("3d", "revolute") for c in scene.mechanism.closures):
             return "connect holds points together, and a closure here holds whole frames"
-        try:
-            compiled(scene.mechanism, self.stepper, self.time_constant is not None)
-        except ValueError as error:  # bodies without mass
-            return f"MuJoCo refuses the model: {error}"
-        return ""
+        massless = any(body.mass == 0.0 for body in list(scene.mechanism.own_model.inertias)[1:])
+        return "MuJoCo takes no moving bodies without mass" if massless else ""
 
     def run(self, scene: Scene, setting: float) -> Outcome:
         """MuJoCo's integrator with the step nearest to `setting`, s."""
@@ -72,7 +69,6 @@ class Connect:
         data = mujoco.MjData(model)
         bases = Bases(scene.mechanism)
         data.qpos[:], data.qvel[:] = bases.theirs(scene.q0, scene.v0)
-        data.qfrc_applied[:] = constant_torques(scene.mechanism)
         start, applied = (
             _state(model, data, kind) for kind in (mujoco.mjtState.mjSTATE_FULLPHYSICS, APPLIED)
         )
@@ -141,7 +137,8 @@ def _state(model: Any, data: Any, kind: int) -> Array:
 @functools.lru_cache(maxsize=16)
 def compiled(mechanism: Mechanism, integrator: str, hard: bool) -> Any:
     """The MjModel with one of MuJoCo's integrators, its constraints as hard as can be or as they come."""
-    model = mujoco.MjModel.from_xml_string(mjcf(mechanism))
+    model = mujoco.MjModel.from_xml_string(mjcf_text(mechanism, {}))
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
     if hard:
         model.opt.tolerance = 1e-15

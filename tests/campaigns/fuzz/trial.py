@@ -18,10 +18,8 @@ import numpy as np
 
 from robust_gcp.errors import RobustGcpError
 from robust_gcp.io.loader import load, model_names, models_folder
-from robust_gcp.mechanism.forces import PointSpring
+from robust_gcp.io.mjcf_out import mjcf_text
 from robust_gcp.mechanism.mechanism import Mechanism
-from robust_gcp.reports.peers.mjcf_text import mjcf
-from robust_gcp.reports.peers.parts import has_simple_joints
 from robust_gcp.simulation.simulate import simulate
 
 from .spoil import spoiled
@@ -68,11 +66,8 @@ def shipped() -> list[Document]:
     for name in model_names():
         found += _of_folder(models_folder() / name)
         mechanism = load(name)
-        if has_simple_joints(mechanism) and not any(isinstance(f, PointSpring) for f in mechanism.forces):
-            home = " ".join(map(repr, mechanism.home.tolist()))
-            key = f'<keyframe><key name="{HOME}" qpos="{home}"/></keyframe></mujoco>'
-            text = mjcf(mechanism).replace("</mujoco>", key)
-            found.append(Document(f"{name}, as MJCF", "robot.xml", text, {}, mechanism.independent))
+        text = mjcf_text(mechanism, {})
+        found.append(Document(f"{name}, as MJCF", "robot.xml", text, {}, mechanism.independent))
     return found
 
 

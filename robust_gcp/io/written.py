@@ -1,0 +1,161 @@
+"""A mechanism as what files are written of: joints as chains of plain ones, bodies, frames, names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from ..errors import ModelError
+from ..mechanism.forces import JointDamper, JointSpring
+from ..mechanism.joints import Joint, JointKind
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+
+X, Y, Z = np.eye(3)
+CHAINS: dict[JointKind, list[tuple[str, Array]]] = {
+    JointKind.SPHERICAL: [("ball", Z)],
+    JointKind.FREE_FLYER: [("free", Z)],
+    JointKind.TRANSLATION: [("slide", X), ("slide", Y), ("slide", Z)],
+    JointKind.PLANAR: [("slide", X), ("slide", Y), ("hinge", Z)],
+    JointKind.EULER_ZYX: [("hinge", Z), ("hinge", Y), ("hinge", X)],
+}
+"""Kinds as plain joints one after the other, each with its axis; those with one axis of their own aside."""
+
+UNLIMITED = 1e3
+"""rad or m: bounds at least that wide are none."""
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A joint of the tree with its body.
+
+    Attributes
+    ----------
+    joint : Joint
+    parent : int
+        Index of the joint that carries it; 0 is the ground.
+    place : pin.SE3
+        On the parent's body.
+    links : list of (str, str, ndarray)
+        Name, sort (hinge, slide, ball or free) and axis of each plain joint that it amounts to.
+    body : str
+    inertia : pin.Inertia
+    frames : list of (str, pin.SE3)
+        The other frames on the body.
+    range : (float, float) or None
+    stiffness, rest, damping : float
+        Of its springs together, and of its dampers.
+    armature : ndarray (nv,)
+    """
+
+    joint: Joint
+    parent: int
+    place: pin.SE3
+    links: list[tuple[str, str, Array]]
+    body: str
+    inertia: pin.Inertia
+    frames: list[tuple[str, pin.SE3]]
+    range: tuple[float, float] | None
+    stiffness: float
+    rest: float
+    damping: float
+    armature: Array
+
+
+Lost = dict[str, list[str]]
+"""What a format has no place for: names by kind."""
+
+
+def parts_of(mechanism: Mechanism, what: str, lost: Lost) -> tuple[list[tuple[str, pin.SE3]], list[Part]]:
+    """Frames on the ground, and the joints in their order with what they carry.
+
+    Raises
+    ------
+    ModelError
+        For a joint that no chain of plain ones amounts to; `what` is the format.
+    """
+    model, taken = mechanism.own_model, {"world"}
+    _, ground = _frames(model, 0, "world", taken)
+    made = []
+    for joint in mechanism.joints:
+        links, i = links_of(model, joint, what), joint.index
+        if len(links) > 1:
+            note(lost, "joints written as several", [joint.name])
+        body, frames = _frames(model, i, joint.name, taken)
+        springs = [f for f in mechanism.forces if isinstance(f, JointSpring) and f.joint == joint.name]
+        stiffness = float(sum(f.stiffness for f in springs))
+        rest = float(sum(f.stiffness * f.rest for f in springs)) / stiffness if stiffness else 0.0
+        dampers = [f for f in mechanism.forces if isinstance(f, JointDamper) and f.joint == joint.name]
+        damping = float(sum(f.damping for f in dampers))
+        above, place, armature = int(model.parents[i]), model.jointPlacements[i], np.asarray(model.armature)
+        body_parts = (joint, above, place, links, body, model.inertias[i], frames, _range(model, joint))
+        made.append(Part(*body_parts, stiffness, rest, damping, armature[joint.v]))
+    return ground, made
+
+
+def links_of(model: pin.Model, joint: Joint, what: str) -> list[tuple[str, str, Array]]:
+    """The plain joints that a joint amounts to."""
+    if joint.axis is not None and joint.kind is not JointKind.SCREW:
+        return [(joint.name, "slide" if joint.kind is JointKind.SLIDE else "hinge", joint.axis)]
+    if joint.kind is JointKind.UNIVERSAL:
+        made = model.joints[joint.index].extract()
+        chain = [("hinge", np.asarray(made.axis1)), ("hinge", np.asarray(made.axis2))]
+    elif joint.kind in CHAINS:
+        chain = CHAINS[joint.kind]
+    else:
+        raise ModelError(
+            f"joint {joint.name!r} ({joint.type}) cannot be written as {what}; split it into plain ones"
+        )
+    if len(chain) == 1:
+        return [(joint.name, *chain[0])]
+    return [(f"{joint.name}_{i + 1}", *link) for i, link in enumerate(chain)]
+
+
+def plain_numbers(joint: Joint, q: Array) -> Array:
+    """The numbers in q of the plain joints: angles in place of cosines and sines."""
+    numbers = q[joint.idx_q : joint.idx_q + joint.nq]
+    if joint.kind in (JointKind.UNBOUNDED_HINGE, JointKind.PLANAR):
+        return np.append(numbers[:-2], np.arctan2(numbers[-1], numbers[-2]))
+    return numbers
+
+
+def text(numbers: Iterable[float]) -> str:
+    """Numbers to the last digit, a space between."""
+    return " ".join(repr(float(x)) for x in numbers)
+
+
+def note(lost: Lost, what: str, names: Iterable[str]) -> None:
+    """Note what a format has no place for."""
+    found = list(names)
+    if found:
+        lost.setdefault(what, []).extend(found)
+
+
+def _range(model: pin.Model, joint: Joint) -> tuple[float, float] | None:
+    if not joint.single:
+        return None
+    low = float(model.lowerPositionLimit[joint.idx_q])
+    high = float(model.upperPositionLimit[joint.idx_q])
+    return (low, high) if min(abs(low), abs(high)) < UNLIMITED and low <= high else None
+
+
+def _frames(
+    model: pin.Model, index: int, joint: str, taken: set[str]
+) -> tuple[str, list[tuple[str, pin.SE3]]]:
+    """The name of a body, after the link that is where its joint is, and its other frames."""
+    body, others = "", []
+    for frame in model.frames:
+        if frame.parentJoint != index or frame.type == pin.FrameType.JOINT or frame.name in taken:
+            continue
+        if frame.type == pin.FrameType.BODY and not body and index and frame.placement.isIdentity(0.0):
+            body = frame.name
+        elif frame.name != "universe":
+            others.append((frame.name, frame.placement))
+        taken.add(frame.name)
+    if not body:
+        body = joint if joint not in taken else f"{joint}_body"
+        taken.add(body)
+    return body, others
