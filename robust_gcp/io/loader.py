@@ -25,7 +25,16 @@ from ..mechanism.tolerances import NEARLY_CLOSED
 from ..mechanism.tree import Array
 from .gepetto import joint_changes, with_changed_forces, with_joint_changes
 from .mjcf import read_mjcf
-from .own_block import forces_of, home_of, own_block, recommended_of, set_gravity, with_axes
+from .own_block import (
+    couplings_of,
+    forces_of,
+    home_of,
+    independent_of,
+    own_block,
+    recommended_of,
+    set_gravity,
+    with_axes,
+)
 from .robot_file import READERS, UNREAD, alone, has_yaml, is_mjcf, others_beside, require_read, robot_file
 from .text_file import files_in, inside, is_file, is_link, path_of
 from .urdf import read_urdf
@@ -69,8 +78,9 @@ def load(
     `joint_name` and `joint_type` (joints of the URDF that stand for SPHERICAL, UJOINT_XY, … or FIXED ones);
     the block `robust_gcp` is this package's own and optional: `schema`, `description`, `home`
     (configuration by joint), `guess` (the same, closed on loading), `gravity`, `axes` (of revolute and
-    prismatic closures), `springs`, `dampers`, `point_springs`, `torques`, `recommended` (duration, step and
-    velocity of a run from home). Other keys are left to other programs.
+    prismatic closures), `springs`, `dampers`, `point_springs`, `torques`, `couplings`, `independent` (in
+    place of the motors), `recommended` (duration, step and velocity of a run from home). Other keys are left
+    to other programs.
 
     Home is closed on loading, from the file's pose: `home`, `guess`, the keyframe "home" or the first one, or
     else the neutral configuration (moved to a regular one beside it where it is singular, or nearly). Where
@@ -129,8 +139,9 @@ def load(
         contents = read_urdf(robot, base)
         contents.model = with_joint_changes(contents.model, changes, path)
         contents.forces = with_changed_forces(contents.forces, changes)
-    contents.close(closures)
+    contents.close([*closures, *couplings_of(own, path)])
     contents.forces += forces_of(own, path)
+    independent = independent_of(own, path) if independent is None else independent
     set_gravity(own.get("gravity"), contents.model, path)
     return _mechanism(contents, path, robot, folder.name, settings, own, independent, strict)
 
@@ -182,6 +193,11 @@ def _mechanism(
             loops = ClosedLoops(model, kept)
         if given is not None:
             home = given
+            if loops.closure_residual(home) <= ROUNDED:
+                kept, rounded = without_rounded_rows(loops, home)
+                loops = ClosedLoops(model, kept) if rounded else loops
+                contents.closures = list(loops.closures)
+                contents.left_out += named(IMPLIED, rounded)
         else:
             spreads = MANY_STARTS if guess is None else FEW_STARTS
             start = loops.home if guess is None else guess

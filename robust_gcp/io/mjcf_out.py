@@ -15,13 +15,13 @@ from ..mechanism.forces import JointDamper, JointSpring, JointTorque, PointSprin
 from ..mechanism.joints import JointKind
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from .written import Lost, Part, note, parts_of, plain_numbers, text
-
-THIN = 1e-12
-"""A slender rod has no moment about itself, which MuJoCo refuses: it gets this fraction of the largest."""
+from .written import Lost, Part, note, parts_of, plain_numbers, text, whole_closures
 
 LEAST = 2e-15
-"""Twice the mass, kg, and moment, kg m², that MuJoCo takes for none."""
+"""Twice the mass, kg, and moment, kg m², that MuJoCo takes for none: a slender rod's about itself."""
+
+ROUNDED = 1e-9
+"""Share of a body's largest moment that rounding may leave of another."""
 
 DEGREE = 4
 """Of the polynomials that MuJoCo's couplings have."""
@@ -47,8 +47,10 @@ def mjcf_text(mechanism: Mechanism, lost: Lost) -> str:
         bodies.append(_body(bodies[part.parent], part, lost))
     writer = _Ties(mechanism, bodies)
     for body, frames in zip(bodies, [ground, *(part.frames for part in parts)], strict=True):
-        for name, place in frames:
+        for name, place, held_by in frames:
             writer.site(body, name, place)
+            if held_by:
+                writer.site(body, held_by, place)
     writer.tie()
     _filled(root, "tendon", writer.tendons)
     _filled(root, "equality", writer.equalities)
@@ -103,12 +105,13 @@ def _body(parent: Element, part: Part, lost: Lost) -> Element:
                 made.set("armature", repr(float(part.armature[links.index((name, sort, axis))])))
     moments, axes = np.linalg.eigh(inertia.inertia)
     axes[:, 0] *= np.linalg.det(axes)
-    thin = THIN * (moments.max() or inertia.mass * float(inertia.lever @ inertia.lever))
-    moments = np.maximum(moments, max(thin, LEAST))
-    moments[1] += max(0.0, moments[2] - moments[0] - moments[1])  # a lamina's triangle, lost by rounding
+    proper = np.maximum(moments, LEAST)
+    proper[1] += max(0.0, proper[2] - proper[0] - proper[1])  # a lamina's triangle, lost by rounding
+    if np.max(np.abs(proper - moments)) > ROUNDED * moments[2] + LEAST:
+        note(lost, "moments of inertia that no body can have, which are raised", [part.body])
     where = {"pos": text(inertia.lever), "quat": _quaternion(axes)}
     mass = max(inertia.mass, LEAST)
-    SubElement(body, "inertial", where, mass=text([mass]), diaginertia=text(moments))
+    SubElement(body, "inertial", where, mass=text([mass]), diaginertia=text(proper))
     return body
 
 
@@ -131,14 +134,16 @@ class _Ties:
         self._mechanism, self._bodies, self._sites = mechanism, bodies, set[str]()
 
     def site(self, body: Element, name: str, place: pin.SE3) -> None:
-        """Put a site on a body."""
+        """Put a site on a body, unless another has the name."""
+        if name in self._sites:
+            return
         self._sites.add(name)
         where = {"pos": text(place.translation), "quat": _quaternion(place.rotation)}
         SubElement(body, "site", where, name=name)
 
     def tie(self) -> None:
         """Add everything that ties."""
-        for tied in self._mechanism.closures:
+        for tied in whole_closures(self._mechanism):
             if isinstance(tied, CouplingClosure):
                 self._couple(tied)
             else:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -14,10 +14,13 @@ import pinocchio as pin
 from ..checks import LARGEST, hint, shown
 from ..errors import ModelError, RobustGcpError
 from ..mechanism.closures import AxisClosure, Closure
+from ..mechanism.couplings import CouplingClosure
 from ..mechanism.forces import Force, JointDamper, JointSpring, JointTorque, PointSpring
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.recommended import Recommended
 from ..mechanism.tree import Array
+
+Made = TypeVar("Made")
 
 SCHEMA = 1
 RANK = 1e-8
@@ -33,6 +36,8 @@ OWN_KEYS = (
     "dampers",
     "point_springs",
     "torques",
+    "couplings",
+    "independent",
     "recommended",
 )
 
@@ -163,6 +168,29 @@ def forces_of(own: dict[str, Any], path: Path) -> list[Force]:
     return forces
 
 
+def couplings_of(own: dict[str, Any], path: Path) -> list[CouplingClosure]:
+    """`couplings: [{joint1, joint2, ratio, offset, higher: [...], more: [[joint, number], ...]}]`."""
+    found = []
+    fields = ("joint2", "ratio", "offset", "higher", "more")
+    for i, item in enumerate(_items(own, "couplings", ("joint1",), fields, path)):
+        item = {"joint2": None, "ratio": 0.0} | item
+        lists = {key: item.get(key) or [] for key in ("higher", "more")}
+        where = f"{path}: robust_gcp.couplings[{i}]"
+        if not all(isinstance(value, list) for value in lists.values()):
+            raise ModelError(f"{where}: higher and more must be lists, not {shown(lists)}")
+        more = tuple(tuple(pair) if isinstance(pair, list) else pair for pair in lists["more"])
+        found.append(_made(CouplingClosure, item | {"higher": tuple(lists["higher"]), "more": more}, where))
+    return found
+
+
+def independent_of(own: dict[str, Any], path: Path) -> list[str] | None:
+    """`independent: [joints or joint.component]`: the coordinates, in place of the motors."""
+    names = own.get("independent")
+    if names is not None and not (isinstance(names, list) and all(isinstance(n, str) for n in names)):
+        raise ModelError(f"{path}: robust_gcp.independent must be a list of joint names, not {shown(names)}")
+    return names
+
+
 def _items(
     own: dict[str, Any], key: str, required: tuple[str, ...], optional: tuple[str, ...], path: Path
 ) -> list[dict[str, Any]]:
@@ -182,12 +210,11 @@ def _items(
     return [dict(item) for item in items]
 
 
-def _made(kind: type[Any], item: dict[str, Any], where: str) -> Force:
+def _made(kind: Callable[..., Made], item: dict[str, Any], where: str) -> Made:
     try:
-        force: Force = kind(**item)
+        return kind(**item)
     except ModelError as error:
         raise ModelError(f"{where}: {error}") from error
-    return force
 
 
 def _require_known(block: dict[Any, Any], known: tuple[str, ...], path: Path, where: str) -> None:

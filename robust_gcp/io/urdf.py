@@ -9,24 +9,40 @@ from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
+import numpy as np
 import pinocchio as pin
 
 from ..errors import ModelError
 from ..mechanism.contents import STAYS, FileContents, check_base, named
-from ..mechanism.forces import Force, JointDamper
+from ..mechanism.forces import Force, JointDamper, JointSpring
 from ..mechanism.workspace import require_memory
+from .gepetto import with_joint_changes
 from .urdf_base import declare_world, set_base
-from .urdf_check import LIMITS, MOMENTS, MOVING, PRODUCTS, check_urdf
+from .urdf_check import LIMITS, MOMENTS, MOVING, PRODUCTS, SPHERICAL, check_urdf
 from .urdf_left_out import left_out_of
 from .urdf_loops import closures_of, refuse_unknown_ties
-from .urdf_numbers import number_in
+from .urdf_numbers import number_in, numbers_in
+from .urdf_springs import springs_of
 from .xml_text import parsed_xml
 
 UNLIMITED = "1e9"
 """Limit, rad or m, written for a joint that has none: nothing here enforces limits."""
 
-VELOCITIES = {"revolute": 1, "continuous": 1, "prismatic": 1, "planar": 3, "floating": 6}
+VELOCITIES = {
+    "revolute": 1,
+    "continuous": 1,
+    "prismatic": 1,
+    "planar": 3,
+    "floating": 6,
+    "spherical": 6,
+    "ball": 6,
+}
 """How many numbers the types of joints have in v; the others have none."""
+
+READ_AS = {"continuous": "revolute"} | dict.fromkeys(SPHERICAL, "floating")
+"""What Pinocchio's parser gets in place of a type; balls are made of floating joints afterwards."""
+
+FORCES = ("damping", "spring_stiffness", "spring_reference")
 
 ENDLESS = {"lower": f"-{UNLIMITED}", "upper": UNLIMITED, "effort": UNLIMITED, "velocity": UNLIMITED}
 
@@ -76,12 +92,16 @@ def read_urdf(urdf: str | Path, base: str | None = None) -> FileContents:
         model = pin.buildModelFromXML(ElementTree.tostring(_reduced(root), encoding="unicode"))
     except (ValueError, RuntimeError) as error:
         raise ModelError(f"{name}: Pinocchio cannot build a model from it ({error})") from error
+    round_ones = {j.get("name", ""): "SPHERICAL" for j in root.findall("joint") if j.get("type") in SPHERICAL}
+    model = with_joint_changes(model, round_ones, Path(name))
+    _set_armature(root, model, name)
     if model.nv == 0:
         raise ModelError(
             f"{name}: no joint moves; a mechanism needs one at least, or base='free' that lets it float"
         )
     closures = closures_of(root, model, name)
-    contents = FileContents(model, closures, _dampers(root, name), left_out=left_out)
+    contents = FileContents(model, closures, _forces(root, name), left_out=left_out)
+    contents.forces += springs_of(root, model, name)
     contents.independent = _marked(root, name)
     return contents
 
@@ -98,15 +118,43 @@ def _require_memory(kinds: Iterable[str]) -> None:
     require_memory(sum(moving), sum(map(bool, moving)))
 
 
-def _dampers(root: Element, name: str) -> list[Force]:
+def _forces(root: Element, name: str) -> list[Force]:
+    """Dampers and springs of the joints."""
     found: list[Force] = []
     for joint in root.findall("joint"):
-        dynamics = joint.find("dynamics")
-        if joint.get("type") in MOVING and dynamics is not None and dynamics.get("damping") is not None:
-            damping = number_in(dynamics, "damping", name)
-            if damping > 0.0:
-                found.append(JointDamper(joint.get("name", ""), damping))
+        dynamics, label = joint.find("dynamics"), joint.get("name", "")
+        if dynamics is None or joint.get("type") == "fixed":
+            continue
+        numbers = {key: number_in(dynamics, key, name) for key in FORCES if dynamics.get(key) is not None}
+        if numbers.get("spring_stiffness"):
+            rest = numbers.get("spring_reference", 0.0)
+            found.append(JointSpring(label, numbers["spring_stiffness"], rest))
+        if numbers.get("damping", 0.0) > 0.0:
+            found.append(JointDamper(label, numbers["damping"]))
     return found
+
+
+def _set_armature(root: Element, model: pin.Model, name: str) -> None:
+    """Rotors' inertia of the joints: one number, or one for each velocity."""
+    for element in root.findall("joint"):
+        dynamics = element.find("dynamics")
+        if dynamics is None or dynamics.get("armature") is None or element.get("type") == "fixed":
+            continue
+        joint, words = (
+            model.joints[model.getJointId(element.get("name", ""))],
+            dynamics.get("armature", "").split(),
+        )
+        few = len(words) == 1
+        numbers = (
+            number_in(dynamics, "armature", name) if few else numbers_in(dynamics, "armature", name, joint.nv)
+        )
+        if np.min(numbers) < 0.0:
+            raise ModelError(
+                f"{name}: joint {element.get('name')!r}: its armature is negative; give kg m² or kg"
+            )
+        armature = np.array(model.armature)
+        armature[joint.idx_v : joint.idx_v + joint.nv] = numbers
+        model.armature = armature
 
 
 def _marked(root: Element, name: str) -> tuple[str, ...] | None:
@@ -135,9 +183,7 @@ def _reduced(root: Element) -> Element:
     for joint in root.findall("joint"):
         kind = joint.get("type", "")
         endless = kind == "continuous"
-        to = SubElement(
-            robot, "joint", {"name": joint.get("name", ""), "type": "revolute" if endless else kind}
-        )
+        to = SubElement(robot, "joint", {"name": joint.get("name", ""), "type": READ_AS.get(kind, kind)})
         for end in ("parent", "child"):
             SubElement(to, end, {"link": joint.find(end).get("link", "")})  # type: ignore[union-attr]
         _place(joint, to)
@@ -170,4 +216,6 @@ def _numbers(source: Element, target: Element, tag: str, keys: tuple[str, ...]) 
     if element is None:
         return
     given = {key: element.get(key, "").split() for key in keys if key in element.attrib}
+    if tag == "dynamics" and not given:  # urdfdom refuses one without damping and friction
+        return
     SubElement(target, tag, {key: " ".join(repr(float(x)) for x in words) for key, words in given.items()})

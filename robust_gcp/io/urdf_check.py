@@ -14,7 +14,10 @@ from .urdf_numbers import number_in, numbers_in
 MOVING = ("revolute", "continuous", "prismatic", "planar")
 """Types of joints that have an axis."""
 
-TYPES = (*MOVING, "floating", "fixed")
+SPHERICAL = ("spherical", "ball")
+"""Types of Bullet and MuJoCo, and of Drake."""
+
+TYPES = (*MOVING, *SPHERICAL, "floating", "fixed")
 
 MOMENTS = ("ixx", "iyy", "izz")
 PRODUCTS = ("ixy", "ixz", "iyz")
@@ -125,7 +128,9 @@ def _check_joint(joint: Element, owner: str) -> None:
     for origin in joint.findall("origin"):
         _check_origin(origin, owner)
     for dynamics in joint.findall("dynamics"):
-        for key in ("damping", "friction"):
+        for key in ("damping", "friction", "armature", "spring_stiffness"):
+            if key == "armature" and len(dynamics.get(key, "").split()) > 1:
+                continue  # one a velocity, read where they are known
             if dynamics.get(key) is not None and number_in(dynamics, key, owner) < 0.0:
                 raise ModelError(f"{owner}: <dynamics {key}={dynamics.get(key)!r}> is negative")
     axis = joint.find("axis")

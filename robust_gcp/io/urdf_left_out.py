@@ -13,7 +13,8 @@ WIDE = 1e3
 """rad or m: limits at least that wide are written for joints without limits."""
 
 JOINT_PARTS = ("parent", "child", "origin", "axis", "limit", "dynamics", "mimic", "calibration")
-PLAIN = (*LOOP_TAGS, "link", "joint", "material", "frame", "fixed_frame")
+DYNAMICS = {"damping", "friction", "armature", "spring_stiffness", "spring_reference"}
+PLAIN = (*LOOP_TAGS, "drake:linear_spring_damper", "link", "joint", "material", "frame", "fixed_frame")
 """Elements below <robot> that are read, or have no bearing on the motion."""
 
 
@@ -34,7 +35,7 @@ def left_out_of(root: Element, name: str) -> list[str]:
             if part.tag not in (*JOINT_PARTS, "safety_controller"):
                 kinds.setdefault(f"<{part.tag}> of joints", []).append(_label(joint))
         for dynamics in joint.findall("dynamics"):
-            for key in dynamics.attrib.keys() - {"damping", "friction"}:
+            for key in dynamics.attrib.keys() - DYNAMICS:
                 kinds.setdefault(f"{key} of joints", []).append(_label(joint))
     for element in root:
         if element.tag not in PLAIN:

@@ -9,7 +9,7 @@ pairs of links that onshape-to-robot names `closing_NAME_1` and `closing_NAME_2`
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from xml.etree.ElementTree import Element, SubElement
 
@@ -55,7 +55,16 @@ CUT = re.compile(r"(closing_.+)_1")
 ENDS = re.compile(r"(closedloop.*_)A(.*)", re.I)
 """The same in example-parallel-robots, whose robot.yaml says what kind of joint was cut."""
 
-TREELIKE = ("link", "joint", "material", "transmission", "sensor", "ros2_control", "gazebo")
+TREELIKE = (
+    "drake:linear_spring_damper",
+    "link",
+    "joint",
+    "material",
+    "transmission",
+    "sensor",
+    "ros2_control",
+    "gazebo",
+)
 """Elements below <robot> whose meaning is known, and that tie nothing (a <joint> in <gazebo> does)."""
 
 REMEDY = (
@@ -175,16 +184,19 @@ def _constraint(model: pin.Model, element: Element, label: str, where: str) -> C
         if not 0.0 < np.linalg.norm(axes[-1]) < np.inf:
             raise ModelError(f"{where}: its {tag}_axis is no direction; give a vector that is not zero")
     kind = element.get("type", "")
-    ends = [_place(model, end, where) for end in placed]
     if kind == "universal":
-        make = partial(UniversalClosure, axis=tuple(axes[0].tolist()), axis2=tuple(axes[1].tolist()))
-        return close_between(model, make, label, (ends[0], ends[1]))
-    if kind in ("revolute", "continuous", "prismatic"):
-        turn = pin.Quaternion.FromTwoVectors(axes[0], axes[1]).toRotationMatrix()
-        ends[1] = (ends[1][0], ends[1][1] * pin.SE3(turn, np.zeros(3)))
-        element = Element(element.tag, element.attrib)
-        SubElement(element, "axis", {"xyz": " ".join(map(repr, axes[0].tolist()))})
-    return _closed(model, element, label, (ends[0], ends[1]), where, "1 0 0")
+        one, two = (tuple(axis.tolist()) for axis in axes)
+        return _between(model, partial(UniversalClosure, axis=one, axis2=two), label, placed, where)
+    if kind in ("revolute", "continuous", "prismatic") and not np.array_equal(axes[0], axes[1]):
+        turn = pin.SE3(pin.Quaternion.FromTwoVectors(axes[0], axes[1]).matrix(), np.zeros(3))
+        first, second = (_place(model, end, where) for end in placed)
+        closing = partial(
+            PrismaticClosure if kind == "prismatic" else RevoluteClosure, axis=tuple(axes[0].tolist())
+        )
+        return close_between(model, closing, label, (first, (second[0], second[1] * turn)))
+    element = Element(element.tag, element.attrib)
+    SubElement(element, "axis", {"xyz": " ".join(map(repr, axes[0].tolist()))})
+    return _between(model, _kind(element, where, ""), label, placed, where)
 
 
 def _loop(
@@ -196,36 +208,35 @@ def _loop(
     default_axis: str,
 ) -> Closure:
     """A cut joint of the element's type between two links."""
-    first, second = (_place(model, end, where) for end in ends)
-    return _closed(model, element, label, (first, second), where, default_axis)
+    return _between(model, _kind(element, where, default_axis), label, ends, where)
 
 
-def _closed(
-    model: pin.Model,
-    element: Element,
-    label: str,
-    ends: tuple[tuple[int, pin.SE3], tuple[int, pin.SE3]],
-    where: str,
-    default_axis: str,
+def _between(
+    model: pin.Model, make: Callable[[str, str], Closure], label: str, ends: Sequence[Element], where: str
 ) -> Closure:
-    """The same between two places."""
+    """A closure between places on two links, of the links themselves where it is at their frames."""
+    first, second = (_place(model, end, where) for end in ends)
+    if not any(end.get("xyz") or end.get("rpy") or end.find("origin") is not None for end in ends):
+        return make(*(end.get("link", "") for end in ends))
+    return close_between(model, make, label, (first, second))
+
+
+def _kind(element: Element, where: str, default_axis: str) -> Callable[[str, str], Closure]:
+    """The closure of the element's type, its frames open."""
     kind = element.get("type", "spherical" if element.tag == "loop_constraint" else "")
     axis = element.find("axis")
-    make: Callable[[str, str], Closure]
     if kind in ("revolute", "continuous", "prismatic"):
         given = Element("axis", {"xyz": default_axis}) if axis is None else axis
         x, y, z = numbers_in(given, "xyz", where)
-        make = partial(PrismaticClosure if kind == "prismatic" else RevoluteClosure, axis=(x, y, z))
-    elif kind in ("spherical", "ball"):
-        make = PointClosure
-    elif kind == "fixed":
-        make = FrameClosure
-    else:
-        raise ModelError(
-            f"{where} is of type {kind!r}; loops are closed by revolute, continuous, prismatic, spherical "
-            "and fixed ones"
-        )
-    return close_between(model, make, label, ends)
+        return partial(PrismaticClosure if kind == "prismatic" else RevoluteClosure, axis=(x, y, z))
+    if kind in ("spherical", "ball"):
+        return PointClosure
+    if kind == "fixed":
+        return FrameClosure
+    raise ModelError(
+        f"{where} is of type {kind!r}; loops are closed by revolute, continuous, prismatic, spherical "
+        "and fixed ones"
+    )
 
 
 def _ball(model: pin.Model, element: Element, label: str, where: str) -> Closure:
@@ -239,7 +250,7 @@ def _ball(model: pin.Model, element: Element, label: str, where: str) -> Closure
                 "give both"
             )
         place = pin.SE3(np.eye(3), np.array(numbers_in(at, "value", where)))
-        ends.append(_on_link(model, link.get("name", ""), place, where))
+        ends.append(on_link(model, link.get("name", ""), place, where))
     return close_between(model, PointClosure, label, (ends[0], ends[1]))
 
 
@@ -250,10 +261,11 @@ def _place(model: pin.Model, end: Element, where: str) -> tuple[int, pin.SE3]:
     xyz = numbers_in(given, "xyz", where) if given.get("xyz") is not None else [0.0, 0.0, 0.0]
     rpy = numbers_in(given, "rpy", where) if given.get("rpy") is not None else [0.0, 0.0, 0.0]
     place = pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array(xyz))
-    return _on_link(model, end.get("link", ""), place, where)
+    return on_link(model, end.get("link", ""), place, where)
 
 
-def _on_link(model: pin.Model, link: str, place: pin.SE3, where: str) -> tuple[int, pin.SE3]:
+def on_link(model: pin.Model, link: str, place: pin.SE3, where: str) -> tuple[int, pin.SE3]:
+    """The joint that carries a link, and a place on it in the joint's frame."""
     if not model.existFrame(link, pin.FrameType.BODY):
         links = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
         raise ModelError(f"{where} names the link {link!r}, which is not there{hint(link, links)}")

@@ -13,9 +13,9 @@ def number_in(element: Element, key: str, owner: str) -> float:
     return _parsed(element, key, owner, 1)[0]
 
 
-def numbers_in(element: Element, key: str, owner: str) -> list[float]:
-    """The three finite numbers of an attribute, or a ModelError by `owner`."""
-    return _parsed(element, key, owner, 3)
+def numbers_in(element: Element, key: str, owner: str, count: int = 3) -> list[float]:
+    """So many finite numbers of an attribute, or a ModelError by `owner`."""
+    return _parsed(element, key, owner, count)
 
 
 def _parsed(element: Element, key: str, owner: str, count: int) -> list[float]:

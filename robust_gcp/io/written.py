@@ -9,9 +9,11 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import ModelError
+from ..mechanism.couplings import AnyClosure
 from ..mechanism.forces import JointDamper, JointSpring
 from ..mechanism.joints import Joint, JointKind
 from ..mechanism.mechanism import Mechanism
+from ..mechanism.partial_closure import PartialClosure
 from ..mechanism.tree import Array
 
 X, Y, Z = np.eye(3)
@@ -43,8 +45,8 @@ class Part:
         Name, sort (hinge, slide, ball or free) and axis of each plain joint that it amounts to.
     body : str
     inertia : pin.Inertia
-    frames : list of (str, pin.SE3)
-        The other frames on the body.
+    frames : list of (str, pin.SE3, str)
+        The other frames on the body: name, place, and the fixed joint that holds it, if any.
     range : (float, float) or None
     stiffness, rest, damping : float
         Of its springs together, and of its dampers.
@@ -57,7 +59,7 @@ class Part:
     links: list[tuple[str, str, Array]]
     body: str
     inertia: pin.Inertia
-    frames: list[tuple[str, pin.SE3]]
+    frames: list[tuple[str, pin.SE3, str]]
     range: tuple[float, float] | None
     stiffness: float
     rest: float
@@ -69,7 +71,9 @@ Lost = dict[str, list[str]]
 """What a format has no place for: names by kind."""
 
 
-def parts_of(mechanism: Mechanism, what: str, lost: Lost) -> tuple[list[tuple[str, pin.SE3]], list[Part]]:
+def parts_of(
+    mechanism: Mechanism, what: str, lost: Lost
+) -> tuple[list[tuple[str, pin.SE3, str]], list[Part]]:
     """Frames on the ground, and the joints in their order with what they carry.
 
     Raises
@@ -114,6 +118,11 @@ def links_of(model: pin.Model, joint: Joint, what: str) -> list[tuple[str, str, 
     return [(f"{joint.name}_{i + 1}", *link) for i, link in enumerate(chain)]
 
 
+def whole_closures(mechanism: Mechanism) -> list[AnyClosure]:
+    """The closures with all their rows: those that others imply are found again on reading."""
+    return [c.all_rows() if isinstance(c, PartialClosure) else c for c in mechanism.closures]
+
+
 def plain_numbers(joint: Joint, q: Array) -> Array:
     """The numbers in q of the plain joints: angles in place of cosines and sines."""
     numbers = q[joint.idx_q : joint.idx_q + joint.nq]
@@ -144,17 +153,26 @@ def _range(model: pin.Model, joint: Joint) -> tuple[float, float] | None:
 
 def _frames(
     model: pin.Model, index: int, joint: str, taken: set[str]
-) -> tuple[str, list[tuple[str, pin.SE3]]]:
+) -> tuple[str, list[tuple[str, pin.SE3, str]]]:
     """The name of a body, after the link that is where its joint is, and its other frames."""
-    body, others = "", []
-    for frame in model.frames:
-        if frame.parentJoint != index or frame.type == pin.FrameType.JOINT or frame.name in taken:
+    body, others, held = "", [], {}
+    for frame in list(model.frames)[1:]:  # the first is the ground itself
+        of_joint = frame.type == pin.FrameType.JOINT and model.existJointName(frame.name)
+        if frame.parentJoint != index or of_joint or frame.name in taken:
+            continue
+        if frame.type == pin.FrameType.FIXED_JOINT:
+            held[model.getFrameId(frame.name, frame.type)] = frame
             continue
         if frame.type == pin.FrameType.BODY and not body and index and frame.placement.isIdentity(0.0):
             body = frame.name
-        elif frame.name != "universe":
-            others.append((frame.name, frame.placement))
+        else:
+            joint_above = held.pop(frame.parentFrame, None)
+            others.append((frame.name, frame.placement, joint_above.name if joint_above else ""))
         taken.add(frame.name)
+    for frame in held.values():
+        if frame.name not in taken:
+            others.append((frame.name, frame.placement, ""))
+            taken.add(frame.name)
     if not body:
         body = joint if joint not in taken else f"{joint}_body"
         taken.add(body)

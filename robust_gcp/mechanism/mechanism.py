@@ -12,6 +12,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from ..checks import check_text, listed, plain, require_finite
+from .above import Above
 from .applied_forces import AppliedForces
 from .contents import FileContents, named, tell_left_out
 from .couplings import AnyClosure, closures_given
@@ -24,11 +25,10 @@ from .pin_constraints import with_named_frames
 from .ranges import assembled_near
 from .recommended import Recommended
 from .rounding import IMPLIED, without_unmoved_rows
-from .struck import Struck
 from .tree import Array
 
 
-class Mechanism(Struck):
+class Mechanism(Above):
     """A `pin.Model` with closed loops, seen in minimal coordinates.
 
     Use `load`, `Mechanism.from_urdf`, `Mechanism.from_mjcf` or `Mechanism.from_pinocchio`.
