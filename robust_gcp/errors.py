@@ -95,10 +95,13 @@ class ClosureError(StateError):
     loop : str
         The closure that is worst.
     nearest : ndarray (nq,) or None
-        The configuration that was found, where one was looked for.
+        The configuration that was found, where one was looked for; (N, nq) of many guesses, NaN where none.
+    failed : tuple of int
+        Which of many guesses no configuration was found for.
     """
 
     nearest: NDArray[Any] | None = None
+    failed: tuple[int, ...] = ()
 
     def __init__(self, message: str, residual: float, loop: str) -> None:
         super().__init__(message)

@@ -6,7 +6,7 @@
 
 namespace rg {
 
-constexpr std::int32_t VERSION = 19;
+constexpr std::int32_t VERSION = 20;
 
 enum Reason : std::int32_t {
     DONE = 0,
@@ -179,6 +179,21 @@ struct ModeSeries {
     const double* q;                 // (count,) at the centre
     const double* coefficients;      // (orders, 3, count): of γ', γ'' and γ'''
     double center, radius;
+};
+
+// How loops are closed from afar: see constraint/assembly.h.
+struct Assembly {
+    std::int32_t free_count, point_count, turn_count;
+    const std::int32_t* free;    // (free_count,): velocities that move
+    const std::int32_t* points;  // (point_count,): rows of φ that count while points are closed, and later too
+    const std::int32_t* turns;   // (turn_count,): those that count later only
+    const std::int32_t* sort;    // (closures, 2): whether it holds its points together; 1 a weld's turn, 2 a hinge's
+    const double* frames;        // (closures, 18): rotations of its frames in their joints, row by row
+    const double* axis;          // (closures, 3): of a hinge
+    const double* row_scale;     // (rows,)
+    const double* column_scale;  // (nv,)
+    const double* units;         // (nv,)
+    double length;
 };
 
 }  // namespace rg

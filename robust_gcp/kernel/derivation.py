@@ -24,8 +24,9 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.rows import ROTATION, rows_of
 from ..mechanism.tolerances import NEARLY_CLOSED, RANK
 from ..mechanism.tree import Array
-from .description import NotNativeError, describe
+from .description import describe
 from .library import Library, library
+from .loop_arrays import NotNativeError
 from .slopes import Slopes
 from .structures import Arrays, States
 from .told import mode_series

@@ -6,23 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..maps.cluster.space import space_of
-from ..maps.meeting_points import moved
 from ..maps.regular_path import RegularPath
-from ..mechanism.closures import closure_frames, frame_of
+from ..mechanism.closures import frame_of
 from ..mechanism.clusters import LoopCluster
-from ..mechanism.couplings import CouplingClosure, Couplings
 from ..mechanism.forces import JointDamper, JointSpring, JointTorque, PointSpring
 from ..mechanism.groups import groups_of
-from ..mechanism.loops import ClosedLoops
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.rows import ROTATION, Row, rows_of
 from ..mechanism.tree import Array
 from ..mechanism.workspace import memory_left, workspace_bytes
+from .loop_arrays import NotNativeError, closure_arrays, coupling_arrays, loops_arrays, tree_arrays
 from .structures import Arrays, Cluster, Description
-
-
-class NotNativeError(Exception):
-    """The kernel cannot take this mechanism; the message says why."""
 
 
 def describe(mechanism: Mechanism, path: RegularPath, works: bool, driven: tuple[int, ...] = ()) -> Arrays:
@@ -56,7 +49,7 @@ def describe_all(mechanism: Mechanism) -> Arrays:
     """
 
     def made() -> Arrays:
-        arrays, turns = _loops(mechanism)
+        arrays, turns = loops_arrays(mechanism)
         arrays.reals(row_weight=np.ones(mechanism.nc), scale=np.ones(mechanism.nv))
         _forces(mechanism, turns, arrays)
         return arrays
@@ -74,7 +67,7 @@ def _described(mechanism: Mechanism, path: RegularPath, works: bool, driven: tup
         joints=mechanism.own_model.njoints - 1, nq=mechanism.nq, nv=mechanism.nv, m=mechanism.m, works=works
     )
     arrays = Arrays(description)
-    turns = _tree(mechanism, arrays)
+    turns = tree_arrays(mechanism, arrays)
     rest = path.mechanism
     column_scale, scale = mechanism.column_scale.copy(), np.ones(mechanism.nv)
     own = _velocities_of_rest(mechanism)
@@ -86,8 +79,8 @@ def _described(mechanism: Mechanism, path: RegularPath, works: bool, driven: tup
     arrays.integers(independent=mechanism.iv_independent, independent_q=in_q, driven_y=driven)
     arrays.reals(size=1.0 / column_scale, turn=1.0 / mechanism.units, scale=scale)
     arrays.reals(own=[mechanism.joint_inertia])
-    _closures(mechanism, path.mechanism, path.rows, turns, arrays, path.points)
-    _couplings(mechanism, path.mechanism, path.rows, arrays)
+    closure_arrays(mechanism, path.mechanism, path.rows, turns, arrays, path.points)
+    coupling_arrays(mechanism, path.mechanism, path.rows, arrays)
     _blocks(mechanism, path, arrays)
     _forces(mechanism, turns, arrays)
     _clusters(mechanism, path, arrays)
@@ -123,7 +116,7 @@ def _cluster(mechanism: Mechanism, rest: Mechanism, cluster: LoopCluster) -> Arr
     groups = groups_of(mechanism)
     if groups is not None:
         iq, iv, inputs = groups.rest_iq[iq], groups.rest_iv[iv], groups.rest_inputs[inputs]
-    description, _ = _loops(loops)
+    description, _ = loops_arrays(loops)
     description.structure.m = cluster.m
     description.reals(scale=space.D)
     description.integers(independent=cluster.chosen)
@@ -138,116 +131,6 @@ def _cluster(mechanism: Mechanism, rest: Mechanism, cluster: LoopCluster) -> Arr
     )
     part.reals(balance=space.balance)
     return part
-
-
-def _loops(loops: ClosedLoops) -> tuple[Arrays, list[Array]]:
-    """Joints, bodies and all rows of φ; and the turns of `_tree`."""
-    arrays = Arrays(Description(joints=loops.own_model.njoints - 1, nq=loops.nq, nv=loops.nv))
-    turns, rows = _tree(loops, arrays), np.arange(loops.nc)
-    _closures(loops, loops, rows, turns, arrays)
-    _couplings(loops, loops, rows, arrays)
-    return arrays, turns
-
-
-def _tree(mechanism: ClosedLoops, arrays: Arrays) -> list[Array]:
-    """Joints and bodies; returns the rotation by which each joint's frame is turned to its axis."""
-    model = mechanism.near
-    if np.any(model.gravity.angular):
-        raise NotNativeError("gravity has an angular part")
-    kinds, placements, inertias = [], [], []
-    turns: list[Array] = [np.eye(3)]
-    for joint in mechanism.joints:
-        if not joint.in_kernel:
-            raise NotNativeError(f"joint {joint.name!r} is of type {joint.type}")
-        j, turn = joint.index, np.eye(3) if joint.axis is None else _with_z_along(joint.axis)
-        before = turns[model.parents[j]]
-        place, body = model.jointPlacements[j], model.inertias[j]
-        kinds.append(joint.kind)
-        turns.append(turn)
-        rotation = before.T @ place.rotation @ turn
-        placements.append(np.concatenate([rotation.ravel(), before.T @ place.translation]))
-        about = turn.T @ body.inertia @ turn
-        inertias.append(
-            np.concatenate([[body.mass], turn.T @ body.lever, about[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]])
-        )
-    arrays.integers(parent=list(model.parents)[1:], kind=kinds)
-    arrays.reals(placement=placements, inertia=inertias, armature=model.armature)
-    arrays.reals(gravity=model.gravity.linear, ground=mechanism.standpoint)
-    return turns
-
-
-def _with_z_along(axis: Array) -> Array:
-    """A rotation matrix whose last column is the axis; exact for a coordinate axis."""
-    last = int(np.argmax(np.abs(axis)))
-    first = np.cross(np.eye(3)[(last + 2) % 3], axis)
-    first /= np.linalg.norm(first)
-    return np.column_stack([first, np.cross(axis, first), axis])
-
-
-def _closures(
-    mechanism: ClosedLoops,
-    chooser: ClosedLoops,
-    rows: NDArray[np.int64],
-    turns: list[Array],
-    arrays: Arrays,
-    at: Array | None = None,
-) -> None:
-    """Cut points, and the rows chosen among those of `chooser`, which has the same closures.
-
-    Position rows are taken at these points of the frames, at their origins where left out.
-    """
-    closures = mechanism.loops
-    frames = closure_frames(mechanism.near, closures)
-    if at is not None:
-        frames = moved(frames, at)
-    joints, points, local = [], [], []
-    for ends in zip(frames[: len(closures)], frames[len(closures) :], strict=True):
-        joints += [joint for joint, _ in ends]
-        points += [turns[joint].T @ place.translation for joint, place in ends]
-        local.append([turns[joint].T @ place.rotation for joint, place in ends])
-    full = rows_of(closures)
-    chosen = [full[row] if row < len(full) else Row(-1, "", ROTATION) for row in chooser.implicit.rows[rows]]
-    arrays.structure.closures, arrays.structure.rows = len(closures), len(chosen)
-    arrays.integers(
-        closure_joint=joints,
-        row_closure=[row.closure for row in chosen],
-        row_axis=[row.axis for row in chosen],
-        row_terms=np.cumsum([0, *(len(row.terms) for row in chosen)]),
-    )
-    arrays.reals(
-        closure_point=points,
-        row_weight=1.0 / chooser.row_scale[rows],
-        terms=[
-            [weight, *(local[row.closure][0] @ u), *(local[row.closure][1] @ n)]
-            for row in chosen
-            for weight, u, n in row.terms
-        ],
-    )
-
-
-def _couplings(
-    mechanism: ClosedLoops, chooser: ClosedLoops, chosen: NDArray[np.int64], arrays: Arrays
-) -> None:
-    """The couplings whose rows were chosen."""
-    first = len(rows_of(mechanism.loops))
-    rows = {int(full) - first: row for row, full in enumerate(chooser.implicit.rows[chosen]) if full >= first}
-    given = mechanism.closures[len(mechanism.loops) :]
-    ties = Couplings(mechanism.joints, [c for c in given if isinstance(c, CouplingClosure)])
-    order = {coupling: place for place, coupling in enumerate(rows)}
-    further = [f for f in ties.further if f[0] in order]
-    width = ties.coefficients.shape[1]
-    structure = arrays.structure
-    structure.couplings, structure.coupling_width, structure.coupling_further = len(rows), width, len(further)
-    arrays.integers(
-        coupling_at=[
-            [row, ties.iq[c, 0], ties.iv[c, 0], ties.iq[c, 1], ties.iv[c, 1]] for c, row in rows.items()
-        ],
-        further_at=[[order[c], iq, iv] for c, iq, iv, _ in further],
-    )
-    arrays.reals(
-        coupling_curve=ties.coefficients[list(rows)].reshape(len(rows), width),
-        further_arm=[arm for _, _, _, arm in further],
-    )
 
 
 def _blocks(mechanism: Mechanism, path: RegularPath, arrays: Arrays) -> None:

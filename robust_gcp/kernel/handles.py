@@ -8,8 +8,9 @@ from functools import partial
 from ..maps.regular_path import RegularPath
 from ..mechanism.mechanism import Mechanism
 from .batch import Handed
-from .description import NotNativeError, describe
+from .description import describe
 from .library import Library
+from .loop_arrays import NotNativeError
 from .results import tracker_numbers
 
 IDLE = 2

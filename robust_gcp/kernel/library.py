@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ..warning import warn
-from .structures import VERSION, Bridging, Cluster, Description, ModeSeries, Request, States
+from .structures import VERSION, Assembly, Bridging, Cluster, Description, ModeSeries, Request, States
 
 NAME = "kernel.dylib" if sys.platform == "darwin" else "kernel.so"
 
@@ -60,7 +60,9 @@ class Library:
         library = ctypes.CDLL(str(path))
         if library.rg_version() != VERSION:
             raise OSError(f"{path} has interface {library.rg_version()}, this package needs {VERSION}")
-        for i, structure in enumerate((Description, Cluster, Bridging, Request, States, ModeSeries)):
+        for i, structure in enumerate(
+            (Description, Cluster, Bridging, Request, States, ModeSeries, Assembly)
+        ):
             theirs, ours = library.rg_size(i), ctypes.sizeof(structure)
             if theirs != ours:
                 raise OSError(f"its {structure.__name__} has {theirs} bytes, this package's {ours}")
@@ -100,6 +102,11 @@ class Library:
         self.react = library.rg_react
         self.react.argtypes = [POINTER(Description), *2 * [c_void_p], c_int64, *5 * [c_void_p]]
         self.react.restype = None
+        self.assemble, self.lift = library.rg_assemble, library.rg_lift
+        self.assemble.argtypes = [POINTER(Description), POINTER(Assembly), c_int64, *3 * [c_void_p]]
+        self.assemble.restype = None
+        self.lift.argtypes = [POINTER(Description), POINTER(Assembly), c_int64, c_double, *3 * [c_void_p]]
+        self.lift.restype = None
         self.measure = library.rg_measure
         self.measure.argtypes = [POINTER(Description), c_int64, *4 * [c_void_p]]
         self.measure.restype = None

@@ -9,8 +9,9 @@ import numpy as np
 
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from .description import NotNativeError, describe_all
+from .description import describe_all
 from .library import Library, library
+from .loop_arrays import NotNativeError
 from .structures import address
 
 

@@ -20,8 +20,9 @@ from ..maps.regular_path import RegularPath
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .batch import Batch, Outputs
-from .description import NotNativeError, follows_zones
+from .description import follows_zones
 from .library import Library, backends, library
+from .loop_arrays import NotNativeError
 from .prepared import Prepared
 from .rates import Rates
 from .watch import Watch

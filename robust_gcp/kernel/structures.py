@@ -12,7 +12,7 @@ import numpy as np
 
 from ..mechanism.tree import Array
 
-VERSION = 19
+VERSION = 20
 """Of the interface; a library with another one is not used."""
 
 TorqueCallback: Any = ctypes.CFUNCTYPE(c_int32, c_double)
@@ -147,6 +147,18 @@ class ModeSeries(ctypes.Structure):
         *_all(c_int64, "count orders"),
         *_fields("", "velocities q coefficients"),
         *_all(c_double, "center radius"),
+    ]
+
+
+class Assembly(ctypes.Structure):
+    """How loops are closed from afar; see abi.h."""
+
+    _fields_ = [
+        *_fields(
+            "free_count point_count turn_count",
+            "free points turns sort frames axis row_scale column_scale units",
+        ),
+        *_all(c_double, "length"),
     ]
 
 

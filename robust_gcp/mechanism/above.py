@@ -1,14 +1,21 @@
-"""What a mechanism does by rooms that stand above it: impulses by themselves, files."""
+"""What a mechanism does by rooms that stand above it: assemblies, impulses by themselves, files."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
+from ..checks import checked_rows, checked_vector, listed
+from ..errors import StateError
+from .assemblies import Assemblies, assemblies
 from .coordinates import Coordinates
+from .named_numbers import Named
+from .ranges import assembled_all, assembled_near
+from .tree import Array
 
 if TYPE_CHECKING:
     from ..simulation.phases.impact import Impact
@@ -16,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class Above(Coordinates):
-    """`Coordinates` that are struck by stops and locks, and written to files."""
+    """`Coordinates` that are assembled, struck by stops and locks, and written to files."""
 
     def write(self, path: str | Path) -> Path:
         """Write it as a file that `load` reads back with the same motion, by the path's suffix.
@@ -43,6 +50,98 @@ class Above(Coordinates):
         from ..io.write import write
 
         return write(self, path)  # type: ignore[arg-type]  # every one of them is a Mechanism
+
+    def assemble(self, q_guess: ArrayLike | Named, hold: Sequence[str] | None = None) -> Array:
+        """Close the loops from a rough guess, or from many.
+
+        Far from the guess an assembly is preferred that has the joints inside their ranges.
+
+        Parameters
+        ----------
+        q_guess : array_like (nq,), dict, or array_like (N, nq)
+            Numbers by joint: joints that are not named are where home has them. Many guesses are closed
+            together, some microseconds each.
+        hold : sequence of str, optional
+            Joints that keep their value; the independent ones when left out.
+
+        Returns
+        -------
+        ndarray (nq,) or (N, nq)
+            Configurations with max |φ| at rounding.
+
+        Raises
+        ------
+        ClosureError
+            With each loop that stays open, and by how much; of many guesses `failed` has the numbers of
+            those that are not closed, `nearest` the others' configurations.
+        """
+        held = self.velocities_named(self.independent if hold is None else joint_names(hold, "hold"))
+        free = np.setdiff1d(np.arange(self.nv), held)
+        if isinstance(q_guess, Mapping) or np.ndim(q_guess) < 2:
+            return assembled_near(self, self.configuration(q_guess, "q_guess"), free, "assemble")
+        return assembled_all(self, self.configurations(q_guess, "q_guess"), free, "assemble")
+
+    def lift(self, q: ArrayLike, ydot: ArrayLike) -> Array:
+        """v = G(q) ẏ: the velocity of the whole tree for velocities ẏ of the independent joints.
+
+        Parameters
+        ----------
+        q : array_like (nq,) or (N, nq)
+            Closed configurations.
+        ydot : array_like (m,), or (N, m) for many configurations
+
+        Returns
+        -------
+        ndarray (nv,) or (N, nv)
+
+        Raises
+        ------
+        StateError
+            At a configuration where K_d is singular: give v along a mode of `analyse` instead.
+        """
+        if np.ndim(q) < 2:
+            return self.G(q) @ checked_vector(ydot, self.m, "ydot", "m")
+        many = self.configurations(q, "q")
+        rates = np.broadcast_to(np.asarray(ydot), (len(many), self.m)) if np.ndim(ydot) == 1 else ydot
+        v = np.zeros((len(many), self.nv))
+        v[:, self.iv_independent] = checked_rows(rates, len(many), self.m, "ydot", "m")
+        from ..kernel.assembling import lifted
+
+        done = lifted(self, many, v, self.iv_dependent)
+        for i in range(len(many)) if done is None else np.flatnonzero(~done):
+            try:
+                v[i] = self.G(many[i]) @ v[i, self.iv_independent]
+            except StateError as error:
+                raise StateError(f"q[{i}]: {error.args[0]}") from error
+        return v
+
+    def assemblies(self, q: ArrayLike | Named | None = None, hold: Sequence[str] | None = None) -> Assemblies:
+        """All ways to assemble the loops with some joints held: configurations apart from each other.
+
+        Each loop cluster is closed from reproducible starts at random until every configuration was met
+        several times; those of the clusters are combined. Angles are within half a turn of those of `q`.
+
+        Parameters
+        ----------
+        q : array_like (nq,) or dict, optional
+            Where the joints are held; home when left out.
+        hold : sequence of str, optional
+            Joints that keep their value; the independent ones when left out.
+
+        Returns
+        -------
+        Assemblies
+            `q` (N, nq), the nearest to the given one first; `complete`: whether each was met often enough
+            that another is not to be expected (no proof); `inside` (N,): whether the joints are in their
+            ranges; `starts`, how many were made.
+
+        Raises
+        ------
+        OptionError
+            Where the joints still move with these held.
+        """
+        held = self.velocities_named(self.independent if hold is None else joint_names(hold, "hold"))
+        return assemblies(self, self.home if q is None else self.configuration(q, "q"), held)
 
     def impact(self, q: ArrayLike, v: ArrayLike, joints: Sequence[Part]) -> Impact:
         """The velocity after an impulse: v⁺ = v + G M_r⁻¹ Gᵀ Eᵀ P, by Newton's restitution.
@@ -73,3 +172,8 @@ class Above(Coordinates):
         from ..simulation.phases.impact import impact
 
         return impact(self, q, v, joints)
+
+
+def joint_names(names: Any, what: str) -> tuple[str, ...]:
+    """Joint names that were given as a list."""
+    return tuple(listed(names, what, "joint names"))

@@ -7,21 +7,17 @@ a₁ − a₂: both vanish at the aligned assembly alone. Points come first beca
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from ..errors import ClosureError
-from .closures import WELDED, Closure, RevoluteClosure
-from .joints import support
 from .loop_graph import loop_groups
 from .loops import ClosedLoops
-from .rows import ROTATION, rows_of
+from .separation import Separation
 from .tolerances import CLOSED
 from .tree import Array
-from .vectors import skew
 
 Index = NDArray[np.int64]
 Residual = Callable[[Array], tuple[Array, Array]]
@@ -91,16 +87,19 @@ def assembled(
     closed = loops.nc == 0 or (loops.closure_residual(guess) <= CLOSED and _aligned(loops, guess))
     if closed and (besides is None or not np.any(besides(guess)[0])):
         return guess
-    separation = _Separation(loops)
-    residuals = [_both(r, besides) for r in (separation.points, separation.everything)]
     rng = np.random.default_rng(0)
+    steps = [rng.normal(0.0, 1.0, len(free)) * spread * loops.units[free] for spread in spreads]
+    if besides is None:
+        found = _in_kernel(loops, guess, free, steps)
+        if found is not None:
+            return found
+    separation = Separation(loops)
+    residuals = [_both(r, besides) for r in (separation.points, separation.everything)]
     best, least = guess, np.inf
-    for spread in spreads:
-        step = np.zeros(loops.nv)
-        step[free] = rng.normal(0.0, 1.0, len(free)) * spread * loops.units[free]
-        q = loops.tree.integrate(guess, step)
-        for residual, steps in zip(residuals, (POINT_STEPS, STEPS), strict=True):
-            q, size = _descended(loops, q, free, residual, steps)
+    for moved in steps:
+        q = _moved(loops, guess, free, moved)
+        for residual, most in zip(residuals, (POINT_STEPS, STEPS), strict=True):
+            q, size = _descended(loops, q, free, residual, most)
         if size < CLOSE:
             q = loops.polish(q, free)
             size = loops.closure_residual(q)
@@ -111,6 +110,24 @@ def assembled(
     refusal = _refusal(loops, separation, best, what)
     refusal.nearest = best
     raise refusal
+
+
+def _moved(loops: ClosedLoops, guess: Array, free: Index, by: Array) -> Array:
+    step = np.zeros(loops.nv)
+    step[free] = by
+    return loops.tree.integrate(guess, step)
+
+
+def _in_kernel(loops: ClosedLoops, guess: Array, free: Index, steps: Sequence[Array]) -> Array | None:
+    """The same by the compiled kernel, from the first of the starts that leads there, if any."""
+    from ..kernel.assembling import closed  # it stands above what it is made of
+
+    for some in (steps[:1], steps[1:]):
+        starts = np.array([_moved(loops, guess, free, by) for by in some]).reshape(-1, loops.nq)
+        q, done = closed(loops, starts, free)
+        if np.any(done):
+            return q[int(np.argmax(done))]
+    return None
 
 
 def _both(first: Residual, second: Residual | None) -> Residual:
@@ -152,107 +169,6 @@ def _descended(
     return q, float(np.abs(r).max(initial=0.0))
 
 
-class _Separation:
-    """How far the loops are open, and how that changes with v; dimensionless rows."""
-
-    def __init__(self, loops: ClosedLoops) -> None:
-        self._loops, tree = loops, loops.tree
-        count = len(loops.loops)
-        model = tree.model
-        frames = [model.frames[i] for i in range(model.nframes - 2 * count, model.nframes)]
-        self._carried = np.zeros((2 * count, loops.nv))
-        for point, frame in enumerate(frames):
-            self._carried[point, support(model, int(frame.parentJoint))] = 1.0
-        layout = rows_of(loops.loops)
-        used = loops.implicit.rows.tolist()
-        self._beyond = np.flatnonzero(loops.implicit.rows >= len(layout))
-        """Rows of φ that belong to couplings."""
-        self._in_points: list[int] = [int(row) for row in self._beyond]
-        """Rows of φ that count as they are while points are closed, and later too."""
-        self._in_turns: list[int] = []
-        """Those that count as they are later only."""
-        for at, full in enumerate(used[: len(used) - len(self._beyond)]):
-            closure = loops.loops[layout[full].closure]
-            if layout[full].axis == ROTATION:
-                if not _turns(closure):
-                    self._in_turns.append(at)
-            elif not closure.holds:
-                self._in_points.append(at)
-
-    def points(self, q: Array) -> tuple[Array, Array]:
-        """p₁ − p₂ of loops that hold their points together, else their position rows; the couplings."""
-        loops = self._loops
-        phi, K = loops.phi(q), loops.K(q)
-        tree, n = loops.tree, len(loops.loops)
-        rows, slopes = [], []
-        for i in (i for i in range(n) if loops.loops[i].holds):
-            rows.append((tree.frame_p[i] - tree.frame_p[n + i]) / loops.length)
-            slopes.append((self._velocity(i) - self._velocity(n + i)) / loops.length)
-        scale = loops.row_scale[self._in_points]
-        return (
-            np.concatenate([*rows, phi[self._in_points] / scale]),
-            np.vstack([*slopes, K[self._in_points] / scale[:, None]]),
-        )
-
-    def everything(self, q: Array) -> tuple[Array, Array]:
-        """The same and the rotations."""
-        points, by_v = self.points(q)
-        rows, slopes = [points], [by_v]
-        tree, n = self._loops.tree, len(self._loops.loops)
-        if self._in_turns:
-            rows.append(self._loops.phi(q)[self._in_turns])
-            slopes.append(self._loops.K(q)[self._in_turns])
-        for i, closure in enumerate(self._loops.loops):
-            R1, R2 = tree.frame_R[i], tree.frame_R[n + i]
-            if closure.rotation_terms() == WELDED:
-                turn = R1.T @ R2
-                rows.append(pin.log3(turn))
-                slopes.append(pin.Jlog3(turn) @ R2.T @ (self._turning(n + i) - self._turning(i)))
-            elif isinstance(closure, RevoluteClosure):
-                axis = np.array(closure.across()[0])
-                a1, a2 = R1 @ axis, R2 @ axis
-                rows.append(a1 - a2)
-                slopes.append(-pin.skew(a1) @ self._turning(i) + pin.skew(a2) @ self._turning(n + i))
-        return np.concatenate(rows), np.vstack(slopes)
-
-    def sizes(self, q: Array) -> list[tuple[str, float, str]]:
-        """What is left of each loop and coupling: its name, its size, its unit."""
-        phi = self._loops.phi(q)
-        found = []
-        tree, n = self._loops.tree, len(self._loops.loops)
-        for i, closure in enumerate(self._loops.loops):
-            label = f"{closure.frame1} – {closure.frame2}"
-            if closure.holds:
-                found.append((label, float(np.abs(tree.frame_p[i] - tree.frame_p[n + i]).max()), "m"))
-            if not _turns(closure):
-                continue
-            turn = tree.frame_R[i].T @ tree.frame_R[n + i]
-            angle = float(np.linalg.norm(pin.log3(turn)))
-            if isinstance(closure, RevoluteClosure):
-                axis = np.array(closure.across()[0])
-                angle = float(np.arccos(np.clip(axis @ turn @ axis, -1.0, 1.0)))
-            found.append((label, angle, "rad"))
-        for row in (*self._in_points, *self._in_turns):
-            unit = "m" if self._loops.implicit.is_length[row] else "rad"
-            found.append((self._loops.implicit.labels[row], float(abs(phi[row])), unit))
-        return found
-
-    def _velocity(self, point: int) -> Array:
-        """∂p/∂v of a followed point, (3, nv), world axes."""
-        J = self._loops.tree.J
-        moved: Array = J[:, :3] + J[:, 3:] @ skew(self._loops.tree.frame_p[point])
-        return np.asarray(moved.T * self._carried[point])
-
-    def _turning(self, point: int) -> Array:
-        """∂ω/∂v of a followed point's body, (3, nv), world axes."""
-        return np.asarray(self._loops.tree.J[:, 3:].T * self._carried[point])
-
-
-def _turns(closure: Closure) -> bool:
-    """Whether its rotation has a residual of its own here; rows of φ serve else."""
-    return closure.rotation_terms() == WELDED or isinstance(closure, RevoluteClosure)
-
-
 def _aligned(loops: ClosedLoops, q: Array) -> bool:
     try:
         loops.require_proper(q)
@@ -270,7 +186,7 @@ def _moved_that_way(loops: ClosedLoops, q: Array) -> float:
     return max(float(np.abs(way @ loops.K(p) * loops.units).max()) for p in places)
 
 
-def _refusal(loops: ClosedLoops, separation: _Separation, q: Array, what: str) -> ClosureError:
+def _refusal(loops: ClosedLoops, separation: Separation, q: Array, what: str) -> ClosureError:
     """Every loop that stays open, the worst first."""
     sizes = [(s / (loops.length if u == "m" else 1.0), name, s, u) for name, s, u in separation.sizes(q)]
     sizes.sort(key=lambda item: -item[0])

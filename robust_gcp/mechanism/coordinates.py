@@ -136,16 +136,6 @@ class Coordinates(ClosedLoops):
         places = zip(owners, iv, strict=True)
         return np.array([joint.idx_q + i - joint.idx_v for joint, i in places], dtype=np.int64)
 
-    def lift(self, q: ArrayLike, ydot: ArrayLike) -> Array:
-        """v = G(q) ẏ, (nv,): the velocity of the whole tree for velocities ẏ (m,) of the independent joints.
-
-        Raises
-        ------
-        StateError
-            At a configuration where K_d is singular: give v along a mode of `analyse` instead.
-        """
-        return self.G(q) @ checked_vector(ydot, self.m, "ydot", "m")
-
     def G(self, q: ArrayLike) -> Array:
         """∂γ/∂y at a closed q, (nv, m): v = G ẏ, with G = [I; −K_d⁻¹ K_i], Eq. (4).
 

@@ -10,7 +10,7 @@ import pinocchio as pin
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from ..checks import checked_vector, require_finite
+from ..checks import checked_rows, checked_vector, require_finite
 from ..errors import ModelError, StateError
 from .closed import require_closed, require_proper
 from .closures import closure_frames
@@ -181,6 +181,13 @@ class ClosedLoops:
             f"{what}: an orientation in it is none: the quaternion (x, y, z, w), or (cos, sin), of each of "
             f"{turning} must have norm 1; use pin.normalize(model, q)"
         )
+
+    def configurations(self, q: ArrayLike, what: str = "q") -> Array:
+        """Many of them as a float array (N, nq); see `configuration`."""
+        checked = checked_rows(q, None, self.nq, what, "nq")
+        if self.tree.vector_space:
+            return checked
+        return np.array([self.configuration(one, f"{what}[{i}]") for i, one in enumerate(checked)])
 
     def velocity(self, v: ArrayLike | Named, what: str = "v") -> Array:
         """v as a float array (nv,), or a StateError that says what is wrong with it; see `configuration`.

@@ -11,8 +11,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from ..checks import check_text, listed, plain, require_finite
-from .above import Above
+from ..checks import check_text, plain, require_finite
+from .above import Above, joint_names
 from .applied_forces import AppliedForces
 from .contents import FileContents, named, tell_left_out
 from .couplings import AnyClosure, closures_given
@@ -20,9 +20,7 @@ from .forces import Force, forces_given, require_length
 from .independent import best_at_home, require_determined
 from .loops import ClosedLoops
 from .model_check import check_model
-from .named_numbers import Named
 from .pin_constraints import with_named_frames
-from .ranges import assembled_near
 from .recommended import Recommended
 from .rounding import IMPLIED, without_unmoved_rows
 from .tree import Array
@@ -85,7 +83,7 @@ class Mechanism(Above):
         if isinstance(independent, str) and independent == "auto":
             self.home, chosen = best_at_home(self, self.home, self.name)
         else:
-            chosen = _joints(independent, "independent")
+            chosen = joint_names(independent, "independent")
         self.choose(chosen)
         self.actuated, self.left_out = tuple(actuated), tuple(left_out)
         require_determined(self, self.independent, self.dependent, self.iv_dependent, self.home)
@@ -228,32 +226,6 @@ class Mechanism(Above):
         """Kinetic energy, and what gravity and springs have, J."""
         return energies_of(self, self.configuration(q), self.velocity(v))
 
-    def assemble(self, q_guess: ArrayLike | Named, hold: Sequence[str] | None = None) -> Array:
-        """Close the loops from a rough guess.
-
-        Far from the guess an assembly is preferred that has the joints inside their ranges.
-
-        Parameters
-        ----------
-        q_guess : array_like (nq,) or dict
-            Or numbers by joint; joints that are not named are where home has them.
-        hold : sequence of str, optional
-            Joints that keep their value; the independent ones when left out.
-
-        Returns
-        -------
-        ndarray (nq,)
-            A configuration with max |φ| at rounding.
-
-        Raises
-        ------
-        ClosureError
-            With each loop that stays open, and by how much.
-        """
-        held = self.velocities_named(self.independent if hold is None else _joints(hold, "hold"))
-        free = np.setdiff1d(np.arange(self.nv), held)
-        return assembled_near(self, self.configuration(q_guess, "q_guess"), free, "assemble")
-
     def with_independent(self, independent: Sequence[str]) -> Mechanism:
         """The same mechanism in other minimal coordinates."""
         self.require_unchanged()
@@ -287,11 +259,6 @@ def energies_of(mechanism: Mechanism, q: Array, v: Array) -> tuple[float, float]
     kinetic, potential = mechanism.tree.energies(q, v)
     potential += mechanism.lifted
     return kinetic, potential + (0.0 if mechanism.applied is None else mechanism.applied.energy(q))
-
-
-def _joints(names: Any, what: str) -> tuple[str, ...]:
-    """Joint names that were given as a list."""
-    return tuple(listed(names, what, "joint names"))
 
 
 def _called(given: str | Path, what: str) -> str:

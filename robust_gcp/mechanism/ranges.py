@@ -147,6 +147,42 @@ def assembled_near(loops: ClosedLoops, guess: Array, free: Index, what: str) -> 
     return q
 
 
+def assembled_all(loops: ClosedLoops, guesses: Array, free: Index, what: str) -> Array:
+    """`assembled_near` from each of many guesses (N, nq): together in the kernel where that leads there.
+
+    Raises
+    ------
+    ClosureError
+        Naming the guesses that no configuration is found for: `failed` has their numbers, `nearest` (N, nq)
+        the others' configurations.
+    """
+    from ..kernel.assembling import closed  # it stands above what it is made of
+
+    q, done = closed(loops, guesses, free)
+    ranges = ranges_of(loops).of(np.setdiff1d(free, free_velocities(loops)))
+    if len(ranges.names):
+        far = [
+            np.abs(loops.tree.difference(a, b) / loops.units).max() > NEAR
+            for a, b in zip(guesses, q, strict=True)
+        ]
+        left = [set(ranges.outside(b)) - set(ranges.outside(a)) for a, b in zip(guesses, q, strict=True)]
+        done &= ~np.array([bool(f and out) for f, out in zip(far, left, strict=True)], dtype=bool)
+    errors: dict[int, ClosureError] = {}
+    for i in np.flatnonzero(~done):
+        try:
+            q[i] = assembled_near(loops, guesses[i], free, f"{what}, number {i}")
+        except ClosureError as error:
+            errors[int(i)], q[i] = error, np.nan
+    if errors:
+        first = next(iter(errors.values()))
+        refusal = ClosureError(
+            f"{len(errors)} of {len(q)} guesses: {first.args[0]}", first.residual, first.loop
+        )
+        refusal.nearest, refusal.failed = q, tuple(errors)
+        raise refusal
+    return q
+
+
 def _drawn_inside(loops: ClosedLoops, guess: Array, free: Index, ranges: Ranges) -> Array | None:
     """The loops closed inside the ranges: from the guess moved there, then from poses at random."""
     tied = np.setdiff1d(free, free_velocities(loops))

@@ -15,8 +15,8 @@ from ..dynamics.problem import set_out
 from ..errors import RobustGcpError
 from ..io.loader import load
 from ..kernel.batch import Outputs
-from ..kernel.description import NotNativeError
 from ..kernel.library import library
+from ..kernel.loop_arrays import NotNativeError
 from ..kernel.workspace import Workspace
 from ..maps.cluster.options import BridgeOptions
 from ..mechanism.mechanism import Mechanism

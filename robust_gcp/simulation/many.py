@@ -19,8 +19,8 @@ from ..dynamics.loads import Torques, one_torque
 from ..dynamics.problem import set_out
 from ..errors import OptionError, RobustGcpError
 from ..kernel.batch import Outputs
-from ..kernel.description import NotNativeError
 from ..kernel.library import Library
+from ..kernel.loop_arrays import NotNativeError
 from ..kernel.steps import chosen_library
 from ..kernel.structures import Reason
 from ..kernel.workspace import Workspace

@@ -1,5 +1,6 @@
-// The functions that Python calls for what is measured along a motion.
+// The functions that Python calls to close loops, and for what is measured along a motion.
 #include "exports.h"
+#include "constraint/assembly.h"
 #include "dynamics/measures.h"
 #include "dynamics/reactions.h"
 
@@ -22,4 +23,23 @@ RG_EXPORT void rg_react(const rg::Description* description, const double* row_sc
     for (std::int64_t i = 0; i < count; ++i)
         reactions.at(q + i * nq, v + i * nv, a + i * nv, tau == nullptr ? nullptr : tau + i * nv,
                      multipliers + i * description->rows);
+}
+
+// Closes guesses q (count, nq) in place: what is left of each, dimensionless, and the rotations between the frames of
+// the closures (count, closures, 9) there.
+RG_EXPORT void rg_assemble(const rg::Description* description, const rg::Assembly* assembly, std::int64_t count,
+                           double* q, double* left, double* turns) {
+    rg::Assembler assembler(*description, *assembly);
+    for (std::int64_t i = 0; i < count; ++i, q += description->nq) {
+        left[i] = assembler.close(q);
+        for (int c = 0; c < description->closures; ++c, turns += 9) assembler.turn(c, turns);
+    }
+}
+
+// Velocities v (count, nv) in place: those in `free` from the others; whether they are determined in `status`.
+RG_EXPORT void rg_lift(const rg::Description* description, const rg::Assembly* assembly, std::int64_t count, double rank,
+                       const double* q, double* v, std::int32_t* status) {
+    rg::Assembler assembler(*description, *assembly);
+    for (std::int64_t i = 0; i < count; ++i, q += description->nq, v += description->nv)
+        status[i] = assembler.velocities(q, v, rank);
 }

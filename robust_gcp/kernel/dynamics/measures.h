@@ -3,7 +3,6 @@
 #pragma once
 
 #include <cstdint>
-#include <numeric>
 #include <vector>
 
 #include "abi.h"
@@ -17,7 +16,7 @@ namespace rg {
 class Measures {
   public:
     explicit Measures(const Description& d)
-        : chain_(d), whole_(everything(d, chain_)), closures_(d, chain_, whole_), forces_(d),
+        : chain_(d), whole_(all_of(d, chain_)), closures_(d, chain_, whole_), forces_(d),
           armature_(d.armature, d.armature + d.nv) {}
 
     // max |φ| at q, NaN where it is not finite. Leaves the chain placed.
@@ -43,16 +42,6 @@ class Measures {
     }
 
   private:
-    // All joints as one part that the ground carries.
-    static Part everything(const Description& d, const Chain& chain) {
-        Part part;
-        part.joints = chain.all;
-        part.closures.resize(static_cast<std::size_t>(d.closures));
-        part.couplings.resize(static_cast<std::size_t>(d.couplings));
-        for (auto* numbers : {&part.closures, &part.couplings}) std::iota(numbers->begin(), numbers->end(), 0);
-        return part;
-    }
-
     Chain chain_;
     const Part whole_;
     Closures closures_;

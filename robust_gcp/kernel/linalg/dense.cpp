@@ -204,22 +204,29 @@ Vector symmetric_eigenvalues(const Matrix& A) {
     return Eigen::SelfAdjointEigenSolver<Matrix>(0.5 * (A + A.transpose()), Eigen::EigenvaluesOnly).eigenvalues();
 }
 
-Vector least_squares(const Matrix& A, const Vector& b, double share) {
-    const Svd svd(A);
-    Vector x = Vector::Zero(A.cols());
+static Vector by_svd(const Svd& svd, const Vector& b, double share) {
+    Vector x = Vector::Zero(svd.V.rows());
     for (Eigen::Index i = 0; i < svd.s.size(); ++i)
         if (svd.s[i] > share * svd.s[0]) x += svd.V.col(i) * (svd.U.col(i).dot(b) / svd.s[i]);
     return x;
 }
 
-Vector shortest(const Matrix& A, const Vector& b, double share) {
+Vector least_squares(const Matrix& A, const Vector& b, double share) {
+    return by_svd(Svd(A), b, share);
+}
+
+Vector shortest(const Matrix& A, const Vector& b, double share, bool* full) {
     constexpr double PLAIN = 1e-4;  // of the pivots: far above any share
+    if (full != nullptr) *full = true;
+    if (A.cols() == 0) return Vector();
     if (A.rows() >= A.cols()) {
         const Eigen::ColPivHouseholderQR<Matrix> qr(A);
         const auto pivots = qr.matrixQR().diagonal().cwiseAbs();
         if (pivots[A.cols() - 1] > PLAIN * pivots[0]) return qr.solve(b);
     }
-    return least_squares(A, b, share);
+    const Svd svd(A);
+    if (full != nullptr) *full = A.rows() >= A.cols() && svd.s[A.cols() - 1] > share * svd.s[0];
+    return by_svd(svd, b, share);
 }
 
 }  // namespace rg

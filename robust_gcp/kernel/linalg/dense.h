@@ -36,7 +36,8 @@ Vector symmetric_eigenvalues(const Matrix& A);  // of (A + Aᵀ)/2, ascending
 
 // The shortest x that brings A x as near to b as can be; singular values below a share of the first are zero.
 Vector least_squares(const Matrix& A, const Vector& b, double share);
-Vector shortest(const Matrix& A, const Vector& b, double share);  // the same, soon where A has full column rank
+// The same, soon where A has full column rank; also whether it has.
+Vector shortest(const Matrix& A, const Vector& b, double share, bool* full = nullptr);
 
 // shift + 1/λ for those that are not beyond 1/least.
 inline Roots reciprocal(const Roots& values, double shift, double least) {

@@ -7,7 +7,8 @@ RG_EXPORT std::int32_t rg_version() { return rg::VERSION; }
 // Size of a structure of abi.h, to compare with the caller's.
 RG_EXPORT std::int32_t rg_size(std::int32_t structure) {
     constexpr std::size_t sizes[] = {sizeof(rg::Description), sizeof(rg::Cluster), sizeof(rg::Bridging),
-                                     sizeof(rg::Request), sizeof(rg::States), sizeof(rg::ModeSeries)};
+                                     sizeof(rg::Request), sizeof(rg::States), sizeof(rg::ModeSeries),
+                                     sizeof(rg::Assembly)};
     return static_cast<std::int32_t>(sizes[structure]);
 }
 
