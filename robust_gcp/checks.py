@@ -60,6 +60,10 @@ def check_text(what: str, value: Any) -> None:
     """Refuse what is no text where a name is needed, by a ModelError."""
     if not isinstance(value, str):
         raise ModelError(f"{what} must be a name, not {shown(value)}")
+    try:
+        value.encode()
+    except UnicodeEncodeError:
+        raise ModelError(f"{what}: {shown(value)} holds halves of characters, which no file has") from None
 
 
 def names_given(what: str, value: Any) -> list[str]:
@@ -209,6 +213,14 @@ def checked_rows(value: ArrayLike, count: int | None, size: int, what: str, lett
     if not np.all(np.isfinite(array)):
         raise StateError(f"{what} holds entries that are not finite")
     return array
+
+
+def is_table(value: Any) -> bool:
+    """Whether numbers are given in rows."""
+    try:
+        return np.ndim(value) > 1
+    except ValueError:  # of lists of different lengths, which whoever checks them refuses
+        return False
 
 
 def require_finite(value: Array, what: str) -> Array:

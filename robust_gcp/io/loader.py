@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import difflib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -13,7 +12,6 @@ import numpy as np
 from ..checks import hint, shown
 from ..errors import ClosureError, ModelError, PartitionError, RobustGcpError, missing_file
 from ..mechanism.assembly import FEW_STARTS, MANY_STARTS, assembled
-from ..mechanism.closures import Closure, closure_kinds
 from ..mechanism.contents import FileContents, check_base, named, tell_left_out
 from ..mechanism.independent import completed, regular_near
 from ..mechanism.loops import ClosedLoops
@@ -36,18 +34,12 @@ from .own_block import (
     with_axes,
 )
 from .robot_file import READERS, UNREAD, alone, has_yaml, is_mjcf, others_beside, require_read, robot_file
+from .robot_yaml import closures_of, is_list_of_str, settings_of
 from .text_file import files_in, inside, is_file, is_link, path_of
 from .urdf import read_urdf
-from .yaml_text import parsed_yaml
-
-KEYS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type", "robust_gcp")
-"""Keys of robot.yaml that are read."""
 
 NEARLY_SINGULAR = 1e-3
 """Conditioning of K below which a pose that nobody chose is left: G has lost three digits there."""
-
-ALIKE = 0.85
-"""Likeness (difflib's ratio) above which another key is taken for one of them misspelt."""
 
 
 def models_folder() -> Path:
@@ -126,9 +118,9 @@ def load(
         contents = alone(inside(folder, path.name), base, root)
         contents.left_out += named("files beside it", others_beside(path))
         return _mechanism(contents, path, path, folder.name, {}, {}, independent, strict)
-    settings = _settings(path)
+    settings = settings_of(path)
     own = own_block(settings, path)
-    closures = with_axes(own.get("axes"), _closures(settings, path), path)
+    closures = with_axes(own.get("axes"), closures_of(settings, path), path)
     changes = joint_changes(settings, path)
     robot = inside(folder, robot_file(folder))
     if is_mjcf(robot):
@@ -180,7 +172,7 @@ def _mechanism(
         tell_left_out(contents.left_out, str(path), strict)
     model = contents.model
     motors = settings.get("name_mot")
-    if motors is not None and motors != "auto" and not _is_list_of_str(motors):
+    if motors is not None and motors != "auto" and not is_list_of_str(motors):
         raise ModelError(f"{path}: name_mot must be a list of joint names or 'auto', not {shown(motors)}")
     given = home_of(own["home"], model, path) if own.get("home") is not None else None
     guess = home_of(own["guess"], model, path, "guess") if own.get("guess") is not None else contents.pose()
@@ -273,31 +265,3 @@ def _with_coordinates(
             return Mechanism.from_contents(contents, wanted, home, name)
     chosen, _ = completed(loops, place, wanted, name)
     return Mechanism.from_contents(contents, chosen, home, name)
-
-
-def _settings(path: Path) -> dict[str, Any]:
-    settings = parsed_yaml(path)
-    unknown = [key for key in settings if key not in KEYS]
-    for key in KEYS:
-        near = [] if key in settings else difflib.get_close_matches(key, map(str, unknown), n=1, cutoff=ALIKE)
-        if near:
-            raise ModelError(f"{path}: {shown(near[0])} is not a key that is read; did you mean {key!r}?")
-    return settings
-
-
-def _closures(settings: dict[str, Any], path: Path) -> list[Closure]:
-    pairs = settings.get("closed_loop") or []
-    kinds = settings.get("type") or []
-    if not isinstance(pairs, list) or not all(_is_list_of_str(p) and len(p) == 2 for p in pairs):
-        raise ModelError(f"{path}: closed_loop must be a list of pairs of frame names, not {shown(pairs)}")
-    known = {kind.kind: kind for kind in closure_kinds()}
-    if not _is_list_of_str(kinds) or len(kinds) != len(pairs):
-        raise ModelError(f"{path}: type must list one of {', '.join(known)} for each of {len(pairs)} loops")
-    unknown = [kind for kind in kinds if kind.lower() not in known]
-    if unknown:
-        raise ModelError(f"{path}: type {shown(unknown[0])} is unknown; use one of {', '.join(known)}")
-    return [known[kind.lower()](*pair) for pair, kind in zip(pairs, kinds, strict=True)]
-
-
-def _is_list_of_str(value: Any) -> bool:
-    return isinstance(value, list) and all(isinstance(item, str) for item in value)

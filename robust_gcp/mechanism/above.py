@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import checked_rows, checked_vector, listed
+from ..checks import checked_rows, checked_vector, is_table, listed
 from ..errors import StateError
 from .assemblies import Assemblies, assemblies
 from .coordinates import Coordinates
@@ -77,7 +77,7 @@ class Above(Coordinates):
         """
         held = self.velocities_named(self.independent if hold is None else joint_names(hold, "hold"))
         free = np.setdiff1d(np.arange(self.nv), held)
-        if isinstance(q_guess, Mapping) or np.ndim(q_guess) < 2:
+        if isinstance(q_guess, Mapping) or not is_table(q_guess):
             return assembled_near(self, self.configuration(q_guess, "q_guess"), free, "assemble")
         return assembled_all(self, self.configurations(q_guess, "q_guess"), free, "assemble")
 
@@ -99,10 +99,10 @@ class Above(Coordinates):
         StateError
             At a configuration where K_d is singular: give v along a mode of `analyse` instead.
         """
-        if np.ndim(q) < 2:
+        if not is_table(q):
             return self.G(q) @ checked_vector(ydot, self.m, "ydot", "m")
         many = self.configurations(q, "q")
-        rates = np.broadcast_to(np.asarray(ydot), (len(many), self.m)) if np.ndim(ydot) == 1 else ydot
+        rates = ydot if is_table(ydot) else np.tile(checked_vector(ydot, self.m, "ydot", "m"), (len(many), 1))
         v = np.zeros((len(many), self.nv))
         v[:, self.iv_independent] = checked_rows(rates, len(many), self.m, "ydot", "m")
         from ..kernel.assembling import lifted

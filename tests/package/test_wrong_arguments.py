@@ -83,6 +83,8 @@ def called(name: str) -> list[str]:
         return [name, "rhombus"]
     if name == "models":
         return [name]
+    if name == "convert":
+        return [name, "rhombus", "robot.xml"]
     if name == "robots":
         return ["reports", name, "."]
     return ["reports", name, *(["--out", "out"] if name in ("work-precision", "stability") else [])]
