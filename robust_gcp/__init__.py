@@ -47,6 +47,7 @@ from .mechanism.closures import (
 )
 from .mechanism.couplings import CouplingClosure
 from .mechanism.forces import Force, JointDamper, JointSpring, JointTorque, PointSpring
+from .mechanism.linkage import Linkage
 from .mechanism.mechanism import Mechanism
 from .mechanism.recommended import Recommended
 from .simulation.access import FrameMotion, Sample
@@ -127,6 +128,7 @@ __all__ = [
     "JointTorque",
     "KinkedDriveWarning",
     "Linearisation",
+    "Linkage",
     "LocalAnalysis",
     "Lock",
     "Mechanism",

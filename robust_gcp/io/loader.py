@@ -102,6 +102,7 @@ def load(
         found that closes them all; each is named.
     """
     check_base(base)
+    tell_left_out((), "load", strict)  # which refuses what is no flag
     path = path_of(name_or_folder, "load")
     if path.suffix in UNREAD:
         raise ModelError(f"{path}: {UNREAD[path.suffix]}")

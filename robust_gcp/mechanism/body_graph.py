@@ -41,10 +41,10 @@ CHAINS = {
 
 @dataclass(eq=False)
 class Body:
-    """A rigid body: its pose in the world as the file draws it, and its inertia in its own frame."""
+    """A rigid body: its pose in the world where one is drawn, and its inertia in its own frame."""
 
     name: str
-    pose: pin.SE3
+    pose: pin.SE3 | None
     inertia: pin.Inertia = field(default_factory=pin.Inertia.Zero)
 
 
@@ -139,7 +139,7 @@ class _Graph:
                 kind = "fixed" if self._base == "fixed" else "free"
                 label = ROOT_JOINT if ROOT_JOINT not in contents.model.names else f"{first}_{ROOT_JOINT}"
                 pose = self._bodies[first].pose
-                start = pose if kind == "fixed" else pin.SE3.Identity()
+                start = pose if kind == "fixed" and pose is not None else pin.SE3.Identity()
                 root = BodyJoint(label, kind, WORLD, first, start, pin.SE3.Identity())
                 self._attach(root, WORLD, contents, numbers)
                 self._grow(first, contents, numbers)
@@ -235,7 +235,9 @@ class _Graph:
             chain, axes = chain[::-1], [-axis for axis in axes[::-1]]
         carrier, place = self._places[near]
         place = place * inner
-        moved = (self._bodies[near].pose * inner).actInv(self._bodies[far].pose * outer)
+        one, other, moved = self._bodies[near].pose, self._bodies[far].pose, pin.SE3.Identity()
+        if one is not None and other is not None:
+            moved = (one * inner).actInv(other * outer)
         for number, letter in enumerate(chain):
             label = joint.name if len(chain) == 1 else f"{joint.name}_{number + 1}"
             if label in model.names:
