@@ -7,18 +7,17 @@ from pathlib import Path
 from ..errors import ModelError
 from ..mechanism.contents import FileContents
 from .mjcf import read_mjcf
+from .sdf import read_sdf
 from .text_file import files_in, is_file, is_link
 from .urdf import read_urdf
 from .urdf_loops import open_ends
 from .usd import read_usd
 from .xml_text import parsed_xml
 
-USD = (".usda", ".usdc", ".usd")
-READERS = (".urdf", ".xml", ".mjcf", *USD)
+SDF, USD = (".sdf", ".world"), (".usda", ".usdc", ".usd")
+READERS = (".urdf", ".xml", ".mjcf", *SDF, *USD)
 
 UNREAD = {
-    ".sdf": "SDF cannot be read; write the robot as URDF, its loops as <loop> or <loop_joint>, or as MJCF",
-    ".world": "Gazebo's worlds cannot be read; write the robot as URDF or MJCF",
     ".xacro": "xacro is not expanded; run xacro on the file and load its output",
     ".mjb": "compiled models cannot be read; load the MJCF that it was made from",
     ".osim": "OpenSim's models cannot be read; write the mechanism as URDF or MJCF",
@@ -38,6 +37,8 @@ def alone(path: Path, base: str | None, root: str | Path | None = None) -> FileC
     """What a file describes without a robot.yaml; one that only such a file could close is refused."""
     if is_mjcf(path):
         return read_mjcf(path, base, root)
+    if path.suffix in SDF:
+        return read_sdf(path, base)
     if path.suffix in USD:
         return read_usd(path, base, root)
     contents = read_urdf(path, base)

@@ -19,6 +19,7 @@ from ..mechanism.workspace import require_memory
 from .gepetto import with_joint_changes
 from .urdf_base import declare_world, set_base
 from .urdf_check import LIMITS, MOMENTS, MOVING, PRODUCTS, SPHERICAL, check_urdf
+from .urdf_gazebo import joints_of_gazebo
 from .urdf_left_out import left_out_of
 from .urdf_loops import closures_of, refuse_unknown_ties
 from .urdf_numbers import number_in, numbers_in
@@ -99,7 +100,7 @@ def read_urdf(urdf: str | Path, base: str | None = None) -> FileContents:
         raise ModelError(
             f"{name}: no joint moves; a mechanism needs one at least, or base='free' that lets it float"
         )
-    closures = closures_of(root, model, name)
+    closures = [*closures_of(root, model, name), *joints_of_gazebo(root, model, name)]
     contents = FileContents(model, closures, _forces(root, name), left_out=left_out)
     contents.forces += springs_of(root, model, name)
     contents.independent = _marked(root, name)

@@ -38,7 +38,8 @@ def left_out_of(root: Element, name: str) -> list[str]:
             for key in dynamics.attrib.keys() - DYNAMICS:
                 kinds.setdefault(f"{key} of joints", []).append(_label(joint))
     for element in root:
-        if element.tag not in PLAIN:
+        closes = element.tag == "gazebo" and all(part.tag == "joint" for part in element) and len(element)
+        if element.tag not in PLAIN and not closes:
             label = element.get("name") or element.get("reference") or "unnamed"
             kinds.setdefault(f"<{element.tag}>", []).append(label)
     for kind in sorted(kinds):

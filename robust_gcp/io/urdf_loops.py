@@ -65,7 +65,7 @@ TREELIKE = (
     "ros2_control",
     "gazebo",
 )
-"""Elements below <robot> whose meaning is known, and that tie nothing (a <joint> in <gazebo> does)."""
+"""Elements below <robot> whose meaning is known, and that tie nothing (but see `urdf_gazebo`)."""
 
 REMEDY = (
     "write the loop as <loop>, <loop_joint>, <constraint>, drake:ball_constraint, <coupling> or <mimic>, or "
@@ -82,14 +82,6 @@ def refuse_unknown_ties(root: Element, name: str) -> None:
         if tag.startswith("xacro:"):
             raise ModelError(f"{name}: <{tag}> is not expanded; run xacro on the file and load its output")
         if tag in LOOP_TAGS:
-            continue
-        if tag == "gazebo":
-            inner = next((e for e in element.iter("joint") if e.find("child") is not None), None)
-            if inner is not None:
-                raise ModelError(
-                    f"{name}: <gazebo> adds the joint {inner.get('name', '')!r}, which closes a loop and "
-                    f"cannot be read; {REMEDY}"
-                )
             continue
         if tag in TREELIKE:
             continue

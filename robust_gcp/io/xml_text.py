@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeGuard
@@ -17,6 +18,8 @@ DEEPEST = 200
 
 LEADING = "\ufeff \t\r\n"
 """What may stand before a document."""
+
+COMMENT, LOOSE = re.compile(r"<!--.*?-->", re.DOTALL), re.compile(r"<!--(?:(?!-->).)*?--(?!>)", re.DOTALL)
 
 MOST = 500_000
 """Elements of a document: a hundred times what a humanoid has, read in some seconds."""
@@ -60,16 +63,13 @@ def parsed_xml(
         raise ModelError(f"{name}: it has {elements:,} elements, more than {MOST:,}; split it")
     if scan is not None:
         scan(text)
-    builder = _Builder(name)
-    parser = expat.ParserCreate()
-    parser.buffer_text = True
-    parser.StartElementHandler = builder.start
-    parser.EndElementHandler = builder.end
-    parser.CharacterDataHandler = builder.data
-    parser.StartDoctypeDeclHandler = builder.doctype
     try:
-        parser.Parse(text.lstrip(LEADING), True)
-        root = builder.close()
+        try:
+            root = _parsed(text.lstrip(LEADING), name)
+        except expat.ExpatError:  # robots' programs take "--" in comments, which XML does not
+            if not LOOSE.search(text):
+                raise
+            root = _parsed(COMMENT.sub(lambda m: "\n" * m[0].count("\n"), text.lstrip(LEADING)), name)
     except (expat.ExpatError, ValueError) as error:
         if isinstance(error, ModelError):
             raise
@@ -79,6 +79,19 @@ def parsed_xml(
         for element in root.iter():
             element.tag = element.tag.removeprefix(f"{prefix}:")
     return root, name
+
+
+def _parsed(text: str, name: str) -> ElementTree.Element:
+    """The root element."""
+    builder = _Builder(name)
+    parser = expat.ParserCreate()
+    parser.buffer_text = True
+    parser.StartElementHandler = builder.start
+    parser.EndElementHandler = builder.end
+    parser.CharacterDataHandler = builder.data
+    parser.StartDoctypeDeclHandler = builder.doctype
+    parser.Parse(text, True)
+    return builder.close()
 
 
 def require_shallow(root: ElementTree.Element, name: str) -> None:

@@ -1,8 +1,8 @@
 """Bodies and the joints between them, in any order, to a spanning tree and closures.
 
-Formats that list joints between pairs of bodies (SDF, USD, a `Linkage`) say nothing of a tree. Here one is
-taken by Kruskal's rule: joint by joint, those that join two parts of the mechanism belong to the tree, the
-others close a loop and become the closure of their kind. The motion does not depend on which.
+What lists joints between pairs of bodies (SDF, USD, `Linkage`) says nothing of a tree. One is taken by
+Kruskal's rule: joints that join two parts of the mechanism belong to it, the others close loops as closures of
+their kind. The motion does not depend on which.
 """
 
 from __future__ import annotations
@@ -150,16 +150,16 @@ class _Graph:
         """The joints outside the tree as closures."""
         lost: list[str] = []
         for joint in self._loops:
-            if joint.kind not in _CLOSURES:
+            if joint.kind not in CLOSURES:
                 raise ModelError(
                     f"{self.name}: joint {joint.name!r} closes a loop of joints that are all of kinds that "
-                    f"no closure stands for ({joint.kind}); make one of them {', '.join(_CLOSURES)}"
+                    f"no closure stands for ({joint.kind}); make one of them {', '.join(CLOSURES)}"
                 )
             ends = [
                 (self._places[body][0], self._places[body][1] * place)
                 for body, place in ((joint.parent, joint.on_parent), (joint.child, joint.on_child))
             ]
-            kind = _CLOSURES[joint.kind]
+            kind = CLOSURES[joint.kind]
             if joint.kind == "universal":
                 first, second = (tuple(map(float, axis)) for axis in joint.axes)
                 kind = partial(kind, axis=second, axis2=first)
@@ -259,7 +259,7 @@ class _Graph:
 
 def _lateness(joint: BodyJoint) -> tuple[bool, ...]:
     """What is lost where it is not in the tree, the worst first."""
-    return joint.cut, joint.kind in _CLOSURES, not (joint.damping or joint.stiffness)
+    return joint.cut, joint.kind in CLOSURES, not (joint.damping or joint.stiffness)
 
 
 def _made(
@@ -291,7 +291,7 @@ def _forces(joint: BodyJoint) -> list[Force]:
     return found
 
 
-_CLOSURES: dict[str, Any] = {
+CLOSURES: dict[str, Any] = {
     "spherical": PointClosure,
     "fixed": FrameClosure,
     "revolute": RevoluteClosure,

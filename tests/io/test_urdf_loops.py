@@ -266,7 +266,7 @@ def test_a_urdf_may_be_called_xml(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("suffix", "message"), [("sdf", "SDF cannot be read"), ("usd", "USD"), ("xacro", "run")]
+    ("suffix", "message"), [("mjb", "compiled models"), ("osim", "OpenSim"), ("xacro", "run")]
 )
 def test_other_formats_are_refused_by_name(suffix: str, message: str, tmp_path: Path) -> None:
     (tmp_path / f"robot.{suffix}").write_text("<sdf/>", encoding="utf-8")
@@ -345,3 +345,19 @@ def test_constraints_without_an_axis_or_of_unknown_types_are_refused() -> None:
         read_urdf(four_bar(zero))
     with pytest.raises(rg.ModelError, match="is of type 'screw'"):
         read_urdf(four_bar(CONSTRAINT.format(kind="screw", one="", two="", rpy="0 0 0")))
+
+
+GAZEBO = """<gazebo><joint name="l" type="{kind}"><parent>coupler</parent><child>rocker</child>
+  <pose>0 1 0 0 0 0</pose>{axis}</joint></gazebo>"""
+
+
+@pytest.mark.parametrize(("kind", "axis"), [("ball", ""), ("revolute", "<axis><xyz>1 0 0</xyz></axis>")])
+def test_a_joint_that_gazebo_adds_closes_the_loop(kind: str, axis: str) -> None:
+    """At zero the rhombus is drawn with its coupler beside its rocker's end: there the joint is."""
+    text = four_bar(GAZEBO.format(kind=kind, axis=axis))
+    text = text.replace('<joint name="q2" type="revolute" ', '<joint name="q2" type="revolute" ')
+    mech = rg.Mechanism.from_urdf(text, independent=["q1"])
+    assert type(mech.closures[0]) is (rg.PointClosure if kind == "ball" else rg.RevoluteClosure)
+    assert mech.closure_residual(np.zeros(3)) < 1e-15  # closed at zero by definition
+    run = rg.simulate(mech, [0.3, *mech.assemble({"q1": 0.3})[1:]], duration=0.2)
+    assert run.closure_error().max() < 1e-13

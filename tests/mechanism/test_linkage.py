@@ -176,7 +176,7 @@ def test_what_is_wrong_is_named() -> None:
     refused("axis is zero", lambda: linkage.revolute("crank", "rocker", axis=(0, 0)))
     with pytest.raises(rg.ClosureError, match="is open by"):
         linkage.mechanism({"crank": np.pi, "rocker": 0.0})
-    with pytest.raises(rg.StateError, match="home: .* no joint 'cranks'"):
+    with pytest.raises(rg.StateError, match=r"home: .* no joint 'cranks'"):
         linkage.mechanism({"cranks": 1.0})
     linkage.link("lost", 1.0)
     refused("nothing connects lost to the ground", linkage.mechanism)
