@@ -21,6 +21,7 @@ from ..mechanism.rank import singular_words
 from ..mechanism.rounding import IMPLIED, ROUNDED, without_rounded_rows, without_unmoved_rows
 from ..mechanism.tolerances import NEARLY_CLOSED
 from ..mechanism.tree import Array
+from .by_name import named_path
 from .gepetto import joint_changes, with_changed_forces, with_joint_changes
 from .mjcf import read_mjcf
 from .own_block import (
@@ -61,7 +62,10 @@ def load(
     strict: bool = False,
     root: str | Path | None = None,
 ) -> Mechanism:
-    """A mechanism from a shipped model's name, a folder, or a robot's file (URDF: *.urdf, MJCF: *.xml).
+    """A mechanism from a shipped model's name, a folder, or a robot's file: URDF, MJCF, SDF, USD.
+
+    "robot_descriptions:NAME" and "example_robot_data:NAME" stand for robots of these packages, where they
+    are on this machine.
 
     A folder holds robot.yaml and robot.urdf, or robot.xml (MJCF) in its place; without robot.yaml, one such
     file. A file beside a robot.yaml that belongs to it is read with it. The YAML's keys are those of the
@@ -103,6 +107,7 @@ def load(
     """
     check_base(base)
     tell_left_out((), "load", strict)  # which refuses what is no flag
+    name_or_folder = named_path(name_or_folder)
     path = path_of(name_or_folder, "load")
     if path.suffix in UNREAD:
         raise ModelError(f"{path}: {UNREAD[path.suffix]}")

@@ -63,6 +63,7 @@ def read_sdf(sdf: str | Path, base: str | None = None) -> FileContents:
     reader = ModelReader(name)
     reader.place(models[0], "", WORLD)
     reader.read(models[0], "")
+    reader.tie_gears()
     contents = spanned(models[0].get("name") or "sdf", reader.bodies, reader.joints, gravity, base)
     _tell_apart(name, reader.apart)
     _require_closed(models[0], name, contents)

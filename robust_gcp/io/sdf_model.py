@@ -52,6 +52,7 @@ class ModelReader:
         self.couplings: list[CouplingClosure] = []
         self.left_out: dict[str, list[str]] = {}
         self.apart: list[str] = []
+        self._gears: list[tuple[str, float, list[tuple[str, str, Array]]]] = []
 
     def place(self, model: Element, scope: str, parent: str) -> None:
         """Frames of a model, `scope` before their names; links before all that may hang on them."""
@@ -122,6 +123,9 @@ class ModelReader:
 
     def _joint(self, joint: Element, scope: str) -> None:
         label, where, kind = scope + self._label(joint), self._where(joint), KINDS.get(joint.get("type", ""))
+        if joint.get("type") == "gearbox":
+            self._gear(joint, scope, where)
+            return
         if kind is None:
             raise ModelError(f"{where} is of type {joint.get('type')!r}; only {', '.join(KINDS)} are read")
         at, ends, names = self.frames.world(label, where), [], []
@@ -149,6 +153,32 @@ class ModelReader:
                 self.couplings.append(
                     CouplingClosure(label, _in(scope, mimic.get("joint", "")), ratio, offset)
                 )
+
+    def _gear(self, joint: Element, scope: str, where: str) -> None:
+        """Angles about an axis against a reference body: θ₂ of the child is −ratio θ₁ of the parent."""
+        at, pairs = self.frames.world(scope + self._label(joint), where), []
+        third = self.frames.body(_in(scope, joint.findtext("gearbox_reference_body", "").strip()), where)
+        for tag, axis in (("parent", "axis"), ("child", "axis2")):
+            body = self.frames.body(_in(scope, joint.findtext(tag, "").strip()), where)
+            pairs.append((third, body, at.rotation @ self._axis(joint.find(axis), at, scope, where)))
+        self._gears.append((where, number_of(joint, "gearbox_ratio", 1.0, where), pairs))
+
+    def tie_gears(self) -> None:
+        """The gearboxes as couplings of the hinges between their bodies."""
+        for where, ratio, pairs in self._gears:
+            found: list[tuple[str, float]] = []
+            for third, body, axis in pairs:
+                for one in self.joints:
+                    if one.kind == "revolute" and {one.parent, one.child} == {third, body}:
+                        turn = self.frames.turn(one.child, where) @ one.on_child.rotation
+                        along = float(turn @ one.axes[0] @ axis)
+                        found.append((one.name, along if one.child == body else -along))
+            if len(found) != 2 or not all(np.isclose(abs(sign), 1.0, atol=1e-6) for _, sign in found):
+                raise ModelError(
+                    f"{where}: its two bodies need a hinge each, along its axes, to the reference body"
+                )
+            (first, one_sign), (second, other_sign) = found
+            self.couplings.append(CouplingClosure(second, first, -ratio * np.sign(one_sign * other_sign)))
 
     def _together(self, at: pin.SE3, given: str, where: str) -> pin.SE3:
         """Where a joint is on its parent, which it names by a frame of its own."""

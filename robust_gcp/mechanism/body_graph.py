@@ -1,8 +1,8 @@
 """Bodies and the joints between them, in any order, to a spanning tree and closures.
 
 What lists joints between pairs of bodies (SDF, USD, `Linkage`) says nothing of a tree. One is taken by
-Kruskal's rule: joints that join two parts of the mechanism belong to it, the others close loops as closures of
-their kind. The motion does not depend on which.
+Kruskal's rule: joints that join two parts of the mechanism belong to it, the others close loops as closures
+of their kind. The motion does not depend on which.
 """
 
 from __future__ import annotations

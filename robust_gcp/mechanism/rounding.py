@@ -98,7 +98,10 @@ def without_rounded_rows(loops: ClosedLoops, home: Array) -> tuple[tuple[AnyClos
         Closed, up to that rounding.
     """
     closures, told = list(loops.closures), []
-    for group in loop_groups(loops.own_model, loops.closures):
+    grey = bool(loops.implicit.vanishing) or _is_grey(
+        np.linalg.svd(loops.scaled(loops.K(home)), compute_uv=False)
+    )
+    for group in loop_groups(loops.own_model, loops.closures) if grey else ():
         members = [closures[i] for i in group.closures]
         if any(isinstance(c, CouplingClosure | PartialClosure) for c in members):
             continue

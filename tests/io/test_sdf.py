@@ -166,6 +166,19 @@ def test_springs_ranges_mimics_and_kinds() -> None:
     assert (contents.model.lowerPositionLimit[0], contents.model.upperPositionLimit[0]) == (-1.0, 2.0)
 
 
+def test_a_gearbox_ties_two_hinges_on_one_body() -> None:
+    """θ of the child is −ratio θ of the parent, each about its own axis, against the reference body."""
+    gear = "<gearbox_reference_body>crank</gearbox_reference_body><gearbox_ratio>0.04</gearbox_ratio>"
+    hinges = joint("q1", "revolute", "world", "crank") + joint("rotor", "revolute", "crank", "coupler")
+    backwards = joint("arm", "revolute", "crank", "rocker", about(0, 0, -1))
+    box = joint("g", "gearbox", "coupler", "rocker", gear + about(0, 0, 1) + about(0, 0, 1, tag="axis2"))
+    (tied,) = read_sdf(model(BY_WORLD + hinges + backwards + box)).closures
+    assert (tied.joint1, tied.joint2) == ("arm", "rotor")
+    assert tied.ratio == pytest.approx(0.04)  # −0.04, about an axis that points the other way
+    with pytest.raises(rg.ModelError, match="need a hinge each, along its axes"):
+        read_sdf(model(BY_WORLD + JOINTS + box))
+
+
 def test_bases() -> None:
     chain = (
         BY_WORLD + joint("q2", "continuous", "crank", "coupler") + joint("q4", "ball", "coupler", "rocker")
@@ -178,7 +191,7 @@ REFUSED = {
     "<sdf version='1.9'/>": r"it has 0 models \(none that moves\)",
     "<mujoco/>": "the root element is <mujoco>",
     model("<include><uri>model://x</uri></include>"): "<include> names other models",
-    model(BY_WORLD + joint("q", "gearbox", "world", "crank")): "is of type 'gearbox'",
+    model(BY_WORLD + joint("q", "screw", "world", "crank")): "is of type 'screw'",
     model(
         BY_WORLD + joint("q", "revolute", "world", "crankk")
     ): "names 'crankk', which is not there; did you",
