@@ -1,9 +1,9 @@
 """The command `robots`: which robots' files of a folder load and run as they are, and how well.
 
-Each file is loaded without any argument and simulated from its home at rest, as `simulate` does where no
-step is named, and then once more with half the step, or with tolerances a hundred times tighter where error
-control took over. What is done right shows in the loops, which stay closed to rounding, and in the energy,
-whose error falls with h⁴ (with the tolerances) or is rounding already.
+Each file is loaded without any argument and simulated from its home with a random velocity of its loops, as
+`simulate` does where no step is named, and then once more with half the step, or with tolerances a hundred
+times tighter where error control took over. What is done right shows in the loops, which stay closed to
+rounding, and in the energy, whose error falls with h⁴ (with the tolerances) or is rounding already.
 """
 
 from __future__ import annotations
@@ -18,9 +18,11 @@ from pathlib import Path
 import numpy as np
 
 from ..arguments import Arguments, known_folder, number, pathname, positive
-from ..errors import RobustGcpError
+from ..errors import RobustGcpError, StateError
 from ..io.loader import load
+from ..io.robot_file import SDF, USD
 from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
 from ..printing import table
 from ..simulation.simulate import simulate
 
@@ -42,6 +44,9 @@ FALLS = 0.2
 HEADER = (
     "file", " nv", " rows", " m", " load s", "step", " run s", " closure", " energy", " finer", "verdict"
 )  # fmt: skip
+AWAY = 0.05
+"""rad or lengths that a home is left by where it is singular: coordinates determine no velocity there."""
+
 WORDS = 70
 """Letters of a refusal that the table shows."""
 
@@ -86,23 +91,35 @@ class Entry:
         return [self.file, *sizes, load, self.step, run, *errors, verdict]
 
 
-def tried(file: Path, name: str, duration: float, step: float | None) -> Entry:
-    """Load a file and run it twice; a step of None is left to `simulate`."""
+def thrown(mech: Mechanism, speed: float) -> tuple[Array, Array]:
+    """Home, or beside it where it is singular, closed, and a velocity of the loops at random."""
+    rng = np.random.default_rng(0)
+    ydot = speed * rng.normal(size=mech.m)
+    try:
+        return mech.home, mech.lift(mech.home, ydot)
+    except StateError:
+        step = AWAY * rng.normal(size=mech.nv) * mech.units
+        q = mech.assemble(mech.tree.integrate(mech.home, step), [])
+        return q, mech.lift(q, ydot)
+
+
+def tried(file: Path, name: str, duration: float, step: float | None, speed: float = 0.3) -> Entry:
+    """Load a file and run it twice from `thrown`; a step of None is left to `simulate`."""
     entry, begun = Entry(name), time.perf_counter()
     try:
         entry.mechanism = mech = load(file)
         entry.seconds.append(time.perf_counter() - begun)
         entry.verdict, begun = "stops", time.perf_counter()
-        motion = simulate(mech, duration=duration, step=step, record=("energy",))
+        q0, v0 = thrown(mech, speed)
+        motion = simulate(mech, q0, v0, duration=duration, step=step, record=("energy",))
         entry.seconds.append(time.perf_counter() - begun)
         stats = motion.stats
         entry.step = stats.stepper if stats.step is None else f"{1e3 * stats.step:.4g}"
         if stats.step is None:
-            finer = simulate(
-                mech, duration=duration, stepper=stats.stepper, rtol=TIGHTER * 1e-8, atol=TIGHTER * 1e-10
-            )
+            rtol, atol = TIGHTER * 1e-8, TIGHTER * 1e-10
+            finer = simulate(mech, q0, v0, duration=duration, stepper=stats.stepper, rtol=rtol, atol=atol)
         else:
-            finer = simulate(mech, duration=duration, step=0.5 * stats.step)
+            finer = simulate(mech, q0, v0, duration=duration, step=0.5 * stats.step)
         for found in (motion, finer):
             entry.closure = float(np.fmax(entry.closure, found.closure_error().max(initial=0.0)))
             entry.energy.append(float(np.abs(found.energy_error()).max()))
@@ -122,10 +139,12 @@ def tried(file: Path, name: str, duration: float, step: float | None) -> Entry:
 
 
 def files_below(folder: Path) -> Iterator[Path]:
-    """Model folders, and other URDF and MJCF files that are models by themselves."""
+    """Model folders, and other robots' files that are models by themselves."""
     for path in sorted(folder.rglob("*")):
         if path.name == "robot.yaml":
             yield path.parent
+        elif path.suffix in (*SDF, *USD):
+            yield path
         elif path.suffix in (".urdf", ".xml") and not (path.parent / "robot.yaml").exists():
             text = path.read_text(encoding="utf-8", errors="replace")
             if path.suffix == ".urdf" or "<worldbody" in text:
@@ -136,6 +155,7 @@ def arguments(add_to: Arguments) -> None:
     """Name the arguments."""
     add_to.add("folder", known_folder, type=pathname, metavar="FOLDER", help="models and robots' files")
     add_to.add("--duration", positive, type=number, default=0.3, metavar="T", help="s; default: 0.3")
+    add_to.add("--speed", positive, type=number, default=0.3, metavar="V", help="rad/s or m/s; default: 0.3")
     add_to.add("--step", positive, type=number, metavar="H", help="s; default: as simulate chooses")
 
 
@@ -145,7 +165,9 @@ def run(args: argparse.Namespace) -> int:
     for file in files_below(args.folder):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of what is not simulated: the table is about what is
-            entries.append(tried(file, str(file.relative_to(args.folder)), args.duration, args.step))
+            entries.append(
+                tried(file, str(file.relative_to(args.folder)), args.duration, args.step, args.speed)
+            )
     print(table(HEADER, [entry.cells() for entry in entries], longest=None))
     print(f"\n{counted(entries)} of {len(entries)} files run {args.duration:g} s as they are")
     return int(any(entry.verdict == "falls short" for entry in entries))

@@ -44,17 +44,17 @@ def test_an_energy_that_does_not_fall_is_seen(folder: Path, monkeypatch: pytest.
 
 
 def test_a_stiff_file_runs_at_the_step_that_it_needs(tmp_path: Path) -> None:
-    """Where no step is named; with one it blows up."""
+    """From rest, where no step is named; with one it blows up."""
     (tmp_path / "stiff.xml").write_text(
         """<mujoco><worldbody><body><joint type="slide" damping="15000"/><geom type="sphere" size="0.1"
         mass="1" contype="0" conaffinity="0"/></body></worldbody></mujoco>""",
         encoding="utf-8",
     )
     with pytest.warns(rg.StabilityWarning):
-        entry = tried(tmp_path / "stiff.xml", "stiff", 0.1, None)
+        entry = tried(tmp_path / "stiff.xml", "stiff", 0.1, None, 0.0)
     assert (entry.verdict, entry.step) == ("runs", "0.0625")
     with pytest.warns(rg.StabilityWarning):
-        assert tried(tmp_path / "stiff.xml", "stiff", 0.1, 1e-3).verdict == "stops"
+        assert tried(tmp_path / "stiff.xml", "stiff", 0.1, 1e-3, 0.0).verdict == "stops"
 
 
 def test_cells_of_a_file_that_is_refused() -> None:
