@@ -75,7 +75,9 @@ def require_good(outcomes: dict[int, Outcome], files: list[Document], seed: int)
 @pytest.mark.parametrize("every", [6, pytest.param(1, marks=pytest.mark.campaign)])
 def test_what_is_spoilt_is_sound(every: int) -> None:
     files = known()
-    assert {document.file for document in files} == {"robot.yaml", "robot.urdf", "robot.xml"}
+    assert {document.file for document in files} == {
+        *("robot.yaml", "robot.urdf", "robot.xml", "robot.sdf", "robot.usda")
+    }
     moved = {document.label: judge(document, document.text).verdict for document in files[::every]}
     assert set(moved.values()) == {"moved"}, moved
 

@@ -61,8 +61,12 @@ Judge = Callable[[Document, str], Outcome]
 
 
 def shipped() -> list[Document]:
-    """The shipped models as URDF, YAML and MJCF."""
-    found = []
+    """The shipped models as URDF, YAML and MJCF; a four-bar as SDF and USD, as often as these."""
+    here = Path(__file__).parent
+    found = [
+        Document(file, f"robot{Path(file).suffix}", (here / file).read_text("utf-8"), {})
+        for file in ("bar.sdf", "bar.usda") * 8
+    ]
     for name in model_names():
         found += _of_folder(models_folder() / name)
         mechanism = load(name)
@@ -100,7 +104,7 @@ def case(documents: list[Document], seed: int, index: int) -> tuple[Document, st
     """The document and the spoilt text of a case: the same for the same seed and index."""
     rng = random.Random(f"{seed} {index}")
     document = rng.choice(documents)
-    return document, spoiled(document.text, document.file != "robot.yaml", rng)
+    return document, spoiled(document.text, document.file not in ("robot.yaml", "robot.usda"), rng)
 
 
 def judge(document: Document, text: str) -> Outcome:
@@ -132,7 +136,7 @@ def _read(document: Document, folder: Path) -> Mechanism:
     if document.file == "robot.xml":
         home = HOME if document.independent else None
         return Mechanism.from_mjcf(folder / document.file, document.independent or "auto", home)
-    return Mechanism.from_urdf(folder / document.file)
+    return load(folder / document.file)
 
 
 class JudgeProcess:
