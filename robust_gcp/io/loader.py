@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+import pinocchio as pin
 
 from ..checks import hint, shown
 from ..errors import ClosureError, ModelError, PartitionError, RobustGcpError, missing_file
@@ -34,10 +36,15 @@ from .own_block import (
     set_gravity,
     with_axes,
 )
-from .robot_file import READERS, UNREAD, alone, has_yaml, is_mjcf, others_beside, require_read, robot_file
+from .robot_file import READERS, UNREAD, has_yaml, is_mjcf, others_beside, require_read, robot_file
 from .robot_yaml import closures_of, is_list_of_str, settings_of
 from .text_file import files_in, inside, is_file, is_link, path_of
 from .urdf import read_urdf
+
+log = logging.getLogger(__name__)
+
+FREE = 6
+"""Velocities of a floating body."""
 
 NEARLY_SINGULAR = 1e-3
 """Conditioning of K below which a pose that nobody chose is left: G has lost three digits there."""
@@ -118,10 +125,11 @@ def load(
             raise ModelError(f"{path}: give the folder that it is in; read there is robot.yaml")
         path = path.parent
     if path.suffix in READERS and not has_yaml(path):
-        return _mechanism(alone(path, base, root), path, path, path.stem, {}, {}, independent, strict)
+        contents = READERS[path.suffix](path, base, root)
+        return _mechanism(contents, path, path, path.stem, {}, {}, independent, strict)
     folder, path = _folder(path.parent if path.suffix in READERS else path, name_or_folder)
     if path.suffix in READERS:
-        contents = alone(inside(folder, path.name), base, root)
+        contents = READERS[path.suffix](inside(folder, path.name), base, root)
         contents.left_out += named("files beside it", others_beside(path))
         return _mechanism(contents, path, path, folder.name, {}, {}, independent, strict)
     settings = settings_of(path)
@@ -142,6 +150,14 @@ def load(
     independent = independent_of(own, path) if independent is None else independent
     set_gravity(own.get("gravity"), contents.model, path)
     return _mechanism(contents, path, robot, folder.name, settings, own, independent, strict)
+
+
+def _tell_floating(model: pin.Model, path: Path) -> None:
+    """Log which bodies stand on nothing, by the file or as base="free" asks."""
+    for index in range(1, model.njoints):
+        if model.parents[index] == 0 and model.nvs[index] == FREE:
+            links = [f.name for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint == index]
+            log.info("%s: %s floats, by the joint %s", path, ", ".join(links[:3]), model.names[index])
 
 
 def _folder(path: Path, given: str | Path) -> tuple[Path, Path]:
@@ -177,6 +193,7 @@ def _mechanism(
     if strict:
         tell_left_out(contents.left_out, str(path), strict)
     model = contents.model
+    _tell_floating(model, path)
     motors = settings.get("name_mot")
     if motors is not None and motors != "auto" and not is_list_of_str(motors):
         raise ModelError(f"{path}: name_mot must be a list of joint names or 'auto', not {shown(motors)}")

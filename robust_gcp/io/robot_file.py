@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from ..errors import ModelError
@@ -14,15 +15,17 @@ from .urdf_loops import open_ends
 from .usd import read_usd
 from .xml_text import parsed_xml
 
-SDF, USD = (".sdf", ".world"), (".usda", ".usdc", ".usd")
-READERS = (".urdf", ".xml", ".mjcf", *SDF, *USD)
-
 UNREAD = {
     ".xacro": "xacro is not expanded; run xacro on the file and load its output",
     ".mjb": "compiled models cannot be read; load the MJCF that it was made from",
     ".osim": "OpenSim's models cannot be read; write the mechanism as URDF or MJCF",
 }
 """Other formats of robots' files, and what helps."""
+
+
+Reader = Callable[[Path, "str | None", "str | Path | None"], FileContents]
+"""What a format is: from a file, what its robot stands on (`base`), and a folder besides its own (`root`), a
+spanning tree and what belongs to it."""
 
 
 def is_mjcf(path: Path) -> bool:
@@ -33,14 +36,9 @@ def is_mjcf(path: Path) -> bool:
     return path.suffix == ".mjcf"
 
 
-def alone(path: Path, base: str | None, root: str | Path | None = None) -> FileContents:
-    """What a file describes without a robot.yaml; one that only such a file could close is refused."""
-    if is_mjcf(path):
-        return read_mjcf(path, base, root)
-    if path.suffix in SDF:
-        return read_sdf(path, base)
-    if path.suffix in USD:
-        return read_usd(path, base, root)
+def _urdf(path: Path, base: str | None, root: str | Path | None) -> FileContents:
+    """A URDF without a robot.yaml; one that only such a file could close is refused."""
+    del root  # it opens no other files
     contents = read_urdf(path, base)
     ends = open_ends(contents.model) if not contents.closures else []
     if ends:
@@ -50,6 +48,20 @@ def alone(path: Path, base: str | None, root: str | Path | None = None) -> FileC
             "beside it, or give closures to Mechanism.from_urdf"
         )
     return contents
+
+
+def _xml(path: Path, base: str | None, root: str | Path | None) -> FileContents:
+    return (read_mjcf if is_mjcf(path) else _urdf)(path, base, root)
+
+
+READERS: dict[str, Reader] = {
+    ".urdf": _urdf,
+    ".xml": _xml,
+    ".mjcf": read_mjcf,
+    **dict.fromkeys((".sdf", ".world"), read_sdf),
+    **dict.fromkeys((".usda", ".usdc", ".usd"), read_usd),
+}
+"""Of each suffix; another format is one more entry."""
 
 
 def has_yaml(path: Path) -> bool:

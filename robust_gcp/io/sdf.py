@@ -23,7 +23,7 @@ GRAVITY = "0 0 -9.8"
 """m/s², of a world that does not say."""
 
 
-def read_sdf(sdf: str | Path, base: str | None = None) -> FileContents:
+def read_sdf(sdf: str | Path, base: str | None = None, root: str | Path | None = None) -> FileContents:
     """What an SDF file describes: one model, with models within it, its links, joints and frames.
 
     Poses by `relative_to`, `attached_to` and `expressed_in`, axes of older versions by
@@ -39,6 +39,8 @@ def read_sdf(sdf: str | Path, base: str | None = None) -> FileContents:
         A file, or the XML text itself.
     base : "fixed", "free" or None
         "fixed": the first link of what floats is held where it is drawn.
+    root : str or Path, optional
+        Of no meaning: the file names no others that are read.
 
     Raises
     ------
@@ -46,20 +48,20 @@ def read_sdf(sdf: str | Path, base: str | None = None) -> FileContents:
         Naming the file, the element and the remedy.
     """
     check_base(base)
-    root, name = parsed_xml(sdf, "SDF")
-    if root.tag != "sdf":
-        raise ModelError(f"{name}: the root element is <{root.tag}>, an SDF file starts with <sdf>")
-    if root.find(".//include") is not None:
+    document, name = parsed_xml(sdf, "SDF")
+    if document.tag != "sdf":
+        raise ModelError(f"{name}: the root element is <{document.tag}>, an SDF file starts with <sdf>")
+    if document.find(".//include") is not None:
         raise ModelError(
             f"{name}: <include> names other models, which are not read; write them into the file"
         )
-    models = [m for m in (*root.findall("model"), *root.findall("world/model")) if not _is_static(m)]
+    models = [m for m in (*document.findall("model"), *document.findall("world/model")) if not _is_static(m)]
     if len(models) != 1:
         found = ", ".join(repr(m.get("name")) for m in models) or "none that moves"
         raise ModelError(f"{name}: it has {len(models)} models ({found}); leave the one that is meant")
     gravity = np.array([0.0, 0.0, -9.81])
-    if root.find("world") is not None:
-        gravity = np.array(numbers_of(root.findtext("world/gravity", GRAVITY), 3, f"{name}: <gravity>"))
+    if document.find("world") is not None:
+        gravity = np.array(numbers_of(document.findtext("world/gravity", GRAVITY), 3, f"{name}: <gravity>"))
     reader = ModelReader(name)
     reader.place(models[0], "", WORLD)
     reader.read(models[0], "")

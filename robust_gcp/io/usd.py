@@ -68,7 +68,10 @@ def read_usd(usd: str | Path, base: str | None = None, root: str | Path | None =
 
 def _words(error: Exception) -> str:
     """What the library says, without where in its own code."""
-    return " ".join(str(error).split()).rpartition(" : ")[2][:300]
+    try:
+        return " ".join(str(error).split()).rpartition(" : ")[2][:300]
+    except UnicodeError:  # the library's own words hold what the file does
+        return "its text is not UTF-8"
 
 
 def _require_inside(path: Path, folders: list[Path], seen: frozenset[Path] = frozenset()) -> None:

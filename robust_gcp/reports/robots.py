@@ -20,7 +20,7 @@ import numpy as np
 from ..arguments import Arguments, known_folder, number, pathname, positive
 from ..errors import RobustGcpError, StateError
 from ..io.loader import load
-from ..io.robot_file import SDF, USD
+from ..io.robot_file import READERS
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..printing import table
@@ -143,12 +143,12 @@ def files_below(folder: Path) -> Iterator[Path]:
     for path in sorted(folder.rglob("*")):
         if path.name == "robot.yaml":
             yield path.parent
-        elif path.suffix in (*SDF, *USD):
+        elif path.suffix not in READERS or (
+            path.suffix in (".urdf", ".xml") and (path.parent / "robot.yaml").exists()
+        ):
+            continue
+        elif path.suffix != ".xml" or "<worldbody" in path.read_text(encoding="utf-8", errors="replace"):
             yield path
-        elif path.suffix in (".urdf", ".xml") and not (path.parent / "robot.yaml").exists():
-            text = path.read_text(encoding="utf-8", errors="replace")
-            if path.suffix == ".urdf" or "<worldbody" in text:
-                yield path
 
 
 def arguments(add_to: Arguments) -> None:

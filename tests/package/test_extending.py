@@ -56,7 +56,7 @@ SCENES = {
     "closure": on_a_sleeve,
     "composite": on_a_composite,
     "force": lambda: recipe("CubicSpring")["mechanism"],
-    "format": lambda: recipe("TABLE")["mechanism"],
+    "format": lambda: recipe("read_links")["mechanism"],
 }
 IN_PYTHON = {"composite"}
 """What the compiled kernel refuses by name."""
