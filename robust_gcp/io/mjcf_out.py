@@ -20,6 +20,10 @@ from .written import Lost, Part, note, parts_of, plain_numbers, text, whole_clos
 LEAST = 2e-15
 """Twice the mass, kg, and moment, kg m², that MuJoCo takes for none: a slender rod's about itself."""
 
+THIN, TRIANGLE = 1e-14, 1e-15
+"""Shares of the largest moment that each has at least, and that the others exceed it by together: MuJoCo
+refuses what rounding takes from a slender rod, or from a lamina."""
+
 ROUNDED = 1e-9
 """Share of a body's largest moment that rounding may leave of another."""
 
@@ -89,6 +93,8 @@ def _body(parent: Element, part: Part, lost: Lost) -> Element:
         )
     for name, sort, axis in links:
         if sort == "free":
+            if not place.isIdentity(0.0):
+                note(lost, "numbers in q of free joints, which are those of the world", [name])
             made = SubElement(body, "joint", name=name, type="free")
         else:
             made = SubElement(body, "joint", name=name, type=sort, axis=text(axis))
@@ -105,8 +111,9 @@ def _body(parent: Element, part: Part, lost: Lost) -> Element:
                 made.set("armature", repr(float(part.armature[links.index((name, sort, axis))])))
     moments, axes = np.linalg.eigh(inertia.inertia)
     axes[:, 0] *= np.linalg.det(axes)
-    proper = np.maximum(moments, LEAST)
-    proper[1] += max(0.0, proper[2] - proper[0] - proper[1])  # a lamina's triangle, lost by rounding
+    proper = np.maximum(moments, max(LEAST, THIN * moments[2]))
+    short = proper[2] - proper[0] - proper[1]  # of a triangle, which rounding takes a lamina
+    proper[1] += max(0.0, short + TRIANGLE * proper[2])
     if np.max(np.abs(proper - moments)) > ROUNDED * moments[2] + LEAST:
         note(lost, "moments of inertia that no body can have, which are raised", [part.body])
     where = {"pos": text(inertia.lever), "quat": _quaternion(axes)}
