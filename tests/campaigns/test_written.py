@@ -51,11 +51,11 @@ def difference(mechanism: rg.Mechanism, path: Path, ydot: np.ndarray) -> float:
     return float(np.abs(found - wanted).max() / max(1.0, np.abs(wanted).max()))
 
 
+EVERY = [pytest.param(s, marks=[] if i % 6 == 0 else [pytest.mark.campaign]) for i, s in enumerate(SCENES)]
+
+
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize(
-    "scene", [pytest.param(s, marks=() if i % 6 == 0 else pytest.mark.campaign) for i, s in enumerate(SCENES)],
-    ids=lambda scene: scene.name,
-)  # fmt: skip
+@pytest.mark.parametrize("scene", EVERY, ids=lambda scene: scene.name)
 def test_what_is_written_moves_as_before(
     scene: Scene, seed: int, tmp_path: Path, record_property: Callable[..., None]
 ) -> None:
