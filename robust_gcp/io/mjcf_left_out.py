@@ -73,6 +73,18 @@ def _constant(m: Any) -> dict[int, float]:
     return {} if m.opt.disableflags & ACTUATION_OFF else found
 
 
+def _plain_motors(m: Any) -> set[int]:
+    """Motors whose control is the torque of a joint, as `torque=` gives it: nothing of them is left out."""
+    found = set()
+    for a in range(m.nu):
+        on_slide = m.actuator_trntype[a] == JOINT and m.jnt_type[m.actuator_trnid[a, 0]] not in (FREE, BALL)
+        plain = not (m.actuator_dyntype[a] or m.actuator_gaintype[a] or m.actuator_biastype[a])
+        one = m.actuator_gear[a, 0] == 1.0 == m.actuator_gainprm[a, 0]
+        if on_slide and plain and one and not (m.actuator_forcelimited[a] or m.actuator_ctrllimited[a]):
+            found.add(a)
+    return found
+
+
 def actuated_by(m: Any, tree: CompiledTree) -> tuple[str, ...]:
     """Joints that actuators drive, directly or by a fixed tendon."""
     driven: list[int] = []
@@ -91,7 +103,7 @@ def left_out_of(m: Any, tree: CompiledTree, told: dict[str, list[str]]) -> list[
     """What is there beside bodies and is not simulated, one entry a kind; `told` by the document itself."""
     flags, at = m.opt.disableflags, m.jnt_dofadr  # a joint's velocities are alike in what is asked here
     round_ones, moved = np.isin(m.jnt_type, (FREE, BALL)), [not tree.is_fixed(j) for j in range(m.njnt)]
-    constant = _constant(m)
+    known = {*_constant(m), *_plain_motors(m)}
     sprung = (m.jnt_stiffness != 0.0) & (not flags & SPRINGS_OFF)
     kinds: dict[str, Iterable[str]] = {
         "drag of a medium": [key for key in ("density", "viscosity", "wind") if np.any(getattr(m.opt, key))],
@@ -107,7 +119,7 @@ def left_out_of(m: Any, tree: CompiledTree, told: dict[str, list[str]]) -> list[
         "limits of joints": _of(tree.joints, m.jnt_limited, flags & LIMITS_OFF),
         "springs of ball and free joints": _of(tree.joints, sprung & round_ones & moved),
         "nonlinear parts of springs and dampers": _of(tree.joints, _curved(m) & moved),
-        "actuators": [_actuator(m, tree, a) for a in range(m.nu) if a not in constant],
+        "actuators": [_actuator(m, tree, a) for a in range(m.nu) if a not in known],
         "tendons": [m.tendon(t).name or "tendon" for t in range(m.ntendon) if _acts(m, t)],
         "deformables": [_text(m, at) or "flex" for at in m.name_flexadr],
         **told,

@@ -218,6 +218,15 @@ def test_moments_that_no_body_has_are_told(tmp_path: Path) -> None:
         rg.Mechanism.from_pinocchio(model).write(tmp_path / "a.xml")
 
 
+def test_plain_motors_are_the_joints_that_are_driven(tmp_path: Path) -> None:
+    """Nothing of them is left out: their control is `torque=`; of one with a gear something is."""
+    path = rg.load("five_bar").write(tmp_path / "a.xml")
+    read = rg.load(path)
+    assert (read.actuated, read.left_out) == (("q1", "q3"), ())
+    path.write_text(path.read_text().replace('<motor joint="q1"', '<motor gear="50" joint="q1"'))
+    assert rg.load(path).left_out == ("actuators (q1)",)
+
+
 def test_convert_translates(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from robust_gcp.__main__ import main
 
