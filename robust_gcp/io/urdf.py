@@ -103,7 +103,7 @@ def read_urdf(urdf: str | Path, base: str | None = None) -> FileContents:
     closures = [*closures_of(root, model, name), *joints_of_gazebo(root, model, name)]
     contents = FileContents(model, closures, _forces(root, name), left_out=left_out)
     contents.forces += springs_of(root, model, name)
-    contents.independent = _marked(root, name)
+    contents.independent, contents.actuated = _marked(root, name), _driven(root)
     return contents
 
 
@@ -156,6 +156,14 @@ def _set_armature(root: Element, model: pin.Model, name: str) -> None:
         armature = np.array(model.armature)
         armature[joint.idx_v : joint.idx_v + joint.nv] = numbers
         model.armature = armature
+
+
+def _driven(root: Element) -> tuple[str, ...]:
+    """Joints of transmissions, and those that ros2_control commands, as far as they move."""
+    moving = {j.get("name", "") for j in root.findall("joint") if j.get("type") != "fixed"}
+    named = [j.get("name", "") for t in root.findall("transmission") for j in t.findall("joint")]
+    named += [j.get("name", "") for j in root.iterfind("ros2_control/joint[command_interface]")]
+    return tuple(joint for joint in dict.fromkeys(named) if joint in moving)
 
 
 def _marked(root: Element, name: str) -> tuple[str, ...] | None:

@@ -38,13 +38,21 @@ def left_out_of(root: Element, name: str) -> list[str]:
             for key in dynamics.attrib.keys() - DYNAMICS:
                 kinds.setdefault(f"{key} of joints", []).append(_label(joint))
     for element in root:
-        closes = element.tag == "gazebo" and all(part.tag == "joint" for part in element) and len(element)
-        if element.tag not in PLAIN and not closes:
+        if element.tag not in PLAIN and not _is_read(element):
             label = element.get("name") or element.get("reference") or "unnamed"
             kinds.setdefault(f"<{element.tag}>", []).append(label)
     for kind in sorted(kinds):
         found += named(kind, kinds[kind])
     return found
+
+
+def _is_read(element: Element) -> bool:
+    """Whether nothing is left of it: joints that <gazebo> adds, a transmission straight to a joint."""
+    if element.tag == "transmission":
+        kind = element.get("type") or element.findtext("type") or ""
+        reductions = {(r.text or "").strip() for r in element.iter("mechanicalReduction")}
+        return "Simple" in kind and reductions <= {"1", "1.0"} and element.find("joint") is not None
+    return element.tag == "gazebo" and len(element) > 0 and all(part.tag == "joint" for part in element)
 
 
 def _label(element: Element) -> str:

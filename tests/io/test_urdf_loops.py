@@ -361,3 +361,17 @@ def test_a_joint_that_gazebo_adds_closes_the_loop(kind: str, axis: str) -> None:
     assert mech.closure_residual(np.zeros(3)) < 1e-15  # closed at zero by definition
     run = rg.simulate(mech, [0.3, *mech.assemble({"q1": 0.3})[1:]], duration=0.2)
     assert run.closure_error().max() < 1e-13
+
+
+def test_transmissions_name_the_motors() -> None:
+    """As ROS writes them; of one with a reduction the rest is told."""
+    drive = """<transmission name="t"><type>transmission_interface/SimpleTransmission</type>
+      <joint name="q3"/><actuator name="m"><mechanicalReduction>{}</mechanicalReduction></actuator>
+      </transmission>"""
+    contents = read_urdf(four_bar(DIALECTS["URDF+"] + drive.format(1)))
+    assert (contents.actuated, contents.left_out) == (("q3",), [])
+    assert read_urdf(four_bar(DIALECTS["URDF+"] + drive.format(50))).left_out == ["<transmission> (t)"]
+    control = (
+        '<ros2_control name="c"><joint name="q1"><command_interface name="effort"/></joint></ros2_control>'
+    )
+    assert read_urdf(four_bar(DIALECTS["URDF+"] + control)).actuated == ("q1",)
