@@ -71,9 +71,10 @@ if TYPE_CHECKING:
     from .drawing.figures.modes import plot_modes
     from .drawing.replay.live import live
     from .drawing.replay.replay import ReplayPage, replay
+    from .mechanism.parts import JointFriction, Lock, Stop
     from .simulation.many import Runs, simulate_many
+    from .simulation.phases.happening import Happening
     from .simulation.phases.impact import Impact
-    from .simulation.phases.parts import Happening, JointFriction, Lock, Stop
     from .sweeps.record import Failure, Records, RunRecord
     from .sweeps.runs import grid, sweep, sweep_as_completed
 
@@ -81,15 +82,15 @@ __version__ = "0.1.0"
 
 _LATER = {
     "Failure": ".sweeps.record",
-    "Happening": ".simulation.phases.parts",
+    "Happening": ".simulation.phases.happening",
     "Impact": ".simulation.phases.impact",
-    "JointFriction": ".simulation.phases.parts",
-    "Lock": ".simulation.phases.parts",
+    "JointFriction": ".mechanism.parts",
+    "Lock": ".mechanism.parts",
     "ReplayPage": ".drawing.replay.replay",
     "Records": ".sweeps.record",
     "RunRecord": ".sweeps.record",
     "Runs": ".simulation.many",
-    "Stop": ".simulation.phases.parts",
+    "Stop": ".mechanism.parts",
     "draw": ".drawing.figures.draw",
     "grid": ".sweeps.runs",
     "live": ".drawing.replay.live",

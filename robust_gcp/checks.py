@@ -133,10 +133,19 @@ def check_callable(name: str, value: Any, arguments: str) -> None:
         raise OptionError(f"{name} = {shown(value)} must be a function {arguments}")
 
 
+WITH_PARTS = ("simulate", "analyse", "draw", "trace_modes")
+"""Functions that take a mechanism with stops and dry friction of its file."""
+
+
 def check_mechanism(value: Any, kind: type[Any], function: str) -> None:
     """Refuse a model's name or a `pin.Model` where a mechanism (of type `kind`) is needed."""
     if isinstance(value, kind):
         value.require_unchanged()
+        if getattr(value, "parts", ()) and function not in WITH_PARTS:
+            raise OptionError(
+                f"{function} does not know stops and dry friction, which this mechanism has of its file; "
+                "load it without limits=True and friction=True"
+            )
         return
     if isinstance(value, str):
         remedy = f"{shown(value)} is a name: give robust_gcp.load({shown(value)})"

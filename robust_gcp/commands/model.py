@@ -18,6 +18,8 @@ def add_model(add_to: Arguments) -> None:
     add_to.add("--base", choices=("fixed", "free"), help=text)
     text = "joints, or components of joints, that are the coordinates; auto: the best conditioned"
     add_to.add("--independent", type=joints, metavar="JOINT,…", help=text)
+    add_to.add("--limits", action="store_true", help="stop joints at the ranges of the file")
+    add_to.add("--friction", action="store_true", help="brake joints by the dry friction of the file")
     add_to.add("--strict", action="store_true", help="refuse a file with parts that are not simulated")
 
 
@@ -29,4 +31,6 @@ def joints(text: str) -> list[str] | str:
 def loaded(args: argparse.Namespace) -> Mechanism:
     """The model that the arguments name; what it leaves out is told in one line."""
     with clean_warnings((ModelWarning,)):
-        return load(args.model, args.independent, args.base, args.strict)
+        return load(
+            args.model, args.independent, args.base, args.strict, limits=args.limits, friction=args.friction
+        )

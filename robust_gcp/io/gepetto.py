@@ -140,5 +140,5 @@ def _copy_joint_data(model: pin.Model, old: int, changed: pin.Model, new: int) -
     iv, jv = (slice(j.idx_v, j.idx_v + j.nv) for j in (before, after))
     for name in ("lowerPositionLimit", "upperPositionLimit"):
         getattr(changed, name)[jq] = np.asarray(getattr(model, name))[iq]
-    for name in ("armature", "damping"):
+    for name in ("armature", "damping", "lowerDryFrictionLimit", "upperDryFrictionLimit"):
         getattr(changed, name)[jv] = np.asarray(getattr(model, name))[iv]

@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
-import contextlib
 import logging
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
-import numpy as np
 import pinocchio as pin
 
 from ..checks import hint, shown
-from ..errors import ClosureError, ModelError, PartitionError, RobustGcpError, missing_file
-from ..mechanism.assembly import FEW_STARTS, MANY_STARTS, assembled
+from ..errors import ModelError, OptionError, RobustGcpError, missing_file
+from ..mechanism.assembly import FEW_STARTS, MANY_STARTS
 from ..mechanism.contents import FileContents, check_base, named, tell_left_out
-from ..mechanism.independent import completed, regular_near
+from ..mechanism.independent import regular_near
 from ..mechanism.loops import ClosedLoops
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.ranges import assembled_within, tell_outside
-from ..mechanism.rank import singular_words
+from ..mechanism.parts import parts_of_file
+from ..mechanism.ranges import tell_outside
 from ..mechanism.rounding import IMPLIED, ROUNDED, without_rounded_rows, without_unmoved_rows
 from ..mechanism.tolerances import NEARLY_CLOSED
-from ..mechanism.tree import Array
 from .by_name import named_path
 from .gepetto import joint_changes, with_changed_forces, with_joint_changes
+from .home import closed_home, with_coordinates
 from .mjcf import read_mjcf
 from .own_block import (
     couplings_of,
@@ -50,6 +48,15 @@ NEARLY_SINGULAR = 1e-3
 """Conditioning of K below which a pose that nobody chose is left: G has lost three digits there."""
 
 
+class _Asked(NamedTuple):
+    """What a caller of `load` asked for."""
+
+    independent: Sequence[str] | Literal["auto"] | None
+    strict: bool
+    limits: bool
+    friction: bool
+
+
 def models_folder() -> Path:
     """Where the shipped models are: inside an installed package, or beside it in a checkout."""
     package = Path(__file__).parents[1]
@@ -68,6 +75,8 @@ def load(
     base: str | None = None,
     strict: bool = False,
     root: str | Path | None = None,
+    limits: bool = False,
+    friction: bool = False,
 ) -> Mechanism:
     """A mechanism from a shipped model's name, a folder, or a robot's file: URDF, MJCF, SDF, USD.
 
@@ -103,6 +112,9 @@ def load(
         else.
     root : str or Path, optional
         A folder besides the model's own whose files a MJCF file may include, attach or take meshes from.
+    limits, friction : bool
+        Have `simulate` stop joints at their ranges, by rigid stops without restitution, and brake them by the
+        dry friction of the file: `Mechanism.parts`.
 
     Raises
     ------
@@ -113,7 +125,10 @@ def load(
         found that closes them all; each is named.
     """
     check_base(base)
-    tell_left_out((), "load", strict)  # which refuses what is no flag
+    for flag, value in (("strict", strict), ("limits", limits), ("friction", friction)):
+        if not isinstance(value, bool):
+            raise OptionError(f"{flag} = {shown(value)} must be True or False")
+    asked = _Asked(independent, strict, limits, friction)
     name_or_folder = named_path(name_or_folder)
     path = path_of(name_or_folder, "load")
     if path.suffix in UNREAD:
@@ -126,12 +141,12 @@ def load(
         path = path.parent
     if path.suffix in READERS and not has_yaml(path):
         contents = READERS[path.suffix](path, base, root)
-        return _mechanism(contents, path, path, path.stem, {}, {}, independent, strict)
+        return _mechanism(contents, path, path, path.stem, {}, {}, asked)
     folder, path = _folder(path.parent if path.suffix in READERS else path, name_or_folder)
     if path.suffix in READERS:
         contents = READERS[path.suffix](inside(folder, path.name), base, root)
         contents.left_out += named("files beside it", others_beside(path))
-        return _mechanism(contents, path, path, folder.name, {}, {}, independent, strict)
+        return _mechanism(contents, path, path, folder.name, {}, {}, asked)
     settings = settings_of(path)
     own = own_block(settings, path)
     closures = with_axes(own.get("axes"), closures_of(settings, path), path)
@@ -147,9 +162,10 @@ def load(
         contents.forces = with_changed_forces(contents.forces, changes)
     contents.close([*closures, *couplings_of(own, path)])
     contents.forces += forces_of(own, path)
-    independent = independent_of(own, path) if independent is None else independent
+    if independent is None:
+        asked = asked._replace(independent=independent_of(own, path))
     set_gravity(own.get("gravity"), contents.model, path)
-    return _mechanism(contents, path, robot, folder.name, settings, own, independent, strict)
+    return _mechanism(contents, path, robot, folder.name, settings, own, asked)
 
 
 def _tell_floating(model: pin.Model, path: Path) -> None:
@@ -186,12 +202,13 @@ def _mechanism(
     name: str,
     settings: dict[str, Any],
     own: dict[str, Any],
-    independent: Sequence[str] | Literal["auto"] | None,
-    strict: bool,
+    asked: _Asked,
 ) -> Mechanism:
     """Home closed, coordinates completed, what is left out told."""
-    if strict:
-        tell_left_out(contents.left_out, str(path), strict)
+    acting = (*["limits of joints"] * asked.limits, *["dry friction of joints"] * asked.friction)
+    contents.left_out = [part for part in contents.left_out if part.partition(" (")[0] not in acting]
+    if asked.strict:
+        tell_left_out(contents.left_out, str(path), True)
     model = contents.model
     _tell_floating(model, path)
     motors = settings.get("name_mot")
@@ -216,7 +233,7 @@ def _mechanism(
         else:
             spreads = MANY_STARTS if guess is None else FEW_STARTS
             start = loops.home if guess is None else guess
-            loops, home, rounded = _closed(loops, start, spreads)
+            loops, home, rounded = closed_home(loops, start, spreads)
             contents.closures = list(loops.closures)
             contents.left_out += named(IMPLIED, rounded)
             if guess is None:  # a pose that nobody chose may be singular, where no motion starts by itself
@@ -226,9 +243,10 @@ def _mechanism(
             contents.actuated = tuple(m for m in motors if m in known)
             for motor in motors:
                 loops.velocities_of(motor)  # refuses what is not there
-        tell_left_out(contents.left_out, str(path), strict)
+        tell_left_out(contents.left_out, str(path), asked.strict)
         wanted = motors if isinstance(motors, list) else () if motors == "auto" else contents.wanted()
-        mechanism = _with_coordinates(contents, loops, home, name, independent, wanted, given is not None)
+        choice = asked.independent, wanted, given is not None
+        mechanism = with_coordinates(contents, loops, home, name, *choice)
     except RobustGcpError as error:
         error.args = (f"{path}: {error.args[0]}", *error.args[1:])
         raise
@@ -237,54 +255,7 @@ def _mechanism(
         mechanism.home = mechanism.polish(mechanism.home, mechanism.iv_dependent)
     tell_outside(mechanism, mechanism.home, f"{path}: home")
     mechanism.source = source
+    mechanism.parts = tuple(parts_of_file(mechanism, asked.limits, asked.friction))
     if own.get("recommended") is not None:
         mechanism.recommended = recommended_of(own, mechanism, path)
     return mechanism
-
-
-def _closed(
-    loops: ClosedLoops, start: Array, spreads: tuple[float, ...]
-) -> tuple[ClosedLoops, Array, list[str]]:
-    """The loops without rows that others imply up to rounding, a home that closes them, and what was left."""
-    every = np.arange(loops.nv)
-    try:
-        home = assembled_within(loops, start, every, "home", spreads)
-    except ClosureError as failure:
-        if failure.nearest is None or loops.closure_residual(failure.nearest) > ROUNDED:
-            raise
-        kept, rounded = without_rounded_rows(loops, failure.nearest)
-        if not rounded:
-            raise
-        home = failure.nearest
-    else:
-        kept, rounded = without_rounded_rows(loops, home)
-    if not rounded:
-        return loops, home, rounded
-    freed = ClosedLoops(loops.own_model, kept)
-    return freed, assembled(freed, home, every, "home"), rounded
-
-
-def _with_coordinates(
-    contents: FileContents,
-    loops: ClosedLoops,
-    home: Array,
-    name: str,
-    independent: Sequence[str] | Literal["auto"] | None,
-    wanted: Sequence[str],
-    as_named: bool,
-) -> Mechanism:
-    """The mechanism in the coordinates that are asked for, or in the wanted ones, completed.
-
-    At a singular home, on which motion the wanted ones serve is open: they are tried as they are first, and
-    completed for a configuration beside it.
-    """
-    if independent is not None:
-        return Mechanism.from_contents(contents, independent, home, name)
-    place = home
-    if loops.closure_residual(home) <= NEARLY_CLOSED and singular_words(loops, home):
-        place = regular_near(loops, home)
-    if (as_named or place is not home) and wanted:
-        with contextlib.suppress(PartitionError):
-            return Mechanism.from_contents(contents, wanted, home, name)
-    chosen, _ = completed(loops, place, wanted, name)
-    return Mechanism.from_contents(contents, chosen, home, name)

@@ -10,10 +10,10 @@ import numpy as np
 from ..mechanism.contents import STAYS, named
 from ..mechanism.forces import Force, JointDamper, JointSpring, JointTorque, PointSpring
 from .mjcf_equalities import arms_of
-from .mjcf_tree import BALL, FREE, LIMITS_OFF, CompiledTree
+from .mjcf_tree import BALL, FREE, FRICTION_OFF, LIMITS_OFF, CompiledTree
 
-FRICTION_OFF, CONTACT_OFF, SPRINGS_OFF, DAMPERS_OFF = 1 << 2, 1 << 4, 1 << 5, 1 << 6
-"""MuJoCo's mjDSBL_FRICTIONLOSS, _CONTACT, _SPRING and _DAMPER."""
+CONTACT_OFF, SPRINGS_OFF, DAMPERS_OFF = 1 << 4, 1 << 5, 1 << 6
+"""MuJoCo's mjDSBL_CONTACT, _SPRING and _DAMPER."""
 
 JOINT, IN_PARENT, SLIDER_CRANK, TENDON, SITE, BODY = range(6)
 """MuJoCo's mjtTrn: what an actuator drives."""

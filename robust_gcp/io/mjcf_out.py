@@ -102,6 +102,8 @@ def _body(parent: Element, part: Part, lost: Lost) -> Element:
             made.attrib |= {"limited": "true", "range": text(part.range)}
         if part.stiffness:
             made.attrib |= {"stiffness": repr(part.stiffness), "springref": repr(part.rest)}
+        if part.friction:
+            made.set("frictionloss", repr(part.friction))
         if part.damping:
             made.set("damping", repr(part.damping))
         if np.any(part.armature):

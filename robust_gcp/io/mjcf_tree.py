@@ -13,8 +13,8 @@ from ..mechanism.joints import along
 from ..mechanism.tree import Array
 
 FREE, BALL, SLIDE, HINGE = range(4)
-LIMITS_OFF, GRAVITY_OFF = 1 << 3, 1 << 7
-"""MuJoCo's mjDSBL_LIMIT and mjDSBL_GRAVITY."""
+FRICTION_OFF, LIMITS_OFF, GRAVITY_OFF = 1 << 2, 1 << 3, 1 << 7
+"""MuJoCo's mjDSBL_FRICTIONLOSS, _LIMIT and _GRAVITY."""
 
 RESERVED = ("universe", "world")
 ROOT_JOINT = "root_joint"
@@ -63,6 +63,12 @@ class CompiledTree:
         for b in range(1, m.nbody):
             armature += self._add_body(b, b == floating)
         self.model.armature = np.array(armature)
+        rubbing = np.zeros(self.model.nv)
+        for j, label in enumerate(self.joints):
+            if not self.is_fixed(j) and not m.opt.disableflags & FRICTION_OFF:
+                joint, at = self.model.joints[self.model.getJointId(label)], m.jnt_dofadr[j]
+                rubbing[joint.idx_v : joint.idx_v + joint.nv] = m.dof_frictionloss[at : at + joint.nv]
+        self.model.upperDryFrictionLimit, self.model.lowerDryFrictionLimit = rubbing, -rubbing
         for s, label in enumerate(self.sites):
             if label:
                 self.model.addFrame(pin.Frame(label, *self.site(s), pin.FrameType.OP_FRAME), False)

@@ -9,7 +9,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from ..errors import ModelError, ModelWarning
-from ..mechanism.body_graph import WORLD, spanned
+from ..mechanism.bodies import WORLD
+from ..mechanism.body_graph import spanned
 from ..mechanism.contents import FileContents, check_base, named
 from ..warning import warn
 from .sdf_frames import numbers_of

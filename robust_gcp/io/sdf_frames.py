@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from ..checks import hint
 from ..errors import ModelError
-from ..mechanism.body_graph import WORLD
+from ..mechanism.bodies import WORLD
 from ..mechanism.tree import Array
 
 MODEL = "__model__"

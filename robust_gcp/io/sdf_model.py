@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import ModelError
-from ..mechanism.body_graph import WORLD, Body, BodyJoint
+from ..mechanism.bodies import WORLD, Body, BodyJoint
 from ..mechanism.couplings import CouplingClosure
 from ..mechanism.tree import Array
 from .sdf_frames import MODEL, Frames, number_of, numbers_of, pose_of
@@ -73,7 +73,7 @@ class ModelReader:
             attached = {"link": "", "frame": element.get("attached_to") or MODEL}.get(element.tag)
             attached = element.findtext("child", "").strip() if attached is None else attached
             nearest = MODEL if element.tag == "link" else attached
-            relative = nearest if pose is None else pose.get("relative_to") or nearest
+            relative = nearest if pose is None else pose.get("relative_to") or pose.get("frame") or nearest
             self.frames.add(
                 label, _in(scope, relative), pose_of(pose, where), attached and _in(scope, attached)
             )
@@ -207,6 +207,8 @@ class ModelReader:
                 made.rest = number_of(dynamics, "spring_reference", made.rest, where)
             elif damping or stiffness:
                 self._leave("springs and dampers of joints with several axes", made.name)
+            if single:
+                made.friction = max(made.friction, number_of(dynamics, "friction", 0.0, where))
             if number_of(dynamics, "friction", 0.0, where):
                 self._leave("dry friction of joints", made.name)
         if made.damping < 0.0:

@@ -98,6 +98,8 @@ def _body(root: Element, parent: str, part: Part, follows: CouplingClosure | Non
         if np.any(part.armature):
             of_joint = part.armature if len(part.links) == 1 else part.armature[i : i + 1]
             dynamics["armature"] = text(of_joint if np.ptp(of_joint) else of_joint[:1])
+        if part.friction:
+            dynamics["friction"] = repr(part.friction)
         if dynamics or part.damping:  # urdfdom takes none without damping
             SubElement(joint, "dynamics", dynamics, damping=repr(part.damping))
         if follows is not None:

@@ -9,7 +9,8 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import ModelError, RobustGcpError, missing_extra
-from ..mechanism.body_graph import WORLD, Body, BodyJoint, spanned
+from ..mechanism.bodies import WORLD, Body, BodyJoint
+from ..mechanism.body_graph import spanned
 from ..mechanism.contents import FileContents, check_base, named
 from ..mechanism.couplings import CouplingClosure
 from ..mechanism.tree import Array

@@ -48,8 +48,8 @@ class Part:
     frames : list of (str, pin.SE3, str)
         The other frames on the body: name, place, and the fixed joint that holds it, if any.
     range : (float, float) or None
-    stiffness, rest, damping : float
-        Of its springs together, and of its dampers.
+    stiffness, rest, damping, friction : float
+        Of its springs together, of its dampers, and dry.
     armature : ndarray (nv,)
     """
 
@@ -64,6 +64,7 @@ class Part:
     stiffness: float
     rest: float
     damping: float
+    friction: float
     armature: Array
 
 
@@ -96,7 +97,8 @@ def parts_of(
         damping = float(sum(f.damping for f in dampers))
         above, place, armature = int(model.parents[i]), model.jointPlacements[i], np.asarray(model.armature)
         body_parts = (joint, above, place, links, body, model.inertias[i], frames, _range(model, joint))
-        made.append(Part(*body_parts, stiffness, rest, damping, armature[joint.v]))
+        dry = float(model.upperDryFrictionLimit[joint.idx_v]) if joint.single else 0.0
+        made.append(Part(*body_parts, stiffness, rest, damping, dry, armature[joint.v]))
     return ground, made
 
 

@@ -19,7 +19,7 @@ from .tree import Array
 
 if TYPE_CHECKING:
     from ..simulation.phases.impact import Impact
-    from ..simulation.phases.parts import Part
+    from .parts import Part
 
 
 class Above(Coordinates):

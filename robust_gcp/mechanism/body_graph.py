@@ -8,7 +8,6 @@ of their kind. The motion does not depend on which.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -16,6 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import ModelError
+from .bodies import WORLD, Body, BodyJoint
 from .closures import FrameClosure, PointClosure, PrismaticClosure, RevoluteClosure, UniversalClosure
 from .contents import STAYS, FileContents, named
 from .forces import Force, JointDamper, JointSpring
@@ -23,7 +23,6 @@ from .joints import along
 from .pin_constraints import close_between
 from .tree import Array
 
-WORLD = "world"
 ROOT_JOINT = "root_joint"
 
 CHAINS = {
@@ -37,49 +36,6 @@ CHAINS = {
     "planar": "PPR",
 }
 """Kinds of joints as chains of Pinocchio's, the first on the parent; R and P take an axis each."""
-
-
-@dataclass(eq=False)
-class Body:
-    """A rigid body: its pose in the world where one is drawn, and its inertia in its own frame."""
-
-    name: str
-    pose: pin.SE3 | None
-    inertia: pin.Inertia = field(default_factory=pin.Inertia.Zero)
-
-
-@dataclass(eq=False)
-class BodyJoint:
-    """A joint between two bodies.
-
-    Attributes
-    ----------
-    name, kind, parent, child : str
-        A kind of `CHAINS`; `WORLD` for the ground.
-    on_parent, on_child : pin.SE3
-        The joint's frame in both bodies; they coincide at zero.
-    axes : sequence of ndarray (3,)
-        In the joint's frame, one for each R and P of the kind; of a cylindrical joint the one axis twice.
-    range : (float, float) or None
-        Of a joint with one number, rad or m.
-    damping, stiffness, rest : float
-        Of a joint with one number, and the value where its spring is slack.
-    cut : bool
-        Whether the file has it outside the tree.
-    """
-
-    name: str
-    kind: str
-    parent: str
-    child: str
-    on_parent: pin.SE3
-    on_child: pin.SE3
-    axes: Sequence[Array] = ()
-    range: tuple[float, float] | None = None
-    damping: float = 0.0
-    stiffness: float = 0.0
-    rest: float = 0.0
-    cut: bool = False
 
 
 def spanned(
@@ -106,11 +62,15 @@ def spanned(
     if model.nv == 0:
         raise ModelError(f"{name}: no joint moves; a mechanism needs one at least, or base='free'")
     graph.close(contents)
+    rub = np.zeros(model.nv)
+    for joint in (j for j in joints if j.friction and model.existJointName(j.name)):
+        rub[model.idx_vs[model.getJointId(joint.name)]] = joint.friction
+    model.upperDryFrictionLimit, model.lowerDryFrictionLimit = rub, -rub
     return contents
 
 
 class _Graph:
-    """Which joint leads to which body, and where the bodies are on the joints of the model."""
+    """Which joint leads to which body, and where bodies are on joints."""
 
     def __init__(
         self, name: str, bodies: Sequence[Body], joints: Sequence[BodyJoint], base: str | None
@@ -265,7 +225,7 @@ def _lateness(joint: BodyJoint) -> tuple[bool, ...]:
 def _made(
     letter: str, axes: Sequence[Array], number: int, moved: pin.SE3, single: bool
 ) -> tuple[pin.JointModel, Array]:
-    """Pinocchio's joint, and its numbers where the child's frame is displaced by `moved` in the parent's."""
+    """Pinocchio's joint, and its numbers where the child is displaced by `moved`."""
     if letter == "S":
         return pin.JointModelSpherical(), pin.SE3ToXYZQUAT(moved)[3:]
     if letter == "F":

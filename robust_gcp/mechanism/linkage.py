@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 from ..checks import check_finite, check_positive, check_text, hint, shown
 from ..errors import ModelError
 from .assembly import FEW_STARTS, MANY_STARTS
-from .body_graph import WORLD, Body, BodyJoint, spanned
+from .bodies import WORLD, Body, BodyJoint
+from .body_graph import spanned
 from .forces import Force
 from .independent import completed, regular_near
 from .loops import ClosedLoops
@@ -208,8 +209,7 @@ class Linkage:
             Joints that are to be there, rad and m; the others follow.
         independent : sequence of str, optional
             By default the joints on the ground, as far as they can serve, completed.
-        forces : sequence of Force
-            Their frames are points by name.
+        forces : sequence of Force, whose frames are points by name
 
         Raises
         ------

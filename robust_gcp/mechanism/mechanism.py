@@ -20,6 +20,7 @@ from .forces import Force, forces_given, require_length
 from .independent import best_at_home, require_determined
 from .loops import ClosedLoops
 from .model_check import check_model
+from .parts import Part
 from .pin_constraints import with_named_frames
 from .recommended import Recommended
 from .rounding import IMPLIED, without_unmoved_rows
@@ -43,6 +44,9 @@ class Mechanism(Above):
         Joints that the robot's file drives.
     left_out : tuple of str
         Parts of the file that are not simulated, one entry a kind.
+    parts : tuple of Stop, JointFriction
+        What `simulate` takes where `joints` is left out: limits and dry friction of the file, if `load` was
+        asked for them.
     nq, nv, nc, m : int
         Sizes of q, of v, of φ (rows that are zero in every configuration left out), and of y.
     home : ndarray (nq,)
@@ -71,6 +75,7 @@ class Mechanism(Above):
         forces: Sequence[Force] = (),
         actuated: Sequence[str] = (),
         left_out: Sequence[str] = (),
+        parts: Sequence[Part] = (),
     ) -> None:
         super().__init__(model, closures)
         self.forces = tuple(forces_given(forces))
@@ -85,7 +90,7 @@ class Mechanism(Above):
         else:
             chosen = joint_names(independent, "independent")
         self.choose(chosen)
-        self.actuated, self.left_out = tuple(actuated), tuple(left_out)
+        self.actuated, self.left_out, self.parts = tuple(actuated), tuple(left_out), tuple(parts)
         require_determined(self, self.independent, self.dependent, self.iv_dependent, self.home)
         if self.applied is not None and self.applied.own is not None:
             self.applied.own.require_sound(self.home)
@@ -238,6 +243,7 @@ class Mechanism(Above):
             self.forces,
             self.actuated,
             self.left_out,
+            self.parts,
         )
         other.recommended, other.source = self.recommended, self.source
         return other
@@ -247,7 +253,7 @@ class Mechanism(Above):
         self.require_unchanged()
         recipe = self.own_model, self.closures, self.independent, self.home, self.name, self.forces
         more = {"recommended": self.recommended, "source": self.source}
-        return Mechanism, (*recipe, self.actuated, self.left_out), more
+        return Mechanism, (*recipe, self.actuated, self.left_out, self.parts), more
 
     def __repr__(self) -> str:
         sizes = f"{self.nv} velocities, {len(self.closures)} closures with {self.nc} rows"

@@ -12,7 +12,7 @@ from .stats import Stats
 from .trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from .phases.parts import Happening
+    from .phases.happening import Happening
 
 
 def load_trajectory(path: str | Path, mechanism: Mechanism | None = None) -> Trajectory:
@@ -54,7 +54,7 @@ def load_trajectory(path: str | Path, mechanism: Mechanism | None = None) -> Tra
 
 
 def _happenings(rows: list[Any]) -> list[Happening]:
-    from .phases.parts import Happening
+    from .phases.happening import Happening
 
     return [
         Happening(float(t), str(kind), tuple(map(str, joints)), float(loss)) for t, kind, joints, loss in rows

@@ -31,7 +31,7 @@ from .trajectory import Trajectory
 from .unnamed import is_guarded
 
 if TYPE_CHECKING:
-    from .phases.parts import Part
+    from ..mechanism.parts import Part
 
 Toggle = Literal["repartition", "error"]
 
@@ -191,6 +191,7 @@ def simulate(
     course = Course(
         mechanism, schedule, duration, step, choice, drives, tableau, solver, acted, *asked, on_toggle
     )
+    joints = mechanism.parts or None if joints is None else joints
     if joints is not None:
         refused = {
             f"method={method!r}": method != "bridge", f"stepper={stepper!r}": tableau != "rk4",

@@ -25,7 +25,7 @@ from .summary import told
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-    from .phases.parts import Happening
+    from .phases.happening import Happening
 
 
 @dataclass(repr=False)

@@ -25,7 +25,7 @@ FAST = {"q0": [0.1, -0.1, 0.1], "v0": [-1.0, 1.0, -1.0], "duration": 0.2, "metho
 RHOMBUS = rg.load("rhombus")
 DRIVEN = """<mujoco><worldbody><body><joint name="a" axis="0 1 0"/>
 <geom size=".1" mass="1" contype="0" conaffinity="0"/></body></worldbody>
-<actuator><motor joint="a"/></actuator></mujoco>"""
+<actuator><motor gear="5" joint="a"/></actuator></mujoco>"""
 
 
 def abs_shifted(t: Any) -> Any:

@@ -11,14 +11,15 @@ import numpy as np
 from ...errors import OptionError, SimulationError
 from ...maps.start_check import checked_state, require_freedom
 from ...mechanism.mechanism import Mechanism
+from ...mechanism.parts import parts_given
 from ...mechanism.tree import Array
 from ..coarse import Coarse
 from .decision import Phase, State, settled
 from .frame import Seen
+from .happening import Happening
 from .impact import REST
 from .joined import Block, Joined
 from .machine import Machines
-from .parts import Happening, parts_given
 from .rest import rested
 from .rows import Kind, Rows
 from .stretch import Stretch, Walked

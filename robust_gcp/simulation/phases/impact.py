@@ -15,12 +15,12 @@ from numpy.typing import ArrayLike
 from ...errors import SimulationError
 from ...maps.classical import SingularityWarning
 from ...maps.start_check import require_compatible
+from ...mechanism.parts import parts_given
 from ...mechanism.tolerances import NEARLY_CLOSED
 from ...mechanism.tree import Array
 from ...warning import warn
 from .box import box
 from .frame import Frame, Seen
-from .parts import parts_given
 from .rows import Kind, Rows
 
 REST = 1e-6

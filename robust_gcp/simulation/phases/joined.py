@@ -19,7 +19,7 @@ from ..reactions import multipliers_of
 from ..stats import Stats
 from ..trajectory import Trajectory
 from .decision import Phase
-from .parts import Happening
+from .happening import Happening
 from .rows import Rows
 
 WHAT = ("t", "q", "v", "a", "tau", "work", "smooth", "forces")

@@ -16,8 +16,8 @@ from ...errors import StateError
 from ...mechanism.couplings import CouplingClosure
 from ...mechanism.joints import single_joint
 from ...mechanism.mechanism import Mechanism
+from ...mechanism.parts import JointFriction, Lock, Part, Stop
 from ...mechanism.tree import Array
-from .parts import JointFriction, Lock, Part, Stop
 
 GAP = 1e-12
 """m or rad: stops nearer than this at an event are closed, so that impacts at once are solved together."""

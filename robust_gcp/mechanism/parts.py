@@ -6,12 +6,15 @@ or on a sum of joints such as the angle of a planar loop's cut joint.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from ...checks import check_finite, check_number, check_text, listed, shown
-from ...errors import ModelError, OptionError
+from ..checks import check_finite, check_number, check_text, listed, shown
+from ..errors import ModelError, OptionError
+from .loops import ClosedLoops
+from .ranges import ranges_of
 
 
 @dataclass(frozen=True)
@@ -188,29 +191,6 @@ class Lock(_Part):
 Part = Stop | JointFriction | Lock
 
 
-@dataclass(frozen=True)
-class Happening:
-    """What happened where one phase of smooth motion ended and another began.
-
-    Attributes
-    ----------
-    time : float
-        s.
-    kind : str
-        "impact", "grazing" (an impact where the stop is at a dead point of its joint: its outcome depends on
-        the stop's place without bound), "hold" (rows that rest from now on), "release", "at rest" (slipping
-        came to an end), "lock" (moving parts were stopped), "touch", "leave" (springy stops).
-    joints : tuple of str
-    loss : float
-        Energy lost at this instant, J.
-    """
-
-    time: float
-    kind: str
-    joints: tuple[str, ...]
-    loss: float = 0.0
-
-
 def parts_given(parts: Any) -> list[Part]:
     """A list of parts, or an OptionError."""
     given = listed(parts, "joints", "Stop, JointFriction and Lock", OptionError, Part)
@@ -220,3 +200,18 @@ def parts_given(parts: Any) -> list[Part]:
                 f'joints: {shown(part)} is no Stop, JointFriction or Lock, as Stop("q1", lower=0.0)'
             )
     return given
+
+
+def parts_of_file(loops: ClosedLoops, limits: bool, friction: bool) -> list[Part]:
+    """Rigid, plastic stops at the ranges of joints, and their dry friction, as the model's file has them."""
+    found: list[Part] = []
+    if limits:
+        ranges = ranges_of(loops)
+        for joint, *bounds in zip(ranges.names, ranges.low.tolist(), ranges.high.tolist(), strict=True):
+            low, high = (bound if math.isfinite(bound) else None for bound in bounds)
+            found.append(Stop(joint, lower=low, upper=high))
+    if friction:
+        rubbing = loops.own_model.upperDryFrictionLimit
+        single = [joint for joint in loops.joints if joint.single and rubbing[joint.idx_v] > 0.0]
+        found += [JointFriction(joint.name, float(rubbing[joint.idx_v])) for joint in single]
+    return found

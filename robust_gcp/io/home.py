@@ -1,0 +1,69 @@
+"""The home of a file's mechanism closed, and coordinates for it."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from ..errors import ClosureError, PartitionError
+from ..mechanism.assembly import assembled
+from ..mechanism.contents import FileContents
+from ..mechanism.independent import completed, regular_near
+from ..mechanism.loops import ClosedLoops
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.ranges import assembled_within
+from ..mechanism.rank import singular_words
+from ..mechanism.rounding import ROUNDED, without_rounded_rows
+from ..mechanism.tolerances import NEARLY_CLOSED
+from ..mechanism.tree import Array
+
+
+def closed_home(
+    loops: ClosedLoops, start: Array, spreads: tuple[float, ...]
+) -> tuple[ClosedLoops, Array, list[str]]:
+    """The loops without rows that others imply up to rounding, a home that closes them, and what was left."""
+    every = np.arange(loops.nv)
+    try:
+        home = assembled_within(loops, start, every, "home", spreads)
+    except ClosureError as failure:
+        if failure.nearest is None or loops.closure_residual(failure.nearest) > ROUNDED:
+            raise
+        kept, rounded = without_rounded_rows(loops, failure.nearest)
+        if not rounded:
+            raise
+        home = failure.nearest
+    else:
+        kept, rounded = without_rounded_rows(loops, home)
+    if not rounded:
+        return loops, home, rounded
+    freed = ClosedLoops(loops.own_model, kept)
+    return freed, assembled(freed, home, every, "home"), rounded
+
+
+def with_coordinates(
+    contents: FileContents,
+    loops: ClosedLoops,
+    home: Array,
+    name: str,
+    independent: Sequence[str] | Literal["auto"] | None,
+    wanted: Sequence[str],
+    as_named: bool,
+) -> Mechanism:
+    """The mechanism in the coordinates that are asked for, or in the wanted ones, completed.
+
+    At a singular home, on which motion the wanted ones serve is open: they are tried as they are first, and
+    completed for a configuration beside it.
+    """
+    if independent is not None:
+        return Mechanism.from_contents(contents, independent, home, name)
+    place = home
+    if loops.closure_residual(home) <= NEARLY_CLOSED and singular_words(loops, home):
+        place = regular_near(loops, home)
+    if (as_named or place is not home) and wanted:
+        with contextlib.suppress(PartitionError):
+            return Mechanism.from_contents(contents, wanted, home, name)
+    chosen, _ = completed(loops, place, wanted, name)
+    return Mechanism.from_contents(contents, chosen, home, name)

@@ -1,0 +1,78 @@
+"""Limits and dry friction of robots' files, simulated where they are asked for."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import robust_gcp as rg
+
+pytest.importorskip("mujoco")
+
+URDF = """<robot name="p"><link name="world"/><link name="arm"><inertial><origin xyz="0 0 -0.5"/>
+  <mass value="1"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+  <joint name="q" type="revolute"><parent link="world"/><child link="arm"/><axis xyz="1 0 0"/>
+  <limit lower="-0.4" upper="0.6" effort="1" velocity="1"/><dynamics damping="0.0" friction="0.3"/></joint>
+  </robot>"""
+MJCF = """<mujoco><compiler autolimits="true" angle="radian"/><worldbody><body><joint name="q" axis="1 0 0"
+  range="-0.4 0.6" frictionloss="0.3"/><inertial pos="0 0 -0.5" mass="1" diaginertia="0.1 0.1 0.1"/></body>
+  </worldbody></mujoco>"""
+SDF = """<sdf version="1.9"><world name="w"><gravity>0 0 -9.81</gravity><model name="p"><link name="arm">
+  <inertial><pose>0 0 -0.5 0 0 0</pose><mass>1</mass><inertia><ixx>0.1</ixx><iyy>0.1</iyy><izz>0.1</izz>
+  </inertia></inertial></link><joint name="q" type="revolute"><parent>world</parent><child>arm</child>
+  <axis><xyz>1 0 0</xyz><limit><lower>-0.4</lower><upper>0.6</upper></limit>
+  <dynamics><friction>0.3</friction></dynamics></axis></joint></model></world></sdf>"""
+FILES = {"p.urdf": URDF, "p.xml": MJCF, "p.sdf": SDF}
+PARTS = (rg.Stop("q", lower=-0.4, upper=0.6), rg.JointFriction("q", 0.3))
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_the_parts_of_a_file_act_where_they_are_asked_for(name: str, tmp_path: Path) -> None:
+    """As stops and friction that are written out; a format makes no difference."""
+    (tmp_path / name).write_text(FILES[name])
+    with pytest.warns(rg.ModelWarning, match="limits of joints"):
+        plain = rg.load(tmp_path / name)
+    assert plain.parts == ()
+    mech = rg.load(tmp_path / name, limits=True, friction=True, strict=True)  # nothing is left out
+    assert mech.parts == PARTS
+    with pytest.warns(rg.ModelWarning, match=r"dry friction of joints \(q\)$"):
+        assert rg.load(tmp_path / name, limits=True).parts == PARTS[:1]
+    run = rg.simulate(mech, [0.2], [3.0], duration=1.0)
+    by_hand = rg.simulate(plain, [0.2], [3.0], duration=1.0, joints=list(PARTS))
+    np.testing.assert_array_equal(run.q, by_hand.q)
+    assert "impact" in {h.kind for h in run.happenings}
+    assert run.q.max() <= 0.6 + 1e-12
+    assert np.abs(run.energy_error()).max() < 1e-8
+    free = rg.simulate(mech, [0.2], [3.0], duration=1.0, joints=[])
+    assert free.q.max() > 0.7
+
+
+def test_parts_go_with_their_mechanism(tmp_path: Path) -> None:
+    (tmp_path / "p.urdf").write_text(URDF)
+    mech = rg.load(tmp_path / "p.urdf", limits=True, friction=True)
+    assert pickle.loads(pickle.dumps(mech)).parts == mech.with_independent(["q"]).parts == PARTS
+    for file in ("a.urdf", "a.xml", "a"):
+        assert rg.load(mech.write(tmp_path / file), limits=True, friction=True).parts == PARTS
+
+
+def test_what_does_not_know_them_says_so(tmp_path: Path) -> None:
+    """Never a motion without the stops that were asked for."""
+    (tmp_path / "p.urdf").write_text(URDF)
+    mech = rg.load(tmp_path / "p.urdf", limits=True, friction=True)
+    for call in (
+        lambda: rg.Simulation(mech),
+        lambda: rg.simulate_many(mech, [([0.1], [0.0])], 0.1),
+        lambda: rg.forward_dynamics(mech, [0.1], [0.0]),
+        lambda: rg.derivatives(mech, [0.1]),
+        lambda: rg.linearise(mech, [0.1]),
+    ):
+        with pytest.raises(rg.OptionError, match="does not know stops and dry friction"):
+            call()
+    with pytest.raises(rg.OptionError, match="stops, friction and locks do not go with"):
+        rg.simulate(mech, duration=0.1, stepper="DOP853")
+    with pytest.raises(rg.OptionError, match="limits = 1 must be True or False"):
+        rg.load(tmp_path / "p.urdf", limits=1)  # type: ignore[arg-type]
+    assert rg.analyse(mech, [0.1]).local_dof == 1
