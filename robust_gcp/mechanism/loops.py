@@ -184,6 +184,7 @@ class ClosedLoops:
 
     def configurations(self, q: ArrayLike, what: str = "q") -> Array:
         """Many of them as a float array (N, nq); see `configuration`."""
+        self.require_unchanged()
         checked = checked_rows(q, None, self.nq, what, "nq")
         if self.tree.vector_space:
             return checked
