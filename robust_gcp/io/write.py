@@ -33,6 +33,8 @@ def write(mechanism: Mechanism, path: str | Path) -> Path:
     """
     target = path_of(path, "write")
     lost: Lost = {}
+    if not target.name:
+        raise ModelError(f"write: {str(path)!r} names no file; give one, or a folder to be made")
     if target.suffix not in SUFFIXES:
         raise ModelError(
             f"{target}: mechanisms are written as .xml (MJCF), .urdf, or a folder without a suffix"

@@ -197,6 +197,8 @@ def test_what_a_format_has_no_place_for_is_told(tmp_path: Path) -> None:
         andrews.write(tmp_path / "a")
     with pytest.raises(rg.ModelError, match=r"written as \.xml \(MJCF\), \.urdf, or a folder"):
         andrews.write(tmp_path / "a.sdf")
+    with pytest.raises(rg.ModelError, match="'' names no file"):
+        andrews.write("")
     (tmp_path / "file").write_text("")
     with pytest.raises(rg.ModelError, match="cannot be written"):
         andrews.write(tmp_path / "file" / "a.xml")
