@@ -30,8 +30,9 @@ def read_sdf(sdf: str | Path, base: str | None = None, root: str | Path | None =
     Poses by `relative_to`, `attached_to` and `expressed_in`, axes of older versions by
     `use_parent_model_frame`. Home is the pose that is drawn. A second joint that carries a link closes a loop
     and becomes the closure of its type; `drake:ball_constraint` and `drake:weld_constraint` too. Where a
-    joint names a frame as its parent that is not where it is, the two are brought together, and told. A model
-    that nothing ties to the world floats. Gravity is the world's, and (0, 0, −9.81) m/s² without a world.
+    joint names a frame as its parent that is not where it is, this is told, and if nothing draws the joint
+    and its child elsewhere, the two are brought together. A model that nothing ties to the world floats.
+    Gravity is the world's, and (0, 0, −9.81) m/s² without a world.
     Links without <inertial> weigh 1 kg and have moments of 1 kg m², as SDF has it.
 
     Parameters
@@ -80,8 +81,8 @@ def _tell_apart(name: str, apart: list[str]) -> None:
     """Warn of joints that are not where the frames are that they name as parents."""
     if apart:
         warn(
-            f"{name}: frames that joints name as parents are not where these are: {', '.join(apart)}; they "
-            "are brought together (programs that take a joint's own place alone have it elsewhere)",
+            f"{name}: frames that joints name as parents are not where these are: {', '.join(apart)}; SDF "
+            "has a joint where its own <pose>, or its child's, has it",
             ModelWarning,
         )
 

@@ -52,6 +52,7 @@ class ModelReader:
         self.couplings: list[CouplingClosure] = []
         self.left_out: dict[str, list[str]] = {}
         self.apart: list[str] = []
+        self._drawn: set[str] = set()
         self._gears: list[tuple[str, float, list[tuple[str, str, Array]]]] = []
 
     def place(self, model: Element, scope: str, parent: str) -> None:
@@ -70,6 +71,8 @@ class ModelReader:
         self.frames.add(f"{scope}{MODEL}", above, pose_of(pose, self._where(model)), first)
         for element in (*links, *model.findall("frame"), *model.findall("joint")):
             label, pose, where = scope + self._label(element), element.find("pose"), self._where(element)
+            if pose is not None and element.tag == "link":
+                self._drawn.add(self._label(element))
             attached = {"link": "", "frame": element.get("attached_to") or MODEL}.get(element.tag)
             attached = element.findtext("child", "").strip() if attached is None else attached
             nearest = MODEL if element.tag == "link" else attached
@@ -133,7 +136,7 @@ class ModelReader:
             given = _in(scope, (joint.findtext(tag) or "").strip())
             names.append(self.frames.body(given, f"{where}: <{tag}>"))
             own = tag == "parent" and given not in (names[0], WORLD)
-            here = self._together(at, given, where) if own else at
+            here = self._together(joint, at, given, where) if own else at
             ends.append(self.frames.world(names[-1], where).actInv(here))
         axes = [joint.find(tag) for tag in ("axis", "axis2")]
         ways = [
@@ -179,15 +182,23 @@ class ModelReader:
                 )
             (first, one_sign), (second, other_sign) = found
             self.couplings.append(CouplingClosure(second, first, -ratio * np.sign(one_sign * other_sign)))
+        tied = {joint for coupling in self.couplings for joint in coupling.joints}
+        for one in self.joints:
+            one.kept = one.name in tied
 
-    def _together(self, at: pin.SE3, given: str, where: str) -> pin.SE3:
-        """Where a joint is on its parent, which it names by a frame of its own."""
+    def _together(self, joint: Element, at: pin.SE3, given: str, where: str) -> pin.SE3:
+        """Where a joint is on its parent, which it names by a frame of its own.
+
+        SDF takes the joint's place alone. Where neither the joint nor its child is given one, the frame is.
+        """
         there = self.frames.world(given, where)
         apart = float(np.linalg.norm(at.actInv(there).translation))
         if apart <= APART:
             return at
-        self.apart.append(f"{given} ({apart:.3g} m)")
-        return pin.SE3(at.rotation, there.translation)
+        child = (joint.findtext("child") or "").strip().rpartition("::")[2]
+        drawn = joint.find("pose") is not None or child in self._drawn
+        self.apart.append(f"{given} ({apart:.3g} m, {'left there' if drawn else 'brought together'})")
+        return at if drawn else pin.SE3(at.rotation, there.translation)
 
     def _acting(self, made: BodyJoint, axes: list[Element | None], where: str) -> None:
         """Ranges, dampers and springs of a joint."""

@@ -127,8 +127,12 @@ class _Stage:
             if p.IsA(self._physics.Joint) and self._on(p, "physics:jointEnabled")
         ]
         joints = [joint for joint in joints if not joint.parent == joint.child == WORLD]
+        couplings = self._couplings()
+        tied = {label for coupling in couplings for label in coupling.joints}
+        for joint in joints:
+            joint.kept = joint.name in tied
         contents = spanned(self._title, bodies, joints, self._gravity(), base)
-        self._couple(contents)
+        contents.closures += couplings
         drives = self._with("PhysicsDriveAPI")
         contents.actuated = tuple(name for name in drives if name in contents.model.names)
         contents.left_out += named("drives of joints", drives)
@@ -256,28 +260,24 @@ class _Stage:
             way / length if length else -self._up
         )
 
-    def _couple(self, contents: FileContents) -> None:
-        """q = −gearing q_ref − offset of PhysX, q = coef0 + coef1 q_ref of Newton."""
-        for prim in self._prims:
-            for schema in schemas_of(prim):
-                if "Mimic" not in schema:
-                    continue
-                _, _, axis = schema.partition(":")
-                newton = schema.startswith("NewtonMimic")
-                key = "newton:mimic" if newton else f"physxMimicJoint:{axis}:"
-                leader = prim.GetRelationship(key + ("Joint" if newton else "referenceJoint")).GetTargets()
-                found = prim.GetStage().GetPrimAtPath(leader[0]) if leader else None
-                if not found:
-                    raise self.fail(prim, f"{schema} names no joint that it follows; name it")
-                unit = self.metres if prim.IsA(self._physics.PrismaticJoint) else np.pi / 180.0
-                if newton:
-                    ratio, offset = value_of(prim, key + "Coef1", 1.0), value_of(prim, key + "Coef0", 0.0)
-                else:
-                    ratio, offset = (
-                        -value_of(prim, key + "gearing", 1.0),
-                        -value_of(prim, key + "offset", 0.0),
-                    )
-                tied = CouplingClosure(
-                    self._name(prim), self._name(found), float(ratio), float(offset) * unit
-                )
-                contents.closures.append(tied)
+    def _couplings(self) -> list[CouplingClosure]:
+        """q = −gearing q_ref − offset of PhysX, q = coef0 + coef1 q_ref of Newton, in degrees or units."""
+        tied = []
+        for prim, schema in ((p, s) for p in self._prims for s in schemas_of(p) if "Mimic" in s):
+            _, _, axis = schema.partition(":")
+            newton = schema.startswith("NewtonMimic")
+            key = "newton:mimic" if newton else f"physxMimicJoint:{axis}:"
+            leader = prim.GetRelationship(key + ("Joint" if newton else "referenceJoint")).GetTargets()
+            found = prim.GetStage().GetPrimAtPath(leader[0]) if leader else None
+            if not found:
+                raise self.fail(prim, f"{schema} names no joint that it follows; name it")
+            unit, other = (
+                self.metres if p.IsA(self._physics.PrismaticJoint) else np.pi / 180.0 for p in (prim, found)
+            )
+            if newton:
+                ratio, offset = value_of(prim, key + "Coef1", 1.0), value_of(prim, key + "Coef0", 0.0)
+            else:
+                ratio, offset = (-value_of(prim, key + k, d) for k, d in (("gearing", 1.0), ("offset", 0.0)))
+            names = self._name(prim), self._name(found)
+            tied.append(CouplingClosure(*names, float(ratio) * unit / other, float(offset) * unit))
+        return tied

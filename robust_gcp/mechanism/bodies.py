@@ -37,8 +37,8 @@ class BodyJoint:
         Of a joint with one number, rad or m.
     damping, stiffness, rest, friction : float
         Of a joint with one number; the value where its spring is slack; of its dry friction.
-    cut : bool
-        Whether the file has it outside the tree.
+    kept, cut : bool
+        Whether it must have a number, as a coupling names it; whether the file has it outside the tree.
     """
 
     name: str
@@ -53,4 +53,5 @@ class BodyJoint:
     stiffness: float = 0.0
     rest: float = 0.0
     friction: float = 0.0
+    kept: bool = False
     cut: bool = False

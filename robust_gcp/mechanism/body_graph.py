@@ -7,6 +7,7 @@ of their kind. The motion does not depend on which.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from functools import partial
 from typing import Any
@@ -22,8 +23,9 @@ from .forces import Force, JointDamper, JointSpring
 from .joints import along
 from .pin_constraints import close_between
 from .tree import Array
+from .workspace import require_memory
 
-ROOT_JOINT = "root_joint"
+ROOT_JOINT, GROUND = "root_joint", "universe"
 
 CHAINS = {
     "fixed": "",
@@ -53,6 +55,7 @@ def spanned(
         Naming the joint: between bodies that are not there, with a name that is taken, or one that closes a
         loop and is of a kind without a closure.
     """
+    require_memory(sum(len(CHAINS[joint.kind]) for joint in joints), len(joints))
     graph = _Graph(name, bodies, joints, base)
     model = pin.Model()
     model.name = name
@@ -84,9 +87,13 @@ class _Graph:
         if base == "free":
             order = self._freed(order)
         self._tree = [joint for joint in order if self._joins(joint)]
-        self._tree.sort(key=list(joints).index)
-        in_tree = set(map(id, self._tree))
-        self._loops = [joint for joint in joints if id(joint) not in in_tree and joint in order]
+        in_tree, there = set(map(id, self._tree)), set(map(id, order))
+        self._tree = [joint for joint in joints if id(joint) in in_tree]
+        self._loops = [joint for joint in joints if id(joint) in there - in_tree]
+        self._touching: dict[str, list[BodyJoint]] = {body: [] for body in self._bodies}
+        for joint in self._tree:
+            self._touching[joint.parent].append(joint)
+            self._touching[joint.child].append(joint)
         self._places: dict[str, tuple[int, pin.SE3]] = {WORLD: (0, pin.SE3.Identity())}
 
     def build(self, contents: FileContents) -> None:
@@ -131,8 +138,11 @@ class _Graph:
         contents.left_out += named("springs and dampers of joints that close loops", lost)
 
     def _require_names(self, names: Sequence[str], joints: Sequence[BodyJoint]) -> None:
-        for what, given in (("body", [WORLD, *names]), ("joint", [joint.name for joint in joints])):
-            twice = sorted({label for label in given if given.count(label) > 1})
+        for what, given in (
+            ("body", [WORLD, GROUND, *names]),
+            ("joint", [GROUND, *(j.name for j in joints)]),
+        ):
+            twice = sorted(label for label, count in Counter(given).items() if count > 1)
             if twice:
                 raise ModelError(f"{self.name}: more than one {what} is called {twice[0]!r}; rename one")
         for joint in joints:
@@ -173,17 +183,14 @@ class _Graph:
 
     def _grow(self, body: str, contents: FileContents, numbers: list[Array]) -> None:
         """Everything that hangs on a body by joints of the tree."""
-        pending = [(joint, body) for joint in reversed(self._touching(body))]
+        pending = [(joint, body) for joint in reversed(self._touching[body])]
         while pending:
             joint, near = pending.pop()
             far = joint.child if joint.parent == near else joint.parent
             if far in self._places:
                 continue
             self._attach(joint, near, contents, numbers)
-            pending += [(further, far) for further in reversed(self._touching(far))]
-
-    def _touching(self, body: str) -> list[BodyJoint]:
-        return [joint for joint in self._tree if body in (joint.parent, joint.child)]
+            pending += [(further, far) for further in reversed(self._touching[far])]
 
     def _attach(self, joint: BodyJoint, near: str, contents: FileContents, numbers: list[Array]) -> None:
         """One joint of the tree and its body; gone through from its child, it turns about opposite axes."""
@@ -199,7 +206,8 @@ class _Graph:
         if one is not None and other is not None:
             moved = (one * inner).actInv(other * outer)
         for number, letter in enumerate(chain):
-            label = joint.name if len(chain) == 1 else f"{joint.name}_{number + 1}"
+            place_in_it = number + 1 if forward else len(chain) - number
+            label = joint.name if len(chain) == 1 else f"{joint.name}_{place_in_it}"
             if label in model.names:
                 raise ModelError(f"{self.name}: joint {joint.name!r}: the name {label!r} is taken; rename it")
             made, start = _made(letter, axes, number, moved, single=len(chain) == 1)
@@ -219,7 +227,7 @@ class _Graph:
 
 def _lateness(joint: BodyJoint) -> tuple[bool, ...]:
     """What is lost where it is not in the tree, the worst first."""
-    return joint.cut, joint.kind in CLOSURES, not (joint.damping or joint.stiffness)
+    return joint.cut, joint.kind in CLOSURES, not joint.kept, not (joint.damping or joint.stiffness)
 
 
 def _made(

@@ -179,6 +179,30 @@ def test_a_gearbox_ties_two_hinges_on_one_body() -> None:
         read_sdf(model(BY_WORLD + JOINTS + box))
 
 
+def test_a_joint_that_a_mimic_names_is_in_the_tree() -> None:
+    """Whichever joint is listed last: a closure has no number to follow, or to be followed."""
+    follows = about(0, 0, 1, "<mimic joint='q1'><multiplier>1</multiplier></mimic>")
+    last = joint("q3", "revolute", "world", "rocker", follows)
+    closing = CLOSING["named"].replace("q4", "q2b")
+    order = JOINTS[: JOINTS.index('<joint name="q3"')] + closing + last
+    contents = read_sdf(model(BY_FRAMES + order))
+    assert {"q1", "q3"} <= set(contents.model.names)
+    assert rg.mechanism.loops.ClosedLoops(contents.model, contents.closures).nc == 2 + 1
+
+
+def test_a_joint_that_is_drawn_stays_where_sdf_has_it() -> None:
+    """A parent's frame elsewhere is a name of its link there; it is told."""
+    odd = '<frame name="odd" attached_to="crank"><pose>0.3 0.2 0 0 0 0</pose></frame>'
+    text = model(
+        BY_WORLD + odd + joint("q1", "revolute", "world", "crank") + joint("q2", "revolute", "odd", "coupler")
+    )
+    with pytest.warns(rg.ModelWarning, match=r"odd \(0\.7\d+ m, left there\)"):
+        moved = read_sdf(text)
+    plain = read_sdf(text.replace("<parent>odd</parent>", "<parent>crank</parent>"))
+    for one, other in zip(moved.model.jointPlacements, plain.model.jointPlacements, strict=True):
+        np.testing.assert_allclose(one.homogeneous, other.homogeneous, atol=1e-15)
+
+
 def test_bases() -> None:
     chain = (
         BY_WORLD + joint("q2", "continuous", "crank", "coupler") + joint("q4", "ball", "coupler", "rocker")
@@ -232,7 +256,9 @@ def test_drakes_loops_are_assembled(name: str) -> None:
     path = ROBOTS / "drake_four_bar" / f"{name}.sdf"
     if not path.exists():
         pytest.skip("the robots' files are not here")
-    with pytest.warns(rg.ModelWarning, match=r"frames that joints name as parents .*Wd \(2 m\)"):
+    with pytest.warns(
+        rg.ModelWarning, match=r"frames that joints name as parents .*Wd \(2 m, brought together\)"
+    ):
         mechanism = rg.load(path, independent=["world_driver"])
     rng = np.random.default_rng(0)
     q = mechanism.assemble({"world_driver": 0.7})

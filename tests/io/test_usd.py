@@ -207,6 +207,17 @@ def test_mimic_joints_are_couplings(tmp_path):
         read_usd(written(tmp_path, four_bar(api=newton), "c.usda"))
 
 
+def test_a_mimic_between_a_slide_and_a_hinge_is_in_the_units_of_the_file(tmp_path):
+    """Metres per degree there, metres per radian here."""
+    newton = '( prepend apiSchemas = ["NewtonMimicAPI"] )'
+    more = "\n rel newton:mimicJoint = </bar/q1>\n float newton:mimicCoef0 = 10\n float newton:mimicCoef1 = 2"
+    text = four_bar(metres=0.01, api=newton, more=more)
+    slide = text.replace('PhysicsRevoluteJoint "q3"', 'PhysicsPrismaticJoint "q3"')
+    found = read_usd(written(tmp_path, slide)).closures[-1]
+    assert found.offset == pytest.approx(0.1)
+    assert found.ratio == pytest.approx(2.0 * 0.01 * 180.0 / np.pi)
+
+
 def test_generic_joints_are_what_their_locked_axes_leave(tmp_path):
     def lock(*axes):
         listed = "".join(f'"PhysicsLimitAPI:{axis}", ' for axis in axes)
