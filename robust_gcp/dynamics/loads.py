@@ -50,6 +50,15 @@ class Wrench:
             checked_vector(self.force, 6, f"Wrench on {shown(self.frame)}: force", "6")
 
 
+def wrenches_given(wrenches: Any) -> list[Wrench]:
+    """A list of wrenches, or an OptionError."""
+    made = listed(wrenches, "wrenches", "rg.Wrench(frame, force)", OptionError, Wrench)
+    for wrench in made:
+        if not isinstance(wrench, Wrench):
+            raise OptionError(f"wrenches: {shown(wrench)} is no Wrench; give rg.Wrench(frame, force)")
+    return made
+
+
 def one_torque(
     mechanism: Mechanism, torque: Torques | None, wrenches: Sequence[Wrench] = ()
 ) -> Torque | Array | None:
@@ -69,10 +78,7 @@ def one_torque(
     ModelError
         For a frame that the model does not have.
     """
-    wrenches = listed(wrenches, "wrenches", "rg.Wrench(frame, force)", OptionError, Wrench)
-    for wrench in wrenches:
-        if not isinstance(wrench, Wrench):
-            raise OptionError(f"wrenches: {shown(wrench)} is no Wrench; give rg.Wrench(frame, force)")
+    wrenches = wrenches_given(wrenches)
     if torque is None or callable(torque):
         if not wrenches:
             return torque

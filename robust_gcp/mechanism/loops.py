@@ -239,7 +239,8 @@ class ClosedLoops:
 
     def velocities_of(self, name: str) -> list[int]:
         """Where the velocities of a joint, or of one component of a joint, are in v."""
-        if name in self.joint_names:
+        given: object = name
+        if not isinstance(given, str) or given in self.joint_names:
             return list(range(*self.joint(name).v.indices(self.nv)))
         found = [c.iv for c in in_v(self.joints) if c.name == name]
         return found or list(range(*self.joint(name).v.indices(self.nv)))  # which tells near names

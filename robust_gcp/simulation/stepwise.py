@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from ..checks import check_choice, check_finite, check_mechanism, check_positive, check_whole, shown
 from ..dynamics.driven import prescribed
 from ..dynamics.held import HeldTorque
-from ..dynamics.loads import Wrench, one_torque
+from ..dynamics.loads import Wrench, one_torque, wrenches_given
 from ..dynamics.motion import Motion
 from ..errors import ClosureError, OptionError, SimulationError, SingularStartError
 from ..kernel.steps import BACKENDS, NativeSteps, chosen_library
@@ -113,8 +113,8 @@ class Simulation(Present):
         self._record, self._step, self._t0 = record, float(step), float(t0)
         self._none = np.zeros(mechanism.nv)
         self._held = HeldTorque(self._none)
-        self._events, self._wrenches = checked_events(events), tuple(wrenches)
-        loads = one_torque(mechanism, None, wrenches)
+        self._events, self._wrenches = checked_events(events), tuple(wrenches_given(wrenches))
+        loads = one_torque(mechanism, None, self._wrenches)
         self._loads = loads if callable(loads) else None
         self._places = {joint.name: joint.idx_v for joint in mechanism.joints if joint.single}
         self.reset(q0, v0, mode=mode)

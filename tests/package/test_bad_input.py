@@ -886,3 +886,10 @@ def test_errors_can_be_caught_as_python_means_them() -> None:
     for error, base in bases.items():
         assert issubclass(error, rg.RobustGcpError)
         assert issubclass(error, base)
+
+
+def test_arrays_and_single_things_where_lists_are_meant() -> None:
+    with pytest.raises(rg.ModelError, match="the model has no joint"):
+        rg.load("rhombus", independent=np.zeros((2, 2)))  # type: ignore[arg-type]
+    with pytest.raises(rg.OptionError, match="wrenches must be a list"):
+        rg.Simulation(rg.load("rhombus"), wrenches=3)  # type: ignore[arg-type]
