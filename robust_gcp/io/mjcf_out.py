@@ -11,7 +11,7 @@ import pinocchio as pin
 from ..errors import ModelError
 from ..mechanism.closures import Closure, FrameClosure, PointClosure, RevoluteClosure, frame_of
 from ..mechanism.couplings import CouplingClosure
-from ..mechanism.forces import JointDamper, JointSpring, JointTorque, PointSpring
+from ..mechanism.forces import JointTorque, PointSpring, is_known
 from ..mechanism.joints import JointKind
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
@@ -63,8 +63,7 @@ def mjcf_text(mechanism: Mechanism, lost: Lost) -> str:
     _filled(root, "actuator", motors)
     home = [_qpos(part, mechanism.home) for part in parts]
     _filled(root, "keyframe", [Element("key", name="home", qpos=text(np.concatenate([np.zeros(0), *home])))])
-    known = (JointSpring, JointDamper, PointSpring, JointTorque)
-    note(lost, "forces", [type(f).__name__ for f in mechanism.forces if not isinstance(f, known)])
+    note(lost, "forces", [type(force).__name__ for force in mechanism.forces if not is_known(force)])
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 

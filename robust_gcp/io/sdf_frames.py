@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -13,17 +12,15 @@ from ..checks import hint
 from ..errors import ModelError
 from ..mechanism.bodies import WORLD
 from ..mechanism.tree import Array
+from .urdf_numbers import finite_numbers
 
 MODEL = "__model__"
 
 
 def numbers_of(text: str | None, count: int, where: str) -> list[float]:
     """So many finite numbers, or a ModelError."""
-    try:
-        values = [float(word) for word in (text or "").split()]
-    except ValueError:
-        values = []
-    if len(values) != count or not all(map(isfinite, values)):
+    values = finite_numbers(text or "", count)
+    if values is None:
         raise ModelError(f"{where} is {text!r}; write {count} finite number{'s' * (count > 1)}")
     return values
 

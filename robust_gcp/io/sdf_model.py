@@ -10,6 +10,7 @@ import pinocchio as pin
 from ..errors import ModelError
 from ..mechanism.bodies import WORLD, Body, BodyJoint
 from ..mechanism.couplings import CouplingClosure
+from ..mechanism.ranges import WIDE
 from ..mechanism.tree import Array
 from .sdf_frames import MODEL, Frames, number_of, numbers_of, pose_of
 from .urdf_loops import SUSPECT
@@ -38,8 +39,8 @@ KNOWN = (
 
 CONSTRAINTS = {"drake:ball_constraint": "spherical", "drake:weld_constraint": "fixed"}
 
-WIDE, APART = 1e3, 1e-9
-"""rad or m: bounds at least that wide are none; frames nearer than that coincide."""
+APART = 1e-9
+"""m: frames nearer than that coincide."""
 
 
 class ModelReader:
@@ -72,7 +73,7 @@ class ModelReader:
         for element in (*links, *model.findall("frame"), *model.findall("joint")):
             label, pose, where = scope + self._label(element), element.find("pose"), self._where(element)
             if pose is not None and element.tag == "link":
-                self._drawn.add(self._label(element))
+                self._drawn.add(label)
             attached = {"link": "", "frame": element.get("attached_to") or MODEL}.get(element.tag)
             attached = element.findtext("child", "").strip() if attached is None else attached
             nearest = MODEL if element.tag == "link" else attached
@@ -136,7 +137,7 @@ class ModelReader:
             given = _in(scope, (joint.findtext(tag) or "").strip())
             names.append(self.frames.body(given, f"{where}: <{tag}>"))
             own = tag == "parent" and given not in (names[0], WORLD)
-            here = self._together(joint, at, given, where) if own else at
+            here = self._together(joint, at, given, scope, where) if own else at
             ends.append(self.frames.world(names[-1], where).actInv(here))
         axes = [joint.find(tag) for tag in ("axis", "axis2")]
         ways = [
@@ -186,7 +187,7 @@ class ModelReader:
         for one in self.joints:
             one.kept = one.name in tied
 
-    def _together(self, joint: Element, at: pin.SE3, given: str, where: str) -> pin.SE3:
+    def _together(self, joint: Element, at: pin.SE3, given: str, scope: str, where: str) -> pin.SE3:
         """Where a joint is on its parent, which it names by a frame of its own.
 
         SDF takes the joint's place alone. Where neither the joint nor its child is given one, the frame is.
@@ -195,7 +196,7 @@ class ModelReader:
         apart = float(np.linalg.norm(at.actInv(there).translation))
         if apart <= APART:
             return at
-        child = (joint.findtext("child") or "").strip().rpartition("::")[2]
+        child = _in(scope, (joint.findtext("child") or "").strip())
         drawn = joint.find("pose") is not None or child in self._drawn
         self.apart.append(f"{given} ({apart:.3g} m, {'left there' if drawn else 'brought together'})")
         return at if drawn else pin.SE3(at.rotation, there.translation)

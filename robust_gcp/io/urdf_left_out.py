@@ -5,16 +5,14 @@ from __future__ import annotations
 from xml.etree.ElementTree import Element
 
 from ..mechanism.contents import named
+from ..mechanism.ranges import WIDE
 from .urdf_check import MOVING
-from .urdf_loops import LOOP_TAGS
+from .urdf_loops import LOOP_TAGS, SPRING
 from .urdf_numbers import number_in
-
-WIDE = 1e3
-"""rad or m: limits at least that wide are written for joints without limits."""
 
 JOINT_PARTS = ("parent", "child", "origin", "axis", "limit", "dynamics", "mimic", "calibration")
 DYNAMICS = {"damping", "friction", "armature", "spring_stiffness", "spring_reference"}
-PLAIN = (*LOOP_TAGS, "drake:linear_spring_damper", "link", "joint", "material", "frame", "fixed_frame")
+PLAIN = (*LOOP_TAGS, SPRING, "link", "joint", "material", "frame", "fixed_frame")
 """Elements below <robot> that are read, or have no bearing on the motion."""
 
 

@@ -55,8 +55,11 @@ CUT = re.compile(r"(closing_.+)_1")
 ENDS = re.compile(r"(closedloop.*_)A(.*)", re.I)
 """The same in example-parallel-robots, whose robot.yaml says what kind of joint was cut."""
 
+SPRING = "drake:linear_spring_damper"
+"""Drake's element for a spring and damper between points of two links."""
+
 TREELIKE = (
-    "drake:linear_spring_damper",
+    SPRING,
     "link",
     "joint",
     "material",

@@ -18,15 +18,21 @@ def numbers_in(element: Element, key: str, owner: str, count: int = 3) -> list[f
     return _parsed(element, key, owner, count)
 
 
+def finite_numbers(text: str, count: int) -> list[float] | None:
+    """So many finite numbers between spaces; None for anything else."""
+    try:
+        values = [float(word) for word in text.split()]
+    except ValueError:
+        return None
+    return values if len(values) == count and all(map(isfinite, values)) else None
+
+
 def _parsed(element: Element, key: str, owner: str, count: int) -> list[float]:
     text = element.get(key)
     wanted = "a number" if count == 1 else f"{count} numbers"
     if text is None:
         raise ModelError(f"{owner}: <{element.tag}> lacks {key}; give {wanted}")
-    try:
-        values = [float(word) for word in text.split()]
-    except ValueError:
-        values = []
-    if len(values) != count or not all(map(isfinite, values)):
+    values = finite_numbers(text, count)
+    if values is None:
         raise ModelError(f"{owner}: <{element.tag} {key}={text!r}> is not {wanted}; write {wanted}, finite")
     return values

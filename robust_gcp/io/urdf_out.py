@@ -21,6 +21,7 @@ from ..mechanism.closures import (
 from ..mechanism.couplings import CouplingClosure
 from ..mechanism.forces import PointSpring
 from ..mechanism.mechanism import Mechanism
+from .urdf_loops import SPRING
 from .written import Lost, Part, parts_of, text, whole_closures
 
 TYPES = {"slide": "prismatic", "ball": "spherical", "free": "floating"}
@@ -143,7 +144,7 @@ def _close(root: Element, mechanism: Mechanism, carriers: list[str], label: str,
         link, place = _spot(root, mechanism, carriers, frame)
         end = SubElement(loop, tag, link=link)
         if place is not None:
-            _origin(loop if universal else end, place, f"{tag}_origin" if universal else "origin")
+            _origin(loop if universal else end, place, f"{SPRING}_origin" if universal else "origin")
     if isinstance(tied, UniversalClosure):
         SubElement(loop, "parent_axis", xyz=text(tied.axis))
         SubElement(loop, "child_axis", xyz=text(tied.axis2))
@@ -152,15 +153,16 @@ def _close(root: Element, mechanism: Mechanism, carriers: list[str], label: str,
 
 
 def _spring(root: Element, mechanism: Mechanism, carriers: list[str], spring: PointSpring) -> None:
-    tag = "drake:linear_spring_damper"
-    made = SubElement(root, tag)
+    made = SubElement(root, SPRING)
     for body, point, frame in (("A", "AP", spring.frame1), ("B", "BQ", spring.frame2)):
         link, place = _spot(root, mechanism, carriers, frame)
-        SubElement(made, f"{tag}_body_{body}", name=link)
-        SubElement(made, f"{tag}_p_{point}", value=text(np.zeros(3) if place is None else place.translation))
+        SubElement(made, f"{SPRING}_body_{body}", name=link)
+        SubElement(
+            made, f"{SPRING}_p_{point}", value=text(np.zeros(3) if place is None else place.translation)
+        )
     numbers = {"free_length": spring.rest_length, "stiffness": spring.stiffness, "damping": spring.damping}
     for key, value in numbers.items():
-        SubElement(made, f"{tag}_{key}", value=repr(float(value)))
+        SubElement(made, f"{SPRING}_{key}", value=repr(float(value)))
 
 
 def _spot(root: Element, mechanism: Mechanism, carriers: list[str], name: str) -> tuple[str, pin.SE3 | None]:

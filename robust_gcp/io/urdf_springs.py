@@ -9,10 +9,8 @@ import pinocchio as pin
 
 from ..errors import ModelError
 from ..mechanism.forces import PointSpring
-from .urdf_loops import on_link
+from .urdf_loops import SPRING, on_link
 from .urdf_numbers import number_in, numbers_in
-
-SPRING = "drake:linear_spring_damper"
 
 
 def springs_of(root: Element, model: pin.Model, name: str) -> list[PointSpring]:

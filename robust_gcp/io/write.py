@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import ModelError, ModelWarning
-from ..mechanism.forces import JointDamper, JointSpring, JointTorque, PointSpring
+from ..mechanism.forces import JointTorque, is_known
 from ..mechanism.mechanism import Mechanism
 from ..warning import warn
 from .mjcf_out import mjcf_text
@@ -69,8 +69,8 @@ def _urdf(mechanism: Mechanism, lost: Lost) -> str:
     gravity = mechanism.own_model.gravity.linear
     if not np.array_equal(gravity, pin.Model.gravity981):
         note(lost, "gravity, which a URDF does not tell", [np.array2string(gravity)])
-    known = (JointSpring, JointDamper, PointSpring)
-    note(lost, "forces", [type(f).__name__ for f in mechanism.forces if not isinstance(f, known)])
+    apart = [f for f in mechanism.forces if isinstance(f, JointTorque) or not is_known(f)]
+    note(lost, "forces", [type(force).__name__ for force in apart])
     return text
 
 
@@ -81,8 +81,7 @@ def _folder(mechanism: Mechanism, folder: Path, lost: Lost) -> dict[Path, str]:
     for force in mechanism.forces:
         if isinstance(force, JointTorque):
             torques[force.joint] = torques.get(force.joint, 0.0) + float(force.torque)
-        elif not isinstance(force, (JointSpring, JointDamper, PointSpring)):
-            note(lost, "forces", [type(force).__name__])
+    note(lost, "forces", [type(force).__name__ for force in mechanism.forces if not is_known(force)])
     names = {j.name: [n for n, *_ in links_of(mechanism.own_model, j, "URDF")] for j in mechanism.joints}
     rec = mechanism.recommended
     run: dict[str, Any] = {"duration": float(rec.duration), "step": float(rec.step)}

@@ -14,6 +14,7 @@ from ..mechanism.forces import JointDamper, JointSpring
 from ..mechanism.joints import Joint, JointKind
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.partial_closure import PartialClosure
+from ..mechanism.ranges import WIDE
 from ..mechanism.tree import Array
 
 X, Y, Z = np.eye(3)
@@ -25,9 +26,6 @@ CHAINS: dict[JointKind, list[tuple[str, Array]]] = {
     JointKind.EULER_ZYX: [("hinge", Z), ("hinge", Y), ("hinge", X)],
 }
 """Kinds as plain joints one after the other, each with its axis; those with one axis of their own aside."""
-
-UNLIMITED = 1e3
-"""rad or m: bounds at least that wide are none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +148,7 @@ def _range(model: pin.Model, joint: Joint) -> tuple[float, float] | None:
         return None
     low = float(model.lowerPositionLimit[joint.idx_q])
     high = float(model.upperPositionLimit[joint.idx_q])
-    return (low, high) if min(abs(low), abs(high)) < UNLIMITED and low <= high else None
+    return (low, high) if min(abs(low), abs(high)) < WIDE and low <= high else None
 
 
 def _frames(

@@ -79,10 +79,8 @@ def _prepared(loops: ClosedLoops, free: Index) -> tuple[Library, Any, Any] | Non
 
 def _assembly(loops: ClosedLoops, free: Index) -> Arrays:
     separation, count = Separation(loops), len(loops.loops)
-    places = [place.rotation for _, place in closure_frames(loops.near, loops.loops)]
     turns = describe_loops(loops).turns
-    joints = [joint for joint, _ in closure_frames(loops.near, loops.loops)]
-    local = [turns[joint].T @ R for joint, R in zip(joints, places, strict=True)]
+    local = [turns[joint].T @ place.rotation for joint, place in closure_frames(loops.near, loops.loops)]
     sort, axis = np.zeros((count, 2), dtype=np.int32), np.zeros((count, 3))
     for c, closure in enumerate(loops.loops):
         sort[c, 0] = closure.holds

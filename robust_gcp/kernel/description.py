@@ -14,7 +14,14 @@ from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..mechanism.workspace import memory_left, workspace_bytes
-from .loop_arrays import NotNativeError, closure_arrays, coupling_arrays, loops_arrays, tree_arrays
+from .loop_arrays import (
+    NotNativeError,
+    closure_arrays,
+    coupling_arrays,
+    in_own_units,
+    loops_arrays,
+    tree_arrays,
+)
 from .structures import Arrays, Cluster, Description
 
 
@@ -49,8 +56,7 @@ def describe_all(mechanism: Mechanism) -> Arrays:
     """
 
     def made() -> Arrays:
-        arrays, turns = loops_arrays(mechanism)
-        arrays.reals(row_weight=np.ones(mechanism.nc), scale=np.ones(mechanism.nv))
+        arrays, turns = in_own_units(mechanism)
         _forces(mechanism, turns, arrays)
         return arrays
 

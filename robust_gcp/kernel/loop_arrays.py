@@ -28,13 +28,7 @@ def describe_loops(loops: ClosedLoops) -> DescribedLoops:
     NotNativeError
         For a joint that the kernel does not know.
     """
-
-    def made() -> DescribedLoops:
-        arrays, turns = loops_arrays(loops)
-        arrays.reals(row_weight=np.ones(loops.nc), scale=np.ones(loops.nv))
-        return DescribedLoops(arrays, turns)
-
-    return loops.memo.once("description of the loops for the kernel", made)
+    return loops.memo.once("description of the loops for the kernel", lambda: in_own_units(loops))
 
 
 class DescribedLoops(NamedTuple):
@@ -47,6 +41,13 @@ class DescribedLoops(NamedTuple):
     def structure(self) -> Any:
         """What the kernel reads."""
         return self.arrays.structure
+
+
+def in_own_units(loops: ClosedLoops) -> DescribedLoops:
+    """Joints, bodies and all rows of φ, neither scaled."""
+    arrays, turns = loops_arrays(loops)
+    arrays.reals(row_weight=np.ones(loops.nc), scale=np.ones(loops.nv))
+    return DescribedLoops(arrays, turns)
 
 
 def loops_arrays(loops: ClosedLoops) -> tuple[Arrays, list[Array]]:

@@ -45,9 +45,9 @@ def spanned(
 ) -> FileContents:
     """Spanning tree, closures, springs and dampers of a graph of bodies; home is the pose that is drawn.
 
-    In the tree come first the joints that no closure stands for, then those with springs or dampers, then
-    the others in their order, those marked `cut` last. A body that no joint leads to from the ground floats,
-    unless `base` is "fixed". With "free" the bodies welded to the ground float.
+    In the tree come first the joints that no closure stands for, then those marked `kept`, then those with
+    springs or dampers, then the others in their order, those marked `cut` last. A body that no joint leads
+    to from the ground floats, unless `base` is "fixed". With "free" the bodies welded to the ground float.
 
     Raises
     ------

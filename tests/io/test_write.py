@@ -220,6 +220,20 @@ def test_moments_that_no_body_has_are_told(tmp_path: Path) -> None:
         rg.Mechanism.from_pinocchio(model).write(tmp_path / "a.xml")
 
 
+@pytest.mark.parametrize("file", FORMATS)
+def test_forces_that_their_numbers_do_not_tell_are_told(file: str, tmp_path: Path) -> None:
+    class Hardening(rg.JointSpring):
+        def tau(self, mechanism, q, v):
+            return 2.0 * super().tau(mechanism, q, v)
+
+    one = rg.load("five_bar")
+    mechanism = rg.Mechanism.from_pinocchio(
+        one.model, one.closures, one.independent, forces=[Hardening("q1", 1.0)]
+    )
+    with pytest.warns(rg.ModelWarning, match=r"forces \(Hardening\)"):
+        mechanism.write(tmp_path / file)
+
+
 def test_plain_motors_are_the_joints_that_are_driven(tmp_path: Path) -> None:
     """Nothing of them is left out: their control is `torque=`; of one with a gear something is."""
     path = rg.load("five_bar").write(tmp_path / "a.xml")
