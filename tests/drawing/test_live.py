@@ -184,7 +184,7 @@ async def dragged(url: str, moves: list[str]) -> list[dict]:
 
     async def drain() -> None:
         while True:
-            message = await asyncio.wait_for(connection.read_message(), 0.3)
+            message = await asyncio.wait_for(connection.read_message(), 1.5)
             assert isinstance(message, bytes)
             found.append(umsgpack.unpackb(message))
 
