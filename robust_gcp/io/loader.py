@@ -11,6 +11,7 @@ import pinocchio as pin
 
 from ..checks import hint, shown
 from ..errors import ModelError, OptionError, RobustGcpError, missing_file
+from ..mechanism.actuation.actuators import Actuator
 from ..mechanism.assembly import FEW_STARTS, MANY_STARTS
 from ..mechanism.contents import FileContents, check_base, named, tell_left_out
 from ..mechanism.independent import regular_near
@@ -195,6 +196,13 @@ def _folder(path: Path, given: str | Path) -> tuple[Path, Path]:
     )
 
 
+def _take_parts(contents: FileContents, asked: _Asked) -> None:
+    """What acts as the caller asked is not left out."""
+    kinds = ["limits"] * asked.limits + ["dry friction"] * asked.friction
+    acting = [f"{kind} of {what}" for kind in kinds for what in ("joints", "tendons")]
+    contents.left_out = [part for part in contents.left_out if part.partition(" (")[0] not in acting]
+
+
 def _mechanism(
     contents: FileContents,
     path: Path,
@@ -205,8 +213,7 @@ def _mechanism(
     asked: _Asked,
 ) -> Mechanism:
     """Home closed, coordinates completed, what is left out told."""
-    acting = (*["limits of joints"] * asked.limits, *["dry friction of joints"] * asked.friction)
-    contents.left_out = [part for part in contents.left_out if part.partition(" (")[0] not in acting]
+    _take_parts(contents, asked)
     if asked.strict:
         tell_left_out(contents.left_out, str(path), True)
     model = contents.model
@@ -243,6 +250,9 @@ def _mechanism(
             contents.actuated = tuple(m for m in motors if m in known)
             for motor in motors:
                 loops.velocities_of(motor)  # refuses what is not there
+        if not contents.actuators:
+            single = {joint.name for joint in loops.joints if joint.single}
+            contents.actuators = [Actuator.motor(n, n) for n in contents.actuated if n in single]
         tell_left_out(contents.left_out, str(path), asked.strict)
         wanted = motors if isinstance(motors, list) else () if motors == "auto" else contents.wanted()
         choice = asked.independent, wanted, given is not None
@@ -255,7 +265,7 @@ def _mechanism(
         mechanism.home = mechanism.polish(mechanism.home, mechanism.iv_dependent)
     tell_outside(mechanism, mechanism.home, f"{path}: home")
     mechanism.source = source
-    mechanism.parts = tuple(parts_of_file(mechanism, asked.limits, asked.friction))
+    mechanism.parts = tuple(parts_of_file(mechanism, contents.parts, asked.limits, asked.friction))
     if own.get("recommended") is not None:
         mechanism.recommended = recommended_of(own, mechanism, path)
     return mechanism

@@ -6,10 +6,12 @@ from pathlib import Path
 
 from ..errors import ModelError
 from ..mechanism.contents import FileContents, check_base
+from .mjcf_actuators import CompiledActuators
 from .mjcf_compiled import compiled
 from .mjcf_document import Document
 from .mjcf_equalities import equalities_of
 from .mjcf_left_out import actuated_by, forces_of, left_out_of
+from .mjcf_tendons import CompiledTendons
 from .mjcf_tree import CompiledTree
 from .text_file import path_of
 from .xml_text import is_xml_text, parsed_xml
@@ -57,7 +59,10 @@ def read_mjcf(mjcf: str | Path, base: str | None = None, root: str | Path | None
     tree.model.name = xml.get("model", "mjcf")
     keys = {m.key(k).name or f"key{k}": tree.configuration(m.key_qpos[k]) for k in range(m.nkey)}
     closures = equalities_of(m, tree, xml)
-    left_out = left_out_of(m, tree, source.told)
-    return FileContents(
-        tree.model, closures, forces_of(m, tree), tree.home, keys, None, actuated_by(m, tree), left_out
-    )
+    tendons = CompiledTendons(m, tree)
+    drives = CompiledActuators(m, tree, tendons)
+    forces = [*forces_of(m, tree), *tendons.springs, *drives.springs]
+    left_out = left_out_of(m, tree, drives.left_out | tendons.left_out | source.told)
+    found = FileContents(tree.model, closures, forces, tree.home, keys, None, actuated_by(m, tree), left_out)
+    found.actuators, found.tendons, found.parts = drives.actuators, tendons.by_name, tendons.parts
+    return found

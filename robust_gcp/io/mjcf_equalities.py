@@ -9,13 +9,11 @@ from ..errors import ModelError
 from ..mechanism.closures import Closure, FrameClosure, PointClosure
 from ..mechanism.couplings import AnyClosure, CouplingClosure
 from ..mechanism.pin_constraints import close_between
+from .mjcf_flags import is_off
 from .mjcf_tree import CompiledTree
 
 CONNECT, WELD, JOINT, TENDON = range(4)
 KINDS = ("connect", "weld", "joint", "tendon", "flex", "flexvert", "flexstrain", "distance")
-OFF = (1 << 0) | (1 << 1)
-"""MuJoCo's mjDSBL_CONSTRAINT and mjDSBL_EQUALITY."""
-
 SITE = 6
 """MuJoCo's mjOBJ_SITE."""
 
@@ -30,7 +28,7 @@ def equalities_of(compiled: Any, tree: CompiledTree, document: Element) -> list[
         drops without a word: it refers to a replicated element and to another one.
     """
     found: list[AnyClosure] = []
-    if compiled.opt.disableflags & OFF:
+    if is_off(compiled, "CONSTRAINT") or is_off(compiled, "EQUALITY"):
         return found
     known = {*tree.bodies, *tree.joints, *tree.sites} | {
         compiled.tendon(t).name for t in range(compiled.ntendon)

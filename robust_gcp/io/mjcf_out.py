@@ -11,8 +11,9 @@ import pinocchio as pin
 from ..errors import ModelError
 from ..mechanism.closures import Closure, FrameClosure, PointClosure, RevoluteClosure, frame_of
 from ..mechanism.couplings import CouplingClosure
-from ..mechanism.forces import JointTorque, PointSpring, is_known
+from ..mechanism.forces import JointTorque, PointSpring
 from ..mechanism.joints import JointKind
+from ..mechanism.known_forces import is_known
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .written import Lost, Part, note, parts_of, plain_numbers, text, whole_closures

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,10 +11,9 @@ import pinocchio as pin
 from ..errors import ModelError
 from ..mechanism.joints import along
 from ..mechanism.tree import Array
+from .mjcf_flags import is_off
 
 FREE, BALL, SLIDE, HINGE = range(4)
-FRICTION_OFF, LIMITS_OFF, GRAVITY_OFF = 1 << 2, 1 << 3, 1 << 7
-"""MuJoCo's mjDSBL_FRICTIONLOSS, _LIMIT and _GRAVITY."""
 
 RESERVED = ("universe", "world")
 ROOT_JOINT = "root_joint"
@@ -56,7 +55,7 @@ class CompiledTree:
         self.standing: list[str] = []
         floating = self._floating() if base == "free" else 0
         self.model = pin.Model()
-        self.model.gravity.linear = m.opt.gravity * (not m.opt.disableflags & GRAVITY_OFF)
+        self.model.gravity.linear = m.opt.gravity * (not is_off(m, "GRAVITY"))
         self._places = [(0, pin.SE3.Identity())]  # of bodies: on which joint, and where on it
         self.model.addFrame(pin.Frame("world", *self._places[0], pin.FrameType.BODY), False)
         armature: list[float] = []
@@ -65,10 +64,14 @@ class CompiledTree:
         self.model.armature = np.array(armature)
         rubbing = np.zeros(self.model.nv)
         for j, label in enumerate(self.joints):
-            if not self.is_fixed(j) and not m.opt.disableflags & FRICTION_OFF:
+            if not self.is_fixed(j) and not is_off(m, "FRICTIONLOSS"):
                 joint, at = self.model.joints[self.model.getJointId(label)], m.jnt_dofadr[j]
                 rubbing[joint.idx_v : joint.idx_v + joint.nv] = m.dof_frictionloss[at : at + joint.nv]
         self.model.upperDryFrictionLimit, self.model.lowerDryFrictionLimit = rubbing, -rubbing
+        for j in np.flatnonzero(m.jnt_actfrclimited).tolist():
+            at = self.model.joints[self.model.getJointId(self.joints[j])].idx_v
+            if m.jnt_type[j] not in (FREE, BALL):
+                self.model.lowerEffortLimit[at], self.model.upperEffortLimit[at] = m.jnt_actfrcrange[j]
         for s, label in enumerate(self.sites):
             if label:
                 self.model.addFrame(pin.Frame(label, *self.site(s), pin.FrameType.OP_FRAME), False)
@@ -165,7 +168,7 @@ class CompiledTree:
         if kind.nq > kind.nv:  # quaternions: a little more than one, as Pinocchio's readers have it
             high[-4:] = 1.01
         low = -high
-        if limits is not None and not self._from.opt.disableflags & LIMITS_OFF:
+        if limits is not None and not is_off(self._from, "LIMIT"):
             low[0], high[0] = limits
         joint = self.model.addJoint(parent, kind, place, name, endless, endless, low, high)
         self.model.addJointFrame(joint)
@@ -178,14 +181,20 @@ def _pose(position: Array, quaternion: Sequence[float]) -> pin.SE3:
     return pin.SE3(turn.toRotationMatrix(), np.array(position))
 
 
+def unlike(name: str, taken: Container[str]) -> str:
+    """The name, numbered where it is taken."""
+    label, count = name, 0
+    while label in taken:
+        count += 1
+        label = f"{name}{count}"
+    return label
+
+
 def _named(given: list[str], wanted: list[str]) -> list[str]:
     """The names that are given; in place of empty ones the wanted ones, numbered where they are taken."""
     taken, made = set(given), []
     for name, unique in zip(given, wanted, strict=True):
-        label, count = name or unique, 0
-        while not name and label in taken:
-            count += 1
-            label = f"{unique}{count}"
+        label = name or unlike(unique, taken)
         taken.add(label)
         made.append(label)
     return made

@@ -11,7 +11,8 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import ModelError, ModelWarning
-from ..mechanism.forces import JointTorque, is_known
+from ..mechanism.forces import JointTorque
+from ..mechanism.known_forces import is_known
 from ..mechanism.mechanism import Mechanism
 from ..warning import warn
 from .mjcf_out import mjcf_text

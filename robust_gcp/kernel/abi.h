@@ -6,7 +6,7 @@
 
 namespace rg {
 
-constexpr std::int32_t VERSION = 20;
+constexpr std::int32_t VERSION = 21;
 
 enum Reason : std::int32_t {
     DONE = 0,
@@ -65,6 +65,16 @@ struct Description {
     const double* drive;                // (nv,)
     const std::int32_t* line_joint;     // (lines, 2)
     const double* line;                 // (lines, 9): two points, stiffness, rest length, damping
+    std::int32_t paths, pulls;
+    const std::int32_t* path_at;        // (paths, 4): first of its arms and how many, first of its stretches and how many
+    const std::int32_t* arm_at;         // (arms, 2): in q and in v
+    const double* arm;                  // (arms,)
+    const std::int32_t* stretch_at;     // (stretches, 5): joints of its ends; −1 straight, 0 round a sphere, 1 a cylinder;
+                                        // joints of that, and of a point beside it or −1
+    const double* stretch;              // (stretches, 23): share, ends, radius, centre, axes row by row, point beside it
+    const std::int32_t* pull_at;        // (pulls, 4): path, a Law in pulls.h, number of its control, of its group or −1
+    const double* pull;                 // (pulls, 15): gear, 10 numbers of the law, range, range of the group
+    const double* effort;               // (nv, 2): range of what actuators do together
     std::int32_t driven;
     const std::int32_t* driven_y;       // (driven,): which of y are prescribed
     std::int32_t redundant;             // whether rows of φ are left over
@@ -137,6 +147,8 @@ struct Request {
     double* torque_tau;
     double* torque_stored;    // (2,): power of torque_tau that a potential gives, W, and that potential, J
     const double* held;       // (nv,): a constant torque, or null
+    const double* control;    // of the actuators, at `first` and each stage after it, one row after the other; or null
+    std::int32_t control_stride;  // numbers from row to row; 0 where they are constant
     const double* trackers;   // as `rg_trackers` gave them
     const double* prescribed; // (times, stages, 3, driven): y, ẏ and ÿ at each time and stage after it; or null
     double* effort;           // (driven,), in and out: what moves them

@@ -7,12 +7,13 @@ from collections.abc import Generator, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..dynamics.control import Actuated, Control
 from ..dynamics.equations import CheckedTorque
 from ..dynamics.held import HeldTorque
 from ..mechanism.applied_forces import OwnForces
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from .structures import Reason, Request, TorqueCallback, side_by_side
+from .structures import Reason, Request, TorqueCallback, address, side_by_side
 
 NO_CALLBACK, NOTHING = TorqueCallback(), np.zeros(0)
 
@@ -42,24 +43,48 @@ class Acting:
     def __init__(
         self, request: Request, mechanism: Mechanism, torque: CheckedTorque | ArrayLike | None
     ) -> None:
-        nq, nv = mechanism.nq, mechanism.nv
+        nq, nv, n = mechanism.nq, mechanism.nv, len(mechanism.actuators)
         forces = None if mechanism.applied is None else mechanism.applied.own
         self._held = torque if isinstance(torque, HeldTorque) else None
         self.held = self._held is not None
+        self._control: Control | None = None
+        if isinstance(torque, Actuated) and not torque.asks:
+            self._control, torque = torque.control, torque.constant
         supplied = torque if callable(torque) and not self.held else None
         self.asks = supplied is not None
-        self._supplied, self._forces = supplied, forces
+        self._supplied, self._forces, self._nv = supplied, forces, nv
         self._request, self._callback = request, NO_CALLBACK
         self.raised: list[BaseException] = []
         self.tau: Array = NOTHING
         if torque is not None and supplied is None:
-            (self.tau,), places = side_by_side({"tau": nv})
+            held = nv if self._held is None else len(self._held.value)
+            (self.tau,), places = side_by_side({"tau": held})
             request.held = places["tau"]
             self.tau[:] = 0.0 if callable(torque) else mechanism.velocity(torque, "torque")
+            if self._held is not None and held > nv:
+                request.control, request.control_stride = places["tau"] + 8 * nv, self._held.stride
+        if self._control is not None:
+            self._now = np.zeros(n) if self._control.constant is None else self._control.constant.copy()
+            request.control = address(self._now)
         if supplied is not None or forces is not None:
             self._shared, places = side_by_side({"q": nq, "v": nv, "tau": nv, "stored": 2})
             for name, place in places.items():
                 setattr(request, f"torque_{name}", place)
+
+    def prescribe(self, t: float) -> None:
+        """Tell the controls and activations at a single time, s, if they change."""
+        if self._control is not None and self._control.constant is None:
+            self._now[:] = self._control.over(np.array([t]))[0]
+            self._request.control, self._request.control_stride = address(self._now), 0
+        elif self._held is not None and self._held.stride:
+            n = self._held.stride
+            self.tau[self._nv : self._nv + n] = self._held.u(t)
+
+    def prescribe_over(self, times: Array, shares: tuple[float, ...]) -> None:
+        """Tell them at all stages of steps that end at these times, if they change."""
+        if self._control is not None and self._control.constant is None:
+            self._rows = self._control.stages(times, shares)
+            self._request.control, self._request.control_stride = address(self._rows), self._rows.shape[2]
 
     def listen(self) -> None:
         """The torque held, or a callback for the next batch, and where it leaves an exception."""

@@ -274,8 +274,8 @@ def own_derivation(mechanism: Mechanism, q: Array) -> Derivation | None:
         Where q is no regular state to begin with.
     """
     kernel, applied = library(), mechanism.applied
-    if kernel is None or (applied is not None and applied.own is not None):
-        return None  # the kernel does not ask such forces for slopes
+    if kernel is None or (applied is not None and not applied.has_slopes):
+        return None  # the kernel knows no slopes of such forces
     try:
         return Derivation(kernel, mechanism, q)
     except NotNativeError:

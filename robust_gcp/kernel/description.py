@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from ..maps.cluster.space import space_of
 from ..maps.regular_path import RegularPath
+from ..mechanism.actuation.tendon_springs import TendonSpring
 from ..mechanism.closures import frame_of
 from ..mechanism.clusters import LoopCluster
 from ..mechanism.forces import JointDamper, JointSpring, JointTorque, PointSpring
@@ -22,6 +23,7 @@ from .loop_arrays import (
     loops_arrays,
     tree_arrays,
 )
+from .path_arrays import path_arrays
 from .structures import Arrays, Cluster, Description
 
 
@@ -158,6 +160,7 @@ def _forces(mechanism: Mechanism, turns: list[Array], arrays: Arrays) -> None:
     model, known = mechanism.near, () if mechanism.applied is None else mechanism.applied.known
     damping, drive = np.zeros(mechanism.nv), np.zeros(mechanism.nv)
     spring_at, spring, line_joint, line = [], [], [], []
+    path_arrays(mechanism, [force for force in known if isinstance(force, TendonSpring)], turns, arrays)
     for force in known:
         if isinstance(force, PointSpring):
             ends = [frame_of(model, name, "PointSpring") for name in (force.frame1, force.frame2)]

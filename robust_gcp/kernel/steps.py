@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..dynamics.control import is_asked
 from ..dynamics.drive import Drive
 from ..dynamics.equations import Evaluation, Torque, does_work, torque_function
 from ..dynamics.held import HeldTorque
@@ -117,7 +118,7 @@ class NativeSteps:
     @property
     def asks(self) -> bool:
         """Whether a function of the user's is asked for the torque."""
-        return callable(self._torque) and not isinstance(self._torque, HeldTorque)
+        return is_asked(self._torque) and not isinstance(self._torque, HeldTorque)
 
     def release(self) -> None:
         """Give the kernel's memory back, whoever still holds these steps, such as an error's traceback."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..mechanism.tree import Array
 
-VERSION = 20
+VERSION = 21
 """Of the interface; a library with another one is not used."""
 
 TorqueCallback: Any = ctypes.CFUNCTYPE(c_int32, c_double)
@@ -69,6 +69,7 @@ class Description(ctypes.Structure):
         ),
         *_fields("blocks", "block_start block_rows block_columns reference"),
         *_fields("springs lines forces works", "spring_at spring damping drive line_joint line"),
+        *_fields("paths pulls", "path_at arm_at arm stretch_at stretch pull_at pull effort"),
         ("driven", c_int32),
         *_fields("", "driven_y"),
         *_fields("redundant clusters", "cluster home"),
@@ -111,8 +112,9 @@ class Request(ctypes.Structure):
         ("limit", c_double),
         ("uneven", c_void_p),
         ("torque", TorqueCallback),
-        *_fields("", "torque_q torque_v torque_tau torque_stored held trackers"),
-        *_fields("", "prescribed effort"),
+        *_fields("", "torque_q torque_v torque_tau torque_stored held control"),
+        ("control_stride", c_int32),
+        *_fields("", "trackers prescribed effort"),
         *_fields("stages", "tableau"),
         *_fields("", "x rate anchor origin ydd tau safe"),
         *_fields("", "q_out v_out a_out tau_out energy_out work_out effort_out"),

@@ -135,6 +135,7 @@ class Workspace:
         self._prescribed = prescribed  # what r points to
         r.prescribed = address(prescribed)
         times = np.ascontiguousarray(times, dtype=float)
+        self._acting.prescribe_over(times, self.shares)
         r.steps, r.every, r.first, r.times = len(times) - 1, every, 0, address(times)
         r.power = now.power
         r.best = best
@@ -227,7 +228,7 @@ class Workspace:
             return self._evaluation(self._layout.point(self._shared.anchor, self._shared.origin))
 
         self._library.follow_from(self._handle, self._by_reference)
-        told_by = self._acting.raised, told, self._handed.new, self._driving.prescribe
+        told_by = self._acting.raised, told, self._handed.new, self._prescribe
         return Rates(self._library, self._handle, r, self._by_reference, self._shared, *told_by)
 
     def look(self, t: float, now: Evaluation) -> Evaluation | None:
@@ -236,8 +237,8 @@ class Workspace:
             return None
         r, time = self._request, np.array([t])
         r.times, r.first, r.beginning = address(time), 0, Beginning.GO_ON
-        self._driving.prescribe(t)
         self._acting.listen()
+        self._prescribe(t)
         self._library.look(self._handle, self._by_reference)
         self._acting.require_answered()
         if r.reason != Reason.DONE:
@@ -251,9 +252,9 @@ class Workspace:
         """
         r, self._latest, self._shared.time[0] = self._request, None, t
         r.times, r.zone, r.power = self._shared.at_time, zone, 0.0
-        self._driving.prescribe(t)
         if not self._acting.asks:
             self._acting.listen()
+        self._prescribe(t)
         self._packed = None
         self._shared.x[:], self._shared.anchor[:] = 0.0, 0.0
         self._shared.x[self._numbers] = q[self._numbers_in_q]
@@ -265,6 +266,11 @@ class Workspace:
             return None
         point = self._packed = self._layout.point(self._shared.anchor)
         return self._shared.x.copy(), self._evaluation(point)
+
+    def _prescribe(self, t: float) -> None:
+        """Tell what is prescribed at a single time."""
+        self._driving.prescribe(t)
+        self._acting.prescribe(t)
 
     def _batch(self, begun: int, steps: int, outputs: Outputs) -> Batch:
         r = self._request

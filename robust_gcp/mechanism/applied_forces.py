@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import NonFiniteError
+from .actuation.tendon_springs import TendonSpring
 from .forces import (
     Force,
     JointDamper,
@@ -17,11 +18,10 @@ from .forces import (
     PointSpring,
     checked_derivatives,
     checked_energy,
-    checked_force,
     checked_tau,
     has_energy,
-    is_known,
 )
+from .known_forces import checked_force, is_known
 from .point_springs import Lines
 from .tree import Array
 
@@ -45,6 +45,8 @@ class AppliedForces:
         Those that are known by their numbers.
     own : OwnForces or None
         Those that say by themselves what they do.
+    has_slopes : bool
+        Whether the compiled kernel knows the derivatives of all of them.
     works : bool
         Whether something acts that no potential energy accounts for, as a damper or a drive does.
 
@@ -56,7 +58,7 @@ class AppliedForces:
 
     def __init__(self, mechanism: Mechanism, forces: Sequence[Force]) -> None:
         self._tree = tree = mechanism.tree
-        nv = tree.nv
+        self._mechanism, nv = mechanism, tree.nv
         forces = [checked_force(f) for f in forces]
         self.known = tuple(f for f in forces if is_known(f))
         own = tuple(f for f in forces if not is_known(f))
@@ -79,8 +81,13 @@ class AppliedForces:
             elif isinstance(force, JointTorque):
                 self._drive[force.place(tree.joints).v] += force.torque
         self._lines = Lines(tree, lines) if lines else None
+        self._tendons = [f for f in self.known if isinstance(f, TendonSpring)]
+        for tendon in self._tendons:
+            tendon.bound(mechanism)  # refuses what is not there
         self._joint_work = bool(np.any(self._damping) or np.any(self._drive))
         damped = self._lines is not None and self._lines.damped
+        damped = damped or any(f.damping for f in self._tendons)
+        self.has_slopes = self.own is None and not self._tendons
         self.works = self._joint_work or damped or self.own is not None
 
     def at(self, q: Array, v: Array) -> tuple[Array, float]:
@@ -101,6 +108,9 @@ class AppliedForces:
         if self._lines is not None:
             line_tau, line_power = self._lines.at(q, v)
             tau, power = tau + line_tau, power + line_power
+        for tendon in self._tendons:
+            pull, drag = tendon.pulls(self._mechanism, q, v)
+            tau, power = tau + pull, power + drag
         if self.own is not None:
             own_tau, stored = self.own.at(q, v)
             tau, power = tau + own_tau, power + float(own_tau @ v) - stored
@@ -117,6 +127,8 @@ class AppliedForces:
             energy = 0.5 * float(self._stiffness @ (q[self._spring_q] - self._rest) ** 2)
         if self._lines is not None:
             energy += self._lines.energy(q)
+        for tendon in self._tendons:
+            energy += tendon.energy(self._mechanism, q)
         return energy if self.own is None else energy + self.own.energy(q)
 
 

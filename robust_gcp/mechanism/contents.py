@@ -11,8 +11,11 @@ import pinocchio as pin
 from ..checks import check_choice, hint
 from ..errors import ModelError, ModelWarning, OptionError
 from ..warning import warn
+from .actuation.actuators import Actuator
+from .actuation.paths import Path
 from .couplings import AnyClosure, CouplingClosure
 from .forces import Force
+from .parts import Part
 from .tree import Array
 
 BASES = ("fixed", "free")
@@ -40,6 +43,10 @@ class FileContents:
         Joints that the file drives.
     left_out : list of str
         Parts that are not simulated, one entry a kind.
+    actuators : list of Actuator
+    tendons : dict of str to Path
+    parts : list of Stop, JointFriction
+        Limits and dry friction of tendons; those of joints are the model's.
     """
 
     model: pin.Model
@@ -50,6 +57,9 @@ class FileContents:
     independent: tuple[str, ...] | None = None
     actuated: tuple[str, ...] = ()
     left_out: list[str] = field(default_factory=list)
+    actuators: list[Actuator] = field(default_factory=list)
+    tendons: dict[str, Path] = field(default_factory=dict)
+    parts: list[Part] = field(default_factory=list)
 
     def close(self, closures: Iterable[AnyClosure]) -> None:
         """Add closures given beside the file's, in place of those between the same two frames."""

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from .actuation.tendon_springs import TendonSpring
 from .applied_forces import AppliedForces
 from .closures import frame_of
 from .columns import Columns
-from .forces import JointDamper, JointSpring, PointSpring
+from .forces import JointDamper, JointSpring, PointSpring, checked_derivatives
 from .mechanism import Mechanism
 from .motions import Motions
 from .tree import Array
@@ -33,6 +34,8 @@ class ForceSlopes:
             elif isinstance(force, JointDamper):
                 self._damping[force.place(mechanism.joints).v] += force.damping
         self._lines = [force for force in forces if isinstance(force, PointSpring)]
+        self._mechanism = mechanism
+        self._tendons = [force for force in forces if isinstance(force, TendonSpring)]
         if self._lines:
             self._columns = Columns(tree.model, tree.joints)
             frames = [
@@ -52,6 +55,9 @@ class ForceSlopes:
         if self._own is not None:
             own_q, own_v = self._own.derivatives(q, v)
             by_q, by_v = by_q + G.T @ own_q, by_v + G.T @ own_v
+        for tendon in self._tendons:
+            pulls_q, pulls_v = checked_derivatives(tendon, self._mechanism, q, v)
+            by_q, by_v = by_q + G.T @ pulls_q, by_v + G.T @ pulls_v
         if self._lines:
             self._tree.jacobians(q)
             J = self._tree.J.copy()

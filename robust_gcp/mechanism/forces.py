@@ -1,8 +1,8 @@
 """Forces: what acts on a mechanism besides gravity and the torques of a simulation.
 
 A kind of force is a class that says its torque, and its potential energy where it has one; see `Force`. Those
-here are also known by their numbers to `AppliedForces` and to the compiled kernel, which asks all others for
-their torque at each evaluation.
+of `known_forces` are also known by their numbers to `AppliedForces` and to the compiled kernel, which asks
+all others for their torque at each evaluation.
 """
 
 from __future__ import annotations
@@ -181,17 +181,6 @@ class PointSpring(Force):
         return Lines(mechanism.tree, (self,)).energy(q)
 
 
-KINDS: tuple[type[Force], ...] = (JointSpring, JointDamper, JointTorque, PointSpring)
-"""What is known by its numbers."""
-
-
-def is_known(force: Force) -> bool:
-    """Whether its numbers say all: one of `KINDS`, derived from or not, that does what its kind does."""
-    made = type(force)
-    kind = next((kind for kind in KINDS if isinstance(force, kind)), None)
-    return kind is not None and made.tau is kind.tau and made.energy is kind.energy
-
-
 def has_energy(force: Force) -> bool:
     """Whether its class says a potential energy."""
     return type(force).energy is not Force.energy
@@ -200,14 +189,6 @@ def has_energy(force: Force) -> bool:
 def forces_given(forces: Any) -> list[Any]:
     """A list of forces, or a ModelError."""
     return listed(forces, "forces", "forces, such as JointSpring(joint, stiffness)", kind=Force)
-
-
-def checked_force(force: Any) -> Force:
-    """A force, or a ModelError."""
-    if isinstance(force, Force):
-        return force
-    kinds = ", ".join(kind.__name__ for kind in KINDS)
-    raise ModelError(f"forces: {shown(force)} is not a {kinds} or another rg.Force")
 
 
 def checked_tau(force: Force, mechanism: Mechanism, q: Array, v: Array) -> Array:

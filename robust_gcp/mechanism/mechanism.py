@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -13,6 +13,8 @@ from numpy.typing import ArrayLike
 
 from ..checks import check_text, plain, require_finite
 from .above import Above, joint_names
+from .actuation.actuators import Actuation, Actuator, actuators_given
+from .actuation.paths import Path as TendonPath
 from .applied_forces import AppliedForces
 from .contents import FileContents, named, tell_left_out
 from .couplings import AnyClosure, closures_given
@@ -47,6 +49,12 @@ class Mechanism(Above):
     parts : tuple of Stop, JointFriction
         What `simulate` takes where `joints` is left out: limits and dry friction of the file, if `load` was
         asked for them.
+    actuators : tuple of Actuator
+        What `ctrl` drives, by name; without `ctrl` they do nothing.
+    tendons : dict of str to Path
+        By name, to be recorded (`run["tendon.split"]`) and driven.
+    actuation : Actuation or None
+        All actuators at once; None where there are none.
     nq, nv, nc, m : int
         Sizes of q, of v, of φ (rows that are zero in every configuration left out), and of y.
     home : ndarray (nq,)
@@ -76,6 +84,8 @@ class Mechanism(Above):
         actuated: Sequence[str] = (),
         left_out: Sequence[str] = (),
         parts: Sequence[Part] = (),
+        actuators: Sequence[Actuator] = (),
+        tendons: Mapping[str, TendonPath] | None = None,
     ) -> None:
         super().__init__(model, closures)
         self.forces = tuple(forces_given(forces))
@@ -91,6 +101,8 @@ class Mechanism(Above):
             chosen = joint_names(independent, "independent")
         self.choose(chosen)
         self.actuated, self.left_out, self.parts = tuple(actuated), tuple(left_out), tuple(parts)
+        self.actuators, self.tendons = actuators_given(actuators), dict(tendons or {})
+        self.actuation = Actuation(self.tree, self.actuators) if self.actuators else None
         require_determined(self, self.independent, self.dependent, self.iv_dependent, self.home)
         if self.applied is not None and self.applied.own is not None:
             self.applied.own.require_sound(self.home)
@@ -104,6 +116,8 @@ class Mechanism(Above):
         home: ArrayLike | None = None,
         name: str = "",
         forces: Sequence[Force] = (),
+        actuators: Sequence[Actuator] = (),
+        tendons: Mapping[str, TendonPath] | None = None,
     ) -> Mechanism:
         """A mechanism from any `pin.Model`, which is copied and never written to.
 
@@ -123,6 +137,10 @@ class Mechanism(Above):
         forces : sequence of Force
             JointSpring, JointDamper, PointSpring, JointTorque, or one of a class of your own: what acts
             besides gravity and the torques of a simulation.
+        actuators : sequence of Actuator
+            What `simulate` drives by `ctrl=`.
+        tendons : mapping of str to FixedTendon, SpatialTendon, …
+            Paths whose lengths are of interest, by name.
 
         Raises
         ------
@@ -141,7 +159,8 @@ class Mechanism(Above):
             independent = "auto" if closures else list(model.names)[1:]
         left_out = named(IMPLIED, rounded)
         tell_left_out(left_out, name or str(model.name) or "from_pinocchio", strict=False)
-        return cls(model, closures, independent, home, name, forces, left_out=left_out)
+        more = {"left_out": left_out, "actuators": actuators, "tendons": tendons}
+        return cls(model, closures, independent, home, name, forces, **more)  # type: ignore[arg-type]
 
     @classmethod
     def from_urdf(
@@ -212,8 +231,9 @@ class Mechanism(Above):
         """
         named = name or str(contents.model.name)  # as the file calls itself
         made = cls.from_pinocchio(
-            contents.model, contents.closures, independent, home, named, contents.forces
-        )
+            contents.model, contents.closures, independent, home, named, contents.forces,
+            contents.actuators, contents.tendons,
+        )  # fmt: skip
         made.actuated, made.left_out = contents.actuated, (*contents.left_out, *made.left_out)
         return made
 
@@ -244,6 +264,8 @@ class Mechanism(Above):
             self.actuated,
             self.left_out,
             self.parts,
+            self.actuators,
+            self.tendons,
         )
         other.recommended, other.source = self.recommended, self.source
         return other
@@ -253,7 +275,8 @@ class Mechanism(Above):
         self.require_unchanged()
         recipe = self.own_model, self.closures, self.independent, self.home, self.name, self.forces
         more = {"recommended": self.recommended, "source": self.source}
-        return Mechanism, (*recipe, self.actuated, self.left_out, self.parts), more
+        told = self.actuated, self.left_out, self.parts, self.actuators, self.tendons
+        return Mechanism, (*recipe, *told), more
 
     def __repr__(self) -> str:
         sizes = f"{self.nv} velocities, {len(self.closures)} closures with {self.nc} rows"

@@ -202,9 +202,9 @@ def parts_given(parts: Any) -> list[Part]:
     return given
 
 
-def parts_of_file(loops: ClosedLoops, limits: bool, friction: bool) -> list[Part]:
+def parts_of_file(loops: ClosedLoops, of_tendons: Sequence[Part], limits: bool, friction: bool) -> list[Part]:
     """Rigid, plastic stops at the ranges of joints, and their dry friction, as the model's file has them."""
-    found: list[Part] = []
+    found = [part for part in of_tendons if (limits if isinstance(part, Stop) else friction)]
     if limits:
         ranges = ranges_of(loops)
         for joint, *bounds in zip(ranges.names, ranges.low.tolist(), ranges.high.tolist(), strict=True):

@@ -27,6 +27,8 @@ UNRECORDED = {
     "tau": '; what acts was not recorded: simulate with record=("tau",)',
     "lambda": '; constraint forces were not recorded: simulate with record=("multipliers",)',
     "drive": "; no joint is driven: simulate with drive={joint: Motion}",
+    "actuator": "; the actuators had no power: simulate with ctrl={actuator: control}",
+    "activation": "; no actuator with an activation had power: simulate with ctrl={actuator: control}",
     "work": "; nothing does work but gravity and springs",
 }
 """Why columns that begin so may be missing, and how to have them."""
@@ -111,7 +113,7 @@ def force_columns(mechanism: Mechanism, what: str, forces: Array) -> dict[str, A
 
 
 def recorded_columns(run: Trajectory) -> dict[str, Array]:
-    """`Trajectory.columns`."""
+    """`Trajectory.columns` but for those that are computed when asked for."""
     mechanism = run.mechanism
     columns = {"t": run.t} | state_columns(mechanism, run.q, run.v, run.a)
     single = {"energy": run.energy, "work": run.work, "dissipated": run.dissipated}
@@ -161,15 +163,20 @@ class Named:
         first, count = (model.idx_q, model.nq) if letter == "q" else (model.idx_v, model.nv)
         return values[..., first] if count == 1 else values[..., first : first + count]
 
+    def _recorded(self) -> dict[str, Array]:
+        """Those of `columns` that need not be computed."""
+        return self.columns()
+
     def _column(self, name: str) -> Array:
-        columns = self.columns()
+        recorded = self._recorded()
+        columns = recorded if name in recorded or f"q.{name}" in recorded else self.columns()
         for known in (name, f"q.{name}"):
             if known in columns:
                 return columns[known]
         names = self.mechanism.joint_names
         beginning = str(name).partition(".")[0]
-        recorded = any(known.partition(".")[0] == beginning for known in columns)
-        unrecorded = "" if recorded else self._absent.get(beginning, "")
+        there = any(known.partition(".")[0] == beginning for known in columns)
+        unrecorded = "" if there else self._absent.get(beginning, "")
         raise OptionError(
             f"{shown(name)} is not in this motion{unrecorded or hint(name, [*names, *columns])}; its joints "
             f"are {', '.join(names)}, its columns {', '.join(columns)}"

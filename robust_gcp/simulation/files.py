@@ -24,7 +24,8 @@ from ..errors import OptionError, missing_extra
 from ..maps.explicit import Crossing
 from ..mechanism.closures import closure_kinds
 from ..mechanism.couplings import CouplingClosure
-from ..mechanism.forces import KINDS, Force
+from ..mechanism.forces import Force
+from ..mechanism.known_forces import KINDS
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .acted import Acted
@@ -47,6 +48,7 @@ ARRAYS = (
     "tau",
     "dissipated",
     "part_forces",
+    "u",
 )
 """What a trajectory holds, one row a time; the first three always."""
 

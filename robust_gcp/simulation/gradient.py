@@ -132,7 +132,7 @@ class _Sweep:
         self._function, self._table = torque_function(self._mechanism, applied.function), applied.table
         if self._function is not None and self._table is not None:
             require_answers(trajectory, self._function, self._table)
-        self._held = HeldTorque(np.zeros(self._mechanism.nv))
+        self._held = HeldTorque(self._mechanism, self._mechanism.tree.zero)
         self._slopes_of = AppliedSlopes(self._mechanism, self._function, torque_slopes)
         self._begun_with_end, self._value = False, 0.0
         self._adjoint: Array = np.zeros(2 * self._mechanism.m)

@@ -9,6 +9,7 @@ from ..maps.explicit import Crossing
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .access import FrameMotion, Sample, force_columns
+from .powered import powered_columns
 from .reactions import Loaded, Reaction, multipliers_of, row_names
 from .stepped import SteppedRun
 
@@ -75,6 +76,8 @@ class Present:
         more |= force_columns(mechanism, "tau", mechanism.tree.zero if last.tau is None else last.tau)
         if last.drive is not None:
             more |= force_columns(mechanism, "drive", last.drive)
+        powered = powered_columns(mechanism, here.q, here.v, here.u)
+        more |= {name: values[0] for name, values in powered.items()}
         if mechanism.nc and here.multipliers is not None:
             found = here.multipliers[0]
             more |= {f"lambda.{name}": found[i] for i, name in enumerate(row_names(mechanism))}
@@ -92,7 +95,8 @@ class Present:
         mechanism, last = self.mechanism, self._run.last
         q, v, a = last.point.q[None], last.v[None], last.a[None]
         multipliers = multipliers_of(mechanism, q, v, a, None if last.tau is None else last.tau[None])
-        return Loaded(mechanism, np.array([self.t]), q, v, lambda: a, multipliers, self._wrenches)
+        state = mechanism, np.array([self.t]), q, v, lambda: a
+        return Loaded(*state, multipliers, self._wrenches, self._run.held_controls)
 
     @property
     def t_events(self) -> list[Array]:

@@ -21,6 +21,8 @@ from ..dynamics.loads import Wrench, wrench_of
 from ..errors import OptionError
 from ..kernel.measures import reactions
 from ..maps.classical import SingularityWarning
+from ..mechanism.actuation.paths import BoundPath
+from ..mechanism.actuation.tendon_springs import TendonSpring
 from ..mechanism.closures import Closure
 from ..mechanism.forces import PointSpring
 from ..mechanism.frames import place_of
@@ -117,6 +119,8 @@ class Loaded:
     multipliers : ndarray (N, nc) or None
     wrenches : sequence of Wrench or None
         None where they are not known any more.
+    u : ndarray (N, n) or None
+        Of the actuators; None without power.
     """
 
     mechanism: Mechanism
@@ -126,6 +130,7 @@ class Loaded:
     accelerations: Callable[[], Array]
     multipliers: Array | None
     wrenches: Sequence[Wrench] | None = ()
+    u: Array | None = None
 
     def reaction(self, name: str | int) -> Reaction:
         """Force and moment in a joint of the tree, or in a cut joint; see `Trajectory.reaction`."""
@@ -172,7 +177,10 @@ class Loaded:
         states = zip(self.t, self.q, self.v, self.accelerations(), strict=True)
         for i, (t, q, v, a) in enumerate(states):
             pin.forwardKinematics(model, data, q)
-            acting = list(self._acting(float(t), q, v))
+            acting = [
+                *self._acting(float(t), q, v),
+                *self._pulling(q, v, None if self.u is None else self.u[i]),
+            ]
             for cut, both in zip(cuts, ends, strict=True):
                 for (carrier, place), sign in zip(both, (1.0, -1.0), strict=True):
                     point = (data.oMi[carrier] * place).translation
@@ -194,6 +202,25 @@ class Loaded:
         if springs:
             for carrier, point, pull in Lines(mechanism.tree, springs).pulls(q, v):
                 yield carrier, point + mechanism.standpoint, pull, none
+
+    def _pulling(self, q: Array, v: Array, u: Array | None) -> Iterator[tuple[int, Array, Array, Array]]:
+        """The same of springs along tendons, and of actuators on tendons and sites."""
+        mechanism, found = self.mechanism, list[tuple[float, BoundPath]]()
+        for spring in mechanism.forces:
+            if isinstance(spring, TendonSpring):
+                found.append((spring.force(mechanism, q, v), spring.bound(mechanism)))
+        if u is not None and mechanism.actuation is not None:
+            actuation = mechanism.actuation
+            forces = actuation.at(q, v, u)[0]
+            for actuator, path, force in zip(
+                actuation.actuators, actuation.paths, forces.tolist(), strict=True
+            ):
+                found.append((actuator.gear * force, path))
+        if found:
+            mechanism.tree.jacobians(q)
+        for force, path in found:
+            for carrier, point, push, moment in path.loads():
+                yield carrier, point + mechanism.standpoint, force * push, force * moment
 
 
 def closure_number(mechanism: Mechanism, name: str | int) -> int:

@@ -25,6 +25,7 @@ from .coordinates import Coordinates, in_coordinates
 from .events import Event, Events, Zero
 from .following import Following
 from .keep import ALL, Keep
+from .powered import controls_along
 from .record import Record
 from .recovery import Checkpoint
 from .schedule import Schedule
@@ -250,4 +251,5 @@ class Run:
         )
         found = self._record.trajectory(stats, self._events)
         found.acted = self.acted
+        found.u = controls_along(None if self.acted is None else self.acted.torque, found.t, found.q, found.v)
         return found

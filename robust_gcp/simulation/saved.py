@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import weakref
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 from ..errors import OptionError
@@ -23,6 +23,8 @@ class StartState:
     q, v : ndarray (nq,), (nv,)
     mode : ndarray (nv, m)
         Tangent of the mode there.
+    controls, activations : ndarray (n,) or None
+        Of the actuators; None without power.
     """
 
     joints: tuple[str, ...]
@@ -30,6 +32,8 @@ class StartState:
     q: Array
     v: Array
     mode: Array
+    controls: Array | None = None
+    activations: Array | None = None
 
 
 class SavedState:
@@ -73,7 +77,7 @@ class SavedState:
 
     def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
         start = self._start
-        return StartState, (start.joints, start.t, start.q, start.v, start.mode)
+        return StartState, tuple(getattr(start, field.name) for field in fields(start))
 
     def __repr__(self) -> str:
         return f"state saved by {self._told}"

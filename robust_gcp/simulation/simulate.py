@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from numpy.typing import ArrayLike
 
 from ..checks import check_between, check_choice, check_mechanism, check_positive, listed, shown
+from ..dynamics.control import Controls, with_control
 from ..dynamics.driven import prescribed
 from ..dynamics.equations import Torque
 from ..dynamics.held import HeldTorque
@@ -49,6 +50,7 @@ def simulate(
     *,
     torque: Torques | None = None,
     wrenches: Sequence[Wrench] = (),
+    ctrl: Controls | None = None,
     joints: Sequence[Part] | None = None,
     drive: Mapping[str, Motion] | None = None,
     events: EventFunction | Sequence[EventFunction] | None = None,
@@ -94,6 +96,10 @@ def simulate(
         theirs ("ball.rx"), each a number (an array for a joint of several) or a function (t, q, v) of it.
     wrenches : sequence of Wrench
         Forces and moments on frames.
+    ctrl : mapping of str or array_like (n,), optional
+        Controls of the mechanism's actuators by name: each a number, a function (t, q, v), or a table
+        (times, values), linear between its times; 0 for those that are not named. Without it the actuators
+        have no power. `run["actuator.NAME"]` is the force of one, `run["activation.NAME"]` its activation.
     joints : sequence of Stop, JointFriction, Lock, optional
         Stops, dry friction and locks: the motion goes through phases, which begin and end at events that are
         found to rounding; see `traj.happenings`. With RK4 and method="bridge".
@@ -113,8 +119,8 @@ def simulate(
         one is computed from the polynomial through its ends, to the order of the stepper, loops closed. The
         torque function is asked there once more. The duration is to the last of them when left out.
     hold : bool
-        Whether torque functions, those of wrenches too, are called once a step, with the state at its start,
-        and held over it, as a digital controller does. For fixed steps.
+        Whether functions of torques, wrenches and controls are called once a step, with the state at its
+        start, and held over it, as a digital controller does. For fixed steps.
     record : sequence of {"a", "energy", "multipliers", "tau"}
         What to keep besides q and v; "tau" is all that acts besides gravity.
     mode : array_like (nv,) or (nv, m), optional
@@ -177,14 +183,15 @@ def simulate(
     again = None
     if unnamed and is_guarded(tableau, method, drive, applied, backend):
         again = partial(
-            simulate, mechanism, q0, v0, duration, step=step, torque=torque, wrenches=wrenches, events=events,
-            t0=t0, outputs=outputs, record=record, mode=mode, rtol=rtol, atol=atol, on_toggle=on_toggle,
-            options=options, progress=progress,
+            simulate, mechanism, q0, v0, duration, step=step, torque=torque, wrenches=wrenches, ctrl=ctrl,
+            events=events, t0=t0, outputs=outputs, record=record, mode=mode, rtol=rtol, atol=atol,
+            on_toggle=on_toggle, options=options, progress=progress,
         )  # fmt: skip
     mechanism, drives = prescribed(mechanism, drive, q0, schedule.times)
     all_of_it = drives is not None and not len(drives.free)
     choice = MapChoice(method, options, newton_start, threshold, not fixed, all_of_it)
-    held = HeldTorque.of(mechanism, applied) if hold else None
+    held = HeldTorque.of(mechanism, applied, ctrl, schedule.times) if hold else None
+    applied = with_control(mechanism, applied, None if hold else ctrl, schedule.times)
     solver = None if fixed else (str(stepper), rtol, atol)
     acted = Acted(applied, tuple(wrenches), drive=() if drives is None else drives.names)
     asked = record, checked_events(events)

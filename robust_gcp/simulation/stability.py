@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..dynamics.control import is_asked
 from ..dynamics.equations import Torque, TorqueFunction
 from ..dynamics.linearise import Linearisation, limiting_eigenvalue, linearise_motion, slopes_at, stable_step
 from ..dynamics.problem import Problem, over
@@ -83,7 +84,7 @@ class StabilityCheck:
         self, mechanism: Mechanism, torque: Torque | ArrayLike | None, step: float, options: BridgeOptions
     ) -> None:
         self._step, self._options = step, options
-        self._listener = _Listener(torque, mechanism.nv) if callable(torque) else None
+        self._listener = _Listener(torque, mechanism.nv) if is_asked(torque) else None
         self.torque = self._listener or torque
 
     def before(self, motion: Problem, rate: StartRates | None = None) -> None:

@@ -65,7 +65,10 @@ class SteppedRun(FixedRun):
         if found.acted is not None and not self._record.keeps.all:
             found.acted = replace(found.acted, lost=True)  # the torques of steps that were let go
         elif found.acted is not None:
-            found.acted = replace(found.acted, held=self._held_from(found.t[:-1]))
+            found.acted = replace(found.acted, held=self._held_from(found.t[:-1])[:, : found.v.shape[1]])
+        found.u = self._held.driven(self._held_from(found.t))
+        if found.u is not None:
+            found.u[-1] = self._held.u(float(found.t[-1]))
         return found
 
     def take(self, torque: Array, n: int) -> None:
@@ -147,6 +150,12 @@ class SteppedRun(FixedRun):
     def time(self) -> float:
         """Where the run is, s."""
         return self._record.time if self._ended else float(self.times[self.at])
+
+    @property
+    def held_controls(self) -> Array | None:
+        """u of the actuators now, (1, n); None without power."""
+        driven = self._held.driven(self._held.value[None])
+        return None if driven is None else self._held.u(self.time)[None]
 
     @property
     def ended(self) -> bool:

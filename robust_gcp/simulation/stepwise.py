@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..checks import check_choice, check_finite, check_mechanism, check_positive, check_whole, shown
+from ..dynamics.control import Controls, held_controls
 from ..dynamics.driven import prescribed
 from ..dynamics.held import HeldTorque
 from ..dynamics.loads import Wrench, one_torque, wrenches_given
@@ -67,6 +68,9 @@ class Simulation(Present):
         Joints that move as prescribed, as in `simulate`; `trajectory["drive.q1"]` is what that takes.
     t0 : float
         Time at the start, s.
+    ctrl : mapping of str or array_like (n,), optional
+        Controls of the actuators that are held until `step` is given others, each a number. Without them the
+        actuators have no power.
     keep : {"all", "last", "none"} or int
         Which steps `trajectory` holds: all, which takes 8 (nq + nv) bytes and more a step; each n-th since
         the start and the last; the last alone; none. Crossings and `stats` are of all steps.
@@ -100,6 +104,7 @@ class Simulation(Present):
         drive: Mapping[str, Motion] | None = None,
         t0: float = 0.0,
         keep: Literal["all", "last", "none"] | int = "all",
+        ctrl: Controls | None = None,
     ) -> None:
         check_mechanism(mechanism, Mechanism, "Simulation")
         check_positive("step", step)
@@ -112,10 +117,11 @@ class Simulation(Present):
         self._named, self._drive, self._choice = mechanism, drive, MapChoice(method)
         self._record, self._step, self._t0 = record, float(step), float(t0)
         self._none = np.zeros(mechanism.nv)
-        self._held = HeldTorque(self._none)
+        self._held = HeldTorque(mechanism)
         self._events, self._wrenches = checked_events(events), tuple(wrenches_given(wrenches))
         loads = one_torque(mechanism, None, self._wrenches)
         self._loads = loads if callable(loads) else None
+        self._ctrl = None if ctrl is None else held_controls(mechanism, ctrl)
         self._places = {joint.name: joint.idx_v for joint in mechanism.joints if joint.single}
         self.reset(q0, v0, mode=mode)
 
@@ -143,7 +149,8 @@ class Simulation(Present):
         mechanism, drives = prescribed(self._named, self._drive, q0, np.array([t0, t0 + self._step]))
         native = None if kernel is None else NativeSteps(kernel, held, required, drives)
         toggle = checked_toggle(None, choice.method, drives is not None)
-        before, held.value = held.value, self._none
+        before, held.value = held.value, self._none[:0]
+        held.value = held.row(self._none, self._ctrl, (t0, t0 + self._step))
         try:
             start = q0, v0, mode
             problem = started(native, mechanism, start, held, choice, counters, toggle, drives, t0)
@@ -179,7 +186,9 @@ class Simulation(Present):
             raise
         return self
 
-    def step(self, tau: ArrayLike | Mapping[str, Any] | None = None, n: int = 1) -> Simulation:
+    def step(
+        self, tau: ArrayLike | Mapping[str, Any] | None = None, n: int = 1, *, ctrl: Controls | None = None
+    ) -> Simulation:
         """Take n steps under the torque tau, which is held over all of them; returns itself.
 
         Parameters
@@ -187,6 +196,9 @@ class Simulation(Present):
         tau : array_like (nv,) or mapping {joint: torque}, optional
             N m and N; none when left out.
         n : int
+        ctrl : mapping of str or array_like (n,), optional
+            Controls of the actuators from now on, numbers; those that are not named go on as they were, at
+            first 0.
 
         Raises
         ------
@@ -201,13 +213,22 @@ class Simulation(Present):
         run, left = self._run, int(n)
         if run.ended:
             raise OptionError(f"event {run.events.ended_by} ended this simulation; go on by reset or restore")
-        at_once = 1 if self._loads is not None else left if self._keep.all else ROOM
+        if ctrl is not None:
+            self._ctrl = held_controls(self._named, ctrl, self._ctrl)
+        powered = self._ctrl is not None
+        single = self._loads is not None or (powered and self._held.stride)
+        at_once = 1 if single else left if self._keep.all else ROOM
         try:
             while left and not run.ended:
                 now = min(left, at_once)
                 run.room_for(now, self._clock)
                 loads = self._loads
-                run.take(held if loads is None else held + np.asarray(loads(run.time, *run.state)), now)
+                value = held if loads is None else held + np.asarray(loads(run.time, *run.state))
+                if powered:
+                    value = self._held.row(value, self._ctrl, (run.time, run.time + self._step))
+                elif len(self._held.value) > len(held):
+                    value = self._held.row(value, None, (0.0, 0.0))
+                run.take(value, now)
                 left -= now
         except (SimulationError, ClosureError) as error:
             error.trajectory = self.trajectory
@@ -259,7 +280,8 @@ class Simulation(Present):
         Pickled, it is where another simulation may begin.
         """
         mode = self._run.last.point.G.copy()
-        start = StartState(self.mechanism.joint_names, self.t, self.q, self.v, mode)
+        driven = () if self._ctrl is None else (self._ctrl.copy(), self._held.activations(self.t))
+        start = StartState(self.mechanism.joint_names, self.t, self.q, self.v, mode, *driven)
         return SavedState(self, self._run.copied(), start)
 
     def restore(self, state: SavedState | StartState) -> Simulation:
@@ -277,6 +299,7 @@ class Simulation(Present):
         if not isinstance(state, SavedState):
             raise OptionError(f"state = {shown(state)} is not what save() returned")
         self._run.put_back(state.parts_of(self))
+        self._ctrl = self._held.powered
         return self
 
     def _begin_at(self, start: StartState) -> Simulation:
@@ -284,6 +307,9 @@ class Simulation(Present):
         if start.joints != self.mechanism.joint_names:
             raise OptionError(f"state is one of the joints {', '.join(start.joints)}, not of {self!r}")
         before, self._t0 = self._t0, start.t
+        self._ctrl = start.controls
+        if start.activations is not None:
+            self._held.start = start.activations
         try:
             return self.reset(start.q, start.v)
         except SingularStartError:

@@ -18,6 +18,7 @@ from .acted import Acted
 from .dense import Interpolant, sampled_accelerations, times_within
 from .files import ARRAYS, data_frame, write_archive, write_csv
 from .pictures import Pictures
+from .powered import powered_columns
 from .reactions import Loaded, Reaction
 from .stats import Stats
 from .summary import told
@@ -62,6 +63,8 @@ class Trajectory(Named, Pictures):
         Energy lost since the start by impacts, friction and dampers of stops, J.
     part_forces, part_names : ndarray (N + 1, k) or None, tuple of str
         Generalised force of each of `joints`, N m and N: `traj["stop.q3"]`, "friction.q1", "lock.q2".
+    u : ndarray (N + 1, n) or None
+        Controls of the actuators, or activations where they have some, clipped; None without power.
     acted : Acted or None
         What it was simulated with: torques, wrenches, what was held over the steps, driven joints.
     """
@@ -87,6 +90,7 @@ class Trajectory(Named, Pictures):
     dissipated: Array | None = None
     part_names: tuple[str, ...] = ()
     part_forces: Array | None = None
+    u: Array | None = None
 
     _absent = UNRECORDED
 
@@ -130,6 +134,9 @@ class Trajectory(Named, Pictures):
         The numbers of a joint are called `q.joint` and `v.joint`, or `q.joint.component` where it has
         several, such as `q.ball.qw` and `v.ball.rx`; constraint forces by `reactions.row_names`.
         """
+        return self._recorded() | powered_columns(self.mechanism, self.q, self.v, self.u)
+
+    def _recorded(self) -> dict[str, Array]:
         return recorded_columns(self)
 
     def accelerations(self) -> Array:
@@ -206,7 +213,7 @@ class Trajectory(Named, Pictures):
         acted = Acted() if self.acted is None else self.acted
         known = None if acted.lost else acted.wrenches
         state = self.mechanism, self.t, self.q, self.v, self.accelerations
-        return Loaded(*state, self.multipliers, known).reaction(joint)
+        return Loaded(*state, self.multipliers, known, self.u).reaction(joint)
 
     @cached_property
     def _accelerations(self) -> Array:

@@ -5,6 +5,8 @@
 #include <vector>
 
 #include "abi.h"
+#include "dynamics/arms.h"
+#include "dynamics/pulls.h"
 #include "linalg/cells.h"
 #include "tree/chain.h"
 
@@ -36,7 +38,8 @@ class Forces {
     explicit Forces(const Description& d)
         : some_(d.forces != 0),
           damping_(d.damping, d.damping + d.nv),
-          drive_(d.drive, d.drive + d.nv) {
+          drive_(d.drive, d.drive + d.nv),
+          pulls_(d) {
         for (int i = 0; i < d.springs; ++i)
             springs_.push_back({d.spring_at[2 * i], d.spring_at[2 * i + 1], d.spring[2 * i], d.spring[2 * i + 1]});
         for (int i = 0; i < d.lines; ++i) {
@@ -53,7 +56,7 @@ class Forces {
     const std::vector<Line>& lines() const { return lines_; }
 
     // τ (nv,) and the power of dampers and drives; false where a point spring has no direction.
-    bool at(const Chain& chain, const double* q, const double* v, double* tau, double& power) const {
+    bool at(const Chain& chain, const double* q, const double* v, double* tau, double& power) {
         power = 0.0;
         for (std::size_t i = 0; i < damping_.size(); ++i) {
             tau[i] = drive_[i] - damping_[i] * v[i];
@@ -74,21 +77,27 @@ class Forces {
             if (line.damping > 0.0) {
                 double speed = 0.0;
                 for (int end = 0; end < 2; ++end)
-                    over_freedoms(chain, line, end, at[end], u,
-                                  [&](int i, double rate) { speed += rate * v[i]; });
+                    over_freedoms(chain, line.joint[end], at[end], u,
+                                  [&](int i, double rate) { speed += (end == 1 ? rate : -rate) * v[i]; });
                 tension += line.damping * speed;
                 power -= line.damping * speed * speed;
             }
             for (int end = 0; end < 2; ++end)
-                over_freedoms(chain, line, end, at[end], u,
-                              [&](int i, double rate) { tau[i] -= tension * rate; });
+                over_freedoms(chain, line.joint[end], at[end], u,
+                              [&](int i, double rate) { tau[i] -= (end == 1 ? tension : -tension) * rate; });
         }
+        if (pulls_.some()) pulls_.act(chain, q, v, tau, power);
         return true;
     }
 
+    // Adds τ of actuators and their power.
+    void drive(const Chain& chain, const double* q, const double* v, const double* control, double* tau, double& power) {
+        pulls_.drive(chain, q, v, control, tau, power);
+    }
+
     // Potential energy of the springs, J.
-    double energy(const Chain& chain, const double* q) const {
-        double energy = 0.0;
+    double energy(const Chain& chain, const double* q) {
+        double energy = pulls_.some() ? pulls_.energy(chain, q) : 0.0;
         for (const Spring& s : springs_) {
             const double stretch = q[s.q] - s.rest;
             energy += 0.5 * s.stiffness * stretch * stretch;
@@ -107,24 +116,11 @@ class Forces {
     }
 
   private:
-    // What each velocity adds to the line's rate of length through one of its ends.
-    template <typename Visit>
-    static void over_freedoms(const Chain& chain, const Line& line, int end, const Vec& at, const Vec& u,
-                              Visit visit) {
-        for (int j = line.joint[end]; j > 0; j = chain.bodies[j].parent) {
-            const Body& b = chain.bodies[j];
-            for (int i = b.first; i < b.first + b.count; ++i) {
-                const Vec& axis = chain.axes[j][chain.freedoms[i].column];
-                const Vec way = chain.freedoms[i].turning ? cross(axis, at - chain.p[j]) : axis;
-                visit(i, (end == 1 ? 1.0 : -1.0) * dot(u, way));
-            }
-        }
-    }
-
     bool some_;
     Cells<double> damping_, drive_;
     std::vector<Spring> springs_;
     std::vector<Line> lines_;
+    Pulls pulls_;
 };
 
 }  // namespace rg

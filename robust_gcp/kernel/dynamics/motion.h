@@ -25,6 +25,7 @@ class Motion {
     double power = 0.0;
     std::unique_ptr<Driven> driven;  // none where nothing is
     std::int64_t force_evaluations = 0;
+    const double* control = nullptr;  // of the actuators, or null
 
     Motion(const Description& d, Path& path)
         : v(d.nv), tau(d.nv), ydd(d.m), driven(d.driven > 0 ? new Driven(d, path) : nullptr), path_(path), sweep_(d, path, path.parts.list), forces_(d),
@@ -64,12 +65,13 @@ class Motion {
 
     Reason act(double t, const Chain& chain, Point& point, const Request& r) {
         power = stored_ = 0.0;
-        acting_ = forces_.some() || r.torque != nullptr || r.held != nullptr;
+        acting_ = forces_.some() || r.torque != nullptr || r.held != nullptr || control != nullptr;
         if (!acting_) return DONE;
         ++force_evaluations;
         if (forces_.some() && !forces_.at(chain, point.q(), v.data(), tau.data(), power)) return FORCE;
         if (!forces_.some()) std::fill(tau.begin(), tau.end(), 0.0);
         if (r.held != nullptr) add(r.held);
+        if (control != nullptr) forces_.drive(chain, point.q(), v.data(), control, tau.data(), power);
         if (r.torque != nullptr) {
             std::copy(point.q(), point.q() + path_.layout.nq, r.torque_q);
             std::copy(v.begin(), v.end(), r.torque_v);

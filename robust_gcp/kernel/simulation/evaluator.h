@@ -38,6 +38,12 @@ class Evaluator {
         if (works_) rate[2 * m] = motion_.power;
     }
 
+    // Controls of the actuators at a stage of the step after a time.
+    void control(const Request& r, std::int64_t time, int stage) {
+        const std::int64_t stages = r.stages > 0 ? r.stages : 2;
+        motion_.control = r.control == nullptr ? nullptr : r.control + ((time - r.first) * stages + stage) * r.control_stride;
+    }
+
     // What moves by prescription at a stage of the step after a time.
     void prescribe(const Request& r, std::int64_t time, int stage, double* y, double* ydot) {
         const std::int64_t stages = r.stages > 0 ? r.stages : 2;
@@ -49,6 +55,7 @@ class Evaluator {
         const int m = path.layout.m;
         double *y = stage_.data(), *ydot = y + m;
         if (motion_.driven) prescribe(r, time, stage, y, ydot);
+        control(r, time, stage);
         Point& point = spare();
         ++rhs_;
         Reason reason = clusters.in_zone() ? ZONE : by_regular_path(r, y, ydot, point);

@@ -84,6 +84,7 @@ class alignas(CACHE_LINE) Stepper : public Evaluator {
         path.survey(*accepted_);
         ++rhs_;
         if (motion_.driven) prescribe(r, r.first, 0, accepted_->y(), accepted_->ydot());
+        control(r, r.first, 0);
         r.reason = motion_.evaluate(r.times[r.first], *accepted_, r);
         count(r);
         if (r.reason != DONE) return false;
@@ -119,6 +120,7 @@ class alignas(CACHE_LINE) Stepper : public Evaluator {
         for (std::size_t k = 0; k < numbers_.size(); ++k)
             if (numbers_[k] >= 0) point.q()[numbers_[k]] = point.y()[k];
         r.reason = !path.settle(point, r.anchor + path.layout.q) ? NEWTON : !(point.conditioning() >= r.zone) ? ZONE : DONE;
+        control(r, r.first, 0);
         if (r.reason == DONE) r.reason = motion_.evaluate(r.times[0], point, r);
         point.write(r.anchor);
         std::copy(motion_.ydd.begin(), motion_.ydd.end(), r.ydd);

@@ -1,0 +1,133 @@
+"""Paths of actuators on sites: a force and moment, and a slider that a rod joins to a crank."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from ...checks import checked_vector
+from ..joints import support
+from ..tree import Array, Tree
+from .paths import BoundPath, Load, Path, placed_frame
+
+Placed = tuple[int, pin.SE3]
+
+
+@dataclass(frozen=True)
+class SiteForce(Path):
+    """A force and moment fixed in a site: ℓ̇ = gear · its velocity (linear, angular) in its own axes.
+
+    Parameters
+    ----------
+    site : str
+    gear : sequence of 6 floats
+    reference : str, optional
+        A site from which position and rotation are seen; ℓ is then gear · (position, rotation vector) in its
+        axes, else 0.
+    """
+
+    site: str
+    gear: Sequence[float]
+    reference: str | None = None
+
+    def on(self, tree: Tree, owner: str) -> BoundPath:
+        """See `Path`."""
+        gear = checked_vector(self.gear, 6, f"{owner}: gear", "6")
+        reference = None if self.reference is None else placed_frame(tree, self.reference, owner)
+        return _OnSite(tree, placed_frame(tree, self.site, owner), reference, gear)
+
+
+class _OnSite(BoundPath):
+    def __init__(self, tree: Tree, site: Placed, reference: Placed | None, gear: Array) -> None:
+        self._tree, self._gear, self._site, self._reference = tree, gear, site, reference
+        self._carried = np.zeros(tree.nv)
+        self._carried[support(tree.model, site[0])] = 1.0
+        if reference is not None:
+            self._carried[support(tree.model, reference[0])] -= 1.0
+
+    def _placed(self, frame: Placed) -> tuple[Array, Array]:
+        R, p = self._tree.R[frame[0]], self._tree.p[frame[0]]
+        return R @ frame[1].rotation, p + R @ frame[1].translation
+
+    def at(self, q: Array) -> tuple[float, Array]:
+        """See `BoundPath`."""
+        R, p = self._placed(self._site)
+        axes, length = R, 0.0
+        if self._reference is not None:
+            axes, origin = self._placed(self._reference)
+            length = float(self._gear @ np.concatenate([axes.T @ (p - origin), pin.log3(axes.T @ R)]))
+        force, torque = axes @ self._gear[:3], axes @ self._gear[3:]
+        return length, (self._tree.J @ np.concatenate([force, torque + np.cross(p, force)])) * self._carried
+
+    def loads(self) -> list[Load]:
+        """See `BoundPath`."""
+        R, p = self._placed(self._site)
+        axes = R if self._reference is None else self._placed(self._reference)[0]
+        force, moment = axes @ self._gear[:3], axes @ self._gear[3:]
+        found: list[Load] = [(self._site[0], p, force, moment)]
+        if self._reference is not None:
+            found.append((self._reference[0], p, -force, -moment))
+        return found
+
+
+@dataclass(frozen=True)
+class SliderCrank(Path):
+    """ℓ of a slider on a site's z axis, which a rod joins to a crank's site.
+
+    Parameters
+    ----------
+    crank, slider : str
+        Sites.
+    rod : float
+        Length of the rod, m.
+    """
+
+    crank: str
+    slider: str
+    rod: float
+
+    def on(self, tree: Tree, owner: str) -> BoundPath:
+        """See `Path`."""
+        return _Cranked(
+            tree, placed_frame(tree, self.crank, owner), placed_frame(tree, self.slider, owner), self.rod
+        )
+
+
+class _Cranked(BoundPath):
+    def __init__(self, tree: Tree, crank: Placed, slider: Placed, rod: float) -> None:
+        self._tree, self._crank, self._slider, self._rod = tree, crank, slider, float(rod)
+        self._of_crank, self._of_slider = np.zeros(tree.nv), np.zeros(tree.nv)
+        self._of_crank[support(tree.model, crank[0])] = 1.0
+        self._of_slider[support(tree.model, slider[0])] = 1.0
+
+    def _found(self) -> tuple[float, Array, Array, Array, Array]:
+        """ℓ, its derivatives by the crank's point and the slider's axis, and these points."""
+        tree, (i, on_crank), (j, on_slider) = self._tree, self._crank, self._slider
+        axis = tree.R[j] @ on_slider.rotation[:, 2]
+        at_crank = tree.p[i] + tree.R[i] @ on_crank.translation
+        at_slider = tree.p[j] + tree.R[j] @ on_slider.translation
+        d = at_crank - at_slider
+        along = float(axis @ d)
+        square = along**2 + self._rod**2 - float(d @ d)
+        if square <= 0.0:
+            return along, axis, np.cross(axis, d), at_crank, at_slider
+        root = float(np.sqrt(square))
+        share = 1.0 - along / root
+        return along - root, share * axis + d / root, share * np.cross(axis, d), at_crank, at_slider
+
+    def at(self, q: Array) -> tuple[float, Array]:
+        """ℓ = a·d − √((a·d)² + rod² − d·d), d from the slider's site to the crank's; a·d beyond its reach."""
+        length, by_d, turning, at_crank, at_slider = self._found()
+        J = self._tree.J
+        moment = (J @ np.concatenate([by_d, np.cross(at_crank, by_d)])) * self._of_crank
+        moment -= (J @ np.concatenate([by_d, np.cross(at_slider, by_d) - turning])) * self._of_slider
+        return length, moment
+
+    def loads(self) -> list[Load]:
+        """See `BoundPath`."""
+        _, by_d, turning, at_crank, at_slider = self._found()
+        none = np.zeros(3)
+        return [(self._crank[0], at_crank, by_d, none), (self._slider[0], at_slider, -by_d, turning)]

@@ -1,0 +1,180 @@
+"""Spatial tendons: the shortest line over sites, with pulleys and round spheres and cylinders."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import pinocchio as pin
+
+from ...checks import check_finite, shown
+from ...errors import ModelError
+from ..joints import support
+from ..tree import Array, Tree
+from .paths import BoundPath, Load, Path, placed_frame, point_of
+from .wrapping import CYLINDER, SPHERE, Wrapped, wrapped
+
+
+@dataclass(frozen=True)
+class Pulley:
+    """What follows runs over a pulley: its length counts by 1 / divisor, and begins a new branch."""
+
+    divisor: float
+
+    def __post_init__(self) -> None:
+        check_finite("Pulley: divisor", self.divisor)
+        if self.divisor <= 0.0:
+            raise ModelError(f"Pulley: divisor = {self.divisor} must be positive")
+
+
+@dataclass(frozen=True)
+class Wrap:
+    """A sphere or cylinder round which a tendon goes between two sites, where it is in the way.
+
+    Parameters
+    ----------
+    frame : str
+        That carries it.
+    radius : float
+        m.
+    kind : {"sphere", "cylinder"}
+    position, rotation : array_like (3,), (3, 3)
+        Of its centre, and of its axes (a cylinder is along its z), in the frame.
+    side : str, optional
+        A site on whose side the tendon goes round; inside of the surface, the tendon goes through it.
+    """
+
+    frame: str
+    radius: float
+    kind: str = SPHERE
+    position: Sequence[float] = (0.0, 0.0, 0.0)
+    rotation: Sequence[Sequence[float]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    side: str | None = None
+
+    def __post_init__(self) -> None:
+        check_finite("Wrap: radius", self.radius)
+        if self.kind not in (SPHERE, CYLINDER):
+            raise ModelError(f"Wrap on {self.frame!r}: kind = {shown(self.kind)} must be sphere or cylinder")
+
+
+@dataclass(frozen=True)
+class SpatialTendon(Path):
+    """The shortest line over sites, with pulleys and round what it wraps.
+
+    Parameters
+    ----------
+    elements : sequence of str, Pulley, Wrap
+        Sites by their frames; a Wrap is between two of them.
+    """
+
+    in_kernel: ClassVar[bool] = True
+    elements: Sequence[str | Pulley | Wrap]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "elements", tuple(self.elements))
+        before: object = None
+        for element, after in zip(self.elements, (*self.elements[1:], None), strict=True):
+            if not isinstance(element, str | Pulley | Wrap):
+                raise ModelError(f"SpatialTendon: {shown(element)} is no site, Pulley or Wrap")
+            if isinstance(element, Wrap) and not (isinstance(before, str) and isinstance(after, str)):
+                raise ModelError(f"SpatialTendon: the Wrap on {element.frame!r} must be between two sites")
+            before = element
+
+    def on(self, tree: Tree, owner: str) -> BoundPath:
+        """See `Path`."""
+        return Line(tree, self.elements, owner)
+
+
+@dataclass(frozen=True)
+class Round:
+    """A wrap between two points."""
+
+    joint: int
+    place: pin.SE3
+    radius: float
+    cylinder: bool
+    side: tuple[int, Array] | None
+
+
+Piece = tuple[float, int, Array, int, Array]
+"""A share of a length, and its ends: joints that carry them, points in world axes."""
+
+
+class Line(BoundPath):
+    """A spatial tendon: stretches between points, 1 / divisor of each, and what they wrap."""
+
+    def __init__(self, tree: Tree, elements: Sequence[str | Pulley | Wrap], owner: str) -> None:
+        self._tree = tree
+        self.stretches: list[tuple[float, int, Array, int, Array, Round | None]] = []
+        share, before, wrap = 1.0, None, None
+        for element in elements:
+            if isinstance(element, Pulley):
+                share, before = 1.0 / element.divisor, None
+            elif isinstance(element, Wrap):
+                wrap = self._round(element, owner)
+            else:
+                here = point_of(tree, element, owner)
+                if before is not None:
+                    self.stretches.append((share, *before, *here, wrap))
+                before, wrap = here, None
+        joints = {0, *(j for _, a, _, b, _, w in self.stretches for j in (a, b, *([w.joint] if w else [])))}
+        self._carried = {j: np.zeros(tree.nv) for j in joints}
+        for joint, mask in self._carried.items():
+            mask[support(tree.model, joint)] = 1.0
+
+    def _round(self, wrap: Wrap, owner: str) -> Round:
+        joint, placement = placed_frame(self._tree, wrap.frame, owner)
+        place = placement * pin.SE3(np.array(wrap.rotation, dtype=float), np.array(wrap.position))
+        side = None if wrap.side is None else point_of(self._tree, wrap.side, owner)
+        return Round(joint, place, float(wrap.radius), wrap.kind == CYLINDER, side)
+
+    def _world(self, joint: int, at: Array) -> Array:
+        tree = self._tree
+        return np.asarray(tree.p[joint] + tree.R[joint] @ at)
+
+    def _pieces(self) -> tuple[list[Piece], float]:
+        """Straight pieces between points of bodies, among them points of wraps, and the length of arcs."""
+        pieces, arcs = [], 0.0
+        for share, a, at_a, b, at_b, wrap in self.stretches:
+            start, end = self._world(a, at_a), self._world(b, at_b)
+            touched = None if wrap is None else self._touched(wrap, start, end)
+            if wrap is None or touched is None:
+                pieces.append((share, a, start, b, end))
+                continue
+            arcs += share * touched.length
+            pieces.append((share, a, start, wrap.joint, touched.first))
+            pieces.append((share, wrap.joint, touched.last, b, end))
+        return pieces, arcs
+
+    def _touched(self, wrap: Round, start: Array, end: Array) -> Wrapped | None:
+        tree = self._tree
+        R = tree.R[wrap.joint] @ wrap.place.rotation
+        centre = self._world(wrap.joint, wrap.place.translation)
+        side = None if wrap.side is None else self._world(*wrap.side)
+        return wrapped(start, end, centre, R, wrap.radius, wrap.cylinder, side)
+
+    def at(self, q: Array) -> tuple[float, Array]:
+        """See `BoundPath`."""
+        pieces, length = self._pieces()
+        moment = np.zeros(self._tree.nv)
+        for share, a, start, b, end in pieces:
+            along = end - start
+            size = float(np.sqrt(along @ along))
+            length += share * size
+            if size > 0.0 and a != b:
+                u = along / size
+                wrench = np.concatenate([u, np.cross(start, u)])
+                moment += share * (self._tree.J @ wrench) * (self._carried[b] - self._carried[a])
+        return length, moment
+
+    def loads(self) -> list[Load]:
+        """See `BoundPath`."""
+        found, none = list[Load](), np.zeros(3)
+        for share, a, start, b, end in self._pieces()[0]:
+            size = float(np.linalg.norm(end - start))
+            if size > 0.0 and a != b:
+                pull = share * (end - start) / size
+                found += [(a, start, -pull, none), (b, end, pull, none)]
+        return found
