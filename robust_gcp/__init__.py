@@ -37,6 +37,12 @@ from .kernel import Backend, NativeBuildWarning, backends
 from .maps.classical import SingularityWarning
 from .maps.cluster.options import BridgeOptions
 from .maps.explicit import Crossing
+from .mechanism.actuation.actuators import Actuator
+from .mechanism.actuation.muscle import Muscle
+from .mechanism.actuation.paths import FixedTendon, TurningJoint
+from .mechanism.actuation.site_paths import SiteForce, SliderCrank
+from .mechanism.actuation.spatial_tendon import Pulley, SpatialTendon, Wrap
+from .mechanism.actuation.tendon_springs import TendonSpring
 from .mechanism.closures import (
     Closure,
     FrameClosure,
@@ -104,6 +110,7 @@ _LATER = {
 
 __all__ = [
     "Acted",
+    "Actuator",
     "Backend",
     "BranchError",
     "BridgeOptions",
@@ -117,6 +124,7 @@ __all__ = [
     "Derivatives",
     "Event",
     "Failure",
+    "FixedTendon",
     "Force",
     "FrameClosure",
     "FrameMotion",
@@ -139,6 +147,7 @@ __all__ = [
     "ModelError",
     "ModelWarning",
     "Motion",
+    "Muscle",
     "NativeBuildWarning",
     "NonFiniteError",
     "NotCertifiedError",
@@ -147,6 +156,7 @@ __all__ = [
     "PointClosure",
     "PointSpring",
     "PrismaticClosure",
+    "Pulley",
     "Reaction",
     "Recommended",
     "Records",
@@ -161,15 +171,21 @@ __all__ = [
     "SimulationError",
     "SingularStartError",
     "SingularityWarning",
+    "SiteForce",
+    "SliderCrank",
+    "SpatialTendon",
     "StabilityWarning",
     "StateError",
     "Stats",
     "Stop",
     "SweepError",
     "Tableau",
+    "TendonSpring",
     "ToggleError",
     "Trajectory",
+    "TurningJoint",
     "UniversalClosure",
+    "Wrap",
     "Wrench",
     "analyse",
     "backends",

@@ -3,39 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from dataclasses import replace
 from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.integrate import solve_ivp
 
 from ..checks import hint, real_array, shown
 from ..errors import NonFiniteError, OptionError
 from ..mechanism.actuation.actuators import Actuator, clipped
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from .control_curves import Curve, Table, curve_of
 from .equations import CheckedTorque, Torque, TorqueFunction, torque_function
 
 Controls = Mapping[str, Any] | ArrayLike
 """By actuator: a number, a function (t, q, v) of it, or a table (times, values)."""
-
-EXACT = 1e-12
-"""Relative and absolute tolerance of activations that are computed ahead."""
-
-
-@dataclass(frozen=True)
-class Table:
-    """A control over time: linear between the times, constant before and after them."""
-
-    times: Array
-    values: Array
-
-    def __call__(self, t: Array) -> Array:
-        """Its values at times, s."""
-        return np.asarray(np.interp(t, self.times, self.values))
-
 
 Given = float | Table | Callable[..., Any]
 
@@ -111,10 +94,6 @@ def _given(name: str, value: Any, numbers: bool) -> Given:
     )
 
 
-Curve = Callable[[Array], Array]
-"""u at many times at once, (N,)."""
-
-
 class Control:
     """Controls and activations u of all actuators over a run.
 
@@ -144,7 +123,7 @@ class Control:
         fixed: list[float] = []
         for actuator, control in zip(mechanism.actuators, given, strict=True):
             if isinstance(control, float | Table):
-                self._parts.append(_curve(actuator, control, t0, t1))
+                self._parts.append(curve_of(actuator, control, t0, t1))
             elif actuator.dynamics == "none":
                 self._parts.append(_Asked(actuator, control))
             else:
@@ -180,7 +159,7 @@ class Control:
 def asked_of(actuator: Actuator, control: Given) -> Callable[[float, Array, Array], float]:
     """A control, clipped, as a function (t, q, v) of any kind of it."""
     if isinstance(control, float | Table):
-        curve = _curve(replace(actuator, dynamics="none", time=()), control, 0.0, 0.0)
+        curve = curve_of(replace(actuator, dynamics="none", time=()), control, 0.0, 0.0)
         return lambda t, q, v: float(curve(np.array([t]))[0])
     return _Asked(actuator, control)
 
@@ -200,54 +179,6 @@ class _Asked:
         if not np.isfinite(number):
             raise NonFiniteError(f"{label} returned {number} at t = {t:.6g} s")
         return clipped(number, self._actuator.ctrl_range)
-
-
-def _curve(actuator: Actuator, control: float | Table, t0: float, t1: float) -> Curve:
-    """u of an actuator as a function of time."""
-    low, high = actuator.ctrl_range or (-np.inf, np.inf)
-    if actuator.dynamics == "none":
-        if isinstance(control, Table):
-            return lambda t: np.clip(control(t), low, high)
-        value = clipped(control, actuator.ctrl_range)
-        return lambda t: np.full(len(t), value)
-    start = clipped(actuator.activation, actuator.activation_range)
-    return _Solved(actuator, control, start, t0, t1)
-
-
-class _Solved:
-    """The activation by its differential equation, solved between the times of a table one by one."""
-
-    def __init__(
-        self, actuator: Actuator, control: float | Table, start: float, t0: float, t1: float
-    ) -> None:
-        table = control if isinstance(control, Table) else Table(np.array([t0, t1]), np.full(2, control))
-        inner = table.times[(table.times > t0) & (table.times < t1)]
-        self._ends = np.array([t0, *inner.tolist(), max(t1, np.nextafter(t0, np.inf))])
-        self._low, self._high = actuator.activation_range or (-np.inf, np.inf)
-        self._pieces, w = [], start
-
-        def rate(t: float, w: Array) -> list[float]:
-            found = actuator.activation_rate(float(table(np.array(t))), float(w[0]))
-            stopped = (w[0] >= self._high and found > 0.0) or (w[0] <= self._low and found < 0.0)
-            return [0.0 if stopped else found]
-
-        for begin, end in pairwise(self._ends.tolist()):
-            solved = solve_ivp(
-                rate, (begin, end), [w], "DOP853", dense_output=True, rtol=EXACT, atol=EXACT,
-                max_step=max((end - begin) / 8.0, 1e-12),
-            )  # fmt: skip
-            self._pieces.append(solved.sol)
-            w = min(max(float(solved.y[0, -1]), self._low), self._high)
-        self._last = w
-
-    def __call__(self, t: Array) -> Array:
-        """w at these times, (N,)."""
-        found = np.full(len(t), self._last)
-        which = np.searchsorted(self._ends, t, side="right") - 1
-        for k in np.unique(which[t < self._ends[-1]]):
-            chosen = (which == k) & (t < self._ends[-1])
-            found[chosen] = self._pieces[max(int(k), 0)](t[chosen])[0]
-        return np.clip(found, self._low, self._high)
 
 
 def is_asked(torque: Torque | ArrayLike | None) -> TypeGuard[Torque]:

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ..mechanism.actuation.actuators import Actuator, Muscle
+from ..mechanism.actuation.actuators import Actuator
+from ..mechanism.actuation.muscle import Muscle
 from ..mechanism.actuation.paths import FixedTendon, Path, TurningJoint
 from ..mechanism.actuation.site_paths import SiteForce, SliderCrank
 from ..mechanism.actuation.spatial_tendon import SpatialTendon

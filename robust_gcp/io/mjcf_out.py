@@ -16,7 +16,8 @@ from ..mechanism.joints import JointKind
 from ..mechanism.known_forces import is_known
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from .written import Lost, Part, note, parts_of, plain_numbers, text, whole_closures
+from .mjcf_drives_out import DrivesWriter
+from .written import Lost, Part, note, parts_of, plain_numbers, quaternion, text, whole_closures
 
 LEAST = 2e-15
 """Twice the mass, kg, and moment, kg m², that MuJoCo takes for none: a slender rod's about itself."""
@@ -57,13 +58,20 @@ def mjcf_text(mechanism: Mechanism, lost: Lost) -> str:
             if held_by:
                 writer.site(body, held_by, place)
     writer.tie()
+    drives = DrivesWriter(mechanism, bodies, writer.at, lost)
+    writer.tendons += drives.tendons
+    motors = drives.actuators
+    if not mechanism.actuators:
+        motors = [Element("motor", joint=n) for n in mechanism.actuated if mechanism.joint(n).single]
+    motors += [_constant(force) for force in mechanism.forces if isinstance(force, JointTorque)]
     _filled(root, "tendon", writer.tendons)
     _filled(root, "equality", writer.equalities)
-    motors = [Element("motor", joint=n) for n in mechanism.actuated if mechanism.joint(n).single]
-    motors += [_constant(force) for force in mechanism.forces if isinstance(force, JointTorque)]
     _filled(root, "actuator", motors)
     home = [_qpos(part, mechanism.home) for part in parts]
-    _filled(root, "keyframe", [Element("key", name="home", qpos=text(np.concatenate([np.zeros(0), *home])))])
+    key = Element("key", name="home", qpos=text(np.concatenate([np.zeros(0), *home])))
+    if any(drives.activations):
+        key.set("act", text(drives.activations))
+    _filled(root, "keyframe", [key])
     note(lost, "forces", [type(force).__name__ for force in mechanism.forces if not is_known(force)])
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"
@@ -84,7 +92,7 @@ def _body(parent: Element, part: Part, lost: Lost) -> Element:
     """A body with its joints."""
     place, inertia = part.place, part.inertia
     body = SubElement(
-        parent, "body", name=part.body, pos=text(place.translation), quat=_quaternion(place.rotation)
+        parent, "body", name=part.body, pos=text(place.translation), quat=quaternion(place.rotation)
     )
     links = part.links
     if links[0][1] == "free" and part.parent:
@@ -102,6 +110,8 @@ def _body(parent: Element, part: Part, lost: Lost) -> Element:
             made.attrib |= {"limited": "true", "range": text(part.range)}
         if part.stiffness:
             made.attrib |= {"stiffness": repr(part.stiffness), "springref": repr(part.rest)}
+        if part.effort is not None:
+            made.attrib |= {"actuatorfrclimited": "true", "actuatorfrcrange": text(part.effort)}
         if part.friction:
             made.set("frictionloss", repr(part.friction))
         if part.damping:
@@ -118,7 +128,7 @@ def _body(parent: Element, part: Part, lost: Lost) -> Element:
     proper[1] += max(0.0, short + TRIANGLE * proper[2])
     if np.max(np.abs(proper - moments)) > ROUNDED * moments[2] + LEAST:
         note(lost, "moments of inertia that no body can have, which are raised", [part.body])
-    where = {"pos": text(inertia.lever), "quat": _quaternion(axes)}
+    where = {"pos": text(inertia.lever), "quat": quaternion(axes)}
     mass = max(inertia.mass, LEAST)
     SubElement(body, "inertial", where, mass=text([mass]), diaginertia=text(proper))
     return body
@@ -147,7 +157,7 @@ class _Ties:
         if name in self._sites:
             return
         self._sites.add(name)
-        where = {"pos": text(place.translation), "quat": _quaternion(place.rotation)}
+        where = {"pos": text(place.translation), "quat": quaternion(place.rotation)}
         SubElement(body, "site", where, name=name)
 
     def tie(self) -> None:
@@ -162,7 +172,7 @@ class _Ties:
             named = zip(("stiffness", "damping", "springlength"), map(repr, map(float, numbers)), strict=True)
             tendon = Element("spatial", dict(named))
             for frame in (spring.frame1, spring.frame2):
-                SubElement(tendon, "site", site=self._at(frame, np.zeros(3)))
+                SubElement(tendon, "site", site=self.at(frame))
             self.tendons.append(tendon)
 
     def _close(self, tied: Closure) -> None:
@@ -202,6 +212,10 @@ class _Ties:
         self.tendons.append(tendon)
         self.equalities.append(Element("tendon", tendon1=name, polycoef=text([tied.offset, 0, 0, 0, 0])))
 
+    def at(self, frame: str) -> str:
+        """The site of a frame; its name."""
+        return self._at(frame, np.zeros(3))
+
     def _at(self, frame: str, shift: Array) -> str:
         """The site of a frame, or one beside it; its name."""
         if frame in self._sites and not np.any(shift):
@@ -213,9 +227,3 @@ class _Ties:
             name = f"{frame}_{count}"
         self.site(self._bodies[found.parentJoint], name, found.placement * pin.SE3(np.eye(3), shift))
         return name
-
-
-def _quaternion(rotation: Array) -> str:
-    """MuJoCo's order: w, x, y, z."""
-    x, y, z, w = pin.Quaternion(rotation).coeffs()
-    return text((w, x, y, z))

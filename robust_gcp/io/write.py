@@ -11,6 +11,8 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import ModelError, ModelWarning
+from ..mechanism.actuation.actuators import Actuator
+from ..mechanism.actuation.tendon_springs import TendonSpring
 from ..mechanism.forces import JointTorque
 from ..mechanism.known_forces import is_known
 from ..mechanism.mechanism import Mechanism
@@ -70,9 +72,17 @@ def _urdf(mechanism: Mechanism, lost: Lost) -> str:
     gravity = mechanism.own_model.gravity.linear
     if not np.array_equal(gravity, pin.Model.gravity981):
         note(lost, "gravity, which a URDF does not tell", [np.array2string(gravity)])
-    apart = [f for f in mechanism.forces if isinstance(f, JointTorque) or not is_known(f)]
+    apart = [f for f in mechanism.forces if isinstance(f, JointTorque | TendonSpring) or not is_known(f)]
     note(lost, "forces", [type(force).__name__ for force in apart])
+    _note_drives(mechanism, lost)
     return text
+
+
+def _note_drives(mechanism: Mechanism, lost: Lost) -> None:
+    """Actuators that are more than a motor of the joint of that name, and tendons: URDF has none."""
+    plain = [Actuator.motor(joint, joint) for joint in mechanism.actuated]
+    note(lost, "actuators", [actuator.name for actuator in mechanism.actuators if actuator not in plain])
+    note(lost, "tendons", list(mechanism.tendons))
 
 
 def _folder(mechanism: Mechanism, folder: Path, lost: Lost) -> dict[Path, str]:
@@ -82,7 +92,9 @@ def _folder(mechanism: Mechanism, folder: Path, lost: Lost) -> dict[Path, str]:
     for force in mechanism.forces:
         if isinstance(force, JointTorque):
             torques[force.joint] = torques.get(force.joint, 0.0) + float(force.torque)
-    note(lost, "forces", [type(force).__name__ for force in mechanism.forces if not is_known(force)])
+    apart = [f for f in mechanism.forces if isinstance(f, TendonSpring) or not is_known(f)]
+    note(lost, "forces", [type(force).__name__ for force in apart])
+    _note_drives(mechanism, lost)
     names = {j.name: [n for n, *_ in links_of(mechanism.own_model, j, "URDF")] for j in mechanism.joints}
     rec = mechanism.recommended
     run: dict[str, Any] = {"duration": float(rec.duration), "step": float(rec.step)}

@@ -49,6 +49,8 @@ class Part:
     stiffness, rest, damping, friction : float
         Of its springs together, of its dampers, and dry.
     armature : ndarray (nv,)
+    effort : (float, float) or None
+        Range of what actuators do in it together.
     """
 
     joint: Joint
@@ -64,6 +66,7 @@ class Part:
     damping: float
     friction: float
     armature: Array
+    effort: tuple[float, float] | None = None
 
 
 Lost = dict[str, list[str]]
@@ -96,8 +99,24 @@ def parts_of(
         above, place, armature = int(model.parents[i]), model.jointPlacements[i], np.asarray(model.armature)
         body_parts = (joint, above, place, links, body, model.inertias[i], frames, _range(model, joint))
         dry = float(model.upperDryFrictionLimit[joint.idx_v]) if joint.single else 0.0
-        made.append(Part(*body_parts, stiffness, rest, damping, dry, armature[joint.v]))
+        effort = _effort(mechanism, joint)
+        made.append(Part(*body_parts, stiffness, rest, damping, dry, armature[joint.v], effort))
     return ground, made
+
+
+def _effort(mechanism: Mechanism, joint: Joint) -> tuple[float, float] | None:
+    """Where there are actuators, and a limit."""
+    actuation = mechanism.actuation
+    if actuation is None or not joint.single:
+        return None
+    low, high = float(actuation.low[joint.idx_v]), float(actuation.high[joint.idx_v])
+    return (low, high) if np.isfinite(high - low) else None
+
+
+def quaternion(rotation: Array) -> str:
+    """MuJoCo's order: w, x, y, z."""
+    x, y, z, w = pin.Quaternion(rotation).coeffs()
+    return text((w, x, y, z))
 
 
 def links_of(model: pin.Model, joint: Joint, what: str) -> list[tuple[str, str, Array]]:

@@ -13,6 +13,7 @@ from ..dynamics.held import HeldTorque
 from ..mechanism.applied_forces import OwnForces
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from .driving import Driving
 from .structures import Reason, Request, TorqueCallback, address, side_by_side
 
 NO_CALLBACK, NOTHING = TorqueCallback(), np.zeros(0)
@@ -27,6 +28,8 @@ class Acting:
     mechanism : Mechanism
         Its `OwnForces` act as well.
     torque : callable, array_like (nv,) or None
+    driving : Driving
+        What moves as prescribed.
 
     Attributes
     ----------
@@ -41,8 +44,13 @@ class Acting:
     """
 
     def __init__(
-        self, request: Request, mechanism: Mechanism, torque: CheckedTorque | ArrayLike | None
+        self,
+        request: Request,
+        mechanism: Mechanism,
+        torque: CheckedTorque | ArrayLike | None,
+        driving: Driving,
     ) -> None:
+        self._driving = driving
         nq, nv, n = mechanism.nq, mechanism.nv, len(mechanism.actuators)
         forces = None if mechanism.applied is None else mechanism.applied.own
         self._held = torque if isinstance(torque, HeldTorque) else None
@@ -72,7 +80,8 @@ class Acting:
                 setattr(request, f"torque_{name}", place)
 
     def prescribe(self, t: float) -> None:
-        """Tell the controls and activations at a single time, s, if they change."""
+        """Tell what moves as prescribed, and controls and activations that change, at a single time, s."""
+        self._driving.prescribe(t)
         if self._control is not None and self._control.constant is None:
             self._now[:] = self._control.over(np.array([t]))[0]
             self._request.control, self._request.control_stride = address(self._now), 0

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ..mechanism.actuation.actuators import Actuator, Range
+from ..mechanism.actuation.actuators import Actuator
+from ..mechanism.actuation.muscle import Range
 from ..mechanism.actuation.paths import BoundPath, Path, SumOfJoints
 from ..mechanism.actuation.spatial_tendon import Line, Round
 from ..mechanism.actuation.tendon_springs import TendonSpring

@@ -92,7 +92,7 @@ class Workspace:
             self._weights = np.array([*(x for row in tableau.a for x in row), *tableau.b, *tableau.c])
             self._request.stages, self._request.tableau = len(tableau.b), address(self._weights)
         self._by_reference = ctypes.byref(self._request)
-        self._acting = Acting(self._request, mechanism, torque)
+        self._acting = Acting(self._request, mechanism, torque, self._driving)
 
     def run(
         self,
@@ -132,7 +132,7 @@ class Workspace:
             See `Drive.stages`.
         """
         r = self._request
-        self._prescribed = prescribed  # what r points to
+        self._acting.prescribed = prescribed  # what r points to
         r.prescribed = address(prescribed)
         times = np.ascontiguousarray(times, dtype=float)
         self._acting.prescribe_over(times, self.shares)
@@ -228,7 +228,7 @@ class Workspace:
             return self._evaluation(self._layout.point(self._shared.anchor, self._shared.origin))
 
         self._library.follow_from(self._handle, self._by_reference)
-        told_by = self._acting.raised, told, self._handed.new, self._prescribe
+        told_by = self._acting.raised, told, self._handed.new, self._acting.prescribe
         return Rates(self._library, self._handle, r, self._by_reference, self._shared, *told_by)
 
     def look(self, t: float, now: Evaluation) -> Evaluation | None:
@@ -238,7 +238,7 @@ class Workspace:
         r, time = self._request, np.array([t])
         r.times, r.first, r.beginning = address(time), 0, Beginning.GO_ON
         self._acting.listen()
-        self._prescribe(t)
+        self._acting.prescribe(t)
         self._library.look(self._handle, self._by_reference)
         self._acting.require_answered()
         if r.reason != Reason.DONE:
@@ -254,7 +254,7 @@ class Workspace:
         r.times, r.zone, r.power = self._shared.at_time, zone, 0.0
         if not self._acting.asks:
             self._acting.listen()
-        self._prescribe(t)
+        self._acting.prescribe(t)
         self._packed = None
         self._shared.x[:], self._shared.anchor[:] = 0.0, 0.0
         self._shared.x[self._numbers] = q[self._numbers_in_q]
@@ -266,11 +266,6 @@ class Workspace:
             return None
         point = self._packed = self._layout.point(self._shared.anchor)
         return self._shared.x.copy(), self._evaluation(point)
-
-    def _prescribe(self, t: float) -> None:
-        """Tell what is prescribed at a single time."""
-        self._driving.prescribe(t)
-        self._acting.prescribe(t)
 
     def _batch(self, begun: int, steps: int, outputs: Outputs) -> Batch:
         r = self._request

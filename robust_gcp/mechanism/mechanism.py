@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 
 from ..checks import check_text, plain, require_finite
 from .above import Above, joint_names
-from .actuation.actuators import Actuation, Actuator, actuators_given
+from .actuation.actuation import Actuation
+from .actuation.actuators import Actuator, actuators_given
 from .actuation.paths import Path as TendonPath
 from .applied_forces import AppliedForces
 from .contents import FileContents, named, tell_left_out

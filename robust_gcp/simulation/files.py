@@ -11,7 +11,7 @@ import hashlib
 import io
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, fields
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +22,7 @@ from ..checks import path_given, shown
 from ..dynamics.equations import does_work
 from ..errors import OptionError, missing_extra
 from ..maps.explicit import Crossing
+from ..mechanism.actuation.kinds import PARTS
 from ..mechanism.closures import closure_kinds
 from ..mechanism.couplings import CouplingClosure
 from ..mechanism.forces import Force
@@ -67,7 +68,7 @@ MEANING = {
 
 def _parts() -> dict[str, type[Any]]:
     """What an archive may hold besides numbers: closures and forces by the names of their classes."""
-    kinds: list[type[Any]] = [*closure_kinds(), CouplingClosure, *KINDS]
+    kinds: list[type[Any]] = [*closure_kinds(), CouplingClosure, *KINDS, *PARTS]
     return {kind.__name__: kind for kind in kinds}
 
 
@@ -117,6 +118,8 @@ def write_archive(
         "name": mechanism.name,
         "independent": mechanism.independent,
         "actuated": mechanism.actuated,
+        "actuators": [_as_plain(a) for a in mechanism.actuators],
+        "tendons": {name: _as_plain(path) for name, path in mechanism.tendons.items()},
         "left_out": mechanism.left_out,
         "closures": [_as_plain(c) for c in mechanism.closures],
         "forces": [_as_plain(f) for f in mechanism.forces],
@@ -216,12 +219,23 @@ def _as_plain(part: Any) -> dict[str, Any]:
     """A closure or force as its numbers; a force of the user's class as text, since code is not stored."""
     if isinstance(part, Force) and type(part) not in KINDS:
         return {"kind": OWN, "called": shown(part)}
-    return {"kind": type(part).__name__, **asdict(part)}
+    return {"kind": type(part).__name__, **{f.name: _plain(getattr(part, f.name)) for f in fields(part)}}
 
 
-def _from_plain(part: dict[str, Any]) -> Any:
-    given = {name: tuple(value) if isinstance(value, list) else value for name, value in part.items()}
-    return _parts()[str(given.pop("kind"))](**given)
+def _plain(value: Any) -> Any:
+    """A field of a part: a part itself, several, or numbers and words."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return _as_plain(value)
+    return [_plain(each) for each in value] if isinstance(value, tuple | list) else value
+
+
+def _from_plain(part: Any) -> Any:
+    if isinstance(part, list):
+        return tuple(map(_from_plain, part))
+    if not isinstance(part, dict) or "kind" not in part:
+        return part
+    given = {name: _from_plain(value) for name, value in part.items() if name != "kind"}
+    return _parts()[str(part["kind"])](**given)
 
 
 def _rebuilt(path: Path, meta: dict[str, Any], model: bytes, home: Array) -> Mechanism:
@@ -241,7 +255,10 @@ def _rebuilt(path: Path, meta: dict[str, Any], model: bytes, home: Array) -> Mec
         raise OptionError(f"{path} does not hold the class of the force {own[0]}; {remedy}")
     closures, forces = ([_from_plain(p) for p in meta[what]] for what in ("closures", "forces"))
     told = tuple(meta.get("actuated", ())), tuple(meta.get("left_out", ()))
-    return Mechanism(tree, closures, meta["independent"], home, meta["name"], forces, *told)
+    actuators = [_from_plain(actuator) for actuator in meta.get("actuators", ())]
+    tendons = {str(name): _from_plain(path) for name, path in meta.get("tendons", {}).items()}
+    own_parts = tree, closures, meta["independent"], home, meta["name"], forces
+    return Mechanism(*own_parts, *told, actuators=actuators, tendons=tendons)
 
 
 def _fingerprint(mechanism: Mechanism, q: Array, v: Array) -> dict[str, Array]:

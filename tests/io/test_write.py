@@ -235,12 +235,13 @@ def test_forces_that_their_numbers_do_not_tell_are_told(file: str, tmp_path: Pat
 
 
 def test_plain_motors_are_the_joints_that_are_driven(tmp_path: Path) -> None:
-    """Nothing of them is left out: their control is `torque=`; of one with a gear something is."""
+    """Nothing of them is left out, nor of one with a gear."""
     path = rg.load("five_bar").write(tmp_path / "a.xml")
     read = rg.load(path)
     assert (read.actuated, read.left_out) == (("q1", "q3"), ())
     path.write_text(path.read_text().replace('<motor joint="q1"', '<motor gear="50" joint="q1"'))
-    assert rg.load(path).left_out == ("actuators (q1)",)
+    read = rg.load(path)
+    assert (read.left_out, [(a.name, a.gear) for a in read.actuators]) == ((), [("q1", 50.0), ("q3", 1.0)])
 
 
 def test_convert_translates(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

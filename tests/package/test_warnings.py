@@ -23,9 +23,8 @@ STIFF = rg.Mechanism.from_pinocchio(
 )  # fmt: skip
 FAST = {"q0": [0.1, -0.1, 0.1], "v0": [-1.0, 1.0, -1.0], "duration": 0.2, "method": "classical"}
 RHOMBUS = rg.load("rhombus")
-DRIVEN = """<mujoco><worldbody><body><joint name="a" axis="0 1 0"/>
-<geom size=".1" mass="1" contype="0" conaffinity="0"/></body></worldbody>
-<actuator><motor gear="5" joint="a"/></actuator></mujoco>"""
+LIMITED = """<mujoco><worldbody><body><joint name="a" axis="0 1 0" limited="true" range="-9 9"/>
+<geom size=".1" mass="1" contype="0" conaffinity="0"/></body></worldbody></mujoco>"""
 
 
 def abs_shifted(t: Any) -> Any:
@@ -68,7 +67,7 @@ CASES: dict[str, tuple[type[Warning], Callable[[], Any]]] = {
         rg.KinkedDriveWarning,
         lambda: rg.simulate(RHOMBUS, duration=0.1, step=1e-2, drive={"q1": rg.Motion(abs_shifted)}),
     ),
-    "ModelWarning": (rg.ModelWarning, lambda: rg.Mechanism.from_mjcf(DRIVEN)),
+    "ModelWarning": (rg.ModelWarning, lambda: rg.Mechanism.from_mjcf(LIMITED)),
     "NativeBuildWarning": (rg.NativeBuildWarning, lambda: rg.simulate(RHOMBUS, duration=2e-3)),
     "NativeBuildWarning, in a sweep": (
         rg.NativeBuildWarning,

@@ -15,82 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from ...checks import check_choice, check_finite, check_text, checked_vector, shown
+from ...checks import check_choice, check_finite, check_text, checked_vector, real_array, shown
 from ...errors import ModelError
-from ..tree import Array, Tree
+from .muscle import TINY, Muscle, Range
 from .paths import FixedTendon, Path
 
 DYNAMICS = ("none", "integrator", "filter", "muscle")
-
-Range = tuple[float, float]
-
-
-@dataclass(frozen=True)
-class Muscle:
-    """Force of a muscle by its length and velocity: −force (FL(L) FV(V) u + FP(L)), L = 1 at its best.
-
-    Parameters
-    ----------
-    lengths : (float, float)
-        ℓ, m, at which L is the first and the last of `range`.
-    range : (float, float)
-    force : float
-        Peak active force at rest, N.
-    lmin, lmax : float
-        L at which it pulls no more.
-    vmax : float
-        Velocity at which it does, in best lengths a second.
-    fpmax, fvmax : float
-        Passive force at lmax, and active force as it is stretched fast, shares of `force`.
-    """
-
-    lengths: Range
-    force: float
-    range: Range = (0.75, 1.05)
-    lmin: float = 0.5
-    lmax: float = 1.6
-    vmax: float = 1.5
-    fpmax: float = 1.3
-    fvmax: float = 1.2
-
-    def gain_and_bias(self, length: float, rate: float) -> tuple[float, float]:
-        """Force at u = 1 without, and at u = 0 with what is passive, N."""
-        best = (self.lengths[1] - self.lengths[0]) / max(TINY, self.range[1] - self.range[0])
-        L = self.range[0] + (length - self.lengths[0]) / max(TINY, best)
-        V = rate / max(TINY, best * self.vmax)
-        return -self.force * self._active(L) * self._fast(V), -self.force * self._passive(L)
-
-    def _active(self, L: float) -> float:
-        """FL: four parabolas, 1 at L = 1."""
-        if not self.lmin <= L <= self.lmax:
-            return 0.0
-        a, b = 0.5 * (self.lmin + 1.0), 0.5 * (1.0 + self.lmax)
-        if a >= L:
-            return 0.5 * ((L - self.lmin) / max(TINY, a - self.lmin)) ** 2
-        if b >= L:
-            side = 1.0 - a if L <= 1.0 else b - 1.0
-            return 1.0 - 0.5 * ((L - 1.0) / max(TINY, side)) ** 2
-        return 0.5 * ((self.lmax - L) / max(TINY, self.lmax - b)) ** 2
-
-    def _fast(self, V: float) -> float:
-        """FV: two parabolas, 1 at V = 0."""
-        most = self.fvmax - 1.0
-        if V <= -1.0:
-            return 0.0
-        if V <= 0.0:
-            return (V + 1.0) ** 2
-        return self.fvmax if most < V else self.fvmax - (most - V) ** 2 / max(TINY, most)
-
-    def _passive(self, L: float) -> float:
-        """FP: a parabola, then a line."""
-        b = 0.5 * (1.0 + self.lmax)
-        if L <= 1.0:
-            return 0.0
-        x = (min(L, b) - 1.0) / max(TINY, b - 1.0)
-        return self.fpmax * (0.5 * x * x + max(L - b, 0.0) / max(TINY, b - 1.0))
-
-
-TINY = 1e-15
 
 
 @dataclass(frozen=True)
@@ -150,10 +80,11 @@ class Actuator:
         for what in ("gear", "activation"):
             check_finite(f"{label}: {what}", getattr(self, what))
         for what in ("gain", "bias"):
-            given = np.atleast_1d(np.asarray(getattr(self, what), dtype=float))
-            if given.ndim != 1 or len(given) > 3 or not np.all(np.isfinite(given)):
-                raise ModelError(f"{label}: {what} must be up to three numbers, of 1, ℓ and ℓ̇")
-            object.__setattr__(self, what, (*given.tolist(), *[0.0] * (3 - len(given))))
+            given = _numbers(getattr(self, what))
+            if given is None or len(given) > 3:
+                given_ = shown(getattr(self, what))
+                raise ModelError(f"{label}: {what} = {given_} must be up to three numbers, of 1, ℓ and ℓ̇")
+            object.__setattr__(self, what, (*given, *[0.0] * (3 - len(given))))
         for what in ("ctrl_range", "force_range", "activation_range", "shared_range"):
             if getattr(self, what) is not None:
                 low, high = checked_vector(getattr(self, what), 2, f"{label}: {what}", "2").tolist()
@@ -162,11 +93,12 @@ class Actuator:
                 object.__setattr__(self, what, (low, high))
         check_choice(f"{label}: dynamics", self.dynamics, DYNAMICS)
         wanted = {"filter": 1, "muscle": 3}.get(self.dynamics, 0)
-        times = tuple(float(x) for x in self.time)
-        if self.dynamics == "muscle" and len(times) == 2:
+        times = _numbers(self.time)
+        if self.dynamics == "muscle" and times is not None and len(times) == 2:
             times = (*times, 0.0)
-        if len(times) != wanted or any(x < 0.0 for x in times):
-            raise ModelError(f"{label}: dynamics={self.dynamics!r} takes {wanted} times, s, not {self.time}")
+        if times is None or len(times) != wanted or any(x < 0.0 for x in times):
+            given_ = shown(self.time)
+            raise ModelError(f"{label}: dynamics={self.dynamics!r} takes {wanted} times, s, not {given_}")
         object.__setattr__(self, "time", times)
 
     @classmethod
@@ -247,6 +179,15 @@ class Actuator:
         return clipped(w, self.activation_range)
 
 
+def _numbers(value: Any) -> tuple[float, ...] | None:
+    """Finite numbers in a row, or a single one; None for anything else."""
+    try:
+        found = np.atleast_1d(real_array(value)).astype(float)
+    except TypeError:
+        return None
+    return tuple(found.tolist()) if found.ndim == 1 and np.all(np.isfinite(found)) else None
+
+
 QUICK = 0.05
 """Share of the shortest time constant that a step of a muscle's activation takes."""
 
@@ -274,51 +215,3 @@ def actuators_given(actuators: Any) -> tuple[Actuator, ...]:
         if names.count(name) > 1:
             raise ModelError(f"actuators: {name!r} names {names.count(name)} of them; rename all but one")
     return found
-
-
-class Actuation:
-    """All actuators of a mechanism at once.
-
-    Parameters
-    ----------
-    tree : Tree
-    actuators : sequence of Actuator
-
-    Attributes
-    ----------
-    actuators : tuple of Actuator
-    paths : list of BoundPath
-    low, high : ndarray (nv,)
-        What all actuators of a joint do together at most: the model's effort limits, where they are finite.
-    """
-
-    def __init__(self, tree: Tree, actuators: Sequence[Actuator]) -> None:
-        self.actuators, self._tree = tuple(actuators), tree
-        self.paths = [a.along.on(tree, f"Actuator {a.name!r}") for a in self.actuators]
-        high = np.array(tree.model.upperEffortLimit)
-        self.high = np.where(np.isfinite(high) & (high > 0.0), high, np.inf)
-        low = np.array(tree.model.lowerEffortLimit)
-        self.low = np.where(np.isfinite(low) & (low < 0.0), low, -np.inf)
-        sharing: dict[Path, list[int]] = {}
-        for i, actuator in enumerate(self.actuators):
-            if actuator.shared_range is not None:
-                sharing.setdefault(actuator.along, []).append(i)
-        self.sharing = tuple(sharing.values())
-
-    def at(self, q: Array, v: Array, u: Array) -> tuple[Array, Array]:
-        """Forces (n,) and τ (nv,) for the controls or activations u (n,)."""
-        forces, tau = np.empty(len(self.actuators)), np.zeros(self._tree.nv)
-        self._tree.jacobians(q)
-        moments = []
-        for i, (actuator, path) in enumerate(zip(self.actuators, self.paths, strict=True)):
-            length, moment = path.at(q)
-            moments.append(actuator.gear * moment)
-            forces[i] = actuator.force(float(u[i]), actuator.gear * length, float(moments[i] @ v))
-        for group in self.sharing:
-            total, most = float(forces[group].sum()), self.actuators[group[0]].shared_range
-            if total != clipped(total, most):
-                forces[group] *= clipped(total, most) / total
-        for i, actuator in enumerate(self.actuators):
-            forces[i] = clipped(float(forces[i]), actuator.force_range)
-            tau += forces[i] * moments[i]
-        return forces, np.clip(tau, self.low, self.high)

@@ -39,7 +39,7 @@ class Wrap:
         That carries it.
     radius : float
         m.
-    kind : {"sphere", "cylinder"}
+    shape : {"sphere", "cylinder"}
     position, rotation : array_like (3,), (3, 3)
         Of its centre, and of its axes (a cylinder is along its z), in the frame.
     side : str, optional
@@ -48,15 +48,15 @@ class Wrap:
 
     frame: str
     radius: float
-    kind: str = SPHERE
+    shape: str = SPHERE
     position: Sequence[float] = (0.0, 0.0, 0.0)
     rotation: Sequence[Sequence[float]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     side: str | None = None
 
     def __post_init__(self) -> None:
         check_finite("Wrap: radius", self.radius)
-        if self.kind not in (SPHERE, CYLINDER):
-            raise ModelError(f"Wrap on {self.frame!r}: kind = {shown(self.kind)} must be sphere or cylinder")
+        if self.shape not in (SPHERE, CYLINDER):
+            raise ModelError(f"Wrap on {self.frame!r}: shape = {shown(self.shape)} is no sphere or cylinder")
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ class Line(BoundPath):
         joint, placement = placed_frame(self._tree, wrap.frame, owner)
         place = placement * pin.SE3(np.array(wrap.rotation, dtype=float), np.array(wrap.position))
         side = None if wrap.side is None else point_of(self._tree, wrap.side, owner)
-        return Round(joint, place, float(wrap.radius), wrap.kind == CYLINDER, side)
+        return Round(joint, place, float(wrap.radius), wrap.shape == CYLINDER, side)
 
     def _world(self, joint: int, at: Array) -> Array:
         tree = self._tree
