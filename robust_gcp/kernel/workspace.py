@@ -131,8 +131,7 @@ class Workspace:
         prescribed : ndarray (n + 1, s, 3, driven), optional
             See `Drive.stages`.
         """
-        r = self._request
-        self._acting.prescribed = prescribed  # what r points to
+        r, self._prescribed = self._request, prescribed  # which r points to
         r.prescribed = address(prescribed)
         times = np.ascontiguousarray(times, dtype=float)
         self._acting.prescribe_over(times, self.shares)

@@ -19,7 +19,7 @@ from .tree import Array
 
 INTERNAL = frozenset(
     {
-        "K_rate", "applied", "chart_joints", "choose", "column_scale", "from_contents",
+        "K_rate", "actuation", "applied", "chart_joints", "choose", "column_scale", "from_contents",
         "generic_configurations", "generic_jacobians", "group_joints", "implicit", "iq_independent",
         "iq_numbers", "iv_dependent", "iv_independent", "joint_at", "joint_inertia", "lifted", "loops",
         "memo", "near", "numbers", "own_model", "polish", "require_closed", "require_proper",

@@ -28,13 +28,13 @@ from .adaptive import AdaptiveRun
 from .coarse import Coarse
 from .events import Event
 from .fixed import FixedRun
+from .held_run import HeldRun
 from .kinked import warned_of_kink
 from .remedy import add_remedy
 from .run import Run
 from .schedule import Schedule, planned
 from .stability import MOST_PARTS, StabilityCheck
 from .starting import Given, rates_at, started
-from .stepped import HeldRun
 from .steppers import rk4_step
 from .trajectory import Trajectory
 from .unnamed import STIFF, taken_again, words_of
