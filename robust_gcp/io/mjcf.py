@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from ..errors import ModelError
 from ..mechanism.contents import FileContents, check_base
 from .mjcf_compiled import compiled
 from .mjcf_document import Document
 from .mjcf_equalities import equalities_of
 from .mjcf_left_out import actuated_by, forces_of, left_out_of
+from .mjcf_sensors import sensors_of, velocity_of
 from .mjcf_tree import CompiledTree
 from .text_file import path_of
 from .xml_text import is_xml_text, parsed_xml
@@ -22,9 +25,10 @@ def read_mjcf(mjcf: str | Path, base: str | None = None, root: str | Path | None
     model bodies, joints (`hinge`, `slide`, `ball`, `free`), masses, armature, joint stiffness and damping,
     gravity, and of equalities `connect`, `weld`, `joint` and `tendon` (fixed ones) are simulated. Equality
     constraints are rigid whatever their `solref` says. Home is qpos0, where every `connect` of two bodies is
-    closed by definition; bodies and sites are frames of the same name. Actuators, contacts, limits, dry
-    friction, tendons, sensors, plugins, flexible parts, drag, gravity compensation and springs of ball joints
-    are left out and listed, mocap bodies stand still. Files of meshes are read where a mass comes from them,
+    closed by definition; bodies and sites are frames of the same name. Keyframes and the sensors that rigid
+    bodies answer are read. Actuators, contacts, limits, dry friction, tendons, other sensors, plugins,
+    flexible parts, drag, gravity compensation and springs of ball joints are left out and listed, mocap
+    bodies stand still. Files of meshes are read where a mass comes from them,
     other shapes and pictures never.
 
     Parameters
@@ -55,9 +59,21 @@ def read_mjcf(mjcf: str | Path, base: str | None = None, root: str | Path | None
     if tree.model.njoints == 1:
         raise ModelError(f"{name}: no body has a joint; a mechanism needs one at least")
     tree.model.name = xml.get("model", "mjcf")
-    keys = {m.key(k).name or f"key{k}": tree.configuration(m.key_qpos[k]) for k in range(m.nkey)}
+    names = [m.key(k).name or f"key{k}" for k in range(m.nkey)]
+    keys = {name: tree.configuration(m.key_qpos[k]) for k, name in enumerate(names)}
+    moving = {name: k for k, name in enumerate(names) if np.any(m.key_qvel[k])}
+    rates = {name: velocity_of(m, tree, m.key_qpos[k], m.key_qvel[k]) for name, k in moving.items()}
     closures = equalities_of(m, tree, xml)
-    left_out = left_out_of(m, tree, source.told)
+    sensors, unanswered = sensors_of(m, tree, bool(source.meshes))
+    source.told.setdefault("sensors", []).extend(unanswered)
     return FileContents(
-        tree.model, closures, forces_of(m, tree), tree.home, keys, None, actuated_by(m, tree), left_out
+        tree.model,
+        closures,
+        forces_of(m, tree),
+        tree.home,
+        keys,
+        actuated=actuated_by(m, tree),
+        left_out=left_out_of(m, tree, source.told),
+        velocities=rates,
+        sensors=sensors,
     )

@@ -61,11 +61,18 @@ def mjcf_text(mechanism: Mechanism, lost: Lost) -> str:
     motors = [Element("motor", joint=n) for n in mechanism.actuated if mechanism.joint(n).single]
     motors += [_constant(force) for force in mechanism.forces if isinstance(force, JointTorque)]
     _filled(root, "actuator", motors)
-    home = [_qpos(part, mechanism.home) for part in parts]
-    _filled(root, "keyframe", [Element("key", name="home", qpos=text(np.concatenate([np.zeros(0), *home])))])
+    keys = {name: key.q for name, key in mechanism.keyframes.items()} | {"home": mechanism.home}
+    _filled(root, "keyframe", [_key(name, parts, keys[name]) for name in sorted(keys, key="home".__ne__)])
+    moving = [name for name, key in mechanism.keyframes.items() if np.any(key.v)]
+    note(lost, "velocities of keyframes", moving)
     note(lost, "forces", [type(force).__name__ for force in mechanism.forces if not is_known(force)])
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def _key(name: str, parts: list[Part], q: Array) -> Element:
+    numbers = [_qpos(part, q) for part in parts]
+    return Element("key", name=name, qpos=text(np.concatenate([np.zeros(0), *numbers])))
 
 
 def _constant(force: JointTorque) -> Element:

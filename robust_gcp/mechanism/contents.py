@@ -13,6 +13,7 @@ from ..errors import ModelError, ModelWarning, OptionError
 from ..warning import warn
 from .couplings import AnyClosure, CouplingClosure
 from .forces import Force
+from .sensors import Sensor
 from .tree import Array
 
 BASES = ("fixed", "free")
@@ -40,6 +41,9 @@ class FileContents:
         Joints that the file drives.
     left_out : list of str
         Parts that are not simulated, one entry a kind.
+    velocities : dict of str to ndarray (nv,)
+        Of keyframes that have one.
+    sensors : list of Sensor
     """
 
     model: pin.Model
@@ -50,6 +54,8 @@ class FileContents:
     independent: tuple[str, ...] | None = None
     actuated: tuple[str, ...] = ()
     left_out: list[str] = field(default_factory=list)
+    velocities: dict[str, Array] = field(default_factory=dict)
+    sensors: list[Sensor] = field(default_factory=list)
 
     def close(self, closures: Iterable[AnyClosure]) -> None:
         """Add closures given beside the file's, in place of those between the same two frames."""

@@ -18,13 +18,18 @@ from .contents import FileContents, named, tell_left_out
 from .couplings import AnyClosure, closures_given
 from .forces import Force, forces_given, require_length
 from .independent import best_at_home, require_determined
+from .keyframes import Keyframes, keyframes_of
 from .loops import ClosedLoops
 from .model_check import check_model
 from .parts import Part
 from .pin_constraints import with_named_frames
 from .recommended import Recommended
 from .rounding import IMPLIED, without_unmoved_rows
+from .sensors import Sensors
 from .tree import Array
+
+BESIDE = ("recommended", "source", "keyframes", "sensors")
+"""What a file tells beside the mechanism itself, whatever its coordinates."""
 
 
 class Mechanism(Above):
@@ -61,6 +66,10 @@ class Mechanism(Above):
         Characteristic length, m: the largest distance from a joint to its children and cut points in a loop.
     source : Path or None
         The robot's file that it was loaded from.
+    keyframes : dict of str to Keyframe
+        States that the file names: `mech.keyframes["stand"].q`.
+    sensors : dict of str to Sensor
+        Sensors of the file; `sense` answers them at a state, `trajectory["sensor.NAME"]` along a run.
     """
 
     source: Path | None
@@ -84,6 +93,7 @@ class Mechanism(Above):
         check_text("name", name)
         self.name = name or str(model.name)
         self.recommended, self.source = Recommended(), None
+        self.keyframes, self.sensors = Keyframes(), Sensors()
         self.home = pin.neutral(self.own_model) if home is None else self.configuration(home, "home")
         if isinstance(independent, str) and independent == "auto":
             self.home, chosen = best_at_home(self, self.home, self.name)
@@ -215,6 +225,8 @@ class Mechanism(Above):
             contents.model, contents.closures, independent, home, named, contents.forces
         )
         made.actuated, made.left_out = contents.actuated, (*contents.left_out, *made.left_out)
+        made.keyframes = keyframes_of(made, contents.keyframes.items(), contents.velocities)
+        made.sensors = Sensors({sensor.name: sensor for sensor in contents.sensors})
         return made
 
     @cached_property
@@ -245,15 +257,18 @@ class Mechanism(Above):
             self.left_out,
             self.parts,
         )
-        other.recommended, other.source = self.recommended, self.source
+        vars(other).update(self._beside)
         return other
+
+    @property
+    def _beside(self) -> dict[str, Any]:
+        return {name: getattr(self, name) for name in BESIDE}
 
     def __reduce__(self) -> tuple[type[Mechanism], tuple[Any, ...], dict[str, Any]]:
         """Pickle and copy by the recipe: the workspace holds views that must not be copied."""
         self.require_unchanged()
         recipe = self.own_model, self.closures, self.independent, self.home, self.name, self.forces
-        more = {"recommended": self.recommended, "source": self.source}
-        return Mechanism, (*recipe, self.actuated, self.left_out, self.parts), more
+        return Mechanism, (*recipe, self.actuated, self.left_out, self.parts), self._beside
 
     def __repr__(self) -> str:
         sizes = f"{self.nv} velocities, {len(self.closures)} closures with {self.nc} rows"

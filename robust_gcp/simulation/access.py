@@ -16,10 +16,13 @@ from ..mechanism.joints import in_q, in_v
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..mechanism.workspace import workspace
-from .reactions import row_names
+from .reactions import Loaded, row_names
 
 if TYPE_CHECKING:
     from .trajectory import Trajectory
+
+SENSOR = "sensor."
+"""What names of sensors begin with."""
 
 UNRECORDED = {
     "a": '; accelerations were not recorded: simulate with record=("a",)',
@@ -142,9 +145,11 @@ class Named:
     def __getitem__(self, name: str) -> Array:
         """A joint's numbers in q ("q1"), in v ("v.q1") or a ("a.q1"), one of them ("ball.qw"), or a column.
 
+        "sensor.NAME": what a sensor of the mechanism's file reads.
+
         Returns
         -------
-        ndarray (N,), or (N, k) for a joint with k numbers
+        ndarray (N,), or (N, k) for a joint with k numbers, and for a sensor
             A view; without the first dimension in a sample at one time.
 
         Raises
@@ -153,6 +158,8 @@ class Named:
             For a name that is neither a joint nor a column.
         """
         names = self.mechanism.joint_names
+        if str(name).startswith(SENSOR) and name not in names:
+            return self._sensed(str(name).removeprefix(SENSOR))
         letter, _, joint = str(name).partition(".") if name not in names else ("q", ".", name)
         values: Array | None = getattr(self, letter) if letter in ("q", "v", "a") and joint in names else None
         if values is None:
@@ -160,6 +167,10 @@ class Named:
         model = self.mechanism.joint(joint)
         first, count = (model.idx_q, model.nq) if letter == "q" else (model.idx_v, model.nv)
         return values[..., first] if count == 1 else values[..., first : first + count]
+
+    def _sensed(self, name: str) -> Array:
+        """What a sensor reads; each by what it knows of the motion."""
+        raise NotImplementedError
 
     def _column(self, name: str) -> Array:
         columns = self.columns()
@@ -205,6 +216,11 @@ class Sample(Named):
     def columns(self) -> dict[str, Array]:
         """Time and each number of each joint, by name, and what more is known."""
         return {"t": self.t, **state_columns(self.mechanism, self.q, self.v, self.a), **self.more}
+
+    def _sensed(self, name: str) -> Array:
+        t, (q, v, a) = np.atleast_1d(self.t), (np.atleast_2d(part) for part in (self.q, self.v, self.a))
+        found = Loaded(self.mechanism, t, q, v, lambda: a, None, None).sensor(name)
+        return found if self.t.ndim else found[0]
 
     def frame(self, name: str) -> FrameMotion:
         """The motion of a frame of the model; see `Trajectory.frame`."""

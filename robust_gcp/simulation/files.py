@@ -25,7 +25,9 @@ from ..maps.explicit import Crossing
 from ..mechanism.closures import closure_kinds
 from ..mechanism.couplings import CouplingClosure
 from ..mechanism.forces import KINDS, Force
+from ..mechanism.keyframes import Keyframe, Keyframes
 from ..mechanism.mechanism import Mechanism
+from ..mechanism.sensors import Sensors, sensor_from
 from ..mechanism.tree import Array
 from .acted import Acted
 from .archive import read_arrays, reading, write_whole
@@ -122,6 +124,11 @@ def write_archive(
         "stats": stats,
         "ended_by": ended_by,
         "parts": parts,
+        "sensors": [asdict(sensor) for sensor in mechanism.sensors.values()],
+        "keyframes": {
+            name: [key.q.tolist(), key.v.tolist(), key.closed, key.open]
+            for name, key in mechanism.keyframes.items()
+        },
         "acted": None if acted is None else {"drive": acted.drive, "lost": acted.without_code().lost},
     }
     arrays = {**arrays, **({} if acted is None else acted.arrays())}
@@ -239,7 +246,11 @@ def _rebuilt(path: Path, meta: dict[str, Any], model: bytes, home: Array) -> Mec
         raise OptionError(f"{path} does not hold the class of the force {own[0]}; {remedy}")
     closures, forces = ([_from_plain(p) for p in meta[what]] for what in ("closures", "forces"))
     told = tuple(meta.get("actuated", ())), tuple(meta.get("left_out", ()))
-    return Mechanism(tree, closures, meta["independent"], home, meta["name"], forces, *told)
+    made = Mechanism(tree, closures, meta["independent"], home, meta["name"], forces, *told)
+    made.sensors = Sensors({each["name"]: sensor_from(each) for each in meta.get("sensors", ())})
+    keys = meta.get("keyframes", {}).items()  # files of 0.1.0 have none
+    made.keyframes = Keyframes({n: Keyframe(np.array(q), np.array(v), *more) for n, (q, v, *more) in keys})
+    return made
 
 
 def _fingerprint(mechanism: Mechanism, q: Array, v: Array) -> dict[str, Array]:
