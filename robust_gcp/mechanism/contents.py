@@ -44,6 +44,8 @@ class FileContents:
     velocities : dict of str to ndarray (nv,)
         Of keyframes that have one.
     sensors : list of Sensor
+    moved : tuple of str
+        Joints that move the ground, as prescribed.
     """
 
     model: pin.Model
@@ -56,6 +58,7 @@ class FileContents:
     left_out: list[str] = field(default_factory=list)
     velocities: dict[str, Array] = field(default_factory=dict)
     sensors: list[Sensor] = field(default_factory=list)
+    moved: tuple[str, ...] = ()
 
     def close(self, closures: Iterable[AnyClosure]) -> None:
         """Add closures given beside the file's, in place of those between the same two frames."""
@@ -70,7 +73,7 @@ class FileContents:
 
     def wanted(self) -> tuple[str, ...]:
         """Joints that the file would have as coordinates: those that it marks, else those that it drives."""
-        return self.actuated if self.independent is None else self.independent
+        return (*self.moved, *(self.actuated if self.independent is None else self.independent))
 
     def configuration(self, name: str | None) -> Array | None:
         """The keyframe of that name, or a ModelError; home for None."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -28,7 +28,7 @@ from .rounding import IMPLIED, without_unmoved_rows
 from .sensors import Sensors
 from .tree import Array
 
-BESIDE = ("recommended", "source", "keyframes", "sensors")
+BESIDE = ("recommended", "source", "keyframes", "sensors", "moved")
 """What a file tells beside the mechanism itself, whatever its coordinates."""
 
 
@@ -70,6 +70,8 @@ class Mechanism(Above):
         States that the file names: `mech.keyframes["stand"].q`.
     sensors : dict of str to Sensor
         Sensors of the file; `sense` answers them at a state, `trajectory["sensor.NAME"]` along a run.
+    moved : tuple of str
+        Joints that move the ground: those that no `drive=` prescribes hold still.
     """
 
     source: Path | None
@@ -94,6 +96,7 @@ class Mechanism(Above):
         self.name = name or str(model.name)
         self.recommended, self.source = Recommended(), None
         self.keyframes, self.sensors = Keyframes(), Sensors()
+        self.moved: tuple[str, ...] = ()
         self.home = pin.neutral(self.own_model) if home is None else self.configuration(home, "home")
         if isinstance(independent, str) and independent == "auto":
             self.home, chosen = best_at_home(self, self.home, self.name)
@@ -195,15 +198,17 @@ class Mechanism(Above):
         base: str | None = None,
         strict: bool = False,
         root: str | Path | None = None,
+        moving: Mapping[str, Sequence[str]] | None = None,
     ) -> Mechanism:
         """A mechanism from a MJCF file (or its text); see `io.mjcf.read_mjcf` for what is read.
 
         `home` is q (nq,), the name of a keyframe, or MuJoCo's qpos0 when left out; `root` a folder besides
-        the file's own, whose files it may include; `base` and `strict` are those of `from_urdf`.
+        the file's own, whose files it may include; `base` and `strict` are those of `from_urdf`, `moving` is
+        that of `load`.
         """
         from ..io.mjcf import read_mjcf
 
-        contents = read_mjcf(mjcf, base, root)
+        contents = read_mjcf(mjcf, base, root, moving)
         tell_left_out(contents.left_out, _called(mjcf, "MJCF"), strict)
         q = contents.configuration(home) if home is None or isinstance(home, str) else home
         return cls.from_contents(contents, independent, q, name)
@@ -227,6 +232,7 @@ class Mechanism(Above):
         made.actuated, made.left_out = contents.actuated, (*contents.left_out, *made.left_out)
         made.keyframes = keyframes_of(made, contents.keyframes.items(), contents.velocities)
         made.sensors = Sensors({sensor.name: sensor for sensor in contents.sensors})
+        made.moved = contents.moved
         return made
 
     @cached_property

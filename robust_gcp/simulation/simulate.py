@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from numpy.typing import ArrayLike
 
 from ..checks import check_between, check_choice, check_mechanism, check_positive, listed, shown
-from ..dynamics.driven import prescribed
+from ..dynamics.driven import prescribed, with_still_ground
 from ..dynamics.equations import Torque
 from ..dynamics.held import HeldTorque
 from ..dynamics.loads import Torques, Wrench, one_torque
@@ -153,6 +153,7 @@ def simulate(
         When the run must stop; `error.trajectory` holds what was simulated until then.
     """
     check_mechanism(mechanism, Mechanism, "simulate")
+    drive = with_still_ground(mechanism, drive, q0)
     unnamed = step is None
     applied: Torque | ArrayLike | None = one_torque(mechanism, torque, wrenches)
     tableau = check_stepper(stepper)
