@@ -118,6 +118,7 @@ def write_archive(
         "independent": mechanism.independent,
         "actuated": mechanism.actuated,
         "left_out": mechanism.left_out,
+        "moved": mechanism.moved,
         "closures": [_as_plain(c) for c in mechanism.closures],
         "forces": [_as_plain(f) for f in mechanism.forces],
         "crossings": [c.kind for c in crossings],
@@ -248,6 +249,7 @@ def _rebuilt(path: Path, meta: dict[str, Any], model: bytes, home: Array) -> Mec
     told = tuple(meta.get("actuated", ())), tuple(meta.get("left_out", ()))
     made = Mechanism(tree, closures, meta["independent"], home, meta["name"], forces, *told)
     made.sensors = Sensors({each["name"]: sensor_from(each) for each in meta.get("sensors", ())})
+    made.moved = tuple(meta.get("moved", ()))
     keys = meta.get("keyframes", {}).items()  # files of 0.1.0 have none
     made.keyframes = Keyframes({n: Keyframe(np.array(q), np.array(v), *more) for n, (q, v, *more) in keys})
     return made

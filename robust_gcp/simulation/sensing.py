@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import check_finite, check_text
+from ..checks import check_finite, check_mechanism, check_text
 from ..dynamics.equations import constraint_forces, torque_function
 from ..dynamics.loads import Torques, one_torque
 from ..dynamics.problem import set_out
@@ -37,6 +37,7 @@ def sense(
         given += [] if applied is None else [applied.tau(at, moving)]
         acting = np.sum(given, axis=0) if given else None
     elif sensor.needs in "af":
+        check_mechanism(mechanism, Mechanism, "sense")
         problem = set_out(mechanism, at, moving, None, one_torque(mechanism, tau))
         now = problem.equations.at_point(t, problem.start.point)
         at, moving, rates, acting = now.point.q, now.v, now.a, now.tau
