@@ -77,7 +77,9 @@ if TYPE_CHECKING:
     from .drawing.figures.modes import plot_modes
     from .drawing.replay.live import live
     from .drawing.replay.replay import ReplayPage, replay
+    from .mechanism.keyframes import Keyframe
     from .mechanism.parts import JointFriction, Lock, Stop
+    from .mechanism.sensors import Sensor
     from .simulation.many import Runs, simulate_many
     from .simulation.phases.happening import Happening
     from .simulation.phases.impact import Impact
@@ -91,11 +93,13 @@ _LATER = {
     "Happening": ".simulation.phases.happening",
     "Impact": ".simulation.phases.impact",
     "JointFriction": ".mechanism.parts",
+    "Keyframe": ".mechanism.keyframes",
     "Lock": ".mechanism.parts",
     "ReplayPage": ".drawing.replay.replay",
     "Records": ".sweeps.record",
     "RunRecord": ".sweeps.record",
     "Runs": ".simulation.many",
+    "Sensor": ".mechanism.sensors",
     "Stop": ".mechanism.parts",
     "draw": ".drawing.figures.draw",
     "grid": ".sweeps.runs",
@@ -135,6 +139,7 @@ __all__ = [
     "JointFriction",
     "JointSpring",
     "JointTorque",
+    "Keyframe",
     "KinkedDriveWarning",
     "Linearisation",
     "Linkage",
@@ -167,6 +172,7 @@ __all__ = [
     "RunRecord",
     "Runs",
     "Sample",
+    "Sensor",
     "Simulation",
     "SimulationError",
     "SingularStartError",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
@@ -29,6 +30,10 @@ def summary(trajectory: Trajectory) -> str:
         "wall time": f"{stats.wall_seconds:.3g} s",
         "crossings": str(len(trajectory.crossings) or "none"),
     }
+    if trajectory.dissipated is not None:
+        counts = Counter(happening.kind for happening in trajectory.happenings)
+        told = ", ".join(f"{count} × {kind}" for kind, count in counts.items())
+        figures |= {"happenings": told or "none", "dissipated": f"{trajectory.dissipated[-1]:.4g} J"}
     lines = [
         f"state at t = {trajectory.t[-1]:g} s",
         table(["joint", " q", " v", ""], state),
@@ -72,6 +77,7 @@ def as_json(trajectory: Trajectory, method: str, stop: Exception | None, written
         "max_closure_error": float(trajectory.closure_error().max(initial=0.0)),
         "max_energy_error": float(np.abs(trajectory.energy_error()).max(initial=0.0)),
         "crossings": crossings,
+        "happenings": [asdict(happening) for happening in trajectory.happenings],
         "stats": asdict(trajectory.stats),
         "written": list(written),
     }

@@ -14,6 +14,7 @@ Where all independent joints are driven nothing is left to integrate but the wor
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,6 +31,7 @@ from ..mechanism.partition import spelled
 from ..mechanism.tree import Array
 from .drive import Drive, checked_motions
 from .equations import EquationsOfMotion, Evaluation, Torque
+from .motion import Motion
 
 if TYPE_CHECKING:
     from ..maps.point import Counters
@@ -104,18 +106,29 @@ def prescribed(
 ) -> tuple[Mechanism, Drive | None]:
     """The mechanism in coordinates that include the driven joints, and their motions from times[0] on.
 
-    The mechanism as it is, and None, where `drive` is None.
+    The mechanism as it is, and None, where `drive` is None and the ground does not move. Joints that move the
+    ground hold still where `drive` has none for them.
 
     Raises
     ------
     OptionError
         As `checked_motions` and `driving` do.
     """
+    drive = with_still_ground(mechanism, drive, q0)
     if drive is None:
         return mechanism, None
     motions = checked_motions(mechanism, drive, times)
     mechanism = driving(mechanism, tuple(motions), mechanism.home if q0 is None else q0)
     return mechanism, Drive(mechanism, motions, float(times[0]))
+
+
+def with_still_ground(mechanism: Mechanism, drive: Any, q0: ArrayLike | None) -> Any:
+    """`drive` with joints that move the ground held where they are, if nothing moves them."""
+    if not mechanism.moved or not (drive is None or isinstance(drive, Mapping)):
+        return drive
+    q = mechanism.configuration(mechanism.home if q0 is None else q0)
+    still = {name: Motion(float(q[mechanism.joint(name).idx_q])) for name in mechanism.moved}
+    return {**still, **(drive or {})}
 
 
 def driving(mechanism: Mechanism, names: tuple[str, ...], q: ArrayLike) -> Mechanism:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -38,7 +38,6 @@ from .own_block import (
 from .robot_file import READERS, UNREAD, has_yaml, is_mjcf, others_beside, require_read, robot_file
 from .robot_yaml import closures_of, is_list_of_str, settings_of
 from .text_file import files_in, inside, is_file, is_link, path_of
-from .urdf import read_urdf
 
 log = logging.getLogger(__name__)
 
@@ -78,6 +77,7 @@ def load(
     root: str | Path | None = None,
     limits: bool = False,
     friction: bool = False,
+    moving: Mapping[str, Sequence[str]] | None = None,
 ) -> Mechanism:
     """A mechanism from a shipped model's name, a folder, or a robot's file: URDF, MJCF, SDF, USD.
 
@@ -116,6 +116,10 @@ def load(
     limits, friction : bool
         Have `simulate` stop joints at their ranges, by rigid stops without restitution, and brake them by the
         dry friction of the file: `Mechanism.parts`.
+    moving : mapping of str to sequence of str, optional
+        Of MJCF: bodies that stand on the ground, mocap bodies among them, and the axes x, y, z, rx, ry, rz
+        that they are moved along and about, one after the other. `{"table": ("x", "rz")}` makes the joints
+        table_x and table_rz, which `drive=` prescribes; those that it does not hold still.
 
     Raises
     ------
@@ -141,11 +145,11 @@ def load(
             raise ModelError(f"{path}: give the folder that it is in; read there is robot.yaml")
         path = path.parent
     if path.suffix in READERS and not has_yaml(path):
-        contents = READERS[path.suffix](path, base, root)
+        contents = _read(path, base, root, moving)
         return _mechanism(contents, path, path, path.stem, {}, {}, asked)
     folder, path = _folder(path.parent if path.suffix in READERS else path, name_or_folder)
     if path.suffix in READERS:
-        contents = READERS[path.suffix](inside(folder, path.name), base, root)
+        contents = _read(inside(folder, path.name), base, root, moving)
         contents.left_out += named("files beside it", others_beside(path))
         return _mechanism(contents, path, path, folder.name, {}, {}, asked)
     settings = settings_of(path)
@@ -154,11 +158,11 @@ def load(
     changes = joint_changes(settings, path)
     robot = inside(folder, robot_file(folder))
     if is_mjcf(robot):
-        contents = read_mjcf(robot, base, root)
+        contents = read_mjcf(robot, base, root, moving)
         if changes:
             raise ModelError(f"{path}: joint_name is for URDF; write the joint as it is in {robot.name}")
     else:
-        contents = read_urdf(robot, base)
+        contents = _read(robot, base, root, moving)
         contents.model = with_joint_changes(contents.model, changes, path)
         contents.forces = with_changed_forces(contents.forces, changes)
     contents.close([*closures, *couplings_of(own, path)])
@@ -167,6 +171,17 @@ def load(
         asked = asked._replace(independent=independent_of(own, path))
     set_gravity(own.get("gravity"), contents.model, path)
     return _mechanism(contents, path, robot, folder.name, settings, own, asked)
+
+
+def _read(path: Path, base: str | None, root: Any, moving: Any) -> FileContents:
+    """What the file's reader finds."""
+    if READERS[path.suffix] is read_mjcf:
+        return read_mjcf(path, base, root, moving)
+    if moving is not None:
+        raise OptionError(
+            f"{path}: moving= is for MJCF; write the joint into the file, and drive it (drive=)"
+        )
+    return READERS[path.suffix](path, base, root)
 
 
 def _tell_floating(model: pin.Model, path: Path) -> None:

@@ -2,31 +2,43 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
-from ..errors import ModelError
+import numpy as np
+
+from ..checks import shown
+from ..errors import ModelError, OptionError
 from ..mechanism.contents import FileContents, check_base
 from .mjcf_actuators import CompiledActuators
 from .mjcf_compiled import compiled
 from .mjcf_document import Document
 from .mjcf_equalities import equalities_of
 from .mjcf_left_out import actuated_by, forces_of, left_out_of
+from .mjcf_sensors import sensors_of, velocity_of
 from .mjcf_tendons import CompiledTendons
 from .mjcf_tree import CompiledTree
 from .text_file import path_of
 from .xml_text import is_xml_text, parsed_xml
 
 
-def read_mjcf(mjcf: str | Path, base: str | None = None, root: str | Path | None = None) -> FileContents:
+def read_mjcf(
+    mjcf: str | Path,
+    base: str | None = None,
+    root: str | Path | None = None,
+    moving: Mapping[str, Sequence[str]] | None = None,
+) -> FileContents:
     """What a MJCF file describes: spanning tree, loops and couplings, springs and dampers of joints.
 
     MuJoCo compiles the file: its defaults, frames, replicates, attachments and inertias are MuJoCo's. Of its
     model bodies, joints (`hinge`, `slide`, `ball`, `free`), masses, armature, joint stiffness and damping,
     gravity, and of equalities `connect`, `weld`, `joint` and `tendon` (fixed ones) are simulated. Equality
     constraints are rigid whatever their `solref` says. Home is qpos0, where every `connect` of two bodies is
-    closed by definition; bodies and sites are frames of the same name. Actuators, contacts, limits, dry
-    friction, tendons, sensors, plugins, flexible parts, drag, gravity compensation and springs of ball joints
-    are left out and listed, mocap bodies stand still. Files of meshes are read where a mass comes from them,
+    closed by definition; bodies and sites are frames of the same name. Keyframes and the sensors that rigid
+    bodies answer are read. Actuators, contacts, limits, dry friction, tendons, other sensors, plugins,
+    flexible parts, drag, gravity compensation and springs of ball joints are left out and listed, mocap
+    bodies stand still. Files of meshes are read where a mass comes from them,
     other shapes and pictures never.
 
     Parameters
@@ -38,6 +50,10 @@ def read_mjcf(mjcf: str | Path, base: str | None = None, root: str | Path | None
         the ground floats.
     root : str or Path, optional
         A folder besides the file's own that holds files which it includes, attaches or takes meshes from.
+    moving : mapping of str to sequence of str, optional
+        Bodies that stand on the ground, mocap bodies among them, and the axes x, y, z, rx, ry, rz that they
+        are moved along and about, one after the other: `{"table": ("x", "rz")}` makes the joints table_x and
+        table_rz, which `drive=` prescribes and which hold still else.
 
     Raises
     ------
@@ -47,22 +63,49 @@ def read_mjcf(mjcf: str | Path, base: str | None = None, root: str | Path | None
         Without MuJoCo.
     """
     check_base(base)
+    _check_moving(base, moving)
     allowed = None if root is None else path_of(root, "root")
     if allowed is not None and not allowed.is_dir():
         raise ModelError(f"root: there is no folder {allowed}; name one that holds meshes or includes")
     xml, name = parsed_xml(mjcf, "MJCF")
     source = Document(xml, name, None if is_xml_text(mjcf) else Path(mjcf).parent, allowed)
     m = compiled(source, base == "free")
-    tree = CompiledTree(m, name, base)
+    tree = CompiledTree(m, name, base, moving)
     if tree.model.njoints == 1:
         raise ModelError(f"{name}: no body has a joint; a mechanism needs one at least")
     tree.model.name = xml.get("model", "mjcf")
-    keys = {m.key(k).name or f"key{k}": tree.configuration(m.key_qpos[k]) for k in range(m.nkey)}
+    names = [m.key(k).name or f"key{k}" for k in range(m.nkey)]
+    keys = {name: tree.configuration(m.key_qpos[k]) for k, name in enumerate(names)}
+    rated = {name: k for k, name in enumerate(names) if np.any(m.key_qvel[k])}
+    rates = {name: velocity_of(m, tree, m.key_qpos[k], m.key_qvel[k]) for name, k in rated.items()}
     closures = equalities_of(m, tree, xml)
     tendons = CompiledTendons(m, tree)
     drives = CompiledActuators(m, tree, tendons)
-    forces = [*forces_of(m, tree), *tendons.springs, *drives.springs]
-    left_out = left_out_of(m, tree, drives.left_out | tendons.left_out | source.told)
-    found = FileContents(tree.model, closures, forces, tree.home, keys, None, actuated_by(m, tree), left_out)
-    found.actuators, found.tendons, found.parts = drives.actuators, tendons.by_name, tendons.parts
-    return found
+    sensors, unanswered = sensors_of(m, tree, bool(source.meshes))
+    source.told.setdefault("sensors", []).extend(unanswered)
+    return FileContents(
+        tree.model,
+        closures,
+        [*forces_of(m, tree), *tendons.springs, *drives.springs],
+        tree.home,
+        keys,
+        actuated=actuated_by(m, tree),
+        left_out=left_out_of(m, tree, drives.left_out | tendons.left_out | source.told),
+        actuators=drives.actuators,
+        tendons=tendons.by_name,
+        parts=tendons.parts,
+        velocities=rates,
+        sensors=sensors,
+        moved=tuple(tree.moved),
+    )
+
+
+def _check_moving(base: str | None, moving: Any) -> None:
+    """Refuse what is no mapping of names to lists of axes."""
+    if moving is None:
+        return
+    lists = list(moving.values()) if isinstance(moving, Mapping) else [None]
+    if not all(isinstance(axes, (list, tuple)) and all(isinstance(a, str) for a in axes) for axes in lists):
+        raise OptionError(f'moving = {shown(moving)} must be such as {{"table": ("x", "rz")}}')
+    if base == "free":
+        raise OptionError("moving: a body that is moved stands on the ground; leave out base='free'")

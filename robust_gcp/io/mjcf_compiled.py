@@ -16,7 +16,8 @@ SIZES = (1.0, 1.5)
 
 FINITE = (
     *("body_pos", "body_quat", "body_mass", "body_inertia", "body_ipos", "jnt_pos", "jnt_axis"),
-    *("dof_armature", "site_pos", "site_quat", "eq_data", "qpos0", "key_qpos"),
+    *("dof_armature", "site_pos", "site_quat", "eq_data", "qpos0", "key_qpos", "key_qvel"),
+    *("cam_pos", "cam_quat", "geom_pos", "geom_quat", "sensor_cutoff", "jnt_margin"),
 )
 """Parts of mjModel that are checked."""
 

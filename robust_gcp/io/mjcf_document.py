@@ -13,6 +13,7 @@ from xml.etree.ElementTree import Element, tostring
 
 from ..checks import shown
 from ..errors import ModelError, missing_file
+from ..mechanism.sensors import KINDS
 from .text_file import is_file, is_link, read_bytes
 from .xml_text import parsed_xml, require_shallow
 
@@ -28,11 +29,14 @@ LARGEST_SIZE = 200.0
 LARGEST_FLEX = 200_000
 """Bytes of a file of a flexible body, which has a body at each vertex."""
 
-DROPPED = ("contact", "visual", "statistic", "size", "custom", "sensor", "skin", "texture", "layer")
+DROPPED = ("contact", "visual", "statistic", "size", "custom", "skin", "texture", "layer")
 """Elements without a bearing on masses, joints and loops."""
 
 TOLD = {"contact": "contact pairs", "sensor": "sensors", "extension": "extensions"}
 """Parts that are not simulated and that MuJoCo's model does not hold."""
+
+ANSWERED = {("sensor", kind) for kind in KINDS}
+"""Sensors that stay for MuJoCo's compiler, by their section and tag."""
 
 LABELS = ("name", "joint", "tendon", "site", "body", "objname", "plugin")
 ABSENT = "there is no such file"
@@ -180,8 +184,10 @@ class Document:
         """Leave out what has no bearing on the motion."""
         for child in [c for c in parent if c.tag in DROPPED or c.tag in TOLD]:
             if child.tag in TOLD:
-                labels = [_label(e) for e in child if e.tag != "exclude"]
-                self.told.setdefault(TOLD[child.tag], []).extend(labels)
+                apart = [e for e in child if e.tag != "exclude" and (child.tag, e.tag) not in ANSWERED]
+                self.told.setdefault(TOLD[child.tag], []).extend(_label(e) for e in apart)
+                for element in apart if child.tag == "sensor" else ():
+                    child.remove(element)
             if child.tag in DROPPED:
                 parent.remove(child)
         if parent.tag == "material":

@@ -50,7 +50,7 @@ def left_out_of(m: Any, tree: CompiledTree, told: dict[str, list[str]]) -> list[
     kinds: dict[str, Iterable[str]] = {
         "drag of a medium": [key for key in ("density", "viscosity", "wind") if np.any(getattr(m.opt, key))],
         "gravity compensation of bodies": _of(tree.bodies, m.body_gravcomp),
-        "motion of mocap bodies": _of(tree.bodies, m.body_mocapid >= 0),
+        "motion of mocap bodies": _of(tree.bodies, (m.body_mocapid >= 0) & tree.stays()),
         STAYS: tree.standing,
         "armature of free joints": _of(
             tree.joints, (m.dof_armature[at] != 0.0) & (m.jnt_type == FREE) & moved

@@ -67,14 +67,21 @@ def mjcf_text(mechanism: Mechanism, lost: Lost) -> str:
     _filled(root, "tendon", writer.tendons)
     _filled(root, "equality", writer.equalities)
     _filled(root, "actuator", motors)
-    home = [_qpos(part, mechanism.home) for part in parts]
-    key = Element("key", name="home", qpos=text(np.concatenate([np.zeros(0), *home])))
+    keys = {name: key.q for name, key in mechanism.keyframes.items()} | {"home": mechanism.home}
+    written = [_key(name, parts, keys[name]) for name in sorted(keys, key="home".__ne__)]
     if any(drives.activations):
-        key.set("act", text(drives.activations))
-    _filled(root, "keyframe", [key])
+        written[0].set("act", text(drives.activations))
+    _filled(root, "keyframe", written)
+    moving = [name for name, key in mechanism.keyframes.items() if np.any(key.v)]
+    note(lost, "velocities of keyframes", moving)
     note(lost, "forces", [type(force).__name__ for force in mechanism.forces if not is_known(force)])
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def _key(name: str, parts: list[Part], q: Array) -> Element:
+    numbers = [_qpos(part, q) for part in parts]
+    return Element("key", name=name, qpos=text(np.concatenate([np.zeros(0), *numbers])))
 
 
 def _constant(force: JointTorque) -> Element:

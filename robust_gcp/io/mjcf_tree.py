@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Sequence
+from collections.abc import Container, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
+from ..checks import hint
 from ..errors import ModelError
 from ..mechanism.joints import along
 from ..mechanism.tree import Array
 from .mjcf_flags import is_off
 
 FREE, BALL, SLIDE, HINGE = range(4)
+
+AXES = {kind + axis: (sort, i) for kind, sort in (("", "P"), ("r", "R")) for i, axis in enumerate("xyz")}
+"""What a standing body may be moved along and about: a slide or a hinge, and its axis."""
 
 RESERVED = ("universe", "world")
 ROOT_JOINT = "root_joint"
@@ -29,6 +34,8 @@ class CompiledTree:
         What to call it in errors.
     base : "fixed", "free" or None
         As in `mjcf.read_mjcf`.
+    moving : mapping of str to sequence of str
+        Standing bodies that move as prescribed, and along which axes: x, y, z, rx, ry, rz.
 
     Attributes
     ----------
@@ -39,9 +46,13 @@ class CompiledTree:
         Names, by MuJoCo's numbers.
     standing : list of str
         Bodies that stay on the ground though base="free" asks for another base.
+    moved : list of str
+        The joints that move standing bodies.
     """
 
-    def __init__(self, compiled: Any, name: str, base: str | None) -> None:
+    def __init__(
+        self, compiled: Any, name: str, base: str | None, moving: Mapping[str, Sequence[str]] | None = None
+    ) -> None:
         m = self._from = compiled
         self.name, self._fixed = name, base == "fixed"
         self.bodies = _named([m.body(b).name for b in range(m.nbody)], ["body"] * m.nbody)
@@ -53,6 +64,8 @@ class CompiledTree:
             for label in set(RESERVED).intersection(names):
                 raise ModelError(f"{name}: a {kind} is named {label!r}, which is the ground; rename it")
         self.standing: list[str] = []
+        self.moved: list[str] = []
+        self._moving = self._standing_ones(moving or {})
         floating = self._floating() if base == "free" else 0
         self.model = pin.Model()
         self.model.gravity.linear = m.opt.gravity * (not is_off(m, "GRAVITY"))
@@ -96,6 +109,10 @@ class CompiledTree:
         """Whether it is a free joint that base="fixed" takes away."""
         return self._fixed and self._from.jnt_type[joint] == FREE
 
+    def stays(self) -> NDArray[np.bool_]:
+        """Which bodies do not move as prescribed, (nbody,)."""
+        return ~np.isin(np.arange(self._from.nbody), list(self._moving))
+
     def on(self, body: int, at: Array, turn: Sequence[float] = (1, 0, 0, 0)) -> tuple[int, pin.SE3]:
         """Joint that carries a body, and the placement on it of a place in body axes."""
         joint, place = self._places[body]
@@ -105,6 +122,24 @@ class CompiledTree:
         """Joint that carries a site, and the placement on it."""
         m = self._from
         return self.on(int(m.site_bodyid[site]), m.site_pos[site], m.site_quat[site])
+
+    def _standing_ones(self, moving: Mapping[str, Sequence[str]]) -> dict[int, tuple[str, ...]]:
+        """The bodies that are moved, by number, with their axes; names of joints that they get are free."""
+        found: dict[int, tuple[str, ...]] = {}
+        for body, axes in moving.items():
+            label = f"{self.name}: moving, body {body!r}"
+            if body not in self.bodies[1:]:
+                raise ModelError(f"{label}: there is no such body{hint(body, self.bodies[1:])}")
+            b = self.bodies.index(body)
+            if self._from.body_parentid[b] or self._from.body_jntnum[b]:
+                raise ModelError(f"{label} has joints, or another body carries it; drive its joint (drive=)")
+            for axis in axes:
+                if axis not in AXES or list(axes).count(axis) > 1:
+                    raise ModelError(f"{label}: {axis!r} must be one of {', '.join(AXES)}, each once at most")
+                if f"{body}_{axis}" in self.joints:
+                    raise ModelError(f"{label}: a joint is named {body}_{axis} already; rename it")
+            found[b] = tuple(axes)
+        return found
 
     def _floating(self) -> int:
         """The body that base="free" lets float; 0 where others float already."""
@@ -131,6 +166,15 @@ class CompiledTree:
             label = _named([*self.joints, ""], [*self.joints, ROOT_JOINT])[-1]
             joint, place = self._add_joint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), label)
             armature += [0.0] * 6
+        for axis in self._moving.get(b, ()):  # from where the body stands, along the ground's axes
+            sort, i = AXES[axis]
+            place = pin.SE3(np.eye(3), place.translation) if joint == 0 else place
+            label = f"{self.bodies[b]}_{axis}"
+            joint, place = self._add_joint(joint, along(sort, np.eye(3)[i]), place, label)
+            self.moved.append(label)
+            armature += [0.0]
+        if b in self._moving:
+            place = pin.SE3(_pose(m.body_pos[b], m.body_quat[b]).rotation, np.zeros(3))
         for j in range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b]):
             kind, at, axis, start = m.jnt_type[j], m.jnt_pos[j], m.jnt_axis[j], m.qpos0[m.jnt_qposadr[j] :]
             if self.is_fixed(j):

@@ -51,6 +51,9 @@ def write(mechanism: Mechanism, path: str | Path) -> Path:
             files = _folder(mechanism, target, lost)
     except ModelError as error:
         raise ModelError(f"{target}: {error}") from error
+    note(lost, "sensors", mechanism.sensors)
+    if target.suffix not in (".xml", ".mjcf"):
+        note(lost, "keyframes", mechanism.keyframes)
     try:
         for file, text in files.items():
             file.parent.mkdir(parents=True, exist_ok=True)

@@ -29,7 +29,7 @@ class Above(Coordinates):
         """Write it as a file that `load` reads back with the same motion, by the path's suffix.
 
         - `.xml`, `.mjcf`: MJCF, with `connect`, `weld`, `joint` and `tendon` equalities, springs, dampers,
-          armature, ranges, constant torques, motors, and home as a keyframe;
+          armature, ranges, constant torques, motors, home and other keyframes;
         - `.urdf`: URDF with its loops as `<loop>` and `<constraint>`, couplings as `<mimic>`; it has no place
           for gravity, constant torques and home;
         - no suffix: a folder of robot.urdf and robot.yaml, which holds all but forces of your own.
@@ -172,6 +172,45 @@ class Above(Coordinates):
         from ..simulation.phases.impact import impact
 
         return impact(self, q, v, joints)
+
+    def sense(
+        self,
+        name: str,
+        q: ArrayLike,
+        v: ArrayLike | None = None,
+        a: ArrayLike | None = None,
+        tau: Any = None,
+        t: float = 0.0,
+    ) -> Array:
+        """What a sensor of the mechanism's file reads at a state; numbers and signs are MJCF's.
+
+        Parameters
+        ----------
+        name : str
+            One of `sensors`.
+        q, v : array_like (nq,), (nv,)
+            At rest where v is left out.
+        a : array_like (nv,), optional
+            Left out: that of the motion under `tau`, for sensors that depend on it; q is closed then.
+        tau : optional
+            Torques as in `simulate`, besides the mechanism's own forces.
+        t : float
+            s.
+
+        Returns
+        -------
+        ndarray (dim,)
+
+        Raises
+        ------
+        ModelError
+            For a sensor that there is not.
+        StateError, SimulationError
+            Where an acceleration is asked for, as `simulate` does for a start.
+        """
+        from ..simulation.sensing import sense
+
+        return sense(self, name, q, v, a, tau, t)  # type: ignore[arg-type]
 
 
 def joint_names(names: Any, what: str) -> tuple[str, ...]:

@@ -16,6 +16,7 @@ from .actuation.paths import Path
 from .couplings import AnyClosure, CouplingClosure
 from .forces import Force
 from .parts import Part
+from .sensors import Sensor
 from .tree import Array
 
 BASES = ("fixed", "free")
@@ -47,6 +48,11 @@ class FileContents:
     tendons : dict of str to Path
     parts : list of Stop, JointFriction
         Limits and dry friction of tendons; those of joints are the model's.
+    velocities : dict of str to ndarray (nv,)
+        Of keyframes that have one.
+    sensors : list of Sensor
+    moved : tuple of str
+        Joints that move the ground, as prescribed.
     """
 
     model: pin.Model
@@ -60,6 +66,9 @@ class FileContents:
     actuators: list[Actuator] = field(default_factory=list)
     tendons: dict[str, Path] = field(default_factory=dict)
     parts: list[Part] = field(default_factory=list)
+    velocities: dict[str, Array] = field(default_factory=dict)
+    sensors: list[Sensor] = field(default_factory=list)
+    moved: tuple[str, ...] = ()
 
     def close(self, closures: Iterable[AnyClosure]) -> None:
         """Add closures given beside the file's, in place of those between the same two frames."""
@@ -74,7 +83,7 @@ class FileContents:
 
     def wanted(self) -> tuple[str, ...]:
         """Joints that the file would have as coordinates: those that it marks, else those that it drives."""
-        return self.actuated if self.independent is None else self.independent
+        return (*self.moved, *(self.actuated if self.independent is None else self.independent))
 
     def configuration(self, name: str | None) -> Array | None:
         """The keyframe of that name, or a ModelError; home for None."""

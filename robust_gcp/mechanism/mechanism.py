@@ -12,7 +12,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from ..checks import check_text, plain, require_finite
-from .above import Above, joint_names
+from .above import joint_names
 from .actuation.actuation import Actuation
 from .actuation.actuators import Actuator, actuators_given
 from .actuation.paths import Path as TendonPath
@@ -20,17 +20,23 @@ from .applied_forces import AppliedForces
 from .contents import FileContents, named, tell_left_out
 from .couplings import AnyClosure, closures_given
 from .forces import Force, forces_given, require_length
+from .from_files import FromFiles
 from .independent import best_at_home, require_determined
+from .keyframes import Keyframes, keyframes_of
 from .loops import ClosedLoops
 from .model_check import check_model
 from .parts import Part
 from .pin_constraints import with_named_frames
 from .recommended import Recommended
 from .rounding import IMPLIED, without_unmoved_rows
+from .sensors import Sensors
 from .tree import Array
 
+BESIDE = ("recommended", "source", "keyframes", "sensors", "moved")
+"""What a file tells beside the mechanism itself, whatever its coordinates."""
 
-class Mechanism(Above):
+
+class Mechanism(FromFiles):
     """A `pin.Model` with closed loops, seen in minimal coordinates.
 
     Use `load`, `Mechanism.from_urdf`, `Mechanism.from_mjcf` or `Mechanism.from_pinocchio`.
@@ -70,6 +76,12 @@ class Mechanism(Above):
         Characteristic length, m: the largest distance from a joint to its children and cut points in a loop.
     source : Path or None
         The robot's file that it was loaded from.
+    keyframes : dict of str to Keyframe
+        States that the file names: `mech.keyframes["stand"].q`.
+    sensors : dict of str to Sensor
+        Sensors of the file; `sense` answers them at a state, `trajectory["sensor.NAME"]` along a run.
+    moved : tuple of str
+        Joints that move the ground: those that no `drive=` prescribes hold still.
     """
 
     source: Path | None
@@ -95,6 +107,8 @@ class Mechanism(Above):
         check_text("name", name)
         self.name = name or str(model.name)
         self.recommended, self.source = Recommended(), None
+        self.keyframes, self.sensors = Keyframes(), Sensors()
+        self.moved: tuple[str, ...] = ()
         self.home = pin.neutral(self.own_model) if home is None else self.configuration(home, "home")
         if isinstance(independent, str) and independent == "auto":
             self.home, chosen = best_at_home(self, self.home, self.name)
@@ -164,61 +178,6 @@ class Mechanism(Above):
         return cls(model, closures, independent, home, name, forces, **more)  # type: ignore[arg-type]
 
     @classmethod
-    def from_urdf(
-        cls,
-        urdf: str | Path,
-        closures: Sequence[Any] = (),
-        independent: Sequence[str] | Literal["auto"] | None = None,
-        home: ArrayLike | None = None,
-        name: str = "",
-        forces: Sequence[Force] = (),
-        base: str | None = None,
-        strict: bool = False,
-    ) -> Mechanism:
-        """A mechanism from a URDF file (or its text); `continuous` joints become one number in q.
-
-        Loops, couplings and dampers of the file are kept beside those that are given; see
-        `io.urdf.read_urdf` for what is read, and `from_pinocchio` for the other parameters.
-
-        Parameters
-        ----------
-        base : "fixed", "free" or None
-            What the robot stands on; None: as the file says.
-        strict : bool
-            Refuse a file with parts that are not simulated instead of warning of them.
-        """
-        from ..io.urdf import read_urdf  # readers stand above the mechanisms that they make
-
-        contents = read_urdf(urdf, base)
-        tell_left_out(contents.left_out, _called(urdf, "URDF"), strict)
-        contents.close(closures_given(closures))
-        contents.forces += forces_given(forces)
-        return cls.from_contents(contents, independent, home, name)
-
-    @classmethod
-    def from_mjcf(
-        cls,
-        mjcf: str | Path,
-        independent: Sequence[str] | Literal["auto"] | None = None,
-        home: ArrayLike | str | None = None,
-        name: str = "",
-        base: str | None = None,
-        strict: bool = False,
-        root: str | Path | None = None,
-    ) -> Mechanism:
-        """A mechanism from a MJCF file (or its text); see `io.mjcf.read_mjcf` for what is read.
-
-        `home` is q (nq,), the name of a keyframe, or MuJoCo's qpos0 when left out; `root` a folder besides
-        the file's own, whose files it may include; `base` and `strict` are those of `from_urdf`.
-        """
-        from ..io.mjcf import read_mjcf
-
-        contents = read_mjcf(mjcf, base, root)
-        tell_left_out(contents.left_out, _called(mjcf, "MJCF"), strict)
-        q = contents.configuration(home) if home is None or isinstance(home, str) else home
-        return cls.from_contents(contents, independent, q, name)
-
-    @classmethod
     def from_contents(
         cls,
         contents: FileContents,
@@ -236,6 +195,9 @@ class Mechanism(Above):
             contents.actuators, contents.tendons,
         )  # fmt: skip
         made.actuated, made.left_out = contents.actuated, (*contents.left_out, *made.left_out)
+        made.keyframes = keyframes_of(made, contents.keyframes.items(), contents.velocities)
+        made.sensors = Sensors({sensor.name: sensor for sensor in contents.sensors})
+        made.moved = contents.moved
         return made
 
     @cached_property
@@ -268,16 +230,19 @@ class Mechanism(Above):
             self.actuators,
             self.tendons,
         )
-        other.recommended, other.source = self.recommended, self.source
+        vars(other).update(self._beside)
         return other
+
+    @property
+    def _beside(self) -> dict[str, Any]:
+        return {name: getattr(self, name) for name in BESIDE}
 
     def __reduce__(self) -> tuple[type[Mechanism], tuple[Any, ...], dict[str, Any]]:
         """Pickle and copy by the recipe: the workspace holds views that must not be copied."""
         self.require_unchanged()
         recipe = self.own_model, self.closures, self.independent, self.home, self.name, self.forces
-        more = {"recommended": self.recommended, "source": self.source}
         told = self.actuated, self.left_out, self.parts, self.actuators, self.tendons
-        return Mechanism, (*recipe, *told), more
+        return Mechanism, (*recipe, *told), self._beside
 
     def __repr__(self) -> str:
         sizes = f"{self.nv} velocities, {len(self.closures)} closures with {self.nc} rows"
@@ -289,8 +254,3 @@ def energies_of(mechanism: Mechanism, q: Array, v: Array) -> tuple[float, float]
     kinetic, potential = mechanism.tree.energies(q, v)
     potential += mechanism.lifted
     return kinetic, potential + (0.0 if mechanism.applied is None else mechanism.applied.energy(q))
-
-
-def _called(given: str | Path, what: str) -> str:
-    """A file's path, or what its text is."""
-    return f"{what} text" if "<" in str(given) else str(given)

@@ -16,10 +16,13 @@ from ..mechanism.joints import in_q, in_v
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..mechanism.workspace import workspace
-from .reactions import row_names
+from .reactions import Loaded, row_names
 
 if TYPE_CHECKING:
     from .trajectory import Trajectory
+
+SENSOR = "sensor."
+"""What names of sensors begin with."""
 
 UNRECORDED = {
     "a": '; accelerations were not recorded: simulate with record=("a",)',
@@ -144,9 +147,11 @@ class Named:
     def __getitem__(self, name: str) -> Array:
         """A joint's numbers in q ("q1"), in v ("v.q1") or a ("a.q1"), one of them ("ball.qw"), or a column.
 
+        "sensor.NAME": what a sensor of the mechanism's file reads.
+
         Returns
         -------
-        ndarray (N,), or (N, k) for a joint with k numbers
+        ndarray (N,), or (N, k) for a joint with k numbers, and for a sensor
             A view; without the first dimension in a sample at one time.
 
         Raises
@@ -155,6 +160,8 @@ class Named:
             For a name that is neither a joint nor a column.
         """
         names = self.mechanism.joint_names
+        if str(name).startswith(SENSOR) and name not in names:
+            return self._sensed(str(name).removeprefix(SENSOR))
         letter, _, joint = str(name).partition(".") if name not in names else ("q", ".", name)
         values: Array | None = getattr(self, letter) if letter in ("q", "v", "a") and joint in names else None
         if values is None:
@@ -166,6 +173,10 @@ class Named:
     def _recorded(self) -> dict[str, Array]:
         """Those of `columns` that need not be computed."""
         return self.columns()
+
+    def _sensed(self, name: str) -> Array:
+        """What a sensor reads; each by what it knows of the motion."""
+        raise NotImplementedError
 
     def _column(self, name: str) -> Array:
         recorded = self._recorded()
@@ -212,6 +223,11 @@ class Sample(Named):
     def columns(self) -> dict[str, Array]:
         """Time and each number of each joint, by name, and what more is known."""
         return {"t": self.t, **state_columns(self.mechanism, self.q, self.v, self.a), **self.more}
+
+    def _sensed(self, name: str) -> Array:
+        t, (q, v, a) = np.atleast_1d(self.t), (np.atleast_2d(part) for part in (self.q, self.v, self.a))
+        found = Loaded(self.mechanism, t, q, v, lambda: a, None, None).sensor(name)
+        return found if self.t.ndim else found[0]
 
     def frame(self, name: str) -> FrameMotion:
         """The motion of a frame of the model; see `Trajectory.frame`."""

@@ -11,7 +11,7 @@ import hashlib
 import io
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,15 +22,11 @@ from ..checks import path_given, shown
 from ..dynamics.equations import does_work
 from ..errors import OptionError, missing_extra
 from ..maps.explicit import Crossing
-from ..mechanism.actuation.kinds import PARTS
-from ..mechanism.closures import closure_kinds
-from ..mechanism.couplings import CouplingClosure
-from ..mechanism.forces import Force
-from ..mechanism.known_forces import KINDS
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .acted import Acted
 from .archive import read_arrays, reading, write_whole
+from .stored_mechanism import mechanism_as_plain, mechanism_from
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -56,20 +52,11 @@ ARRAYS = (
 SAME = 1e-9
 """Relative difference at the start that two ways to build one mechanism may make."""
 
-OWN = "a class of its own"
-"""In place of its kind, for a force that is none of `KINDS`."""
-
 MEANING = {
     "check_M": "inertias are",
     "check_K": "loops are",
     "check_force": "gravity or forces are",
 }
-
-
-def _parts() -> dict[str, type[Any]]:
-    """What an archive may hold besides numbers: closures and forces by the names of their classes."""
-    kinds: list[type[Any]] = [*closure_kinds(), CouplingClosure, *KINDS, *PARTS]
-    return {kind.__name__: kind for kind in kinds}
 
 
 def write_csv(columns: Mapping[str, Array | list[Any]], path: str | Path) -> Path:
@@ -115,19 +102,12 @@ def write_archive(
         "format": FORMAT,
         "pinocchio": pin.__version__,
         "digest": hashlib.sha256(model.tobytes()).hexdigest(),
-        "name": mechanism.name,
-        "independent": mechanism.independent,
-        "actuated": mechanism.actuated,
-        "actuators": [_as_plain(a) for a in mechanism.actuators],
-        "tendons": {name: _as_plain(path) for name, path in mechanism.tendons.items()},
-        "left_out": mechanism.left_out,
-        "closures": [_as_plain(c) for c in mechanism.closures],
-        "forces": [_as_plain(f) for f in mechanism.forces],
         "crossings": [c.kind for c in crossings],
         "stats": stats,
         "ended_by": ended_by,
         "parts": parts,
         "acted": None if acted is None else {"drive": acted.drive, "lost": acted.without_code().lost},
+        **mechanism_as_plain(mechanism),
     }
     arrays = {**arrays, **({} if acted is None else acted.arrays())}
     kept: dict[str, Any] = {name: values for name, values in arrays.items() if values is not None}
@@ -169,7 +149,7 @@ def read_archive(
     with reading(path):
         model, home = arrays.pop("model"), arrays.pop("home")
         if mechanism is None:
-            mechanism = _rebuilt(path, meta, model.tobytes(), home)
+            mechanism = mechanism_from(path, meta, model.tobytes(), home)
         places = [arrays.pop(f"crossing_{f.name}") for f in fields(Crossing) if f.name != "kind"]
         crossings = [
             Crossing(
@@ -213,52 +193,6 @@ def _acted(meta: dict[str, Any], mechanism: Mechanism, arrays: dict[str, Array])
     if told is None:
         return Acted(lost=True) if "work" in arrays and not does_work(mechanism, None) else None
     return Acted(torque, held=held, drive=tuple(told["drive"]), lost=bool(told["lost"]))
-
-
-def _as_plain(part: Any) -> dict[str, Any]:
-    """A closure or force as its numbers; a force of the user's class as text, since code is not stored."""
-    if isinstance(part, Force) and type(part) not in KINDS:
-        return {"kind": OWN, "called": shown(part)}
-    return {"kind": type(part).__name__, **{f.name: _plain(getattr(part, f.name)) for f in fields(part)}}
-
-
-def _plain(value: Any) -> Any:
-    """A field of a part: a part itself, several, or numbers and words."""
-    if is_dataclass(value) and not isinstance(value, type):
-        return _as_plain(value)
-    return [_plain(each) for each in value] if isinstance(value, tuple | list) else value
-
-
-def _from_plain(part: Any) -> Any:
-    if isinstance(part, list):
-        return tuple(map(_from_plain, part))
-    if not isinstance(part, dict) or "kind" not in part:
-        return part
-    given = {name: _from_plain(value) for name, value in part.items() if name != "kind"}
-    return _parts()[str(part["kind"])](**given)
-
-
-def _rebuilt(path: Path, meta: dict[str, Any], model: bytes, home: Array) -> Mechanism:
-    remedy = "give the mechanism: load_trajectory(path, mechanism)"
-    if hashlib.sha256(model).hexdigest() != meta["digest"]:
-        raise OptionError(f"{path} is damaged: the stored model is not what was written; {remedy}")
-    tree = pin.Model()
-    try:
-        tree.loadFromString(model.decode())
-    except (RuntimeError, ValueError) as error:
-        raise OptionError(
-            f"{path}: Pinocchio {pin.__version__} cannot read the model that Pinocchio {meta['pinocchio']} "
-            f"wrote; {remedy}"
-        ) from error
-    own = [part["called"] for part in meta["forces"] if part["kind"] == OWN]
-    if own:
-        raise OptionError(f"{path} does not hold the class of the force {own[0]}; {remedy}")
-    closures, forces = ([_from_plain(p) for p in meta[what]] for what in ("closures", "forces"))
-    told = tuple(meta.get("actuated", ())), tuple(meta.get("left_out", ()))
-    actuators = [_from_plain(actuator) for actuator in meta.get("actuators", ())]
-    tendons = {str(name): _from_plain(path) for name, path in meta.get("tendons", {}).items()}
-    own_parts = tree, closures, meta["independent"], home, meta["name"], forces
-    return Mechanism(*own_parts, *told, actuators=actuators, tendons=tendons)
 
 
 def _fingerprint(mechanism: Mechanism, q: Array, v: Array) -> dict[str, Array]:

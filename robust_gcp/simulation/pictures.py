@@ -28,8 +28,9 @@ class Pictures:
     ) -> Figure:
         """Draw the motion over time, or over one of its columns (extra `viz`).
 
-        Over time, dotted lines mark crossings and dashed ones events; over a column, circles and other
-        markers on the curves. Each quantity has one panel for each unit.
+        Over time, dotted lines mark crossings, dashed ones events, and thin ones, coloured by their kind,
+        `happenings`: impacts, holds, releases; over a column, circles and other markers on the curves. Each
+        quantity has one panel for each unit.
 
         Parameters
         ----------

@@ -8,7 +8,7 @@ from ..dynamics.loads import Wrench
 from ..maps.explicit import Crossing
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from .access import FrameMotion, Sample, force_columns
+from .access import SENSOR, FrameMotion, Sample, force_columns
 from .powered import powered_columns
 from .reactions import Loaded, Reaction, multipliers_of, row_names
 from .stepped import SteppedRun
@@ -58,11 +58,22 @@ class Present:
         return self.mechanism.energy(*self._run.state)
 
     def __getitem__(self, name: str) -> Array:
-        """A number of the present state: "q1", "v.q1" and whatever `now` has."""
+        """A number of the present state: "q1", "v.q1", "sensor.imu" and whatever `now` has."""
         if name in self.mechanism.joint_names or str(name).startswith(("q.", "v.")):
             q, v = self._run.state
             return Sample(self.mechanism, np.array(self.t), q.copy(), v.copy(), v)[name]
+        if str(name).startswith(SENSOR):
+            return self._sensed(str(name).removeprefix(SENSOR))
         return self.now[name]
+
+    def _sensed(self, name: str) -> Array:
+        """What a sensor reads now, (dim,)."""
+        needs = self.mechanism.sensors[name].needs
+        if needs == "f":
+            return self._loaded().sensor(name)[0]
+        q, v = self._run.state
+        a = self._run.last.a if needs == "a" else v
+        return Sample(self.mechanism, np.array(self.t), q, v, a)._sensed(name)
 
     @property
     def now(self) -> Sample:

@@ -26,9 +26,11 @@ from ..mechanism.actuation.tendon_springs import TendonSpring
 from ..mechanism.closures import Closure
 from ..mechanism.forces import PointSpring
 from ..mechanism.frames import place_of
+from ..mechanism.instant import Instant, Push
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.point_springs import Lines
 from ..mechanism.rows import ALONG, ROTATION, Row, rows_of
+from ..mechanism.sensors import read
 from ..mechanism.tree import Array
 from ..mechanism.workspace import workspace
 from ..warning import warn
@@ -164,47 +166,86 @@ class Loaded:
 
     def _in_tree(self, name: str) -> Reaction:
         """By the recursive Newton–Euler algorithm, with all that acts on bodies from elsewhere."""
-        if self.wrenches is None:
-            raise OptionError(
-                "reaction: a torque function or wrenches acted on this motion, and its file or pickle holds "
-                "none; ask the trajectory that was simulated"
-            )
-        model, loops = self.mechanism.own_model, self.mechanism.loops
+        model = self.mechanism.own_model
         data, joint = workspace(model), model.getJointId(name)
-        cuts = [self._in_cut(i) for i in range(len(loops))]
-        ends = [[place_of(model, frame) for frame in (loop.frame1, loop.frame2)] for loop in loops]
         force, moment = np.empty((len(self.q), 3)), np.empty((len(self.q), 3))
-        states = zip(self.t, self.q, self.v, self.accelerations(), strict=True)
-        for i, (t, q, v, a) in enumerate(states):
+        pushes = self.pushes()
+        for i, (q, v, a) in enumerate(zip(self.q, self.v, self.accelerations(), strict=True)):
             pin.forwardKinematics(model, data, q)
-            acting = [
-                *self._acting(float(t), q, v),
-                *self._pulling(q, v, None if self.u is None else self.u[i]),
-            ]
-            for cut, both in zip(cuts, ends, strict=True):
-                for (carrier, place), sign in zip(both, (1.0, -1.0), strict=True):
-                    point = (data.oMi[carrier] * place).translation
-                    acting.append((carrier, point, sign * cut.force[i], sign * cut.moment[i]))
             outer = [pin.Force.Zero() for _ in range(model.njoints)]
-            for carrier, point, own, about in acting:
+            for _, carrier, point, own, about in pushes(i):
                 outer[carrier] += data.oMi[carrier].actInv(pin.Force(own, about + np.cross(point, own)))
             pin.rnea(model, data, q, v, a, pin.StdVec_Force(outer))
             turned = data.oMi[joint].rotation
             force[i], moment[i] = turned @ data.f[joint].linear, turned @ data.f[joint].angular
         return Reaction(name, force, moment)
 
-    def _acting(self, t: float, q: Array, v: Array) -> Iterator[tuple[int, Array, Array, Array]]:
-        """Body, point, force and moment about it, in world axes, of wrenches and springs between points."""
+    def pushes(self) -> Callable[[int], list[Push]]:
+        """What acts on bodies besides gravity and the tree's joints, by the number of the state.
+
+        Raises
+        ------
+        OptionError
+            Where constraint forces were not recorded, or wrenches are not known any more.
+        """
+        model, loops = self.mechanism.own_model, self.mechanism.loops
+        data = workspace(model)
+        cuts = [self._in_cut(i) for i in range(len(loops))]
+        if self.wrenches is None:
+            raise OptionError(
+                "reaction: a torque function or wrenches acted on this motion, and its file or pickle holds "
+                "none; ask the trajectory that was simulated"
+            )
+        ends = [[(frame, *place_of(model, frame)) for frame in (c.frame1, c.frame2)] for c in loops]
+
+        def at(i: int) -> list[Push]:
+            pin.forwardKinematics(model, data, self.q[i])
+            u = None if self.u is None else self.u[i]
+            acting = [
+                *self._acting(float(self.t[i]), self.q[i], self.v[i]),
+                *self._pulling(self.q[i], self.v[i], u),
+            ]
+            for cut, both in zip(cuts, ends, strict=True):
+                for (frame, carrier, place), sign in zip(both, (1.0, -1.0), strict=True):
+                    point = (data.oMi[carrier] * place).translation
+                    acting.append((frame, carrier, point, sign * cut.force[i], sign * cut.moment[i]))
+            return acting
+
+        return at
+
+    def _acting(self, t: float, q: Array, v: Array) -> Iterator[Push]:
+        """Wrenches and springs between points."""
         mechanism, none = self.mechanism, np.zeros(3)
         for wrench in self.wrenches or ():
-            yield wrench_of(mechanism, wrench, t, q, v)
+            yield wrench.frame, *wrench_of(mechanism, wrench, t, q, v)
         springs = [force for force in mechanism.forces if isinstance(force, PointSpring)]
         if springs:
-            for carrier, point, pull in Lines(mechanism.tree, springs).pulls(q, v):
-                yield carrier, point + mechanism.standpoint, pull, none
+            ends = [frame for spring in springs for frame in (spring.frame1, spring.frame2)]
+            pulls = Lines(mechanism.tree, springs).pulls(q, v)
+            for frame, (carrier, point, pull) in zip(ends, pulls, strict=True):
+                yield frame, carrier, point + mechanism.standpoint, pull, none
 
-    def _pulling(self, q: Array, v: Array, u: Array | None) -> Iterator[tuple[int, Array, Array, Array]]:
-        """The same of springs along tendons, and of actuators on tendons and sites."""
+    def sensor(self, name: str) -> Array:
+        """What a sensor of the mechanism reads at each state, (N, dim).
+
+        Raises
+        ------
+        ModelError
+            For a sensor that there is not.
+        OptionError
+            As `pushes`, for "force" and "torque".
+        """
+        found, here = self.mechanism.sensors[name], Instant(self.mechanism)
+        rates = self.accelerations() if found.needs in "af" else np.zeros_like(self.v)
+        pushes = self.pushes() if found.needs == "f" else None
+        read_off = np.empty((len(self.q), found.dim))
+        for i, (t, q, v, a) in enumerate(zip(self.t, self.q, self.v, rates, strict=True)):
+            here.move(float(t), q, v, a, () if pushes is None else pushes(i))
+            read_off[i] = read(found, here)
+        return read_off
+
+    def _pulling(self, q: Array, v: Array, u: Array | None) -> Iterator[Push]:
+        """Springs along tendons, and of actuators on tendons and sites."""
         mechanism, found = self.mechanism, list[tuple[float, BoundPath]]()
         for spring in mechanism.forces:
             if isinstance(spring, TendonSpring):
@@ -219,8 +260,8 @@ class Loaded:
         if found:
             mechanism.tree.jacobians(q)
         for force, path in found:
-            for carrier, point, push, moment in path.loads():
-                yield carrier, point + mechanism.standpoint, force * push, force * moment
+            for frame, carrier, point, push, moment in path.loads():
+                yield frame, carrier, point + mechanism.standpoint, force * push, force * moment
 
 
 def closure_number(mechanism: Mechanism, name: str | int) -> int:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..checks import check_between, check_choice, check_mechanism, check_positive, listed, shown
 from ..dynamics.control import Controls, with_control
-from ..dynamics.driven import prescribed
+from ..dynamics.driven import prescribed, with_still_ground
 from ..dynamics.equations import Torque
 from ..dynamics.held import HeldTorque
 from ..dynamics.loads import Torques, Wrench, one_torque
@@ -159,6 +159,7 @@ def simulate(
         When the run must stop; `error.trajectory` holds what was simulated until then.
     """
     check_mechanism(mechanism, Mechanism, "simulate")
+    drive = with_still_ground(mechanism, drive, q0)
     unnamed = step is None
     applied: Torque | ArrayLike | None = one_torque(mechanism, torque, wrenches)
     tableau = check_stepper(stepper)

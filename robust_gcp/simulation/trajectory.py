@@ -33,7 +33,8 @@ if TYPE_CHECKING:
 class Trajectory(Named, Pictures):
     """A simulated motion.
 
-    `traj["q1"]` gives a joint's numbers in q, `traj["v.q1"]` those in v; see `Named`.
+    `traj["q1"]` gives a joint's numbers in q, `traj["v.q1"]` those in v, `traj["sensor.imu"]` what a sensor
+    of the mechanism's file reads (N + 1, dim); see `Named`.
 
     Attributes
     ----------
@@ -210,10 +211,17 @@ class Trajectory(Named, Pictures):
             Where `record` did not hold "multipliers" and there are loops, for a joint that is none, and where
             wrenches acted that a file does not hold.
         """
+        return self._loaded.reaction(joint)
+
+    def _sensed(self, name: str) -> Array:
+        return self._loaded.sensor(name)
+
+    @property
+    def _loaded(self) -> Loaded:
         acted = Acted() if self.acted is None else self.acted
         known = None if acted.lost else acted.wrenches
         state = self.mechanism, self.t, self.q, self.v, self.accelerations
-        return Loaded(*state, self.multipliers, known, self.u).reaction(joint)
+        return Loaded(*state, self.multipliers, known, self.u)
 
     @cached_property
     def _accelerations(self) -> Array:

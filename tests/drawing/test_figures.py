@@ -124,6 +124,34 @@ def test_events_are_marked_as_crossings_are() -> None:
     assert [text.get_text() for text in alone.plot("q").legends[0].texts][-1] == "event"
 
 
+@pytest.fixture(scope="module")
+def bouncing() -> rg.Trajectory:
+    """A slider-crank whose slide falls on a stop, and rubs at its crank until it rests there."""
+    mech = rg.load("slider_crank")
+    stop = rg.Stop("q3", lower=float(mech.home[2]) - 0.25, restitution=0.5)
+    return rg.simulate(mech, duration=4.0, step=2e-3, joints=[stop, rg.JointFriction("q1", 2.0)])
+
+
+def test_happenings_are_marked_by_their_kind(bouncing: rg.Trajectory) -> None:
+    """One thin line in every panel at each time, over a column one marker; kinds named once."""
+    kinds: dict[str, list[float]] = {}
+    for happening in bouncing.happenings:
+        kinds.setdefault(happening.kind, []).append(happening.time)
+    assert set(kinds) >= {"impact", "hold", "at rest"}
+    figure = bouncing.plot(("q", "energy"))
+    for ax in figure.axes:
+        marks: dict[str, list[float]] = {}
+        for line in ax.lines:
+            if line.get_label() in kinds:
+                marks.setdefault(line.get_label(), []).append(line.get_xdata()[0])
+        assert marks == kinds
+    names = [text.get_text() for text in figure.legends[0].texts]
+    assert names == ["q1", "q2", "q3", "impact", "hold", "at rest"]
+    over = bouncing.plot("q3", x="q1")
+    impacts = next(line for line in over.axes[0].lines if line.get_label() == "impact")
+    np.testing.assert_allclose(impacts.get_ydata(), bouncing.mechanism.home[2] - 0.25, atol=1e-6)
+
+
 def test_joints_with_other_units_have_panels_of_their_own() -> None:
     run = rg.simulate(rg.load("slider_crank"), duration=0.05, step=5e-3)
     axes = run.plot(("q", "v")).axes

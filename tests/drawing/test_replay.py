@@ -108,6 +108,23 @@ def test_the_page_tells_the_crossings_and_where_they_are(overlay: Path, pair: li
         np.testing.assert_allclose(told["place"], place, atol=1e-9)
 
 
+def test_the_page_tells_when_joints_are_at_their_stops(overlay: Path) -> None:
+    """From the impact on, at rest on the stop, and four pictures more; the mark is on the slide."""
+    mech = rg.load("slider_crank")
+    stop = rg.Stop("q3", lower=float(mech.home[2]) - 0.25)
+    run = rg.simulate(mech, duration=2.0, step=2e-3, joints=[stop])
+    (hit,) = [h.time for h in run.happenings if h.kind == "impact"]
+    assert [h.kind for h in run.happenings] == ["impact", "hold"]  # plastic: it rests on from there
+    (told,) = data_of(rg.replay(run, speed=1.0).html)["runs"]
+    (shown,) = told["stops"]
+    assert shown["joint"] == "q3"
+    np.testing.assert_allclose(shown["times"], [[hit, 2.0 + 4 / 30]], atol=1e-12)
+    place = positions(told)[:, shown["point"]]
+    slide = np.interp(np.linspace(0.0, 2.0, len(place)), run.t, run["q3"])
+    np.testing.assert_allclose(place[:, 1], slide, atol=1e-3)
+    assert data_of(overlay.read_text(encoding="utf-8"))["runs"][0]["stops"] == []
+
+
 def test_pictures_are_those_of_the_motion(overlay: Path, pair: list[rg.Trajectory]) -> None:
     data = data_of(overlay.read_text(encoding="utf-8"))
     assert [run["label"] for run in data["runs"]] == LABELS

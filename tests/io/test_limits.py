@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import pickle
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import robust_gcp as rg
+from robust_gcp.__main__ import main
 
 pytest.importorskip("mujoco")
 
@@ -48,6 +51,20 @@ def test_the_parts_of_a_file_act_where_they_are_asked_for(name: str, tmp_path: P
     assert np.abs(run.energy_error()).max() < 1e-8
     free = rg.simulate(mech, [0.2], [3.0], duration=1.0, joints=[])
     assert free.q.max() > 0.7
+
+
+def test_the_command_line_tells_what_happened(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "p.urdf").write_text(URDF)
+    given = f"simulate {tmp_path / 'p.urdf'} --limits --friction --q0 0.2 --v0 3 --duration 1 --step 1e-3"
+    run = rg.simulate(
+        rg.load(tmp_path / "p.urdf", limits=True, friction=True), [0.2], [3.0], duration=1.0, step=1e-3
+    )
+    assert main(given.split()) == 0
+    told = capsys.readouterr().out
+    assert re.search(r"happenings +\d × impact", told) and f"{run.dissipated[-1]:.4g} J" in told
+    assert main([*given.split(), "--json"]) == 0
+    happened = json.loads(capsys.readouterr().out)["happenings"]
+    assert [h["time"] for h in happened] == [h.time for h in run.happenings]
 
 
 def test_parts_go_with_their_mechanism(tmp_path: Path) -> None:

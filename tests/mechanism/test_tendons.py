@@ -86,7 +86,7 @@ def test_what_a_path_does_to_bodies_has_the_power_of_its_force(name: str) -> Non
         tree.jacobians(q)
         pin.forwardKinematics(MODEL, data, q, v)
         power = 0.0
-        for joint, point, force, moment in path.loads():
+        for _, joint, point, force, moment in path.loads():
             V = data.oMi[joint].act(data.v[joint]) if joint else pin.Motion.Zero()
             power += force @ (V.linear + np.cross(V.angular, point)) + moment @ V.angular
         assert path.at(q)[1] @ v == pytest.approx(power, rel=1e-12, abs=1e-12)

@@ -1,19 +1,20 @@
-"""Moments of a motion, marked in its panels: crossings and events."""
+"""Moments of a motion, marked in its panels: crossings, events, what happens at stops, friction, locks."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from .style import BLACK, PURPLE, VERMILLION, mark_time
+from .style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION, mark_time
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from ...maps.explicit import Crossing
     from ...mechanism.tree import Array
+    from ...simulation.phases.happening import Happening
 
 CROSSING = "crossing"
 """Label of their dotted lines."""
@@ -33,6 +34,24 @@ MARKERS: tuple[dict[str, Any], ...] = tuple(
 )
 """Places of crossings, of the first, the second and further events on a curve that is not over time."""
 
+HAPPENINGS = {
+    "impact": (VERMILLION, "v"),
+    "grazing": (VERMILLION, "1"),
+    "hold": (BLACK, "s"),
+    "release": (GREEN, "^"),
+    "at rest": (SKY, "d"),
+    "lock": (BLUE, "P"),
+    "touch": (ORANGE, ">"),
+    "leave": (PURPLE, "<"),
+}
+"""Colour and marker of each kind; of another one grey dots."""
+
+THIN: dict[str, Any] = {"linestyle": "-", "linewidth": 0.6, "alpha": 0.75}
+"""Their lines: there may be many."""
+
+SMALL: dict[str, Any] = {"linestyle": "none", "markersize": 3.5, "markerfacecolor": "white"}
+"""Their markers."""
+
 
 class Eventful(Protocol):
     """What is marked of a `Trajectory`."""
@@ -40,27 +59,49 @@ class Eventful(Protocol):
     t: Array
     crossings: list[Crossing]
     t_events: list[Array]
+    happenings: list[Happening]
+
+
+class Moments(NamedTuple):
+    """Times of one kind, s, and how they look: as lines over time, as markers on a curve over a column."""
+
+    times: list[float]
+    line: dict[str, Any]
+    marker: dict[str, Any]
 
 
 def moment_names(runs: Iterable[Eventful]) -> list[str]:
-    """Labels that the marks of all runs may have: crossings, then each event."""
-    count = max((len(run.t_events) for run in runs), default=0)
-    return [CROSSING, *([EVENT] if count == 1 else [f"{EVENT} {k}" for k in range(count)])]
+    """Labels that the marks of all runs may have: crossings, each event, then kinds of happenings."""
+    given = list(runs)
+    count = max((len(run.t_events) for run in given), default=0)
+    kinds = [h.kind for run in given for h in run.happenings]
+    found = sorted(dict.fromkeys(kinds), key=lambda kind: [*HAPPENINGS, kind].index(kind))
+    return [CROSSING, *([EVENT] if count == 1 else [f"{EVENT} {k}" for k in range(count)]), *found]
 
 
 def mark_moments(axes: Sequence[Axes], run: Eventful, names: Sequence[str]) -> None:
-    """Mark crossings and events by lines through panels over time."""
-    for crossing in run.crossings:
-        mark_time(axes, crossing.time, label=names[0])
-    for k, times in enumerate(run.t_events):
-        for t in times:
-            mark_time(axes, float(t), label=names[k + 1], **LOOKS[min(k, len(LOOKS) - 1)])
+    """Mark them by lines through panels over time."""
+    for name, moments in _moments(run, names).items():
+        for t in moments.times:
+            mark_time(axes, t, label=name, **moments.line)
 
 
 def mark_places(ax: Axes, run: Eventful, x: Array, y: Array, names: Sequence[str]) -> None:
     """Mark them on a curve y (N + 1,) over x (N + 1,), which may pass a value of x several times."""
-    moments = [np.array([crossing.time for crossing in run.crossings]), *run.t_events]
-    for k, times in enumerate(moments):
-        if len(times):
-            place = np.interp(times, run.t, x), np.interp(times, run.t, y)
-            ax.plot(*place, label=names[k], **MARKERS[min(k, len(MARKERS) - 1)])
+    for name, moments in _moments(run, names).items():
+        if moments.times:
+            place = np.interp(moments.times, run.t, x), np.interp(moments.times, run.t, y)
+            ax.plot(*place, label=name, **moments.marker)
+
+
+def _moments(run: Eventful, names: Sequence[str]) -> dict[str, Moments]:
+    """Those of a run, by their labels."""
+    found = {names[0]: Moments([crossing.time for crossing in run.crossings], {}, MARKERS[0])}
+    for k, times in enumerate(run.t_events):
+        look = LOOKS[min(k, len(LOOKS) - 1)], MARKERS[min(k + 1, len(MARKERS) - 1)]
+        found[names[k + 1]] = Moments(np.asarray(times).tolist(), *look)
+    for happening in run.happenings:
+        color, marker = HAPPENINGS.get(happening.kind, (GREY, "."))
+        look = {"color": color, **THIN}, {"color": color, "marker": marker, **SMALL}
+        found.setdefault(happening.kind, Moments([], *look)).times.append(happening.time)
+    return found

@@ -17,6 +17,9 @@ from .frames import frame_times, resample
 from .geometry import Sticks, face_on, layers, sticks
 from .meshes import bare_bodies, mesh_data, shapes_of
 
+FLASH = 4 / 30
+"""How long a contact is shown after its end, s of play: an impact has no duration."""
+
 NAMED = 3
 """Independent coordinates that a crossing's label spells out; more are counted."""
 
@@ -72,6 +75,7 @@ def run_data(
         "layers": layers(made, positions) if flat else None,
         "radius": link_radius(made, positions),
         "crossings": _crossings(mechanism, made, trajectory.crossings),
+        "stops": _stops(trajectory, made, FLASH * speed),
     }
     return data, positions
 
@@ -124,6 +128,41 @@ def _crossings(mechanism: Mechanism, made: Sticks, crossings: Sequence[Crossing]
         {"time": c.time, "y": spelled(mechanism, c.y), "kind": c.kind, "place": at.tolist()}
         for c, at in zip(crossings, places, strict=True)
     ]
+
+
+def _stops(trajectory: Trajectory, made: Sticks, flash: float) -> list[dict[str, Any]]:
+    """Joints with stops: the point of each, and from when to when it is at one, s."""
+    joints = trajectory.mechanism.joint_names
+    found: dict[str, list[list[float]]] = {}
+    t = trajectory.t.tolist()
+    for k, name in enumerate(trajectory.part_names if trajectory.part_forces is not None else ()):
+        kind, _, row = name.partition(".")  # of a sum of joints the first; names may have hyphens
+        joint = max((j for j in joints if row == j or row.startswith(f"{j}-")), key=len, default="")
+        if kind == "stop" and joint:
+            assert trajectory.part_forces is not None
+            pressed = np.concatenate([[False], trajectory.part_forces[:, k] != 0.0, [False]])
+            ends = np.flatnonzero(np.diff(pressed.astype(int))).reshape(-1, 2).tolist()
+            found.setdefault(joint, []).extend([t[first], t[last - 1] + flash] for first, last in ends)
+    for happening in trajectory.happenings:
+        for joint in happening.joints if happening.kind in ("impact", "grazing") else ():
+            found.setdefault(joint, []).append([happening.time, happening.time + flash])
+    points = {joints[seat.joint - 1]: seat.point for seat in made.seats}
+    return [
+        {"point": points[joint], "joint": joint, "times": _merged(times)}
+        for joint, times in found.items()
+        if times and joint in points
+    ]
+
+
+def _merged(times: list[list[float]]) -> list[list[float]]:
+    """Intervals in order, those that overlap as one."""
+    found: list[list[float]] = []
+    for first, last in sorted(times):
+        if found and first <= found[-1][1]:
+            found[-1][1] = max(found[-1][1], last)
+        else:
+            found.append([first, last])
+    return found
 
 
 def spelled(mechanism: Mechanism, y: Array) -> str:

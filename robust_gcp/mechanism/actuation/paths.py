@@ -41,8 +41,8 @@ class Path(ABC):
         return ()
 
 
-Load = tuple[int, Array, Array, Array]
-"""The joint that carries a body, a point of it, a force and a moment about that, in world axes."""
+Load = tuple[str, int, Array, Array, Array]
+"""A frame, the joint that carries it, a point of its body, a force and a moment about that, in world axes."""
 
 
 class BoundPath(ABC):

@@ -35,18 +35,18 @@ class SiteForce(Path):
 
     def on(self, tree: Tree, owner: str) -> BoundPath:
         """See `Path`."""
-        gear = checked_vector(self.gear, 6, f"{owner}: gear", "6")
-        reference = None if self.reference is None else placed_frame(tree, self.reference, owner)
-        return _OnSite(tree, placed_frame(tree, self.site, owner), reference, gear)
+        return _OnSite(tree, self, owner)
 
 
 class _OnSite(BoundPath):
-    def __init__(self, tree: Tree, site: Placed, reference: Placed | None, gear: Array) -> None:
-        self._tree, self._gear, self._site, self._reference = tree, gear, site, reference
-        self._carried = np.zeros(tree.nv)
-        self._carried[support(tree.model, site[0])] = 1.0
-        if reference is not None:
-            self._carried[support(tree.model, reference[0])] -= 1.0
+    def __init__(self, tree: Tree, path: SiteForce, owner: str) -> None:
+        self._tree, self._path, self._carried = tree, path, np.zeros(tree.nv)
+        self._gear = checked_vector(path.gear, 6, f"{owner}: gear", "6")
+        self._site, self._reference = placed_frame(tree, path.site, owner), None
+        self._carried[support(tree.model, self._site[0])] = 1.0
+        if path.reference is not None:
+            self._reference = placed_frame(tree, path.reference, owner)
+            self._carried[support(tree.model, self._reference[0])] -= 1.0
 
     def _placed(self, frame: Placed) -> tuple[Array, Array]:
         R, p = self._tree.R[frame[0]], self._tree.p[frame[0]]
@@ -67,9 +67,9 @@ class _OnSite(BoundPath):
         R, p = self._placed(self._site)
         axes = R if self._reference is None else self._placed(self._reference)[0]
         force, moment = axes @ self._gear[:3], axes @ self._gear[3:]
-        found: list[Load] = [(self._site[0], p, force, moment)]
+        found: list[Load] = [(self._path.site, self._site[0], p, force, moment)]
         if self._reference is not None:
-            found.append((self._reference[0], p, -force, -moment))
+            found.append((str(self._path.reference), self._reference[0], p, -force, -moment))
         return found
 
 
@@ -91,17 +91,16 @@ class SliderCrank(Path):
 
     def on(self, tree: Tree, owner: str) -> BoundPath:
         """See `Path`."""
-        return _Cranked(
-            tree, placed_frame(tree, self.crank, owner), placed_frame(tree, self.slider, owner), self.rod
-        )
+        return _Cranked(tree, self, owner)
 
 
 class _Cranked(BoundPath):
-    def __init__(self, tree: Tree, crank: Placed, slider: Placed, rod: float) -> None:
-        self._tree, self._crank, self._slider, self._rod = tree, crank, slider, float(rod)
+    def __init__(self, tree: Tree, path: SliderCrank, owner: str) -> None:
+        self._tree, self._path, self._rod = tree, path, float(path.rod)
+        self._crank, self._slider = (placed_frame(tree, name, owner) for name in (path.crank, path.slider))
         self._of_crank, self._of_slider = np.zeros(tree.nv), np.zeros(tree.nv)
-        self._of_crank[support(tree.model, crank[0])] = 1.0
-        self._of_slider[support(tree.model, slider[0])] = 1.0
+        self._of_crank[support(tree.model, self._crank[0])] = 1.0
+        self._of_slider[support(tree.model, self._slider[0])] = 1.0
 
     def _found(self) -> tuple[float, Array, Array, Array, Array]:
         """ℓ, its derivatives by the crank's point and the slider's axis, and these points."""
@@ -130,4 +129,7 @@ class _Cranked(BoundPath):
         """See `BoundPath`."""
         _, by_d, turning, at_crank, at_slider = self._found()
         none = np.zeros(3)
-        return [(self._crank[0], at_crank, by_d, none), (self._slider[0], at_slider, -by_d, turning)]
+        return [
+            (self._path.crank, self._crank[0], at_crank, by_d, none),
+            (self._path.slider, self._slider[0], at_slider, -by_d, turning),
+        ]

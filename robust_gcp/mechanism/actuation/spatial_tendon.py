@@ -98,8 +98,8 @@ class Round:
     side: tuple[int, Array] | None
 
 
-Piece = tuple[float, int, Array, int, Array]
-"""A share of a length, and its ends: joints that carry them, points in world axes."""
+Piece = tuple[float, int, Array, int, Array, tuple[str, str]]
+"""A share of a length, and its ends: joints that carry them, points in world axes; frames of these."""
 
 
 class Line(BoundPath):
@@ -108,17 +108,19 @@ class Line(BoundPath):
     def __init__(self, tree: Tree, elements: Sequence[str | Pulley | Wrap], owner: str) -> None:
         self._tree = tree
         self.stretches: list[tuple[float, int, Array, int, Array, Round | None]] = []
-        share, before, wrap = 1.0, None, None
+        self._frames: list[tuple[str, str, str]] = []
+        share, before, wrap, names = 1.0, None, None, ("", "")
         for element in elements:
             if isinstance(element, Pulley):
                 share, before = 1.0 / element.divisor, None
             elif isinstance(element, Wrap):
-                wrap = self._round(element, owner)
+                wrap, names = self._round(element, owner), (names[0], element.frame)
             else:
                 here = point_of(tree, element, owner)
                 if before is not None:
                     self.stretches.append((share, *before, *here, wrap))
-                before, wrap = here, None
+                    self._frames.append((*names, element))
+                before, wrap, names = here, None, (element, "")
         joints = {0, *(j for _, a, _, b, _, w in self.stretches for j in (a, b, *([w.joint] if w else [])))}
         self._carried = {j: np.zeros(tree.nv) for j in joints}
         for joint, mask in self._carried.items():
@@ -136,16 +138,16 @@ class Line(BoundPath):
 
     def _pieces(self) -> tuple[list[Piece], float]:
         """Straight pieces between points of bodies, among them points of wraps, and the length of arcs."""
-        pieces, arcs = [], 0.0
-        for share, a, at_a, b, at_b, wrap in self.stretches:
+        pieces, arcs = list[Piece](), 0.0
+        for (share, a, at_a, b, at_b, wrap), names in zip(self.stretches, self._frames, strict=True):
             start, end = self._world(a, at_a), self._world(b, at_b)
             touched = None if wrap is None else self._touched(wrap, start, end)
             if wrap is None or touched is None:
-                pieces.append((share, a, start, b, end))
+                pieces.append((share, a, start, b, end, (names[0], names[2])))
                 continue
             arcs += share * touched.length
-            pieces.append((share, a, start, wrap.joint, touched.first))
-            pieces.append((share, wrap.joint, touched.last, b, end))
+            pieces.append((share, a, start, wrap.joint, touched.first, names[:2]))
+            pieces.append((share, wrap.joint, touched.last, b, end, names[1:]))
         return pieces, arcs
 
     def _touched(self, wrap: Round, start: Array, end: Array) -> Wrapped | None:
@@ -159,7 +161,7 @@ class Line(BoundPath):
         """See `BoundPath`."""
         pieces, length = self._pieces()
         moment = np.zeros(self._tree.nv)
-        for share, a, start, b, end in pieces:
+        for share, a, start, b, end, _ in pieces:
             along = end - start
             size = float(np.sqrt(along @ along))
             length += share * size
@@ -172,9 +174,9 @@ class Line(BoundPath):
     def loads(self) -> list[Load]:
         """See `BoundPath`."""
         found, none = list[Load](), np.zeros(3)
-        for share, a, start, b, end in self._pieces()[0]:
+        for share, a, start, b, end, names in self._pieces()[0]:
             size = float(np.linalg.norm(end - start))
             if size > 0.0 and a != b:
                 pull = share * (end - start) / size
-                found += [(a, start, -pull, none), (b, end, pull, none)]
+                found += [(names[0], a, start, -pull, none), (names[1], b, end, pull, none)]
         return found

@@ -2,7 +2,7 @@
 // The bodies of one motion: bars, pins, faces, trails, the ghost of the start, marks at crossings.
 const BODY_COLOURS = ["#0072b2", "#d9822b", "#009e73", "#a8508b", "#3f8fc4", "#8a7a00", "#b5442e", "#5b5ea6"];
 const RUN_COLOURS = ["#0b5cad", "#d1600a", "#00805a", "#8c3f75"];
-const GROUND = "#8a939c", PIN = "#20262d", MARK = "#b58900";
+const GROUND = "#8a939c", PIN = "#20262d", MARK = "#b58900", STOP = "#d7301f";
 const BALL = new THREE.SphereGeometry(1, 20, 14);
 const ROD = new THREE.CylinderGeometry(1, 1, 1, 20);
 const PLATE = new THREE.BoxGeometry(2, 1, 2);
@@ -98,6 +98,7 @@ class Drawing {
     for (const { made } of this.meshes) this.shapes.add(made);
     this.group.add(this.sticks, this.bare, this.shapes);
     this.show_meshes(this.meshes.length > 0);
+    this.stops = (run.stops || []).map((stop) => this.stop(stop));
     this.trails = run.trails.map((trail, i) => this.trail(trail.point, i));
     this.place(run.start);
     this.pose(this.ghost_bars);
@@ -167,6 +168,15 @@ class Drawing {
     const mesh = ribbon(path, fine, this.colour || TRAIL_COLOURS[number % TRAIL_COLOURS.length]);
     this.group.add(mesh);
     return mesh;
+  }
+
+  // A ring about a joint, to be seen while it is at its stop.
+  stop({ point, times }) {
+    const ring = new THREE.Mesh(
+      new THREE.TorusGeometry(1.45 * this.r, 0.33 * this.r, 12, 40), this.material(new THREE.Color(STOP), 1));
+    ring.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), this.normal);
+    this.group.add(ring);
+    return { point, times, ring };
   }
 
   // Crossings at one place share a mark.
@@ -262,6 +272,10 @@ class Drawing {
     }
     for (const { frame, local, made } of this.meshes) {
       made.matrix.multiplyMatrices(pose_of(this.point(frame), this.point(frame + 1), this.point(frame + 2)), local);
+    }
+    for (const { point, times, ring } of this.stops) {
+      ring.visible = times.some(([first, last]) => first <= time && time <= last);
+      ring.position.copy(this.point(point)).addScaledVector(this.normal, this.flat ? this.depth + this.height : 0);
     }
     const span = this.motion.end - this.motion.start;
     const frame = span > 0 ? ((time - this.motion.start) / span) * (this.motion.frames - 1) : 0;

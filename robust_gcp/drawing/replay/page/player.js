@@ -76,6 +76,11 @@
       if (run.end < data.end) item.append(`, until t = ${spell(run.end)} s`);
       $("legend").append(item);
     });
+    if (data.runs.every((run) => run.stops.length === 0)) return;
+    const item = document.createElement("li"), ring = document.createElement("i");
+    ring.className = "stop";
+    item.append(ring, "joint at its stop");
+    $("legend").append(item);
   }
 
   // ------------------------------------------------------------------ time
