@@ -15,6 +15,7 @@ from ..maps.cluster.obstacles import ObstacleError
 from ..maps.point import Point
 from ..mechanism.tree import Array
 from .charts import in_new_chart
+from .record import Record
 from .recovery import Checkpoint
 from .refined import RefinedRun
 from .stats import until
@@ -48,10 +49,26 @@ class FixedRun(RefinedRun):
         self.stepper = "rk4" if take is rk4_step else "tableau"
         self._stride = len(self.times)
         self._first = self._motion.first  # told already at the start
+        self.lowest = len(self.times)  # output that was gone back to, for whoever looks at them on the way
 
     def go(self) -> None:
         """From output to output, except where `Recovery` says otherwise."""
         self.advance(0, len(self.times) - 1)
+
+    def further(self, n: int) -> None:
+        """n steps more, from the start or from where it came to."""
+        i = self._record.at
+        self.advance(max(i, 0), max(i, 0) + n, None if i < 0 else self._last)
+
+    @property
+    def record(self) -> Record:
+        """What is recorded so far."""
+        return self._record
+
+    @property
+    def ended(self) -> bool:
+        """Whether an event ended it."""
+        return self._ended
 
     def advance(self, i: int, last: int, known: Evaluation | None = None) -> None:
         """The steps from time i to time `last`; `known` is the evaluation at i where it was accepted."""
@@ -229,6 +246,7 @@ class FixedRun(RefinedRun):
         self._leave()
         self._x, self._motion.explicit.anchor, self._last = safe.x, safe.point, None
         self._record.rewind(safe.i)
+        self.lowest = min(self.lowest, safe.i)
         back = float(self.times[safe.i])
         self._events.forget(back)
         self._stretches = until(self._stretches, back)

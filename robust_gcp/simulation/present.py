@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..dynamics.loads import Wrench
@@ -10,14 +14,30 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .access import FrameMotion, Sample, force_columns
 from .reactions import Loaded, Reaction, multipliers_of, row_names
-from .stepped import SteppedRun
+
+if TYPE_CHECKING:
+    from .phases.happening import Happening
+    from .phases.stepwise import PhasedRun
+    from .stepped import SteppedRun
+
+
+@dataclass(frozen=True)
+class Here:
+    """q, v, a and all that acts besides gravity, (nv,) or None; what drives take; more numbers by name."""
+
+    q: Array
+    v: Array
+    a: Array
+    tau: Array | None
+    drive: Array | None = None
+    more: Mapping[str, Array | float] = field(default_factory=dict)
 
 
 class Present:
     """The present state of a `Simulation`."""
 
     mechanism: Mechanism
-    _run: SteppedRun
+    _run: SteppedRun | PhasedRun
     _wrenches: tuple[Wrench, ...]
     _step: float
 
@@ -49,7 +69,7 @@ class Present:
     @property
     def a(self) -> Array:
         """Acceleration (nv,) under the torque that was held last."""
-        return self._run.last.a.copy()
+        return self._run.here.a.copy()
 
     @property
     def energy(self) -> float:
@@ -70,7 +90,7 @@ class Present:
         `now["q1"]`, `now["a.q1"]`, "energy", "tau.q1", "drive.q1", "lambda.…": the names of
         `Trajectory.columns`.
         """
-        mechanism, last, here = self.mechanism, self._run.last, self._loaded()
+        mechanism, last, here = self.mechanism, self._run.here, self._loaded()
         more = {"energy": np.array(self.energy)}
         more |= force_columns(mechanism, "tau", mechanism.tree.zero if last.tau is None else last.tau)
         if last.drive is not None:
@@ -78,6 +98,7 @@ class Present:
         if mechanism.nc and here.multipliers is not None:
             found = here.multipliers[0]
             more |= {f"lambda.{name}": found[i] for i, name in enumerate(row_names(mechanism))}
+        more |= {name: np.array(value) for name, value in last.more.items()}
         return Sample(mechanism, here.t[0], here.q[0], here.v[0], last.a, more)
 
     def frame(self, name: str) -> FrameMotion:
@@ -89,10 +110,20 @@ class Present:
         return self._loaded().reaction(joint).at(0)
 
     def _loaded(self) -> Loaded:
-        mechanism, last = self.mechanism, self._run.last
-        q, v, a = last.point.q[None], last.v[None], last.a[None]
+        mechanism, last = self.mechanism, self._run.here
+        q, v, a = last.q[None], last.v[None], last.a[None]
         multipliers = multipliers_of(mechanism, q, v, a, None if last.tau is None else last.tau[None])
         return Loaded(mechanism, np.array([self.t]), q, v, lambda: a, multipliers, self._wrenches)
+
+    @property
+    def happenings(self) -> list[Happening]:
+        """Of `joints`, so far: impacts, holds, releases and so on, in the order of time."""
+        return list(self._run.happenings)
+
+    @property
+    def dissipated(self) -> float:
+        """Energy lost so far by impacts, friction and dampers of stops, J."""
+        return self._run.dissipated
 
     @property
     def t_events(self) -> list[Array]:

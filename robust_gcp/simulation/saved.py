@@ -21,8 +21,10 @@ class StartState:
     t : float
         s.
     q, v : ndarray (nq,), (nv,)
-    mode : ndarray (nv, m)
+    mode : ndarray (nv, m) or (nv,)
         Tangent of the mode there.
+    phase : object, optional
+        What stops, friction and locks do there.
     """
 
     joints: tuple[str, ...]
@@ -30,6 +32,7 @@ class StartState:
     q: Array
     v: Array
     mode: Array
+    phase: Any = None
 
 
 class SavedState:
@@ -73,7 +76,7 @@ class SavedState:
 
     def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
         start = self._start
-        return StartState, (start.joints, start.t, start.q, start.v, start.mode)
+        return StartState, (start.joints, start.t, start.q, start.v, start.mode, start.phase)
 
     def __repr__(self) -> str:
         return f"state saved by {self._told}"

@@ -20,6 +20,7 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .events import Events
 from .fixed import FixedRun
+from .present import Here
 from .schedule import Schedule
 from .trajectory import Trajectory
 
@@ -33,6 +34,8 @@ FIXED = (
 class SteppedRun(FixedRun):
     """A run that goes on when asked to, under a torque that is held.
 
+    It has no stops, friction or locks: see `phases.stepwise`.
+
     Where it has to go back over steps that were taken, the torques held then act again.
 
     Parameters
@@ -42,6 +45,9 @@ class SteppedRun(FixedRun):
     more
         As for `FixedRun`.
     """
+
+    happenings: tuple[Any, ...] = ()
+    dissipated = 0.0
 
     def __init__(self, held: HeldTorque, *more: Any, **options: Any) -> None:
         super().__init__(*more, **options)
@@ -132,6 +138,23 @@ class SteppedRun(FixedRun):
         return self._last
 
     @property
+    def here(self) -> Here:
+        """The same by name."""
+        now = self.last
+        return Here(now.point.q, now.v, now.a, now.tau, now.drive)
+
+    @property
+    def toward(self) -> Array:
+        """The tangent of the mode, (nv, m)."""
+        return self.last.point.G.copy()
+
+    def remembered(self) -> None:
+        """What another run goes on from besides the state: nothing."""
+
+    def recall(self, phase: Any) -> None:
+        """Nothing is to be recalled."""
+
+    @property
     def at(self) -> int:
         """The number of the last output."""
         return self._record.at
@@ -147,11 +170,6 @@ class SteppedRun(FixedRun):
     def time(self) -> float:
         """Where the run is, s."""
         return self._record.time if self._ended else float(self.times[self.at])
-
-    @property
-    def ended(self) -> bool:
-        """Whether an event ended it."""
-        return self._ended
 
     @property
     def events(self) -> Events:
@@ -268,26 +286,6 @@ class SteppedRun(FixedRun):
         for name, value in self.copied(parts).items():
             setattr(self, name, value)
         self._held.value = self._torques[-1]
-
-
-class HeldRun(SteppedRun):
-    """A run that asks a function for the torque at the start of each step, and holds it over the step."""
-
-    def go(self) -> None:
-        """Step by step; steps that are taken once more have the torque that they had."""
-        ask, motion = self._held.asked, self._motion
-        assert ask is not None  # `HeldTorque.of` gave it
-        start, times = motion.start, self.times.tolist()
-        first = ask(times[0], start.point.q, start.point.G.dot(start.ydot))
-        self._held.value, self._torques, self._bits = first, [first], first.tobytes()
-        self._first = None  # under no torque
-        self.begin()
-        self.take(first, 1)
-        for t in times[1:-1]:
-            if self._ended:
-                break
-            self.take(ask(t, *self.state), 1)
-        self.settle()
 
 
 def _unchanging(mechanism: Mechanism) -> list[Any]:

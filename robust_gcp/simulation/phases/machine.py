@@ -9,23 +9,24 @@ only in coordinates that include it, which may turn back while the phase lasts.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ...dynamics.equations import Torque, torque_function
+from ...dynamics.held import HeldTorque
 from ...errors import SingularStartError
 from ...kernel.library import Library
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
-from ..schedule import Schedule
-from .decision import Acting, Phase
+from ..events import Events
+from .decision import Acting, Phase, State
+from .leg import Leg, Steps
 from .rows import Kind, Rows
 
 if TYPE_CHECKING:
     from ..course import Course
-    from ..trajectory import Trajectory
 
 
 @dataclass
@@ -37,7 +38,7 @@ class Machines:
     rows : Rows
     course : Course
         Of the whole run.
-    torque : callable, array_like or None
+    torque : HeldTorque, callable, array_like or None
         The user's.
     kernel : Library or None
     required : bool
@@ -54,6 +55,7 @@ class Machines:
     mode: ArrayLike | None
 
     def __post_init__(self) -> None:
+        self.held = self.torque if isinstance(self.torque, HeldTorque) else None
         self._function = torque_function(self.rows.mechanism, self.torque)
         self._once: dict[tuple[object, ...], Mechanism] = {}
         self.checked = True
@@ -66,8 +68,8 @@ class Machines:
 
     @property
     def varies(self) -> bool:
-        """Whether torques at rest may change with time."""
-        return callable(self.torque)
+        """Whether torques at rest may change with time within a step."""
+        return callable(self.torque) and self.held is None
 
     def of(self, phase: Phase, here: Array) -> Mechanism | None:
         """The mechanism of a phase that begins at the configuration `here`; None where nothing can move."""
@@ -112,44 +114,63 @@ class Machines:
 
     def _torque(self, phase: Phase) -> Torque | ArrayLike | None:
         """The user's torque with what slipping joints and springs add, as cheap as it can be."""
-        rows, function = self.rows, self._function
-        if not (phase.slip or phase.touching):
+        rows, function, held = self.rows, self._function, self.held
+        if phase.touching:
+
+            def sprung(t: float, q: Array, v: Array) -> Array:
+                pushed: Array = rows.E.T @ phase.push(rows, q, v)
+                return pushed if function is None else pushed + function(t, q, v)
+
+            return sprung
+        if held is not None:
+            return HeldTorque(held.value + self.constant(phase))
+        if not phase.slip:
             return self.torque
-        if not phase.touching:
+        constant = self.constant(phase)
+        if function is None or not callable(self.torque):
             zero = np.zeros(rows.mechanism.nq), np.zeros(rows.mechanism.nv)
-            constant: Array = rows.E.T @ phase.push(rows, *zero)
-            if function is None or not callable(self.torque):
-                return constant if function is None else constant + function(0.0, *zero)
-            return lambda t, q, v: constant + function(t, q, v)
+            return constant if function is None else constant + function(0.0, *zero)
+        return lambda t, q, v: constant + function(t, q, v)
 
-        def sprung(t: float, q: Array, v: Array) -> Array:
-            pushed: Array = rows.E.T @ phase.push(rows, q, v)
-            return pushed if function is None else pushed + function(t, q, v)
+    def constant(self, phase: Phase) -> Array:
+        """What slipping joints add, (nv,)."""
+        rows = self.rows
+        zero = np.zeros(rows.mechanism.nq), np.zeros(rows.mechanism.nv)
+        pushed: Array = rows.E.T @ phase.push(rows, *zero)
+        return pushed
 
-        return sprung
-
-    def march(
-        self, machine: Mechanism, phase: Phase, times: Array, q: Array, v: Array, toward: Array
-    ) -> Trajectory:
-        """The steps of a phase from times[0] on, with accelerations and all that acts.
+    def leg(
+        self, machine: Mechanism, phase: Phase, times: Array, q: Array, v: Array, toward: Array,
+        events: Events | None = None,
+    ) -> Leg:  # fmt: skip
+        """Steps of a phase from times[0] on.
 
         Let go at rest where modes meet, it goes on along the mode that it came by.
+
+        Parameters
+        ----------
+        events : Events, optional
+            The user's, that are looked for on the way.
         """
         plan = replace(
-            self.course,
-            mechanism=machine,
-            schedule=Schedule.every(times),
-            duration=float(times[-1] - times[0]),
-            record=("a", "tau"),
-            checked=self.checked,
+            self.course, mechanism=machine, checked=self.checked, events=() if events is None else events
         )
         torque = self._torque(phase)
         try:
-            run = plan.run((q, v, None), torque, self.kernel, self.required, None, None)
+            leg = Leg(self, plan, torque, times, (q, v, None))
         except SingularStartError:
             mode = toward if np.any(toward) else self.mode
             if mode is None:
                 raise
-            run = plan.run((q, v, mode), torque, self.kernel, self.required, None, None)
+            leg = Leg(self, plan, torque, times, (q, v, mode))
         self.checked = False
-        return run
+        return leg
+
+    def part(self, machine: Mechanism, phase: Phase, start: State, end: float, events: Any = None) -> Steps:
+        """One step from a state on."""
+        times = np.array([start.t, end])
+        leg = self.leg(machine, phase, times, start.q, start.v, start.seen.toward, events)
+        fault = leg.advance(1)
+        if fault is not None:
+            raise fault
+        return leg.since(0)

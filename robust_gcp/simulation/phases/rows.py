@@ -104,6 +104,13 @@ class Rows:
         self.bounds = np.array([row.bound for row in self.rows])
         self.columns = tuple(dict.fromkeys(row.column for row in self.rows))
 
+    @property
+    def signature(self) -> tuple[tuple[object, ...], ...]:
+        """What tells these rows from others."""
+        return tuple(
+            (int(row.kind), row.part.joints, row.part.weights, row.at, row.side) for row in self.rows
+        )
+
     def of(self, kind: Kind) -> list[int]:
         """The rows of a kind."""
         return [i for i, row in enumerate(self.rows) if row.kind is kind]
