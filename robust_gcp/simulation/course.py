@@ -17,6 +17,7 @@ from ..dynamics.held import HeldTorque
 from ..dynamics.problem import Problem
 from ..dynamics.tableau import Tableau
 from ..errors import ClosureError, NonFiniteError, SimulationError
+from ..kernel.guard import Guard
 from ..kernel.library import Library
 from ..kernel.steps import NativeSteps
 from ..maps.choice import MapChoice
@@ -65,6 +66,8 @@ class Course:
         As `Run` takes them.
     checked : bool
         Whether it is warned of steps that are too long.
+    guard : Guard or None
+        What is to stay within bounds; the run pauses after a step in which it may not have.
     """
 
     mechanism: Mechanism
@@ -80,6 +83,7 @@ class Course:
     events: Sequence[Event] | Events
     on_toggle: str
     checked: bool = True
+    guard: Guard | None = None
 
     def run(
         self,
@@ -131,7 +135,9 @@ class Course:
     ) -> tuple[Problem, NativeSteps | None, Counters]:
         """The motion at its start, what takes its steps natively, and what is counted."""
         counters, own = Counters(), self.tableau if isinstance(self.tableau, Tableau) else None
-        native = None if kernel is None else NativeSteps(kernel, torque, required, self.drives, own)
+        native = (
+            None if kernel is None else NativeSteps(kernel, torque, required, self.drives, own, self.guard)
+        )
         t0 = float(self.schedule.times[0])
         given = self.mechanism, start, torque, self.choice, counters, self.on_toggle, self.drives, t0
         return started(native, *given), native, counters
@@ -189,6 +195,8 @@ class Course:
             run = HeldRun(torque, take, native, *parts)
         else:
             run = FixedRun(take, native, *parts)
+        if isinstance(run, FixedRun):
+            run.guard = self.guard
         run.acted = self.acted
         return run
 

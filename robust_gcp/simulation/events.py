@@ -180,6 +180,12 @@ class Events:
         """Whether one of them ended the run."""
         return self.ended_by is not None
 
+    def only(self, n: int) -> Events:
+        """The first n of them, as they are now."""
+        other = copy(self)
+        other.asked, other.t, other.q, other.v = self.asked[:n], self.t[:n], self.q[:n], self.v[:n]
+        return other
+
     def copied(self) -> Events:
         """A copy that goes its own way."""
         other = copy(self)

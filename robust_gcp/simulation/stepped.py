@@ -14,6 +14,7 @@ from ..dynamics.equations import Evaluation
 from ..dynamics.held import HeldTorque
 from ..kernel.prepared import Prepared
 from ..kernel.steps import KernelMap, NativeSteps, most_steps
+from ..kernel.structures import Reason
 from ..maps.explicit import Crossing
 from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism
@@ -81,6 +82,7 @@ class SteppedRun(FixedRun):
         follows from a step waits until someone asks (`settle`).
         """
         i, bits, lean = self._record.at, torque.tobytes(), self._lean
+        self.paused = False
         turned = bits != self._bits
         if lean is not None and n <= self._most:
             plain = lean(i, n, torque if turned else None)
@@ -95,6 +97,9 @@ class SteppedRun(FixedRun):
                     self._watch_rows(i, self._watching[i + 1 : i + 1 + n])
                 return
             self.settle()
+            if self.paused:
+                self._lean = self._prepared()
+                return
         if turned:
             self._hold(i, torque, bits)
         self._go_on(self.at, i + n, self.last)
@@ -115,6 +120,7 @@ class SteppedRun(FixedRun):
         self._take_over(i, batch)
         self._last = batch.now
         self._record.last_state = self._x
+        self.paused = batch.reason is Reason.MET
         if batch.failure is not None:
             raise batch.failure
 

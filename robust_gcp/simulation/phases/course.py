@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
-from .decision import Phase, State, decided, settled
+from .decision import State, decided, settled
 from .frame import Seen
 from .happening import Happening
 from .impact import REST
@@ -60,7 +61,7 @@ class Phases(Progress):
             return
         if self._leg is not None and not self._leg.turn(torque + self._machines.constant(phase)):
             self._drop()
-        other = Phase(touching=phase.touching)
+        other = phase.successor()
         other.held = decided(self._rows, self._machines.acting(other), other, self._state)
         self._fresh = sorted(other.held) != sorted(phase.held) or other.slip != phase.slip
 
@@ -70,8 +71,9 @@ class Phases(Progress):
 
     def _begin(self) -> None:
         """The phase that begins now, and its first output."""
-        machines = self._machines
+        machines, rows = self._machines, self._rows.rows
         self._drop()
+        self._armed = frozenset(i for i in self._latches if rows[i].start <= self._t)
         acting, tell = machines.acting, self._tell
         self._phase, self._v = settled(self._rows, acting, self._phase, self._state, self._ahead, tell)
         self._ahead, self._fresh, self._size = None, False, FIRST
@@ -97,8 +99,10 @@ class Phases(Progress):
         times, q, v = self._times(self._grid.end), self._q, self._v
         if len(times) == 1 or times[1] <= times[0]:  # at the end of all
             times = np.array([self._t, self._t + self._grid.step])
-        events = self.events if self.events else None
-        leg = self._machines.leg(machine, self._phase, times, q, v, self._seen.toward, events)
+        events = self._events if self._events else None
+        leg = self._machines.leg(
+            machine, self._phase, times, q, v, self._seen.toward, events, self._stretch.guard
+        )
         if (fault := leg.advance(0)) is not None:
             raise fault
         self._leg, self._sums = leg, self.joined.sums
@@ -111,20 +115,24 @@ class Phases(Progress):
         leg = self._leg or self._set_out(machine)
         i, slack = leg.at, self._grid.slack
         n = int(np.searchsorted(leg.times, end + slack, side="right")) - 1 - i
-        fault = leg.advance(min(max(n, 1), self._size))
+        fault = leg.advance(min(max(n, 1), self._size) if self._stretch.limited else max(n, 1))
         back = leg.gone_back()
         if back:
             self.joined.back_to(self._sums)
         steps = leg.since(0 if back else i)
-        found, held = self._stretch.first(steps, self._seen)
+        last = len(steps.t) - 1
+        found, held = self._stretch.first(steps, self._seen, 0 if back else last - int(leg.paused))
         if fault is not None and found is None and leg.at <= i:
             steps, found, held = self._finer(machine, leg, i, fault)
-        k = len(steps.t) - 1 if found is None else found.step
+        k, end = len(steps.t) - 1 if found is None else found.step, float(steps.t[-1])
+        if found is None and leg.ended and not self._over:
+            steps = replace(steps, t=np.append(steps.t[:-1], np.nextafter(end, -np.inf)))
         self._keep(machine, steps.first(k + 1), held[: k + 1])
         if found is not None:
             self._met(machine, steps, found, held[k])
         elif leg.ended:
-            self.ended = self.joined.to_the_end = True
+            self._t = end
+            self._stop_at_event()
         elif fault is not None or leg.at == len(leg.times) - 1:
             self._drop()
             self._fresh = self._t in self._switches
@@ -146,25 +154,40 @@ class Phases(Progress):
         """Go to an event in the step that begins now."""
         k, start = found.step, self._state
         self._drop()
-        self.events.forget(self._t)
-        self.events.ended_by = None
+        self._events.forget(self._t)
+        self._events.ended_by = None
         part = self._stretch.located(steps, found, self._seen)
-        if part is not None and self.events:
-            part = self._stretch.within(steps, k, self._seen, float(part.t[-1]), self.events)
+        if part is not None and self._events:
+            part = self._stretch.within(steps, k, self._seen, float(part.t[-1]), self._events)
         if part is not None:
             end = float(part.t[-1])
             block = Block.of(part, np.array([held, self._stretch.forces(part, -1)]))
-            before = end if self.events.ended else float(np.nextafter(end, -np.inf))
+            before = end if self._over else float(np.nextafter(end, -np.inf))
             block.t = np.array([start.t, before])
             inner = [(0, row) for row in self._within(machine, start, end, held)]
             self.joined.add(block.with_rows(inner), self._phase, first=1)
             self._t, self._q, self._v = end, part.q[-1].copy(), part.v[-1].copy()
             self._seen = Seen.of(self._v, part.a[-1].copy(), self._seen)
-        if self.events.ended:
-            self.ended = self.joined.to_the_end = True
+        if self._events.ended:
+            self._stop_at_event()
         else:
             self._fresh = True
             self._decide(machine, found)
+
+    @property
+    def _over(self) -> bool:
+        """Whether an event of the user's ended the motion."""
+        return self._events.ended_by is not None and self._events.ended_by < self._asked
+
+    def _stop_at_event(self) -> None:
+        """An event ends the motion, or closes a lock."""
+        self._drop()
+        k = self._events.ended_by
+        if self._over or k is None:
+            self.ended = self.joined.to_the_end = True
+            return
+        self._events.ended_by, self._fresh = None, True
+        self._phase.latched |= {self._latches[k - self._asked]}
 
     def _decide(self, machine: Mechanism, found: Found) -> None:
         """What the event is, for the decision that follows."""
@@ -179,9 +202,9 @@ class Phases(Progress):
 
     def _looked_ahead(self, machine: Mechanism) -> Iterator[State]:
         """States a moment later, while what was held still is."""
-        phase, state = self._phase, self._state
+        state = self._state
         for share in AHEAD:
-            part = self._machines.part(machine, phase, state, state.t + share * self._grid.step)
+            part = self._stretch.part(state, state.t + share * self._grid.step)
             yield State(
                 float(part.t[-1]), part.q[-1], part.v[-1], Seen.of(part.v[-1], part.a[-1], state.seen)
             )
@@ -191,16 +214,18 @@ class Phases(Progress):
         times = self._times(end)
         times = np.union1d(times, self.joined.chosen.between(times[0], times[-1]))
         found = rested(self._machines, self._phase, self._state, times)
-        zero = Still(self._q, self._v).ended(self.events, found.block.t) if self.events else None
+        zero = Still(self._q, self._v).ended(self._events, found.block.t) if self._events else None
         if zero is not None:
             times = np.append(times[times < zero], zero)
             found = rested(self._machines, self._phase, self._state, times)
-            self.ended = self.joined.to_the_end = True
         self.joined.add(found.block, self._phase)
         if found.fault is not None:
             raise found.fault
         self._t, self._v, self._seen = found.until, np.zeros_like(self._v), found.seen
-        self._fresh = (found.broke or self._t in self._switches) and not self.ended
-        if found.broke:
+        self._fresh = found.broke or self._t in self._switches
+        if zero is not None:
+            self._fresh = False
+            self._stop_at_event()
+        elif found.broke:
             later = [found.until + share * self._grid.step for share in AHEAD]
             self._ahead = iter([State(t, self._q, self._v, found.seen) for t in later])

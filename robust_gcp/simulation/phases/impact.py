@@ -125,14 +125,16 @@ def impulses(
         raise SimulationError(f"impacts of {', '.join(rows.names([*stops, *locks]))} do not come to an end")
 
 
-def settled_impacts(rows: Rows, t: float, q: Array, v: Array, seen: Seen | None, tell: Tell) -> Array:
+def settled_impacts(
+    rows: Rows, t: float, q: Array, v: Array, locks: Sequence[int], seen: Seen | None, tell: Tell
+) -> Array:
     """v⁺ where no closed stop is approached any more and locks rest.
 
     Raises
     ------
     SimulationError
     """
-    stops, locks = rows.closed(q), rows.locked(t)
+    stops = rows.closed(q)
     for found in impulses(rows, q, v, stops, locks, seen):
         v, met = found.v, found.met
         if not met:

@@ -130,9 +130,7 @@ class Joined:
 
         Work and losses go on from the last block's end.
         """
-        forces = block.held + np.array(
-            [phase.push(self.rows, q, v) for q, v in zip(block.q, block.v, strict=True)]
-        )
+        forces = block.held + phase.push(self.rows, block.q, block.v)
         smooth = self._smooth + self._lost(block, phase)
         work = self._work + block.work
         self._work, self._smooth = float(work[-1]), float(smooth[-1])

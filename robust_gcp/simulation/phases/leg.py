@@ -116,6 +116,11 @@ class Leg:
         """Whether an event ended it."""
         return self._run.ended
 
+    @property
+    def paused(self) -> bool:
+        """Whether the last step is to be looked at."""
+        return self._run.paused
+
     def advance(self, n: int) -> Fault | None:
         """n steps more, and what stopped them; with n = 0 the start."""
         try:

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from ...dynamics.equations import Torque, torque_function
 from ...dynamics.held import HeldTorque
 from ...errors import SingularStartError
+from ...kernel.guard import Guard
 from ...kernel.library import Library
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
@@ -112,7 +113,7 @@ class Machines:
 
         return tau
 
-    def _torque(self, phase: Phase) -> Torque | ArrayLike | None:
+    def torque_of(self, phase: Phase) -> Torque | ArrayLike | None:
         """The user's torque with what slipping joints and springs add, as cheap as it can be."""
         rows, function, held = self.rows, self._function, self.held
         if phase.touching:
@@ -141,7 +142,7 @@ class Machines:
 
     def leg(
         self, machine: Mechanism, phase: Phase, times: Array, q: Array, v: Array, toward: Array,
-        events: Events | None = None,
+        events: Events | None = None, guard: Guard | None = None,
     ) -> Leg:  # fmt: skip
         """Steps of a phase from times[0] on.
 
@@ -151,11 +152,12 @@ class Machines:
         ----------
         events : Events, optional
             The user's, that are looked for on the way.
+        guard : Guard, optional
+            What is to stay within bounds.
         """
-        plan = replace(
-            self.course, mechanism=machine, checked=self.checked, events=() if events is None else events
-        )
-        torque = self._torque(phase)
+        asked: Any = () if events is None else events
+        plan = replace(self.course, mechanism=machine, checked=self.checked, events=asked, guard=guard)
+        torque = self.torque_of(phase)
         try:
             leg = Leg(self, plan, torque, times, (q, v, None))
         except SingularStartError:
@@ -167,7 +169,7 @@ class Machines:
         return leg
 
     def part(self, machine: Mechanism, phase: Phase, start: State, end: float, events: Any = None) -> Steps:
-        """One step from a state on."""
+        """One step from a state on, with all that may happen."""
         times = np.array([start.t, end])
         leg = self.leg(machine, phase, times, start.q, start.v, start.seen.toward, events)
         fault = leg.advance(1)

@@ -11,7 +11,7 @@ import numpy as np
 from ...maps.explicit import Crossing
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
-from ..events import Event, Events
+from ..events import Event, Events, checked_events
 from ..trajectory import Trajectory
 from .chosen import Chosen
 from .decision import Phase, State
@@ -26,7 +26,7 @@ from .stretch import Stretch
 FIRST = 8
 """Steps that are looked at together after an event, then doubled: some are taken for nothing."""
 
-SAVED = ("_t", "_q", "_v", "_seen", "_fresh", "_machine", "_size", "_sums", "ended")
+SAVED = ("_t", "_q", "_v", "_seen", "_fresh", "_machine", "_size", "_sums", "_armed", "ended")
 """What steps change, besides the phase and the record."""
 
 
@@ -48,7 +48,6 @@ class Progress:
     ----------
     joined : Joined
         What is recorded.
-    events : Events
     ended : bool
         Whether one of these ended the motion.
     """
@@ -68,7 +67,11 @@ class Progress:
         self._fresh, self._size, self.ended = True, FIRST, False
         self._machine: Mechanism | None = None
         self._leg: Leg | None = None
-        self.events = events if isinstance(events, Events) else Events(events, self._t, grid.step)
+        self._latches = [i for i in self._rows.of(Kind.LOCK) if self._rows.rows[i].when is not None]
+        self._armed = frozenset[int]()  # those that may close
+        asked = events.asked if isinstance(events, Events) else list(events)
+        self._asked = len(asked)  # of all events; those of latches follow
+        self._events = Events([*asked, *map(self._latch, self._latches)], self._t, grid.step)
         self.joined = Joined(self._rows, machines.course.record, chosen)
         self.joined.stats.step = grid.step
         self._sums = self.joined.sums  # at the leg's start
@@ -104,13 +107,28 @@ class Progress:
     def _within(self, machine: Mechanism, state: State, end: float, held: Array) -> Iterator[Block]:
         """Outputs asked for between a state and a time, each by a partial step."""
         for t in self.joined.chosen.between(state.t, end).tolist():
-            part = self._machines.part(machine, self._phase, state, t)
+            part = self._stretch.part(state, t)
             yield Block.of(part, np.array([held, self._stretch.forces(part, -1)]))
 
     @property
     def crossings(self) -> list[Crossing]:
         """Singular places passed so far."""
         return self._counted().crossings
+
+    @property
+    def events(self) -> Events:
+        """The user's."""
+        return self._events.only(self._asked)
+
+    def _latch(self, row: int) -> Event:
+        """The event that closes a lock, as long as it is open."""
+        (asked,) = checked_events([self._rows.rows[row].when])
+
+        def function(t: float, q: Array, v: Array) -> float:
+            looked_for = row in self._armed and row not in self._phase.latched
+            return asked(t, q, v) if looked_for else 1.0
+
+        return Event(function, True, asked.direction)
 
     @property
     def toward(self) -> Array:
@@ -147,7 +165,7 @@ class Progress:
         torque = None if held is None else held.value
         return parts | {
             "_phase": copy.deepcopy(self._phase), "joined": self.joined.copied(),
-            "events": self.events.copied(), "torque": torque,
+            "events": self._events.copied(), "torque": torque,
         }  # fmt: skip
 
     def put_back(self, parts: dict[str, Any]) -> None:
@@ -156,7 +174,7 @@ class Progress:
         for name in SAVED:
             setattr(self, name, parts[name])
         self._phase, self.joined = copy.deepcopy(parts["_phase"]), parts["joined"].copied()
-        self.events = parts["events"].copied()
+        self._events = parts["events"].copied()
         if self._machines.held is not None:
             self._machines.held.value = parts["torque"]
         if self._machine is not None and not self._fresh:

@@ -12,6 +12,7 @@ from .decision import Phase, State
 from .frame import Seen
 from .leg import Steps
 from .machine import Machines
+from .partial import Partial
 from .rows import Kind
 from .watch import BELOW, Found, Holding, Signals, first_break
 
@@ -37,15 +38,26 @@ class Stretch:
         self._machines, self._machine, self._phase = machines, machine, phase
         self._size = len(machines.rows.rows)
         self._signals, self._holding = Signals(machines.rows, phase), Holding(machines.rows, phase)
+        self.guard = self._signals.guard()
+        self._partial = Partial(machines, machine, machines.torque_of(phase))
 
     # ----------------------------------------------------------------- which event comes first
 
-    def first(self, steps: Steps, seen: Seen) -> tuple[Found | None, Array]:
-        """The first event, and the forces (N, n) of what is held as far as that."""
+    @property
+    def limited(self) -> bool:
+        """Whether forces of what is held are to be looked at after each step."""
+        return self._holding.limited
+
+    def first(self, steps: Steps, seen: Seen, since: int = 0) -> tuple[Found | None, Array]:
+        """The first event, and the forces (N, n) of what is held as far as that.
+
+        Gaps and rates are looked at from the end of step number `since` on.
+        """
         holding, n = self._holding, len(steps.t)
         found, none = None, set[tuple[int, int]]()
         while True:
-            found = self._signals.first(steps.t, steps.q, steps.v, steps.a, none)
+            t, q, v, a = (part[since:] for part in (steps.t, steps.q, steps.v, steps.a))
+            found = self._signals.first(t, q, v, a, none, since)
             if found is None or found.depth > SHALLOW or self._is_reached(steps, found, seen):
                 break
             none.add((found.step, found.row))
@@ -73,7 +85,7 @@ class Stretch:
         lowest = float(steps.t[k] + found.lowest * (steps.t[k + 1] - steps.t[k]))
         if self._machines.rows.rows[found.row].kind is not Kind.STOP or found.lowest == 1.0:
             return True
-        part = self._part(steps, k, seen, lowest)
+        part = self._from(steps, k, seen, lowest)
         return self._signals.at(found.row, part.q[-1], part.v[-1], part.a[-1])[0] < -BELOW
 
     def _broken(self, steps: Steps, step: int) -> float:
@@ -93,10 +105,16 @@ class Stretch:
 
     # ----------------------------------------------------------------- where it is
 
-    def _part(self, steps: Steps, k: int, seen: Seen, end: float) -> Steps:
+    def part(self, start: State, end: float) -> Steps:
+        """One step from a state on."""
+        held = self._machines.held
+        torque = None if held is None else held.value + self._machines.constant(self._phase)
+        part = self._partial.step(start, end, torque)
+        return self._machines.part(self._machine, self._phase, start, end) if part is None else part
+
+    def _from(self, steps: Steps, k: int, seen: Seen, end: float) -> Steps:
         """A partial step from the end of another."""
-        start = State(float(steps.t[k]), steps.q[k], steps.v[k], seen)
-        return self._machines.part(self._machine, self._phase, start, end)
+        return self.part(State(float(steps.t[k]), steps.q[k], steps.v[k], seen), end)
 
     def located(self, steps: Steps, found: Found, seen: Seen) -> Steps | None:
         """A partial step to the event, corrected until its function vanishes; None where it is at once."""
@@ -106,7 +124,7 @@ class Stretch:
         for _ in range(CORRECTIONS):
             if x * h < max(1e-15, 4.0 * np.spacing(abs(begin))):
                 return None
-            part = self._part(steps, k, seen, begin + x * h)
+            part = self._from(steps, k, seen, begin + x * h)
             value, slope = self._value(part, found, h)
             if abs(value) <= max(1e-14, -1e-15 * slope) or slope >= 0.0 or abs(value) > -1e-3 * slope:
                 break

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...kernel.guard import Bounds, Guard
 from ...mechanism.tree import Array
 from ..crossings import quintic
 from .box import Load
@@ -81,11 +82,29 @@ class Signals:
         first = int(self._rate[k])
         return float(parts[first]), float(parts[first + 1])
 
+    def guard(self) -> Guard | None:
+        """The cheap test of whether there may be an event in a step."""
+        where, found = self._rows.places, list[Bounds]()
+        for i, sign, at, of_rate in zip(self.rows.tolist(), self._sign, self._at, self._rate, strict=True):
+            lower, upper = (float(at), np.inf) if sign > 0.0 else (-np.inf, float(at))
+            in_q, in_v, weights = where[i]
+            found.append(Bounds(in_q, in_v, weights, bool(of_rate), lower, upper))
+        return Guard(found) if found else None
+
     def first(
-        self, t: Array, q: Array, v: Array, a: Array, none: Collection[tuple[int, int]] = ()
+        self,
+        t: Array,
+        q: Array,
+        v: Array,
+        a: Array,
+        none: Collection[tuple[int, int]] = (),
+        since: int = 0,
     ) -> Found | None:
-        """The first event on the steps between these times, but for steps and rows in which there is none."""
-        if not len(self.rows):
+        """The first event on the steps between these times, but for steps and rows in which there is none.
+
+        Steps are numbered from `since` on.
+        """
+        if not len(self.rows) or len(t) < 2:
             return None
         series, h = self.series(q, v, a), np.diff(t)
         value = np.where(self._rate, series[1], series[0])
@@ -97,7 +116,7 @@ class Signals:
                 p = np.array(quintic(h[step], *series[:, step : step + 2, k].T)[::-1])
                 slip = self._rate[k]
                 root = falling_root(np.polyder(p) if slip else p, BELOW * (h[step] if slip else 1.0))
-                where = int(step), int(self.rows[k])
+                where = int(step) + since, int(self.rows[k])
                 if root is not None and where not in none and (best is None or root[0] < best.share):
                     best = Found(where[0], root[0], where[1], *root[1:])
             if best is not None:
