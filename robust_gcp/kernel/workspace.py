@@ -51,7 +51,7 @@ class Workspace:
     tableau : Tableau, optional
         Of the steps; the classical Runge–Kutta method's when left out.
     guard : Guard, optional
-        What is to stay within bounds: batches end after a step in which it may not have.
+        Batches end after a step in which it is met.
 
     Raises
     ------
@@ -89,16 +89,9 @@ class Workspace:
         self._taken = Handle(library, mechanism, path, works, self._driving.which)
         self._handle, self._handed = self._taken.address, self._taken.handed
         self._shared = Shared(self._request, mechanism, 2 * self._m + int(works), self._layout.size)
-        self._choices = Choices(self._request, PRESCRIBED if self._driving.of_all else LAST_RESORT)
-        self.shares: tuple[float, ...] = (0.0, 0.5)
-        if tableau is not None:
-            self.shares = tableau.c
-            self._weights = np.array([*(x for row in tableau.a for x in row), *tableau.b, *tableau.c])
-            self._request.stages, self._request.tableau = len(tableau.b), address(self._weights)
-        if guard is not None:
-            self._guard = guard.structure  # what the request points to
-            self._request.guard = ctypes.addressof(self._guard.structure)
-        self._by_reference = ctypes.byref(self._request)
+        resort = PRESCRIBED if self._driving.of_all else LAST_RESORT
+        self._choices = Choices(self._request, resort, tableau, guard)
+        self.shares, self._by_reference = self._choices.shares, ctypes.byref(self._request)
         self._acting = Acting(self._request, mechanism, torque)
 
     def run(
