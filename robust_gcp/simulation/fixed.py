@@ -69,6 +69,11 @@ class FixedRun(RefinedRun):
         return self._record
 
     @property
+    def zone_evaluations(self) -> int:
+        """Right-hand sides so far that were not on regular ground."""
+        return self._counters.zone_evaluations
+
+    @property
     def ended(self) -> bool:
         """Whether an event ended it."""
         return self._ended

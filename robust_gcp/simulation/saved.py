@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..errors import OptionError
+from ..mechanism.groups import groups_of
+from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 
 
@@ -80,3 +82,13 @@ class SavedState:
 
     def __repr__(self) -> str:
         return f"state saved by {self._told}"
+
+
+def unchanging(mechanism: Mechanism) -> list[Any]:
+    """A mechanism and what its maps hold of it."""
+    loops = [cluster.loops for cluster in mechanism.clusters]
+    trees = [each.tree for each in (mechanism, *loops)]
+    applied = [] if mechanism.applied is None else [mechanism.applied]
+    groups = groups_of(mechanism)
+    apart = [] if groups is None else [groups, *unchanging(groups.rest)]
+    return [mechanism, mechanism.clusters, *mechanism.clusters, *loops, *trees, *applied, *apart]

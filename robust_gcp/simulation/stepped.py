@@ -16,12 +16,11 @@ from ..kernel.prepared import Prepared
 from ..kernel.steps import KernelMap, NativeSteps, most_steps
 from ..kernel.structures import Reason
 from ..maps.explicit import Crossing
-from ..mechanism.groups import groups_of
-from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .events import Events
 from .fixed import FixedRun
 from .present import Here
+from .saved import unchanging
 from .schedule import Schedule
 from .trajectory import Trajectory
 
@@ -135,6 +134,12 @@ class SteppedRun(FixedRun):
         self._watching = rows.q if self._redundant else None
         watch, best = self._watch_coordinates(), self._recovery.best
         return self._native.prepared(self._kernel_map(), last, self.times, rows, watch, best)
+
+    @property
+    def zone_evaluations(self) -> int:
+        """Right-hand sides so far that were not on regular ground."""
+        self.settle()
+        return super().zone_evaluations
 
     @property
     def last(self) -> Evaluation:
@@ -282,7 +287,7 @@ class SteppedRun(FixedRun):
             parts = self.parts()
         shared: list[Any] = [self._counters, parts["_schedule"], *self._events.asked]
         for mechanism in {id(m): m for m in (self._record.mechanism, parts["_motion"].mechanism)}.values():
-            shared += _unchanging(mechanism)
+            shared += unchanging(mechanism)
         return copy.deepcopy(parts, {id(part): part for part in shared})
 
     def put_back(self, parts: dict[str, Any]) -> None:
@@ -292,13 +297,3 @@ class SteppedRun(FixedRun):
         for name, value in self.copied(parts).items():
             setattr(self, name, value)
         self._held.value = self._torques[-1]
-
-
-def _unchanging(mechanism: Mechanism) -> list[Any]:
-    """A mechanism and what its maps hold of it."""
-    loops = [cluster.loops for cluster in mechanism.clusters]
-    trees = [each.tree for each in (mechanism, *loops)]
-    applied = [] if mechanism.applied is None else [mechanism.applied]
-    groups = groups_of(mechanism)
-    apart = [] if groups is None else [groups, *_unchanging(groups.rest)]
-    return [mechanism, mechanism.clusters, *mechanism.clusters, *loops, *trees, *applied, *apart]

@@ -72,3 +72,22 @@ def test_what_the_guard_says() -> None:
     assert met([0.0, 0.0], [1.0, 0.5], a0=[0.0, -1.0], a=[0.0, 1.0])
     assert not met([0.0, 0.0], [1.0, 5.0], a0=[0.0, -1.0], a=[0.0, 1.0])
     assert met([np.nan, 0.0], [1.0, 1.0])
+
+
+def test_forces_of_what_is_held_are_the_same_all_at_once() -> None:
+    """λ of the phase's mechanism, and what admissible motions need, row by row: five-bar, lock and friction."""
+    require_backend("native")
+    bar = rg.load("five_bar")
+    for part, name in ((rg.Lock("q1"), "lock.q1"), (rg.JointFriction("q1", 1e3), "friction.q1")):
+        one, two = (
+            rg.simulate(bar, bar.home, [0.0] * 4, 0.3, 0.01, joints=[part], backend=b)  # type: ignore[arg-type]
+            for b in BACKENDS
+        )
+        assert np.abs(one[name] - two[name]).max() < 1e-9 * np.abs(one[name]).max()
+    stop = [rg.Stop("q1", lower=float(bar.home[0]))]
+    pull = {"q1": lambda t, q, v: 60.0 * t}
+    ask: dict[str, Any] = dict(q0=bar.home, v0=[0.0] * 4, duration=0.5, step=0.01, torque=pull, joints=stop)
+    one, two = (rg.simulate(bar, backend=b, **ask) for b in BACKENDS)
+    assert [x.kind for x in one.happenings] == [x.kind for x in two.happenings]
+    assert np.abs(one["stop.q1"] - two["stop.q1"]).max() < 1e-8
+    assert np.abs(times_of(one, "release") - times_of(two, "release")).max(initial=0.0) < 1e-11

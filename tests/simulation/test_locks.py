@@ -40,6 +40,8 @@ def test_a_clutch_of_two_flywheels() -> None:
     after = (ratio * I1 * before + I2 * w2) / (ratio**2 * I1 + I2)  # of wheel 2
     k = int(np.searchsorted(run.t, 0.35))
     assert run.v[k] == pytest.approx([ratio * after, after], abs=1e-13)
+    assert run.t[k - 1] == np.nextafter(0.35, 0.0)
+    assert run.v[k - 1] == pytest.approx([before, w2], abs=1e-13)
     lost = 0.5 * (I1 * before**2 + I2 * w2**2) - 0.5 * (I1 * ratio**2 + I2) * after**2
     assert [x.kind for x in run.happenings] == ["lock", "hold", "release"]
     assert run.happenings[0].loss == pytest.approx(lost, rel=1e-13)

@@ -88,10 +88,11 @@ class Phases(Progress):
 
     def _times(self, until: float) -> Array:
         """The present time and the ends of the next steps: on the grid again as soon as may be."""
-        until = min([x for x in self._switches if x > self._t] + [until])
+        slack = self._grid.slack
+        until = next((x for x in self._switches if self._t < x <= until + slack), until)
         ahead = self._grid.after(self._t, MOST)
         few = len(ahead) < MOST or ahead[-1] >= until
-        ahead = ahead[ahead < until - self._grid.slack]
+        ahead = ahead[ahead < until - slack]
         return np.array([self._t, *ahead, *([until] if few and until < np.inf else [])])
 
     def _set_out(self, machine: Mechanism) -> Leg:
@@ -125,17 +126,18 @@ class Phases(Progress):
         if fault is not None and found is None and leg.at <= i:
             steps, found, held = self._finer(machine, leg, i, fault)
         k, end = len(steps.t) - 1 if found is None else found.step, float(steps.t[-1])
-        if found is None and leg.ended and not self._over:
+        switched = end in self._switches or (leg.ended and not self._over)
+        if found is None and switched:  # the state before; what follows has one of its own
             steps = replace(steps, t=np.append(steps.t[:-1], np.nextafter(end, -np.inf)))
         self._keep(machine, steps.first(k + 1), held[: k + 1])
         if found is not None:
             self._met(machine, steps, found, held[k])
-        elif leg.ended:
-            self._t = end
+            return
+        self._t, self._fresh = end, switched
+        if leg.ended:
             self._stop_at_event()
         elif fault is not None or leg.at == len(leg.times) - 1:
             self._drop()
-            self._fresh = self._t in self._switches
         self._size = min(2 * self._size, MOST)
 
     def _finer(self, machine: Mechanism, leg: Leg, i: int, fault: Fault) -> tuple[Steps, Found | None, Array]:
@@ -218,11 +220,14 @@ class Phases(Progress):
         if zero is not None:
             times = np.append(times[times < zero], zero)
             found = rested(self._machines, self._phase, self._state, times)
+        switched = found.until in self._switches
+        if switched and not found.broke:
+            found.block.t[-1] = np.nextafter(found.until, -np.inf)
         self.joined.add(found.block, self._phase)
         if found.fault is not None:
             raise found.fault
         self._t, self._v, self._seen = found.until, np.zeros_like(self._v), found.seen
-        self._fresh = found.broke or self._t in self._switches
+        self._fresh = found.broke or switched
         if zero is not None:
             self._fresh = False
             self._stop_at_event()

@@ -116,7 +116,12 @@ def impulses(
     SimulationError
     """
     for count in range(2 * MOST if stops or locks else 0):
-        found = struck(rows, q, v, stops, locks, seen, plastic=count >= MOST)
+        try:
+            found = struck(rows, q, v, stops, locks, seen, plastic=count >= MOST)
+        except SimulationError:  # a stop does not throw back what a lock holds
+            if not (stops and locks):
+                raise
+            found = struck(rows, q, v, stops, locks, seen, plastic=True)
         if found is None:
             return
         yield found

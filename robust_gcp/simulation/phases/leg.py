@@ -33,7 +33,10 @@ Fault = SimulationError | ClosureError
 
 @dataclass
 class Steps:
-    """Ends of steps: t (N,), q, v, a, what acts besides gravity and what is held, and its work so far."""
+    """Ends of steps: t (N,), q, v, a, what acts besides gravity and what is held, and its work so far.
+
+    `regular` tells that the kernel is there, and no zone of a singular place was met.
+    """
 
     tree: Tree
     t: Array
@@ -42,6 +45,7 @@ class Steps:
     a: Array
     tau: Array
     work: Array
+    regular: bool = False
 
     def at(self, t: float) -> tuple[Array, Array, Array]:
         """q, v and a between them, interpolated."""
@@ -51,7 +55,8 @@ class Steps:
     def first(self, n: int) -> Steps:
         """The first n of them."""
         parts = (self.t, self.q, self.v, self.a, self.tau, self.work)
-        return Steps(self.tree, *(part[:n] for part in parts))
+        t, q, v, a, tau, work = (part[:n] for part in parts)
+        return Steps(self.tree, t, q, v, a, tau, work, self.regular)
 
 
 class Leg:
@@ -91,6 +96,7 @@ class Leg:
         self._motion, native, counters = plan.set_out(start, torque, machines.kernel, machines.required)
         if self._stability is not None:
             self._stability.before(self._motion, rates_at(native, self._motion))
+        self._native = native is not None
         self._run = self._made(self._motion, torque, native, counters)
 
     def _made(
@@ -150,7 +156,9 @@ class Leg:
 
     def since(self, i: int) -> Steps:
         """The ends of steps from number i on, which lies lower where the run went back."""
-        return Steps(self._plan.mechanism.tree, *self._run.record.steps(i))
+        regular = self._native and self._run.zone_evaluations == 0
+        t, q, v, a, tau, work = self._run.record.steps(i)
+        return Steps(self._plan.mechanism.tree, t, q, v, a, tau, work, regular)
 
     def gone_back(self) -> bool:
         """Whether outputs told before were taken anew since this was asked last."""

@@ -19,6 +19,9 @@ from .watch import BELOW, Found, Holding, Signals, first_break
 SHALLOW = 1e-6
 """m or rad: a stop that is passed by less is looked at on a partial step, since the interpolant errs."""
 
+MANY = 4
+"""Ends of steps from which on forces are found all at once."""
+
 CORRECTIONS = 5
 """Partial steps to an event: one or two do."""
 
@@ -61,17 +64,27 @@ class Stretch:
             if found is None or found.depth > SHALLOW or self._is_reached(steps, found, seen):
                 break
             none.add((found.step, found.row))
-        held, margins = np.zeros((n, self._size)), np.full(n, np.inf)
-        for k in range(n if found is None else found.step + 2) if holding else ():
-            held[k], margins[k] = holding.forces(steps.q[k], steps.v[k], steps.a[k], steps.tau[k])
-            if k and holding.limited and margins[k] < 0.0:
-                break
+        held, margins = self._held(steps.first(n if found is None else found.step + 2), n)
         step = first_break(margins[1:]) if holding.limited else None
         if step is None or (found is not None and found.step < step):
             return found, held
         share = self._broken(steps, step)
         earlier = found is not None and found[:2] < (step, share)
         return (found if earlier else Found(step, share, -1)), held
+
+    def _held(self, steps: Steps, n: int) -> tuple[Array, Array]:
+        """Forces (n, …) of what is held and margins (n,) at these ends of steps, up to one that breaks."""
+        holding, held, margins = self._holding, np.zeros((n, self._size)), np.full(n, np.inf)
+        if not holding:
+            return held, margins
+        quick = holding.along(self._machine, steps) if steps.regular and len(steps.t) > MANY else None
+        for k in range(len(steps.t)) if quick is None else ():
+            held[k], margins[k] = holding.forces(steps.q[k], steps.v[k], steps.a[k], steps.tau[k])
+            if k and holding.limited and margins[k] < 0.0:
+                break
+        if quick is not None:
+            held[: len(steps.t)], margins[: len(steps.t)] = quick
+        return held, margins
 
     def forces(self, steps: Steps, k: int) -> Array:
         """Of what is held, at the end of a step, (n,)."""

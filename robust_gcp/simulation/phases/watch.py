@@ -13,15 +13,22 @@ from typing import NamedTuple
 import numpy as np
 
 from ...kernel.guard import Bounds, Guard
+from ...kernel.measures import reactions
+from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ..crossings import quintic
 from .box import Load
 from .decision import Phase, resting
 from .frame import UNMOVED, Seen, admissible
+from .leg import Steps
 from .rows import Kind, Rows
 
 BELOW = 1e-13
 """m, rad, or per second: how far a function has to fall below 0 after a root for an event."""
+
+
+ALIKE = 1e-7
+"""Relative difference of forces that two ways to find them may have on regular ground."""
 
 
 class Found(NamedTuple):
@@ -143,6 +150,29 @@ class Holding:
     def __bool__(self) -> bool:
         """Whether anything is held."""
         return bool(self._held)
+
+    def along(self, machine: Mechanism, steps: Steps) -> tuple[Array, Array] | None:
+        """f (N, n) at the ends of many steps, and their margins (N,), as λ of the phase's mechanism.
+
+        None where the rows depend on each other, or λ is not what `forces` gives at the first and the last.
+        """
+        held, n = self._held, len(steps.t)
+        if len(held) > self._rank:
+            return None
+        found = reactions(machine, steps.q, steps.v, steps.a, steps.tau)
+        if found is None:
+            return None
+        f = found[:, -len(held) :]
+        for k in (0, n - 1):
+            own = self.forces(steps.q[k], steps.v[k], steps.a[k], steps.tau[k])[0][held]
+            if not np.abs(f[k] - own).max() <= ALIKE * (1.0 + np.abs(own).max()):
+                return None
+        forces, dry = np.zeros((n, len(self._rows.rows))), np.isfinite(self._rows.bounds[held])
+        forces[:, held] = f
+        bounds = np.where(dry, self._rows.bounds[held], 1.0)
+        limits = np.where(self._pushes, self._rows.side[held] * f, np.inf)
+        limits = np.where(dry, 1.0 - np.abs(f) / bounds, limits)
+        return forces, limits.min(axis=1, initial=np.inf)
 
     def _load(self, q: Array, v: Array, a: Array, tau: Array, seen: Seen) -> tuple[Load, Array]:
         mechanism = self._rows.mechanism
