@@ -26,7 +26,7 @@ SAME_TIME = 1e-9
 DEEPEST, OPEN = 1e-12, 1e-11
 """m or rad: penetration, and loops."""
 
-RESTITUTIONS = (0.0, 0.3, 0.7, 1.0)
+RESTITUTIONS = (0.0, 0.3, 0.7, 0.9, 1.0)
 
 Told = list[tuple[float, str, tuple[str, ...]]]
 
@@ -96,6 +96,12 @@ def _change_point(rng: np.random.Generator) -> tuple[rg.Mechanism, list[list[str
     return rg.load("change_point"), [["q1"], ["q3"], ["q2"]]
 
 
+def _rhombus(rng: np.random.Generator) -> tuple[rg.Mechanism, list[list[str]]]:
+    mech, angle = rg.load("rhombus"), rng.uniform(0.2, 1.5)
+    mech = rg.Mechanism.from_pinocchio(mech.model, mech.closures, ["q1"], np.array([1.0, -1.0, 1.0]) * angle)
+    return mech, [["q1"], ["q3"], ["q2"]]
+
+
 def _five_bar(rng: np.random.Generator) -> tuple[rg.Mechanism, list[list[str]]]:
     return rg.load("five_bar"), [["q1", "q4"], ["q1", "q2"], ["q2", "q3"]]
 
@@ -118,7 +124,7 @@ def _four_bars(rng: np.random.Generator) -> tuple[rg.Mechanism, list[list[str]]]
 Draw = Callable[[np.random.Generator], tuple[rg.Mechanism, list[list[str]]]]
 DRAWS: dict[str, Draw] = {
     "four-bar": _four_bar, "slider-crank": _slider_crank, "change point": _change_point,
-    "five-bar": _five_bar, "swinging four-bar": _swinging, "four-bars": _four_bars,
+    "rhombus": _rhombus, "five-bar": _five_bar, "swinging four-bar": _swinging, "four-bars": _four_bars,
 }  # fmt: skip
 
 
@@ -131,21 +137,50 @@ def drawn(seed: int, index: int) -> Scene:
     v = mech.lift(q, rng.normal(scale=1.5, size=mech.m))
     joints = list(mech.joint_names)
     parts: list[Any] = []
-    for joint in rng.choice(joints, size=min(len(joints), int(rng.integers(1, 4))), replace=False):
+    for joint in rng.choice(joints, size=min(len(joints), int(rng.integers(1, 5))), replace=False):
         parts += _of_joint(rng, str(joint), float(q[joints.index(str(joint))]))
+    if rng.random() < 0.3:
+        parts.append(_of_sum(rng, joints, q))
     torque = rng.normal(scale=3.0, size=mech.nv) * (rng.random(mech.nv) < 0.3)
     return Scene(name, mech, q, v, parts, torque, choices)
+
+
+@dataclass(frozen=True)
+class Passing:
+    """q_i − place."""
+
+    i: int
+    place: float
+
+    def __call__(self, t: float, q: Array, v: Array) -> float:
+        """Its value."""
+        return float(q[self.i]) - self.place
+
+
+def _of_sum(rng: np.random.Generator, joints: list[str], q: Array) -> Any:
+    """A stop or friction on q_i + q_j, or a lock of q_i where q_j passes a place."""
+    i, j = (int(k) for k in rng.choice(len(joints), size=2, replace=False))
+    names = {"joint": joints[i], "other": joints[j], "ratio": -1.0}
+    draw = rng.random()
+    if draw < 0.4:
+        return rg.Stop(**names, upper=float(q[i] + q[j]) + float(rng.uniform(0.0, 0.5)), restitution=0.5)
+    if draw < 0.7:
+        return rg.JointFriction(**names, bound=float(rng.uniform(0.2, 4.0)))
+    return rg.Lock(joints[i], when=Passing(j, float(q[j]) + rng.uniform(-0.4, 0.4)), end=0.9)
 
 
 def _of_joint(rng: np.random.Generator, joint: str, here: float) -> list[Any]:
     parts: list[Any] = []
     if rng.random() < 0.7:
         e = float(rng.choice(RESTITUTIONS)) if rng.random() < 0.7 else float(rng.random())
-        down, up = rng.uniform(0.1, 1.2, 2)
+        down, up = rng.uniform(0.1, 1.2, 2) if rng.random() < 0.9 else (0.0, 0.8)  # closed at the start
         ends = {"lower": here - down, "upper": here + up}
         if rng.random() < 0.5:
             del ends["lower" if rng.random() < 0.5 else "upper"]
-        parts.append(rg.Stop(joint, restitution=e, **ends))
+        if rng.random() < 0.1:
+            parts.append(rg.Stop(joint, stiffness=3e3, damping=0.2, **ends))
+        else:
+            parts.append(rg.Stop(joint, restitution=e, **ends))
     if rng.random() < 0.6:
         parts.append(rg.JointFriction(joint, float(rng.uniform(0.2, 8.0))))
     if rng.random() < 0.25 or not parts:
@@ -188,6 +223,21 @@ def _run(scene: Scene, names: Sequence[str], step: float) -> rg.Trajectory | str
         return f"{type(error).__name__}: {error}"
 
 
+def _stepwise(scene: Scene) -> rg.Trajectory:
+    """The coarse run step by step, saved and restored in the middle, by the reference."""
+    sim = rg.Simulation(
+        scene.mechanism.with_independent(scene.choices[0]), scene.q, scene.v, STEP, joints=scene.parts
+    )
+    n = round(DURATION / STEP)
+    sim.step(scene.torque, n=n // 3)
+    state = sim.save()
+    sim.step(scene.torque, n=7)
+    sim.restore(state)
+    for _ in range(n - n // 3):
+        sim.step(scene.torque)
+    return sim.trajectory
+
+
 def measured(seed: int, index: int, most: int = 3) -> Outcome:
     """A case, run and judged."""
     scene = drawn(seed, index)
@@ -203,7 +253,22 @@ def measured(seed: int, index: int, most: int = 3) -> Outcome:
             outcome.undecided = True
         return outcome
     _judge(scene, outcome, coarse, fine)  # type: ignore[arg-type]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        _judge_steps(outcome, coarse, _stepwise(scene))  # type: ignore[arg-type]
     return outcome
+
+
+def _judge_steps(outcome: Outcome, whole: rg.Trajectory, steps: rg.Trajectory) -> None:
+    """The run and the same one step by step: happenings and motion, to what these amplify."""
+    one, two = told(whole), told(steps)
+    n, scale = alike(one, two), 1e-12 + 1e-3 * outcome.floor
+    if not n == len(one) == len(two):
+        outcome.wrong.append(f"step by step: {two[n : n + 2]} instead of {one[n : n + 2]}")
+    elif apart(one, two, n) > 100.0 * scale:
+        outcome.wrong.append(f"step by step: times {apart(one, two, n):.1e} s apart")
+    elif np.abs(whole.q[-1] - steps.q[-1]).max() > 1e4 * scale:
+        outcome.wrong.append(f"step by step: {np.abs(whole.q[-1] - steps.q[-1]).max():.1e} apart")
 
 
 def _judge(scene: Scene, outcome: Outcome, coarse: rg.Trajectory, fine: list[rg.Trajectory]) -> None:

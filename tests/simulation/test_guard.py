@@ -75,7 +75,7 @@ def test_what_the_guard_says() -> None:
 
 
 def test_forces_of_what_is_held_are_the_same_all_at_once() -> None:
-    """λ of the phase's mechanism, and what admissible motions need, row by row: five-bar, lock and friction."""
+    """λ of the phase's mechanism, and what admissible motions need, row by row, on a five-bar."""
     require_backend("native")
     bar = rg.load("five_bar")
     for part, name in ((rg.Lock("q1"), "lock.q1"), (rg.JointFriction("q1", 1e3), "friction.q1")):

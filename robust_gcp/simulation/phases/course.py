@@ -19,7 +19,6 @@ from .leg import Fault, Leg, Steps
 from .progress import FIRST, Progress
 from .rest import Still, rested
 from .rows import Kind
-from .stretch import Stretch
 from .watch import Found
 
 MOST = 4096
@@ -82,7 +81,7 @@ class Phases(Progress):
             after = np.array([self._t, self._t + self._grid.step])
             self.joined.add(rested(machines, self._phase, self._state, after).block.first(1), self._phase)
             return
-        self._stretch = Stretch(machines, machine, self._phase)
+        self._stretch = self._looked_at(machine)
         steps = self._set_out(machine).since(0)
         self._keep(machine, steps, self._stretch.forces(steps, 0)[None])
 
@@ -189,7 +188,8 @@ class Phases(Progress):
             self.ended = self.joined.to_the_end = True
             return
         self._events.ended_by, self._fresh = None, True
-        self._phase.latched |= {self._latches[k - self._asked]}
+        latched = self._phase.latched | {self._latches[k - self._asked]}
+        self._phase = replace(self._phase, latched=latched)
 
     def _decide(self, machine: Mechanism, found: Found) -> None:
         """What the event is, for the decision that follows."""
@@ -199,7 +199,7 @@ class Phases(Progress):
         elif rows.rows[found.row].kind is Kind.FRICTION:
             self._tell("at rest", [i for i in phase.slip if abs(rows.E[i] @ self._v) <= REST])
         elif rows.rows[found.row].kind is Kind.SPRING:
-            phase.touching = phase.touching ^ {found.row}
+            phase = self._phase = replace(phase, touching=phase.touching ^ {found.row})
             self._tell("touch" if found.row in phase.touching else "leave", [found.row])
 
     def _looked_ahead(self, machine: Mechanism) -> Iterator[State]:

@@ -5,7 +5,7 @@ f ∈ [0, ∞) of stops, [−F, F] of dry friction, ℝ of locks; w = W f + b ar
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -59,6 +59,12 @@ class Phase:
     slip: dict[int, float] = field(default_factory=dict)
     touching: frozenset[int] = frozenset()
     latched: frozenset[int] = frozenset()
+
+    @property
+    def key(self) -> Hashable:
+        """What tells it from others while it lasts."""
+        slip, at = sorted(self.slip.items()), sorted(self.offsets.items())
+        return tuple(self.held), tuple(self.basis), tuple(at), tuple(slip), self.touching
 
     def successor(self) -> Phase:
         """One with the same springs and latches, of which nothing else is known."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,9 @@ from .stretch import Stretch
 
 FIRST = 8
 """Steps that are looked at together after an event, then doubled: some are taken for nothing."""
+
+KNOWN = 8
+"""Phases whose looks are kept."""
 
 SAVED = ("_t", "_q", "_v", "_seen", "_fresh", "_machine", "_size", "_sums", "_armed", "ended")
 """What steps change, besides the phase and the record."""
@@ -60,12 +63,12 @@ class Progress:
         self._t = grid.number(0)
         self._q, self._v = start
         self._rows.require_within(self._q)
-        gaps = self._rows.gaps(self._q)
-        self._phase = Phase(touching=frozenset(i for i in self._rows.of(Kind.SPRING) if gaps[i] < 0.0))
+        self._phase = Phase(touching=frozenset(self._rows.touched(self._q, self._v)))
         self._seen = Seen(self._v, np.zeros_like(self._v), machines.toward(self._v))
         self._ahead: Iterator[State] | None = None
         self._fresh, self._size, self.ended = True, FIRST, False
         self._machine: Mechanism | None = None
+        self._known: dict[Hashable, Stretch] = {}
         self._leg: Leg | None = None
         self._latches = [i for i in self._rows.of(Kind.LOCK) if self._rows.rows[i].when is not None]
         self._armed = frozenset[int]()  # those that may close
@@ -178,4 +181,13 @@ class Progress:
         if self._machines.held is not None:
             self._machines.held.value = parts["torque"]
         if self._machine is not None and not self._fresh:
-            self._stretch = Stretch(self._machines, self._machine, self._phase)
+            self._stretch = self._looked_at(self._machine)
+
+    def _looked_at(self, machine: Mechanism) -> Stretch:
+        """What looks at the steps of the phase; the last ones are kept, as phases come again."""
+        key, known = self._phase.key, self._known
+        if key not in known:
+            if len(known) >= KNOWN:
+                del known[next(iter(known))]
+            known[key] = Stretch(self._machines, machine, self._phase)
+        return known[key]

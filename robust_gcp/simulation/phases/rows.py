@@ -141,6 +141,12 @@ class Rows:
         locks = [(i, self.rows[i]) for i in self.of(Kind.LOCK)]
         return [i for i, x in locks if x.start <= t < x.end and (x.when is None or i in latched)]
 
+    def touched(self, q: Array, v: Array) -> list[int]:
+        """Springy stops that are touched at a start, or are about to be at once."""
+        gaps, rates = self.gaps(q), self.side * (self.E @ v)
+        inner = np.where(rates < 0.0, gaps <= GAP, gaps < -GAP)
+        return [i for i in self.of(Kind.SPRING) if inner[i]]
+
     def closed(self, q: Array) -> list[int]:
         """Rigid stops that are closed at q."""
         gaps = self.gaps(q)
