@@ -217,11 +217,18 @@ class Actuated(TorqueFunction):
     def __init__(self, mechanism: Mechanism, base: Torque | ArrayLike | None, control: Control) -> None:
         super().__init__(lambda t, q, v: self(t, q, v), mechanism.nv)
         assert mechanism.actuation is not None  # whoever made the control knows
-        self.control, self._actuation = control, mechanism.actuation
+        self._mechanism, self.control, self._actuation = mechanism, control, mechanism.actuation
         self.constant = None if base is None or callable(base) else mechanism.velocity(base, "torque")
         self._function: CheckedTorque | None = torque_function(mechanism, base)
         known = all(actuator.along.in_kernel for actuator in mechanism.actuators)
         self.asks = control.asks or callable(base) or not known
+
+    def beside(self, more: Array) -> Actuated:
+        """The same with another torque (nv,) beside it."""
+        mechanism, function, constant = self._mechanism, self._function, self.constant
+        if function is None or constant is not None:
+            return Actuated(mechanism, more if constant is None else constant + more, self.control)
+        return Actuated(mechanism, lambda t, q, v: more + function(t, q, v), self.control)
 
     def __call__(self, t: float, q: Array, v: Array) -> Array:
         """τ, (nv,)."""

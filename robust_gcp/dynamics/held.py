@@ -13,6 +13,9 @@ from .equations import CheckedTorque, Torque, TorqueFunction, torque_function
 
 Span = tuple[float, float]
 
+ROWS_HELD = 4
+"""Of u in what is held, where there are activations."""
+
 
 class HeldTorque(TorqueFunction):
     """A torque that stays what it was set to, and what actuators do under controls that stay.
@@ -35,6 +38,7 @@ class HeldTorque(TorqueFunction):
 
     def __init__(self, mechanism: Mechanism, value: Array | None = None) -> None:
         super().__init__(lambda t, q, v: self(t, q, v), mechanism.nv)
+        self._mechanism = mechanism
         self._actuators, self._actuation, self._size = mechanism.actuators, mechanism.actuation, mechanism.nv
         n = len(self._actuators)
         self.start = np.array([actuator.activation for actuator in self._actuators])
@@ -97,6 +101,21 @@ class HeldTorque(TorqueFunction):
         u = [self._driven(ctrl, w, t - t0) for t in times]
         return np.concatenate([tau, *u, ctrl, w, [t0 if self.stride else 0.0]])
 
+    def spanning(self, span: Span | None, more: Array) -> HeldTorque:
+        """The same with another torque (nv,) beside it, and from a time within the step on."""
+        value = self.beside(self.value, more)
+        if span is not None and self.stride:
+            value = self.row(value[: self._size], self.powered, span)
+        return HeldTorque(self._mechanism, value)
+
+    def beside(self, value: Array, more: Array) -> Array:
+        """Such a value with another torque (nv,) beside it."""
+        return np.concatenate([value[: self._size] + more, value[self._size :]])
+
+    def now(self, t: float) -> Array | None:
+        """u at a time in the step, (1, n); None without power."""
+        return None if self.powered is None else self.u(t)[None]
+
     def _driven(self, ctrl: Array, w: Array, dt: float) -> Array:
         """u after the time dt under controls, from activations w on."""
         if np.isnan(ctrl[0]):
@@ -131,11 +150,17 @@ class HeldTorque(TorqueFunction):
         n = len(self._actuators)
         return self._driven(self.controls, self.value[-n - 1 : -1], t - float(self.value[-1]))
 
-    def driven(self, rows: Array) -> Array | None:
-        """u at the beginning of what is held, (N, n) of values (N, …); None where there never is power."""
+    def driven(self, rows: Array, t: float) -> Array | None:
+        """u at the beginning of what was held, (N, n) of values (N, …), the last of them at the time t.
+
+        None where there never was power.
+        """
         n = len(self._actuators)
-        u = rows[:, self._size : self._size + n]
-        return u.copy() if n and rows.shape[1] > self._size and not np.all(np.isnan(u)) else None
+        u = rows[:, self._size : self._size + n].copy()
+        if not n or rows.shape[1] == self._size or np.all(np.isnan(u)):
+            return None
+        u[-1] = self.u(t)
+        return u
 
     def __call__(self, t: float, q: Array, v: Array) -> Array:
         """τ (nv,), whatever the state, and that of the actuators."""

@@ -6,7 +6,7 @@
 
 namespace rg {
 
-constexpr std::int32_t VERSION = 21;
+constexpr std::int32_t VERSION = 22;
 
 enum Reason : std::int32_t {
     DONE = 0,
@@ -18,6 +18,7 @@ enum Reason : std::int32_t {
     FORCE = 6,      // a point spring has no length
     TORQUE = 7,     // the torque callback failed
     CHART = 8,      // an entry of J = G by dimensionless coordinates is large
+    MET = 9,        // what is guarded may have left its bounds
 };
 
 // Reads q and v and writes τ in the request's shared buffers; nonzero stops the run.
@@ -130,6 +131,17 @@ enum Beginning : std::int32_t {
     TURNED = 4,   // the same, after a look at the state under another torque held
 };
 
+// Sums r of joints, or their rates ṙ, that are to stay within bounds.
+struct Guarded {
+    std::int32_t values, rates;  // the first `values` of them bound r, the others ṙ
+    const std::int32_t* begin;   // (values + rates + 1,): where the terms of each begin
+    const std::int32_t* in_q;    // (terms,)
+    const std::int32_t* in_v;    // (terms,)
+    const double* weight;        // (terms,)
+    const double* lower;         // (values + rates,)
+    const double* upper;
+};
+
 struct Request {
     std::int64_t steps, every;
     std::int64_t first;       // number of the time to begin from; outputs are those of times 1, 2, …
@@ -149,11 +161,13 @@ struct Request {
     const double* held;       // (nv,): a constant torque, or null
     const double* control;    // of the actuators, at `first` and each stage after it, one row after the other; or null
     std::int32_t control_stride;  // numbers from row to row; 0 where they are constant
+    std::int32_t control_rows;    // the last one counts for all that would come after it
     const double* trackers;   // as `rg_trackers` gave them
     const double* prescribed; // (times, stages, 3, driven): y, ẏ and ÿ at each time and stage after it; or null
     double* effort;           // (driven,), in and out: what moves them
     std::int32_t stages;      // of an explicit Runge–Kutta method; 0 for the classical one
     const double* tableau;    // its rows of a below the diagonal, b, and c
+    const Guarded* guard;     // or null
     double* x;                // state, in and out
     double* rate;             // its rate, out; n numbers as in x, or null
     double* anchor;           // point at the state, in and out

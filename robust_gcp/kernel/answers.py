@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from ..dynamics.control import Actuated, Control
 from ..dynamics.equations import CheckedTorque
-from ..dynamics.held import HeldTorque
+from ..dynamics.held import ROWS_HELD, HeldTorque
 from ..mechanism.applied_forces import OwnForces
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
@@ -71,9 +71,10 @@ class Acting:
             self.tau[:] = 0.0 if callable(torque) else mechanism.velocity(torque, "torque")
             if self._held is not None and held > nv:
                 request.control, request.control_stride = places["tau"] + 8 * nv, self._held.stride
+                request.control_rows = ROWS_HELD
         if self._control is not None:
             self._now = np.zeros(n) if self._control.constant is None else self._control.constant.copy()
-            request.control = address(self._now)
+            request.control, request.control_rows = address(self._now), 1
         if supplied is not None or forces is not None:
             self._shared, places = side_by_side({"q": nq, "v": nv, "tau": nv, "stored": 2})
             for name, place in places.items():
@@ -85,6 +86,7 @@ class Acting:
         if self._control is not None and self._control.constant is None:
             self._now[:] = self._control.over(np.array([t]))[0]
             self._request.control, self._request.control_stride = address(self._now), 0
+            self._request.control_rows = 1
         elif self._held is not None and self._held.stride:
             n = self._held.stride
             self.tau[self._nv : self._nv + n] = self._held.u(t)
@@ -94,6 +96,7 @@ class Acting:
         if self._control is not None and self._control.constant is None:
             self._rows = self._control.stages(times, shares)
             self._request.control, self._request.control_stride = address(self._rows), self._rows.shape[2]
+            self._request.control_rows = self._rows.shape[0] * self._rows.shape[1]
 
     def listen(self) -> None:
         """The torque held, or a callback for the next batch, and where it leaves an exception."""

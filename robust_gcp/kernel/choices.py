@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import ctypes
 
+import numpy as np
+
+from ..dynamics.tableau import Tableau
 from ..maps.cluster.options import BridgeOptions
+from .guard import Guard
 from .results import bridging
 from .structures import Arrays, Request, address
 from .watch import Watch
@@ -18,10 +22,27 @@ class Choices:
     request : Request
     last_resort : float
         See `ClusterMap`.
+    tableau, guard : Tableau, Guard, optional
+        See `Workspace`.
+
+    Attributes
+    ----------
+    shares : tuple of float
+        See `Workspace`.
     """
 
-    def __init__(self, request: Request, last_resort: float) -> None:
+    def __init__(
+        self, request: Request, last_resort: float, tableau: Tableau | None, guard: Guard | None
+    ) -> None:
         self._request, self._last_resort = request, last_resort
+        self.shares: tuple[float, ...] = (0.0, 0.5)
+        if tableau is not None:
+            self.shares = tableau.c
+            self._weights = np.array([*(x for row in tableau.a for x in row), *tableau.b, *tableau.c])
+            request.stages, request.tableau = len(tableau.b), address(self._weights)
+        if guard is not None:
+            self._guarded = guard.structure
+            request.guard = ctypes.addressof(self._guarded.structure)
         self._bridging: tuple[BridgeOptions, Arrays] | None = None
         self._watch: Watch | None = None
 

@@ -14,7 +14,17 @@ from pathlib import Path
 from typing import Any
 
 from ..warning import warn
-from .structures import VERSION, Assembly, Bridging, Cluster, Description, ModeSeries, Request, States
+from .structures import (
+    VERSION,
+    Assembly,
+    Bridging,
+    Cluster,
+    Description,
+    Guarded,
+    ModeSeries,
+    Request,
+    States,
+)
 
 NAME = "kernel.dylib" if sys.platform == "darwin" else "kernel.so"
 
@@ -61,7 +71,7 @@ class Library:
         if library.rg_version() != VERSION:
             raise OSError(f"{path} has interface {library.rg_version()}, this package needs {VERSION}")
         for i, structure in enumerate(
-            (Description, Cluster, Bridging, Request, States, ModeSeries, Assembly)
+            (Description, Cluster, Bridging, Request, States, ModeSeries, Assembly, Guarded)
         ):
             theirs, ours = library.rg_size(i), ctypes.sizeof(structure)
             if theirs != ours:

@@ -22,6 +22,7 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .batch import Batch, Outputs
 from .description import follows_zones
+from .guard import Guard
 from .library import Library, backends, library
 from .loop_arrays import NotNativeError
 from .prepared import Prepared
@@ -73,7 +74,7 @@ class NativeSteps:
     torque : callable, array_like or None
     required : bool
         Whether a mechanism that the kernel cannot take is an error.
-    drive, tableau : Drive, Tableau, optional
+    drive, tableau, guard : Drive, Tableau, Guard, optional
         See `Workspace`.
     """
 
@@ -84,9 +85,11 @@ class NativeSteps:
         required: bool,
         drive: Drive | None = None,
         tableau: Tableau | None = None,
+        guard: Guard | None = None,
     ) -> None:
         self._library, self._torque, self._required = library, torque, required
-        self._drive, self._tableau = drive, tableau
+        self._taken = drive, tableau, guard
+        self._drive = drive
         self._path: RegularPath | None = None
         self._first = True
         self._workspace: Workspace | None = None
@@ -102,10 +105,9 @@ class NativeSteps:
         if self._path is not path:
             torque = torque_function(mechanism, self._torque) if callable(self._torque) else self._torque
             works = does_work(mechanism, self._torque) or self._drive is not None
-            taken = self._drive, self._tableau
             self._path, self._first = path, self._path is None
             try:
-                self._workspace = Workspace(self._library, mechanism, path, torque, works, *taken)
+                self._workspace = Workspace(self._library, mechanism, path, torque, works, *self._taken)
             except NotNativeError as error:
                 self._workspace = None
                 if self._required and self._first:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..mechanism.tree import Array
 
-VERSION = 21
+VERSION = 22
 """Of the interface; a library with another one is not used."""
 
 TorqueCallback: Any = ctypes.CFUNCTYPE(c_int32, c_double)
@@ -30,6 +30,7 @@ class Reason(IntEnum):
     FORCE = 6
     TORQUE = 7
     CHART = 8
+    MET = 9
 
 
 def _all(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -113,9 +114,9 @@ class Request(ctypes.Structure):
         ("uneven", c_void_p),
         ("torque", TorqueCallback),
         *_fields("", "torque_q torque_v torque_tau torque_stored held control"),
-        ("control_stride", c_int32),
+        *_fields("control_stride control_rows", ""),
         *_fields("", "trackers prescribed effort"),
-        *_fields("stages", "tableau"),
+        *_fields("stages", "tableau guard"),
         *_fields("", "x rate anchor origin ydd tau safe"),
         *_fields("", "q_out v_out a_out tau_out energy_out work_out effort_out"),
         *_all(
@@ -129,6 +130,12 @@ class Request(ctypes.Structure):
         *_all(c_double, "uncertain nearest"),
         ("plain", c_int32),
     ]
+
+
+class Guarded(ctypes.Structure):
+    """What is to stay within bounds; see abi.h."""
+
+    _fields_ = [*_fields("values rates", "begin in_q in_v weight lower upper")]
 
 
 class States(ctypes.Structure):

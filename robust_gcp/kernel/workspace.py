@@ -21,6 +21,7 @@ from .answers import Acting
 from .batch import Batch, Outputs
 from .choices import Choices
 from .driving import Driving
+from .guard import Guard
 from .handles import Handle
 from .layout import Layout
 from .library import Library
@@ -49,6 +50,8 @@ class Workspace:
         Coordinates that move as prescribed.
     tableau : Tableau, optional
         Of the steps; the classical Runge–Kutta method's when left out.
+    guard : Guard, optional
+        Batches end after a step in which it is met.
 
     Raises
     ------
@@ -70,6 +73,7 @@ class Workspace:
         works: bool = False,
         drive: Drive | None = None,
         tableau: Tableau | None = None,
+        guard: Guard | None = None,
     ) -> None:
         self._library, self.path, self._groups = library, path, groups_of(mechanism)
         self._acts = mechanism.applied is not None or torque is not None or drive is not None
@@ -85,13 +89,9 @@ class Workspace:
         self._taken = Handle(library, mechanism, path, works, self._driving.which)
         self._handle, self._handed = self._taken.address, self._taken.handed
         self._shared = Shared(self._request, mechanism, 2 * self._m + int(works), self._layout.size)
-        self._choices = Choices(self._request, PRESCRIBED if self._driving.of_all else LAST_RESORT)
-        self.shares: tuple[float, ...] = (0.0, 0.5)
-        if tableau is not None:
-            self.shares = tableau.c
-            self._weights = np.array([*(x for row in tableau.a for x in row), *tableau.b, *tableau.c])
-            self._request.stages, self._request.tableau = len(tableau.b), address(self._weights)
-        self._by_reference = ctypes.byref(self._request)
+        resort = PRESCRIBED if self._driving.of_all else LAST_RESORT
+        self._choices = Choices(self._request, resort, tableau, guard)
+        self.shares, self._by_reference = self._choices.shares, ctypes.byref(self._request)
         self._acting = Acting(self._request, mechanism, torque, self._driving)
 
     def run(
@@ -269,7 +269,7 @@ class Workspace:
     def _batch(self, begun: int, steps: int, outputs: Outputs) -> Batch:
         r = self._request
         point = self._packed = self._layout.point(self._shared.anchor, self._shared.origin)
-        self._latest = point if r.reason in (Reason.DONE, Reason.CHART) else None
+        self._latest = point if r.reason in (Reason.DONE, Reason.CHART, Reason.MET) else None
         trackers = self._handed.new() if r.in_zone else None
         now = self._evaluation(point)
         safe = None

@@ -7,11 +7,11 @@ or on a sum of joints such as the angle of a planar loop's cut joint.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from ..checks import check_finite, check_number, check_text, listed, shown
+from ..checks import check_callable, check_finite, check_number, check_text, listed, shown
 from ..errors import ModelError, OptionError
 from .loops import ClosedLoops
 from .ranges import ranges_of
@@ -161,12 +161,18 @@ class JointFriction(_Part):
 class Lock(_Part):
     """ṙ = 0 from `start` to `end`: a brake, a latch; with `other` a clutch. What moves then is stopped.
 
+    With `when` it closes at the first zero of a function after `start`, and holds from there to `end`: no
+    further zero opens it.
+
     Parameters
     ----------
     joint : str
         A joint with one number; dependent ones of loops too.
     start, end : float, optional
         s, on the run's clock; to the end of the run where `end` is left out.
+    when : rg.Event or callable (t, q, v) -> float, optional
+        Whose first zero, in its direction, closes it. Its `terminal` is not looked at; nor is a zero within
+        1e-9 steps of the run's start.
     other, ratio, more
         As for `Stop`; q̇_joint = ratio q̇_other in a clutch.
 
@@ -177,10 +183,12 @@ class Lock(_Part):
 
     start: float = 0.0
     end: float | None = None
+    when: Callable[..., Any] | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         label = f"Lock {self.joint!r}"
+        check_callable(f"{label}: when", self.when, "(t, q, v)")
         check_number(f"{label}: start", self.start)
         if self.end is not None:
             check_number(f"{label}: end", self.end)

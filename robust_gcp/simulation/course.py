@@ -17,6 +17,7 @@ from ..dynamics.held import HeldTorque
 from ..dynamics.problem import Problem
 from ..dynamics.tableau import Tableau
 from ..errors import ClosureError, NonFiniteError, SimulationError
+from ..kernel.guard import Guard
 from ..kernel.library import Library
 from ..kernel.steps import NativeSteps
 from ..maps.choice import MapChoice
@@ -26,7 +27,7 @@ from ..printing import progress_bar
 from .acted import Acted
 from .adaptive import AdaptiveRun
 from .coarse import Coarse
-from .events import Event
+from .events import Event, Events
 from .fixed import FixedRun
 from .held_run import HeldRun
 from .kinked import warned_of_kink
@@ -65,6 +66,8 @@ class Course:
         As `Run` takes them.
     checked : bool
         Whether it is warned of steps that are too long.
+    guard : Guard or None
+        What is to stay within bounds; the run pauses after a step in which it may not have.
     """
 
     mechanism: Mechanism
@@ -77,9 +80,10 @@ class Course:
     solver: tuple[str, float, float] | None
     acted: Acted
     record: Sequence[str]
-    events: Sequence[Event]
+    events: Sequence[Event] | Events
     on_toggle: str
     checked: bool = True
+    guard: Guard | None = None
 
     def run(
         self,
@@ -103,26 +107,21 @@ class Course:
         progress
             As in `simulate`.
         """
-        begun, counters, stability = time.perf_counter(), Counters(), None
+        begun, stability = time.perf_counter(), None
         if self.checked and self.tableau == "rk4" and self.solver is None and self.drives is None:
             held = isinstance(torque, HeldTorque)
             stability = StabilityCheck(
                 self.mechanism, None if held else torque, self.step, self.choice.options
             )
             torque = torque if held else stability.torque
-        own = self.tableau if isinstance(self.tableau, Tableau) else None
-        native = None if kernel is None else NativeSteps(kernel, torque, required, self.drives, own)
-        t0 = float(self.schedule.times[0])
-        motion = started(
-            native, self.mechanism, start, torque, self.choice, counters, self.on_toggle, self.drives, t0
-        )
+        motion, native, counters = self.set_out(start, torque, kernel, required)
         if stability is not None and not self._stable(stability, native, motion, again):
             assert again is not None  # nothing else is not stable
             return again(stepper=STIFF)
         with _reporting(progress, self.schedule, self.mechanism.name) as report:
-            run = self._begun(motion, torque, native, counters, report)
+            run = self.made(motion, torque, native, counters, report)
             try:
-                fault = self._gone(run, begun, again is not None)
+                fault = self.gone(run, begun, again is not None, run.go)
             finally:
                 if native is not None:
                     native.release()
@@ -131,18 +130,30 @@ class Course:
         finished = None if fault is not None else run.trajectory(begun)
         return self._judged(finished, fault, again)
 
+    def set_out(
+        self, start: Given, torque: Torque | ArrayLike | None, kernel: Library | None, required: bool
+    ) -> tuple[Problem, NativeSteps | None, Counters]:
+        """The motion at its start, what takes its steps natively, and what is counted."""
+        counters, own = Counters(), self.tableau if isinstance(self.tableau, Tableau) else None
+        native = (
+            None if kernel is None else NativeSteps(kernel, torque, required, self.drives, own, self.guard)
+        )
+        t0 = float(self.schedule.times[0])
+        given = self.mechanism, start, torque, self.choice, counters, self.on_toggle, self.drives, t0
+        return started(native, *given), native, counters
+
     def through_phases(
         self, joints: Any, start: Given, torque: Torque | ArrayLike | None, kernel: Library | None,
         required: bool, refused: dict[str, bool], progress: Progress,
     ) -> Trajectory:  # fmt: skip
-        """The motion with stops, friction and locks; see `phases.course.run_phases`.
+        """The motion with stops, friction and locks; see `phases.whole.run_phases`.
 
         Parameters
         ----------
         refused : dict of str to bool
             Arguments of `simulate` that do not go with them, and whether they were given.
         """
-        from .phases.course import require_plain, run_phases  # a run without them need not load them
+        from .phases.whole import require_plain, run_phases  # a run without them need not load them
 
         require_plain(refused)
         with _reporting(progress, self.schedule, self.mechanism.name) as report:
@@ -163,7 +174,7 @@ class Course:
         self.schedule, self.step = planned(t0, self.duration, self.step / parts, outputs, True)
         return True
 
-    def _begun(
+    def made(
         self,
         motion: Problem,
         torque: Torque | ArrayLike | None,
@@ -171,6 +182,7 @@ class Course:
         counters: Counters,
         report: Callable[[float], None] | None,
     ) -> Run:
+        """The run that goes on from there."""
         parts = (
             motion, self.choice, torque, self.schedule, self.record, counters, self.on_toggle, report,
             self.events, self.mechanism,
@@ -183,14 +195,16 @@ class Course:
             run = HeldRun(torque, take, native, *parts)
         else:
             run = FixedRun(take, native, *parts)
+        if isinstance(run, FixedRun):
+            run.guard = self.guard
         run.acted = self.acted
         return run
 
-    def _gone(self, run: Run, begun: float, mended: bool) -> str | None:
-        """Take all steps; the words of a stop that may be mended, others are raised with the motion."""
+    def gone(self, run: Run, begun: float, mended: bool, go: Callable[[], None]) -> str | None:
+        """Take steps; the words of a stop that may be mended, others are raised with the motion."""
         try:
             with np.errstate(over="ignore", invalid="ignore"):  # what is not finite ends in an error of ours
-                run.go()
+                go()
         except (SimulationError, ClosureError) as error:
             fault = words_of(error) if mended else None
             if fault is not None:

@@ -9,6 +9,7 @@ step show no change of sign, and are not seen; nor does solve_ivp see them.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -173,6 +174,24 @@ class Events:
         for k, times in enumerate(self.t):
             kept = sum(when <= t for when in times)
             del self.t[k][kept:], self.q[k][kept:], self.v[k][kept:]
+
+    @property
+    def ended(self) -> bool:
+        """Whether one of them ended the run."""
+        return self.ended_by is not None
+
+    def only(self, n: int) -> Events:
+        """The first n of them, as they are now."""
+        other = copy(self)
+        other.asked, other.t, other.q, other.v = self.asked[:n], self.t[:n], self.q[:n], self.v[:n]
+        return other
+
+    def copied(self) -> Events:
+        """A copy that goes its own way."""
+        other = copy(self)
+        other.t = [list(times) for times in self.t]
+        other.q, other.v = [list(values) for values in self.q], [list(values) for values in self.v]
+        return other
 
     def _at(self, t: float, q: Array, v: Array) -> Array:
         return np.array([_value(event, k, t, q, v) for k, event in enumerate(self.asked)])

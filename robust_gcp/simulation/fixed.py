@@ -8,6 +8,7 @@ from typing import Any
 from ..dynamics.equations import Evaluation
 from ..errors import BranchError, NonFiniteError, ToggleError
 from ..kernel.batch import Batch
+from ..kernel.guard import Guard
 from ..kernel.steps import KernelMap, NativeSteps
 from ..kernel.structures import Reason
 from ..kernel.watch import Watch
@@ -15,6 +16,7 @@ from ..maps.cluster.obstacles import ObstacleError
 from ..maps.point import Point
 from ..mechanism.tree import Array
 from .charts import in_new_chart
+from .record import Record
 from .recovery import Checkpoint
 from .refined import RefinedRun
 from .stats import until
@@ -48,10 +50,33 @@ class FixedRun(RefinedRun):
         self.stepper = "rk4" if take is rk4_step else "tableau"
         self._stride = len(self.times)
         self._first = self._motion.first  # told already at the start
+        self.guard: Guard | None = None  # after a step in which it is met the run pauses
+        self.paused = False
+        self.lowest = len(self.times)  # output that was gone back to, for whoever looks at them on the way
 
     def go(self) -> None:
         """From output to output, except where `Recovery` says otherwise."""
         self.advance(0, len(self.times) - 1)
+
+    def further(self, n: int) -> None:
+        """n steps more, from the start or from where it came to."""
+        i, self.paused = self._record.at, False
+        self.advance(max(i, 0), max(i, 0) + n, None if i < 0 else self._last)
+
+    @property
+    def record(self) -> Record:
+        """What is recorded so far."""
+        return self._record
+
+    @property
+    def zone_evaluations(self) -> int:
+        """Right-hand sides so far that were not on regular ground."""
+        return self._counters.zone_evaluations
+
+    @property
+    def ended(self) -> bool:
+        """Whether an event ended it."""
+        return self._ended
 
     def advance(self, i: int, last: int, known: Evaluation | None = None) -> None:
         """The steps from time i to time `last`; `known` is the evaluation at i where it was accepted."""
@@ -68,10 +93,12 @@ class FixedRun(RefinedRun):
                     elif self._events:
                         self._events.begin(float(self.times[i]), now.point.q, now.v)
                     now, self._x = in_new_chart(self._motion.explicit, now, self._x)
+                    before = self._last
                     self._accept(i, now)
                     recovery.accept(i, self._x, now.point)
+                    self._look_out(i, before, now)
                 known = None
-                if i == last:
+                if i == last or self.paused:
                     return
                 if self._changed(i, now.point):
                     continue
@@ -79,7 +106,7 @@ class FixedRun(RefinedRun):
                     self._leave()
                     if self._native is not None:
                         i, going = self._natively(self._native, i, last, now)
-                        if i == last or self._ended:
+                        if i == last or self._ended or self.paused:
                             return
                         if going is None:
                             continue
@@ -101,6 +128,12 @@ class FixedRun(RefinedRun):
             return False
         self._recovery.changed(self._repartition(i, float(self.times[i]), names))
         return True
+
+    def _look_out(self, i: int, before: Evaluation | None, now: Evaluation) -> None:
+        """Pause where the step to time i is to be looked at."""
+        if self.guard is not None and before is not None:
+            h = float(self.times[i] - self.times[i - 1])
+            self.paused = self.guard.met(h, before.v, before.a, now.point.q, now.v, now.a)
 
     def _evaluated(self, i: int) -> Evaluation:
         """The equations at the present state."""
@@ -139,7 +172,8 @@ class FixedRun(RefinedRun):
                 self._look_within(i, before, now)
             if self._ended:
                 break
-            if i < last and self._suspicious(now.point) and self._changed(i, now.point):
+            self.paused = batch.reason is Reason.MET
+            if i < last and not self.paused and self._suspicious(now.point) and self._changed(i, now.point):
                 return i, None
             if batch.reason not in (Reason.DONE, Reason.CHART):
                 break
@@ -229,6 +263,7 @@ class FixedRun(RefinedRun):
         self._leave()
         self._x, self._motion.explicit.anchor, self._last = safe.x, safe.point, None
         self._record.rewind(safe.i)
+        self.lowest = min(self.lowest, safe.i)
         back = float(self.times[safe.i])
         self._events.forget(back)
         self._stretches = until(self._stretches, back)

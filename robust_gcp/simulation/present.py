@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
 import numpy as np
 
+from ..dynamics.held import HeldTorque
 from ..dynamics.loads import Wrench
 from ..maps.explicit import Crossing
 from ..mechanism.mechanism import Mechanism
@@ -11,14 +16,31 @@ from ..mechanism.tree import Array
 from .access import SENSOR, FrameMotion, Sample, force_columns
 from .powered import powered_columns
 from .reactions import Loaded, Reaction, multipliers_of, row_names
-from .stepped import SteppedRun
+
+if TYPE_CHECKING:
+    from .phases.happening import Happening
+    from .phases.stepwise import PhasedRun
+    from .stepped import SteppedRun
+
+
+@dataclass(frozen=True)
+class Here:
+    """q, v, a and all that acts besides gravity, (nv,) or None; what drives take; more numbers by name."""
+
+    q: Array
+    v: Array
+    a: Array
+    tau: Array | None
+    drive: Array | None = None
+    more: Mapping[str, Array | float] = field(default_factory=dict)
 
 
 class Present:
     """The present state of a `Simulation`."""
 
     mechanism: Mechanism
-    _run: SteppedRun
+    _run: SteppedRun | PhasedRun
+    _held: HeldTorque
     _wrenches: tuple[Wrench, ...]
     _step: float
 
@@ -50,7 +72,7 @@ class Present:
     @property
     def a(self) -> Array:
         """Acceleration (nv,) under the torque that was held last."""
-        return self._run.last.a.copy()
+        return self._run.here.a.copy()
 
     @property
     def energy(self) -> float:
@@ -72,7 +94,7 @@ class Present:
         if needs == "f":
             return self._loaded().sensor(name)[0]
         q, v = self._run.state
-        a = self._run.last.a if needs == "a" else v
+        a = self._run.here.a if needs == "a" else v
         return Sample(self.mechanism, np.array(self.t), q, v, a)._sensed(name)
 
     @property
@@ -82,7 +104,7 @@ class Present:
         `now["q1"]`, `now["a.q1"]`, "energy", "tau.q1", "drive.q1", "lambda.…": the names of
         `Trajectory.columns`.
         """
-        mechanism, last, here = self.mechanism, self._run.last, self._loaded()
+        mechanism, last, here = self.mechanism, self._run.here, self._loaded()
         more = {"energy": np.array(self.energy)}
         more |= force_columns(mechanism, "tau", mechanism.tree.zero if last.tau is None else last.tau)
         if last.drive is not None:
@@ -92,6 +114,7 @@ class Present:
         if mechanism.nc and here.multipliers is not None:
             found = here.multipliers[0]
             more |= {f"lambda.{name}": found[i] for i, name in enumerate(row_names(mechanism))}
+        more |= {name: np.array(value) for name, value in last.more.items()}
         return Sample(mechanism, here.t[0], here.q[0], here.v[0], last.a, more)
 
     def frame(self, name: str) -> FrameMotion:
@@ -103,11 +126,21 @@ class Present:
         return self._loaded().reaction(joint).at(0)
 
     def _loaded(self) -> Loaded:
-        mechanism, last = self.mechanism, self._run.last
-        q, v, a = last.point.q[None], last.v[None], last.a[None]
+        mechanism, last = self.mechanism, self._run.here
+        q, v, a = last.q[None], last.v[None], last.a[None]
         multipliers = multipliers_of(mechanism, q, v, a, None if last.tau is None else last.tau[None])
         state = mechanism, np.array([self.t]), q, v, lambda: a
-        return Loaded(*state, multipliers, self._wrenches, self._run.held_controls)
+        return Loaded(*state, multipliers, self._wrenches, self._held.now(self.t))
+
+    @property
+    def happenings(self) -> list[Happening]:
+        """Of `joints`, so far: impacts, holds, releases and so on, in the order of time."""
+        return list(self._run.happenings)
+
+    @property
+    def dissipated(self) -> float:
+        """Energy lost so far by impacts, friction and dampers of stops, J."""
+        return self._run.dissipated
 
     @property
     def t_events(self) -> list[Array]:

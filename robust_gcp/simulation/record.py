@@ -122,6 +122,16 @@ class Record:
             return None
         return Outputs(self._q, self._v, self._a, self._tau, self._energy, self.work)
 
+    def steps(self, first: int) -> tuple[Array, ...]:
+        """t, q, v, a, τ and the work done of the outputs from one on; those that are not kept are zero."""
+        rows = slice(first, self.count)
+        t, q, v = self._t[rows], self._q[rows], self._v[rows]
+        more = [
+            np.zeros_like(like) if kept is None else kept[rows]
+            for kept, like in ((self._a, v), (self._tau, v), (self.work, t))
+        ]
+        return t, q, v, *more
+
     def reach(self, i: int) -> None:
         """The ends of steps up to i are accepted, and written into `rows`."""
         self.at, self.count = i, i + 1

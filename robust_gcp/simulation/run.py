@@ -55,7 +55,8 @@ class Run:
     counters : Counters
     on_toggle : {"error", "repartition"}
     progress : callable (fraction) or None
-    events : sequence of Event
+    events : sequence of Event, or Events
+        Those of a longer run, of which this one is a part.
     named : Mechanism, optional
         In the coordinates that the user named, where the motion begins in others.
     keep : Keep
@@ -84,7 +85,7 @@ class Run:
         counters: Counters,
         on_toggle: str,
         progress: Callable[[float], None] | None = None,
-        events: Sequence[Event] = (),
+        events: Sequence[Event] | Events = (),
         named: Mechanism | None = None,
         keep: Keep = ALL,
     ) -> None:
@@ -94,7 +95,8 @@ class Run:
         self._named = motion.mechanism if named is None else named
         self._record = Record(self._named, schedule, record, motion.equations, keep)
         times = schedule.times
-        self._events = Events(events, float(times[0]), float(times[1] - times[0]))
+        begin, first = float(times[0]), float(times[1] - times[0])
+        self._events = events if isinstance(events, Events) else Events(events, begin, first)
         self._ended = False
         self._repartitions: list[tuple[float, tuple[str, ...]]] = []
         if motion.mechanism is not self._named:

@@ -7,6 +7,8 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from ..errors import OptionError
+from ..mechanism.groups import groups_of
+from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 
 
@@ -21,10 +23,12 @@ class StartState:
     t : float
         s.
     q, v : ndarray (nq,), (nv,)
-    mode : ndarray (nv, m)
+    mode : ndarray (nv, m) or (nv,)
         Tangent of the mode there.
-    controls, activations : ndarray (n,) or None
-        Of the actuators; None without power.
+    driven : (ndarray (n,), ndarray (n,)) or None
+        Controls and activations of the actuators; None without power.
+    phase : object, optional
+        What stops, friction and locks do there.
     """
 
     joints: tuple[str, ...]
@@ -32,8 +36,8 @@ class StartState:
     q: Array
     v: Array
     mode: Array
-    controls: Array | None = None
-    activations: Array | None = None
+    driven: tuple[Array, Array] | None = None
+    phase: Any = None
 
 
 class SavedState:
@@ -81,3 +85,13 @@ class SavedState:
 
     def __repr__(self) -> str:
         return f"state saved by {self._told}"
+
+
+def unchanging(mechanism: Mechanism) -> list[Any]:
+    """A mechanism and what its maps hold of it."""
+    loops = [cluster.loops for cluster in mechanism.clusters]
+    trees = [each.tree for each in (mechanism, *loops)]
+    applied = [] if mechanism.applied is None else [mechanism.applied]
+    groups = groups_of(mechanism)
+    apart = [] if groups is None else [groups, *unchanging(groups.rest)]
+    return [mechanism, mechanism.clusters, *mechanism.clusters, *loops, *trees, *applied, *apart]

@@ -102,7 +102,8 @@ def simulate(
         have no power. `run["actuator.NAME"]` is the force of one, `run["activation.NAME"]` its activation.
     joints : sequence of Stop, JointFriction, Lock, optional
         Stops, dry friction and locks: the motion goes through phases, which begin and end at events that are
-        found to rounding; see `traj.happenings`. With RK4 and method="bridge".
+        found to rounding; see `traj.happenings`. With fixed steps and method="bridge". Those of the
+        mechanism's file when left out.
     drive : mapping of str to Motion, optional
         Joints that move as prescribed, from t = 0 on; `traj["drive.q1"]` is the torque or force that it
         takes. The other independent joints move freely. Where q0 is left out, home is led to where the
@@ -199,17 +200,16 @@ def simulate(
     course = Course(
         mechanism, schedule, duration, step, choice, drives, tableau, solver, acted, *asked, on_toggle
     )
+    acting = applied if held is None else held
     joints = mechanism.parts or None if joints is None else joints
     if joints is not None:
         refused = {
-            f"method={method!r}": method != "bridge", f"stepper={stepper!r}": tableau != "rk4",
-            "hold=True": hold, "drive=": drive is not None, "events=": events is not None,
-            "outputs=": outputs is not None,
+            f"method={method!r}": method != "bridge", f"stepper={stepper!r}": not fixed,
+            "drive=": drive is not None,
         }  # fmt: skip
         return course.through_phases(
-            joints, (q0, v0, mode), applied, kernel, backend == "native", refused, progress
+            joints, (q0, v0, mode), acting, kernel, backend == "native", refused, progress
         )
-    acting = applied if held is None else held
     return course.run((q0, v0, mode), acting, kernel, backend == "native", again, progress)
 
 

@@ -141,11 +141,11 @@ def _plain(
     if begun is None:
         return None
     _, now = begun
-    motion = over(_start_at(mechanism, path, now.point), torque, choice, drives)
+    motion = over(start_at(mechanism, path, now.point), torque, choice, drives)
     return motion if native.asks else replace(motion, first=now)
 
 
-def _start_at(mechanism: Mechanism, path: RegularPath, point: Point) -> Start:
+def start_at(mechanism: Mechanism, path: RegularPath, point: Point) -> Start:
     """At a point on regular ground."""
     groups = groups_of(mechanism)
     if groups is None:

@@ -14,12 +14,13 @@ from ..dynamics.equations import Evaluation
 from ..dynamics.held import HeldTorque
 from ..kernel.prepared import Prepared
 from ..kernel.steps import KernelMap, NativeSteps, most_steps
+from ..kernel.structures import Reason
 from ..maps.explicit import Crossing
-from ..mechanism.groups import groups_of
-from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .events import Events
 from .fixed import FixedRun
+from .present import Here
+from .saved import unchanging
 from .schedule import Schedule
 from .trajectory import Trajectory
 
@@ -33,6 +34,8 @@ FIXED = (
 class SteppedRun(FixedRun):
     """A run that goes on when asked to, under a torque that is held.
 
+    It has no stops, friction or locks: see `phases.stepwise`.
+
     Where it has to go back over steps that were taken, the torques held then act again.
 
     Parameters
@@ -42,6 +45,9 @@ class SteppedRun(FixedRun):
     more
         As for `FixedRun`.
     """
+
+    happenings: tuple[Any, ...] = ()
+    dissipated = 0.0
 
     def __init__(self, held: HeldTorque, *more: Any, **options: Any) -> None:
         super().__init__(*more, **options)
@@ -66,9 +72,7 @@ class SteppedRun(FixedRun):
             found.acted = replace(found.acted, lost=True)  # the torques of steps that were let go
         elif found.acted is not None:
             found.acted = replace(found.acted, held=self._held_from(found.t[:-1])[:, : found.v.shape[1]])
-        found.u = self._held.driven(self._held_from(found.t))
-        if found.u is not None:
-            found.u[-1] = self._held.u(float(found.t[-1]))
+        found.u = self._held.driven(self._held_from(found.t), float(found.t[-1]))
         return found
 
     def take(self, torque: Array, n: int) -> None:
@@ -78,6 +82,7 @@ class SteppedRun(FixedRun):
         follows from a step waits until someone asks (`settle`).
         """
         i, bits, lean = self._record.at, torque.tobytes(), self._lean
+        self.paused = False
         turned = bits != self._bits
         if lean is not None and n <= self._most:
             plain = lean(i, n, torque if turned else None)
@@ -92,6 +97,9 @@ class SteppedRun(FixedRun):
                     self._watch_rows(i, self._watching[i + 1 : i + 1 + n])
                 return
             self.settle()
+            if self.paused:
+                self._lean = self._prepared()
+                return
         if turned:
             self._hold(i, torque, bits)
         self._go_on(self.at, i + n, self.last)
@@ -112,6 +120,7 @@ class SteppedRun(FixedRun):
         self._take_over(i, batch)
         self._last = batch.now
         self._record.last_state = self._x
+        self.paused = batch.reason is Reason.MET
         if batch.failure is not None:
             raise batch.failure
 
@@ -128,11 +137,34 @@ class SteppedRun(FixedRun):
         return self._native.prepared(self._kernel_map(), last, self.times, rows, watch, best)
 
     @property
+    def zone_evaluations(self) -> int:
+        """Right-hand sides so far that were not on regular ground."""
+        self.settle()
+        return super().zone_evaluations
+
+    @property
     def last(self) -> Evaluation:
         """The evaluation accepted last."""
         self.settle()
         assert self._last is not None  # output 0 is accepted before anyone asks
         return self._last
+
+    @property
+    def here(self) -> Here:
+        """The same by name."""
+        now = self.last
+        return Here(now.point.q, now.v, now.a, now.tau, now.drive)
+
+    @property
+    def toward(self) -> Array:
+        """The tangent of the mode, (nv, m)."""
+        return self.last.point.G.copy()
+
+    def remembered(self) -> None:
+        """What another run goes on from besides the state: nothing."""
+
+    def recall(self, phase: Any) -> None:
+        """Nothing is to be recalled."""
 
     @property
     def at(self) -> int:
@@ -150,17 +182,6 @@ class SteppedRun(FixedRun):
     def time(self) -> float:
         """Where the run is, s."""
         return self._record.time if self._ended else float(self.times[self.at])
-
-    @property
-    def held_controls(self) -> Array | None:
-        """u of the actuators now, (1, n); None without power."""
-        driven = self._held.driven(self._held.value[None])
-        return None if driven is None else self._held.u(self.time)[None]
-
-    @property
-    def ended(self) -> bool:
-        """Whether an event ended it."""
-        return self._ended
 
     @property
     def events(self) -> Events:
@@ -267,7 +288,7 @@ class SteppedRun(FixedRun):
             parts = self.parts()
         shared: list[Any] = [self._counters, parts["_schedule"], *self._events.asked]
         for mechanism in {id(m): m for m in (self._record.mechanism, parts["_motion"].mechanism)}.values():
-            shared += _unchanging(mechanism)
+            shared += unchanging(mechanism)
         return copy.deepcopy(parts, {id(part): part for part in shared})
 
     def put_back(self, parts: dict[str, Any]) -> None:
@@ -277,13 +298,3 @@ class SteppedRun(FixedRun):
         for name, value in self.copied(parts).items():
             setattr(self, name, value)
         self._held.value = self._torques[-1]
-
-
-def _unchanging(mechanism: Mechanism) -> list[Any]:
-    """A mechanism and what its maps hold of it."""
-    loops = [cluster.loops for cluster in mechanism.clusters]
-    trees = [each.tree for each in (mechanism, *loops)]
-    applied = [] if mechanism.applied is None else [mechanism.applied]
-    groups = groups_of(mechanism)
-    apart = [] if groups is None else [groups, *_unchanging(groups.rest)]
-    return [mechanism, mechanism.clusters, *mechanism.clusters, *loops, *trees, *applied, *apart]

@@ -12,33 +12,25 @@ from numpy.typing import ArrayLike
 
 from ..checks import check_choice, check_finite, check_mechanism, check_positive, check_whole, shown
 from ..dynamics.control import Controls, held_controls
-from ..dynamics.driven import prescribed
 from ..dynamics.held import HeldTorque
 from ..dynamics.loads import Wrench, one_torque, wrenches_given
 from ..dynamics.motion import Motion
 from ..errors import ClosureError, OptionError, SimulationError, SingularStartError
-from ..kernel.steps import BACKENDS, NativeSteps, chosen_library
+from ..kernel.steps import BACKENDS, chosen_library
 from ..maps.choice import METHODS, MapChoice, Method
-from ..maps.point import Counters
 from ..mechanism.mechanism import Mechanism
+from ..mechanism.parts import Part, parts_given
 from ..mechanism.tree import Array
-from .acted import Acted
 from .coarse import Coarse
 from .events import EventFunction, checked_events
 from .files import ARRAYS
 from .keep import Keep
 from .present import Present
 from .saved import SavedState, StartState
-from .schedule import Schedule
-from .simulate import checked_record, checked_toggle
-from .stability import StabilityCheck
-from .starting import rates_at, started
-from .stepped import SteppedRun
-from .steppers import rk4_step
+from .simulate import checked_record
+from .starting import Given
+from .stepwise_plan import ROOM, StepwisePlan
 from .trajectory import Trajectory
-
-ROOM = 1024
-"""Outputs that there is room for at first; when they are full, those that are not kept go, or it doubles."""
 
 
 class Simulation(Present):
@@ -62,6 +54,9 @@ class Simulation(Present):
     events : callable (t, q, v) -> float, or sequence of such, optional
         As in `simulate`: `t_events`, `q_events`, `v_events`. One that is terminal ends the simulation, whose
         state is then the one there; `reset` and `restore` lead on.
+    joints : sequence of Stop, JointFriction, Lock, optional
+        As in `simulate`; a step goes through all that happens in it: `happenings`, `dissipated`,
+        `sim["stop.q3"]`. Those of the mechanism's file when left out.
     record : sequence of {"a", "energy", "multipliers", "tau"}
         What `trajectory` holds besides q and v.
     drive : mapping of str to Motion, optional
@@ -101,6 +96,7 @@ class Simulation(Present):
         wrenches: Sequence[Wrench] = (),
         events: EventFunction | Sequence[EventFunction] | None = None,
         record: Sequence[str] = (),
+        joints: Sequence[Part] | None = None,
         drive: Mapping[str, Motion] | None = None,
         t0: float = 0.0,
         keep: Literal["all", "last", "none"] | int = "all",
@@ -112,13 +108,13 @@ class Simulation(Present):
         check_choice("backend", backend, BACKENDS)
         record = checked_record(record)
         check_finite("t0", t0)
-        self._keep = Keep.of(keep)
-        self._kernel = chosen_library(backend, method, "tangent"), backend == "native"
-        self._named, self._drive, self._choice = mechanism, drive, MapChoice(method)
-        self._record, self._step, self._t0 = record, float(step), float(t0)
-        self._none = np.zeros(mechanism.nv)
-        self._held = HeldTorque(mechanism)
-        self._events, self._wrenches = checked_events(events), tuple(wrenches_given(wrenches))
+        kernel = chosen_library(backend, method, "tangent"), backend == "native"
+        self._step, self._none = float(step), np.zeros(mechanism.nv)
+        self._wrenches = tuple(wrenches_given(wrenches))
+        parts = parts_given(mechanism.parts if joints is None else joints)
+        asked = record, checked_events(events), self._wrenches, drive, Keep.of(keep), parts
+        held = self._held = HeldTorque(mechanism)
+        self._plan = StepwisePlan(mechanism, self._step, float(t0), held, MapChoice(method), *asked, *kernel)
         loads = one_torque(mechanism, None, self._wrenches)
         self._loads = loads if callable(loads) else None
         self._ctrl = None if ctrl is None else held_controls(mechanism, ctrl)
@@ -142,43 +138,15 @@ class Simulation(Present):
         OptionError, StateError, SimulationError
             As `simulate` does for a start; the simulation is then as it was.
         """
-        self._named.require_unchanged()
-        choice, t0 = self._choice, self._t0
-        begun, held, counters = time.perf_counter(), self._held, Counters()
-        kernel, required = self._kernel
-        mechanism, drives = prescribed(self._named, self._drive, q0, np.array([t0, t0 + self._step]))
-        native = None if kernel is None else NativeSteps(kernel, held, required, drives)
-        toggle = checked_toggle(None, choice.method, drives is not None)
-        before, held.value = held.value, self._none[:0]
-        held.value = held.row(self._none, self._ctrl, (t0, t0 + self._step))
-        try:
-            start = q0, v0, mode
-            problem = started(native, mechanism, start, held, choice, counters, toggle, drives, t0)
-        except Exception:
-            held.value = before
-            raise
-        if drives is None:
-            check = StabilityCheck(mechanism, None, self._step, choice.options)
-            check.before(problem, rates_at(native, problem))
-        plan = Schedule.every(self._clock(0, ROOM))
-        run = SteppedRun(
-            held,
-            rk4_step,
-            native,
-            problem,
-            choice,
-            held,
-            plan,
-            self._record,
-            counters,
-            toggle,
-            events=self._events,
-            named=mechanism,
-            keep=self._keep,
-        )
-        run.acted = Acted(wrenches=self._wrenches, drive=() if drives is None else drives.names)
-        self.mechanism, self._begun, self._run = mechanism, begun, run
-        self._coarse = Coarse(mechanism, self._step) if choice.method == "bridge" else None
+        return self._reset((q0, v0, mode))
+
+    def _reset(self, start: Given, phase: Any = None) -> Simulation:
+        plan, begun = self._plan, time.perf_counter()
+        plan.mechanism.require_unchanged()
+        self.mechanism, run = plan.run(start, self._ctrl)
+        self._begun, self._run = begun, run
+        self._coarse = Coarse(self.mechanism, self._step) if plan.choice.method == "bridge" else None
+        run.recall(phase)
         try:
             run.begin()
         except (SimulationError, ClosureError) as error:
@@ -208,20 +176,20 @@ class Simulation(Present):
             Where the motion must stop; `error.trajectory` holds it. Only `restore` leads on from there.
         """
         check_whole("n", n, 1)
-        self._named.require_unchanged()
+        self._plan.mechanism.require_unchanged()
         held = self._none if tau is None else self._asked(tau)
         run, left = self._run, int(n)
         if run.ended:
             raise OptionError(f"event {run.events.ended_by} ended this simulation; go on by reset or restore")
         if ctrl is not None:
-            self._ctrl = held_controls(self._named, ctrl, self._ctrl)
+            self._ctrl = held_controls(self._plan.mechanism, ctrl, self._ctrl)
         powered = self._ctrl is not None
         single = self._loads is not None or (powered and self._held.stride)
-        at_once = 1 if single else left if self._keep.all else ROOM
+        at_once = 1 if single else left if self._plan.keep.all else ROOM
         try:
             while left and not run.ended:
                 now = min(left, at_once)
-                run.room_for(now, self._clock)
+                run.room_for(now, self._plan.clock)
                 loads = self._loads
                 value = held if loads is None else held + np.asarray(loads(run.time, *run.state))
                 if powered:
@@ -259,10 +227,6 @@ class Simulation(Present):
             )
         return self.mechanism.velocity(tau, "tau")
 
-    def _clock(self, first: int, count: int) -> Array:
-        """Times of the outputs numbered from `first` on."""
-        return self._t0 + self._step * np.arange(first, first + count)
-
     @property
     def trajectory(self) -> Trajectory:
         """The motion so far, as far as it is kept; a copy."""
@@ -279,9 +243,9 @@ class Simulation(Present):
 
         Pickled, it is where another simulation may begin.
         """
-        mode = self._run.last.point.G.copy()
-        driven = () if self._ctrl is None else (self._ctrl.copy(), self._held.activations(self.t))
-        start = StartState(self.mechanism.joint_names, self.t, self.q, self.v, mode, *driven)
+        run, place = self._run, (self.t, self.q, self.v)
+        driven = None if self._ctrl is None else (self._ctrl.copy(), self._held.activations(self.t))
+        start = StartState(self.mechanism.joint_names, *place, run.toward, driven, run.remembered())
         return SavedState(self, self._run.copied(), start)
 
     def restore(self, state: SavedState | StartState) -> Simulation:
@@ -306,16 +270,16 @@ class Simulation(Present):
         """Begin anew at a state, on its mode where it is singular."""
         if start.joints != self.mechanism.joint_names:
             raise OptionError(f"state is one of the joints {', '.join(start.joints)}, not of {self!r}")
-        before, self._t0 = self._t0, start.t
-        self._ctrl = start.controls
-        if start.activations is not None:
-            self._held.start = start.activations
+        before, self._plan.t0 = self._plan.t0, start.t
+        self._ctrl = None
+        if start.driven is not None:
+            self._ctrl, self._held.start = start.driven
         try:
-            return self.reset(start.q, start.v)
+            return self._reset((start.q, start.v, None), start.phase)
         except SingularStartError:
-            return self.reset(start.q, start.v, mode=start.mode)
+            return self._reset((start.q, start.v, start.mode), start.phase)
         except Exception:
-            self._t0 = before
+            self._plan.t0 = before
             raise
 
     def __reduce_ex__(self, protocol: Any) -> NoReturn:

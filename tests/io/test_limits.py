@@ -80,7 +80,6 @@ def test_what_does_not_know_them_says_so(tmp_path: Path) -> None:
     (tmp_path / "p.urdf").write_text(URDF)
     mech = rg.load(tmp_path / "p.urdf", limits=True, friction=True)
     for call in (
-        lambda: rg.Simulation(mech),
         lambda: rg.simulate_many(mech, [([0.1], [0.0])], 0.1),
         lambda: rg.forward_dynamics(mech, [0.1], [0.0]),
         lambda: rg.derivatives(mech, [0.1]),

@@ -40,6 +40,8 @@ def test_a_clutch_of_two_flywheels() -> None:
     after = (ratio * I1 * before + I2 * w2) / (ratio**2 * I1 + I2)  # of wheel 2
     k = int(np.searchsorted(run.t, 0.35))
     assert run.v[k] == pytest.approx([ratio * after, after], abs=1e-13)
+    assert run.t[k - 1] == np.nextafter(0.35, 0.0)
+    assert run.v[k - 1] == pytest.approx([before, w2], abs=1e-13)
     lost = 0.5 * (I1 * before**2 + I2 * w2**2) - 0.5 * (I1 * ratio**2 + I2) * after**2
     assert [x.kind for x in run.happenings] == ["lock", "hold", "release"]
     assert run.happenings[0].loss == pytest.approx(lost, rel=1e-13)
@@ -119,3 +121,58 @@ def test_two_stops_of_one_joint_at_one_place() -> None:
     assert run.happenings[0].kind == "impact" and run.q[:, 0].min() > -1e-12
     k = int(np.searchsorted(run.t, run.happenings[0].time))
     assert run.v[k, 0] == pytest.approx(-0.5 * run.v[k - 1, 0])
+
+
+def test_a_latch_that_an_event_closes(backend: Any) -> None:
+    """A falling mass passes its latch at 0.5 m, is stopped there and held to the end of the lock."""
+    g = 9.81
+    latch = rg.Lock("q1", end=0.6, when=rg.Event(lambda t, q, v: float(q[0]) + 0.5, direction=-1.0))
+    event = rg.Event(lambda t, q, v: float(q[0]) + 0.6)
+    ask: dict[str, Any] = dict(joints=[latch], events=event, backend=backend)
+    run = rg.simulate(sliders(2.0), [0.0], [0.0], 1.0, 0.1, **ask)
+    fall = np.sqrt(1.0 / g)
+    assert [x.kind for x in run.happenings] == ["lock", "hold", "release"]
+    assert times_of(run, "lock") == pytest.approx([fall], abs=1e-13)
+    assert run.happenings[0].loss == pytest.approx(2.0 * g * 0.5, rel=1e-12)
+    assert run["lock.q1"][(run.t >= fall) & (run.t < 0.6)] == pytest.approx(2.0 * g)
+    assert run.q[-1, 0] == pytest.approx(-0.5 - 0.5 * g * 0.16, abs=1e-12)
+    assert run.ended_by is None and len(run.t_events) == 1
+    assert run.t_events[0] == pytest.approx([0.6 + np.sqrt(0.2 / g)], abs=1e-12)
+    sim = rg.Simulation(sliders(2.0), [0.0], [0.0], 0.1, **ask).step(n=5)
+    state = sim.save()
+    assert sim.step(n=5).q[0] == pytest.approx(run.q[-1, 0], abs=1e-13)
+    assert sim.restore(state).step(n=5).happenings == sim.happenings and len(sim.happenings) == 3
+
+
+def test_an_event_counts_from_the_start_of_its_lock() -> None:
+    """Zeros before `start` close nothing; a function that is below zero at `start` already is no zero."""
+    spin, found = flywheels(1.0), []
+    for start, when in ((0.0, 0.25), (0.3, 0.75), (0.6, 0.75)):
+        passing = rg.Event(lambda t, q, v: np.cos(2.0 * np.pi * t))
+        lock = rg.Lock("q1", start=start, when=passing)
+        run = rg.simulate(spin, [0.0], [2.0], 1.0, 0.1, joints=[lock])
+        found.append(times_of(run, "lock")[0] - when)
+        assert run.v[-1, 0] == pytest.approx(0.0, abs=1e-15)
+        assert run.q[-1, 0] == pytest.approx(2.0 * when, abs=1e-12)
+    assert np.abs(found).max() < 1e-13
+    with pytest.raises(rg.OptionError, match="when"):
+        rg.Lock("q1", when=3.0)  # type: ignore[arg-type]
+
+
+def test_a_latch_of_a_loop_at_order_four() -> None:
+    """A slider-crank latches where its slide passes a place: the same in every choice of y."""
+    crank, ends = rg.load("slider_crank"), []
+    latch = rg.Lock("q1", when=rg.Event(lambda t, q, v: float(q[2]) - 2.8, direction=-1.0), end=1.6)
+    for y in ("q1", "q3"):
+        runs = [
+            rg.simulate(crank.with_independent([y]), crank.home, [0.0] * 3, 2.0, h, joints=[latch])
+            for h in (0.02, 0.01, 0.005)
+        ]
+        times = [times_of(run, "lock")[0] for run in runs]
+        assert np.log2(abs(times[1] - times[0]) / abs(times[2] - times[1])) > 3.7
+        require_sound(runs[-1], 1e-5)
+        k = int(np.searchsorted(runs[-1].t, times[-1]))
+        assert np.abs(runs[-1].v[k]).max() < 1e-12 and np.abs(runs[-1].v[k - 1]).max() > 0.5
+        assert runs[-1].t[k - 1] == np.nextafter(times[-1], 0.0)
+        ends.append(runs[-1].q[-1])
+    assert np.abs(ends[0] - ends[1]).max() < 1e-7

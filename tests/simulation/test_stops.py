@@ -310,7 +310,7 @@ def test_starts_and_arguments_that_do_not_fit() -> None:
     with pytest.raises(rg.OptionError, match="no Stop"):
         rg.simulate(mech, joints=["q1"], **ask)  # type: ignore[list-item]
     for name, value in {
-        "stepper": "DOP853", "hold": True, "events": lambda t, q, v: 1.0, "outputs": [0.1],
+        "stepper": "DOP853",
         "method": "classical", "drive": {"q1": rg.Motion(lambda t: (0.0, 0.0, 0.0))},
     }.items():  # fmt: skip
         with pytest.raises(rg.OptionError, match=name):

@@ -41,7 +41,8 @@ class Evaluator {
     // Controls of the actuators at a stage of the step after a time.
     void control(const Request& r, std::int64_t time, int stage) {
         const std::int64_t stages = r.stages > 0 ? r.stages : 2;
-        motion_.control = r.control == nullptr ? nullptr : r.control + ((time - r.first) * stages + stage) * r.control_stride;
+        const std::int64_t row = std::min<std::int64_t>((time - r.first) * stages + stage, r.control_rows - 1);
+        motion_.control = r.control == nullptr ? nullptr : r.control + row * r.control_stride;
     }
 
     // What moves by prescription at a stage of the step after a time.

@@ -8,7 +8,7 @@ RG_EXPORT std::int32_t rg_version() { return rg::VERSION; }
 RG_EXPORT std::int32_t rg_size(std::int32_t structure) {
     constexpr std::size_t sizes[] = {sizeof(rg::Description), sizeof(rg::Cluster), sizeof(rg::Bridging),
                                      sizeof(rg::Request), sizeof(rg::States), sizeof(rg::ModeSeries),
-                                     sizeof(rg::Assembly)};
+                                     sizeof(rg::Assembly), sizeof(rg::Guarded)};
     return static_cast<std::int32_t>(sizes[structure]);
 }
 

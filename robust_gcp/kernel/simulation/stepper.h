@@ -8,6 +8,7 @@
 #include "abi.h"
 #include "linalg/cells.h"
 #include "simulation/evaluator.h"
+#include "simulation/guard.h"
 #include "simulation/watch.h"
 
 namespace rg {
@@ -17,7 +18,7 @@ inline double good_from(double best) { return best >= POOR ? POOR : std::max(0.0
 
 class alignas(CACHE_LINE) Stepper : public Evaluator {
   public:
-    explicit Stepper(const Description& d) : Evaluator(d), watch_(d, path.parts), x_(n_), sum_(n_), rate_(n_) {}
+    explicit Stepper(const Description& d) : Evaluator(d), watch_(d, path.parts), guard_(d.nv), x_(n_), sum_(n_), rate_(n_) {}
 
     void run(Request& r) {
         r.completed = 0;
@@ -31,6 +32,7 @@ class alignas(CACHE_LINE) Stepper : public Evaluator {
             return;
         }
         watch_.follow(r);
+        guard_.follow(r, path, *accepted_);
         const int m = path.layout.m;
         bool in_zone = clusters.in_zone();  // at the last accepted output
         Cells<double> last_ydd(r.ydd, r.ydd + m), last_tau(r.tau, r.tau + path.layout.nv);
@@ -62,6 +64,8 @@ class alignas(CACHE_LINE) Stepper : public Evaluator {
             }
             if ((i + 1) % r.every == 0) output(r, (i + 1) / r.every - 1);
             if (!in_zone && watch_.exceeds(*accepted_)) r.reason = CHART;
+            if (guard_.met(path, *accepted_, motion_.v.data(), motion_.ydd.data(), r.times[i + 1] - r.times[i]))
+                r.reason = MET;
         }
         accepted_->write(r.anchor);
         std::copy(x_.begin(), x_.end(), r.x);
@@ -253,6 +257,7 @@ class alignas(CACHE_LINE) Stepper : public Evaluator {
     }
 
     Watch watch_;
+    Guard guard_;
     Cells<double> x_, sum_, rate_, safe_x_;
     std::vector<Cells<double>> k_;  // rates at the stages of a tableau
     std::vector<double> log_, passed_, trackers_;

@@ -8,6 +8,12 @@ impact       impulses: Newton's restitution
 decision     Gauss's principle at rest: what is held, slips, leaves
 machine      the mechanism of a phase, in which what is held is one more closure
 watch        events on a stretch: all roots of quintics, and how well what is held is held
+leg          steps of a phase that go on from each other, in one run
+partial      single steps of a phase, to events
+stretch      the first event on steps, located on a partial step
 joined       the record of all stretches as one trajectory
+chosen, grid outputs that are kept, ends of steps
+progress     where a motion is, and its record; saved and put back
 course       from phase to phase
+whole, stepwise  a run of `simulate`; a `Simulation`
 """

@@ -1,150 +1,197 @@
-"""The course of a run through phases of smooth motion: stretch, event, decision, next stretch."""
+"""The course of a run through phases of smooth motion: steps, event, decision, next phase."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from ...errors import OptionError, SimulationError
-from ...maps.start_check import checked_state, require_freedom
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.parts import parts_given
 from ...mechanism.tree import Array
-from ..coarse import Coarse
-from .decision import Phase, State, settled
+from .decision import State, decided, settled
 from .frame import Seen
 from .happening import Happening
 from .impact import REST
-from .joined import Block, Joined
-from .machine import Machines
-from .rest import rested
-from .rows import Kind, Rows
-from .stretch import Stretch, Walked
+from .joined import Block
+from .leg import Fault, Leg, Steps
+from .progress import FIRST, Progress
+from .rest import Still, rested
+from .rows import Kind
 from .watch import Found
 
-if TYPE_CHECKING:
-    from ..course import Course, Progress
-    from ..trajectory import Trajectory
+MOST = 4096
+"""Steps of one leg."""
 
-FIRST, MOST = 8, 512
-"""Steps of the stretch after an event, then doubled: those behind the next event are taken for nothing."""
-
-SAME = 1e-9
-"""Share of a step by which a time of the grid is left out beside an event."""
+FINER = (4, 16, 64)
+"""Parts of a step that fails: a stop may be what keeps the mechanism from the place where it does."""
 
 AHEAD = (1e-3, 1e-2, 0.1, 1.0)
 """Shares of a step after a break at which it is looked what slips."""
 
 
-class Phases:
-    """A run through phases.
+class Phases(Progress):
+    """A motion through phases; parameters are those of `Progress`."""
 
-    Parameters
-    ----------
-    machines : Machines
-    start : (q0, v0)
-    report : callable (fraction), optional
-    """
+    # ----------------------------------------------------------------- from phase to phase
 
-    def __init__(
-        self, machines: Machines, start: tuple[Array, Array], report: Callable[[float], Any] | None = None
-    ) -> None:
-        course = machines.course
-        self._machines, self._rows, self._report = machines, machines.rows, report
-        self._grid, self._step = course.schedule.times, course.step
-        self._t, self._end = float(self._grid[0]), float(self._grid[-1])
-        self._q, self._v = start
-        self._rows.require_within(self._q)
-        gaps = self._rows.gaps(self._q)
-        self._phase = Phase(touching=frozenset(i for i in self._rows.of(Kind.SPRING) if gaps[i] < 0.0))
-        self._seen = Seen(self._v, np.zeros_like(self._v), machines.toward(self._v))
-        self._ahead: Iterator[State] | None = None
-        self.joined = Joined(self._rows, course.record)
-        self.joined.stats.step = self._step
-        locks = [self._rows.rows[i] for i in self._rows.of(Kind.LOCK)]
-        switches = {x for row in locks for x in (row.start, row.end)}
-        self._switches = sorted({x for x in switches if self._t < x < self._end} | {self._end})
-
-    def go(self) -> None:
-        """From phase to phase to the end."""
-        fresh, size = True, FIRST
-        while self._t < self._end or fresh:
-            if fresh:
-                self._settle()
-                if self._t >= self._end:
-                    self._keep_last()
-                    return
-            until = next(x for x in self._switches if x > self._t)
-            machine, switched = self._machines.of(self._phase, self._q), False
-            if machine is None:
-                event = self._rest(self._times(until, len(self._grid)))
+    def advance(self, end: float) -> None:
+        """From phase to phase up to a time of the grid, s."""
+        while not self.ended and (self._fresh or self._t < end - self._grid.slack):
+            if self._fresh:
+                self._begin()
+            elif self._machine is None:
+                self._rest(end)
             else:
-                event = self._stretch(machine, self._times(until, size))
-            if not event and until - self._t <= SAME * self._step:
-                self._t, switched = until, until < self._end
-            fresh = event or switched
-            size = FIRST if fresh else min(2 * size, MOST)
+                self._walk(self._machine, end)
             if self._report is not None:
-                done = (self._t - self._grid[0]) / (self._end - self._grid[0])
-                self._report(min(float(done), 1.0))
+                span = self._grid.end - self._grid.t0
+                self._report(min(float((self._t - self._grid.t0) / span), 1.0))
 
-    @property
-    def _state(self) -> State:
-        return State(self._t, self._q, self._v, self._seen)
-
-    def _settle(self) -> None:
-        """The phase that begins now."""
-        acting, tell = self._machines.acting, self._tell
-        self._phase, self._v = settled(self._rows, acting, self._phase, self._state, self._ahead, tell)
-        self._ahead = None
+    def hold(self, torque: Array) -> None:
+        """Another torque (nv,) from now on, where torques are held over steps."""
+        held, phase = self._machines.held, self._phase
+        assert held is not None
+        if np.array_equal(torque, held.value):
+            return
+        held.value = torque
+        if self._fresh:
+            return
+        if self._leg is not None and not self._leg.turn(held.beside(torque, self._machines.constant(phase))):
+            self._drop()
+        other = phase.successor()
+        other.held = decided(self._rows, self._machines.acting(other), other, self._state)
+        self._fresh = sorted(other.held) != sorted(phase.held) or other.slip != phase.slip
 
     def _tell(self, kind: str, rows: Any, loss: float = 0.0) -> None:
         happening = Happening(float(self._t), kind, self._rows.names(rows), float(loss))
         self.joined.happenings.append(happening)
 
-    def _times(self, until: float, size: int) -> Array:
+    def _begin(self) -> None:
+        """The phase that begins now, and its first output."""
+        machines, rows = self._machines, self._rows.rows
+        self._drop()
+        self._armed = frozenset(i for i in self._latches if rows[i].start <= self._t)
+        acting, tell = machines.acting, self._tell
+        self._phase, self._v = settled(self._rows, acting, self._phase, self._state, self._ahead, tell)
+        self._ahead, self._fresh, self._size = None, False, FIRST
+        machine = self._machine = machines.of(self._phase, self._q)
+        if machine is None:
+            after = np.array([self._t, self._t + self._grid.step])
+            self.joined.add(rested(machines, self._phase, self._state, after).block.first(1), self._phase)
+            return
+        self._stretch = self._looked_at(machine)
+        steps = self._set_out(machine).since(0)
+        self._keep(machine, steps, self._stretch.forces(steps, 0)[None])
+
+    def _times(self, until: float) -> Array:
         """The present time and the ends of the next steps: on the grid again as soon as may be."""
-        slack = SAME * self._step
-        first = int(np.searchsorted(self._grid, self._t + slack, side="right"))
-        ahead = self._grid[first : first + size]
+        slack = self._grid.slack
+        until = next((x for x in self._switches if self._t < x <= until + slack), until)
+        ahead = self._grid.after(self._t, MOST)
+        few = len(ahead) < MOST or ahead[-1] >= until
         ahead = ahead[ahead < until - slack]
-        return np.array([self._t, *ahead, *([until] if len(ahead) < size else [])])
+        return np.array([self._t, *ahead, *([until] if few and until < np.inf else [])])
 
-    def _stretch(self, machine: Mechanism, times: Array) -> bool:
-        """Steps up to the next event, or to the end of the stretch; whether there was one."""
-        walked = Stretch(self._machines, machine, self._phase).taken(self._state, times)
-        run, last = walked.run, walked.count - 1
-        self._keep(walked)
-        self._t, self._q, self._v = float(run.t[last]), run.q[last], run.v[last]
-        if walked.found is None:
-            return False
-        if walked.part is not None:
-            self._keep_part(walked, walked.part)
-        self._meet(machine, walked.found)
-        return True
+    def _set_out(self, machine: Mechanism) -> Leg:
+        """A new leg from the present state."""
+        times, q, v = self._times(self._grid.end), self._q, self._v
+        if len(times) == 1 or times[1] <= times[0]:  # at the end of all
+            times = np.array([self._t, self._t + self._grid.step])
+        events = self._events if self._events else None
+        leg = self._machines.leg(
+            machine, self._phase, times, q, v, self._seen.toward, events, self._stretch.guard
+        )
+        if (fault := leg.advance(0)) is not None:
+            raise fault
+        self._leg, self._sums = leg, self.joined.sums
+        return leg
 
-    def _keep(self, walked: Walked) -> None:
-        """Outputs of a stretch before its event."""
-        run, n = walked.run, walked.count
-        assert run.a is not None
-        self.joined.add(Block.of(run, n, walked.held[:n]), self._phase)
-        self.joined.count(run, float(run.t[n - 1]))
-        self._seen = Seen.of(run.v[n - 1], run.a[n - 1], self._seen)
+    # ----------------------------------------------------------------- steps
 
-    def _keep_part(self, walked: Walked, part: Trajectory) -> None:
-        """The state just before the event, which is where the partial step ends."""
-        assert part.a is not None and walked.part_held is not None
-        self._t, self._q, self._v = float(part.t[-1]), part.q[-1], part.v[-1]
-        self._seen = Seen.of(part.v[-1], part.a[-1], self._seen)
-        block = Block.of(part, 2, walked.part_held)
-        block.t = np.array([part.t[0], np.nextafter(self._t, -np.inf)])
-        self.joined.add(block, self._phase, slice(1, None))
-        self.joined.count(part, self._t)
+    def _walk(self, machine: Mechanism, end: float) -> None:
+        """Steps up to the next event, or to the end."""
+        leg = self._leg or self._set_out(machine)
+        i, slack = leg.at, self._grid.slack
+        n = int(np.searchsorted(leg.times, end + slack, side="right")) - 1 - i
+        fault = leg.advance(min(max(n, 1), self._size) if self._stretch.limited else max(n, 1))
+        back = leg.gone_back()
+        if back:
+            self.joined.back_to(self._sums)
+        steps = leg.since(0 if back else i)
+        last = len(steps.t) - 1
+        found, held = self._stretch.first(steps, self._seen, 0 if back else last - int(leg.paused))
+        if fault is not None and found is None and leg.at <= i:
+            steps, found, held = self._finer(machine, leg, i, fault)
+        k, end = len(steps.t) - 1 if found is None else found.step, float(steps.t[-1])
+        switched = end in self._switches or (leg.ended and not self._over)
+        if found is None and switched:  # the state before; what follows has one of its own
+            steps = replace(steps, t=np.append(steps.t[:-1], np.nextafter(end, -np.inf)))
+        self._keep(machine, steps.first(k + 1), held[: k + 1])
+        if found is not None:
+            self._met(machine, steps, found, held[k])
+            return
+        self._t, self._fresh = end, switched
+        if leg.ended:
+            self._stop_at_event()
+        elif fault is not None or leg.at == len(leg.times) - 1:
+            self._drop()
+        self._size = min(2 * self._size, MOST)
 
-    def _meet(self, machine: Mechanism, found: Found) -> None:
+    def _finer(self, machine: Mechanism, leg: Leg, i: int, fault: Fault) -> tuple[Steps, Found | None, Array]:
+        """A step that failed, in parts as far as an event in it; without one its fault is raised."""
+        for parts in FINER:
+            times = np.linspace(leg.times[i], leg.times[i + 1], parts + 1)
+            finer = self._machines.leg(machine, self._phase, times, self._q, self._v, self._seen.toward)
+            finer.advance(parts)
+            steps = finer.since(0)
+            found, held = self._stretch.first(steps, self._seen)
+            if found is not None:
+                return steps, found, held
+        raise fault
+
+    def _met(self, machine: Mechanism, steps: Steps, found: Found, held: Array) -> None:
+        """Go to an event in the step that begins now."""
+        k, start = found.step, self._state
+        self._drop()
+        self._events.forget(self._t)
+        self._events.ended_by = None
+        part = self._stretch.located(steps, found, self._seen)
+        if part is not None and self._events:
+            part = self._stretch.within(steps, k, self._seen, float(part.t[-1]), self._events)
+        if part is not None:
+            end = float(part.t[-1])
+            block = Block.of(part, np.array([held, self._stretch.forces(part, -1)]))
+            before = end if self._over else float(np.nextafter(end, -np.inf))
+            block.t = np.array([start.t, before])
+            inner = [(0, row) for row in self._within(machine, start, end, held)]
+            self.joined.add(block.with_rows(inner), self._phase, first=1)
+            self._t, self._q, self._v = end, part.q[-1].copy(), part.v[-1].copy()
+            self._seen = Seen.of(self._v, part.a[-1].copy(), self._seen)
+        if self._events.ended:
+            self._stop_at_event()
+        else:
+            self._fresh = True
+            self._decide(machine, found)
+
+    @property
+    def _over(self) -> bool:
+        """Whether an event of the user's ended the motion."""
+        return self._events.ended_by is not None and self._events.ended_by < self._asked
+
+    def _stop_at_event(self) -> None:
+        """An event ends the motion, or closes a lock."""
+        self._drop()
+        k = self._events.ended_by
+        if self._over or k is None:
+            self.ended = self.joined.to_the_end = True
+            return
+        self._events.ended_by, self._fresh = None, True
+        latched = self._phase.latched | {self._latches[k - self._asked]}
+        self._phase = replace(self._phase, latched=latched)
+
+    def _decide(self, machine: Mechanism, found: Found) -> None:
         """What the event is, for the decision that follows."""
         phase, rows = self._phase, self._rows
         if found.row < 0:
@@ -152,86 +199,38 @@ class Phases:
         elif rows.rows[found.row].kind is Kind.FRICTION:
             self._tell("at rest", [i for i in phase.slip if abs(rows.E[i] @ self._v) <= REST])
         elif rows.rows[found.row].kind is Kind.SPRING:
-            phase.touching = phase.touching ^ {found.row}
+            phase = self._phase = replace(phase, touching=phase.touching ^ {found.row})
             self._tell("touch" if found.row in phase.touching else "leave", [found.row])
 
     def _looked_ahead(self, machine: Mechanism) -> Iterator[State]:
         """States a moment later, while what was held still is."""
-        phase, t, q, v, seen = self._phase, self._t, self._q, self._v, self._seen
+        state = self._state
         for share in AHEAD:
-            times = np.array([t, t + share * self._step])
-            run = self._machines.march(machine, phase, times, q, v, seen.toward)
-            assert run.a is not None
-            yield State(float(run.t[-1]), run.q[-1], run.v[-1], Seen.of(run.v[-1], run.a[-1], seen))
+            part = self._stretch.part(state, state.t + share * self._grid.step)
+            yield State(
+                float(part.t[-1]), part.q[-1], part.v[-1], Seen.of(part.v[-1], part.a[-1], state.seen)
+            )
 
-    def _rest(self, times: Array) -> bool:
-        """Nothing moves; whether it broke loose."""
+    def _rest(self, end: float) -> None:
+        """Nothing moves, up to a time or until something breaks loose."""
+        times = self._times(end)
+        times = np.union1d(times, self.joined.chosen.between(times[0], times[-1]))
         found = rested(self._machines, self._phase, self._state, times)
+        zero = Still(self._q, self._v).ended(self._events, found.block.t) if self._events else None
+        if zero is not None:
+            times = np.append(times[times < zero], zero)
+            found = rested(self._machines, self._phase, self._state, times)
+        switched = found.until in self._switches
+        if switched and not found.broke:
+            found.block.t[-1] = np.nextafter(found.until, -np.inf)
         self.joined.add(found.block, self._phase)
         if found.fault is not None:
             raise found.fault
         self._t, self._v, self._seen = found.until, np.zeros_like(self._v), found.seen
-        if found.broke:
-            later = [found.until + share * self._step for share in AHEAD]
+        self._fresh = found.broke or switched
+        if zero is not None:
+            self._fresh = False
+            self._stop_at_event()
+        elif found.broke:
+            later = [found.until + share * self._grid.step for share in AHEAD]
             self._ahead = iter([State(t, self._q, self._v, found.seen) for t in later])
-        return found.broke
-
-    def _keep_last(self) -> None:
-        """An event at the very end of the run: the state after it is the last output."""
-        machine, after = self._machines.of(self._phase, self._q), self._end + self._step
-        if machine is None:
-            block = rested(self._machines, self._phase, self._state, np.array([self._end, after])).block
-            self.joined.add(block, self._phase, slice(0, 1))
-        else:
-            self._keep(Stretch(self._machines, machine, self._phase).first_output(self._state, after))
-
-
-def run_phases(
-    course: Course, parts: Any, start: tuple[Any, Any, Any], torque: Any, kernel: Any, required: bool,
-    report: Progress,
-) -> Trajectory:  # fmt: skip
-    """A run of `simulate` with `joints=`.
-
-    Parameters
-    ----------
-    course : Course
-    parts : sequence of Stop, JointFriction, Lock
-    start : (q0, v0, mode)
-    torque, kernel, required
-        As `Course.run` takes them.
-    report : callable (fraction) or None
-
-    Raises
-    ------
-    OptionError, ModelError, StateError, SimulationError
-    """
-    begun, mechanism = time.perf_counter(), course.mechanism
-    rows = Rows(mechanism, parts_given(parts))
-    q0, v0, mode = start
-    require_freedom(mechanism)
-    state = checked_state(mechanism, mechanism.home if q0 is None else q0, v0)
-    machines = Machines(rows, course, torque, kernel, required, mode)
-    phases = Phases(machines, state, report if callable(report) else None)
-
-    def joined() -> Trajectory:
-        run = phases.joined.trajectory()
-        run.stats.wall_seconds, run.acted = time.perf_counter() - begun, course.acted
-        return run
-
-    try:
-        phases.go()
-    except SimulationError as error:
-        error.trajectory = joined()
-        raise
-    run = joined()
-    Coarse(mechanism, course.step).judge(run)
-    return run
-
-
-def require_plain(refused: dict[str, bool]) -> None:
-    """An OptionError that names the first argument which does not go with `joints=`."""
-    for name, given in refused.items():
-        if given:
-            raise OptionError(
-                f"joints=: stops, friction and locks do not go with {name} yet; leave one of them out"
-            )

@@ -5,7 +5,7 @@ f ∈ [0, ∞) of stops, [−F, F] of dry friction, ℝ of locks; w = W f + b ar
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -49,6 +49,8 @@ class Phase:
         Slipping joints and the signs of their rates.
     touching : frozenset of int
         Springy stops that are touched.
+    latched : frozenset of int
+        Locks whose event was.
     """
 
     held: list[int] = field(default_factory=list)
@@ -56,24 +58,36 @@ class Phase:
     offsets: dict[int, float] = field(default_factory=dict)
     slip: dict[int, float] = field(default_factory=dict)
     touching: frozenset[int] = frozenset()
+    latched: frozenset[int] = frozenset()
+
+    @property
+    def key(self) -> Hashable:
+        """What tells it from others while it lasts."""
+        slip, at = sorted(self.slip.items()), sorted(self.offsets.items())
+        return tuple(self.held), tuple(self.basis), tuple(at), tuple(slip), self.touching
+
+    def successor(self) -> Phase:
+        """One with the same springs and latches, of which nothing else is known."""
+        return Phase(touching=self.touching, latched=self.latched)
 
     def push(self, rows: Rows, q: Array, v: Array) -> Array:
-        """Forces (n,) of slipping joints and touched springs."""
-        f = np.zeros(len(rows.rows))
+        """Forces (..., n) of slipping joints and touched springs at q (..., nq), v (..., nv)."""
+        f = np.zeros((*q.shape[:-1], len(rows.rows)))
         for i, sign in self.slip.items():
-            f[i] = -rows.bounds[i] * sign
+            f[..., i] = -rows.bounds[i] * sign
         if self.touching:
             gaps = rows.gaps(q)
             for i in self.touching:
                 part, side = rows.rows[i].part, rows.side[i]
-                depth, rate = -gaps[i], -side * (rows.E[i] @ v)
-                f[i] = side * part.stiffness * depth * (1.0 + part.damping * rate)  # type: ignore[union-attr]
+                depth, rate = -gaps[..., i], -side * (v @ rows.E[i])
+                f[..., i] = side * part.stiffness * depth * (1.0 + part.damping * rate)  # type: ignore[union-attr]
         return f
 
 
-def candidates(rows: Rows, t: float, q: Array, v: Array) -> tuple[list[int], Array, Array]:
+def candidates(rows: Rows, phase: Phase, state: State) -> tuple[list[int], Array, Array]:
     """Rows that rest, and the bounds of their forces in the direction `side`."""
-    rates, closed, locked = rows.E @ v, set(rows.closed(q)), set(rows.locked(t))
+    rates, closed = rows.E @ state.v, set(rows.closed(state.q))
+    locked = set(rows.locked(state.t, phase.latched))
     found: list[tuple[int, float, float]] = []
     for i, row in enumerate(rows.rows):
         resting = abs(rates[i]) <= REST
@@ -90,7 +104,7 @@ def candidates(rows: Rows, t: float, q: Array, v: Array) -> tuple[list[int], Arr
 def decided(rows: Rows, acting: Acting, phase: Phase, state: State) -> list[int]:
     """The rows that stay at rest; `phase.slip` is set to those that slip, with their directions."""
     t, q, v = state.t, state.q, state.v
-    chosen, lower, upper = candidates(rows, t, q, v)
+    chosen, lower, upper = candidates(rows, phase, state)
     rates = rows.E @ v
     phase.slip = {
         i: float(np.sign(rates[i])) for i in rows.of(Kind.FRICTION) if i not in chosen and rows.bounds[i]
@@ -129,8 +143,9 @@ def settled(
         States a moment later on the phase that ends, where what was held breaks: its rows have no
         acceleration yet, and their signs are told by what they would have then.
     """
-    v = settled_impacts(rows, state.t, state.q, state.v, state.seen, tell)
-    phase = Phase(touching=before.touching)
+    locks = rows.locked(state.t, before.latched)
+    v = settled_impacts(rows, state.t, state.q, state.v, locks, state.seen, tell)
+    phase = before.successor()
     if ahead is None:
         phase.held = decided(rows, acting(phase), phase, State(state.t, state.q, v, state.seen))
     elif not _broken(rows, acting, before, phase, ahead):

@@ -116,7 +116,12 @@ def impulses(
     SimulationError
     """
     for count in range(2 * MOST if stops or locks else 0):
-        found = struck(rows, q, v, stops, locks, seen, plastic=count >= MOST)
+        try:
+            found = struck(rows, q, v, stops, locks, seen, plastic=count >= MOST)
+        except SimulationError:  # a stop does not throw back what a lock holds
+            if not (stops and locks):
+                raise
+            found = struck(rows, q, v, stops, locks, seen, plastic=True)
         if found is None:
             return
         yield found
@@ -125,14 +130,16 @@ def impulses(
         raise SimulationError(f"impacts of {', '.join(rows.names([*stops, *locks]))} do not come to an end")
 
 
-def settled_impacts(rows: Rows, t: float, q: Array, v: Array, seen: Seen | None, tell: Tell) -> Array:
+def settled_impacts(
+    rows: Rows, t: float, q: Array, v: Array, locks: Sequence[int], seen: Seen | None, tell: Tell
+) -> Array:
     """v⁺ where no closed stop is approached any more and locks rest.
 
     Raises
     ------
     SimulationError
     """
-    stops, locks = rows.closed(q), rows.locked(t)
+    stops = rows.closed(q)
     for found in impulses(rows, q, v, stops, locks, seen):
         v, met = found.v, found.met
         if not met:

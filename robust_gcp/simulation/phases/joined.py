@@ -6,7 +6,8 @@ the first state after it, so that times increase and everything between two outp
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import copy
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
@@ -15,14 +16,17 @@ from ...maps.explicit import Crossing
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ..crossings import AT_ONCE, together
+from ..events import Events
 from ..reactions import multipliers_of
 from ..stats import Stats
 from ..trajectory import Trajectory
+from .chosen import Chosen
 from .decision import Phase
 from .happening import Happening
+from .leg import Steps
 from .rows import Rows
 
-WHAT = ("t", "q", "v", "a", "tau", "work", "smooth", "forces")
+WHAT = ("t", "q", "v", "a", "tau", "work", "smooth", "forces", "u")
 
 
 @dataclass
@@ -48,13 +52,24 @@ class Block:
     held: Array
 
     @classmethod
-    def of(cls, run: Trajectory, count: int, held: Array) -> Block:
-        """The first `count` outputs of a run."""
-        n = slice(0, count)
-        tau = np.zeros_like(run.v) if run.tau is None else run.tau
-        work = np.zeros(len(run.t)) if run.work is None else run.work
-        assert run.a is not None
-        return cls(run.t[n], run.q[n], run.v[n], run.a[n], tau[n], work[n] - work[0], held)
+    def of(cls, steps: Steps, held: Array) -> Block:
+        """Ends of steps."""
+        work = steps.work - steps.work[0]
+        return cls(steps.t, steps.q, steps.v, steps.a, steps.tau, work, held)
+
+    def first(self, n: int) -> Block:
+        """The first n rows."""
+        return Block(**{item.name: getattr(self, item.name)[:n] for item in fields(Block)})
+
+    def with_rows(self, inner: Sequence[tuple[int, Block]]) -> Block:
+        """With the last rows of others, each of which begins at a row of this one, after that row."""
+        if not inner:
+            return self
+        at = [k + 1 for k, _ in inner]
+        more = {f.name: [getattr(part, f.name)[-1] for _, part in inner] for f in fields(Block)}
+        more["work"] = [self.work[k] + part.work[-1] for k, part in inner]
+        parts = {name: np.insert(getattr(self, name), at, rows, axis=0) for name, rows in more.items()}
+        return Block(**parts)
 
 
 @dataclass
@@ -66,38 +81,76 @@ class Joined:
     rows : Rows
     record : sequence of str
         What the user asked for.
+    chosen : Chosen
+        Which outputs are kept.
+    driven : callable (t, q, v) -> ndarray (N, n)
+        Controls and activations of the actuators.
     """
 
     rows: Rows
     record: Sequence[str]
+    chosen: Chosen
+    driven: Callable[[Array, Array, Array], Array]
     happenings: list[Happening] = field(default_factory=list)
     stats: Stats = field(default_factory=Stats)
 
     def __post_init__(self) -> None:
         self._kept: dict[str, list[Array]] = {name: [] for name in WHAT}
+        self._last: dict[str, Array] = {}
         self._work = self._smooth = 0.0
-        self._crossings: list[Crossing] = []
+        self.crossings: list[Crossing] = []
+        self.to_the_end = self.chosen.keep.last and self.chosen.times is None
 
-    def add(self, block: Block, phase: Phase, chosen: slice = slice(None)) -> None:
-        """Keep the chosen outputs of a block, in place of those kept from its first time on.
+    def copied(self) -> Joined:
+        """A copy that goes its own way: rows are never written to."""
+        other = copy.copy(self)
+        other.happenings, other.crossings = list(self.happenings), list(self.crossings)
+        other.stats = copy.deepcopy(self.stats)
+        other._kept = {name: list(values) for name, values in self._kept.items()}
+        return other
+
+    @property
+    def sums(self) -> tuple[float, float]:
+        """Work and smooth losses so far, J."""
+        return self._work, self._smooth
+
+    def back_to(self, sums: tuple[float, float]) -> None:
+        """What comes next takes the place of all since these sums."""
+        self._work, self._smooth = sums
+
+    @property
+    def dissipated(self) -> float:
+        """Energy lost so far, J."""
+        return self._smooth + sum(happening.loss for happening in self.happenings)
+
+    @property
+    def last(self) -> dict[str, Array]:
+        """The last row, kept or not, by the names of `WHAT`."""
+        return {name: values[0] for name, values in self._last.items()}
+
+    def add(self, block: Block, phase: Phase, first: int = 0) -> None:
+        """Keep outputs of a block from row `first` on, in place of those kept from that time on.
 
         Work and losses go on from the last block's end.
         """
-        forces = block.held + np.array(
-            [phase.push(self.rows, q, v) for q, v in zip(block.q, block.v, strict=True)]
-        )
+        forces = block.held + phase.push(self.rows, block.q, block.v)
         smooth = self._smooth + self._lost(block, phase)
         work = self._work + block.work
         self._work, self._smooth = float(work[-1]), float(smooth[-1])
         new = {
             "t": block.t, "q": block.q, "v": block.v, "a": block.a,
             "tau": block.tau + block.held @ self.rows.E, "work": work, "smooth": smooth, "forces": forces,
+            "u": self.driven(block.t, block.q, block.v),
         }  # fmt: skip
-        if not len(block.t[chosen]):
+        self._last = {name: values[-1:].copy() for name, values in new.items()}
+        rows = np.arange(first, len(block.t))
+        if not self.chosen.all:
+            rows = rows[self.chosen.among(block.t[rows])]
+        if not len(rows):
             return
-        self._cut(float(block.t[chosen][0]))
+        self._cut(float(block.t[rows[0]]))
         for name, values in new.items():
-            self._kept[name].append(values[chosen].copy())
+            self._kept[name].append(values[rows])
 
     def _cut(self, t: float) -> None:
         """Drop what is kept from the time t on."""
@@ -135,10 +188,11 @@ class Joined:
     def count(self, run: Trajectory, end: float) -> None:
         """Keep crossings and changes of coordinates of a stretch up to the time `end`, and count its cost."""
         mechanism, other = self.rows.mechanism, run.mechanism
+        self.stats.stepper = run.stats.stepper
         for crossing in run.crossings:
             if crossing.time <= end + AT_ONCE:
                 cluster = _cluster(mechanism, other, crossing.cluster)
-                self._crossings.append(replace(crossing, y=crossing.q[mechanism.iq_numbers], cluster=cluster))
+                self.crossings.append(replace(crossing, y=crossing.q[mechanism.iq_numbers], cluster=cluster))
         for item in fields(Stats):
             if item.type == "int":
                 total = getattr(self.stats, item.name) + getattr(run.stats, item.name)
@@ -146,20 +200,30 @@ class Joined:
         self.stats.repartitions += [change for change in run.stats.repartitions if change[0] <= end]
         self.stats.refined += [(begun, min(until, end)) for begun, until in run.stats.refined if begun < end]
 
-    def trajectory(self) -> Trajectory:
-        """All that is kept."""
-        rows, mechanism = self.rows, self.rows.mechanism
-        sizes = {
-            "q": mechanism.nq,
-            "v": mechanism.nv,
-            "a": mechanism.nv,
-            "tau": mechanism.nv,
-            "forces": len(rows.rows),
-        }
+    def _rows_kept(self) -> dict[str, Array]:
+        """All that is kept, by the names of `WHAT`."""
+        mechanism, n = self.rows.mechanism, len(self.rows.rows)
+        sizes = {"q": mechanism.nq, "forces": n, "u": len(mechanism.actuators)}
+        sizes |= dict.fromkeys(("v", "a", "tau"), mechanism.nv)
+        parts = self._kept
+        if self.to_the_end and self._last and not self.chosen.all:
+            times = parts["t"]
+            if not times or times[-1][-1] < self._last["t"][0]:
+                parts = {name: [*values, self._last[name]] for name, values in parts.items()}
         kept = {
             name: np.concatenate(values) if values else np.zeros((0, sizes[name]) if name in sizes else 0)
-            for name, values in self._kept.items()
+            for name, values in parts.items()
         }
+        if self.chosen.times is not None:
+            asked = self.chosen.among(kept["t"])
+            kept["t"] = np.where(asked, self.chosen.nearest(kept["t"]), kept["t"])
+            last = np.append(np.diff(kept["t"]) > 0.0, True)[: len(kept["t"])]
+            kept = {name: values[last] for name, values in kept.items()}
+        return kept
+
+    def trajectory(self, events: Events) -> Trajectory:
+        """All that is kept."""
+        rows, mechanism, kept = self.rows, self.rows.mechanism, self._rows_kept()
         t, q, v, a, tau = (kept[name] for name in ("t", "q", "v", "a", "tau"))
         losses = np.array([0.0, *np.cumsum([happening.loss for happening in self.happenings])])
         when = np.array([happening.time for happening in self.happenings])
@@ -175,13 +239,18 @@ class Joined:
             else None,
             multipliers_of(mechanism, q, v, a, tau) if "multipliers" in self.record else None,
             kept["work"] + kept["smooth"],
-            together(self._crossings),
+            together(self.crossings),
             self.stats,
+            t_events=[np.array(times) for times in events.t],
+            q_events=[np.array(values).reshape(-1, mechanism.nq) for values in events.q],
+            v_events=[np.array(values).reshape(-1, mechanism.nv) for values in events.v],
+            ended_by=events.ended_by,
             tau=tau if "tau" in self.record else None,
             happenings=list(self.happenings),
             dissipated=kept["smooth"] + losses[np.searchsorted(when, t, side="right")],
             part_names=tuple(columns),
             part_forces=np.array(list(columns.values())).reshape(len(columns), len(t)).T,
+            u=None if np.all(np.isnan(kept["u"])) else kept["u"],
         )
 
 

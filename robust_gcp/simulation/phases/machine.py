@@ -9,23 +9,27 @@ only in coordinates that include it, which may turn back while the phase lasts.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ...dynamics.control import Actuated
 from ...dynamics.equations import Torque, torque_function
+from ...dynamics.held import HeldTorque
 from ...errors import SingularStartError
+from ...kernel.guard import Guard
 from ...kernel.library import Library
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
-from ..schedule import Schedule
-from .decision import Acting, Phase
+from ..events import Events
+from ..powered import controls_along
+from .decision import Acting, Phase, State
+from .leg import Leg, Steps
 from .rows import Kind, Rows
 
 if TYPE_CHECKING:
     from ..course import Course
-    from ..trajectory import Trajectory
 
 
 @dataclass
@@ -37,7 +41,7 @@ class Machines:
     rows : Rows
     course : Course
         Of the whole run.
-    torque : callable, array_like or None
+    torque : HeldTorque, callable, array_like or None
         The user's.
     kernel : Library or None
     required : bool
@@ -54,6 +58,7 @@ class Machines:
     mode: ArrayLike | None
 
     def __post_init__(self) -> None:
+        self.held = self.torque if isinstance(self.torque, HeldTorque) else None
         self._function = torque_function(self.rows.mechanism, self.torque)
         self._once: dict[tuple[object, ...], Mechanism] = {}
         self.checked = True
@@ -66,8 +71,16 @@ class Machines:
 
     @property
     def varies(self) -> bool:
-        """Whether torques at rest may change with time."""
-        return callable(self.torque)
+        """Whether torques at rest may change with time within a step."""
+        return callable(self.torque) and (self.held is None or bool(self.held.stride))
+
+    def driven(self, t: Array, q: Array, v: Array) -> Array:
+        """u of the actuators at outputs, (N, n), NaN without power."""
+        n = len(self.rows.mechanism.actuators)
+        if self.held is not None and self.held.powered is not None:
+            return np.array([self.held.u(when) for when in t.tolist()]).reshape(len(t), n)
+        found = controls_along(self.torque, t, q, v)
+        return np.full((len(t), n), np.nan) if found is None else found
 
     def of(self, phase: Phase, here: Array) -> Mechanism | None:
         """The mechanism of a phase that begins at the configuration `here`; None where nothing can move."""
@@ -86,6 +99,7 @@ class Machines:
                 here,
                 mechanism.name,
                 mechanism.forces,
+                actuators=mechanism.actuators,
             )
 
         lasting = all(
@@ -110,46 +124,74 @@ class Machines:
 
         return tau
 
-    def _torque(self, phase: Phase) -> Torque | ArrayLike | None:
-        """The user's torque with what slipping joints and springs add, as cheap as it can be."""
-        rows, function = self.rows, self._function
-        if not (phase.slip or phase.touching):
+    def torque_of(self, phase: Phase, span: tuple[float, float] | None = None) -> Torque | ArrayLike | None:
+        """The user's torque with what slipping joints and springs add, as cheap as it can be.
+
+        Parameters
+        ----------
+        span : (float, float), optional
+            The step that it is held over, s, where activations change within it.
+        """
+        rows, function, held = self.rows, self._function, self.held
+        if phase.touching:
+
+            def sprung(t: float, q: Array, v: Array) -> Array:
+                pushed: Array = rows.E.T @ phase.push(rows, q, v)
+                return pushed if function is None else pushed + function(t, q, v)
+
+            return sprung
+        if held is not None:
+            return held.spanning(span, self.constant(phase))
+        if not phase.slip:
             return self.torque
-        if not phase.touching:
+        constant = self.constant(phase)
+        if isinstance(self.torque, Actuated):
+            return self.torque.beside(constant)
+        if function is None or not callable(self.torque):
             zero = np.zeros(rows.mechanism.nq), np.zeros(rows.mechanism.nv)
-            constant: Array = rows.E.T @ phase.push(rows, *zero)
-            if function is None or not callable(self.torque):
-                return constant if function is None else constant + function(0.0, *zero)
-            return lambda t, q, v: constant + function(t, q, v)
+            return constant if function is None else constant + function(0.0, *zero)
+        return lambda t, q, v: constant + function(t, q, v)
 
-        def sprung(t: float, q: Array, v: Array) -> Array:
-            pushed: Array = rows.E.T @ phase.push(rows, q, v)
-            return pushed if function is None else pushed + function(t, q, v)
+    def constant(self, phase: Phase) -> Array:
+        """What slipping joints add, (nv,)."""
+        rows = self.rows
+        zero = np.zeros(rows.mechanism.nq), np.zeros(rows.mechanism.nv)
+        pushed: Array = rows.E.T @ phase.push(rows, *zero)
+        return pushed
 
-        return sprung
-
-    def march(
-        self, machine: Mechanism, phase: Phase, times: Array, q: Array, v: Array, toward: Array
-    ) -> Trajectory:
-        """The steps of a phase from times[0] on, with accelerations and all that acts.
+    def leg(
+        self, machine: Mechanism, phase: Phase, times: Array, q: Array, v: Array, toward: Array,
+        events: Events | None = None, guard: Guard | None = None,
+    ) -> Leg:  # fmt: skip
+        """Steps of a phase from times[0] on.
 
         Let go at rest where modes meet, it goes on along the mode that it came by.
+
+        Parameters
+        ----------
+        events : Events, optional
+            The user's, that are looked for on the way.
+        guard : Guard, optional
+            What is to stay within bounds.
         """
-        plan = replace(
-            self.course,
-            mechanism=machine,
-            schedule=Schedule.every(times),
-            duration=float(times[-1] - times[0]),
-            record=("a", "tau"),
-            checked=self.checked,
-        )
-        torque = self._torque(phase)
+        asked: Any = () if events is None else events
+        plan = replace(self.course, mechanism=machine, checked=self.checked, events=asked, guard=guard)
+        torque = self.torque_of(phase, (float(times[0]), float(times[1])))
         try:
-            run = plan.run((q, v, None), torque, self.kernel, self.required, None, None)
+            leg = Leg(self, plan, torque, times, (q, v, None))
         except SingularStartError:
             mode = toward if np.any(toward) else self.mode
             if mode is None:
                 raise
-            run = plan.run((q, v, mode), torque, self.kernel, self.required, None, None)
+            leg = Leg(self, plan, torque, times, (q, v, mode))
         self.checked = False
-        return run
+        return leg
+
+    def part(self, machine: Mechanism, phase: Phase, start: State, end: float, events: Any = None) -> Steps:
+        """One step from a state on, with all that may happen."""
+        times = np.array([start.t, end])
+        leg = self.leg(machine, phase, times, start.q, start.v, start.seen.toward, events)
+        fault = leg.advance(1)
+        if fault is not None:
+            raise fault
+        return leg.since(0)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +11,7 @@ from scipy.optimize import brentq
 
 from ...errors import SimulationError
 from ...mechanism.tree import Array
+from ..events import Events
 from .decision import Phase, State
 from .frame import Seen
 from .joined import Block
@@ -36,6 +39,30 @@ class Rested(NamedTuple):
     broke: bool
     seen: Seen
     fault: SimulationError | None
+
+
+@dataclass(frozen=True)
+class Still:
+    """A state in which nothing moves, as a motion in which events are looked for."""
+
+    q: Array
+    v: Array
+    t0: float = 0.0
+    t1: float = 0.0
+
+    def state(self, t: float) -> tuple[Array, Array]:
+        """Always the same."""
+        return self.q, self.v
+
+    def ended(self, events: Events, times: Array) -> float | None:
+        """Keep the user's events between these times, and tell when one of them ends the run."""
+        events.begin(float(times[0]), self.q, self.v)
+        for t0, t1 in pairwise(times.tolist()):
+            for zero in events.zeros(self.q, self.v, replace(self, t0=t0, t1=t1)):
+                events.add(zero, self.q, self.v)
+                if zero.ends:
+                    return zero.t
+        return None
 
 
 def rested(machines: Machines, phase: Phase, start: State, times: Array) -> Rested:

@@ -6,9 +6,10 @@ force Eᵀ f, and its gap is c = side (r − at).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 
@@ -53,6 +54,11 @@ class Row:
         return self.part.restitution if isinstance(self.part, Stop) else 0.0
 
     @property
+    def when(self) -> Callable[..., Any] | None:
+        """What closes a lock."""
+        return self.part.when if isinstance(self.part, Lock) else None
+
+    @property
     def bound(self) -> float:
         """Largest force of dry friction."""
         return self.part.bound if isinstance(self.part, JointFriction) else np.inf
@@ -78,6 +84,8 @@ class Rows:
     ----------
     rows : list of Row
     E : ndarray (n, nv)
+    places : list of (numbers in q, numbers in v, weights)
+        The joints of each.
 
     Raises
     ------
@@ -92,17 +100,29 @@ class Rows:
         for part, name in zip(parts, names, strict=True):
             self.rows += _rows_of(part, name)
         n = len(self.rows)
+        self.places: list[tuple[tuple[int, ...], tuple[int, ...], tuple[float, ...]]] = []
         self.E, self._in_q = np.zeros((n, mechanism.nv)), np.zeros((n, mechanism.nq))
         for i, row in enumerate(self.rows):
+            in_q, in_v = [], []
             label = f"{type(row.part).__name__} {row.part.joint!r}"
             for joint_name, weight in zip(row.part.joints, row.part.weights, strict=True):
                 joint = single_joint(mechanism.joints, joint_name, label, "choose another")
                 self.E[i, joint.idx_v] += weight
                 self._in_q[i, joint.idx_q] += weight
+                in_q.append(joint.idx_q)
+                in_v.append(joint.idx_v)
+            self.places.append((tuple(in_q), tuple(in_v), row.part.weights))
         self.at = np.array([row.at for row in self.rows])
         self.side = np.array([row.side for row in self.rows])
         self.bounds = np.array([row.bound for row in self.rows])
         self.columns = tuple(dict.fromkeys(row.column for row in self.rows))
+
+    @property
+    def signature(self) -> tuple[tuple[object, ...], ...]:
+        """What tells these rows from others."""
+        return tuple(
+            (int(row.kind), row.part.joints, row.part.weights, row.at, row.side) for row in self.rows
+        )
 
     def of(self, kind: Kind) -> list[int]:
         """The rows of a kind."""
@@ -116,9 +136,16 @@ class Rows:
         """c = side (r − at), (..., n); without meaning for rows that are no stops."""
         return self.side * (self.values(q) - self.at)
 
-    def locked(self, t: float) -> list[int]:
-        """Locks that hold at the time t."""
-        return [i for i in self.of(Kind.LOCK) if self.rows[i].start <= t < self.rows[i].end]
+    def locked(self, t: float, latched: Collection[int] = ()) -> list[int]:
+        """Locks that hold at the time t; `latched` are those whose event was."""
+        locks = [(i, self.rows[i]) for i in self.of(Kind.LOCK)]
+        return [i for i, x in locks if x.start <= t < x.end and (x.when is None or i in latched)]
+
+    def touched(self, q: Array, v: Array) -> list[int]:
+        """Springy stops that are touched at a start, or are about to be at once."""
+        gaps, rates = self.gaps(q), self.side * (self.E @ v)
+        inner = np.where(rates < 0.0, gaps <= GAP, gaps < -GAP)
+        return [i for i in self.of(Kind.SPRING) if inner[i]]
 
     def closed(self, q: Array) -> list[int]:
         """Rigid stops that are closed at q."""

@@ -12,15 +12,23 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...kernel.guard import Bounds, Guard
+from ...kernel.measures import reactions
+from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ..crossings import quintic
 from .box import Load
 from .decision import Phase, resting
 from .frame import UNMOVED, Seen, admissible
+from .leg import Steps
 from .rows import Kind, Rows
 
 BELOW = 1e-13
 """m, rad, or per second: how far a function has to fall below 0 after a root for an event."""
+
+
+ALIKE = 1e-7
+"""Relative difference of forces that two ways to find them may have on regular ground."""
 
 
 class Found(NamedTuple):
@@ -81,11 +89,29 @@ class Signals:
         first = int(self._rate[k])
         return float(parts[first]), float(parts[first + 1])
 
+    def guard(self) -> Guard | None:
+        """The cheap test of whether there may be an event in a step."""
+        where, found = self._rows.places, list[Bounds]()
+        for i, sign, at, of_rate in zip(self.rows.tolist(), self._sign, self._at, self._rate, strict=True):
+            lower, upper = (float(at), np.inf) if sign > 0.0 else (-np.inf, float(at))
+            in_q, in_v, weights = where[i]
+            found.append(Bounds(in_q, in_v, weights, bool(of_rate), lower, upper))
+        return Guard(found) if found else None
+
     def first(
-        self, t: Array, q: Array, v: Array, a: Array, none: Collection[tuple[int, int]] = ()
+        self,
+        t: Array,
+        q: Array,
+        v: Array,
+        a: Array,
+        none: Collection[tuple[int, int]] = (),
+        since: int = 0,
     ) -> Found | None:
-        """The first event on the steps between these times, but for steps and rows in which there is none."""
-        if not len(self.rows):
+        """The first event on the steps between these times, but for steps and rows in which there is none.
+
+        Steps are numbered from `since` on.
+        """
+        if not len(self.rows) or len(t) < 2:
             return None
         series, h = self.series(q, v, a), np.diff(t)
         value = np.where(self._rate, series[1], series[0])
@@ -97,7 +123,7 @@ class Signals:
                 p = np.array(quintic(h[step], *series[:, step : step + 2, k].T)[::-1])
                 slip = self._rate[k]
                 root = falling_root(np.polyder(p) if slip else p, BELOW * (h[step] if slip else 1.0))
-                where = int(step), int(self.rows[k])
+                where = int(step) + since, int(self.rows[k])
                 if root is not None and where not in none and (best is None or root[0] < best.share):
                     best = Found(where[0], root[0], where[1], *root[1:])
             if best is not None:
@@ -124,6 +150,29 @@ class Holding:
     def __bool__(self) -> bool:
         """Whether anything is held."""
         return bool(self._held)
+
+    def along(self, machine: Mechanism, steps: Steps) -> tuple[Array, Array] | None:
+        """f (N, n) at the ends of many steps, and their margins (N,), as λ of the phase's mechanism.
+
+        None where the rows depend on each other, or λ is not what `forces` gives at the first and the last.
+        """
+        held, n = self._held, len(steps.t)
+        if len(held) > self._rank:
+            return None
+        found = reactions(machine, steps.q, steps.v, steps.a, steps.tau)
+        if found is None:
+            return None
+        f = found[:, -len(held) :]
+        for k in (0, n - 1):
+            own = self.forces(steps.q[k], steps.v[k], steps.a[k], steps.tau[k])[0][held]
+            if not np.abs(f[k] - own).max() <= ALIKE * (1.0 + np.abs(own).max()):
+                return None
+        forces, dry = np.zeros((n, len(self._rows.rows))), np.isfinite(self._rows.bounds[held])
+        forces[:, held] = f
+        bounds = np.where(dry, self._rows.bounds[held], 1.0)
+        limits = np.where(self._pushes, self._rows.side[held] * f, np.inf)
+        limits = np.where(dry, 1.0 - np.abs(f) / bounds, limits)
+        return forces, limits.min(axis=1, initial=np.inf)
 
     def _load(self, q: Array, v: Array, a: Array, tau: Array, seen: Seen) -> tuple[Load, Array]:
         mechanism = self._rows.mechanism

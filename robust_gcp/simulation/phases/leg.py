@@ -1,0 +1,170 @@
+"""Steps of one phase that go on from each other, in a run of their own."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...dynamics.equations import Torque
+from ...dynamics.held import HeldTorque
+from ...errors import ClosureError, SimulationError
+from ...kernel.steps import NativeSteps
+from ...maps.point import Counters
+from ...mechanism.tree import Array, Tree
+from ..dense import Interpolant
+from ..held_run import HeldRun
+from ..schedule import Schedule
+from ..stability import StabilityCheck
+from ..starting import rates_at
+
+if TYPE_CHECKING:
+    from ...dynamics.problem import Problem
+    from ..course import Course
+    from ..fixed import FixedRun
+    from ..trajectory import Trajectory
+    from .machine import Machines
+
+Fault = SimulationError | ClosureError
+
+
+@dataclass
+class Steps:
+    """Ends of steps: t (N,), q, v, a, what acts besides gravity and what is held, and its work so far.
+
+    `regular` tells that the kernel is there, and no zone of a singular place was met.
+    """
+
+    tree: Tree
+    t: Array
+    q: Array
+    v: Array
+    a: Array
+    tau: Array
+    work: Array
+    regular: bool = False
+
+    def at(self, t: float) -> tuple[Array, Array, Array]:
+        """q, v and a between them, interpolated."""
+        q, v, a = Interpolant(self.tree, self.t, self.q, self.v, self.a)(np.array([t]))
+        return q[0], v[0], a[0]
+
+    def first(self, n: int) -> Steps:
+        """The first n of them."""
+        parts = (self.t, self.q, self.v, self.a, self.tau, self.work)
+        t, q, v, a, tau, work = (part[:n] for part in parts)
+        return Steps(self.tree, t, q, v, a, tau, work, self.regular)
+
+
+class Leg:
+    """A run of a phase, from its state on.
+
+    Parameters
+    ----------
+    machines : Machines
+    plan : Course
+        With the mechanism of the phase.
+    torque : HeldTorque, callable, array_like or None
+        With what slipping joints and springs add.
+    times : ndarray (N + 1,)
+        Where it begins, and the ends of its steps.
+    start : (q, v, mode)
+
+    Raises
+    ------
+    SingularStartError
+        Where modes meet and no mode is given.
+    """
+
+    def __init__(
+        self, machines: Machines, plan: Course, torque: Torque | ArrayLike | None, times: Array,
+        start: tuple[Array, Array, ArrayLike | None],
+    ) -> None:  # fmt: skip
+        span = float(times[-1] - times[0])
+        self._plan = plan = replace(plan, schedule=Schedule.every(times), duration=span, record=("a", "tau"))
+        self._begun, self.times = time.perf_counter(), times
+        self._held = torque.value if isinstance(torque, HeldTorque) else None
+        self._stability: StabilityCheck | None = None
+        held = isinstance(torque, HeldTorque)
+        if plan.checked and plan.tableau == "rk4":
+            given = None if held else torque
+            self._stability = StabilityCheck(plan.mechanism, given, plan.step, plan.choice.options)
+            torque = torque if held else self._stability.torque
+        self._motion, native, counters = plan.set_out(start, torque, machines.kernel, machines.required)
+        if self._stability is not None:
+            self._stability.before(self._motion, rates_at(native, self._motion))
+        self._native = native is not None
+        self._run = self._made(self._motion, torque, native, counters)
+
+    def _made(
+        self,
+        motion: Problem,
+        torque: Torque | ArrayLike | None,
+        native: NativeSteps | None,
+        counters: Counters,
+    ) -> FixedRun:
+        from ..fixed import FixedRun
+
+        run = self._plan.made(motion, torque, native, counters, None)
+        assert isinstance(run, FixedRun)  # no solver goes with phases
+        return run
+
+    @property
+    def at(self) -> int:
+        """The step's end that was reached; −1 before the start."""
+        return self._run.record.count - 1
+
+    @property
+    def ended(self) -> bool:
+        """Whether an event ended it."""
+        return self._run.ended
+
+    @property
+    def paused(self) -> bool:
+        """Whether the last step is to be looked at."""
+        return self._run.paused
+
+    def advance(self, n: int) -> Fault | None:
+        """n steps more, and what stopped them; with n = 0 the start."""
+        try:
+            self._plan.gone(self._run, self._begun, False, lambda: self._further(n))
+        except (SimulationError, ClosureError) as error:
+            return error
+        finally:
+            if self._stability is not None and n:
+                self._stability.after(self._motion)
+                self._stability = None
+        return None
+
+    def _further(self, n: int) -> None:
+        run = self._run
+        if not isinstance(run, HeldRun):
+            run.further(n)
+            return
+        if run.record.at < 0:
+            run.begin()
+        if n and self._held is not None:
+            run.take(self._held, n)
+
+    def turn(self, torque: Array) -> bool:
+        """Hold another torque from here on; whether it can."""
+        self._held = None if self._held is None else torque
+        return self._held is not None
+
+    def since(self, i: int) -> Steps:
+        """The ends of steps from number i on, which lies lower where the run went back."""
+        regular = self._native and self._run.zone_evaluations == 0
+        t, q, v, a, tau, work = self._run.record.steps(i)
+        return Steps(self._plan.mechanism.tree, t, q, v, a, tau, work, regular)
+
+    def gone_back(self) -> bool:
+        """Whether outputs told before were taken anew since this was asked last."""
+        lowest, self._run.lowest = self._run.lowest, len(self.times)
+        return lowest < len(self.times)
+
+    def trajectory(self) -> Trajectory:
+        """Its crossings and costs too."""
+        return self._run.trajectory(self._begun)

@@ -1,0 +1,193 @@
+"""Where a motion through phases is, and what is recorded of it."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...maps.explicit import Crossing
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree import Array
+from ..events import Event, Events, checked_events
+from ..trajectory import Trajectory
+from .chosen import Chosen
+from .decision import Phase, State
+from .frame import Seen
+from .grid import Grid
+from .joined import Block, Joined
+from .leg import Leg, Steps
+from .machine import Machines
+from .rows import Kind
+from .stretch import Stretch
+
+FIRST = 8
+"""Steps that are looked at together after an event, then doubled: some are taken for nothing."""
+
+KNOWN = 8
+"""Phases whose looks are kept."""
+
+SAVED = ("_t", "_q", "_v", "_seen", "_fresh", "_machine", "_size", "_sums", "_armed", "ended")
+"""What steps change, besides the phase and the record."""
+
+
+class Progress:
+    """Where a motion through phases is.
+
+    Parameters
+    ----------
+    machines : Machines
+    grid : Grid
+    chosen : Chosen
+        Outputs that are kept.
+    start : (q0, v0)
+    events : sequence of Event
+        The user's.
+    report : callable (fraction), optional
+
+    Attributes
+    ----------
+    joined : Joined
+        What is recorded.
+    ended : bool
+        Whether one of these ended the motion.
+    """
+
+    def __init__(
+        self, machines: Machines, grid: Grid, chosen: Chosen, start: tuple[Array, Array],
+        events: Sequence[Event] | Events = (), report: Callable[[float], Any] | None = None,
+    ) -> None:  # fmt: skip
+        self._machines, self._rows, self._grid, self._report = machines, machines.rows, grid, report
+        self._t = grid.number(0)
+        self._q, self._v = start
+        self._rows.require_within(self._q)
+        self._phase = Phase(touching=frozenset(self._rows.touched(self._q, self._v)))
+        self._seen = Seen(self._v, np.zeros_like(self._v), machines.toward(self._v))
+        self._ahead: Iterator[State] | None = None
+        self._fresh, self._size, self.ended = True, FIRST, False
+        self._machine: Mechanism | None = None
+        self._known: dict[Hashable, Stretch] = {}
+        self._leg: Leg | None = None
+        self._latches = [i for i in self._rows.of(Kind.LOCK) if self._rows.rows[i].when is not None]
+        self._armed = frozenset[int]()  # those that may close
+        asked = events.asked if isinstance(events, Events) else list(events)
+        self._asked = len(asked)  # of all events; those of latches follow
+        self._events = Events([*asked, *map(self._latch, self._latches)], self._t, grid.step)
+        self.joined = Joined(self._rows, machines.course.record, chosen, machines.driven)
+        self.joined.stats.step = grid.step
+        self._sums = self.joined.sums  # at the leg's start
+        locks = [self._rows.rows[i] for i in self._rows.of(Kind.LOCK)]
+        switches = {x for row in locks for x in (row.start, row.end)}
+        self._switches = sorted(x for x in switches if self._t < x < grid.end - grid.slack)
+
+    @property
+    def state(self) -> tuple[Array, Array]:
+        """q and v where it is."""
+        return self._q, self._v
+
+    @property
+    def _state(self) -> State:
+        return State(self._t, self._q, self._v, self._seen)
+
+    def _drop(self) -> None:
+        """The leg is over; its crossings and costs up to now are kept."""
+        if self._leg is not None:
+            self.joined.count(self._leg.trajectory(), self._t)
+        self._leg = None
+
+    def _keep(self, machine: Mechanism, steps: Steps, held: Array) -> None:
+        """Outputs of steps without an event, and of those asked for within."""
+        block, inner = Block.of(steps, held), list[tuple[int, Block]]()
+        for k in range(len(steps.t) - 1 if self.joined.chosen.times is not None else 0):
+            state = State(float(steps.t[k]), steps.q[k], steps.v[k], self._seen)
+            inner += [(k, part) for part in self._within(machine, state, float(steps.t[k + 1]), held[k])]
+        self.joined.add(block.with_rows(inner), self._phase)
+        self._t, self._q, self._v = float(steps.t[-1]), steps.q[-1].copy(), steps.v[-1].copy()
+        self._seen = Seen.of(self._v, steps.a[-1].copy(), self._seen)
+
+    def _within(self, machine: Mechanism, state: State, end: float, held: Array) -> Iterator[Block]:
+        """Outputs asked for between a state and a time, each by a partial step."""
+        for t in self.joined.chosen.between(state.t, end).tolist():
+            part = self._stretch.part(state, t)
+            yield Block.of(part, np.array([held, self._stretch.forces(part, -1)]))
+
+    @property
+    def crossings(self) -> list[Crossing]:
+        """Singular places passed so far."""
+        return self._counted().crossings
+
+    @property
+    def events(self) -> Events:
+        """The user's."""
+        return self._events.only(self._asked)
+
+    def _latch(self, row: int) -> Event:
+        """The event that closes a lock, as long as it is open."""
+        (asked,) = checked_events([self._rows.rows[row].when])
+
+        def function(t: float, q: Array, v: Array) -> float:
+            looked_for = row in self._armed and row not in self._phase.latched
+            return asked(t, q, v) if looked_for else 1.0
+
+        return Event(function, True, asked.direction)
+
+    @property
+    def toward(self) -> Array:
+        """Velocity when it last moved, (nv,)."""
+        return self._seen.toward
+
+    def remembered(self) -> tuple[Any, ...]:
+        """What a motion through the same rows goes on from, besides the state."""
+        return self._rows.signature, copy.deepcopy(self._phase), self._seen
+
+    def recall(self, remembered: tuple[Any, ...] | None) -> None:
+        """Go on from that; a motion through other rows begins without it."""
+        signature, phase, seen = (None, None, None) if remembered is None else remembered
+        if signature == self._rows.signature:
+            self._phase, self._seen = copy.deepcopy(phase), seen
+
+    def trajectory(self) -> Trajectory:
+        """What is recorded so far."""
+        return self._counted().trajectory(self.events)
+
+    def _counted(self) -> Joined:
+        """The record with the crossings and the cost of the leg that is not over."""
+        if self._leg is None:
+            return self.joined
+        joined = self.joined.copied()
+        joined.count(self._leg.trajectory(), self._t)
+        return joined
+
+    def saved(self) -> dict[str, Any]:
+        """All that steps change; what comes next begins with a new leg, as it does after `put_back`."""
+        self._drop()
+        parts = {name: getattr(self, name) for name in SAVED}
+        held = self._machines.held
+        torque = None if held is None else held.value
+        return parts | {
+            "_phase": copy.deepcopy(self._phase), "joined": self.joined.copied(),
+            "events": self._events.copied(), "torque": torque,
+        }  # fmt: skip
+
+    def put_back(self, parts: dict[str, Any]) -> None:
+        """Go back to where these were saved."""
+        self._leg = self._ahead = None
+        for name in SAVED:
+            setattr(self, name, parts[name])
+        self._phase, self.joined = copy.deepcopy(parts["_phase"]), parts["joined"].copied()
+        self._events = parts["events"].copied()
+        if self._machines.held is not None:
+            self._machines.held.value = parts["torque"]
+        if self._machine is not None and not self._fresh:
+            self._stretch = self._looked_at(self._machine)
+
+    def _looked_at(self, machine: Mechanism) -> Stretch:
+        """What looks at the steps of the phase; the last ones are kept, as phases come again."""
+        key, known = self._phase.key, self._known
+        if key not in known:
+            if len(known) >= KNOWN:
+                del known[next(iter(known))]
+            known[key] = Stretch(self._machines, machine, self._phase)
+        return known[key]

@@ -1,0 +1,88 @@
+"""A run of `simulate` through phases, from its start to its end."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+from ...dynamics.held import HeldTorque
+from ...errors import OptionError, SimulationError
+from ...maps.start_check import checked_state, require_freedom
+from ...mechanism.parts import parts_given
+from ..coarse import Coarse
+from .chosen import Chosen
+from .course import Phases
+from .grid import Grid
+from .machine import Machines
+from .rows import Rows
+
+if TYPE_CHECKING:
+    from ..course import Course, Progress
+    from ..trajectory import Trajectory
+
+
+def run_phases(
+    course: Course, parts: Any, start: tuple[Any, Any, Any], torque: Any, kernel: Any, required: bool,
+    report: Progress,
+) -> Trajectory:  # fmt: skip
+    """A run of `simulate` with `joints=`.
+
+    Parameters
+    ----------
+    course : Course
+    parts : sequence of Stop, JointFriction, Lock
+    start : (q0, v0, mode)
+    torque, kernel, required
+        As `Course.run` takes them.
+    report : callable (fraction) or None
+
+    Raises
+    ------
+    OptionError, ModelError, StateError, SimulationError
+    """
+    begun, mechanism, schedule = time.perf_counter(), course.mechanism, course.schedule
+    rows = Rows(mechanism, parts_given(parts))
+    q0, v0, mode = start
+    require_freedom(mechanism)
+    state = checked_state(mechanism, mechanism.home if q0 is None else q0, v0)
+    machines = Machines(rows, course, torque, kernel, required, mode)
+    t0 = float(schedule.times[0])
+    chosen = Chosen(t0, course.step, None if schedule.plain else schedule.outputs)
+    grid = Grid(t0, course.step, schedule.times)
+    phases = Phases(machines, grid, chosen, state, course.events, report if callable(report) else None)
+
+    def joined() -> Trajectory:
+        run = phases.trajectory()
+        run.stats.wall_seconds, run.acted = time.perf_counter() - begun, course.acted
+        return run
+
+    try:
+        _go(phases, grid, torque)
+    except SimulationError as error:
+        error.trajectory = joined()
+        raise
+    run = joined()
+    Coarse(mechanism, course.step).judge(run)
+    return run
+
+
+def _go(phases: Phases, grid: Grid, torque: Any) -> None:
+    """To the end; torques that are held are asked for at each step's beginning."""
+    if not isinstance(torque, HeldTorque):
+        phases.advance(grid.end)
+        return
+    assert torque.asked is not None and grid.times is not None
+    for k in range(len(grid.times) - 1):
+        if phases.ended:
+            return
+        phases.hold(torque.asked(grid.number(k), *phases.state))
+        phases.advance(grid.number(k + 1))
+
+
+def require_plain(refused: dict[str, bool]) -> None:
+    """An OptionError that names the first argument which does not go with `joints=`."""
+    for name, given in refused.items():
+        if given:
+            raise OptionError(
+                f"joints=: stops, friction and locks do not go with {name} yet; leave one of them out"
+            )

@@ -1,0 +1,52 @@
+"""Random linkages with stops, friction and locks: the same happenings whatever the coordinates."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+
+import pytest
+
+from .conftest import Block
+from .phases import Outcome, drawn, measured
+
+SEED, COUNT = 30, 200
+
+
+def figures(outcomes: list[Outcome]) -> dict[str, float]:
+    """What the cases came to."""
+    kinds: Counter[str] = Counter()
+    for outcome in outcomes:
+        kinds.update(outcome.kinds)
+    return {
+        "cases": len(outcomes),
+        "happenings": sum(outcome.happenings for outcome in outcomes),
+        **kinds,
+        "times apart": max(outcome.apart for outcome in outcomes),
+        "penetration": max(outcome.deepest for outcome in outcomes),
+        "loops": max(outcome.open for outcome in outcomes),
+        "undecided": sum(outcome.undecided for outcome in outcomes),
+        "refused": sum(bool(outcome.refused) for outcome in outcomes),
+        "silently wrong": sum(bool(outcome.wrong) for outcome in outcomes),
+    }
+
+
+def wrong(outcomes: list[Outcome]) -> str:
+    """Those that are wrong, a line each."""
+    return "\n".join(str(outcome) for outcome in outcomes if outcome.wrong)
+
+
+@pytest.mark.campaign
+def test_happenings_do_not_depend_on_coordinates(block: Block, record_property: Callable[..., None]) -> None:
+    outcomes = [measured(block.seed, index) for index in block.indices]
+    record_property(f"phases, seed {block.seed}", figures(outcomes))
+    assert not wrong(outcomes)
+
+
+def test_some_happenings_do_not_depend_on_coordinates() -> None:
+    outcomes = [measured(30, index, most=2) for index in (0, 1, 2)]
+    assert not wrong(outcomes) and sum(outcome.happenings for outcome in outcomes) > 5
+
+
+def test_a_case_is_drawn_alike() -> None:
+    assert drawn(3, 4).parts == drawn(3, 4).parts and (drawn(3, 4).v == drawn(3, 4).v).all()
