@@ -1,4 +1,4 @@
-"""Models that packages ship: M and bias as MuJoCo has them, or refused by a reason."""
+"""Models that packages ship: M, bias and what drives them as MuJoCo has them, or refused by a reason."""
 
 from __future__ import annotations
 
@@ -15,10 +15,12 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.io.mjcf import read_mjcf
+from tests.io.drives import Beside
+from tests.io.drives import differences as driven
 
 mujoco = pytest.importorskip("mujoco")
 
-PACKAGES = ("gymnasium", "gymnasium_robotics", "metaworld", "dm_control", "robosuite")
+PACKAGES = ("gymnasium", "gymnasium_robotics", "metaworld", "dm_control", "robosuite", "myo_sim")
 SAME = 1e-10
 SEED = 0
 
@@ -83,6 +85,10 @@ def test_models_are_mujocos_or_refused(package: str, seed: int, record_property:
         same = theirs.nv == contents.model.nv
         if not same or max(differences(contents.model, theirs, contents.home, seed)) > SAME:
             wrong.append(str(file))
+        elif np.nanmax(driven(Beside(file, folder), seed)) > SAME:
+            wrong.append(f"{file}: forces")
+        counts["actuators"] += len(contents.actuators)
+        counts["tendons"] += len(contents.tendons)
     record_property(f"models of {package}", dict(counts))
-    assert counts["read"] > 10
+    assert counts["read"] > (5 if package == "myo_sim" else 10)
     assert not wrong
