@@ -118,6 +118,11 @@ class Leg:
         return self._run.record.count - 1
 
     @property
+    def state(self) -> tuple[Array, Array]:
+        """q and v there."""
+        return self._run.record.state()
+
+    @property
     def ended(self) -> bool:
         """Whether an event ended it."""
         return self._run.ended
