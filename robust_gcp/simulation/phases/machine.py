@@ -173,7 +173,8 @@ class Machines:
         """One step from a state on, with all that may happen."""
         times = np.array([start.t, end])
         leg = self.leg(machine, phase, times, start.q, start.v, start.seen.toward, events)
-        fault = leg.advance(1)
+        fault, steps = leg.advance(1), leg.since(0)
+        leg.release()
         if fault is not None:
             raise fault
-        return leg.since(0)
+        return steps

@@ -112,6 +112,7 @@ class Progress:
         """The leg is over; its crossings and costs up to now are kept."""
         if self._leg is not None:
             self.joined.count(self._leg.trajectory(), self._t)
+            self._leg.release()
         self._leg = None
 
     def _keep(self, machine: Mechanism, steps: Steps, held: Array) -> None:
