@@ -12,6 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import robust_gcp as rg
+from robust_gcp.examples import linkages
 
 from .machines import BACKENDS, orders, pendulum, require_backend, require_sound, sliders, times_of
 from .machines import change_point as two_modes
@@ -394,3 +395,15 @@ def test_a_stop_keeps_a_mechanism_from_where_a_run_would_end() -> None:
         rg.simulate(mech, v0=v0, **ask)
     run = rg.simulate(mech, v0=v0, joints=[rg.Stop("q3", upper=2.45, restitution=0.2)], **ask)
     assert len(times_of(run, "impact")) >= 1 and run.t[-1] == 0.8
+
+
+@pytest.mark.parametrize("y", ["q1", "q2", "q3"])
+def test_what_an_impact_leaves_of_a_velocity_is_zero(y: str) -> None:
+    """Plastic stops that end a four-bar's motion: rounding is no velocity, whatever the coordinates."""
+    mech = linkages.four_bar(1.4, 1.1, 2.0, 1.7, y=1.1).with_independent([y])
+    for place in np.linspace(0.01, 0.4, 12):
+        stops = [rg.Stop("q3", upper=float(mech.home[2] + place)), rg.JointFriction("q2", 1.3)]
+        v0 = mech.lift(mech.home, [1.0])
+        v0 *= 3.0 / v0[2]
+        run = rg.simulate(mech, mech.home, v0, 0.4, 0.002, joints=stops, torque=[0.0, 0.0, 9.0])
+        assert len(times_of(run, "impact")) == 1 and run["q3"].max() <= mech.home[2] + place + 1e-12

@@ -42,6 +42,9 @@ def box(B: Array, b: Array, lower: Array, upper: Array, size: float) -> tuple[Ar
     n = len(b)
     if n == 0:
         return np.zeros(0), np.zeros(0)
+    if n == 1 and (size_of_row := float(B[:, 0] @ B[:, 0])) > 0.0:
+        only = np.clip(-b / size_of_row, lower, upper)
+        return only, size_of_row * only + b
     d = np.linalg.lstsq(B.T, b, rcond=RANK)[0]
     if np.abs(B.T @ d - b).max() <= ZERO * size:
         found = lsq_linear(B, -d, (lower, upper), method="bvls", tol=1e-15, max_iter=1000)

@@ -60,6 +60,9 @@ class Phases(Progress):
             return
         if self._leg is not None and not self._leg.turn(held.beside(torque, self._machines.constant(phase))):
             self._drop()
+        if not phase.held:  # what slips or has left goes on
+            return
+        self._collect()
         other = phase.successor()
         other.held = decided(self._rows, self._machines.acting(other), other, self._state)
         self._fresh = sorted(other.held) != sorted(phase.held) or other.slip != phase.slip
@@ -105,7 +108,7 @@ class Phases(Progress):
         )
         if (fault := leg.advance(0)) is not None:
             raise fault
-        self._leg, self._sums = leg, self.joined.sums
+        self._leg, self._sums, self._read = leg, self.joined.sums, 0
         return leg
 
     # ----------------------------------------------------------------- steps
@@ -117,9 +120,16 @@ class Phases(Progress):
         n = int(np.searchsorted(leg.times, end + slack, side="right")) - 1 - i
         fault = leg.advance(min(max(n, 1), self._size) if self._stretch.limited else max(n, 1))
         back = leg.gone_back()
+        if not (back or fault or leg.paused or leg.ended or self._stretch.looks):
+            self._t = float(leg.times[leg.at])
+            if leg.at == len(leg.times) - 1:
+                self._drop()
+                self._fresh = self._t in self._switches
+            return
         if back:
+            self._read = 0
             self.joined.back_to(self._sums)
-        steps = leg.since(0 if back else i)
+        steps = leg.since(self._read)
         last = len(steps.t) - 1
         found, held = self._stretch.first(steps, self._seen, 0 if back else last - int(leg.paused))
         if fault is not None and found is None and leg.at <= i:
@@ -132,7 +142,7 @@ class Phases(Progress):
         if found is not None:
             self._met(machine, steps, found, held[k])
             return
-        self._t, self._fresh = end, switched
+        self._t, self._fresh, self._read = end, switched, leg.at
         if leg.ended:
             self._stop_at_event()
         elif fault is not None or leg.at == len(leg.times) - 1:
@@ -154,7 +164,7 @@ class Phases(Progress):
     def _met(self, machine: Mechanism, steps: Steps, found: Found, held: Array) -> None:
         """Go to an event in the step that begins now."""
         k, start = found.step, self._state
-        self._drop()
+        self._count()
         self._events.forget(self._t)
         self._events.ended_by = None
         part = self._stretch.located(steps, found, self._seen)

@@ -20,6 +20,9 @@ from .rows import Kind, Rows
 ON_STOP = 1e-13
 """m or rad: a stop this near to its place is held at it, so that its phase is the same each time."""
 
+ROUNDING = 1e-14
+"""Share of the velocity before below which what is left of it is 0."""
+
 Acting = Callable[[float, Array, Array], Array]
 
 
@@ -144,7 +147,7 @@ def settled(
         acceleration yet, and their signs are told by what they would have then.
     """
     locks = rows.locked(state.t, before.latched)
-    v = settled_impacts(rows, state.t, state.q, state.v, locks, state.seen, tell)
+    v = _still(settled_impacts(rows, state.t, state.q, state.v, locks, state.seen, tell), state.v)
     phase = before.successor()
     if ahead is None:
         phase.held = decided(rows, acting(phase), phase, State(state.t, state.q, v, state.seen))
@@ -154,8 +157,14 @@ def settled(
         if changed := sorted(set(here) - set(there)):
             tell(kind, changed, 0.0)
     if phase.held:
-        v = _at_rest(rows, phase, state.q, v, state.seen)
+        v = _still(_at_rest(rows, phase, state.q, v, state.seen), state.v)
     return phase, v
+
+
+def _still(v: Array, before: Array) -> Array:
+    """v, or 0 where it is the rounding of the velocity before: that breaks the loops by as much as it is."""
+    size = float(np.abs(v).max(initial=0.0))
+    return v if size > ROUNDING * float(np.abs(before).max(initial=0.0)) else np.zeros_like(v)
 
 
 def _broken(

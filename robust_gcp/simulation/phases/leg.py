@@ -96,7 +96,7 @@ class Leg:
         self._motion, native, counters = plan.set_out(start, torque, machines.kernel, machines.required)
         if self._stability is not None:
             self._stability.before(self._motion, rates_at(native, self._motion))
-        self._native = native is not None
+        self._native = native
         self._run = self._made(self._motion, torque, native, counters)
 
     def _made(
@@ -116,6 +116,11 @@ class Leg:
     def at(self) -> int:
         """The step's end that was reached; −1 before the start."""
         return self._run.record.count - 1
+
+    @property
+    def state(self) -> tuple[Array, Array]:
+        """q and v there."""
+        return self._run.record.state()
 
     @property
     def ended(self) -> bool:
@@ -156,7 +161,7 @@ class Leg:
 
     def since(self, i: int) -> Steps:
         """The ends of steps from number i on, which lies lower where the run went back."""
-        regular = self._native and self._run.zone_evaluations == 0
+        regular = self._native is not None and self._run.zone_evaluations == 0
         t, q, v, a, tau, work = self._run.record.steps(i)
         return Steps(self._plan.mechanism.tree, t, q, v, a, tau, work, regular)
 
@@ -164,6 +169,11 @@ class Leg:
         """Whether outputs told before were taken anew since this was asked last."""
         lowest, self._run.lowest = self._run.lowest, len(self.times)
         return lowest < len(self.times)
+
+    def release(self) -> None:
+        """Give the kernel's memory back; no more steps are taken."""
+        if self._native is not None:
+            self._native.release()
 
     def trajectory(self) -> Trajectory:
         """Its crossings and costs too."""

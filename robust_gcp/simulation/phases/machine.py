@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from ...dynamics.control import Actuated
 from ...dynamics.equations import Torque, torque_function
 from ...dynamics.held import HeldTorque
-from ...errors import SingularStartError
+from ...errors import PartitionError, SingularStartError
 from ...kernel.guard import Guard
 from ...kernel.library import Library
 from ...mechanism.mechanism import Mechanism
@@ -60,6 +60,7 @@ class Machines:
     def __post_init__(self) -> None:
         self.held = self.torque if isinstance(self.torque, HeldTorque) else None
         self._function = torque_function(self.rows.mechanism, self.torque)
+        self._names: dict[tuple[int, ...], tuple[str, ...]] = {}
         self._once: dict[tuple[object, ...], Mechanism] = {}
         self.checked = True
 
@@ -92,25 +93,29 @@ class Machines:
         extra = tuple(self.rows.rows[i].closure(phase.offsets[i]) for i in phase.basis)
 
         def made() -> Mechanism:
-            return Mechanism(
-                mechanism.own_model,
-                (*mechanism.closures, *extra),
-                "auto",
-                here,
-                mechanism.name,
-                mechanism.forces,
-                actuators=mechanism.actuators,
+            model, closures = mechanism.own_model, (*mechanism.closures, *extra)
+            place, basis, driven = (
+                (here, mechanism.name, mechanism.forces),
+                tuple(phase.basis),
+                mechanism.actuators,
             )
+            try:  # those that served before, as to find the best ones takes half of the time
+                names = self._names.get(basis, "auto")
+                return Mechanism(model, closures, names, *place, actuators=driven)
+            except PartitionError:
+                return Mechanism(model, closures, "auto", *place, actuators=driven)
 
         lasting = all(
             self.rows.rows[i].kind is Kind.STOP and phase.offsets[i] == self.rows.at[i] for i in phase.basis
         )
+        found: Mechanism
         if lasting:  # few of them; joints may stick anywhere
-            found: Mechanism = mechanism.memo.once(("phase", extra), made)
-            return found
-        if extra not in self._once:
-            self._once = {extra: made()}
-        return self._once[extra]
+            found = mechanism.memo.once(("phase", extra), made)
+        else:
+            found = self._once.get(extra) or made()
+            self._once = {extra: found}
+        self._names[tuple(phase.basis)] = found.independent
+        return found
 
     def acting(self, phase: Phase) -> Acting:
         """All that acts besides gravity and what is held, (t, q, v) -> (nv,)."""
@@ -191,7 +196,8 @@ class Machines:
         """One step from a state on, with all that may happen."""
         times = np.array([start.t, end])
         leg = self.leg(machine, phase, times, start.q, start.v, start.seen.toward, events)
-        fault = leg.advance(1)
+        fault, steps = leg.advance(1), leg.since(0)
+        leg.release()
         if fault is not None:
             raise fault
-        return leg.since(0)
+        return steps

@@ -77,7 +77,7 @@ class Progress:
         self._events = Events([*asked, *map(self._latch, self._latches)], self._t, grid.step)
         self.joined = Joined(self._rows, machines.course.record, chosen, machines.driven)
         self.joined.stats.step = grid.step
-        self._sums = self.joined.sums  # at the leg's start
+        self._sums, self._read = self.joined.sums, 0  # at the leg's start; its last output that was kept
         locks = [self._rows.rows[i] for i in self._rows.of(Kind.LOCK)]
         switches = {x for row in locks for x in (row.start, row.end)}
         self._switches = sorted(x for x in switches if self._t < x < grid.end - grid.slack)
@@ -85,16 +85,34 @@ class Progress:
     @property
     def state(self) -> tuple[Array, Array]:
         """q and v where it is."""
-        return self._q, self._v
+        leg = self._leg
+        return (self._q, self._v) if leg is None or leg.at <= self._read else leg.state
 
     @property
     def _state(self) -> State:
         return State(self._t, self._q, self._v, self._seen)
 
+    def _collect(self) -> None:
+        """Keep the leg's outputs that were not looked at, as nothing can have happened."""
+        leg = self._leg
+        if leg is not None and self._machine is not None and leg.at > self._read:
+            steps = leg.since(self._read)
+            if steps.t[-1] in self._switches:
+                steps.t = np.append(steps.t[:-1], np.nextafter(steps.t[-1], -np.inf))
+            t, self._read = self._t, leg.at
+            self._keep(self._machine, steps, np.zeros((len(steps.t), len(self._rows.rows))))
+            self._t = t
+
     def _drop(self) -> None:
+        """The leg is over; its outputs, crossings and costs up to now are kept."""
+        self._collect()
+        self._count()
+
+    def _count(self) -> None:
         """The leg is over; its crossings and costs up to now are kept."""
         if self._leg is not None:
             self.joined.count(self._leg.trajectory(), self._t)
+            self._leg.release()
         self._leg = None
 
     def _keep(self, machine: Mechanism, steps: Steps, held: Array) -> None:
@@ -112,6 +130,18 @@ class Progress:
         for t in self.joined.chosen.between(state.t, end).tolist():
             part = self._stretch.part(state, t)
             yield Block.of(part, np.array([held, self._stretch.forces(part, -1)]))
+
+    @property
+    def last(self) -> dict[str, Array]:
+        """The last row of the record, kept or not."""
+        self._collect()
+        return self.joined.last
+
+    @property
+    def dissipated(self) -> float:
+        """Energy lost so far, J."""
+        self._collect()
+        return self.joined.dissipated
 
     @property
     def crossings(self) -> list[Crossing]:
@@ -136,10 +166,12 @@ class Progress:
     @property
     def toward(self) -> Array:
         """Velocity when it last moved, (nv,)."""
+        self._collect()
         return self._seen.toward
 
     def remembered(self) -> tuple[Any, ...]:
         """What a motion through the same rows goes on from, besides the state."""
+        self._collect()
         return self._rows.signature, copy.deepcopy(self._phase), self._seen
 
     def recall(self, remembered: tuple[Any, ...] | None) -> None:
@@ -150,6 +182,7 @@ class Progress:
 
     def trajectory(self) -> Trajectory:
         """What is recorded so far."""
+        self._collect()
         return self._counted().trajectory(self.events)
 
     def _counted(self) -> Joined:

@@ -65,7 +65,7 @@ class PhasedRun:
         """Look at the start."""
         before = self._phases.saved()
         self._phases.advance(self._grid.t0)
-        self._first = self._phases.joined.last, self._phases.trajectory()
+        self._first = self._phases.last, self._phases.trajectory()
         self._phases.put_back(before)
 
     def take(self, torque: Array, n: int) -> None:
@@ -81,21 +81,22 @@ class PhasedRun:
     @property
     def last(self) -> dict[str, Array]:
         """The last row of the record."""
-        return self._phases.joined.last if self._first is None else self._first[0]
+        return self._phases.last if self._first is None else self._first[0]
 
     @property
     def here(self) -> Here:
         """Where it is."""
-        last, joined = self.last, self._phases.joined
-        forces = joined.rows.by_column(last["forces"][None])
-        more = {name: values[0] for name, values in forces.items()} | {"dissipated": joined.dissipated}
+        last, phases = self.last, self._phases
+        forces = phases.joined.rows.by_column(last["forces"][None])
+        more = {name: values[0] for name, values in forces.items()} | {"dissipated": phases.dissipated}
         return Here(last["q"], last["v"], last["a"], last["tau"], None, more)
 
     @property
     def state(self) -> tuple[Array, Array]:
         """q and v."""
-        last = self.last
-        return last["q"], last["v"]
+        if self._first is None:
+            return self._phases.state
+        return self._first[0]["q"], self._first[0]["v"]
 
     @property
     def time(self) -> float:
@@ -120,7 +121,7 @@ class PhasedRun:
     @property
     def dissipated(self) -> float:
         """Energy lost so far, J."""
-        return self._phases.joined.dissipated
+        return self._phases.dissipated
 
     @property
     def crossings(self) -> list[Crossing]:

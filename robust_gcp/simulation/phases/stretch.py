@@ -39,12 +39,17 @@ class Stretch:
 
     def __init__(self, machines: Machines, machine: Mechanism, phase: Phase) -> None:
         self._machines, self._machine, self._phase = machines, machine, phase
-        self._size = len(machines.rows.rows)
+        self._size, self._within = len(machines.rows.rows), not machines.course.schedule.plain
         self._signals, self._holding = Signals(machines.rows, phase), Holding(machines.rows, phase)
         self.guard = self._signals.guard()
         self._partial = Partial(machines, machine, machines.torque_of(phase))
 
     # ----------------------------------------------------------------- which event comes first
+
+    @property
+    def looks(self) -> bool:
+        """Whether steps count in which the guard is not met: something is held, or outputs lie within."""
+        return bool(self._holding) or self._within
 
     @property
     def limited(self) -> bool:

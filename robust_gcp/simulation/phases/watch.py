@@ -216,8 +216,14 @@ def falling_root(p: Array, tiny: float) -> tuple[float, float, float] | None:
 
 
 def _real_roots(p: Array) -> Array:
-    roots = np.roots(p)
-    return np.sort(roots.real[np.abs(roots.imag) < 1e-7])
+    used = np.flatnonzero(p)
+    if not len(used):
+        return np.zeros(0)
+    zero, p = len(p) - 1 - used[-1], p[used[0] : used[-1] + 1]
+    companion = np.eye(len(p) - 1, k=-1)
+    companion[:1] = -p[1:] / p[0]
+    roots = np.linalg.eigvals(companion)
+    return np.sort(np.concatenate([np.zeros(zero), roots.real[np.abs(roots.imag) < 1e-7]]))
 
 
 def first_break(margins: Array) -> int | None:
