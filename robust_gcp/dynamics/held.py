@@ -150,16 +150,16 @@ class HeldTorque(TorqueFunction):
         n = len(self._actuators)
         return self._driven(self.controls, self.value[-n - 1 : -1], t - float(self.value[-1]))
 
-    def driven(self, rows: Array, t: float) -> Array | None:
-        """u at the beginning of what was held, (N, n) of values (N, …), the last of them at the time t.
+    def driven(self, rows: Array, t: Array) -> Array | None:
+        """u at outputs (N,), of the values (N, …) held from them on: (N, n), the last of them as it is now.
 
         None where there never was power.
         """
         n = len(self._actuators)
         u = rows[:, self._size : self._size + n].copy()
-        if not n or rows.shape[1] == self._size or np.all(np.isnan(u)):
+        if not n or not len(t) or rows.shape[1] == self._size or np.all(np.isnan(u)):
             return None
-        u[-1] = self.u(t)
+        u[-1] = self.u(float(t[-1]))
         return u
 
     def __call__(self, t: float, q: Array, v: Array) -> Array:

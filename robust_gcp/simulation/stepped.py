@@ -72,7 +72,7 @@ class SteppedRun(FixedRun):
             found.acted = replace(found.acted, lost=True)  # the torques of steps that were let go
         elif found.acted is not None:
             found.acted = replace(found.acted, held=self._held_from(found.t[:-1])[:, : found.v.shape[1]])
-        found.u = self._held.driven(self._held_from(found.t), float(found.t[-1]))
+        found.u = self._held.driven(self._held_from(found.t), found.t)
         return found
 
     def take(self, torque: Array, n: int) -> None:

@@ -118,6 +118,7 @@ class Simulation(Present):
         loads = one_torque(mechanism, None, self._wrenches)
         self._loads = loads if callable(loads) else None
         self._ctrl = None if ctrl is None else held_controls(mechanism, ctrl)
+        self._idle = held.row(self._none, None, (0.0, 0.0))[mechanism.nv :]
         self._places = {joint.name: joint.idx_v for joint in mechanism.joints if joint.single}
         self.reset(q0, v0, mode=mode)
 
@@ -194,8 +195,8 @@ class Simulation(Present):
                 value = held if loads is None else held + np.asarray(loads(run.time, *run.state))
                 if powered:
                     value = self._held.row(value, self._ctrl, (run.time, run.time + self._step))
-                elif len(self._held.value) > len(held):
-                    value = self._held.row(value, None, (0.0, 0.0))
+                elif len(self._idle):
+                    value = np.concatenate((value, self._idle))
                 run.take(value, now)
                 left -= now
         except (SimulationError, ClosureError) as error:
