@@ -280,7 +280,9 @@ def _mechanism(
         mechanism.home = mechanism.polish(mechanism.home, mechanism.iv_dependent)
     tell_outside(mechanism, mechanism.home, f"{path}: home")
     mechanism.source = source
-    mechanism.parts = tuple(parts_of_file(mechanism, contents.parts, asked.limits, asked.friction))
+    mechanism.parts = tuple(
+        parts_of_file(mechanism, contents.parts, contents.bounce, asked.limits, asked.friction)
+    )
     if own.get("recommended") is not None:
         mechanism.recommended = recommended_of(own, mechanism, path)
     return mechanism

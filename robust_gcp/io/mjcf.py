@@ -17,6 +17,7 @@ from .mjcf_document import Document
 from .mjcf_equalities import equalities_of
 from .mjcf_left_out import actuated_by, forces_of, left_out_of
 from .mjcf_sensors import sensors_of, velocity_of
+from .mjcf_stops import restitution_of
 from .mjcf_tendons import CompiledTendons
 from .mjcf_tree import CompiledTree
 from .text_file import path_of
@@ -94,6 +95,7 @@ def read_mjcf(
         actuators=drives.actuators,
         tendons=tendons.by_name,
         parts=tendons.parts,
+        bounce={label: restitution_of(m.jnt_solref[j]) for j, label in enumerate(tree.joints)},
         velocities=rates,
         sensors=sensors,
         moved=tuple(tree.moved),

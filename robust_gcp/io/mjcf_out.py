@@ -15,8 +15,10 @@ from ..mechanism.forces import JointTorque, PointSpring
 from ..mechanism.joints import JointKind
 from ..mechanism.known_forces import is_known
 from ..mechanism.mechanism import Mechanism
+from ..mechanism.parts import Stop
 from ..mechanism.tree import Array
 from .mjcf_drives_out import DrivesWriter
+from .mjcf_stops import solref_of
 from .written import Lost, Part, note, parts_of, plain_numbers, quaternion, text, whole_closures
 
 LEAST = 2e-15
@@ -51,6 +53,7 @@ def mjcf_text(mechanism: Mechanism, lost: Lost) -> str:
     bodies = [SubElement(root, "worldbody")]
     for part in parts:
         bodies.append(_body(bodies[part.parent], part, lost))
+    _tell_bounce(root, mechanism)
     writer = _Ties(mechanism, bodies)
     for body, frames in zip(bodies, [ground, *(part.frames for part in parts)], strict=True):
         for name, place, held_by in frames:
@@ -82,6 +85,14 @@ def mjcf_text(mechanism: Mechanism, lost: Lost) -> str:
 def _key(name: str, parts: list[Part], q: Array) -> Element:
     numbers = [_qpos(part, q) for part in parts]
     return Element("key", name=name, qpos=text(np.concatenate([np.zeros(0), *numbers])))
+
+
+def _tell_bounce(root: Element, mechanism: Mechanism) -> None:
+    """The restitution of stops at the ranges of joints, as the softness that tends to it."""
+    bounce = {p.joint: p.restitution for p in mechanism.parts if isinstance(p, Stop) and len(p.joints) == 1}
+    for joint in root.iter("joint"):
+        if joint.get("limited") and joint.get("name") in bounce:
+            joint.set("solreflimit", text(solref_of(bounce[str(joint.get("name"))])))
 
 
 def _constant(force: JointTorque) -> Element:

@@ -13,6 +13,7 @@ from ..mechanism.actuation.tendon_springs import TendonSpring
 from ..mechanism.forces import Force, PointSpring
 from ..mechanism.parts import JointFriction, Part, Stop
 from .mjcf_flags import is_off
+from .mjcf_stops import restitution_of
 from .mjcf_tree import CompiledTree, unlike
 
 WRAP_JOINT, WRAP_PULLEY, WRAP_SITE, WRAP_SPHERE = range(1, 5)
@@ -136,7 +137,8 @@ class CompiledTendons:
             row: dict[str, Any] = {"more": tuple((other, -value / arm) for other, value in others)}
             if limits and limited:
                 low, high = sorted((m.tendon_range[t] / arm).tolist())
-                self.parts.append(Stop(joint, lower=low, upper=high, **row))
+                bounce = restitution_of(m.tendon_solref_lim[t])
+                self.parts.append(Stop(joint, lower=low, upper=high, restitution=bounce, **row))
             if bound > 0.0 and rubbing:
                 self.parts.append(JointFriction(joint, bound * abs(arm), **row))
 

@@ -48,6 +48,8 @@ class FileContents:
     tendons : dict of str to Path
     parts : list of Stop, JointFriction
         Limits and dry friction of tendons; those of joints are the model's.
+    bounce : dict of str to float
+        Restitution of limits, by joint, where they are not plastic.
     velocities : dict of str to ndarray (nv,)
         Of keyframes that have one.
     sensors : list of Sensor
@@ -66,6 +68,7 @@ class FileContents:
     actuators: list[Actuator] = field(default_factory=list)
     tendons: dict[str, Path] = field(default_factory=dict)
     parts: list[Part] = field(default_factory=list)
+    bounce: dict[str, float] = field(default_factory=dict)
     velocities: dict[str, Array] = field(default_factory=dict)
     sensors: list[Sensor] = field(default_factory=list)
     moved: tuple[str, ...] = ()

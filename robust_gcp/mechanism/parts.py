@@ -210,14 +210,22 @@ def parts_given(parts: Any) -> list[Part]:
     return given
 
 
-def parts_of_file(loops: ClosedLoops, of_tendons: Sequence[Part], limits: bool, friction: bool) -> list[Part]:
-    """Rigid, plastic stops at the ranges of joints, and their dry friction, as the model's file has them."""
+def parts_of_file(
+    loops: ClosedLoops, of_tendons: Sequence[Part], bounce: dict[str, float], limits: bool, friction: bool
+) -> list[Part]:
+    """Rigid stops at the ranges of joints, and their dry friction, as the model's file has them.
+
+    Parameters
+    ----------
+    bounce : dict of str to float
+        Restitution by joint, of those that are not plastic.
+    """
     found = [part for part in of_tendons if (limits if isinstance(part, Stop) else friction)]
     if limits:
         ranges = ranges_of(loops)
         for joint, *bounds in zip(ranges.names, ranges.low.tolist(), ranges.high.tolist(), strict=True):
             low, high = (bound if math.isfinite(bound) else None for bound in bounds)
-            found.append(Stop(joint, lower=low, upper=high))
+            found.append(Stop(joint, lower=low, upper=high, restitution=bounce.get(joint, 0.0)))
     if friction:
         rubbing = loops.own_model.upperDryFrictionLimit
         single = [joint for joint in loops.joints if joint.single and rubbing[joint.idx_v] > 0.0]

@@ -7,13 +7,17 @@ import pickle
 import re
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 
 import robust_gcp as rg
 from robust_gcp.__main__ import main
+from robust_gcp.io.mjcf_stops import restitution_of, solref_of
 
-pytest.importorskip("mujoco")
+Array = NDArray[np.float64]
 
 URDF = """<robot name="p"><link name="world"/><link name="arm"><inertial><origin xyz="0 0 -0.5"/>
   <mass value="1"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
@@ -21,7 +25,8 @@ URDF = """<robot name="p"><link name="world"/><link name="arm"><inertial><origin
   <limit lower="-0.4" upper="0.6" effort="1" velocity="1"/><dynamics damping="0.0" friction="0.3"/></joint>
   </robot>"""
 MJCF = """<mujoco><compiler autolimits="true" angle="radian"/><worldbody><body><joint name="q" axis="1 0 0"
-  range="-0.4 0.6" frictionloss="0.3"/><inertial pos="0 0 -0.5" mass="1" diaginertia="0.1 0.1 0.1"/></body>
+  range="-0.4 0.6" frictionloss="0.3" solreflimit="0.02 1e7"/>
+  <inertial pos="0 0 -0.5" mass="1" diaginertia="0.1 0.1 0.1"/></body>
   </worldbody></mujoco>"""
 SDF = """<sdf version="1.9"><world name="w"><gravity>0 0 -9.81</gravity><model name="p"><link name="arm">
   <inertial><pose>0 0 -0.5 0 0 0</pose><mass>1</mass><inertia><ixx>0.1</ixx><iyy>0.1</iyy><izz>0.1</izz>
@@ -51,6 +56,46 @@ def test_the_parts_of_a_file_act_where_they_are_asked_for(name: str, tmp_path: P
     assert np.abs(run.energy_error()).max() < 1e-8
     free = rg.simulate(mech, [0.2], [3.0], duration=1.0, joints=[])
     assert free.q.max() > 0.7
+
+
+@pytest.mark.parametrize("ratio", [0.05, 0.3, 0.72, 1.0, 1.3, 5.0])
+def test_limits_of_mjcf_bounce_as_soft_ones_tend_to(ratio: float) -> None:
+    """δ̈ = −δ − 2 ζ δ̇ from δ̇ = 1 until its force vanishes, by SciPy; the way back is its inverse."""
+
+    def force(t: float, s: Array) -> float:
+        return float(s[0] + 2.0 * ratio * s[1])
+
+    force.terminal, force.direction = True, -1.0  # type: ignore[attr-defined]
+    found = solve_ivp(
+        lambda t, s: [s[1], -force(t, s)], (0.0, 99.0), [0.0, 1.0], events=force, rtol=1e-11, atol=1e-13
+    )
+    e = restitution_of((0.01, ratio))
+    assert e == pytest.approx(-found.y_events[0][0, 1], rel=1e-9)
+    assert restitution_of((-400.0, -40.0 * ratio)) == pytest.approx(e, rel=1e-12)
+    assert solref_of(e)[1] == pytest.approx(ratio, rel=1e-6)
+
+
+def test_mujocos_limits_tend_to_that_bounce(tmp_path: Path) -> None:
+    """The stiffer, the nearer; and the writer keeps it."""
+    text = MJCF.replace("0.02 1e7", "-K -B").replace('frictionloss="0.3" ', "")
+    speeds = []
+    for stiffness in (1e4, 1e6):
+        model = mujoco.MjModel.from_xml_string(
+            text.replace("-K", f"-{stiffness}").replace("-B", f"-{2.0 * 0.2 * np.sqrt(stiffness)}")
+        )
+        model.opt.timestep, model.opt.gravity[:], model.jnt_solimp[:] = 2e-6, 0.0, [0.9999, 0.9999, 1, 0.5, 1]
+        data = mujoco.MjData(model)
+        data.qpos[:], data.qvel[:] = 0.6 - 1e-3, 1.0
+        mujoco.mj_step(model, data, 8_000)
+        speeds.append(-float(data.qvel[0]))
+    (tmp_path / "p.xml").write_text(text.replace("-K -B", "-1e6 -400"))
+    mech = rg.load(tmp_path / "p.xml", limits=True)
+    (stop,) = mech.parts
+    assert isinstance(stop, rg.Stop)
+    off = [abs(speed - stop.restitution) for speed in speeds]
+    assert off[1] < 3e-4 < off[0] < 3e-3
+    (again,) = rg.load(mech.write(tmp_path / "again.xml"), limits=True).parts
+    assert isinstance(again, rg.Stop) and again.restitution == pytest.approx(stop.restitution, rel=1e-9)
 
 
 def test_the_command_line_tells_what_happened(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
