@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from .phases.happening import Happening
+    from .phases.turn import Forgotten, Passed
 
 
 @dataclass(repr=False)
@@ -63,6 +64,8 @@ class Trajectory(Named, Pictures):
         Energy lost since the start by impacts, friction and dampers of stops, J.
     part_forces, part_names : ndarray (N + 1, k) or None, tuple of str
         Generalised force of each of `joints`, N m and N: `traj["stop.q3"]`, "friction.q1", "lock.q2".
+    passed : Passed or None
+        Phases of a run with `joints=`, for its derivatives; files and pickles do not hold them.
     acted : Acted or None
         What it was simulated with: torques, wrenches, what was held over the steps, driven joints.
     """
@@ -88,6 +91,7 @@ class Trajectory(Named, Pictures):
     dissipated: Array | None = None
     part_names: tuple[str, ...] = ()
     part_forces: Array | None = None
+    passed: Passed | Forgotten | None = None
 
     _absent = UNRECORDED
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from .machine import Machines
 from .rest import rested
 from .rows import Kind, Rows
 from .stretch import Stretch, Walked
+from .turn import BREAK, START, SWITCH, Passed, Turn
 from .watch import Found
 
 if TYPE_CHECKING:
@@ -62,6 +64,7 @@ class Phases:
         self._phase = Phase(touching=frozenset(i for i in self._rows.of(Kind.SPRING) if gaps[i] < 0.0))
         self._seen = Seen(self._v, np.zeros_like(self._v), machines.toward(self._v))
         self._ahead: Iterator[State] | None = None
+        self.passed, self._why = Passed(machines), START
         self.joined = Joined(self._rows, course.record)
         self.joined.stats.step = self._step
         locks = [self._rows.rows[i] for i in self._rows.of(Kind.LOCK)]
@@ -97,9 +100,11 @@ class Phases:
 
     def _settle(self) -> None:
         """The phase that begins now."""
-        acting, tell = self._machines.acting, self._tell
+        acting, tell, before = self._machines.acting, self._tell, self._v
         self._phase, self._v = settled(self._rows, acting, self._phase, self._state, self._ahead, tell)
-        self._ahead = None
+        turn = Turn(self._t, self._why, self._q, before, self._v, replace(self._phase))
+        self.passed.turns.append(turn)
+        self._ahead, self._why = None, SWITCH
 
     def _tell(self, kind: str, rows: Any, loss: float = 0.0) -> None:
         happening = Happening(float(self._t), kind, self._rows.names(rows), float(loss))
@@ -146,7 +151,7 @@ class Phases:
 
     def _meet(self, machine: Mechanism, found: Found) -> None:
         """What the event is, for the decision that follows."""
-        phase, rows = self._phase, self._rows
+        phase, rows, self._why = self._phase, self._rows, found.row
         if found.row < 0:
             self._ahead = self._looked_ahead(machine)
         elif rows.rows[found.row].kind is Kind.FRICTION:
@@ -172,6 +177,7 @@ class Phases:
             raise found.fault
         self._t, self._v, self._seen = found.until, np.zeros_like(self._v), found.seen
         if found.broke:
+            self._why = BREAK
             later = [found.until + share * self._step for share in AHEAD]
             self._ahead = iter([State(t, self._q, self._v, found.seen) for t in later])
         return found.broke
@@ -216,6 +222,7 @@ def run_phases(
     def joined() -> Trajectory:
         run = phases.joined.trajectory()
         run.stats.wall_seconds, run.acted = time.perf_counter() - begun, course.acted
+        run.passed = phases.passed
         return run
 
     try:

@@ -110,7 +110,7 @@ class Machines:
 
         return tau
 
-    def _torque(self, phase: Phase) -> Torque | ArrayLike | None:
+    def torque_of(self, phase: Phase) -> Torque | ArrayLike | None:
         """The user's torque with what slipping joints and springs add, as cheap as it can be."""
         rows, function = self.rows, self._function
         if not (phase.slip or phase.touching):
@@ -143,7 +143,7 @@ class Machines:
             record=("a", "tau"),
             checked=self.checked,
         )
-        torque = self._torque(phase)
+        torque = self.torque_of(phase)
         try:
             run = plan.run((q, v, None), torque, self.kernel, self.required, None, None)
         except SingularStartError:

@@ -1,0 +1,279 @@
+"""A run through phases as a chain of steps and jumps, each with its derivatives.
+
+Changes of the state are kept along all velocities, (δq, δv) (2nv,), on the tangent of each phase. A step
+reads those of the independent velocities, takes them on, and gives all of them:
+δq = G δη, δv = ∂v/∂y δη + G δu.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from ...dynamics.change_of_coordinates import Slope
+from ...dynamics.derivatives import TorqueSlopes
+from ...dynamics.equations import Evaluation, torque_function
+from ...dynamics.held_derivatives import HeldDerivatives
+from ...dynamics.problem import Problem, set_out
+from ...errors import NotDifferentiableError, OptionError
+from ...kernel.derivation import derivation
+from ...mechanism.tree import Array
+from ..again import require_end
+from ..derivatives import derivatives
+from ..differentiated import differentiated
+from ..moved import Acting
+from ..trajectory import Trajectory
+from .decision import Phase
+from .rows import Kind
+from .saltation import Jump, jump_of, without_parts
+from .turn import BREAK, Passed, Turn
+
+LONGEST = 512
+"""Steps that the kernel takes at once."""
+
+ROUNDING = 1e-12
+"""rad/s or m/s."""
+
+LATER = 1e-4
+"""s: step of differences of torques by time."""
+
+At = tuple[float, Array, Array]
+"""t, q, v."""
+
+
+@dataclass(frozen=True)
+class Link:
+    """A step that begins at output `first`, and ends at output `last`, or at a turn (None).
+
+    Attributes
+    ----------
+    first : int
+    last : int or None
+    A, B : ndarray (2m, 2m), (2m, nv)
+        As of `Moved`.
+    end : Slope
+    """
+
+    first: int
+    last: int | None
+    A: Array
+    B: Array
+    end: Slope
+
+    def onward(self, changes: Array, own: Any) -> Array:
+        """Changes (2nv, k) after the step from those before; `own` are the independent velocities."""
+        nv = len(self.end.G)
+        return whole(self.end) @ (self.A @ np.vstack([changes[:nv][own], changes[nv:][own]]))
+
+    def backward(self, row: Array, own: Any) -> tuple[Array, Array]:
+        """What multiplies changes before it from what multiplies those after it, and the slope by torques."""
+        nv, m = len(self.end.G), len(own)
+        reduced = row @ whole(self.end)
+        before, pulled = np.zeros(2 * nv), reduced @ self.A
+        before[own], before[nv + np.asarray(own)] = pulled[:m], pulled[m:]
+        return before, reduced @ self.B
+
+
+@dataclass(frozen=True)
+class Turned:
+    """A jump, and the outputs just before and just after it, where there are such."""
+
+    jump: Jump
+    before: int | None
+    after: int | None
+
+
+def whole(slope: Slope) -> Array:
+    """(δq, δv) by (δη, δu), (2nv, 2m)."""
+    return np.block([[slope.G, np.zeros_like(slope.G)], [slope.dv_dy, slope.G]])
+
+
+class Chain:
+    """The steps and jumps of a run.
+
+    Parameters
+    ----------
+    run : Trajectory
+    torque_slopes : callable, optional
+        Of the user's torque function.
+    mode : array_like, optional
+
+    Attributes
+    ----------
+    own : ndarray of int (m,)
+        Independent velocities.
+    start : Slope
+    undefined : ndarray of bool (2m,)
+        Changes (η, u) of the start that what is held there does not allow.
+
+    Raises
+    ------
+    OptionError
+        Where the run does not remember its phases.
+    """
+
+    def __init__(self, run: Trajectory, torque_slopes: TorqueSlopes | None, mode: Any) -> None:
+        if not isinstance(run.passed, Passed):
+            raise OptionError(
+                "derivatives: a file or a pickle holds no phases of a run with joints=; simulate it again"
+            )
+        self._run, self._mode, self._slopes = run, mode, torque_slopes
+        self._machines, self._turns = run.passed.machines, run.passed.turns
+        self._mechanism, self._rows = without_parts(run.mechanism), run.passed.machines.rows
+        self.own = self._mechanism.iv_independent
+        first = self._turns[0]
+        if np.abs(first.after - first.before).max(initial=0.0) > 1e-9:
+            raise NotDifferentiableError(
+                "derivatives: the run begins with an impact, on one side of which alone it is a motion; "
+                "start before it"
+            )
+        self.start = self._slope(first.q, first.before, mode)
+        self.undefined = self._undefined(first.phase)
+
+    def links(self) -> Iterator[Link | Turned]:
+        """From the start to the end."""
+        turns = self._turns
+        for k, turn in enumerate(turns):
+            until = turns[k + 1] if k + 1 < len(turns) else None
+            if k:  # of several at one time the first has the output before them, the last that after them
+                first, last = turns[k - 1].t < turn.t, until is None or turn.t < until.t
+                yield self._turned(turns[k - 1].phase, turn, first, last)
+            yield from self._steps(turn, until)
+
+    def _steps(self, turn: Turn, until: Turn | None) -> Iterator[Link]:
+        """Steps between two turns, or to the end of the run."""
+        run = self._run
+        stop = np.inf if until is None else np.nextafter(until.t, -np.inf)
+        inside = range(*(int(np.searchsorted(run.t, t)) for t in (turn.t, stop)))
+        outputs: list[int | None] = [*inside]
+        nodes: list[At] = [(float(run.t[i]), run.q[i], run.v[i]) for i in inside]
+        if not inside or run.t[inside[0]] > turn.t:
+            outputs.insert(0, max(0, int(np.searchsorted(run.t, turn.t, side="right")) - 1))
+            nodes.insert(0, (turn.t, turn.q, _unless_rounding(turn.after)))
+        if until is not None and until.t > nodes[-1][0]:
+            outputs.append(None)
+            nodes.append((until.t, until.q, until.before))
+        for begun in range(0, len(nodes) - 1, LONGEST):
+            part = slice(begun, begun + LONGEST + 1)
+            known = self._compiled(turn.phase, nodes[part])
+            ends = zip(pairwise(outputs[part]), pairwise(nodes[part]), strict=True)
+            for k, ((first, last), (before, after)) in enumerate(ends):
+                assert first is not None  # a turn is the last of the nodes
+                yield Link(first, last, *(known.get(k) or self._moved(turn.phase, first, before, after)))
+
+    def _compiled(self, phase: Phase, nodes: list[At]) -> dict[int, tuple[Array, Array, Slope]]:
+        """A, B and the ends of the steps that the kernel takes: under constant torques, nothing held."""
+        torque, found = self._machines.torque_of(phase), dict[int, tuple[Array, Array, Slope]]()
+        if callable(torque) or phase.basis:
+            return found
+        kernel = derivation(self._mechanism, nodes[0][1])
+        if kernel is None:
+            return found
+        t, q, v = (np.array(part) for part in zip(*nodes, strict=True))
+        tau = None if torque is None else np.tile(np.asarray(torque, dtype=float), (len(t) - 1, 1))
+        good, G, dv_dy = kernel.take(t, q, v, tau)
+        for k in np.flatnonzero(good[:-1] & good[1:]).tolist():
+            A, B = kernel.pull(k, k + 1, np.eye(2 * kernel.m))
+            found[k] = A, B[0], Slope(G[k + 1].copy(), dv_dy[k + 1].copy())
+        return found
+
+    def _moved(self, phase: Phase, i: int, begin: At, end: At) -> tuple[Array, Array, Slope]:
+        """A, B and the end of a step in a phase."""
+        mechanism, m, nv = self._mechanism, self._mechanism.m, self._mechanism.nv
+        t, q, v = begin
+        h = end[0] - t
+        if len(phase.basis) >= m:  # nothing moves
+            A = np.zeros((2 * m, 2 * m))
+            A[:m, :m] = np.eye(m)
+            return A, np.zeros((2 * m, nv)), self._slope(q, v)
+        refined = any(since < end[0] and till > t for since, till in self._run.stats.refined)
+        mode = self._mode if i == 0 and t == float(self._run.t[0]) else None
+        moved = differentiated(mechanism, (q, v), mode, self._acting(phase), t, h, refined, end[1:])
+        require_end(mechanism, end, (moved.q, moved.v), "take smaller steps")
+        return moved.A, moved.B, moved.last
+
+    def _acting(self, phase: Phase) -> Acting:
+        """What acts in a phase, with what it holds."""
+        torque = self._machines.torque_of(phase)
+        held = self._rows.E[phase.basis] if phase.basis else None
+        if not callable(torque):
+            return Acting(torque, held=held)
+        slopes = None if phase.touching else self._slopes  # a spring's own are not in them
+        return Acting(torque, torque_function(self._mechanism, torque), slopes, held=held)
+
+    def _turned(self, before: Phase, turn: Turn, is_first: bool, is_last: bool) -> Turned:
+        run = self._run
+        slope = self._slope(turn.q, turn.before)
+        a = np.zeros((2, len(turn.before)))
+        by_time: Array = np.zeros(2 * len(turn.before))
+        if turn.why >= 0:
+            for k, (phase, v) in enumerate(((before, turn.before), (turn.phase, turn.after))):
+                motion, now, acting = self._evaluated(phase, turn, v)
+                a[k] = acting.slopes_of(motion).stage(turn.t, now)[0].a
+        elif turn.why == BREAK:
+            a[:], by_time = self._broken(before, turn)
+        jump = jump_of(self._rows, turn, before.held, slope, (a[0], a[1]), by_time)
+        ahead, then = (int(np.searchsorted(run.t, t)) for t in (np.nextafter(turn.t, -np.inf), turn.t))
+        is_last &= then < len(run.t) and bool(run.t[then] == turn.t)
+        return Turned(jump, ahead if is_first and ahead < then else None, then if is_last else None)
+
+    def _slope(self, q: Array, v: Array, mode: Any = None) -> Slope:
+        """How v depends on position and velocity at a state, nothing held."""
+        found = derivatives(self._mechanism, q, _unless_rounding(v), mode=mode)
+        return Slope(found.G, found.dv_dy)
+
+    def _evaluated(self, phase: Phase, turn: Turn, v: Array) -> tuple[Problem, Evaluation, Acting]:
+        """A phase's motion at a turn, where what it holds has no forces yet."""
+        acting = self._acting(phase)
+        motion = set_out(self._mechanism, turn.q, _unless_rounding(v), None, acting.torque)
+        return motion, motion.equations.at_point(turn.t, motion.start.point), acting
+
+    def _broken(self, phase: Phase, turn: Turn) -> tuple[Array, Array]:
+        """a, and how the time changes at which a force becomes too large for what it holds, or pulls.
+
+        Rows that share their load as they can have no force of their own: 0, which leaves Ξ = I as it is.
+        """
+        motion, now, acting = self._evaluated(phase, turn, turn.before)
+        slopes, by_time = acting.slopes_of(motion), np.zeros(2 * self._mechanism.nv)
+        held = slopes.stage(turn.t, now)[0]
+        if len(phase.held) > len(phase.basis) or not isinstance(slopes, HeldDerivatives):
+            return held.a, by_time
+        f, by_f = slopes.forces(turn.t, now)
+        bounds = self._rows.bounds[phase.basis]
+        pushes = np.array([self._rows.rows[i].kind is Kind.STOP for i in phase.basis])
+        margin = np.where(np.isfinite(bounds), 1.0 - np.abs(f) / bounds, np.where(pushes, np.abs(f), np.inf))
+        by, m = by_f[int(np.argmin(margin))], self._mechanism.m
+        rate = float(by[: 2 * m] @ np.concatenate([now.point.ydot, held.ydd]))
+        rate += float(by[2 * m :] @ self._torque_rate(acting, turn))
+        if rate == 0.0:
+            return held.a, by_time
+        by_time[self.own], by_time[self._mechanism.nv + self.own] = -by[:m] / rate, -by[m : 2 * m] / rate
+        return held.a, by_time
+
+    def _torque_rate(self, acting: Acting, turn: Turn) -> Array:
+        """∂τ/∂t at a state, by differences of order 4."""
+        if acting.function is None:
+            return np.zeros(self._mechanism.nv)
+        h, function = LATER, acting.function
+        one, back, two, far = (function(turn.t + s * h, turn.q, turn.before) for s in (1, -1, 2, -2))
+        return np.asarray((8.0 * (one - back) - two + far) / (12.0 * h))
+
+    def _undefined(self, phase: Phase) -> Array:
+        """Which changes of the start move what is held there, or push a resting stop."""
+        every, nv = whole(self.start), self._mechanism.nv
+        found = np.zeros(every.shape[1], dtype=bool)
+        for i in phase.held:
+            E = self._rows.E[i]
+            found |= np.abs(E @ every[nv:]) > 1e-9
+            if self._rows.rows[i].kind is Kind.STOP:
+                found |= np.abs(E @ every[:nv]) > 1e-9
+        return found
+
+
+def _unless_rounding(v: Array) -> Array:
+    """Zero in place of what rounding leaves of v at rest, which opens loops relative to its size."""
+    return v if np.abs(v).max(initial=0.0) > ROUNDING else np.zeros_like(v)
