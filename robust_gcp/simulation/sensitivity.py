@@ -12,7 +12,8 @@ from ..dynamics.derivatives import TorqueSlopes
 from ..errors import OptionError
 from ..mechanism.tree import Array
 from .again import require_steps
-from .phases.chain import Chain, Link, whole
+from .phases.chain import Chain
+from .phases.links import Link, whole
 from .trajectory import Trajectory
 
 
@@ -75,7 +76,7 @@ def sensitivity(
     chain = Chain(trajectory, torque_slopes, mode)
     changes = whole(chain.start)
     for link in chain.links():
-        changes = link.onward(changes, chain.own) if isinstance(link, Link) else link.jump.matrix @ changes
+        changes = link.onward(changes) if isinstance(link, Link) else link.jump.matrix @ changes
     changes = np.where(chain.undefined, np.nan, changes)
     nv, m = trajectory.mechanism.nv, trajectory.mechanism.m
     return Sensitivity(changes[:nv, :m], changes[:nv, m:], changes[nv:, :m], changes[nv:, m:])

@@ -1,15 +1,8 @@
-"""A run through phases as a chain of steps and jumps, each with its derivatives.
-
-Changes of the state are kept along all velocities, (δq, δv) (2nv,), on the tangent of each phase. A step
-reads those of the independent velocities, takes them on, and gives all of them:
-δq = G δη, δv = ∂v/∂y δη + G δu.
-"""
+"""A run through phases as a chain of steps and jumps, each with its derivatives: see `links`."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -19,21 +12,28 @@ from ...dynamics.derivatives import TorqueSlopes
 from ...dynamics.equations import Evaluation, torque_function
 from ...dynamics.held_derivatives import HeldDerivatives
 from ...dynamics.problem import Problem, set_out
-from ...errors import NotDifferentiableError, OptionError
+from ...errors import NotDifferentiableError, OptionError, SingularStartError, ToggleError
 from ...kernel.derivation import derivation
+from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ..again import require_end
+from ..coordinates import in_coordinates
 from ..derivatives import derivatives
 from ..differentiated import differentiated
 from ..moved import Acting
+from ..serving import serving
 from ..trajectory import Trajectory
 from .decision import Phase
+from .links import Link, Turned, whole
 from .rows import Kind
-from .saltation import Jump, jump_of, without_parts
+from .saltation import jump_of, without_parts
 from .turn import BREAK, Passed, Turn
 
 LONGEST = 512
 """Steps that the kernel takes at once."""
+
+WORSE = 3.0
+"""Growth of G, without units, after which other coordinates are looked for."""
 
 ROUNDING = 1e-12
 """rad/s or m/s."""
@@ -43,53 +43,6 @@ LATER = 1e-4
 
 At = tuple[float, Array, Array]
 """t, q, v."""
-
-
-@dataclass(frozen=True)
-class Link:
-    """A step that begins at output `first`, and ends at output `last`, or at a turn (None).
-
-    Attributes
-    ----------
-    first : int
-    last : int or None
-    A, B : ndarray (2m, 2m), (2m, nv)
-        As of `Moved`.
-    end : Slope
-    """
-
-    first: int
-    last: int | None
-    A: Array
-    B: Array
-    end: Slope
-
-    def onward(self, changes: Array, own: Any) -> Array:
-        """Changes (2nv, k) after the step from those before; `own` are the independent velocities."""
-        nv = len(self.end.G)
-        return whole(self.end) @ (self.A @ np.vstack([changes[:nv][own], changes[nv:][own]]))
-
-    def backward(self, row: Array, own: Any) -> tuple[Array, Array]:
-        """What multiplies changes before it from what multiplies those after it, and the slope by torques."""
-        nv, m = len(self.end.G), len(own)
-        reduced = row @ whole(self.end)
-        before, pulled = np.zeros(2 * nv), reduced @ self.A
-        before[own], before[nv + np.asarray(own)] = pulled[:m], pulled[m:]
-        return before, reduced @ self.B
-
-
-@dataclass(frozen=True)
-class Turned:
-    """A jump, and the outputs just before and just after it, where there are such."""
-
-    jump: Jump
-    before: int | None
-    after: int | None
-
-
-def whole(slope: Slope) -> Array:
-    """(δq, δv) by (δη, δu), (2nv, 2m)."""
-    return np.block([[slope.G, np.zeros_like(slope.G)], [slope.dv_dy, slope.G]])
 
 
 class Chain:
@@ -104,9 +57,8 @@ class Chain:
 
     Attributes
     ----------
-    own : ndarray of int (m,)
-        Independent velocities.
     start : Slope
+        In the run's own coordinates.
     undefined : ndarray of bool (2m,)
         Changes (η, u) of the start that what is held there does not allow.
 
@@ -124,14 +76,13 @@ class Chain:
         self._run, self._mode, self._slopes = run, mode, torque_slopes
         self._machines, self._turns = run.passed.machines, run.passed.turns
         self._mechanism, self._rows = without_parts(run.mechanism), run.passed.machines.rows
-        self.own = self._mechanism.iv_independent
         first = self._turns[0]
         if np.abs(first.after - first.before).max(initial=0.0) > 1e-9:
             raise NotDifferentiableError(
                 "derivatives: the run begins with an impact, on one side of which alone it is a motion; "
                 "start before it"
             )
-        self.start = self._slope(first.q, first.before, mode)
+        self.start = _slope(self._mechanism, first.q, first.before, mode)
         self.undefined = self._undefined(first.phase)
 
     def links(self) -> Iterator[Link | Turned]:
@@ -157,43 +108,60 @@ class Chain:
         if until is not None and until.t > nodes[-1][0]:
             outputs.append(None)
             nodes.append((until.t, until.q, until.before))
-        for begun in range(0, len(nodes) - 1, LONGEST):
-            part = slice(begun, begun + LONGEST + 1)
-            known = self._compiled(turn.phase, nodes[part])
-            ends = zip(pairwise(outputs[part]), pairwise(nodes[part]), strict=True)
-            for k, ((first, last), (before, after)) in enumerate(ends):
+        k = 0
+        while k + 1 < len(nodes):
+            own = self._serving(*nodes[k][1:])
+            found = self._compiled(own, turn.phase, nodes[k : k + LONGEST + 1])
+            for moved in found or [self._moved(own, turn.phase, nodes[k], nodes[k + 1])]:
+                first = outputs[k]
                 assert first is not None  # a turn is the last of the nodes
-                yield Link(first, last, *(known.get(k) or self._moved(turn.phase, first, before, after)))
+                yield Link(first, outputs[k + 1], own.iv_independent, *moved)
+                k += 1
 
-    def _compiled(self, phase: Phase, nodes: list[At]) -> dict[int, tuple[Array, Array, Slope]]:
-        """A, B and the ends of the steps that the kernel takes: under constant torques, nothing held."""
-        torque, found = self._machines.torque_of(phase), dict[int, tuple[Array, Array, Slope]]()
+    def _serving(self, q: Array, v: Array) -> Mechanism:
+        """The mechanism in coordinates that serve at a state."""
+        mechanism = self._mechanism
+        if not mechanism.nc:
+            return mechanism
+        try:
+            found = serving(mechanism, set_out(mechanism, q, _unless_rounding(v)).start.point)
+        except ToggleError as error:
+            found = in_coordinates(mechanism, error.choices[0]) if error.choices else None
+        except SingularStartError:  # at rest there
+            found = None
+        return mechanism if found is None else found
+
+    def _compiled(self, own: Mechanism, phase: Phase, nodes: list[At]) -> list[tuple[Array, Array, Slope]]:
+        """A, B and ends of the first steps, as many as the kernel takes: constant torques, nothing held."""
+        torque, found = self._machines.torque_of(phase), list[tuple[Array, Array, Slope]]()
         if callable(torque) or phase.basis:
             return found
-        kernel = derivation(self._mechanism, nodes[0][1])
+        kernel = derivation(own, nodes[0][1])
         if kernel is None:
             return found
         t, q, v = (np.array(part) for part in zip(*nodes, strict=True))
         tau = None if torque is None else np.tile(np.asarray(torque, dtype=float), (len(t) - 1, 1))
         good, G, dv_dy = kernel.take(t, q, v, tau)
-        for k in np.flatnonzero(good[:-1] & good[1:]).tolist():
+        without_units = G[good] / own.units[:, None] * own.units[own.iv_independent]
+        size = np.full(len(t), np.inf)
+        size[good] = np.linalg.norm(without_units, axis=(1, 2))
+        bad = np.flatnonzero(~(size <= WORSE * size[0]))
+        for k in range(int(bad[0]) - 1 if len(bad) else len(t) - 1):
             A, B = kernel.pull(k, k + 1, np.eye(2 * kernel.m))
-            found[k] = A, B[0], Slope(G[k + 1].copy(), dv_dy[k + 1].copy())
+            found.append((A, B[0], Slope(G[k + 1].copy(), dv_dy[k + 1].copy())))
         return found
 
-    def _moved(self, phase: Phase, i: int, begin: At, end: At) -> tuple[Array, Array, Slope]:
+    def _moved(self, own: Mechanism, phase: Phase, begin: At, end: At) -> tuple[Array, Array, Slope]:
         """A, B and the end of a step in a phase."""
-        mechanism, m, nv = self._mechanism, self._mechanism.m, self._mechanism.nv
-        t, q, v = begin
-        h = end[0] - t
+        m, (t, q, v) = own.m, begin
         if len(phase.basis) >= m:  # nothing moves
             A = np.zeros((2 * m, 2 * m))
             A[:m, :m] = np.eye(m)
-            return A, np.zeros((2 * m, nv)), self._slope(q, v)
+            return A, np.zeros((2 * m, own.nv)), _slope(own, q, v)
         refined = any(since < end[0] and till > t for since, till in self._run.stats.refined)
-        mode = self._mode if i == 0 and t == float(self._run.t[0]) else None
-        moved = differentiated(mechanism, (q, v), mode, self._acting(phase), t, h, refined, end[1:])
-        require_end(mechanism, end, (moved.q, moved.v), "take smaller steps")
+        mode = self._mode if t == float(self._run.t[0]) else None
+        moved = differentiated(own, (q, v), mode, self._acting(phase), t, end[0] - t, refined, end[1:])
+        require_end(own, end, (moved.q, moved.v), "take smaller steps")
         return moved.A, moved.B, moved.last
 
     def _acting(self, phase: Phase) -> Acting:
@@ -206,39 +174,41 @@ class Chain:
         return Acting(torque, torque_function(self._mechanism, torque), slopes, held=held)
 
     def _turned(self, before: Phase, turn: Turn, is_first: bool, is_last: bool) -> Turned:
-        run = self._run
-        slope = self._slope(turn.q, turn.before)
-        a = np.zeros((2, len(turn.before)))
-        by_time: Array = np.zeros(2 * len(turn.before))
+        run, own = self._run, self._serving(turn.q, turn.before)
+        for happening in run.happenings:
+            if happening.kind == "grazing" and happening.time == turn.t:
+                raise NotDifferentiableError(
+                    f"at t = {turn.t:.6g} s the stop of {', '.join(happening.joints)} is met beside a dead "
+                    "point of its joint: what follows depends on the start without bound; move the stop aside"
+                )
+        a, by_time = np.zeros((2, own.nv)), np.zeros(2 * own.nv)
         if turn.why >= 0:
             for k, (phase, v) in enumerate(((before, turn.before), (turn.phase, turn.after))):
-                motion, now, acting = self._evaluated(phase, turn, v)
+                motion, now, acting = self._evaluated(own, phase, turn, v)
                 a[k] = acting.slopes_of(motion).stage(turn.t, now)[0].a
         elif turn.why == BREAK:
-            a[:], by_time = self._broken(before, turn)
-        jump = jump_of(self._rows, turn, before.held, slope, (a[0], a[1]), by_time)
+            a[:], by_time[:] = self._broken(own, before, turn)
+        slope = _slope(own, turn.q, turn.before)
+        jump = jump_of(self._rows, own, turn, before.held, slope, (a[0], a[1]), by_time)
         ahead, then = (int(np.searchsorted(run.t, t)) for t in (np.nextafter(turn.t, -np.inf), turn.t))
         is_last &= then < len(run.t) and bool(run.t[then] == turn.t)
         return Turned(jump, ahead if is_first and ahead < then else None, then if is_last else None)
 
-    def _slope(self, q: Array, v: Array, mode: Any = None) -> Slope:
-        """How v depends on position and velocity at a state, nothing held."""
-        found = derivatives(self._mechanism, q, _unless_rounding(v), mode=mode)
-        return Slope(found.G, found.dv_dy)
-
-    def _evaluated(self, phase: Phase, turn: Turn, v: Array) -> tuple[Problem, Evaluation, Acting]:
+    def _evaluated(
+        self, own: Mechanism, phase: Phase, turn: Turn, v: Array
+    ) -> tuple[Problem, Evaluation, Acting]:
         """A phase's motion at a turn, where what it holds has no forces yet."""
         acting = self._acting(phase)
-        motion = set_out(self._mechanism, turn.q, _unless_rounding(v), None, acting.torque)
+        motion = set_out(own, turn.q, _unless_rounding(v), None, acting.torque)
         return motion, motion.equations.at_point(turn.t, motion.start.point), acting
 
-    def _broken(self, phase: Phase, turn: Turn) -> tuple[Array, Array]:
+    def _broken(self, own: Mechanism, phase: Phase, turn: Turn) -> tuple[Array, Array]:
         """a, and how the time changes at which a force becomes too large for what it holds, or pulls.
 
         Rows that share their load as they can have no force of their own: 0, which leaves Ξ = I as it is.
         """
-        motion, now, acting = self._evaluated(phase, turn, turn.before)
-        slopes, by_time = acting.slopes_of(motion), np.zeros(2 * self._mechanism.nv)
+        motion, now, acting = self._evaluated(own, phase, turn, turn.before)
+        slopes, by_time = acting.slopes_of(motion), np.zeros(2 * own.nv)
         held = slopes.stage(turn.t, now)[0]
         if len(phase.held) > len(phase.basis) or not isinstance(slopes, HeldDerivatives):
             return held.a, by_time
@@ -246,12 +216,12 @@ class Chain:
         bounds = self._rows.bounds[phase.basis]
         pushes = np.array([self._rows.rows[i].kind is Kind.STOP for i in phase.basis])
         margin = np.where(np.isfinite(bounds), 1.0 - np.abs(f) / bounds, np.where(pushes, np.abs(f), np.inf))
-        by, m = by_f[int(np.argmin(margin))], self._mechanism.m
+        by, m = by_f[int(np.argmin(margin))], own.m
         rate = float(by[: 2 * m] @ np.concatenate([now.point.ydot, held.ydd]))
         rate += float(by[2 * m :] @ self._torque_rate(acting, turn))
-        if rate == 0.0:
-            return held.a, by_time
-        by_time[self.own], by_time[self._mechanism.nv + self.own] = -by[:m] / rate, -by[m : 2 * m] / rate
+        if rate != 0.0:
+            places = np.append(own.iv_independent, own.nv + own.iv_independent)
+            by_time[places] = -by[: 2 * m] / rate
         return held.a, by_time
 
     def _torque_rate(self, acting: Acting, turn: Turn) -> Array:
@@ -277,3 +247,9 @@ class Chain:
 def _unless_rounding(v: Array) -> Array:
     """Zero in place of what rounding leaves of v at rest, which opens loops relative to its size."""
     return v if np.abs(v).max(initial=0.0) > ROUNDING else np.zeros_like(v)
+
+
+def _slope(mechanism: Mechanism, q: Array, v: Array, mode: Any = None) -> Slope:
+    """How v depends on position and velocity at a state, nothing held."""
+    found = derivatives(mechanism, q, _unless_rounding(v), mode=mode)
+    return Slope(found.G, found.dv_dy)

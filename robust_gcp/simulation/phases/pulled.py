@@ -18,7 +18,8 @@ from ...errors import OptionError
 from ...mechanism.tree import Array
 from ..cost import Cost
 from ..trajectory import Trajectory
-from .chain import Chain, Turned, whole
+from .chain import Chain
+from .links import Turned, whole
 
 LATER = 1e-4
 """Step of differences by time of a running cost, as a share of the run."""
@@ -113,7 +114,7 @@ def pulled(
         if isinstance(link, Turned):
             row = _through(link, running, row)
             continue
-        row, by = link.backward(row, chain.own)
+        row, by = link.backward(row)
         by_torque[link.first] += by
         if link.first not in turned:
             row = row + running.by_state[link.first]

@@ -55,18 +55,26 @@ class Jump:
 
 
 def jump_of(
-    rows: Rows, turn: Turn, held: list[int], slope: Slope, a: tuple[Array, Array], by_time: Array
+    rows: Rows,
+    mechanism: Mechanism,
+    turn: Turn,
+    held: list[int],
+    slope: Slope,
+    a: tuple[Array, Array],
+    by_time: Array,
 ) -> Jump:
     """The jump at a turn.
 
     Parameters
     ----------
     rows : Rows
+    mechanism : Mechanism
+        In coordinates that serve there.
     turn : Turn
     held : list of int
         Rows held before it.
     slope : Slope
-        Of the mechanism just before it.
+        Just before it, in these coordinates.
     a : (ndarray (nv,), ndarray (nv,))
         Accelerations before and after.
     by_time : ndarray (2nv,)
@@ -76,7 +84,7 @@ def jump_of(
     ------
     NotDifferentiableError
     """
-    nv = rows.mechanism.nv
+    nv = mechanism.nv
     before, after = np.concatenate([turn.before, a[0]]), np.concatenate([turn.after, a[1]])
     if turn.why >= 0:
         by_time = np.zeros(2 * nv)
@@ -87,7 +95,7 @@ def jump_of(
         rate = float(along @ (a[0] if at_rest else turn.before))
         _require_crossed(rows, turn, held, rate, at_rest)
         by_time /= -rate
-    return Jump(_reset(rows, turn, slope), by_time, before, after)
+    return Jump(_reset(rows, mechanism, turn, slope), by_time, before, after)
 
 
 def _require_crossed(rows: Rows, turn: Turn, held: list[int], rate: float, at_rest: bool) -> None:
@@ -109,16 +117,16 @@ def _require_crossed(rows: Rows, turn: Turn, held: list[int], rate: float, at_re
         )
 
 
-def _reset(rows: Rows, turn: Turn, slope: Slope) -> Array:
+def _reset(rows: Rows, mechanism: Mechanism, turn: Turn, slope: Slope) -> Array:
     """R_x, with the rows that are struck as they are."""
-    own, nv = rows.mechanism.iv_independent, rows.mechanism.nv
+    own, nv = mechanism.iv_independent, mechanism.nv
     reset = np.eye(2 * nv)
     stops, locks = rows.closed(turn.q), rows.locked(turn.t)
     if turn.why in (BREAK, START) or not (stops or locks):
         return reset
     v, by = turn.before, np.hstack([slope.dv_dy, slope.G])
     for found in impulses(rows, turn.q, v, stops, locks, Seen(v, np.zeros_like(v), v)):
-        by, v = by + _struck(rows, turn.q, v, found, by), found.v
+        by, v = by + _struck(rows, mechanism, turn.q, v, found, by), found.v
     reset[nv:] = 0.0
     reset[nv:, own], reset[nv:, nv + own] = np.hsplit(by, 2)
     return reset
@@ -138,12 +146,12 @@ def without_parts(mechanism: Mechanism) -> Mechanism:
     return found
 
 
-def _struck(rows: Rows, q: Array, v: Array, found: Impulse, by: Array) -> Array:
+def _struck(rows: Rows, mechanism: Mechanism, q: Array, v: Array, found: Impulse, by: Array) -> Array:
     """How what an impulse adds to v, G A P, changes with (η, u) (nv, 2m); `by` is how v does.
 
     A = M_r⁻¹ Gᵀ Eᵀ, and E G A P = −(1 + e) ∘ E v on the rows that have an impulse.
     """
-    mechanism, m = without_parts(rows.mechanism), rows.mechanism.m
+    m = mechanism.m
     on = np.flatnonzero(found.impulses)
     E, P, none = rows.E[on], found.impulses[on], np.zeros(mechanism.nv)
     bounced = np.array([rows.rows[i].restitution for i in on])
