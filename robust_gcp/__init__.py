@@ -23,6 +23,7 @@ from .errors import (
     ModelWarning,
     NonFiniteError,
     NotCertifiedError,
+    NotDifferentiableError,
     OptionError,
     PartitionError,
     RobustGcpError,
@@ -83,6 +84,7 @@ if TYPE_CHECKING:
     from .simulation.many import Runs, simulate_many
     from .simulation.phases.happening import Happening
     from .simulation.phases.impact import Impact
+    from .simulation.sensitivity import Sensitivity, sensitivity
     from .sweeps.record import Failure, Records, RunRecord
     from .sweeps.runs import grid, sweep, sweep_as_completed
 
@@ -99,6 +101,7 @@ _LATER = {
     "Records": ".sweeps.record",
     "RunRecord": ".sweeps.record",
     "Runs": ".simulation.many",
+    "Sensitivity": ".simulation.sensitivity",
     "Sensor": ".mechanism.sensors",
     "Stop": ".mechanism.parts",
     "draw": ".drawing.figures.draw",
@@ -106,6 +109,7 @@ _LATER = {
     "live": ".drawing.replay.live",
     "plot_modes": ".drawing.figures.modes",
     "replay": ".drawing.replay.replay",
+    "sensitivity": ".simulation.sensitivity",
     "simulate_many": ".simulation.many",
     "sweep": ".sweeps.runs",
     "sweep_as_completed": ".sweeps.runs",
@@ -156,6 +160,7 @@ __all__ = [
     "NativeBuildWarning",
     "NonFiniteError",
     "NotCertifiedError",
+    "NotDifferentiableError",
     "OptionError",
     "PartitionError",
     "PointClosure",
@@ -172,6 +177,7 @@ __all__ = [
     "RunRecord",
     "Runs",
     "Sample",
+    "Sensitivity",
     "Sensor",
     "Simulation",
     "SimulationError",
@@ -210,6 +216,7 @@ __all__ = [
     "plot_modes",
     "regressor",
     "replay",
+    "sensitivity",
     "simulate",
     "simulate_many",
     "step_jacobians",

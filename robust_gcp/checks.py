@@ -137,6 +137,10 @@ WITH_PARTS = ("simulate", "Simulation", "analyse", "draw", "trace_modes")
 """Functions that take a mechanism with stops and dry friction of its file."""
 
 
+WITH_MOVED = ("simulate", "Simulation", "analyse", "draw", "trace_modes")
+"""Functions that hold still what moves the ground, or only look at places."""
+
+
 def check_mechanism(value: Any, kind: type[Any], function: str) -> None:
     """Refuse a model's name or a `pin.Model` where a mechanism (of type `kind`) is needed."""
     if isinstance(value, kind):
@@ -145,6 +149,11 @@ def check_mechanism(value: Any, kind: type[Any], function: str) -> None:
             raise OptionError(
                 f"{function} does not know stops and dry friction, which this mechanism has of its file; "
                 "load it without limits=True and friction=True"
+            )
+        if getattr(value, "moved", ()) and function not in WITH_MOVED:
+            raise OptionError(
+                f"{function} does not know that {', '.join(value.moved)} move the ground as prescribed; load "
+                "the mechanism without moving="
             )
         return
     if isinstance(value, str):

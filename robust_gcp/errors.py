@@ -180,6 +180,10 @@ class ToggleError(SimulationError):
         self.choices = choices or []
 
 
+class NotDifferentiableError(SimulationError):
+    """The end of a run is no smooth function of its start: a stop is grazed, or several are met at once."""
+
+
 class SingularStartError(SimulationError):
     """The start is a singular configuration and neither mode nor velocity says where to go."""
 

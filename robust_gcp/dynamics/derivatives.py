@@ -210,6 +210,10 @@ class PointDerivatives:
         """At an evaluated point."""
         return self.whole(t, now)[0]
 
+    def stage(self, t: float, now: Evaluation) -> tuple[Evaluation, Derivatives]:
+        """At a stage of a step, and the evaluation that the step goes on with."""
+        return now, self.at(t, now)
+
     def whole(self, t: float, now: Evaluation) -> tuple[Derivatives, Accelerations]:
         """The same, with the accelerations of all joints."""
         with np.errstate(all="ignore"):  # what is not finite ends in an error of ours

@@ -102,9 +102,9 @@ def differentiated_step(slopes: PointDerivatives, t: float, x: Array, h: float) 
     rates: list[Array] = []
     for share in STAGES:
         state = x + h * share * rates[-1] if rates else x
-        now = equations.evaluate(t + share * h, np.concatenate([state, work]))
+        asked = equations.evaluate(t + share * h, np.concatenate([state, work]))
+        now, found = slopes.stage(t + share * h, asked)
         rates.append(equations.derivative(now)[: 2 * m])
-        found = slopes.at(t + share * h, now)
         first = stages[0].now.point if stages else now.point
         stages.append(Stage(now, found, chart_slopes(mechanism, first, now.point, found.dv_dy)))
     after = x + h * np.einsum("s,sn->n", np.array(WEIGHTS), np.array(rates))

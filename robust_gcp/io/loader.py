@@ -38,6 +38,7 @@ from .own_block import (
 from .robot_file import READERS, UNREAD, has_yaml, is_mjcf, others_beside, require_read, robot_file
 from .robot_yaml import closures_of, is_list_of_str, settings_of
 from .text_file import files_in, inside, is_file, is_link, path_of
+from .urdf import read_urdf
 
 log = logging.getLogger(__name__)
 
@@ -162,7 +163,8 @@ def load(
         if changes:
             raise ModelError(f"{path}: joint_name is for URDF; write the joint as it is in {robot.name}")
     else:
-        contents = _read(robot, base, root, moving)
+        _require_still(robot, moving)
+        contents = read_urdf(robot, base)
         contents.model = with_joint_changes(contents.model, changes, path)
         contents.forces = with_changed_forces(contents.forces, changes)
     contents.close([*closures, *couplings_of(own, path)])
@@ -177,11 +179,14 @@ def _read(path: Path, base: str | None, root: Any, moving: Any) -> FileContents:
     """What the file's reader finds."""
     if READERS[path.suffix] is read_mjcf:
         return read_mjcf(path, base, root, moving)
-    if moving is not None:
-        raise OptionError(
-            f"{path}: moving= is for MJCF; write the joint into the file, and drive it (drive=)"
-        )
+    _require_still(path, moving)
     return READERS[path.suffix](path, base, root)
+
+
+def _require_still(path: Path, moving: Any) -> None:
+    """Refuse to move bodies of other formats than MJCF."""
+    if moving is not None:
+        raise OptionError(f"{path}: moving= is for MJCF; write the joint into the file, and drive it")
 
 
 def _tell_floating(model: pin.Model, path: Path) -> None:

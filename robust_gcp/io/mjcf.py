@@ -75,7 +75,7 @@ def read_mjcf(
     if tree.model.njoints == 1:
         raise ModelError(f"{name}: no body has a joint; a mechanism needs one at least")
     tree.model.name = xml.get("model", "mjcf")
-    names = [m.key(k).name or f"key{k}" for k in range(m.nkey)]
+    names = _named([m.key(k).name for k in range(m.nkey)])
     keys = {name: tree.configuration(m.key_qpos[k]) for k, name in enumerate(names)}
     rated = {name: k for k, name in enumerate(names) if np.any(m.key_qvel[k])}
     rates = {name: velocity_of(m, tree, m.key_qpos[k], m.key_qvel[k]) for name, k in rated.items()}
@@ -100,6 +100,16 @@ def read_mjcf(
         sensors=sensors,
         moved=tuple(tree.moved),
     )
+
+
+def _named(given: list[str]) -> list[str]:
+    """Names of keyframes; those without one by their number."""
+    found = list(given)
+    for k, name in enumerate(given):
+        found[k] = name or next(
+            n for n in (f"key{k}", *(f"key{k}_{i}" for i in range(len(given)))) if n not in found
+        )
+    return found
 
 
 def _check_moving(base: str | None, moving: Any) -> None:

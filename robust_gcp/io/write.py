@@ -52,6 +52,7 @@ def write(mechanism: Mechanism, path: str | Path) -> Path:
     except ModelError as error:
         raise ModelError(f"{target}: {error}") from error
     note(lost, "sensors", mechanism.sensors)
+    note(lost, "that joints move the ground, which are free there", mechanism.moved)
     if target.suffix not in (".xml", ".mjcf"):
         note(lost, "keyframes", mechanism.keyframes)
     try:

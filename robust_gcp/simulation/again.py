@@ -84,11 +84,6 @@ def require_steps(run: Trajectory, mode: ArrayLike | None) -> None:
     """Refuse a run that is not one of RK4 with an output at each step, and a mode that is none."""
     if mode is not None:
         checked_mode(run.mechanism, mode)
-    if run.dissipated is not None:
-        raise OptionError(
-            "gradient: the run has stops, friction or locks, whose events are not differentiated; make it "
-            "without joints="
-        )
     stats = run.stats
     if stats.stepper != "rk4":
         raise OptionError(
@@ -117,12 +112,20 @@ def require_answers(run: Trajectory, function: CheckedTorque, table: Array) -> N
 
 def require_same(run: Trajectory, mechanism: Mechanism, i: int, q: Array, v: Array) -> None:
     """Refuse a step to output i that ends at q and v instead of there."""
-    off = np.abs(mechanism.tree.difference(run.q[i], q)) / mechanism.units
-    fast = np.abs(v - run.v[i]) / mechanism.units / (1.0 + np.abs(run.v[i]).max(initial=0.0))
+    require_end(mechanism, (float(run.t[i]), run.q[i], run.v[i]), (q, v), _remedy(run, i))
+
+
+def require_end(
+    mechanism: Mechanism, wanted: tuple[float, Array, Array], found: tuple[Array, Array], remedy: str
+) -> None:
+    """Refuse a step that ends at (q, v) instead of at (t, q, v)."""
+    t, q, v = wanted
+    off = np.abs(mechanism.tree.difference(q, found[0])) / mechanism.units
+    fast = np.abs(found[1] - v) / mechanism.units / (1.0 + np.abs(v).max(initial=0.0))
     if not max(off.max(initial=0.0), fast.max(initial=0.0)) < SAME:
         raise OptionError(
-            f"gradient: taken again, the step of RK4 to t = {run.t[i]:.6g} s ends {off.max():.1e} rad or "
-            f"lengths and {fast.max():.1e} in v from the trajectory; {_remedy(run, i)}"
+            f"gradient: taken again, the step of RK4 to t = {t:.6g} s ends {off.max():.1e} rad or "
+            f"lengths and {fast.max():.1e} in v from the trajectory; {remedy}"
         )
 
 

@@ -12,8 +12,6 @@ from numpy.typing import ArrayLike
 
 from ..checks import require_finite
 from ..dynamics.change_of_coordinates import Slope
-from ..dynamics.continuation import circles_of
-from ..dynamics.derivatives import PointDerivatives
 from ..dynamics.discrete import differentiated_step
 from ..dynamics.mode_rates import SPARED
 from ..dynamics.problem import Problem, set_out
@@ -68,7 +66,7 @@ def differentiated(
     if not by_parts:
         try:
             if other is not None:
-                moved = _by_kernel(other, at, mode, acting, h)
+                moved = _by_kernel(other, at, mode, acting, h, end)
                 if moved is not None:
                     return moved.told_in(mechanism)
                 motion = set_out(other, *at, mode, acting.torque)
@@ -84,20 +82,25 @@ def differentiated(
 
 
 def _by_kernel(
-    mechanism: Mechanism, state: tuple[Array, Array], mode: ArrayLike | None, acting: Acting, h: float
+    mechanism: Mechanism,
+    state: tuple[Array, Array],
+    mode: ArrayLike | None,
+    acting: Acting,
+    h: float,
+    end: tuple[Array, Array] | None,
 ) -> Moved | None:
     """The step by the kernel; None where it does not take it."""
     kernel = _kernel_of(mechanism, state, mode, acting)
     if kernel is None:
         return None
     tau = None if acting.torque is None else np.asarray(acting.torque, dtype=float)[None]
-    q, v = (np.repeat(part[None], 2, axis=0) for part in state)
-    good, G, v_y = kernel.take(np.array([0.0, h]), q, v, tau, np.inf)
+    q, v = (np.array(parts) for parts in zip(state, state if end is None else end, strict=True))
+    good, G, v_y = kernel.take(np.array([0.0, h]), q, v, tau, np.inf if end is None else SAME)
     if not good.all():
         return None
     A, B = kernel.pull(0, 1, np.eye(2 * kernel.m))
     first, last = Slope(G[0], v_y[0]), Slope(G[1], v_y[1])
-    return Moved(A, B[0], np.zeros((len(A), 0)), mechanism, mechanism, first, last, *state)
+    return Moved(A, B[0], np.zeros((len(A), 0)), mechanism, mechanism, first, last, *(end or state))
 
 
 def _parts_by_kernel(
@@ -135,7 +138,8 @@ def _kernel_of(
     mechanism: Mechanism, state: tuple[Array, Array], mode: ArrayLike | None, acting: Acting
 ) -> Derivation | None:
     """What takes steps of it compiled; None where nothing does."""
-    if mode is not None or callable(acting.torque) or acting.by_more is not None:
+    more = acting.by_more is not None or acting.held is not None
+    if mode is not None or callable(acting.torque) or more:
         return None
     return derivation(mechanism, state[0])
 
@@ -155,9 +159,7 @@ class Follower:
 
     def __init__(self, motion: Problem, acting: Acting, t: float, sparing: bool = False) -> None:
         self._motion, self._acting, self._t, self._sparing = motion, acting, t, sparing
-        self._slopes = PointDerivatives(
-            motion, acting.function, acting.slopes, circles_of(motion.mechanism), sparing
-        )
+        self._slopes = acting.slopes_of(motion, sparing)
         self._x = motion.x[: 2 * motion.mechanism.m]
 
     def whole(self, h: float) -> Moved:

@@ -1,8 +1,8 @@
 """Gradient of a cost along a motion: a reverse sweep over the stages of its Runge–Kutta steps.
 
-The recorded states are the checkpoints: the sweep takes a stretch of steps again, from a regular state,
-with their derivatives, and goes through them backwards. So memory is that of one stretch, and the effort is
-one more run with derivatives, whatever the number of torques and parameters.
+The recorded states are the checkpoints: the sweep takes a stretch of steps again, from a regular state, with
+their derivatives, and goes through them backwards: the memory is that of one stretch, the effort one more run
+with derivatives, whatever the number of torques and parameters.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Gradient:
     ----------
     value : float
     dy, dv : ndarray (m,)
-        By the start: along the velocities G e_j, and by the independent velocities.
+        By the start: along the velocities G e_j, and by the independent velocities; NaN as in `Sensitivity`.
     dtau : ndarray (N, nv)
         By torques added over each step.
     parameters : dict
@@ -72,7 +72,7 @@ def gradient(
 ) -> Gradient:
     """Derivatives of a cost by the start, the torques and parameters, exact for the steps that were taken.
 
-    Through singular configurations too. The trajectory is one of RK4 with an output at every step.
+    Through singular configurations, impacts, holds and releases too. The run has an output at every step.
 
     Parameters
     ----------
@@ -80,8 +80,8 @@ def gradient(
     cost : Cost
     torque : callable (t, q, v) -> (nv,), array_like (nv,) or (N, nv), or mapping, optional
         What the run was made with; a table holds a row for each step. When left out, what the trajectory
-        remembers: see `Acted`. Wrenches that it remembers are added to a function or constant. Where torques
-        were held, a function is asked at the beginning of each step.
+        remembers: see `Acted`. Wrenches that it remembers are added to a function or constant; of torques
+        that were held a function is asked at the beginning of each step.
     parameters : sequence of str
         See `Parameters`: "q1.m", "q2.Ixx", "q1.stiffness", …
     torque_slopes : callable, optional
@@ -89,19 +89,15 @@ def gradient(
     mode : array_like, optional
         As in `simulate`, where the run began at a singular configuration.
 
-    Returns
-    -------
-    Gradient
-
     Raises
     ------
     OptionError
         Where steps taken again do not end at the recorded states: another torque or mode; for runs of other
         steppers, with other outputs than their steps, or with driven joints, and where a torque function is
-        needed that a file does not hold.
+        needed that a file does not hold; for `torque=` and `parameters=` of runs with `joints=`.
     SimulationError
         Where a state on the way has no certified derivatives; where the independent joints turn back at the
-        start, so that the run took others.
+        start, so that the run took others. NotDifferentiableError as `sensitivity`.
     """
     if not isinstance(trajectory, Trajectory):
         raise OptionError(f"gradient: {shown(trajectory)} is no Trajectory; give what simulate returns")
@@ -109,6 +105,11 @@ def gradient(
         raise OptionError(f"gradient: cost = {shown(cost)} is no Cost; give rg.Cost(terminal, running)")
     check_callable("torque_slopes", torque_slopes, "(t, q, v)")
     require_steps(trajectory, mode)
+    if trajectory.dissipated is not None:
+        from .phases.pulled import pulled  # loaded where it is used
+
+        found = pulled(trajectory, cost, torque, parameters, torque_slopes, mode)
+        return Gradient(found.value, *found.by_start, found.by_torque, {})
     return _Sweep(trajectory, cost, torque, parameters, torque_slopes, mode).gradient()
 
 

@@ -9,9 +9,12 @@ from typing import Any
 import numpy as np
 
 from ..dynamics.change_of_coordinates import Slope
-from ..dynamics.derivatives import TorqueSlopes
+from ..dynamics.continuation import circles_of
+from ..dynamics.derivatives import PointDerivatives, TorqueSlopes
 from ..dynamics.discrete import Stage
 from ..dynamics.equations import CheckedTorque
+from ..dynamics.held_derivatives import HeldDerivatives
+from ..dynamics.problem import Problem
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 
@@ -31,12 +34,20 @@ class Acting:
         See `derivatives`.
     by_more : callable (Stage) -> (m, k), optional
         ∂u̇ by parameters at a stage.
+    held : ndarray (k, nv), optional
+        Rows of v that are at rest, see `HeldDerivatives`.
     """
 
     torque: Any = None
     function: CheckedTorque | None = None
     slopes: TorqueSlopes | None = None
     by_more: Parametric | None = None
+    held: Array | None = None
+
+    def slopes_of(self, motion: Problem, sparing: bool = False) -> PointDerivatives:
+        """The derivatives along a motion."""
+        others = motion, self.function, self.slopes, circles_of(motion.mechanism), sparing
+        return PointDerivatives(*others) if self.held is None else HeldDerivatives(self.held, *others)
 
 
 @dataclass(frozen=True)

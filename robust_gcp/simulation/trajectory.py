@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from .phases.happening import Happening
+    from .phases.turn import Forgotten, Passed
 
 
 @dataclass(repr=False)
@@ -66,6 +67,8 @@ class Trajectory(Named, Pictures):
         Generalised force of each of `joints`, N m and N: `traj["stop.q3"]`, "friction.q1", "lock.q2".
     u : ndarray (N + 1, n) or None
         Controls of the actuators, or activations where they have some, clipped; None without power.
+    passed : Passed or None
+        Phases of a run with `joints=`, for its derivatives; files and pickles do not hold them.
     acted : Acted or None
         What it was simulated with: torques, wrenches, what was held over the steps, driven joints.
     """
@@ -92,6 +95,7 @@ class Trajectory(Named, Pictures):
     part_names: tuple[str, ...] = ()
     part_forces: Array | None = None
     u: Array | None = None
+    passed: Passed | Forgotten | None = None
 
     _absent = UNRECORDED
 

@@ -57,6 +57,21 @@ def test_what_no_drive_moves_holds_still() -> None:
     np.testing.assert_allclose(sim.frame("table").position, [0.0, 0.0, 1.0], atol=1e-15)
 
 
+def test_what_does_not_hold_it_still_says_so(tmp_path: Path) -> None:
+    mech = rg.Mechanism.from_mjcf(TABLE, moving={"table": ("x",)})
+    for call in (
+        lambda: rg.simulate_many(mech, [([0.0, 0.1], [0.0, 0.0])], 0.1),
+        lambda: rg.forward_dynamics(mech, [0.0, 0.1]),
+        lambda: rg.derivatives(mech, [0.0, 0.1]),
+    ):
+        with pytest.raises(rg.OptionError, match="table_x move the ground"):
+            call()
+    with pytest.warns(rg.ModelWarning, match=r"joints move the ground.*\(table_x\)"):
+        mech.write(tmp_path / "table.xml")
+    run = rg.simulate(mech, duration=0.01, step=1e-3, drive={"table_x": rg.Motion(lambda t: 0.1 * t)})
+    assert rg.load_trajectory(run.save(tmp_path / "run.npz")).mechanism.moved == ("table_x",)
+
+
 def test_a_mocap_body_that_holds_a_loop_leads_it() -> None:
     """A dyad of two unit links whose tip follows the target: its angles are those of a triangle."""
     assert read_mjcf(HELD).left_out == ["motion of mocap bodies (target)"]

@@ -170,6 +170,40 @@ def test_sensors_read_what_mujoco_reads(machine: rg.Mechanism) -> None:
     require_equal(machine, m, closed_states(machine, 5))
 
 
+WALKER = """<mujoco model="walker"><compiler angle="degree" autolimits="true"/>
+<option timestep="0.0025"><flag contact="disable"/></option><statistic extent="2"/>
+<default><joint damping="0.1" armature="0.01" limited="true"/><geom density="1000" friction="0.7"/>
+  <default class="leg"><joint axis="0 -1 0" range="-30 100"/><geom type="capsule" size="0.05"/></default>
+</default>
+<worldbody><light name="light" pos="0 0 2"/><geom name="floor" type="plane" size="40 40 0.2"/>
+  <body name="torso" pos="0 0 1.3">
+    <joint name="rootz" type="slide" axis="0 0 1" limited="false" armature="0"/>
+    <joint name="rootx" type="slide" axis="1 0 0" limited="false" armature="0"/>
+    <joint name="rooty" type="hinge" axis="0 1 0" limited="false" armature="0"/>
+    <geom name="torso" type="capsule" size="0.07 0.3"/><site name="torso_site"/>
+    <body name="right_thigh" pos="0 -0.05 -0.3" childclass="leg"><joint name="right_hip"/>
+      <geom name="right_thigh" fromto="0 0 0 0 0 -0.45"/>
+      <body name="right_leg" pos="0 0 -0.7"><joint name="right_knee" pos="0 0 0.25" range="-150 0"/>
+        <geom name="right_leg" fromto="0 0 0.25 0 0 -0.25"/><site name="right_foot" pos="0 0 -0.25"/>
+      </body></body>
+    <body name="left_thigh" pos="0 0.05 -0.3" childclass="leg"><joint name="left_hip"/>
+      <geom name="left_thigh" fromto="0 0 0 0 0 -0.45"/></body></body></worldbody>
+<actuator><motor name="hip" joint="right_hip" gear="100" ctrlrange="-1 1"/></actuator>
+<sensor><subtreelinvel name="torso_subtreelinvel" body="torso"/><framezaxis objtype="xbody" objname="torso"
+    name="upright"/><velocimeter name="v" site="torso_site"/><gyro name="w" site="right_foot"/>
+  <accelerometer name="a" site="right_foot"/><subtreeangmom name="h" body="right_thigh"/>
+  <jointlimitpos name="knee" joint="right_knee"/><force name="ground" site="right_foot"/><e_kinetic name="T"/>
+  <framelinvel name="foot" objtype="site" objname="right_foot" reftype="body" refname="torso"/>
+  <touch name="sole" site="right_foot"/><actuatorpos name="drive" actuator="hip"/></sensor></mujoco>"""
+
+
+def test_a_walker_as_reinforcement_learning_has_it() -> None:
+    """Classes of defaults, degrees, joints off their bodies' origins; what needs contacts is told."""
+    with pytest.warns(rg.ModelWarning, match=r"sensors \(sole, drive\)"):
+        mech = rg.Mechanism.from_mjcf(WALKER)
+    require_equal(mech, mujoco.MjModel.from_xml_string(WALKER), closed_states(mech, 5))
+
+
 def test_a_cut_through_welded_bodies_is_part_of_a_body(machine: rg.Mechanism) -> None:
     """The palm's force carries the wrist and the hand, not the coupler that the wrist is welded to."""
     branch = machine.sensors["force.palm"].branch
@@ -288,6 +322,8 @@ def test_names_that_are_not_there_are_told() -> None:
     run = rg.simulate(mech, duration=0.01, step=1e-3)
     with pytest.raises(rg.ModelError, match=r"no sensor 'imo'.*imu"):
         run["sensor.imo"]
+    with pytest.raises(rg.OptionError, match="sensors are not drawn"):
+        run.plot("sensor.imu")
     with pytest.raises(rg.ModelError, match="no sensor"):
         mech.sense("touch", [0.0])
     with pytest.raises(rg.ModelError, match=r"no keyframe 'home'; it has none"):
@@ -340,6 +376,13 @@ ROUNDED = """<mujoco><option><flag contact="disable"/></option><worldbody>
 <equality><connect body1="b" body2="c" anchor="0 1 0"/></equality>
 <keyframe><key name="near" qpos="0.3 -0.301 0.3" qvel="1 0 0"/>
 <key name="far" qpos="1 1 1"/></keyframe></mujoco>"""
+
+
+def test_keyframes_without_names_have_their_own() -> None:
+    keys = '<keyframe><key/><key name="key0" qpos="1"/><key qpos="2"/></keyframe>'
+    assert {name: key.q[0] for name, key in pendulum("", keys).keyframes.items()} == {
+        "key0_0": 0.0, "key0": 1.0, "key2": 2.0,
+    }  # fmt: skip
 
 
 def test_a_keyframe_with_few_digits_is_closed() -> None:

@@ -10,6 +10,7 @@ from ...errors import OptionError
 from ...mechanism.joints import Component, components_of
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
+from ...simulation.access import SENSOR
 from ...simulation.reactions import row_names
 from .moments import Eventful
 
@@ -148,6 +149,8 @@ def lines_of_column(run: Motion, name: str, argument: str = "what") -> list[Line
     found = [each for each in names if each in columns]
     if name in columns or not found:
         try:
+            if name.startswith(SENSOR) and name not in columns:
+                raise OptionError("sensors are not drawn: draw run[…] over run.t by Matplotlib")
             run[name]
         except OptionError as error:
             quantities = f"; quantities are {', '.join(PANELS)}" if argument == "what" else ""

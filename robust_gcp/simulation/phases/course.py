@@ -19,6 +19,7 @@ from .leg import Fault, Leg, Steps
 from .progress import FIRST, Progress
 from .rest import Still, rested
 from .rows import Kind
+from .turn import BREAK, LATCH, SWITCH, Turn
 from .watch import Found
 
 MOST = 4096
@@ -73,12 +74,13 @@ class Phases(Progress):
 
     def _begin(self) -> None:
         """The phase that begins now, and its first output."""
-        machines, rows = self._machines, self._rows.rows
+        machines, rows, before = self._machines, self._rows.rows, self._v
         self._drop()
         self._armed = frozenset(i for i in self._latches if rows[i].start <= self._t)
         acting, tell = machines.acting, self._tell
         self._phase, self._v = settled(self._rows, acting, self._phase, self._state, self._ahead, tell)
-        self._ahead, self._fresh, self._size = None, False, FIRST
+        self.passed.turns.append(Turn(self._t, self._why, self._q, before, self._v, replace(self._phase)))
+        self._why, self._ahead, self._fresh, self._size = SWITCH, None, False, FIRST
         machine = self._machine = machines.of(self._phase, self._q)
         if machine is None:
             after = np.array([self._t, self._t + self._grid.step])
@@ -197,13 +199,13 @@ class Phases(Progress):
         if self._over or k is None:
             self.ended = self.joined.to_the_end = True
             return
-        self._events.ended_by, self._fresh = None, True
+        self._events.ended_by, self._fresh, self._why = None, True, LATCH
         latched = self._phase.latched | {self._latches[k - self._asked]}
         self._phase = replace(self._phase, latched=latched)
 
     def _decide(self, machine: Mechanism, found: Found) -> None:
         """What the event is, for the decision that follows."""
-        phase, rows = self._phase, self._rows
+        phase, rows, self._why = self._phase, self._rows, found.row
         if found.row < 0:
             self._ahead = self._looked_ahead(machine)
         elif rows.rows[found.row].kind is Kind.FRICTION:
@@ -242,5 +244,6 @@ class Phases(Progress):
             self._fresh = False
             self._stop_at_event()
         elif found.broke:
+            self._why = BREAK
             later = [found.until + share * self._grid.step for share in AHEAD]
             self._ahead = iter([State(t, self._q, self._v, found.seen) for t in later])

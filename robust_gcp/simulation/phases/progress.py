@@ -22,6 +22,7 @@ from .leg import Leg, Steps
 from .machine import Machines
 from .rows import Kind
 from .stretch import Stretch
+from .turn import START, Passed
 
 FIRST = 8
 """Steps that are looked at together after an event, then doubled: some are taken for nothing."""
@@ -75,6 +76,7 @@ class Progress:
         asked = events.asked if isinstance(events, Events) else list(events)
         self._asked = len(asked)  # of all events; those of latches follow
         self._events = Events([*asked, *map(self._latch, self._latches)], self._t, grid.step)
+        self.passed, self._why = Passed(machines), START
         self.joined = Joined(self._rows, machines.course.record, chosen, machines.driven)
         self.joined.stats.step = grid.step
         self._sums, self._read = self.joined.sums, 0  # at the leg's start; its last output that was kept

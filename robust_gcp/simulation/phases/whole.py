@@ -62,6 +62,7 @@ def run_phases(
         error.trajectory = joined()
         raise
     run = joined()
+    run.passed = phases.passed
     Coarse(mechanism, course.step).judge(run)
     return run
 

@@ -1,0 +1,134 @@
+"""Gradient of a cost along a run through phases: the chain of its steps and jumps, gone through backwards.
+
+What multiplies changes of the state at a fixed time is λ (2nv,). At a turn, outputs just before and after it
+move with it in time: J also changes by ∂J/∂t_k δt there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...dynamics.derivatives import AppliedSlopes, TorqueSlopes
+from ...dynamics.equations import torque_function
+from ...errors import OptionError
+from ...mechanism.tree import Array
+from ..cost import Cost
+from ..trajectory import Trajectory
+from .chain import Chain
+from .links import Turned, whole
+
+LATER = 1e-4
+"""Step of differences by time of a running cost, as a share of the run."""
+
+
+@dataclass(frozen=True)
+class Pulled:
+    """The value, and its slopes by η and u at the start (m,), and by torques over each step (N, nv)."""
+
+    value: float
+    by_start: tuple[Array, Array]
+    by_torque: Array
+
+
+class Running:
+    """The running term of a cost, by the trapezoidal rule between outputs.
+
+    Attributes
+    ----------
+    value : float
+    by_state : ndarray (N + 1, 2nv)
+        By each output's q and v.
+    by_torque : ndarray (N, nv)
+    """
+
+    def __init__(self, run: Trajectory, cost: Cost, torque: Any, slopes: TorqueSlopes | None) -> None:
+        self._run, self._cost = run, cost
+        mechanism, nv = run.mechanism, run.mechanism.nv
+        self._torque = torque_function(mechanism, torque)
+        applied = AppliedSlopes(mechanism, torque if callable(torque) else None, slopes)
+        n = len(run.t)
+        self.value, self.by_state, self.by_torque = 0.0, np.zeros((n, 2 * nv)), np.zeros((n - 1, nv))
+        self._rate = np.zeros(n)
+        self._half = 0.5 * np.diff(run.t)
+        if cost.running is None:
+            return
+        weight = np.append(self._half, 0.0) + np.append(0.0, self._half)
+        for k in range(n):
+            t, q, v = float(run.t[k]), run.q[k], run.v[k]
+            self._rate[k], (by_q, by_v, by_tau) = cost.along(mechanism, t, q, v, self._tau(t, q, v))
+            if applied.some and np.any(by_tau):
+                tau_q, tau_v = applied(t, q, v)
+                by_q, by_v = by_q + by_tau @ tau_q, by_v + by_tau @ tau_v
+            self.by_state[k] = weight[k] * np.concatenate([by_q, by_v])
+            for i in (k - 1, k):
+                if 0 <= i < n - 1:
+                    self.by_torque[i] += self._half[i] * by_tau
+        self.value = float(self._half @ (self._rate[1:] + self._rate[:-1]))
+
+    def by_time(self, k: int) -> float:
+        """∂/∂t_k, the state of that output as it is."""
+        if self._cost.running is None:
+            return 0.0
+        run, L = self._run, self._rate
+        before = 0.5 * (L[k - 1] + L[k]) if k > 0 else 0.0
+        after = 0.5 * (L[k] + L[k + 1]) if k + 1 < len(L) else 0.0
+        weight = (self._half[k - 1] if k > 0 else 0.0) + (self._half[k] if k + 1 < len(L) else 0.0)
+        h, t, q, v = LATER * float(run.t[-1] - run.t[0]), float(run.t[k]), run.q[k], run.v[k]
+        values = [
+            self._cost.along(run.mechanism, t + s * h, q, v, self._tau(t + s * h, q, v))[0]
+            for s in (1, -1, 2, -2)
+        ]
+        slope = (8.0 * (values[0] - values[1]) - values[2] + values[3]) / (12.0 * h)
+        return float(before - after + weight * slope)
+
+    def _tau(self, t: float, q: Array, v: Array) -> Array:
+        return np.zeros(self._run.mechanism.nv) if self._torque is None else self._torque(t, q, v)
+
+
+def pulled(
+    run: Trajectory,
+    cost: Cost,
+    torque: Any,
+    parameters: Sequence[str],
+    slopes: TorqueSlopes | None,
+    mode: Any,
+) -> Pulled:
+    """The cost of a run with its slopes; the arguments are those of `gradient`."""
+    for name, given in (("torque=", torque is not None), ("parameters=", bool(len(parameters)))):
+        if given:
+            raise OptionError(f"gradient: {name} does not go with a run with joints=; leave it out")
+    chain = Chain(run, slopes, mode)
+    running = Running(run, cost, None if run.acted is None else run.acted.torque, slopes)
+    value, (by_q, by_v, _) = cost.at_end(run.mechanism, run.q[-1], run.v[-1])
+    row = np.concatenate([by_q, by_v]) + running.by_state[-1]
+    by_torque = running.by_torque
+    links = list(chain.links())
+    turned = {k for link in links if isinstance(link, Turned) for k in (link.before, link.after)}
+    if len(run.t) - 1 in turned:
+        row = row - running.by_state[-1]  # it moves with its turn
+    for link in reversed(links):
+        if isinstance(link, Turned):
+            row = _through(link, running, row)
+            continue
+        row, by = link.backward(row)
+        by_torque[link.first] += by
+        if link.first not in turned:
+            row = row + running.by_state[link.first]
+    by_start = np.where(chain.undefined, np.nan, row @ whole(chain.start))
+    by_y, by_u = np.split(by_start, 2)
+    return Pulled(value + running.value, (by_y, by_u), by_torque)
+
+
+def _through(link: Turned, running: Running, row: Array) -> Array:
+    """λ before a turn, from λ after it."""
+    jump, outputs = link.jump, [k for k in (link.before, link.after) if k is not None]
+    moved = row if link.after is None else row + running.by_state[link.after]
+    moved = moved @ jump.reset
+    if link.before is not None:
+        moved = moved + running.by_state[link.before]
+    by_time = float(moved @ jump.before - row @ jump.after) + sum(map(running.by_time, outputs))
+    return moved + by_time * jump.by_time
