@@ -139,14 +139,20 @@ class Stretch:
         k, x = found.step, found.share
         h, begin = float(steps.t[k + 1] - steps.t[k]), float(steps.t[k])
         part: Steps | None = None
+        before: tuple[float, float] | None = None
         for _ in range(CORRECTIONS):
             if x * h < max(1e-15, 4.0 * np.spacing(abs(begin))):
                 return None
             part = self._from(steps, k, seen, begin + x * h)
             value, slope = self._value(part, found, h)
-            if abs(value) <= max(1e-14, -1e-15 * slope) or slope >= 0.0 or abs(value) > -1e-3 * slope:
+            exact = max(1e-14, -slope * float(np.spacing(abs(begin) + h)) / h)
+            if abs(value) <= exact or slope >= 0.0 or abs(value) > -1e-3 * slope:
                 break
-            x = min(x - value / slope, 1.0)
+            if before is not None and abs(value) > 0.5 * abs(before[1]):  # rounding
+                break
+            if before is not None and (secant := (value - before[1]) / (x - before[0])) < 0.5 * slope:
+                slope = secant  # a partial step errs by its length too
+            before, x = (x, value), min(x - value / slope, 1.0)
         return part
 
     def within(self, steps: Steps, k: int, seen: Seen, end: float, events: Events) -> Steps:
