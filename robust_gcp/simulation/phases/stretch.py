@@ -132,7 +132,7 @@ class Stretch:
 
     def _from(self, steps: Steps, k: int, seen: Seen, end: float) -> Steps:
         """A partial step from the end of another."""
-        return self.part(State(float(steps.t[k]), steps.q[k], steps.v[k], seen), end)
+        return self.part(_state(steps, k, seen), end)
 
     def located(self, steps: Steps, found: Found, seen: Seen) -> Steps | None:
         """A partial step to the event, corrected until its function vanishes; None where it is at once."""
@@ -157,7 +157,7 @@ class Stretch:
 
     def within(self, steps: Steps, k: int, seen: Seen, end: float, events: Events) -> Steps:
         """The user's events on a partial step, which ends where one of them ends the run."""
-        start = State(float(steps.t[k]), steps.q[k], steps.v[k], seen)
+        start = _state(steps, k, seen)
         return self._machines.part(self._machine, self._phase, start, end, events)
 
     def _value(self, part: Steps, found: Found, h: float) -> tuple[float, float]:
@@ -169,3 +169,9 @@ class Stretch:
         value = self._holding.margin(q, v, a, part.tau[-1])
         dt = min(1e-3 * h, 0.5 * float(part.t[-1] - part.t[0]))
         return value, (value - self._margin(part, float(part.t[-1]) - dt)) / dt * h
+
+
+def _state(steps: Steps, k: int, seen: Seen) -> State:
+    """At the end of a step."""
+    q, v = steps.q[k], steps.v[k]
+    return State(float(steps.t[k]), q, v, Seen.of(v, steps.a[k], seen))
