@@ -157,6 +157,7 @@ class Phases(Progress):
             finer = self._machines.leg(machine, self._phase, times, self._q, self._v, self._seen.toward)
             finer.advance(parts)
             steps = finer.since(0)
+            finer.release()
             found, held = self._stretch.first(steps, self._seen)
             if found is not None:
                 return steps, found, held
