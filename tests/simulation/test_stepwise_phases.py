@@ -45,7 +45,7 @@ def test_the_motion_of_a_whole_run(backend: Any, sizes: list[int]) -> None:
     mech, parts = crank_parts()
     ask: dict[str, Any] = dict(joints=parts, backend=backend)
     run = rg.simulate(mech, mech.home, [0.0] * 3, 3.2, 0.02, torque={"q1": 0.3}, **ask)
-    sim = rg.Simulation(mech, mech.home, [0.0] * 3, 0.02, **ask)
+    sim = rg.Simulation(mech, mech.home, [0.0] * 3, 0.02, record=["multipliers"], **ask)
     for n in sizes:
         sim.step({"q1": 0.3}, n=n)
     assert len(run.happenings) > 6
@@ -54,6 +54,7 @@ def test_the_motion_of_a_whole_run(backend: Any, sizes: list[int]) -> None:
     assert sim.happenings == sim.trajectory.happenings
     assert sim.t == pytest.approx(3.2) and np.abs(sim.q - run.q[-1]).max() < 1e-12
     assert sim.dissipated == pytest.approx(run.dissipated[-1], rel=1e-12)  # type: ignore[index]
+    assert np.abs(sim.trajectory.reaction("q2").force[-1] - sim.reaction("q2").force).max() < 1e-9
     for name in ("stop.q3", "friction.q1", "lock.q2", "dissipated"):
         assert float(sim[name]) == pytest.approx(float(run[name][-1]), abs=1e-9)
 

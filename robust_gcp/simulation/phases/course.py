@@ -88,7 +88,7 @@ class Phases(Progress):
             return
         self._stretch = self._looked_at(machine)
         steps = self._set_out(machine).since(0)
-        self._keep(machine, steps, self._stretch.forces(steps, 0)[None])
+        self._keep(steps, self._stretch.forces(steps, 0)[None])
 
     def _times(self, until: float) -> Array:
         """The present time and the ends of the next steps: on the grid again as soon as may be."""
@@ -135,14 +135,15 @@ class Phases(Progress):
         last = len(steps.t) - 1
         found, held = self._stretch.first(steps, self._seen, 0 if back else last - int(leg.paused))
         if fault is not None and found is None and leg.at <= i:
-            steps, found, held = self._finer(machine, leg, i, fault)
+            self._collect()
+            steps, found, held = self._finer(machine, leg, fault)
         k, end = len(steps.t) - 1 if found is None else found.step, float(steps.t[-1])
         switched = end in self._switches or (leg.ended and not self._over)
         if found is None and switched:  # the state before; what follows has one of its own
             steps = replace(steps, t=np.append(steps.t[:-1], np.nextafter(end, -np.inf)))
-        self._keep(machine, steps.first(k + 1), held[: k + 1])
+        self._keep(steps.first(k + 1), held[: k + 1])
         if found is not None:
-            self._met(machine, steps, found, held[k])
+            self._met(steps, found, held[k])
             return
         self._t, self._fresh, self._read = end, switched, leg.at
         if leg.ended:
@@ -151,19 +152,20 @@ class Phases(Progress):
             self._drop()
         self._size = min(2 * self._size, MOST)
 
-    def _finer(self, machine: Mechanism, leg: Leg, i: int, fault: Fault) -> tuple[Steps, Found | None, Array]:
+    def _finer(self, machine: Mechanism, leg: Leg, fault: Fault) -> tuple[Steps, Found | None, Array]:
         """A step that failed, in parts as far as an event in it; without one its fault is raised."""
         for parts in FINER:
-            times = np.linspace(leg.times[i], leg.times[i + 1], parts + 1)
+            times = np.linspace(leg.times[leg.at], leg.times[leg.at + 1], parts + 1)
             finer = self._machines.leg(machine, self._phase, times, self._q, self._v, self._seen.toward)
             finer.advance(parts)
             steps = finer.since(0)
+            finer.release()
             found, held = self._stretch.first(steps, self._seen)
             if found is not None:
                 return steps, found, held
         raise fault
 
-    def _met(self, machine: Mechanism, steps: Steps, found: Found, held: Array) -> None:
+    def _met(self, steps: Steps, found: Found, held: Array) -> None:
         """Go to an event in the step that begins now."""
         k, start = found.step, self._state
         self._count()
@@ -177,7 +179,7 @@ class Phases(Progress):
             block = Block.of(part, np.array([held, self._stretch.forces(part, -1)]))
             before = end if self._over else float(np.nextafter(end, -np.inf))
             block.t = np.array([start.t, before])
-            inner = [(0, row) for row in self._within(machine, start, end, held)]
+            inner = [(0, row) for row in self._within(start, end, held)]
             self.joined.add(block.with_rows(inner), self._phase, first=1)
             self._t, self._q, self._v = end, part.q[-1].copy(), part.v[-1].copy()
             self._seen = Seen.of(self._v, part.a[-1].copy(), self._seen)
@@ -185,7 +187,7 @@ class Phases(Progress):
             self._stop_at_event()
         else:
             self._fresh = True
-            self._decide(machine, found)
+            self._decide(found)
 
     @property
     def _over(self) -> bool:
@@ -203,18 +205,18 @@ class Phases(Progress):
         latched = self._phase.latched | {self._latches[k - self._asked]}
         self._phase = replace(self._phase, latched=latched)
 
-    def _decide(self, machine: Mechanism, found: Found) -> None:
+    def _decide(self, found: Found) -> None:
         """What the event is, for the decision that follows."""
         phase, rows, self._why = self._phase, self._rows, found.row
         if found.row < 0:
-            self._ahead = self._looked_ahead(machine)
+            self._ahead = self._looked_ahead()
         elif rows.rows[found.row].kind is Kind.FRICTION:
             self._tell("at rest", [i for i in phase.slip if abs(rows.E[i] @ self._v) <= REST])
         elif rows.rows[found.row].kind is Kind.SPRING:
             phase = self._phase = replace(phase, touching=phase.touching ^ {found.row})
             self._tell("touch" if found.row in phase.touching else "leave", [found.row])
 
-    def _looked_ahead(self, machine: Mechanism) -> Iterator[State]:
+    def _looked_ahead(self) -> Iterator[State]:
         """States a moment later, while what was held still is."""
         state = self._state
         for share in AHEAD:

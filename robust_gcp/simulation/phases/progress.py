@@ -97,12 +97,12 @@ class Progress:
     def _collect(self) -> None:
         """Keep the leg's outputs that were not looked at, as nothing can have happened."""
         leg = self._leg
-        if leg is not None and self._machine is not None and leg.at > self._read:
+        if leg is not None and leg.at > self._read:
             steps = leg.since(self._read)
             if steps.t[-1] in self._switches:
                 steps.t = np.append(steps.t[:-1], np.nextafter(steps.t[-1], -np.inf))
             t, self._read = self._t, leg.at
-            self._keep(self._machine, steps, np.zeros((len(steps.t), len(self._rows.rows))))
+            self._keep(steps, np.zeros((len(steps.t), len(self._rows.rows))))
             self._t = t
 
     def _drop(self) -> None:
@@ -117,17 +117,17 @@ class Progress:
             self._leg.release()
         self._leg = None
 
-    def _keep(self, machine: Mechanism, steps: Steps, held: Array) -> None:
+    def _keep(self, steps: Steps, held: Array) -> None:
         """Outputs of steps without an event, and of those asked for within."""
         block, inner = Block.of(steps, held), list[tuple[int, Block]]()
         for k in range(len(steps.t) - 1 if self.joined.chosen.times is not None else 0):
             state = State(float(steps.t[k]), steps.q[k], steps.v[k], self._seen)
-            inner += [(k, part) for part in self._within(machine, state, float(steps.t[k + 1]), held[k])]
+            inner += [(k, part) for part in self._within(state, float(steps.t[k + 1]), held[k])]
         self.joined.add(block.with_rows(inner), self._phase)
         self._t, self._q, self._v = float(steps.t[-1]), steps.q[-1].copy(), steps.v[-1].copy()
         self._seen = Seen.of(self._v, steps.a[-1].copy(), self._seen)
 
-    def _within(self, machine: Mechanism, state: State, end: float, held: Array) -> Iterator[Block]:
+    def _within(self, state: State, end: float, held: Array) -> Iterator[Block]:
         """Outputs asked for between a state and a time, each by a partial step."""
         for t in self.joined.chosen.between(state.t, end).tolist():
             part = self._stretch.part(state, t)

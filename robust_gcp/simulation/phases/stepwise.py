@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ...maps.start_check import checked_state, require_freedom
@@ -136,7 +135,7 @@ class PhasedRun:
     def trajectory(self, begun: float) -> Trajectory:
         """What is recorded so far."""
         run = self._phases.trajectory() if self._first is None else self._first[1]
-        run.acted = replace(self._acted, lost=True)
+        run.acted = self._acted
         return run
 
     def copied(self) -> dict[str, Any]:

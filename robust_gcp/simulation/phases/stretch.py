@@ -133,26 +133,32 @@ class Stretch:
 
     def _from(self, steps: Steps, k: int, seen: Seen, end: float) -> Steps:
         """A partial step from the end of another."""
-        return self.part(State(float(steps.t[k]), steps.q[k], steps.v[k], seen), end)
+        return self.part(_state(steps, k, seen), end)
 
     def located(self, steps: Steps, found: Found, seen: Seen) -> Steps | None:
         """A partial step to the event, corrected until its function vanishes; None where it is at once."""
         k, x = found.step, found.share
         h, begin = float(steps.t[k + 1] - steps.t[k]), float(steps.t[k])
         part: Steps | None = None
+        before: tuple[float, float] | None = None
         for _ in range(CORRECTIONS):
             if x * h < max(1e-15, 4.0 * np.spacing(abs(begin))):
                 return None
             part = self._from(steps, k, seen, begin + x * h)
             value, slope = self._value(part, found, h)
-            if abs(value) <= max(1e-14, -1e-15 * slope) or slope >= 0.0 or abs(value) > -1e-3 * slope:
+            exact = max(1e-14, -slope * float(np.spacing(abs(begin) + h)) / h)
+            if abs(value) <= exact or slope >= 0.0 or abs(value) > -1e-3 * slope:
                 break
-            x = min(x - value / slope, 1.0)
+            if before is not None and abs(value) > 0.5 * abs(before[1]):  # rounding
+                break
+            if before is not None and (secant := (value - before[1]) / (x - before[0])) < 0.5 * slope:
+                slope = secant  # a partial step errs by its length too
+            before, x = (x, value), min(x - value / slope, 1.0)
         return part
 
     def within(self, steps: Steps, k: int, seen: Seen, end: float, events: Events) -> Steps:
         """The user's events on a partial step, which ends where one of them ends the run."""
-        start = State(float(steps.t[k]), steps.q[k], steps.v[k], seen)
+        start = _state(steps, k, seen)
         return self._machines.part(self._machine, self._phase, start, end, events)
 
     def _value(self, part: Steps, found: Found, h: float) -> tuple[float, float]:
@@ -164,3 +170,9 @@ class Stretch:
         value = self._holding.margin(q, v, a, part.tau[-1])
         dt = min(1e-3 * h, 0.5 * float(part.t[-1] - part.t[0]))
         return value, (value - self._margin(part, float(part.t[-1]) - dt)) / dt * h
+
+
+def _state(steps: Steps, k: int, seen: Seen) -> State:
+    """At the end of a step."""
+    q, v = steps.q[k], steps.v[k]
+    return State(float(steps.t[k]), q, v, Seen.of(v, steps.a[k], seen))
