@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from scipy.optimize import brentq
-
 PLASTIC = 1e-6
 """A restitution that is none."""
 
@@ -39,9 +37,10 @@ def solref_of(restitution: float) -> tuple[float, float]:
         return TIME_CONSTANT, 1.0 / PLASTIC
     if restitution >= 1.0:
         return TIME_CONSTANT, 0.0
-    return TIME_CONSTANT, float(
-        brentq(lambda x: _by_damping(x) - restitution, 1e-9, 1.0 / PLASTIC, xtol=1e-15)
-    )
+    from scipy.optimize import brentq  # files are seldom written
+
+    ratio = brentq(lambda x: _by_damping(x) - restitution, 1e-9, 1.0 / PLASTIC, xtol=1e-15)
+    return TIME_CONSTANT, float(ratio)
 
 
 def _by_damping(ratio: float) -> float:
