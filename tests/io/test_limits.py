@@ -75,8 +75,8 @@ def test_limits_of_mjcf_bounce_as_soft_ones_tend_to(ratio: float) -> None:
     assert solref_of(e)[1] == pytest.approx(ratio, rel=1e-6)
 
 
-def test_mujocos_limits_tend_to_that_bounce(tmp_path: Path) -> None:
-    """The stiffer, the nearer; and the writer keeps it."""
+def test_mujocos_limits_bounce_so(tmp_path: Path) -> None:
+    """Without gravity, whatever their stiffness, to what its steps leave; and the writer keeps it."""
     text = MJCF.replace("0.02 1e7", "-K -B").replace('frictionloss="0.3" ', "")
     speeds = []
     for stiffness in (1e4, 1e6):
@@ -93,7 +93,7 @@ def test_mujocos_limits_tend_to_that_bounce(tmp_path: Path) -> None:
     (stop,) = mech.parts
     assert isinstance(stop, rg.Stop)
     off = [abs(speed - stop.restitution) for speed in speeds]
-    assert off[1] < 3e-4 < off[0] < 3e-3
+    assert max(off) < 3e-4
     (again,) = rg.load(mech.write(tmp_path / "again.xml"), limits=True).parts
     assert isinstance(again, rg.Stop) and again.restitution == pytest.approx(stop.restitution, rel=1e-9)
 
