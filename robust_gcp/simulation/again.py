@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..dynamics.control import Actuated
 from ..dynamics.equations import CheckedTorque
 from ..dynamics.loads import one_torque
 from ..errors import OptionError
@@ -44,15 +45,21 @@ class Applied:
     table: Array | None
 
 
-def applied_again(mechanism: Mechanism, acted: Acted | None, torque: Any, steps: int) -> Applied:
+def applied_again(run: Trajectory, torque: Any, steps: int) -> Applied:
     """The torques to take a run of so many steps again with: those given, else those remembered.
 
     Raises
     ------
     OptionError
-        For a run that was driven, whose function is lost, or whose wrenches do not go with a table.
+        For a run that was driven, whose function is lost, whose wrenches do not go with a table, or whose
+        actuators had power under controls that were held.
     """
-    acted = Acted() if acted is None else acted
+    mechanism, acted = run.mechanism, Acted() if run.acted is None else run.acted
+    if run.u is not None and not isinstance(acted.torque, Actuated) and not acted.lost:
+        raise OptionError(
+            "gradient: actuators had power under controls that were held over steps, whose gradient is not "
+            "known here; simulate with ctrl= as numbers, tables or functions, without hold"
+        )
     if acted.drive:
         raise OptionError(
             f"gradient: {', '.join(acted.drive)} moved as prescribed (drive=), and driven motions have no "

@@ -129,7 +129,7 @@ class _Sweep:
         self._mechanism, self._torque_slopes = trajectory.mechanism, torque_slopes
         self._parameters = Parameters(self._mechanism, parameters)
         steps = len(trajectory.t) - 1
-        applied = applied_again(self._mechanism, trajectory.acted, torque, steps)
+        applied = applied_again(trajectory, torque, steps)
         self._function, self._table = torque_function(self._mechanism, applied.function), applied.table
         if self._function is not None and self._table is not None:
             require_answers(trajectory, self._function, self._table)

@@ -177,6 +177,14 @@ class TestLoops:
             ends.append(rg.simulate(mech, q, mech.lift(q, run.v[0][:1]), 0.4, 2e-3, ctrl=CTRL).q[-1, 0])
         assert gradient.dy[0] == pytest.approx((ends[0] - ends[1]) / (2.0 * h), rel=1e-7)
 
+    def test_gradients_of_held_controls_are_refused(self) -> None:
+        mech, cost = _rhombus(*ACTUATORS), rg.Cost(terminal=lambda q, v: q[0])
+        held = rg.simulate(mech, duration=0.05, step=1e-3, ctrl=ASKED, hold=True)
+        stepped = rg.Simulation(mech, step=1e-3, ctrl=[0.5, 0.3, 1.0]).step(n=20).trajectory
+        for run in (held, stepped):
+            with pytest.raises(rg.OptionError, match="controls that were held"):
+                rg.gradient(run, cost)
+
 
 class TestStepByStep:
     @pytest.mark.parametrize("backend", BACKENDS)
