@@ -77,6 +77,8 @@ class Actuator:
             object.__setattr__(self, "path", FixedTendon({self.path: 1.0}))
         if not isinstance(self.path, Path):
             raise ModelError(f"{label}: path = {shown(self.path)} is no joint's name and no path")
+        if not (self.muscle is None or isinstance(self.muscle, Muscle)):
+            raise ModelError(f"{label}: muscle = {shown(self.muscle)} is no Muscle")
         for what in ("gear", "activation"):
             check_finite(f"{label}: {what}", getattr(self, what))
         for what in ("gain", "bias"):

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ...checks import check_finite, checked_vector
+from ...errors import ModelError
+
 TINY = 1e-15
 
 Range = tuple[float, float]
@@ -36,6 +39,16 @@ class Muscle:
     vmax: float = 1.5
     fpmax: float = 1.3
     fvmax: float = 1.2
+
+    def __post_init__(self) -> None:
+        for name in ("lengths", "range"):
+            low, high = checked_vector(getattr(self, name), 2, f"Muscle: {name}", "2").tolist()
+            if not low < high:
+                raise ModelError(f"Muscle: {name} = ({low}, {high}) must be ascending")
+            object.__setattr__(self, name, (low, high))
+        for name in ("force", "lmin", "lmax", "vmax", "fpmax", "fvmax"):
+            check_finite(f"Muscle: {name}", getattr(self, name))
+            object.__setattr__(self, name, float(getattr(self, name)))
 
     def gain_and_bias(self, length: float, rate: float) -> tuple[float, float]:
         """Force at u = 1 without, and at u = 0 with what is passive, N."""

@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pinocchio as pin
 
-from ...checks import check_finite, check_text, checked_vector, shown
+from ...checks import check_finite, check_text, checked_vector, listed, shown
 from ...errors import ModelError
 from ..closures import frame_of
 from ..joints import JointKind, joint_named, single_joint
@@ -123,6 +123,12 @@ class TurningJoint(Path):
     joint: str
     gear: Sequence[float]
     in_parent: bool = False
+
+    def __post_init__(self) -> None:
+        check_text("TurningJoint: joint", self.joint)
+        given = listed(self.gear, "TurningJoint: gear", "three or six numbers")
+        gear = checked_vector(given, len(given), "TurningJoint: gear", "3 or 6")
+        object.__setattr__(self, "gear", tuple(gear.tolist()))
 
     def on(self, tree: Tree, owner: str) -> BoundPath:
         """See `Path`."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from ...checks import checked_vector
+from ...checks import check_positive, check_text, checked_vector
 from ..joints import support
 from ..tree import Array, Tree
 from .paths import BoundPath, Load, Path, placed_frame
@@ -33,6 +33,13 @@ class SiteForce(Path):
     gear: Sequence[float]
     reference: str | None = None
 
+    def __post_init__(self) -> None:
+        check_text("SiteForce: site", self.site)
+        if self.reference is not None:
+            check_text("SiteForce: reference", self.reference)
+        gear = checked_vector(self.gear, 6, "SiteForce: gear", "6")
+        object.__setattr__(self, "gear", tuple(gear.tolist()))
+
     def on(self, tree: Tree, owner: str) -> BoundPath:
         """See `Path`."""
         return _OnSite(tree, self, owner)
@@ -41,7 +48,7 @@ class SiteForce(Path):
 class _OnSite(BoundPath):
     def __init__(self, tree: Tree, path: SiteForce, owner: str) -> None:
         self._tree, self._path, self._carried = tree, path, np.zeros(tree.nv)
-        self._gear = checked_vector(path.gear, 6, f"{owner}: gear", "6")
+        self._gear = np.array(path.gear)
         self._site, self._reference = placed_frame(tree, path.site, owner), None
         self._carried[support(tree.model, self._site[0])] = 1.0
         if path.reference is not None:
@@ -88,6 +95,11 @@ class SliderCrank(Path):
     crank: str
     slider: str
     rod: float
+
+    def __post_init__(self) -> None:
+        check_text("SliderCrank: crank", self.crank)
+        check_text("SliderCrank: slider", self.slider)
+        check_positive("SliderCrank: rod", self.rod)
 
     def on(self, tree: Tree, owner: str) -> BoundPath:
         """See `Path`."""

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 import pinocchio as pin
 
-from ...checks import check_finite, shown
+from ...checks import check_finite, check_text, checked_rows, checked_vector, listed, shown
 from ...errors import ModelError
 from ..joints import support
 from ..tree import Array, Tree
@@ -54,9 +54,19 @@ class Wrap:
     side: str | None = None
 
     def __post_init__(self) -> None:
+        check_text("Wrap: frame", self.frame)
         check_finite("Wrap: radius", self.radius)
+        check_text("Wrap: shape", self.shape)
         if self.shape not in (SPHERE, CYLINDER):
             raise ModelError(f"Wrap on {self.frame!r}: shape = {shown(self.shape)} is no sphere or cylinder")
+        if self.side is not None:
+            check_text("Wrap: side", self.side)
+        place = checked_vector(self.position, 3, "Wrap: position", "3").tolist()
+        turn = checked_rows(self.rotation, 3, 3, "Wrap: rotation", "3")
+        if np.abs(turn @ turn.T - np.eye(3)).max() > 1e-6:
+            raise ModelError(f"Wrap on {self.frame!r}: rotation is no rotation matrix")
+        object.__setattr__(self, "position", tuple(place))
+        object.__setattr__(self, "rotation", tuple(map(tuple, turn.tolist())))
 
 
 @dataclass(frozen=True)
@@ -73,9 +83,10 @@ class SpatialTendon(Path):
     elements: Sequence[str | Pulley | Wrap]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "elements", tuple(self.elements))
+        given = listed(self.elements, "SpatialTendon: elements", "sites, Pulleys and Wraps", kind=Pulley)
+        object.__setattr__(self, "elements", tuple(given))
         before: object = None
-        for element, after in zip(self.elements, (*self.elements[1:], None), strict=True):
+        for element, after in zip(given, [*given[1:], None], strict=False):
             if not isinstance(element, str | Pulley | Wrap):
                 raise ModelError(f"SpatialTendon: {shown(element)} is no site, Pulley or Wrap")
             if isinstance(element, Wrap) and not (isinstance(before, str) and isinstance(after, str)):
