@@ -60,10 +60,10 @@ from .mechanism.recommended import Recommended
 from .simulation.access import FrameMotion, Sample
 from .simulation.acted import Acted
 from .simulation.coarse import CoarseStepWarning
-from .simulation.cost import Cost
+from .simulation.cost import Cost, Gradient
 from .simulation.derivatives import derivatives, forward_dynamics, linearise, step_jacobians
 from .simulation.events import Event
-from .simulation.gradient import Gradient, gradient
+from .simulation.gradient import gradient
 from .simulation.kinked import KinkedDriveWarning
 from .simulation.load import load_trajectory
 from .simulation.reactions import Reaction

@@ -21,7 +21,7 @@ from ..dynamics.derivatives import PointDerivatives
 from ..dynamics.discrete import differentiated_step
 from ..dynamics.problem import Problem, set_out
 from ..errors import OptionError, SimulationError, missing_extra
-from ..kernel.derivation import derivation
+from ..kernel.derivations import derivation
 from ..maps.grouped import GroupMap, joined
 from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy
@@ -176,6 +177,16 @@ class TorqueFunction:
         if not np.all(np.isfinite(tau)):
             raise NonFiniteError(f"torque(t, q, v) returned {tau} at t = {t:.6g} s")
         return tau
+
+    def over(self, t: Array, q: Array, v: Array) -> Array:
+        """τ at many states, (N, nv), whose rows may be written to."""
+        states = list(zip(t.tolist(), q, v, strict=True))
+        rows: list[Any] = [self._supplied(*state) for state in states]
+        if all(type(row) is np.ndarray and row.dtype == float and row.shape == (self._nv,) for row in rows):
+            tau = np.array(rows)
+            if np.all(np.isfinite(tau)):
+                return tau
+        return np.array([self(*state) for state in states])
 
 
 def constraint_forces(mechanism: Mechanism, q: Array, v: Array, a: Array, tau: Array | None) -> Array:

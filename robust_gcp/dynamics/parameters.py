@@ -5,27 +5,45 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import pinocchio as pin
 
 from ..checks import hint, listed, shown
 from ..errors import OptionError
 from ..mechanism.forces import JointDamper, JointSpring
+from ..mechanism.joints import in_v
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .derivatives import Derivatives
 from .equations import Evaluation
-from .regressor import inertial_names, torque_regressor
+from .regressor import OF_A_BODY, torque_regressor
+
+AXES = ("x", "y", "z")
+
+OWN = ("mass", *(f"com.{axis}" for axis in AXES))
+"""Of a body by itself: its mass, kg, about its own centre; where that is, m."""
 
 
 class Parameters:
     """Some parameters of a mechanism by name.
 
-    `joint.m`, `joint.mx`, …, `joint.Izz` and `joint.armature` as in `Regressor`; `joint.stiffness` and
-    `joint.rest` of a joint's spring, `joint.damping` of its damper.
+    `joint.m`, `joint.mx`, …, `joint.Izz` and `joint.armature` as in `Regressor`: one changes, the others of
+    the ten are held. `joint.mass`: of the body on a joint, its centre and its moments about that held;
+    `joint.com.x`, `.y`, `.z`: its centre in the joint's frame, its mass and moments about it held.
+    `gravity.x`, `.y`, `.z`, m/s². `joint.stiffness` and `joint.rest` of a joint's spring, `joint.damping` of
+    its damper.
 
     Parameters
     ----------
     mechanism : Mechanism
     names : sequence of str
+
+    Attributes
+    ----------
+    bodies : list of (int, int, ndarray (10,))
+        Which parameter it is, whose body, and how that one's ten change with it.
+    armature, gravity : list of (int, int)
+        Which parameter it is, of which velocity or along which axis.
+    forces : list of (int, (str, force))
 
     Raises
     ------
@@ -36,36 +54,84 @@ class Parameters:
     def __init__(self, mechanism: Mechanism, names: Sequence[str]) -> None:
         self._mechanism = mechanism
         self.names = tuple(listed(names, "parameters", "names such as 'q1.m'", OptionError))
-        inertial = inertial_names(mechanism)
+        bodies = {
+            f"{joint.name}.{short}": (i, short)
+            for i, joint in enumerate(mechanism.joints)
+            for short in (*OF_A_BODY, *OWN)
+        }
+        armature = {f"{component.name}.armature": k for k, component in enumerate(in_v(mechanism.joints))}
+        gravity = {f"gravity.{axis}": k for k, axis in enumerate(AXES)}
         forces = _forces(mechanism)
         for name in self.names:
-            if not isinstance(name, str) or (name not in inertial and name not in forces):
-                known = [*inertial, *forces]
+            if not isinstance(name, str) or not any(name in of for of in (bodies, armature, gravity, forces)):
+                known = [*bodies, *armature, *gravity, *forces]
                 raise OptionError(
-                    f"parameters: {shown(name)} is none{hint(str(name), known)}; they are called joint.m, "
-                    "joint.mx, …, joint.Izz, joint.armature, joint.stiffness, joint.rest, joint.damping"
+                    f"parameters: {shown(name)} is none{hint(str(name), known)}; they are called joint.mass, "
+                    "joint.com.x, joint.m, joint.mx, …, joint.Izz, joint.armature, joint.stiffness, "
+                    "joint.rest, joint.damping, gravity.x"
                 )
-        self._inertial = [(i, inertial.index(n)) for i, n in enumerate(self.names) if n in inertial]
-        self._forces = [(i, forces[n]) for i, n in enumerate(self.names) if n in forces]
+        placed = list(enumerate(self.names))
+        self.bodies = [(i, bodies[n][0], self._share(*bodies[n])) for i, n in placed if n in bodies]
+        self.armature = [(i, armature[n]) for i, n in placed if n in armature]
+        self.gravity = [(i, gravity[n]) for i, n in placed if n in gravity]
+        self.forces = [(i, forces[n]) for i, n in placed if n in forces]
+
+    def _share(self, joint: int, short: str) -> Array:
+        """How a body's ten parameters change with one that is named, (10,)."""
+        if short in OF_A_BODY:
+            return np.eye(10)[OF_A_BODY.index(short)]
+        inertia = self._mechanism.own_model.inertias[self._mechanism.joints[joint].index]
+        at, mass = np.asarray(inertia.lever), inertia.mass
+        if short == "mass":
+            change, moments = at, at @ at * np.eye(3) - np.outer(at, at)
+            return np.concatenate([[1.0], change, _six(moments)])
+        move = np.eye(3)[AXES.index(short[-1])]
+        moments = mass * (2.0 * at @ move * np.eye(3) - np.outer(at, move) - np.outer(move, at))
+        return np.concatenate([[0.0], mass * move, _six(moments)])
 
     def slopes(self, now: Evaluation, found: Derivatives) -> Array:
         """∂u̇/∂p, (m, parameters): ∂τ/∂p of forces, −Y of inertias, lifted by (Gᵀ M G)⁻¹ Gᵀ."""
         mechanism, q = self._mechanism, now.point.q
         v = found.G @ now.point.ydot
+        a = found.G @ now.ydd + now.point.g
         moved = np.zeros((mechanism.nv, len(self.names)))
-        if self._inertial:
-            Y = torque_regressor(mechanism).at(q, v, found.G @ now.ydd + now.point.g)
-            for i, column in self._inertial:
-                moved[:, i] = -Y[:, column]
-        for i, (what, force) in self._forces:
-            joint = force.place(mechanism.joints)
-            if isinstance(force, JointDamper):
-                moved[joint.v, i] = -v[joint.v]
-            else:
-                moved[joint.idx_v, i] = (
-                    force.rest - q[joint.idx_q] if what == "stiffness" else force.stiffness
-                )
+        if self.bodies:
+            Y = torque_regressor(mechanism).at(q, v, a)
+            for i, joint, share in self.bodies:
+                moved[:, i] = -Y[:, 10 * joint : 10 * joint + 10] @ share
+        for i, k in self.armature:
+            moved[k, i] = -a[k]
+        for i, k in self.gravity:
+            moved[:, i] = -_weight(mechanism, q, k)
+        for i, (what, force) in self.forces:
+            at, by = torques_by(mechanism, what, force, q[None], v[None])
+            moved[at, i] = by[0]
         return found.da_dtau @ moved
+
+
+def _six(moments: Array) -> Array:
+    """Ixx, Ixy, Iyy, Ixz, Iyz and Izz of a matrix."""
+    return np.array([moments[i, j] for i, j in ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))])
+
+
+def _weight(mechanism: Mechanism, q: Array, axis: int) -> Array:
+    """∂C/∂g along an axis of the world, (nv,)."""
+    model = mechanism.near.copy()
+    model.gravity.linear = np.eye(3)[axis]
+    return np.array(pin.computeGeneralizedGravity(model, model.createData(), q))
+
+
+def torques_by(
+    mechanism: Mechanism, what: str, force: JointSpring | JointDamper, q: Array, v: Array
+) -> tuple[slice, Array]:
+    """Which torques a force's number moves, and ∂τ/∂p of these at states, (N, …)."""
+    joint = force.place(mechanism.joints)
+    if isinstance(force, JointDamper):
+        return joint.v, -v[:, joint.v]
+    at = slice(joint.idx_v, joint.idx_v + 1)
+    if what == "stiffness":
+        return at, force.rest - q[:, joint.idx_q, None]
+    return at, np.full((len(q), 1), force.stiffness)
 
 
 def _forces(mechanism: Mechanism) -> dict[str, tuple[str, JointSpring | JointDamper]]:

@@ -6,7 +6,7 @@
 
 namespace rg {
 
-constexpr std::int32_t VERSION = 22;
+constexpr std::int32_t VERSION = 23;
 
 enum Reason : std::int32_t {
     DONE = 0,
@@ -121,6 +121,21 @@ struct States {  // where derivatives are asked for
     double* a_y;            // (count, nv, m): ∂a/∂y and ∂a/∂u, u̇ held
     double* a_u;
     std::int32_t* status;   // (count,): a Reason
+    // of steps between states, or from each of them
+    Torque torque;          // asked at each stage, besides tau, or null
+    double* torque_q;       // as in Request
+    double* torque_v;
+    double* torque_tau;
+    double* torque_stored;
+    double* q_out;          // (count, nq), (count, nv): the states that were reached
+    double* v_out;
+    double* A;              // (count, 2m, 2m), (count, 2m, nv): derivatives of the step from each state
+    double* B;
+    double* stage_q;        // (4 (count − 1), …): at each stage of the steps between states
+    double* stage_v;
+    double* stage_a;
+    double* stage_G;
+    double* stage_v_y;
 };
 
 enum Beginning : std::int32_t {

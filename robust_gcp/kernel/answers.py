@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+import contextlib
+from collections.abc import Generator, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +15,7 @@ from ..mechanism.applied_forces import OwnForces
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .driving import Driving
-from .structures import Reason, Request, TorqueCallback, address, side_by_side
+from .structures import Arrays, Reason, Request, TorqueCallback, address, side_by_side
 
 NO_CALLBACK, NOTHING = TorqueCallback(), np.zeros(0)
 
@@ -157,3 +158,22 @@ def answering(
             raise
         raised.append(error)
     yield 1
+
+
+@contextlib.contextmanager
+def asking(mechanism: Mechanism, states: Arrays, function: CheckedTorque | None) -> Iterator[None]:
+    """While the kernel may ask a function for torques at states; raises what it raised."""
+    if function is None:
+        yield
+        return
+    shared, places = side_by_side({"q": mechanism.nq, "v": mechanism.nv, "tau": mechanism.nv, "stored": 2})
+    raised: list[BaseException] = []
+    answers = answering(function, None, shared, raised, False)
+    next(answers)
+    for name, place in places.items():
+        setattr(states.structure, f"torque_{name}", place)
+    callback = TorqueCallback(answers.send)
+    setattr(states.structure, "torque", callback)  # noqa: B010 - a structure of `States`, by its field
+    yield
+    if raised:
+        raise raised[0]

@@ -7,7 +7,6 @@ says state by state; the reference in `dynamics` has it.
 from __future__ import annotations
 
 import ctypes
-import threading
 from collections.abc import Iterable
 
 import numpy as np
@@ -15,19 +14,21 @@ from numpy.typing import NDArray
 
 from ..dynamics.continuation import Around, circles_of
 from ..dynamics.derivatives import Accelerations
+from ..dynamics.equations import CheckedTorque
 from ..dynamics.mode_rates import ZONE, ModeRates
 from ..dynamics.problem import set_out
-from ..errors import ClosureError, RobustGcpError
+from ..errors import ClosureError
 from ..maps.start import Start
 from ..mechanism.clusters import LoopCluster
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.rows import ROTATION, rows_of
 from ..mechanism.tolerances import NEARLY_CLOSED, RANK
 from ..mechanism.tree import Array
+from .answers import asking
 from .description import describe
-from .library import Library, library
+from .library import Library
 from .loop_arrays import NotNativeError
-from .slopes import Slopes
+from .slopes import Slopes, Stages, Taken
 from .structures import Arrays, States
 from .told import mode_series
 
@@ -152,8 +153,16 @@ class Derivation:
         return good
 
     def take(
-        self, times: Array, q: Array, v: Array, tau: Array | None, same: float = SAME, zone: float = ZONE
-    ) -> tuple[NDArray[np.bool_], Array, Array]:
+        self,
+        times: Array,
+        q: Array,
+        v: Array,
+        tau: Array | None,
+        same: float = SAME,
+        zone: float = ZONE,
+        function: CheckedTorque | None = None,
+        staged: bool = False,
+    ) -> Taken:
         """Take the N steps between states again, for `pull`.
 
         Parameters
@@ -168,32 +177,71 @@ class Derivation:
             How far a step may end from the next state.
         zone : float
             Conditioning of K_d below which none is good.
-
-        Returns
-        -------
-        good : ndarray of bool (N + 1,)
-            Whether a state, and the step that begins there, are.
-        G, v_y : ndarray (N + 1, nv, m)
-            At the states.
+        function : callable (t, q, v) -> (nv,), optional
+            A torque besides, asked at each stage.
+        staged : bool
+            Whether what the stages are is wanted.
         """
-        n, nv, m = len(times), self.nv, self.m
+        n, nv, m, nq = len(times), self.nv, self.m, q.shape[1]
         G, v_y, status = np.empty((n, nv, m)), np.empty((n, nv, m)), np.empty(n, dtype=np.int32)
         times = np.ascontiguousarray(times, dtype=float)
-        states = self._states(q, v, tau, status, 1.0, same, zone, G=G, v_y=v_y)
-        self._library.take(self._handle, ctypes.byref(states.structure), times.ctypes.data)
-        return status == 0, G, v_y
+        reached = np.empty((n, nq)), np.empty((n, nv))
+        wanted: dict[str, Array] = {"G": G, "v_y": v_y, "q_out": reached[0], "v_out": reached[1]}
+        stages = Stages.room(times, nq, nv, m) if staged else None
+        if stages is not None:
+            wanted |= stages.arrays()
+        states = self._states(q, v, tau, status, 1.0, same, zone, **wanted)
+        with asking(self._mechanism, states, function):
+            self._library.take(self._handle, ctypes.byref(states.structure), times.ctypes.data)
+        return Taken(status == 0, G, v_y, *reached, stages)
+
+    def step_each(
+        self,
+        q: Array,
+        v: Array,
+        tau: Array | None,
+        h: float,
+        jacobians: bool = False,
+        function: CheckedTorque | None = None,
+    ) -> tuple[NDArray[np.bool_], Array, Array, Array | None, Array | None]:
+        """A step of RK4 from each of N states: which are good, their ends, and A and B where they are wanted.
+
+        `tau` (N, nv) is held over the step of h s, besides a function; A is (N, 2m, 2m), B (N, 2m, nv).
+        """
+        n, m = len(q), self.m
+        status, ends = np.empty(n, dtype=np.int32), (np.empty(q.shape), np.empty(v.shape))
+        G = np.empty((n, self.nv, m))
+        wanted: dict[str, Array] = {"q_out": ends[0], "v_out": ends[1], "G": G}
+        if jacobians:
+            wanted |= {"A": np.empty((n, 2 * m, 2 * m)), "B": np.empty((n, 2 * m, self.nv))}
+        states = self._states(q, v, tau, status, 1.0, np.inf, ZONE, **wanted)
+        with asking(self._mechanism, states, function):
+            self._library.step_each(self._handle, ctypes.byref(states.structure), h)
+        return self._sound(status, q, G), *ends, wanted.get("A"), wanted.get("B")
 
     def step_jacobians(self, q: Array, v: Array, tau: Array | None, h: float) -> tuple[Array, Array] | None:
         """A (2m, 2m) and B (2m, nv) of one step from a state, given as rows of one; None where not good."""
-        both = np.repeat(q, 2, axis=0), np.repeat(v, 2, axis=0)
-        if not self.take(np.array([0.0, h]), *both, tau, np.inf)[0][0]:
+        good, _, _, A, B = self.step_each(q, v, tau, h, True)
+        if not good[0]:
             return None
-        A, B = self.pull(0, 1, np.eye(2 * self.m))
-        return A, B[0]
+        assert A is not None and B is not None  # they were asked for
+        return A[0], B[0]
+
+    def feed(self, first: int, tau_y: Array, tau_u: Array) -> None:
+        """Torques at stages that follow the state, by y and u (4 N, nv, m) each, from a step on."""
+        by_y, by_u = (np.ascontiguousarray(part) for part in (tau_y, tau_u))
+        self._library.feed(self._handle, 4 * first, len(by_y), by_y.ctypes.data, by_u.ctypes.data)
 
     def pull(
-        self, first: int, last: int, rows: Array, after: Array | None = None, before: Array | None = None
-    ) -> tuple[Array, Array]:
+        self,
+        first: int,
+        last: int,
+        rows: Array,
+        after: Array | None = None,
+        before: Array | None = None,
+        feedback: Array | None = None,
+        staged: bool = False,
+    ) -> tuple[Array, Array, Array | None]:
         """What multiplies changes of (η, u) at the end of step last − 1 taken back to before step `first`.
 
         Parameters
@@ -203,6 +251,10 @@ class Derivation:
         rows : ndarray (k, 2m)
         after, before : ndarray (N, 2m), optional
             Added at the end and at the begin of each step.
+        feedback : ndarray (last − first, nv, 2m), optional
+            How torques held over each step follow the state before it.
+        staged : bool
+            Whether what multiplies the torques of each stage is wanted.
 
         Returns
         -------
@@ -210,15 +262,18 @@ class Derivation:
             Of changes before.
         by_tau : ndarray (last − first, k, nv)
             Of the torques of each step.
+        by_stage : ndarray (last − first, k, 4, nv) or None
         """
         rows = np.array(rows, dtype=float, order="C")
         by_tau = np.empty((last - first, len(rows), self.nv))
-        more = [None if part is None else np.ascontiguousarray(part) for part in (after, before)]
+        by_stage = np.empty((last - first, len(rows), 4, self.nv)) if staged else None
+        more = [
+            None if part is None else np.ascontiguousarray(part)
+            for part in (after, before, feedback, by_tau, by_stage)
+        ]
         places = [None if part is None else part.ctypes.data for part in more]
-        self._library.pull(
-            self._handle, first, last, len(rows), rows.ctypes.data, *places, by_tau.ctypes.data
-        )
-        return rows, by_tau
+        self._library.pull(self._handle, first, last, len(rows), rows.ctypes.data, *places)
+        return rows, by_tau, by_stage
 
     def _states(
         self,
@@ -236,47 +291,3 @@ class Derivation:
         request = Arrays(States(count=len(q), zone=zone, close=CLOSED, same=same, at_rest=at_rest, **places))
         request.reals(q=q, v=v, **({} if tau is None else {"tau": tau}))
         return request
-
-
-class _Made(threading.local):
-    """One `Derivation` a thread; None where the kernel does not take the mechanism."""
-
-    found: Derivation | None = None
-    asked = False
-
-
-def derivation(mechanism: Mechanism, q: Array) -> Derivation | None:
-    """The compiled derivatives of a mechanism; None where the reference is to do the work.
-
-    Whoever asks in this thread has the same one: steps that were taken are there until someone takes others.
-
-    Parameters
-    ----------
-    q : ndarray (nq,)
-        A state's configuration.
-    """
-    made: _Made = mechanism.memo.once("compiled derivatives", _Made)
-    if not made.asked:
-        try:
-            made.found = own_derivation(mechanism, q)
-        except RobustGcpError:  # no regular start: the reference says what is wrong, and others may serve
-            return None
-        made.asked = True
-    return made.found
-
-
-def own_derivation(mechanism: Mechanism, q: Array) -> Derivation | None:
-    """The same for the caller alone, whose steps stay as they are whatever others take.
-
-    Raises
-    ------
-    RobustGcpError
-        Where q is no regular state to begin with.
-    """
-    kernel, applied = library(), mechanism.applied
-    if kernel is None or (applied is not None and not applied.has_slopes):
-        return None  # the kernel knows no slopes of such forces
-    try:
-        return Derivation(kernel, mechanism, q)
-    except NotNativeError:
-        return None

@@ -99,8 +99,12 @@ class Library:
         self.take = library.rg_take
         self.take.argtypes, self.take.restype = [c_void_p, POINTER(States), c_void_p], None
         self.pull = library.rg_pull
-        self.pull.argtypes = [c_void_p, c_int64, c_int64, c_int32, *4 * [c_void_p]]
+        self.pull.argtypes = [c_void_p, c_int64, c_int64, c_int32, *6 * [c_void_p]]
         self.pull.restype = None
+        self.step_each = library.rg_step_each
+        self.step_each.argtypes, self.step_each.restype = [c_void_p, POINTER(States), c_double], None
+        self.feed = library.rg_feed
+        self.feed.argtypes, self.feed.restype = [c_void_p, c_int64, c_int64, *2 * [c_void_p]], None
         self.follow_from, self.follow, self.tell = library.rg_follow_from, library.rg_follow, library.rg_tell
         for function in (self.follow_from, self.follow, self.tell):
             function.argtypes, function.restype = [c_void_p, POINTER(Request)], None
@@ -117,6 +121,8 @@ class Library:
         self.assemble.restype = None
         self.lift.argtypes = [POINTER(Description), POINTER(Assembly), c_int64, c_double, *3 * [c_void_p]]
         self.lift.restype = None
+        self.weigh = library.rg_weigh
+        self.weigh.argtypes, self.weigh.restype = [POINTER(Description), c_int64, *5 * [c_void_p]], None
         self.measure = library.rg_measure
         self.measure.argtypes = [POINTER(Description), c_int64, *4 * [c_void_p]]
         self.measure.restype = None

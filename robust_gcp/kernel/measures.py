@@ -61,6 +61,30 @@ def reactions(mechanism: Mechanism, q: Array, v: Array, a: Array, tau: Array | N
     return multipliers
 
 
+def weighed(mechanism: Mechanism, q: Array, v: Array, a: Array, weights: Array) -> tuple[Array, Array] | None:
+    """Σ λᵀ ∂(M a + C)/∂π over states; None as for `measured`.
+
+    Parameters
+    ----------
+    q, v, a, weights : ndarray (N, nq), (N, nv), (N, nv), (N, nv)
+        The weights are λ.
+
+    Returns
+    -------
+    by_inertia : ndarray (joints, 10)
+        π in the order of `dynamics.regressor.OF_A_BODY`.
+    by_gravity : ndarray (3,)
+    """
+    described = _described(mechanism)
+    if described is None:
+        return None
+    found, structure = described
+    rows = [np.ascontiguousarray(part) for part in (q, v, a, weights)]
+    sums = np.zeros(10 * len(mechanism.joints) + 3)
+    found.weigh(structure, len(q), *map(address, (*rows, sums)))
+    return sums[:-3].reshape(-1, 10), sums[-3:]
+
+
 def _described(mechanism: Mechanism) -> tuple[Library, Any] | None:
     """The kernel, and the mechanism as it reads it; None where it cannot."""
     found = library()

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..dynamics.derivatives import Accelerations, Derivatives
+from ..dynamics.discrete import STAGES
 from ..mechanism.tree import Array
 
 
@@ -38,3 +39,63 @@ class Slopes:
         m, rows = self.G.shape[2], self.rows[i]
         by_y, by_v, by_tau = rows[..., :m], rows[..., m : 2 * m], rows[..., 2 * m :]
         return Derivatives(self.udot[i], by_y, by_v, by_tau, self.G[i], self.dv_dy[i])
+
+
+@dataclass(frozen=True)
+class Stages:
+    """The states at the stages of N steps, four rows to a step.
+
+    Attributes
+    ----------
+    t : ndarray (4 N,)
+        s.
+    q, v, a : ndarray (4 N, nq), (4 N, nv), (4 N, nv)
+    G, dv_dy : ndarray (4 N, nv, m)
+    """
+
+    t: Array
+    q: Array
+    v: Array
+    a: Array
+    G: Array
+    dv_dy: Array
+
+    @classmethod
+    def room(cls, times: Array, nq: int, nv: int, m: int) -> Stages:
+        """Room for those of steps between times, s."""
+        steps, n = np.diff(times), 4 * (len(times) - 1)
+        t = times[:-1, None] + np.array(STAGES) * steps[:, None]
+        shapes = ((n, nq), (n, nv), (n, nv), (n, nv, m), (n, nv, m))
+        return cls(t.ravel(), *(np.empty(shape) for shape in shapes))
+
+    def arrays(self) -> dict[str, Array]:
+        """Where the kernel writes them."""
+        names = ("stage_q", "stage_v", "stage_a", "stage_G", "stage_v_y")
+        return dict(zip(names, (self.q, self.v, self.a, self.G, self.dv_dy), strict=True))
+
+    def since(self, step: int) -> Stages:
+        """Those of the steps from one on."""
+        return Stages(*(getattr(self, field.name)[4 * step :] for field in fields(Stages)))
+
+
+@dataclass(frozen=True)
+class Taken:
+    """N steps that were taken.
+
+    Attributes
+    ----------
+    good : ndarray of bool (N + 1,)
+        Whether a state, and the step that begins there, are.
+    G, dv_dy : ndarray (N + 1, nv, m)
+        At the states.
+    q, v : ndarray (N + 1, nq), (N + 1, nv)
+        The states that were reached.
+    stages : Stages or None
+    """
+
+    good: NDArray[np.bool_]
+    G: Array
+    dv_dy: Array
+    q: Array
+    v: Array
+    stages: Stages | None

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..mechanism.tree import Array
 
-VERSION = 22
+VERSION = 23
 """Of the interface; a library with another one is not used."""
 
 TorqueCallback: Any = ctypes.CFUNCTYPE(c_int32, c_double)
@@ -146,6 +146,9 @@ class States(ctypes.Structure):
         *_fields("", "q v tau"),
         *_all(c_double, "zone close same at_rest"),
         *_fields("", "ydd rows G v_y a a_y a_u status"),
+        ("torque", TorqueCallback),
+        *_fields("", "torque_q torque_v torque_tau torque_stored q_out v_out A B"),
+        *_fields("", "stage_q stage_v stage_a stage_G stage_v_y"),
     ]
 
 

@@ -46,6 +46,13 @@ def differences(
     return np.array(columns).T
 
 
+def moved_along(tree: Tree, q: Array, steps: Array) -> Array:
+    """Configurations (N, nq) moved along velocities' components (N, nv)."""
+    if q.shape[1] == steps.shape[1]:  # all numbers of q are coordinates
+        return q + steps
+    return np.array([tree.integrate(*row) for row in zip(q, steps, strict=True)]).reshape(q.shape)
+
+
 def torque_differences(
     tree: Tree, units: Array, torque: Callable[[Array, Array], Array], q: Array, v: Array
 ) -> tuple[Array, Array]:

@@ -14,7 +14,7 @@ from ..errors import ModelWarning, OptionError, RobustGcpError
 from ..examples.legged import legged
 from ..io.loader import load
 from ..kernel import backends
-from ..kernel.derivation import derivation
+from ..kernel.derivations import derivation
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..printing import along, table, write_json

@@ -6,8 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..dynamics.equations import CheckedTorque
 from ..errors import RobustGcpError
-from ..kernel.derivation import Derivation, own_derivation
+from ..kernel.derivation import Derivation
+from ..kernel.derivations import own_derivation
+from ..kernel.slopes import Stages
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .trajectory import Trajectory
@@ -36,26 +39,31 @@ class Backwards:
     end: int
     G: Array
     dv_dy: Array
+    stages: Stages | None
 
-    def reduced(self, by_q: Array, by_v: Array, later: int) -> Array:
-        """By (η, u), (steps, 2m), of slopes by q and v (steps, nv), `later` steps on from each begin."""
-        there = slice(later, later + len(by_q))
-        G, dv_dy = self.G[there], self.dv_dy[there]
-        by_y = np.einsum("sn,snm->sm", by_q, G) + np.einsum("sn,snm->sm", by_v, dv_dy)
-        return np.hstack([by_y, np.einsum("sn,snm->sm", by_v, G)])
+    def feed(self, by_y: Array, by_u: Array) -> None:
+        """Torques that follow the state within the steps, see `followed`, at their stages."""
+        self.kernel.feed(self.begin - self.taken, by_y, by_u)
 
-    def sweep(self, adjoint: Array, after: Array | None, before: Array | None) -> tuple[Array, Array]:
+    def sweep(
+        self, adjoint: Array, after: Array | None, before: Array | None, feedback: Array | None
+    ) -> tuple[Array, Array, Array | None]:
         """The adjoint (2m,) before the stretch from that after it, and the slopes by torques (steps, nv).
 
-        `after` and `before` (steps, 2m) are added to it at either end of each step.
+        `after` and `before` (steps, 2m) are added to it at either end of each step; `feedback`
+        (steps, nv, 2m) says how torques held over the steps follow the states before them. Third are the
+        slopes by the torques at each stage (4 steps, nv), where the stages are known.
         """
-        own = [
+        later, earlier = (
             None if part is None else np.vstack([np.zeros((self.begin - self.taken, part.shape[1])), part])
             for part in (after, before)
-        ]
+        )
         first, last = self.begin - self.taken, self.end - self.taken
-        rows, by_torque = self.kernel.pull(first, last, adjoint[None], *own)
-        return rows[0], by_torque[:, 0]
+        staged = self.stages is not None
+        rows, by_torque, by_stage = self.kernel.pull(
+            first, last, adjoint[None], later, earlier, feedback, staged
+        )
+        return rows[0], by_torque[:, 0], None if by_stage is None else by_stage.reshape(-1, self.kernel.nv)
 
 
 def kernel_of(mechanism: Mechanism, run: Trajectory) -> Derivation | None:
@@ -71,26 +79,37 @@ def kernel_of(mechanism: Mechanism, run: Trajectory) -> Derivation | None:
     return None
 
 
-def backwards(kernel: Derivation, run: Trajectory, table: Array, first: int, end: int) -> Backwards | None:
+def backwards(
+    kernel: Derivation,
+    run: Trajectory,
+    torque: tuple[Array | None, CheckedTorque | None],
+    staged: bool,
+    first: int,
+    end: int,
+) -> Backwards | None:
     """The longest stretch that ends at output `end` and that the kernel takes; None where it takes no step.
 
     Parameters
     ----------
+    torque : (ndarray (N, nv) or None, callable or None)
+        The torques held over each step; and one that follows the state within the steps.
+    staged : bool
+        Whether what the stages are is wanted.
     first : int
         Output that it does not go beyond.
-    table : ndarray (N, nv)
-        The torques held over each step.
     """
     m, nv = kernel.m, kernel.nv
     length = max(1, min(LONGEST, ROOM // (4 * m * (2 * m + nv))))
     taken = max(first, end - length)
     if taken == end:
         return None
-    good, G, dv_dy = kernel.take(
-        run.t[taken : end + 1], run.q[taken : end + 1], run.v[taken : end + 1], table[taken:end]
-    )
-    bad = np.flatnonzero(~good)
-    begin = taken + (int(bad[-1]) + 1 if len(bad) else 0)
-    if begin >= end:
+    table, function = torque
+    states = run.t[taken : end + 1], run.q[taken : end + 1], run.v[taken : end + 1]
+    held = None if table is None else table[taken:end]
+    found = kernel.take(*states, held, function=function, staged=staged)
+    bad = np.flatnonzero(~found.good)
+    skipped = int(bad[-1]) + 1 if len(bad) else 0
+    if taken + skipped >= end:
         return None
-    return Backwards(kernel, taken, begin, end, G[begin - taken :], dv_dy[begin - taken :])
+    stages = None if found.stages is None else found.stages.since(skipped)
+    return Backwards(kernel, taken, taken + skipped, end, found.G[skipped:], found.dv_dy[skipped:], stages)

@@ -1,7 +1,8 @@
-"""What a motion costs: a term at its end and one along it, with their slopes."""
+"""What a motion costs: a term at its end and one along it, with their slopes; and what it changes by."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -59,11 +60,11 @@ class Cost:
             return 0.0, (none, none, none)
 
         def value(at: Array, w: Array, tau: Array) -> float:
-            return _number(terminal(at.copy(), w.copy()), "Cost: terminal(q, v)")
+            return number(terminal(at.copy(), w.copy()), "Cost: terminal(q, v)")
 
         if self.terminal_slopes is not None:
             given = self.terminal_slopes(q.copy(), v.copy())
-            by_q, by_v = _vectors(given, 2, mechanism.nv, "Cost: terminal_slopes(q, v)")
+            by_q, by_v = vectors(given, 2, mechanism.nv, "Cost: terminal_slopes(q, v)")
             return value(q, v, none), (by_q, by_v, none)
         by_q, by_v, _ = _differences(value, mechanism, q, v, none, ("q", "v"))
         return value(q, v, none), (by_q, by_v, none)
@@ -75,13 +76,35 @@ class Cost:
             return 0.0, (none, none, none)
 
         def value(at: Array, w: Array, torque: Array) -> float:
-            return _number(running(t, at.copy(), w.copy(), torque.copy()), "Cost: running(t, q, v, tau)")
+            return number(running(t, at.copy(), w.copy(), torque.copy()), "Cost: running(t, q, v, tau)")
 
         if self.running_slopes is not None:
             given = self.running_slopes(t, q.copy(), v.copy(), tau.copy())
-            by_q, by_v, by_tau = _vectors(given, 3, mechanism.nv, "Cost: running_slopes(t, q, v, tau)")
+            by_q, by_v, by_tau = vectors(given, 3, mechanism.nv, "Cost: running_slopes(t, q, v, tau)")
             return value(q, v, tau), (by_q, by_v, by_tau)
         return value(q, v, tau), _differences(value, mechanism, q, v, tau, ("q", "v", "tau"))
+
+
+@dataclass(frozen=True)
+class Gradient:
+    """A cost and its first derivatives.
+
+    Attributes
+    ----------
+    value : float
+    dy, dv : ndarray (m,)
+        By the start: along the velocities G e_j, and by the independent velocities; NaN as in `Sensitivity`.
+    dtau : ndarray (N, nv)
+        By torques added over each step.
+    parameters : dict
+        By each of the parameters that were named.
+    """
+
+    value: float
+    dy: Array
+    dv: Array
+    dtau: Array
+    parameters: dict[str, float]
 
 
 def _differences(
@@ -112,7 +135,10 @@ def _differences(
     return found[0], found[1], found[2]
 
 
-def _number(value: Any, label: str) -> float:
+def number(value: Any, label: str) -> float:
+    """What a cost returned, or an OptionError."""
+    if isinstance(value, float) and math.isfinite(value):  # most are
+        return float(value)
     try:
         array = real_array(value)
     except TypeError as error:
@@ -124,7 +150,8 @@ def _number(value: Any, label: str) -> float:
     return float(array.reshape(()))
 
 
-def _vectors(given: Any, count: int, nv: int, label: str) -> list[Array]:
+def vectors(given: Any, count: int, nv: int, label: str) -> list[Array]:
+    """What slopes of a cost returned, (nv,) each, or an OptionError."""
     try:
         vectors: list[Array] = [real_array(part) for part in given]
     except TypeError as error:

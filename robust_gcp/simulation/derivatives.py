@@ -21,7 +21,8 @@ from ..dynamics.loads import Torques, Wrench, one_torque
 from ..dynamics.motion import Motion
 from ..dynamics.problem import set_out
 from ..errors import SimulationError
-from ..kernel.derivation import Derivation, derivation
+from ..kernel.derivation import Derivation
+from ..kernel.derivations import derivation
 from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array

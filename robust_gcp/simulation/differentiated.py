@@ -16,7 +16,8 @@ from ..dynamics.discrete import differentiated_step
 from ..dynamics.mode_rates import SPARED
 from ..dynamics.problem import Problem, set_out
 from ..errors import SimulationError
-from ..kernel.derivation import SAME, Derivation, derivation
+from ..kernel.derivation import SAME, Derivation
+from ..kernel.derivations import derivation
 from ..maps.choice import MapChoice
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
@@ -95,11 +96,11 @@ def _by_kernel(
         return None
     tau = None if acting.torque is None else np.asarray(acting.torque, dtype=float)[None]
     q, v = (np.array(parts) for parts in zip(state, state if end is None else end, strict=True))
-    good, G, v_y = kernel.take(np.array([0.0, h]), q, v, tau, np.inf if end is None else SAME)
-    if not good.all():
+    taken = kernel.take(np.array([0.0, h]), q, v, tau, np.inf if end is None else SAME)
+    if not taken.good.all():
         return None
-    A, B = kernel.pull(0, 1, np.eye(2 * kernel.m))
-    first, last = Slope(G[0], v_y[0]), Slope(G[1], v_y[1])
+    A, B, _ = kernel.pull(0, 1, np.eye(2 * kernel.m))
+    first, last = (Slope(taken.G[i], taken.dv_dy[i]) for i in (0, 1))
     return Moved(A, B[0], np.zeros((len(A), 0)), mechanism, mechanism, first, last, *(end or state))
 
 
@@ -122,14 +123,14 @@ def _parts_by_kernel(
         if end is not None:
             q[-1], v[-1] = end
         tau = None if acting.torque is None else np.tile(np.asarray(acting.torque, float), (count, 1))
-        good, G, v_y = kernel.take(np.linspace(0.0, h, count + 1), q, v, tau, SAME, SPARED)
-        if not good.all():
+        taken = kernel.take(np.linspace(0.0, h, count + 1), q, v, tau, SAME, SPARED)
+        if not taken.good.all():
             continue
-        A, B = kernel.pull(0, count, np.eye(2 * kernel.m))
+        A, B, _ = kernel.pull(0, count, np.eye(2 * kernel.m))
         if before is not None and np.abs(A - before).max() < AGREE * np.abs(A).max():
-            ends = Slope(G[0], v_y[0]), Slope(G[-1], v_y[-1])
+            first, last = (Slope(taken.G[i], taken.dv_dy[i]) for i in (0, -1))
             none = np.zeros((len(A), 0))
-            return Moved(A, B.sum(axis=0), none, mechanism, mechanism, *ends, *(end or state))
+            return Moved(A, B.sum(axis=0), none, mechanism, mechanism, first, last, *(end or state))
         before = A
     return None
 

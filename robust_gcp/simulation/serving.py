@@ -21,7 +21,7 @@ from ..dynamics.loads import Torques, Wrench, one_torque
 from ..dynamics.mode_rates import ZONE
 from ..dynamics.problem import Problem, set_out
 from ..errors import ModelError, NonFiniteError, NotCertifiedError
-from ..kernel.derivation import derivation
+from ..kernel.derivations import derivation
 from ..maps.point import Counters, Point
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tolerances import CLOSED

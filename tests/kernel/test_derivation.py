@@ -22,10 +22,10 @@ from robust_gcp.dynamics.mode_rates import ZONE
 from robust_gcp.dynamics.problem import set_out
 from robust_gcp.examples.legged import legged
 from robust_gcp.examples.linkages import four_bar, n_four_bar
-from robust_gcp.kernel.derivation import derivation
+from robust_gcp.kernel.derivations import derivation
 from robust_gcp.mechanism.joints import JointKind
 from robust_gcp.reports.stability.truth import with_forces
-from robust_gcp.simulation import gradient as gradients
+from robust_gcp.simulation import reverse_sweep
 
 from ..compiled import needs_kernel
 from ..dynamics.test_derivatives import FLOATING, floating, geared
@@ -392,10 +392,10 @@ class TestSteps:
             running_slopes=slopes,
         )
         found = rg.gradient(run, cost, table)
-        kernel = gradients.kernel_of(mech, run)
+        kernel = reverse_sweep.kernel_of(mech, run)
         assert kernel is not None
-        assert gradients.backwards(kernel, run, table, 0, steps) is not None
-        monkeypatch.setattr(gradients, "kernel_of", lambda mechanism, run: None)
+        assert reverse_sweep.backwards(kernel, run, (table, None), False, 0, steps) is not None
+        monkeypatch.setattr(reverse_sweep, "kernel_of", lambda mechanism, run: None)
         exact = rg.gradient(run, cost, table)
         assert found.value == pytest.approx(exact.value, rel=1e-13)
         for part in ("dy", "dv", "dtau"):

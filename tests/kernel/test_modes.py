@@ -16,10 +16,10 @@ from robust_gcp.dynamics.continuation import circles_of
 from robust_gcp.dynamics.problem import set_out
 from robust_gcp.examples.families import four_bars, scissor_lift
 from robust_gcp.examples.six_bars import CHANGE_POINT, lamp, parallel_legs
-from robust_gcp.kernel.derivation import derivation, own_derivation
+from robust_gcp.kernel.derivations import derivation, own_derivation
 from robust_gcp.reports.stability.truth import with_forces
 from robust_gcp.reports.work_precision.users import floating
-from robust_gcp.simulation import gradient as gradients
+from robust_gcp.simulation import reverse_sweep
 
 from ..compiled import needs_kernel
 
@@ -96,9 +96,11 @@ def test_gradients_over_crossings(name: str, monkeypatch: pytest.MonkeyPatch) ->
         running_slopes=lambda t, q, v, tau: (b, 2.0 * a * v, 0.0 * a),
     )
     with monkeypatch.context() as alone:
-        alone.setattr(gradients._Sweep, "_by_reference", lambda *_: pytest.fail("left to the reference"))
+        alone.setattr(
+            reverse_sweep.ReverseSweep, "_by_reference", lambda *_: pytest.fail("left to the reference")
+        )
         found = rg.gradient(run, cost)
-    monkeypatch.setattr(gradients, "kernel_of", lambda mechanism, run: None)
+    monkeypatch.setattr(reverse_sweep, "kernel_of", lambda mechanism, run: None)
     exact = rg.gradient(run, cost)
     for part in ("dy", "dv", "dtau"):
         one, other = getattr(found, part), getattr(exact, part)

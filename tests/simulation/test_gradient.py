@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp.examples.linkages import four_bar
-from robust_gcp.simulation.gradient import STRETCH
+from robust_gcp.simulation.reverse_sweep import STRETCH
 
 from ..dynamics.test_derivatives import TENTH, floating, moved
 
@@ -199,7 +199,7 @@ def test_slopes_of_the_cost_that_are_given() -> None:
 
 def test_through_changes_of_the_independent_joints(monkeypatch: pytest.MonkeyPatch) -> None:
     """A rocker turns back, another takes over and gives back; by differences of runs, and the reference."""
-    import robust_gcp.simulation.gradient as module
+    import robust_gcp.simulation.reverse_sweep as module
 
     case = Case(four_bar(1.0, 1.2, 1.4, 0.7, y=1.0), [-1.0], 120, 4e-3)
     case.tau *= 0.1
@@ -254,19 +254,19 @@ def test_through_steps_that_were_taken_with_error_control() -> None:
 
 def test_memory_is_that_of_one_stretch(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever the run's length, and the same gradient by stretches of another length (the reference)."""
-    import robust_gcp.simulation.gradient as module
+    import robust_gcp.simulation.reverse_sweep as module
 
     monkeypatch.setattr(module, "kernel_of", lambda mechanism, run: None)
     case = Case(rg.load("rhombus"), [1.0], 3 * STRETCH + 7, 1e-3)
     run, kept = case.run(), []
-    by_reference = module._Sweep._by_reference
+    by_reference = module.ReverseSweep._by_reference
 
     def watched(self: Any, end: int, first: int) -> int:
         begin = by_reference(self, end, first)
         kept.append(end - begin)
         return begin
 
-    monkeypatch.setattr(module._Sweep, "_by_reference", watched)
+    monkeypatch.setattr(module.ReverseSweep, "_by_reference", watched)
     whole = rg.gradient(run, COST, case.tau)
     assert sum(kept) == case.steps and max(kept) <= STRETCH + 5
     monkeypatch.setattr(module, "STRETCH", 10)
@@ -411,8 +411,8 @@ class TestRefused:
 
     def test_names_and_tables(self) -> None:
         run = self.CASE.run()
-        with pytest.raises(rg.OptionError, match=r"'q1.mass' is none.*joint.m"):
-            rg.gradient(run, COST, self.CASE.tau, parameters=["q1.mass"])
+        with pytest.raises(rg.OptionError, match=r"'q1.weight' is none.*joint.m"):
+            rg.gradient(run, COST, self.CASE.tau, parameters=["q1.weight"])
         with pytest.raises(
             rg.OptionError, match=r"torque has shape \(4, 3\), expected \(steps, nv\) = \(5, 3\)"
         ):

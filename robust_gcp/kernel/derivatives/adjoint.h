@@ -64,16 +64,42 @@ class Adjoint {
             for (int k = 0; k < joint.count; ++k) point.y()[joint.input[k]] = 0.0;
     }
 
+    // Adds to the derivatives of u̇ at stages those of torques that follow the state, by y and u (count, nv, m) each.
+    void follow(std::size_t first, std::size_t count, const double* tau_y, const double* tau_u) {
+        const std::size_t m = static_cast<std::size_t>(m_), nv = static_cast<std::size_t>(nv_);
+        double* rows = stages_.data() + first * m * static_cast<std::size_t>(width_);
+        for (std::size_t s = 0; s < count; ++s, tau_y += nv * m, tau_u += nv * m)
+            for (std::size_t k = 0; k < m; ++k, rows += width_)
+                for (std::size_t j = 0; j < nv; ++j)
+                    for (std::size_t a = 0; a < m; ++a) {
+                        rows[a] += rows[2 * m + j] * tau_y[j * m + a];
+                        rows[m + a] += rows[2 * m + j] * tau_u[j * m + a];
+                    }
+    }
+
+    // Derivatives of the first step by (η, u), (2m, 2m), and by torques held over it, (2m, nv).
+    void matrices(double* A, double* B) {
+        std::fill(A, A + 4 * m_ * m_, 0.0);
+        for (int k = 0; k < 2 * m_; ++k) A[k * (2 * m_ + 1)] = 1.0;
+        for (int k = 0; k < 2 * m_; ++k) pull_step(0, A + k * 2 * m_, B + k * nv_, nullptr);
+    }
+
     // Takes rows (count, 2m) that multiply changes of (η, u) after the step `last` − 1 back to before the step
     // `first`: `after` and `before` (steps, 2m) are added to each row at either end of a step, where they are given.
-    // `by_tau` (last − first, count, nv): what multiplies the torques of each step.
+    // `by_tau` (last − first, count, nv): what multiplies the torques of each step; `by_stage`
+    // (last − first, count, 4, nv) those of its stages, if it is given. Where torques held over the steps follow the
+    // states before them, `feedback` (last − first, nv, 2m) says how.
     void pull(std::int64_t first, std::int64_t last, int count, double* rows, const double* after,
-              const double* before, double* by_tau) {
+              const double* before, const double* feedback, double* by_tau, double* by_stage) {
         for (std::int64_t i = last; i-- > first;) {
             for (int r = 0; r < count; ++r) {
                 double* row = rows + r * 2 * m_;
                 if (after != nullptr) add(row, after + i * 2 * m_);
-                pull_step(static_cast<std::size_t>(i), row, by_tau + ((i - first) * count + r) * nv_);
+                const std::int64_t at = (i - first) * count + r;
+                double* by = by_tau + at * nv_;
+                pull_step(static_cast<std::size_t>(i), row, by, by_stage == nullptr ? nullptr : by_stage + at * 4 * nv_);
+                for (int j = 0; feedback != nullptr && j < nv_; ++j)
+                    for (int k = 0; k < 2 * m_; ++k) row[k] += by[j] * feedback[((i - first) * nv_ + j) * 2 * m_ + k];
                 if (before != nullptr) add(row, before + i * 2 * m_);
             }
         }
@@ -103,7 +129,7 @@ class Adjoint {
     }
 
     // A row by (η, u) after a step becomes one before it; see `Step.jacobians_by` in discrete.py.
-    void pull_step(std::size_t number, double* row, double* by_tau) {
+    void pull_step(std::size_t number, double* row, double* by_tau, double* by_stage) {
         const auto by_start = [](const ChartSlopes& c) { return c.by_start; };
         const auto by_w = [](const ChartSlopes& c) { return c.by_w; };
         const auto rate_by_w = [](const ChartSlopes& c) { return c.rate_by_w; };
@@ -129,6 +155,7 @@ class Adjoint {
                 for (std::size_t j = 0; j < m; ++j) du_[j] += x * rows[m + j];
                 for (int j = 0; j < nv_; ++j) by_tau[j] += x * rows[2 * m + static_cast<std::size_t>(j)];
             }
+            if (by_stage != nullptr) share(number, s, by_stage + s * static_cast<std::size_t>(nv_));
             through(place, 1.0, by_start, moved_.data(), eta_.data());
             through(place, 1.0, by_w, moved_.data(), dy_.data());
             through(place, 0.0, rate_by_w, slope_y_.data(), dy_.data());
@@ -140,6 +167,14 @@ class Adjoint {
             }
         }
         std::copy(eta_.begin(), eta_.end(), row);
+    }
+
+    // What multiplies the torques of one stage.
+    void share(std::size_t number, std::size_t stage_number, double* by) {
+        const double* rows = stage(number, stage_number) + 2 * m_;
+        std::fill(by, by + nv_, 0.0);
+        for (int k = 0; k < m_; ++k, rows += width_)
+            for (int j = 0; j < nv_; ++j) by[j] += slope_u_[static_cast<std::size_t>(k)] * rows[j];
     }
 
     int m_, nv_, width_;

@@ -30,7 +30,7 @@ class Derivation {
         for (std::int64_t i = 0; i < s.count; ++i) {
             Point& point = points_[0];
             Reason reason = set_out(s, i, point);
-            if (reason == DONE) reason = evaluate(s, i, point);
+            if (reason == DONE) reason = evaluate(s, i, 0.0, point);
             if (reason == DONE && s.rows != nullptr && !slopes_.at(point, s.rows + i * m_ * width_)) reason = NON_FINITE;
             if (reason == DONE) write(s, i, point);
             s.status[i] = reason;
@@ -48,18 +48,27 @@ class Derivation {
             // the torque of the last step serves at its end, where no more than G is asked for
             const std::int64_t held = std::min<std::int64_t>(i, s.count - 2);
             Reason reason = ready ? DONE : set_out(s, i, *begin_);
-            if (reason == DONE) reason = evaluate(s, held, *begin_);
+            if (reason == DONE) reason = evaluate(s, held, times[i], *begin_);
             if (reason == DONE && !slopes_.at(*begin_, adjoint_.stage(static_cast<std::size_t>(i), 0))) reason = NON_FINITE;
             s.status[i] = reason;
             ready = false;
+            if (reason == TORQUE) return std::fill(s.status + i, s.status + s.count, TORQUE);
             if (reason != DONE) continue;
             write(s, i, *begin_);
+            reached(s, i, *begin_);
             if (i == s.count - 1) return;
-            adjoint_.h[static_cast<std::size_t>(i)] = times[i + 1] - times[i];
-            reason = step(s, i);
+            const auto number = static_cast<std::size_t>(i);
+            adjoint_.h[number] = times[i + 1] - times[i];
+            record(s, number, 0, *begin_);
+            reason = step(s, i, times[i], number, [&](std::size_t stage, Point& point) {
+                if (!slopes_.at(point, adjoint_.stage(number, stage))) return NON_FINITE;
+                record(s, number, stage, point);
+                return DONE;
+            });
             const bool known = !std::isnan(s.q[(i + 1) * nq_]);
             if (reason == DONE && known && !(apart(s, i + 1, *end_) < s.same)) reason = BRANCH;
             s.status[i] = reason;
+            if (reason == TORQUE) return std::fill(s.status + i, s.status + s.count, TORQUE);
             if (reason != DONE) continue;
             std::swap(begin_, end_);
             adjoint_.renew(*begin_);
@@ -67,11 +76,33 @@ class Derivation {
         }
     }
 
-    // As `Adjoint::pull`.
-    void pull(std::int64_t first, std::int64_t last, int count, double* rows, const double* after,
-              const double* before, double* by_tau) {
-        adjoint_.pull(first, last, count, rows, after, before, by_tau);
+    // A step from each state, of length h, to `q_out` and `v_out`, and its derivatives where they are wanted.
+    void step_each(const States& s, double h) {
+        if (path_.charted) return std::fill(s.status, s.status + s.count, CHART);
+        adjoint_.resize(1);
+        adjoint_.h[0] = h;
+        for (std::int64_t i = 0; i < s.count; ++i) {
+            Reason reason = set_out(s, i, *begin_);
+            if (reason == DONE) reason = evaluate(s, i, 0.0, *begin_);
+            if (reason == DONE) {
+                write(s, i, *begin_);
+                const auto differentiate = [&](std::size_t stage, Point& point) {
+                    return s.A == nullptr || slopes_.at(point, adjoint_.stage(0, stage)) ? DONE : NON_FINITE;
+                };
+                reason = differentiate(0, *begin_);
+                if (reason == DONE) reason = step(s, i, 0.0, 0, differentiate);
+            }
+            s.status[i] = reason;
+            if (reason == TORQUE) return std::fill(s.status + i, s.status + s.count, TORQUE);
+            if (reason != DONE) continue;
+            path_.velocity(*end_, motion_.v.data());
+            reached(s, i, *end_);
+            if (s.A != nullptr) adjoint_.matrices(s.A + i * 4 * m_ * m_, s.B + i * 2 * m_ * nv_);
+        }
     }
+
+    // What the steps that were taken are pulled back by.
+    Adjoint& adjoint() { return adjoint_; }
 
     // Takes in a series that parts may be put on; false where it is not one of a part of one coordinate.
     bool learn(const ModeSeries& series) { return path_.modes->learn(series); }
@@ -108,10 +139,13 @@ class Derivation {
         return DONE;
     }
 
-    Reason evaluate(const States& s, std::int64_t i, Point& point) {
+    Reason evaluate(const States& s, std::int64_t i, double t, Point& point) {
         Request request{};
         request.held = s.tau == nullptr ? nullptr : s.tau + i * nv_;
-        const Reason reason = motion_.evaluate(0.0, point, request);
+        request.torque = s.torque;
+        request.torque_q = s.torque_q, request.torque_v = s.torque_v;
+        request.torque_tau = s.torque_tau, request.torque_stored = s.torque_stored;
+        const Reason reason = motion_.evaluate(t, point, request);
         if (reason != DONE) return reason;
         return std::all_of(motion_.ydd.begin(), motion_.ydd.end(), [](double x) { return std::isfinite(x); })
                    ? DONE
@@ -127,6 +161,23 @@ class Derivation {
         std::copy(moved.a.begin(), moved.a.end(), s.a + i * nv_);
         std::copy(moved.a_y.begin(), moved.a_y.end(), s.a_y + i * nv_ * m_);
         std::copy(moved.a_u.begin(), moved.a_u.end(), s.a_u + i * nv_ * m_);
+    }
+
+    void reached(const States& s, std::int64_t i, Point& point) {
+        if (s.q_out == nullptr) return;
+        std::copy(point.q(), point.q() + nq_, s.q_out + i * nq_);
+        std::copy(motion_.v.begin(), motion_.v.end(), s.v_out + i * nv_);
+    }
+
+    void record(const States& s, std::size_t step, std::size_t stage, Point& point) {
+        if (s.stage_q == nullptr) return;
+        const std::size_t row = 4 * step + stage, nv = static_cast<std::size_t>(nv_), tall = nv * static_cast<std::size_t>(m_);
+        const Displacements& moved = slopes_.moved();
+        std::copy(point.q(), point.q() + nq_, s.stage_q + row * static_cast<std::size_t>(nq_));
+        std::copy(motion_.v.begin(), motion_.v.end(), s.stage_v + row * nv);
+        std::copy(moved.a.begin(), moved.a.end(), s.stage_a + row * nv);
+        std::copy(point.G(), point.G() + tall, s.stage_G + row * tall);
+        std::copy(moved.v_y.begin(), moved.v_y.end(), s.stage_v_y + row * tall);
     }
 
     // Largest difference between a point and a state: of numbers in q, dimensionless, and of v relative to the
@@ -163,9 +214,10 @@ class Derivation {
         if (!(magnitude <= worst)) worst = magnitude;
     }
 
-    // One step from the point at its start, which was evaluated, to `end_`.
-    Reason step(const States& s, std::int64_t i) {
-        const auto number = static_cast<std::size_t>(i);
+    // One step from the point at its start, which was evaluated, to `end_`; what is done at the later stages ends
+    // it where it gives another reason than DONE.
+    template <typename AtStage>
+    Reason step(const States& s, std::int64_t i, double t, std::size_t number, AtStage at_stage) {
         const double h = adjoint_.h[number];
         std::copy(begin_->y(), begin_->y() + m_, x_.begin());
         std::copy(begin_->ydot(), begin_->ydot() + m_, x_.begin() + m_);
@@ -175,8 +227,8 @@ class Derivation {
             if (stage > 0) {
                 for (int k = 0; k < 2 * m_; ++k) state_[k] = x_[k] + h * Adjoint::SHARE[stage] * rate_[k];
                 Reason reason = move(s, *anchor, *spare);
-                if (reason == DONE) reason = evaluate(s, i, *spare);
-                if (reason == DONE && !slopes_.at(*spare, adjoint_.stage(number, stage))) reason = NON_FINITE;
+                if (reason == DONE) reason = evaluate(s, i, t + h * Adjoint::SHARE[stage], *spare);
+                if (reason == DONE) reason = at_stage(stage, *spare);
                 if (reason != DONE) return reason;
                 std::swap(anchor, spare);
                 if (spare == begin_) spare = end_;  // the start is needed until the end

@@ -22,7 +22,19 @@ RG_EXPORT void rg_take(void* derivation, const rg::States* states, const double*
     static_cast<rg::Derivation*>(derivation)->take(*states, times);
 }
 
+RG_EXPORT void rg_step_each(void* derivation, const rg::States* states, double h) {
+    static_cast<rg::Derivation*>(derivation)->step_each(*states, h);
+}
+
+RG_EXPORT void rg_feed(void* derivation, std::int64_t first, std::int64_t count, const double* tau_y,
+                       const double* tau_u) {
+    static_cast<rg::Derivation*>(derivation)->adjoint().follow(static_cast<std::size_t>(first),
+                                                               static_cast<std::size_t>(count), tau_y, tau_u);
+}
+
 RG_EXPORT void rg_pull(void* derivation, std::int64_t first, std::int64_t last, std::int32_t count, double* rows,
-                       const double* after, const double* before, double* by_tau) {
-    static_cast<rg::Derivation*>(derivation)->pull(first, last, count, rows, after, before, by_tau);
+                       const double* after, const double* before, const double* feedback, double* by_tau,
+                       double* by_stage) {
+    static_cast<rg::Derivation*>(derivation)->adjoint().pull(first, last, count, rows, after, before, feedback, by_tau,
+                                                             by_stage);
 }

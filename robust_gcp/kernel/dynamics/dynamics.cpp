@@ -25,6 +25,18 @@ RG_EXPORT void rg_react(const rg::Description* description, const double* row_sc
                      multipliers + i * description->rows);
 }
 
+// Into sums (joints, 10) and (3,): what `Inverse::weigh` adds at states with accelerations a and λ (count, nv).
+RG_EXPORT void rg_weigh(const rg::Description* description, std::int64_t count, const double* q, const double* v,
+                        const double* a, const double* lambda, double* sums) {
+    rg::Chain chain(*description);
+    rg::Inverse inverse(*description, chain.bodies.size());
+    const std::int64_t nq = description->nq, nv = description->nv;
+    for (std::int64_t i = 0; i < count; ++i) {
+        chain.place(chain.all, q + i * nq);
+        inverse.weigh(chain, v + i * nv, a + i * nv, lambda + i * nv, sums);
+    }
+}
+
 // Closes guesses q (count, nq) in place: what is left of each, dimensionless, and the rotations between the frames of
 // the closures (count, closures, 9) there.
 RG_EXPORT void rg_assemble(const rg::Description* description, const rg::Assembly* assembly, std::int64_t count,

@@ -13,7 +13,7 @@ from ...dynamics.equations import Evaluation, torque_function
 from ...dynamics.held_derivatives import HeldDerivatives
 from ...dynamics.problem import Problem, set_out
 from ...errors import NotDifferentiableError, OptionError, SingularStartError, ToggleError
-from ...kernel.derivation import derivation
+from ...kernel.derivations import derivation
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ..again import require_end
@@ -142,13 +142,14 @@ class Chain:
             return found
         t, q, v = (np.array(part) for part in zip(*nodes, strict=True))
         tau = None if torque is None else np.tile(np.asarray(torque, dtype=float), (len(t) - 1, 1))
-        good, G, dv_dy = kernel.take(t, q, v, tau)
+        taken = kernel.take(t, q, v, tau)
+        good, G, dv_dy = taken.good, taken.G, taken.dv_dy
         without_units = G[good] / own.units[:, None] * own.units[own.iv_independent]
         size = np.full(len(t), np.inf)
         size[good] = np.linalg.norm(without_units, axis=(1, 2))
         bad = np.flatnonzero(~(size <= WORSE * size[0]))
         for k in range(int(bad[0]) - 1 if len(bad) else len(t) - 1):
-            A, B = kernel.pull(k, k + 1, np.eye(2 * kernel.m))
+            A, B, _ = kernel.pull(k, k + 1, np.eye(2 * kernel.m))
             found.append((A, B[0], Slope(G[k + 1].copy(), dv_dy[k + 1].copy())))
         return found
 
