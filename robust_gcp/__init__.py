@@ -61,11 +61,13 @@ from .simulation.access import FrameMotion, Sample
 from .simulation.acted import Acted
 from .simulation.coarse import CoarseStepWarning
 from .simulation.cost import Cost, Gradient
-from .simulation.derivatives import derivatives, forward_dynamics, linearise, step_jacobians
+from .simulation.derivatives import derivatives, forward_dynamics
 from .simulation.events import Event
 from .simulation.gradient import gradient
 from .simulation.kinked import KinkedDriveWarning
+from .simulation.linearised import linearise
 from .simulation.load import load_trajectory
+from .simulation.one_step import Stepped, step, step_jacobians
 from .simulation.reactions import Reaction
 from .simulation.simulate import simulate
 from .simulation.stability import StabilityWarning
@@ -189,6 +191,7 @@ __all__ = [
     "StabilityWarning",
     "StateError",
     "Stats",
+    "Stepped",
     "Stop",
     "SweepError",
     "Tableau",
@@ -219,6 +222,7 @@ __all__ = [
     "sensitivity",
     "simulate",
     "simulate_many",
+    "step",
     "step_jacobians",
     "sweep",
     "sweep_as_completed",

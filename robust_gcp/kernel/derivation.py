@@ -203,6 +203,7 @@ class Derivation:
         h: float,
         jacobians: bool = False,
         function: CheckedTorque | None = None,
+        t: float = 0.0,
     ) -> tuple[NDArray[np.bool_], Array, Array, Array | None, Array | None]:
         """A step of RK4 from each of N states: which are good, their ends, and A and B where they are wanted.
 
@@ -216,7 +217,7 @@ class Derivation:
             wanted |= {"A": np.empty((n, 2 * m, 2 * m)), "B": np.empty((n, 2 * m, self.nv))}
         states = self._states(q, v, tau, status, 1.0, np.inf, ZONE, **wanted)
         with asking(self._mechanism, states, function):
-            self._library.step_each(self._handle, ctypes.byref(states.structure), h)
+            self._library.step_each(self._handle, ctypes.byref(states.structure), t, h)
         return self._sound(status, q, G), *ends, wanted.get("A"), wanted.get("B")
 
     def step_jacobians(self, q: Array, v: Array, tau: Array | None, h: float) -> tuple[Array, Array] | None:

@@ -102,7 +102,8 @@ class Library:
         self.pull.argtypes = [c_void_p, c_int64, c_int64, c_int32, *6 * [c_void_p]]
         self.pull.restype = None
         self.step_each = library.rg_step_each
-        self.step_each.argtypes, self.step_each.restype = [c_void_p, POINTER(States), c_double], None
+        self.step_each.argtypes = [c_void_p, POINTER(States), c_double, c_double]
+        self.step_each.restype = None
         self.feed = library.rg_feed
         self.feed.argtypes, self.feed.restype = [c_void_p, c_int64, c_int64, *2 * [c_void_p]], None
         self.follow_from, self.follow, self.tell = library.rg_follow_from, library.rg_follow, library.rg_tell

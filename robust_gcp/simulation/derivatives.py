@@ -1,34 +1,29 @@
-"""Forward dynamics, its first derivatives and those of steps: by the compiled kernel where it can.
+"""Forward dynamics and its first derivatives, at one state or many: by the compiled kernel where it can.
 
-What it does not, `serving`, `differentiated` and the reference do, which say what is wrong with a state.
+What it does not, `serving` and the reference do, which say what is wrong with a state.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Sequence
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from ..checks import check_finite, check_mechanism, check_positive, checked_rows
-from ..dynamics import linearise as by_reference
+from ..checks import check_finite, check_mechanism
 from ..dynamics.continuation import circles_of
 from ..dynamics.derivatives import Derivatives, TorqueSlopes
-from ..dynamics.linearise import Linearisation
-from ..dynamics.loads import Torques, Wrench, one_torque
-from ..dynamics.motion import Motion
+from ..dynamics.following import followed
+from ..dynamics.loads import Torques, Wrench
 from ..dynamics.problem import set_out
 from ..errors import SimulationError
 from ..kernel.derivation import Derivation
-from ..kernel.derivations import derivation
-from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from . import serving
-from .differentiated import differentiated
-from .moved import Acting
+from .at_states import AtStates
 
 
 def forward_dynamics(
@@ -39,15 +34,16 @@ def forward_dynamics(
     mode: ArrayLike | None = None,
     t: float = 0.0,
 ) -> Array:
-    """u̇ = (Gᵀ M G)⁻¹ Gᵀ (τ − C − M g), Eq. (3), at a state.
+    """u̇ = (Gᵀ M G)⁻¹ Gᵀ (τ − C − M g), Eq. (3), at a state or at many.
 
     Parameters
     ----------
     mechanism : Mechanism
-    q, v : array_like (nq,), (nv,)
+    q, v : array_like (nq,), (nv,), or (N, nq), (N, nv)
         Closed, and K v = 0; at rest when v is left out.
     tau : optional
-        Torques as in `simulate`, besides the mechanism's own springs, dampers and drives.
+        Torques as in `simulate`, besides the mechanism's own springs, dampers and drives; of many states also
+        (N, nv).
     mode : array_like, optional
         As in `simulate`, where q is singular.
     t : float
@@ -55,7 +51,7 @@ def forward_dynamics(
 
     Returns
     -------
-    ndarray (m,)
+    ndarray (m,) or (N, m)
         Of the independent velocities, in the order of `mechanism.independent`.
 
     Raises
@@ -65,12 +61,24 @@ def forward_dynamics(
     """
     check_mechanism(mechanism, Mechanism, "forward_dynamics")
     check_finite("t", t)
-    state = _state(mechanism, q, v, one_torque(mechanism, tau)) if mode is None else None
-    if state is not None:
-        good, udot = state.kernel.forward_dynamics(state.q, state.v, state.tau)
-        if good[0]:
-            return np.asarray(udot[0])
-    return serving.forward_dynamics(mechanism, q, v, tau, mode, t)
+    states = AtStates.of(mechanism, q, v, tau)
+    n, kernel = len(states), states.kernel() if mode is None else None
+    udot: Array = np.empty((n, mechanism.m))
+    good: NDArray[np.bool_] = np.zeros(n, dtype=bool)
+    if kernel is not None:
+        tau = states.total(t)
+
+        def ask(which: NDArray[np.intp]) -> NDArray[np.bool_]:
+            acting = None if tau is None else tau[which]
+            sound, udot[which] = kernel.forward_dynamics(states.q[which], states.v[which], acting)
+            return sound
+
+        good[:] = True
+        good[answered(kernel, states, ask)] = False
+    for i in np.flatnonzero(~good).tolist():
+        state = states.q[i], states.v[i] if v is not None else None
+        udot[i] = serving.forward_dynamics(mechanism, *state, states.torque_at(i), mode, t)
+    return np.asarray(udot[0]) if states.one else udot
 
 
 def derivatives(
@@ -88,8 +96,8 @@ def derivatives(
     Parameters
     ----------
     mechanism, q, v, tau, mode, t
-        As of `forward_dynamics`; or of many states at once, such as a trajectory's `q` and `v`: arrays
-        (N, nq) and (N, nv), tau (nv,) or (N, nv). Then N is the first axis of each result.
+        As of `forward_dynamics`; at many states, such as a trajectory's `q` and `v`, N is the first axis of
+        each result.
     tau_slopes : callable (t, q, v) -> ((nv, nv), (nv, nv)), optional
         ∂τ/∂q and ∂τ/∂v where tau is a function; by central differences when left out.
     wrenches : sequence of Wrench
@@ -105,63 +113,90 @@ def derivatives(
     """
     check_mechanism(mechanism, Mechanism, "derivatives")
     check_finite("t", t)
-    if getattr(q, "ndim", 1) == 2:
-        return _at_many(mechanism, q, v, tau, mode, t, tau_slopes, wrenches)
-    if mode is None and tau_slopes is None and not wrenches:
-        state = _state(mechanism, q, v, one_torque(mechanism, tau))
-        if state is not None:
-            found = state.kernel.slopes(state.q, state.v, state.tau)
-            if found.good[0]:
-                return found.at(0)
-    return serving.derivatives(mechanism, q, v, tau, mode, t, tau_slopes, wrenches)
-
-
-def _at_many(
-    mechanism: Mechanism,
-    q: ArrayLike,
-    v: ArrayLike | None,
-    tau: Torques | None,
-    mode: ArrayLike | None,
-    t: float,
-    tau_slopes: TorqueSlopes | None,
-    wrenches: Sequence[Wrench],
-) -> Derivatives:
-    """The same at N states; those that the kernel does not do, one by one."""
-    states = checked_rows(q, None, mechanism.nq, "q", "nq")
-    n = len(states)
-    fast = np.zeros((n, mechanism.nv)) if v is None else checked_rows(v, n, mechanism.nv, "v", "nv")
-    torques: list[Torques | None] = [tau] * n
-    if getattr(tau, "ndim", 1) == 2:
-        torques = list(checked_rows(np.asarray(tau), n, mechanism.nv, "tau", "nv"))
-    whole, missing = Derivatives.room(n, mechanism.m, mechanism.nv), np.arange(n)
-    if n and mode is None and tau_slopes is None and not wrenches:
-        held = [one_torque(mechanism, torque) for torque in torques]
-        kernel = None if callable(held[0]) else derivation(mechanism, mechanism.configuration(states[0]))
-        if kernel is not None:
-            acting = None if held[0] is None else np.array(held, dtype=float)
-            found = kernel.slopes(states, fast, acting)
-            whole, missing = found.at(slice(None)), np.flatnonzero(~found.good)
-            while len(missing) > 1 and _learned(kernel, mechanism, states[missing[0]], fast[missing[0]]):
-                more = kernel.slopes(
-                    states[missing], fast[missing], None if acting is None else acting[missing]
-                )
-                _fill(whole, missing[more.good], more.at(more.good))
-                if not more.good.any():
-                    break
-                missing = missing[~more.good]
+    states = AtStates.of(mechanism, q, v, tau, wrenches)
+    whole = Derivatives.room(len(states), mechanism.m, mechanism.nv)
+    missing = np.arange(len(states))
+    kernel = states.kernel() if mode is None and (tau_slopes is None or not wrenches) else None
+    if kernel is not None:
+        missing = _by_kernel(kernel, states, t, whole)
+        if states.function is not None:
+            _follow(states, t, tau_slopes, whole, np.setdiff1d(np.arange(len(states)), missing))
     known = circles_of(mechanism)
-    for i in missing:
-        one = serving.derivatives(
-            mechanism, states[i], fast[i], torques[i], mode, t, tau_slopes, wrenches, known
+    for i in missing.tolist():
+        fast = None if v is None else states.v[i]
+        torque = states.torque_at(i)
+        found = serving.derivatives(
+            mechanism, states.q[i], fast, torque, mode, t, tau_slopes, wrenches, known
         )
-        _fill(whole, i, one)
-    return whole
+        _fill(whole, i, found)
+    if not states.one:
+        return whole
+    return Derivatives(*(getattr(whole, field.name)[0] for field in fields(Derivatives)))
 
 
-def _learned(kernel: Derivation, mechanism: Mechanism, q: Array, v: Array) -> bool:
+def answered(
+    kernel: Derivation,
+    states: AtStates,
+    ask: Callable[[NDArray[np.intp]], NDArray[np.bool_]],
+    ahead: float = 0.0,
+) -> NDArray[np.intp]:
+    """Ask the kernel about all states, and again about those that a mode which it is told of then may serve.
+
+    Parameters
+    ----------
+    ask : callable
+        About states by number; which of them it answered.
+    ahead : float
+        How far the motion is followed from a state, s.
+
+    Returns
+    -------
+    ndarray of int
+        The states that are left.
+    """
+    missing = np.arange(len(states))
+    missing = missing[~ask(missing)]
+    while len(missing) and _learned(
+        kernel, states.mechanism, states.q[missing[0]], states.v[missing[0]], ahead
+    ):
+        good = ask(missing)
+        if not good.any():
+            break
+        missing = missing[~good]
+    return missing
+
+
+def _by_kernel(kernel: Derivation, states: AtStates, t: float, whole: Derivatives) -> NDArray[np.intp]:
+    """Write what the kernel finds, torques held; which states are missing."""
+    tau = states.total(t)
+
+    def ask(which: NDArray[np.intp]) -> NDArray[np.bool_]:
+        acting = None if tau is None else tau[which]
+        found = kernel.slopes(states.q[which], states.v[which], acting)
+        _fill(whole, which[found.good], found.at(found.good))
+        return found.good
+
+    return answered(kernel, states, ask)
+
+
+def _follow(
+    states: AtStates, t: float, slopes: TorqueSlopes | None, whole: Derivatives, which: NDArray[np.intp]
+) -> None:
+    """Add to derivatives at some states that a function's torque changes with them."""
+    function, some = states.function, states.some(which)
+    assert function is not None  # asked only where there is one
+    G, dv_dy, by_tau = whole.G[which], whole.dv_dy[which], whole.da_dtau[which]
+    times = np.full(len(which), t)
+    by_y, by_u = followed(states.mechanism, function, slopes, (times, some.q, some.v), G, dv_dy)
+    whole.da_dy[which] += by_tau @ by_y
+    whole.da_dv[which] += by_tau @ by_u
+
+
+def _learned(kernel: Derivation, mechanism: Mechanism, q: Array, v: Array, ahead: float) -> bool:
     """Whether the kernel is told of the mode at a state, that was new to it."""
     try:
-        return kernel.learn_beside(set_out(mechanism, q, v).start, [q])
+        places = [q] if ahead == 0.0 else [q, mechanism.tree.integrate(q, ahead * v)]
+        return kernel.learn_beside(set_out(mechanism, q, v).start, places)
     except SimulationError:
         return False
 
@@ -169,133 +204,3 @@ def _learned(kernel: Derivation, mechanism: Mechanism, q: Array, v: Array) -> bo
 def _fill(whole: Derivatives, i: Any, some: Derivatives) -> None:
     for field in fields(Derivatives):
         getattr(whole, field.name)[i] = getattr(some, field.name)
-
-
-def step_jacobians(
-    mechanism: Mechanism,
-    q: ArrayLike,
-    v: ArrayLike | None,
-    tau: ArrayLike | None,
-    step: float,
-    mode: ArrayLike | None = None,
-) -> tuple[Array, Array]:
-    """Jacobians of one step of RK4, the torques held over it.
-
-    δ(η, u) after the step = A δ(η, u) before it + B δτ, η along the velocities G e_j at either end and u the
-    independent velocities.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-    q, v : array_like (nq,), (nv,)
-        Closed, and K v = 0; at rest where v is None.
-    tau : array_like (nv,) or mapping {joint: torque}, optional
-        N m and N, besides the mechanism's own forces; None: none.
-    step : float
-        s.
-    mode : array_like, optional
-        As in `simulate`, where q is singular.
-
-    Returns
-    -------
-    A : ndarray (2m, 2m)
-    B : ndarray (2m, nv)
-
-    Raises
-    ------
-    StateError, SimulationError, ModelError
-        As `derivatives` does.
-    """
-    check_mechanism(mechanism, Mechanism, "step_jacobians")
-    check_positive("step", step)
-    held = None if tau is None else mechanism.velocity(tau, "tau")
-    state = _state(mechanism, q, v, held) if mode is None else None
-    found = None if state is None else state.kernel.step_jacobians(state.q, state.v, state.tau, float(step))
-    if found is not None:
-        return found
-    moved = differentiated(mechanism, (q, v), mode, Acting(held), 0.0, float(step))
-    return moved.A, moved.B
-
-
-def linearise(
-    mechanism: Mechanism,
-    q: ArrayLike,
-    v: ArrayLike | None = None,
-    torque: Torques | None = None,
-    t: float = 0.0,
-    mode: ArrayLike | None = None,
-    wrenches: Sequence[Wrench] = (),
-    drive: Mapping[str, Motion] | None = None,
-) -> Linearisation:
-    """Linearise ÿ = (Gᵀ M G)⁻¹ Gᵀ (τ − C − M g) at a state.
-
-    By the analytic `derivatives`, at a singular configuration on a mode; by central differences of the
-    right-hand side where there are none: for ellipsoid joints, and beside modes that pass each
-    other; beside joints that are driven.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-    q, v : array_like (nq,), (nv,)
-        Closed, and K v = 0; at rest when v is left out.
-    torque, wrenches : optional
-        As in `simulate`.
-    t : float
-        Time for torques and prescribed motions, s.
-    mode : array_like, optional
-        As in `simulate`, where q is singular.
-    drive : mapping of str to Motion, optional
-        Joints that move as prescribed, which q and v agree with at time t; left out, v is with the free
-        joints at rest. Linearised are the free ones: A is (2f, 2f) for f of them, in the order of y.
-
-    Returns
-    -------
-    Linearisation
-
-    Raises
-    ------
-    StateError, SimulationError
-        As `simulate` does for a start, NonFiniteError where A is not finite.
-    """
-    check_mechanism(mechanism, Mechanism, "linearise")
-    check_finite("t", t)
-    if mode is None and drive is None and not wrenches and not mechanism.chart_joints:
-        state = _state(mechanism, q, v, one_torque(mechanism, torque))
-        if state is not None:
-            found = state.kernel.slopes(state.q, state.v, state.tau)
-            if found.good[0]:
-                by_y, m = _chart_rates(mechanism, state.v[0, mechanism.iv_independent]), mechanism.m
-                rest = np.concatenate([by_y, np.eye(m)], axis=1)
-                return Linearisation.of(np.concatenate([rest, found.rows[0, :, : 2 * m]]))
-    return by_reference.linearise(mechanism, q, v, torque, t, mode, wrenches, drive)
-
-
-def _chart_rates(mechanism: Mechanism, u: Array) -> Array:
-    """∂ẏ/∂y at the origin of the charts, (m, m): ½ [δw, u] of joints on groups."""
-    by_y, groups = np.zeros((mechanism.m, mechanism.m)), groups_of(mechanism)
-    if groups is not None:
-        own = groups.inputs
-        by_y[np.ix_(own, own)] = groups.rate_slopes(np.zeros(len(own)), u[own])[0]
-    return by_y
-
-
-@dataclass(frozen=True)
-class _State:
-    """A state for the kernel, as rows of one."""
-
-    kernel: Derivation
-    q: Array
-    v: Array
-    tau: Array | None
-
-
-def _state(mechanism: Mechanism, q: ArrayLike, v: ArrayLike | None, tau: object) -> _State | None:
-    """None where the kernel does not take the mechanism or the torque."""
-    if callable(tau):
-        return None
-    at = mechanism.configuration(q, "q0")
-    kernel = derivation(mechanism, at)
-    if kernel is None:
-        return None
-    fast = np.zeros((1, mechanism.nv)) if v is None else mechanism.velocity(v, "v0")[None]
-    return _State(kernel, at[None], fast, None if tau is None else np.asarray(tau, dtype=float)[None])

@@ -76,21 +76,21 @@ class Derivation {
         }
     }
 
-    // A step from each state, of length h, to `q_out` and `v_out`, and its derivatives where they are wanted.
-    void step_each(const States& s, double h) {
+    // A step from each state, at time t and of length h, to `q_out` and `v_out`, and its derivatives where they are wanted.
+    void step_each(const States& s, double t, double h) {
         if (path_.charted) return std::fill(s.status, s.status + s.count, CHART);
         adjoint_.resize(1);
         adjoint_.h[0] = h;
         for (std::int64_t i = 0; i < s.count; ++i) {
             Reason reason = set_out(s, i, *begin_);
-            if (reason == DONE) reason = evaluate(s, i, 0.0, *begin_);
+            if (reason == DONE) reason = evaluate(s, i, t, *begin_);
             if (reason == DONE) {
                 write(s, i, *begin_);
                 const auto differentiate = [&](std::size_t stage, Point& point) {
                     return s.A == nullptr || slopes_.at(point, adjoint_.stage(0, stage)) ? DONE : NON_FINITE;
                 };
                 reason = differentiate(0, *begin_);
-                if (reason == DONE) reason = step(s, i, 0.0, 0, differentiate);
+                if (reason == DONE) reason = step(s, i, t, 0, differentiate);
             }
             s.status[i] = reason;
             if (reason == TORQUE) return std::fill(s.status + i, s.status + s.count, TORQUE);
@@ -110,15 +110,21 @@ class Derivation {
   private:
     static constexpr double MEETING = 1e-4;  // conditioning, and speed, below which modes are not told apart
 
-    // Whether series may serve: within a step only where its end is known, which tells the modes apart.
-    bool led(const States& s) const { return path_.modes->some() && std::isfinite(s.same); }
+    // Whether series may serve. Where the end of a step is not known, which tells the modes apart, the series are
+    // those that its stages lie on one after the other.
+    bool led() const { return path_.modes->some(); }
+    void lead(const States& s, Point& anchor) {
+        path_.modes->on = true;
+        path_.modes->through = std::isfinite(s.same) ? nullptr : &anchor;
+    }
 
     // The point at a state, if it is one of the mechanism's: on regular ground, else with the parts on series that
     // these serve. Where modes meet, one that rests does not tell which is its own.
     Reason set_out(const States& s, std::int64_t i, Point& point) {
         path_.modes->on = false;
         const Reason reason = settled(s, i, point);
-        if (reason == DONE || !led(s)) return reason;
+        path_.modes->through = nullptr;
+        if (reason == DONE || !led()) return reason;
         double fastest = reason == ZONE ? point.conditioning() : 0.0;
         for (int k = 0; k < nv_; ++k) fastest = std::max(fastest, std::fabs(s.v[i * nv_ + k] * size_[k]));
         path_.modes->on = true;
@@ -250,9 +256,13 @@ class Derivation {
     // The point at `state_`, if the path is good enough; see RegularGround in ground.py.
     Reason move(const States& s, Point& anchor, Point& point) {
         path_.modes->on = false;
+        if (anchor.by_modes && !std::isfinite(s.same)) {
+            lead(s, anchor);
+            return stepped(s, anchor, point);
+        }
         const Reason reason = stepped(s, anchor, point);
-        if (reason == DONE || !led(s)) return reason;
-        path_.modes->on = true;
+        if (reason == DONE || !led()) return reason;
+        lead(s, anchor);
         return stepped(s, anchor, point) == DONE ? DONE : reason;
     }
 

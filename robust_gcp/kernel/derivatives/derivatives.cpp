@@ -22,8 +22,8 @@ RG_EXPORT void rg_take(void* derivation, const rg::States* states, const double*
     static_cast<rg::Derivation*>(derivation)->take(*states, times);
 }
 
-RG_EXPORT void rg_step_each(void* derivation, const rg::States* states, double h) {
-    static_cast<rg::Derivation*>(derivation)->step_each(*states, h);
+RG_EXPORT void rg_step_each(void* derivation, const rg::States* states, double t, double h) {
+    static_cast<rg::Derivation*>(derivation)->step_each(*states, t, h);
 }
 
 RG_EXPORT void rg_feed(void* derivation, std::int64_t first, std::int64_t count, const double* tau_y,

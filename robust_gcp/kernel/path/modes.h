@@ -63,10 +63,11 @@ class Series3 {
 class Modes {
   public:
     bool on = false;
+    Point* through = nullptr;        // where it is given, a series serves that the mode at this point lies on
     std::vector<double> bend, third;  // γ'' and γ''' by velocity, of parts in use
 
     Modes(const Description& d, const Parts& parts)
-        : bend(d.nv), third(d.nv), parts_(parts), size_(d.size, d.size + d.nv), known_(parts.list.size()),
+        : bend(d.nv), third(d.nv), parts_(parts), m_(d.m), size_(d.size, d.size + d.nv), known_(parts.list.size()),
           used_(parts.list.size()) {}
 
     bool some() const { return some_; }
@@ -91,12 +92,8 @@ class Modes {
         const double y = point.y()[parts_.list[part].inputs[0]];
         double nearest = TOLERANCE + SHARE * point.distance;
         for (const Series3& series : known_[part]) {
-            if (!series.covers(y)) continue;
-            double off = 0.0;
-            for (std::size_t i = 0; i < series.velocities().size(); ++i) {
-                const int v = series.velocities()[i];
-                off = std::max(off, std::fabs(series.position(y, i) - point.q()[chain.number_at[v]]) * size_[v]);
-            }
+            if (!series.covers(y) || !passes(series, part, chain)) continue;
+            const double off = apart(series, y, point, chain);
             if (off < nearest) nearest = off, used_[part] = &series;
         }
         if (used_[part] == nullptr) return false;
@@ -120,8 +117,35 @@ class Modes {
 
   private:
     static constexpr double TOLERANCE = 1e-6, SHARE = 0.25;  // of q beside the mode: of a state, and of a prediction
+    static constexpr double ALONG = 1e-4;                    // of γ', relative, where modes meet
+
+    double apart(const Series3& series, double y, Point& point, const Chain& chain) const {
+        double off = 0.0;
+        for (std::size_t i = 0; i < series.velocities().size(); ++i) {
+            const int v = series.velocities()[i];
+            off = std::max(off, std::fabs(series.position(y, i) - point.q()[chain.number_at[v]]) * size_[v]);
+        }
+        return off;
+    }
+
+    bool passes(const Series3& series, std::size_t part, const Chain& chain) const {
+        if (through == nullptr) return true;
+        const int k = parts_.list[part].inputs[0], m = m_;
+        const double y = through->y()[k];
+        if (!series.covers(y) || !(apart(series, y, *through, chain) < TOLERANCE)) return false;
+        double off = 0.0, whole = 0.0;
+        for (std::size_t i = 0; i < series.velocities().size(); ++i) {
+            const int v = series.velocities()[i];
+            const double slope = series.rate(y, 1, i);
+            off = std::max(off, std::fabs(slope - through->G()[v * m + k]) * size_[v]);
+            whole = std::max(whole, std::fabs(slope) * size_[v]);
+        }
+        return off < ALONG * whole;
+    }
+
 
     const Parts& parts_;
+    int m_;
     std::vector<double> size_;
     std::vector<std::vector<Series3>> known_;  // by part
     std::vector<const Series3*> used_;

@@ -14,7 +14,7 @@ from ...examples.linkages import four_bar
 from ...mechanism.forces import JointDamper, JointSpring
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
-from ...simulation.derivatives import linearise
+from ...simulation.linearised import linearise
 from ...simulation.simulate import simulate
 from .case import Start, at_rest
 from .truth import SHAFT, A, B, governor, with_forces

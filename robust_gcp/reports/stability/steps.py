@@ -13,7 +13,7 @@ from ...dynamics.problem import set_out
 from ...maps.choice import MapChoice
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
-from ...simulation.derivatives import linearise
+from ...simulation.linearised import linearise
 from ...simulation.steppers import IMPLICIT
 from .stiff import drive, driven
 from .truth import SHAFT, A, B, Servo, governor, of_run

@@ -12,7 +12,7 @@ from ...examples.linkages import four_bar
 from ...mechanism.forces import Force, JointDamper, JointSpring
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
-from ...simulation.derivatives import linearise
+from ...simulation.linearised import linearise
 from ...simulation.simulate import simulate
 from ...simulation.stats import Stats
 from .bound import KICK, System, systems

@@ -1,0 +1,185 @@
+"""One step of RK4 from a state, or from many, with nothing kept: a function of its arguments alone."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..checks import check_finite, check_mechanism, check_positive
+from ..dynamics.loads import Torques
+from ..errors import OptionError
+from ..kernel.derivation import Derivation
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+from .at_states import AtStates, on_threads
+from .derivatives import answered
+from .differentiated import differentiated
+from .moved import Acting
+from .simulate import simulate
+
+
+class Stepped(NamedTuple):
+    """States after a step, and its derivatives where they were asked for; N is the first axis of many.
+
+    Attributes
+    ----------
+    q, v : ndarray (nq,), (nv,)
+    A : ndarray (2m, 2m) or None
+        δ(η, u) after the step by δ(η, u) before it: η along the velocities G e_j at either end, u the
+        independent velocities.
+    B : ndarray (2m, nv) or None
+        By torques that are added over the step.
+    """
+
+    q: Array
+    v: Array
+    A: Array | None
+    B: Array | None
+
+    def first(self) -> Stepped:
+        """That from the first of many states."""
+        slopes = (None if part is None else part[0] for part in (self.A, self.B))
+        return Stepped(self.q[0], self.v[0], *slopes)
+
+
+def step(
+    mechanism: Mechanism,
+    q: ArrayLike,
+    v: ArrayLike | None = None,
+    tau: Torques | None = None,
+    h: float = 1e-3,
+    jacobians: bool = False,
+    mode: ArrayLike | None = None,
+    t: float = 0.0,
+    threads: int = 1,
+) -> Stepped:
+    """One step of RK4 on the explicit equations (3) from each state, the one that `simulate` takes.
+
+    Beside singular configurations, where the compiled kernel does not step, by `simulate` or, with
+    derivatives, by the reference, one state after the other.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    q, v : array_like (nq,), (nv,), or (N, nq), (N, nv)
+        Closed, and K v = 0; at rest when v is left out.
+    tau : optional
+        Torques as in `simulate`, asked at the stages where they are functions; of many states also (N, nv).
+    h : float
+        s.
+    jacobians : bool
+        Whether A and B are wanted; torques that are functions are held then, as they are at t.
+    mode : array_like, optional
+        As in `simulate`, where q is singular.
+    t : float
+        Time at the start, s.
+    threads : int
+        On which many states are shared out.
+
+    Returns
+    -------
+    Stepped
+
+    Raises
+    ------
+    StateError, SimulationError
+        As `simulate`.
+    ModelError
+        For ellipsoid joints, with derivatives.
+    """
+    check_mechanism(mechanism, Mechanism, "step")
+    check_positive("h", h)
+    check_finite("t", t)
+    states = AtStates.of(mechanism, q, v, tau)
+    if states.function is not None and jacobians:
+        raise OptionError(
+            "step: jacobians=True goes with torques that are held; give tau as numbers, such as what the "
+            "function says at the state"
+        )
+    found = on_threads(states, threads, lambda part: _stepped(part, float(h), jacobians, mode, t), _joined)
+    return found.first() if states.one else found
+
+
+def step_jacobians(
+    mechanism: Mechanism,
+    q: ArrayLike,
+    v: ArrayLike | None,
+    tau: ArrayLike | None,
+    step: float,
+    mode: ArrayLike | None = None,
+) -> tuple[Array, Array]:
+    """Jacobians of one step of RK4, the torques held over it.
+
+    δ(η, u) after the step = A δ(η, u) before it + B δτ, η along the velocities G e_j at either end and u the
+    independent velocities.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    q, v : array_like (nq,), (nv,), or (N, nq), (N, nv)
+        Closed, and K v = 0; at rest where v is None.
+    tau : array_like (nv,), (N, nv) or mapping {joint: torque}, optional
+        N m and N, besides the mechanism's own forces; None: none.
+    step : float
+        s.
+    mode : array_like, optional
+        As in `simulate`, where q is singular.
+
+    Returns
+    -------
+    A : ndarray (2m, 2m) or (N, 2m, 2m)
+    B : ndarray (2m, nv) or (N, 2m, nv)
+
+    Raises
+    ------
+    StateError, SimulationError, ModelError
+        As `derivatives` does.
+    """
+    check_mechanism(mechanism, Mechanism, "step_jacobians")
+    check_positive("step", step)
+    held: Any = tau if tau is None or np.ndim(tau) == 2 else mechanism.velocity(tau, "tau")
+    states = AtStates.of(mechanism, q, v, held)
+    found = _stepped(states, float(step), True, mode, 0.0)
+    assert found.A is not None and found.B is not None  # they were asked for
+    return (found.A[0], found.B[0]) if states.one else (found.A, found.B)
+
+
+def _stepped(states: AtStates, h: float, jacobians: bool, mode: ArrayLike | None, t: float) -> Stepped:
+    """A step from each of many states."""
+    mechanism, n = states.mechanism, len(states)
+    m, nv = mechanism.m, mechanism.nv
+    kernel: Derivation | None = states.kernel() if mode is None else None
+    after = Stepped(np.empty_like(states.q), np.empty_like(states.v), None, None)
+    if jacobians:
+        after = after._replace(A=np.empty((n, 2 * m, 2 * m)), B=np.empty((n, 2 * m, nv)))
+
+    def ask(which: NDArray[np.intp]) -> NDArray[np.bool_]:
+        assert kernel is not None  # asked only where there is one
+        some = states.some(which)
+        good, *found = kernel.step_each(some.q, some.v, some.tau, h, jacobians, states.function, t)
+        for whole, part in zip(after, found, strict=True):
+            if whole is not None and part is not None:
+                whole[which] = part
+        return good
+
+    missing = np.arange(n) if kernel is None else answered(kernel, states, ask, h)
+    for i in missing.tolist():
+        state, torque = (states.q[i], states.v[i]), states.torque_at(i)
+        if after.A is not None and after.B is not None:
+            held = None if torque is None else mechanism.velocity(torque, "tau")
+            moved = differentiated(mechanism, state, mode, Acting(held), t, h)
+            after.q[i], after.v[i], after.A[i], after.B[i] = moved.q, moved.v, moved.A, moved.B
+        else:
+            later = None if not callable(torque) else lambda s, q, v, f=torque: f(t + s, q, v)
+            acting = torque if later is None else later
+            run = simulate(mechanism, *state, duration=h, step=h, torque=acting, mode=mode)
+            after.q[i], after.v[i] = run.q[-1], run.v[-1]
+    return after
+
+
+def _joined(parts: list[Stepped]) -> Stepped:
+    q, v, A, B = zip(*parts, strict=True)
+    slopes = (None if part[0] is None else np.concatenate(part) for part in (A, B))
+    return Stepped(np.concatenate(q), np.concatenate(v), *slopes)
