@@ -67,6 +67,7 @@ from .simulation.gradient import gradient
 from .simulation.kinked import KinkedDriveWarning
 from .simulation.linearised import linearise
 from .simulation.load import load_trajectory
+from .simulation.motion_point import MotionPoint, motion_point
 from .simulation.one_step import Stepped, step, step_jacobians
 from .simulation.reactions import Reaction
 from .simulation.simulate import simulate
@@ -158,6 +159,7 @@ __all__ = [
     "ModelError",
     "ModelWarning",
     "Motion",
+    "MotionPoint",
     "Muscle",
     "NativeBuildWarning",
     "NonFiniteError",
@@ -216,6 +218,7 @@ __all__ = [
     "load",
     "load_trajectory",
     "model_names",
+    "motion_point",
     "plot_modes",
     "regressor",
     "replay",

@@ -233,6 +233,16 @@ def checked_rows(value: ArrayLike, count: int | None, size: int, what: str, lett
     return array
 
 
+def rows_like(*tables: tuple[ArrayLike, int, str, str]) -> list[tuple[Array, ...]]:
+    """Rows of several tables of one length, each with its `checked_rows`; the first says how many."""
+    count: int | None = None
+    found: list[Array] = []
+    for table, size, what, letter in tables:
+        found.append(checked_rows(table, count, size, what, letter))
+        count = len(found[0])
+    return list(zip(*found, strict=True))
+
+
 def is_table(value: Any) -> bool:
     """Whether numbers are given in rows."""
     try:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import check_mechanism, checked_vector, require_finite
+from ..checks import check_mechanism, checked_vector, is_table, require_finite, rows_like
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .problem import set_out
@@ -25,16 +26,16 @@ def inverse_dynamics(
 
     Parameters
     ----------
-    q, v : array_like (nq,), (nv,)
+    q, v : array_like (nq,), (nv,), or (N, nq), (N, nv)
         Closed, and K v = 0 (see `Mechanism.lift`).
-    ydd : array_like (m,)
+    ydd : array_like (m,) or (N, m)
         rad/s² or m/s².
     mode : array_like, optional
         As in `simulate`, where q is singular.
 
     Returns
     -------
-    ndarray (m,)
+    ndarray (m,) or (N, m)
         N m or N, in the order of `mechanism.independent`.
 
     Raises
@@ -43,6 +44,9 @@ def inverse_dynamics(
         As `simulate` does for a start.
     """
     check_mechanism(mechanism, Mechanism, "inverse_dynamics")
+    if is_table(q):
+        given = (q, mechanism.nq, "q", "nq"), (v, mechanism.nv, "v", "nv"), (ydd, mechanism.m, "ydd", "m")
+        return np.array([inverse_dynamics(mechanism, at, fast, a, mode) for at, fast, a in rows_like(*given)])
     wanted = checked_vector(ydd, mechanism.m, "ydd", "m")
     motion = set_out(mechanism, q, v, mode)
     point = motion.start.point

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from ..checks import check_mechanism, checked_vector, require_finite
+from ..checks import check_mechanism, checked_vector, is_table, require_finite, rows_like
 from ..mechanism.joints import in_v
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
@@ -25,7 +25,7 @@ class Regressor:
 
     Attributes
     ----------
-    matrix : ndarray (m, n)
+    matrix : ndarray (m, n), or (N, m, n) of many states
         Gᵀ Y, with Y π = M a + C.
     names : tuple of str (n,)
         `joint.m`, `joint.mx`, …, `joint.Izz` of the body on each joint, in the joint's frame; then
@@ -87,9 +87,9 @@ def regressor(
     Parameters
     ----------
     mechanism : Mechanism
-    q, v : array_like (nq,), (nv,)
+    q, v : array_like (nq,), (nv,), or (N, nq), (N, nv)
         Closed, and K v = 0.
-    udot : array_like (m,)
+    udot : array_like (m,) or (N, m)
         Independent accelerations.
     mode : array_like, optional
         As in `simulate`, where q is singular.
@@ -104,6 +104,10 @@ def regressor(
         As `simulate` does for a start.
     """
     check_mechanism(mechanism, Mechanism, "regressor")
+    if is_table(q):
+        given = (q, mechanism.nq, "q", "nq"), (v, mechanism.nv, "v", "nv"), (udot, mechanism.m, "udot", "m")
+        found = [regressor(mechanism, at, fast, a, mode).matrix for at, fast, a in rows_like(*given)]
+        return Regressor(np.array(found), inertial_names(mechanism), inertial_values(mechanism))
     wanted = checked_vector(udot, mechanism.m, "udot", "m")
     point = set_out(mechanism, q, v, mode).start.point
     G = point.G

@@ -88,24 +88,6 @@ class Library:
         self.trackers.argtypes, self.trackers.restype = [c_void_p, POINTER(c_int64)], POINTER(c_double)
         self.begin = library.rg_begin
         self.begin.argtypes, self.begin.restype = [c_void_p, POINTER(Request)], None
-        self.derive = library.rg_derive
-        self.derive.argtypes, self.derive.restype = self.create.argtypes, c_void_p
-        self.derived = library.rg_derived
-        self.derived.argtypes, self.derived.restype = [c_void_p], None
-        self.learn = library.rg_learn
-        self.learn.argtypes, self.learn.restype = [c_void_p, POINTER(ModeSeries)], c_int32
-        self.slopes = library.rg_slopes
-        self.slopes.argtypes, self.slopes.restype = [c_void_p, POINTER(States)], None
-        self.take = library.rg_take
-        self.take.argtypes, self.take.restype = [c_void_p, POINTER(States), c_void_p], None
-        self.pull = library.rg_pull
-        self.pull.argtypes = [c_void_p, c_int64, c_int64, c_int32, *6 * [c_void_p]]
-        self.pull.restype = None
-        self.step_each = library.rg_step_each
-        self.step_each.argtypes = [c_void_p, POINTER(States), c_double, c_double]
-        self.step_each.restype = None
-        self.feed = library.rg_feed
-        self.feed.argtypes, self.feed.restype = [c_void_p, c_int64, c_int64, *2 * [c_void_p]], None
         self.follow_from, self.follow, self.tell = library.rg_follow_from, library.rg_follow, library.rg_tell
         for function in (self.follow_from, self.follow, self.tell):
             function.argtypes, function.restype = [c_void_p, POINTER(Request)], None
@@ -127,6 +109,27 @@ class Library:
         self.measure = library.rg_measure
         self.measure.argtypes = [POINTER(Description), c_int64, *4 * [c_void_p]]
         self.measure.restype = None
+        self._know_derivatives(library)
+
+    def _know_derivatives(self, library: Any) -> None:
+        self.derive = library.rg_derive
+        self.derive.argtypes, self.derive.restype = self.create.argtypes, c_void_p
+        self.derived = library.rg_derived
+        self.derived.argtypes, self.derived.restype = [c_void_p], None
+        self.learn = library.rg_learn
+        self.learn.argtypes, self.learn.restype = [c_void_p, POINTER(ModeSeries)], c_int32
+        self.slopes = library.rg_slopes
+        self.slopes.argtypes, self.slopes.restype = [c_void_p, POINTER(States)], None
+        self.take = library.rg_take
+        self.take.argtypes, self.take.restype = [c_void_p, POINTER(States), c_void_p], None
+        self.pull = library.rg_pull
+        self.pull.argtypes = [c_void_p, c_int64, c_int64, c_int32, *6 * [c_void_p]]
+        self.pull.restype = None
+        self.step_each = library.rg_step_each
+        self.step_each.argtypes = [c_void_p, POINTER(States), c_double, c_double]
+        self.step_each.restype = None
+        self.feed = library.rg_feed
+        self.feed.argtypes, self.feed.restype = [c_void_p, c_int64, c_int64, *2 * [c_void_p]], None
 
 
 def _require_as_built(path: Path) -> None:

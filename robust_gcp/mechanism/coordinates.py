@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..checks import checked_vector, require_finite
 from ..errors import ModelError, PartitionError, StateError
+from .at_each import at_each
 from .clusters import LoopCluster, loop_clusters
 from .joints import Joint
 from .loops import ClosedLoops
@@ -136,8 +137,9 @@ class Coordinates(ClosedLoops):
         places = zip(owners, iv, strict=True)
         return np.array([joint.idx_q + i - joint.idx_v for joint, i in places], dtype=np.int64)
 
+    @at_each
     def G(self, q: ArrayLike) -> Array:
-        """∂γ/∂y at a closed q, (nv, m): v = G ẏ, with G = [I; −K_d⁻¹ K_i], Eq. (4).
+        """∂γ/∂y at a closed q, (nv, m), or (N, nv, m) at many: v = G ẏ, with G = [I; −K_d⁻¹ K_i], Eq. (4).
 
         Raises
         ------
@@ -157,6 +159,7 @@ class Coordinates(ClosedLoops):
             )
         return G
 
+    @at_each
     def g(self, q: ArrayLike, v: ArrayLike) -> Array:
         """Ġ ẏ at a closed q with K v = 0, (nv,): a = G ÿ + g, with g = [0; K_d⁻¹ k], Eq. (4).
 

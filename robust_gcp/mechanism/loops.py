@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..checks import checked_rows, checked_vector, require_finite
 from ..errors import ModelError, StateError
+from .at_each import at_each
 from .closed import require_closed, require_proper
 from .closures import closure_frames
 from .constraint import without_zero_rows
@@ -98,16 +99,19 @@ class ClosedLoops:
 
     # ----------------------------------------------------------------- the implicit constraint
 
+    @at_each
     def phi(self, q: ArrayLike) -> Array:
-        """Loop-closure residual φ(q), (nc,), m and rad."""
+        """Loop-closure residual φ(q), (nc,), m and rad; (N, nc) at q (N, nq), as the next ones."""
         self.tree.jacobians(self.configuration(q))
         return require_finite(self.implicit.residual(), "φ(q)")
 
+    @at_each
     def K(self, q: ArrayLike) -> Array:
         """K = ∂φ/∂q, (nc, nv): K v = 0."""
         self.tree.jacobians(self.configuration(q))
         return require_finite(self.implicit.jacobian(), "K(q)")
 
+    @at_each
     def k(self, q: ArrayLike, v: ArrayLike) -> Array:
         """k = −K̇ v, (nc,): K a = k."""
         q, v = self.configuration(q), self.velocity(v)
@@ -115,6 +119,7 @@ class ClosedLoops:
         self.tree.rnea(q, v, self.tree.zero)
         return require_finite(self.implicit.bias(), "k(q, v)")
 
+    @at_each
     def K_rate(self, q: ArrayLike, v: ArrayLike) -> Array:
         """K̇ along v, (nc, nv): K̇ v = −k."""
         q, v = self.configuration(q), self.velocity(v)
@@ -254,10 +259,7 @@ class ClosedLoops:
 
         Joints with one number each where these suffice, else single velocities of the others too.
 
-        Returns
-        -------
-        list of (float, tuple of str)
-            σ_min of the chosen rows of an orthonormal kernel basis, in (0, 1], and the names.
+        Each with σ_min of its rows of an orthonormal kernel basis, in (0, 1].
         """
         K = self.scaled(self.K(q))
         _, s, Vt = np.linalg.svd(K)
@@ -288,13 +290,10 @@ class ClosedLoops:
 
     def generic_jacobians(self) -> list[Array]:
         """K at the generic configurations."""
-        return [self.K(q) for q in self.generic_configurations()]
+        return [*map(self.K, self.generic_configurations())]
 
 
 def _as_closure(closure: AnyClosure) -> AnyClosure:
-    if not isinstance(closure, AnyClosure):
-        raise ModelError(
-            f"closures: {closure!r} is no Closure, such as a PointClosure, FrameClosure, RevoluteClosure or "
-            "PrismaticClosure, and no CouplingClosure"
-        )
-    return closure
+    if isinstance(closure, AnyClosure):
+        return closure
+    raise ModelError(f"closures: {closure!r} is no Closure, such as a PointClosure, and no CouplingClosure")

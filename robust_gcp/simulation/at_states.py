@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, TypeVar
@@ -73,7 +72,7 @@ class AtStates:
             shape = len(states), mechanism.nv
             fast = np.zeros(shape) if v is None else checked_rows(v, *shape, "v", "nv")
         table = None
-        if not callable(tau) and is_table(tau):
+        if not one and not callable(tau) and is_table(tau):
             table = checked_rows(tau, len(states), mechanism.nv, "tau", "nv")  # type: ignore[arg-type]
         acts = one_torque(mechanism, None if table is not None else tau, wrenches)
         function = torque_function(mechanism, acts) if callable(acts) else None
@@ -129,5 +128,7 @@ def on_threads(
         return ask(states)
     ends = np.linspace(0, len(states), threads + 1).astype(int)
     parts = [states.some(slice(a, b)) for a, b in pairwise(ends)]
+    from concurrent.futures import ThreadPoolExecutor  # what asks on one thread need not load it
+
     with ThreadPoolExecutor(threads) as pool:
         return join(list(pool.map(ask, parts)))

@@ -18,7 +18,7 @@ from ..dynamics.derivatives import Derivatives, TorqueSlopes
 from ..dynamics.following import followed
 from ..dynamics.loads import Torques, Wrench
 from ..dynamics.problem import set_out
-from ..errors import SimulationError
+from ..errors import NonFiniteError, SimulationError
 from ..kernel.derivation import Derivation
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
@@ -188,8 +188,13 @@ def _follow(
     G, dv_dy, by_tau = whole.G[which], whole.dv_dy[which], whole.da_dtau[which]
     times = np.full(len(which), t)
     by_y, by_u = followed(states.mechanism, function, slopes, (times, some.q, some.v), G, dv_dy)
-    whole.da_dy[which] += by_tau @ by_y
-    whole.da_dv[which] += by_tau @ by_u
+    with np.errstate(all="ignore"):
+        whole.da_dy[which] += by_tau @ by_y
+        whole.da_dv[which] += by_tau @ by_u
+    finite = np.isfinite(whole.da_dy[which]) & np.isfinite(whole.da_dv[which])
+    if not finite.all():
+        q = some.q[int(np.argmin(finite.all(axis=(1, 2))))]
+        raise NonFiniteError(f"the linearisation at q = {q} is not finite")
 
 
 def _learned(kernel: Derivation, mechanism: Mechanism, q: Array, v: Array, ahead: float) -> bool:

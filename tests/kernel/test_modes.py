@@ -12,6 +12,7 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.dynamics import derivatives as reference
+from robust_gcp.dynamics import discrete
 from robust_gcp.dynamics.continuation import circles_of
 from robust_gcp.dynamics.problem import set_out
 from robust_gcp.examples.families import four_bars, scissor_lift
@@ -154,10 +155,24 @@ class TestModesThatMeet:
         folded = np.array([[1e-9, 1e-2, 1e-2]])
         assert not kernel.slopes(folded, np.array([[0.0, 1.0, 1.0]]), None).good[0]
 
-    def test_steps_without_a_known_end_are_the_references(self, told: tuple[rg.Mechanism, Any, Any]) -> None:
-        """Long ones on another mode could go over to the one that the kernel was told of."""
-        _, kernel, _ = told
-        q, v = np.array([[0.2, -0.2, 0.2]]), np.array([[-2.0, 2.0, -2.0]])
-        assert kernel.slopes(q, v, None).good[0]
-        assert kernel.step_jacobians(q, v, None, 1e-3) is not None
-        assert kernel.step_jacobians(q, v, None, 0.08) is None  # into the zone
+
+@pytest.mark.parametrize("h", [1e-3, 1e-2, 0.05, 0.08])
+def test_steps_without_a_known_end_stay_on_their_mode(h: float) -> None:
+    """Long ones on the mode that the kernel was not told of are not taken over by the one that it was."""
+    mech = rg.load("rhombus").with_independent(["q2"])
+    own, other = np.array([[1.0, -1.0, 1.0], [0.0, 1.0, 1.0]])
+    kernel = own_derivation(mech, 0.2 * own)
+    assert kernel is not None
+    assert kernel.learn_beside(set_out(mech, 0.2 * own).start, [np.zeros(3)])
+    for mode in (own, other):
+        for place in (0.2, 0.1, 0.02, 1e-3, -1e-3):
+            for fast in (-2.0, -0.5, 2.0):
+                q, v = place * mode, fast * mode
+                taken = kernel.step_jacobians(q[None], v[None], None, h)
+                if mode is own and abs(place) < 0.05 and h < 0.05:  # within what the series covers
+                    assert taken is not None
+                if taken is None:
+                    continue
+                exact = discrete.step_jacobians(mech, q, v, None, h, mode=mode if abs(place) < 0.01 else None)
+                for one, same in zip(taken, exact, strict=True):
+                    np.testing.assert_allclose(one, same, rtol=0.0, atol=1e-9 * np.abs(same).max())

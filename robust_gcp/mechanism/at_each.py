@@ -1,0 +1,43 @@
+"""Functions of one state that take many."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numpy as np
+
+from ..checks import is_table
+from ..errors import StateError
+from .tree import Array
+
+Method = TypeVar("Method", bound=Callable[..., Array])
+
+
+def at_each(method: Method) -> Method:
+    """A method of a configuration (nq,) and more that also takes arrays (N, nq), …, and gives N first.
+
+    Raises
+    ------
+    StateError
+        As the method, of the first row that it is at fault with, by number; for arrays of other lengths.
+    """
+
+    @functools.wraps(method)
+    def one_or_many(self: Any, q: Any, *more: Any) -> Array:
+        if not is_table(q):
+            return method(self, q, *more)
+        if any(not is_table(part) or len(part) != len(q) for part in more):
+            raise StateError(
+                f"{method.__name__}: q has {len(q)} rows, and what is given beside it has others"
+            )
+        found = []
+        for i, state in enumerate(zip(q, *more, strict=True)):
+            try:
+                found.append(np.array(method(self, *state)))
+            except StateError as error:
+                raise StateError(f"q[{i}]: {error.args[0]}") from error
+        return np.array(found)
+
+    return one_or_many  # type: ignore[return-value]
