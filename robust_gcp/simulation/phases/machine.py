@@ -8,6 +8,7 @@ only in coordinates that include it, which may turn back while the phase lasts.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -17,13 +18,14 @@ from numpy.typing import ArrayLike
 from ...dynamics.control import Actuated
 from ...dynamics.equations import Torque, torque_function
 from ...dynamics.held import HeldTorque
-from ...errors import PartitionError, SingularStartError
+from ...errors import OptionError, PartitionError, SingularStartError
 from ...kernel.guard import Guard
 from ...kernel.library import Library
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ..events import Events
 from ..powered import controls_along
+from .bearings import FrictionBounds, Sliding
 from .decision import Acting, Phase, State
 from .leg import Leg, Steps
 from .rows import Kind, Rows
@@ -63,6 +65,12 @@ class Machines:
         self._names: dict[tuple[int, ...], tuple[str, ...]] = {}
         self._once: dict[tuple[object, ...], Mechanism] = {}
         self.checked = True
+        self.bounds = FrictionBounds(self.rows, self.course.acted.wrenches, self.driven)
+        if self.held is not None and self.bounds.vary:
+            raise OptionError(
+                "JointFriction(coefficient=) does not go with torques that are held over steps, as hold=True "
+                "and a Simulation have them; use simulate without hold, or give its bound"
+            )
 
     def toward(self, v: Array) -> Array:
         """Where a start with the velocity v goes: along v, or along the one tangent that was named."""
@@ -121,30 +129,42 @@ class Machines:
         """All that acts besides gravity and what is held, (t, q, v) -> (nv,)."""
         applied, rows = self.rows.mechanism.applied, self.rows
 
-        def tau(t: float, q: Array, v: Array) -> Array:
-            total: Array = rows.E.T @ phase.push(rows, q, v)
+        def tau(t: float, q: Array, v: Array, bounds: Array) -> Array:
+            total: Array = rows.E.T @ phase.push(rows, q, v, bounds)
             if applied is not None:
                 total = total + applied.tau(q, v)
             return total if self._function is None else total + self._function(t, q, v)
 
         return tau
 
-    def torque_of(self, phase: Phase, span: tuple[float, float] | None = None) -> Torque | ArrayLike | None:
+    def sliding(self, phase: Phase, machine: Mechanism) -> Callable[[float, Array, Array], Array]:
+        """F of each row at a state (t, q, v) of a phase."""
+        if self.bounds.sliding(phase):
+            return Sliding(self.bounds, machine, self.rows, phase, self.acting(phase))
+        constant = self.bounds.constant
+        return lambda t, q, v: constant
+
+    def torque_of(
+        self, phase: Phase, machine: Mechanism, span: tuple[float, float] | None = None
+    ) -> Torque | ArrayLike | None:
         """The user's torque with what slipping joints and springs add, as cheap as it can be.
 
         Parameters
         ----------
+        machine : Mechanism
+            Of the phase.
         span : (float, float), optional
             The step that it is held over, s, where activations change within it.
         """
         rows, function, held = self.rows, self._function, self.held
-        if phase.touching:
+        if phase.touching or self.bounds.sliding(phase):
+            bounds = self.sliding(phase, machine)
 
-            def sprung(t: float, q: Array, v: Array) -> Array:
-                pushed: Array = rows.E.T @ phase.push(rows, q, v)
+            def pushing(t: float, q: Array, v: Array) -> Array:
+                pushed: Array = rows.E.T @ phase.push(rows, q, v, bounds(t, q, v))
                 return pushed if function is None else pushed + function(t, q, v)
 
-            return sprung
+            return pushing
         if held is not None:
             return held.spanning(span, self.constant(phase))
         if not phase.slip:
@@ -161,7 +181,7 @@ class Machines:
         """What slipping joints add, (nv,)."""
         rows = self.rows
         zero = np.zeros(rows.mechanism.nq), np.zeros(rows.mechanism.nv)
-        pushed: Array = rows.E.T @ phase.push(rows, *zero)
+        pushed: Array = rows.E.T @ phase.push(rows, *zero, rows.bounds)
         return pushed
 
     def leg(
@@ -181,7 +201,7 @@ class Machines:
         """
         asked: Any = () if events is None else events
         plan = replace(self.course, mechanism=machine, checked=self.checked, events=asked, guard=guard)
-        torque = self.torque_of(phase, (float(times[0]), float(times[1])))
+        torque = self.torque_of(phase, machine, (float(times[0]), float(times[1])))
         try:
             leg = Leg(self, plan, torque, times, (q, v, None))
         except SingularStartError:

@@ -119,7 +119,7 @@ class Progress:
 
     def _keep(self, steps: Steps, held: Array) -> None:
         """Outputs of steps without an event, and of those asked for within."""
-        block, inner = Block.of(steps, held), list[tuple[int, Block]]()
+        block, inner = self._stretch.block(steps, held), list[tuple[int, Block]]()
         for k in range(len(steps.t) - 1 if self.joined.chosen.times is not None else 0):
             state = State(float(steps.t[k]), steps.q[k], steps.v[k], self._seen)
             inner += [(k, part) for part in self._within(state, float(steps.t[k + 1]), held[k])]
@@ -131,7 +131,7 @@ class Progress:
         """Outputs asked for between a state and a time, each by a partial step."""
         for t in self.joined.chosen.between(state.t, end).tolist():
             part = self._stretch.part(state, t)
-            yield Block.of(part, np.array([held, self._stretch.forces(part, -1)]))
+            yield self._stretch.block(part, np.array([held, self._stretch.forces(part, -1)]))
 
     @property
     def last(self) -> dict[str, Array]:

@@ -60,8 +60,18 @@ class Row:
 
     @property
     def bound(self) -> float:
-        """Largest force of dry friction."""
+        """Largest force of dry friction, but for its share of a reaction."""
         return self.part.bound if isinstance(self.part, JointFriction) else np.inf
+
+    @property
+    def coefficient(self) -> float:
+        """Share of the reaction that counts as dry friction."""
+        return (self.part.coefficient or 0.0) if isinstance(self.part, JointFriction) else 0.0
+
+    @property
+    def rubs(self) -> bool:
+        """Whether it has dry friction."""
+        return self.kind is Kind.FRICTION and (self.bound > 0.0 or self.coefficient > 0.0)
 
     def closure(self, value: float) -> CouplingClosure:
         """r = value as a closure."""
@@ -115,6 +125,7 @@ class Rows:
         self.at = np.array([row.at for row in self.rows])
         self.side = np.array([row.side for row in self.rows])
         self.bounds = np.array([row.bound for row in self.rows])
+        self.rubs = np.array([row.rubs for row in self.rows], dtype=bool)
         self.columns = tuple(dict.fromkeys(row.column for row in self.rows))
 
     @property

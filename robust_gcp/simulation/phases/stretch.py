@@ -10,6 +10,7 @@ from ...mechanism.tree import Array
 from ..events import Events
 from .decision import Phase, State
 from .frame import Seen
+from .joined import Block
 from .leg import Steps
 from .machine import Machines
 from .partial import Partial
@@ -40,9 +41,11 @@ class Stretch:
     def __init__(self, machines: Machines, machine: Mechanism, phase: Phase) -> None:
         self._machines, self._machine, self._phase = machines, machine, phase
         self._size, self._within = len(machines.rows.rows), not machines.course.schedule.plain
-        self._signals, self._holding = Signals(machines.rows, phase), Holding(machines.rows, phase)
+        self._signals = Signals(machines.rows, phase)
+        self._holding = Holding(machines.rows, phase, machines.bounds)
+        self._bounds, self._acting = machines.sliding(phase, machine), machines.acting(phase)
         self.guard = self._signals.guard()
-        self._partial = Partial(machines, machine, machines.torque_of(phase))
+        self._partial = Partial(machines, machine, machines.torque_of(phase, machine))
 
     # ----------------------------------------------------------------- which event comes first
 
@@ -84,7 +87,7 @@ class Stretch:
             return held, margins
         quick = holding.along(self._machine, steps) if steps.regular and len(steps.t) > MANY else None
         for k in range(len(steps.t)) if quick is None else ():
-            held[k], margins[k] = holding.forces(steps.q[k], steps.v[k], steps.a[k], steps.tau[k])
+            held[k], margins[k] = holding.forces(steps.t[k], steps.q[k], steps.v[k], steps.a[k], steps.tau[k])
             if k and holding.limited and margins[k] < 0.0:
                 break
         if quick is not None:
@@ -95,7 +98,23 @@ class Stretch:
         """Of what is held, at the end of a step, (n,)."""
         if not self._holding:
             return np.zeros(self._size)
-        return self._holding.forces(steps.q[k], steps.v[k], steps.a[k], steps.tau[k])[0]
+        return self._holding.forces(steps.t[k], steps.q[k], steps.v[k], steps.a[k], steps.tau[k])[0]
+
+    def block(self, steps: Steps, held: Array) -> Block:
+        """Ends of steps for the record, with the forces (N, n) of what is held."""
+        bounds, rows, n = self._machines.bounds, self._machines.rows, len(steps.t)
+        sliding = bounds.sliding(self._phase)
+        if not sliding:
+            return Block.of(steps, held, np.broadcast_to(bounds.constant, held.shape), np.zeros(n))
+        E = np.array([self._phase.slip[i] * rows.E[i] for i in sliding])
+        F = bounds(steps.t, steps.q, steps.v, steps.a, steps.tau + held @ rows.E)
+        power = np.einsum("nk,nk->n", F[:, sliding], steps.v @ E.T)
+        h, heat, within = np.diff(steps.t), np.zeros(n), steps.t[:-1] + 0.5 * np.diff(steps.t)
+        for k, t in enumerate(within.tolist()):  # Simpson's rule
+            q, v, _ = steps.at(t)
+            middle = float(self._bounds(t, q, v)[sliding] @ (E @ v))
+            heat[k + 1] = heat[k] + h[k] / 6.0 * (power[k] + 4.0 * middle + power[k + 1])
+        return Block.of(steps, held, F, heat)
 
     def _is_reached(self, steps: Steps, found: Found, seen: Seen) -> bool:
         """Whether a stop is met, where the interpolant would go beyond it by little more than it errs."""
@@ -119,7 +138,7 @@ class Stretch:
 
     def _margin(self, steps: Steps, t: float) -> float:
         q, v, a = steps.at(t)
-        return self._holding.margin(q, v, a, self._machines.acting(self._phase)(t, q, v))
+        return self._holding.margin(t, q, v, a, self._acting(t, q, v, self._bounds(t, q, v)))
 
     # ----------------------------------------------------------------- where it is
 
@@ -167,7 +186,7 @@ class Stretch:
         if found.row >= 0:
             value, rate = self._signals.at(found.row, q, v, a)
             return value, rate * h
-        value = self._holding.margin(q, v, a, part.tau[-1])
+        value = self._holding.margin(float(part.t[-1]), q, v, a, part.tau[-1])
         dt = min(1e-3 * h, 0.5 * float(part.t[-1] - part.t[0]))
         return value, (value - self._margin(part, float(part.t[-1]) - dt)) / dt * h
 
