@@ -18,9 +18,10 @@ from numpy.typing import ArrayLike
 from ...dynamics.control import Actuated
 from ...dynamics.equations import Torque, torque_function
 from ...dynamics.held import HeldTorque
-from ...errors import OptionError, PartitionError, SingularStartError
+from ...errors import OptionError, SingularStartError
 from ...kernel.guard import Guard
 from ...kernel.library import Library
+from ...mechanism.couplings import MovingCoupling
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ..events import Events
@@ -28,10 +29,14 @@ from ..powered import controls_along
 from .bearings import FrictionBounds, Sliding
 from .decision import Acting, Phase, State
 from .leg import Leg, Steps
-from .rows import Kind, Rows
+from .rows import Rows
 
 if TYPE_CHECKING:
     from ..course import Course
+
+
+Held = tuple[tuple[MovingCoupling, ...], Mechanism]
+"""A mechanism in which rows are held, and its closures for these."""
 
 
 @dataclass
@@ -62,8 +67,7 @@ class Machines:
     def __post_init__(self) -> None:
         self.held = self.torque if isinstance(self.torque, HeldTorque) else None
         self._function = torque_function(self.rows.mechanism, self.torque)
-        self._names: dict[tuple[int, ...], tuple[str, ...]] = {}
-        self._once: dict[tuple[object, ...], Mechanism] = {}
+        self._held: dict[tuple[int, ...], Held] = {}
         self.checked = True
         self.bounds = FrictionBounds(self.rows, self.course.acted.wrenches, self.driven)
         if self.held is not None and self.bounds.vary:
@@ -98,32 +102,37 @@ class Machines:
             return None
         if not phase.basis:
             return mechanism
-        extra = tuple(self.rows.rows[i].closure(phase.offsets[i]) for i in phase.basis)
-
-        def made() -> Mechanism:
-            model, closures = mechanism.own_model, (*mechanism.closures, *extra)
-            place, basis, driven = (
-                (here, mechanism.name, mechanism.forces),
-                tuple(phase.basis),
-                mechanism.actuators,
-            )
-            try:  # those that served before, as to find the best ones takes half of the time
-                names = self._names.get(basis, "auto")
-                return Mechanism(model, closures, names, *place, actuators=driven)
-            except PartitionError:
-                return Mechanism(model, closures, "auto", *place, actuators=driven)
-
-        lasting = all(
-            self.rows.rows[i].kind is Kind.STOP and phase.offsets[i] == self.rows.at[i] for i in phase.basis
-        )
-        found: Mechanism
-        if lasting:  # few of them; joints may stick anywhere
-            found = mechanism.memo.once(("phase", extra), made)
-        else:
-            found = self._once.get(extra) or made()
-            self._once = {extra: found}
-        self._names[tuple(phase.basis)] = found.independent
+        basis = tuple(phase.basis)
+        if basis not in self._held:
+            pool = self._pool(basis)
+            self._held[basis] = pool.pop() if pool else self._made(basis, here)
+        closures, found = self._held[basis]
+        for i, closure in zip(basis, closures, strict=True):
+            closure.move(phase.offsets[i])
+        found.home = here
         return found
+
+    def _pool(self, basis: tuple[int, ...]) -> list[Held]:
+        """Mechanisms that hold these rows, and that no run uses."""
+        rows = tuple([(self.rows.rows[i].part.joints, self.rows.rows[i].part.weights) for i in basis])
+        pool: list[Held] = self.rows.mechanism.memo.once(("held", rows), list)
+        return pool
+
+    def _made(self, basis: tuple[int, ...], here: Array) -> Held:
+        mechanism = self.rows.mechanism
+        closures = tuple([self.rows.rows[i].closure() for i in basis])
+        values = self.rows.values(here)
+        for i, closure in zip(basis, closures, strict=True):
+            closure.move(float(values[i]))
+        ties = (*mechanism.closures, *closures)
+        place, driven = (here, mechanism.name, mechanism.forces), mechanism.actuators
+        return closures, Mechanism(mechanism.own_model, ties, "auto", *place, actuators=driven)
+
+    def release(self) -> None:
+        """Leave what was built to other runs; no more steps are taken."""
+        for basis, held in self._held.items():
+            self._pool(basis).append(held)
+        self._held = {}
 
     def acting(self, phase: Phase) -> Acting:
         """All that acts besides gravity and what is held, (t, q, v) -> (nv,)."""

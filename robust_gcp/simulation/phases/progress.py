@@ -30,7 +30,7 @@ FIRST = 8
 KNOWN = 8
 """Phases whose looks are kept."""
 
-SAVED = ("_t", "_q", "_v", "_seen", "_fresh", "_machine", "_size", "_sums", "_armed", "ended")
+SAVED = ("_t", "_q", "_v", "_seen", "_fresh", "_size", "_sums", "_armed", "ended")
 """What steps change, besides the phase and the record."""
 
 
@@ -215,7 +215,8 @@ class Progress:
         self._events = parts["events"].copied()
         if self._machines.held is not None:
             self._machines.held.value = parts["torque"]
-        if self._machine is not None and not self._fresh:
+        self._machine = None if self._fresh else self._machines.of(self._phase, self._q)
+        if self._machine is not None:
             self._stretch = self._looked_at(self._machine)
 
     def _looked_at(self, machine: Mechanism) -> Stretch:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import StateError
-from ...mechanism.couplings import CouplingClosure
+from ...mechanism.couplings import MovingCoupling
 from ...mechanism.joints import single_joint
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.parts import JointFriction, Lock, Part, Stop
@@ -73,13 +73,13 @@ class Row:
         """Whether it has dry friction."""
         return self.kind is Kind.FRICTION and (self.bound > 0.0 or self.coefficient > 0.0)
 
-    def closure(self, value: float) -> CouplingClosure:
-        """r = value as a closure."""
+    def closure(self) -> MovingCoupling:
+        """r = r* as a closure, r* yet to be told."""
         part = self.part
         second, ratio, more = part.other, part.ratio, tuple(part.more)
         if second is None and more:
             (second, ratio), more = more[0], more[1:]
-        return CouplingClosure(part.joint, second, ratio, value, (), more)
+        return MovingCoupling(part.joint, second, ratio, 0.0, (), more)
 
 
 class Rows:

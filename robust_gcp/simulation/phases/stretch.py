@@ -23,6 +23,9 @@ SHALLOW = 1e-6
 MANY = 4
 """Ends of steps from which on forces are found all at once."""
 
+ROUGHLY = 1e-6
+"""Share of a step to which a break is found on the interpolated motion, which errs by more."""
+
 CORRECTIONS = 5
 """Partial steps to an event: one or two do."""
 
@@ -134,7 +137,7 @@ class Stretch:
 
         if margin(0.0) <= 0.0:
             return 0.0
-        return 1.0 if margin(1.0) >= 0.0 else float(brentq(margin, 0.0, 1.0, xtol=1e-13))
+        return 1.0 if margin(1.0) >= 0.0 else float(brentq(margin, 0.0, 1.0, xtol=ROUGHLY))
 
     def _margin(self, steps: Steps, t: float) -> float:
         q, v, a = steps.at(t)

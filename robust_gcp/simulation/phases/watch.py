@@ -7,6 +7,7 @@ a partial step.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from typing import NamedTuple
 
@@ -219,6 +220,9 @@ class Holding:
 
 def falling_root(p: Array, tiny: float) -> tuple[float, float, float] | None:
     """The first x in [0, 1] where p falls through 0 to below −tiny; where it is lowest then, how deep."""
+    once = _steady_fall(p, tiny)
+    if once is not None:
+        return once
     real = _real_roots(p)
     slope = np.polyder(p)
     for x in real[(real > -1e-9) & (real <= 1.0 + 1e-9)]:
@@ -232,6 +236,30 @@ def falling_root(p: Array, tiny: float) -> tuple[float, float, float] | None:
         if values[k] < -tiny:
             return float(np.clip(x, 0.0, 1.0)), float(after[k]), -float(values[k])
     return None
+
+
+RISE = np.array([[math.comb(i, j) / math.comb(4, j) for j in range(4, -1, -1)] for i in range(5)])
+"""Bernstein coefficients on [0, 1] of polynomials of degree 4, from theirs by falling power."""
+
+
+def _steady_fall(p: Array, tiny: float) -> tuple[float, float, float] | None:
+    """The same where p falls all the way from above 0 to below −tiny, as where a stop is met: by Newton."""
+    slope = np.polyder(p)
+    slope = np.concatenate([np.zeros(max(5 - len(slope), 0)), slope])
+    if not (p[-1] > 0.0 and p.sum() < -tiny) or (RISE @ slope).max() >= 0.0:
+        return None
+    falling, x, low, high = p.tolist(), 0.5, 0.0, 1.0
+    for _ in range(60):
+        value = rate = 0.0
+        for c in falling:
+            value, rate = value * x + c, rate * x + value
+        low, high = (x, high) if value > 0.0 else (low, x)
+        then = x - value / rate
+        then = then if low <= then <= high else 0.5 * (low + high)
+        if abs(then - x) <= 1e-16:
+            break
+        x = then
+    return x, 1.0, -float(p.sum())
 
 
 def _real_roots(p: Array) -> Array:

@@ -58,10 +58,12 @@ def run_phases(
 
     try:
         _go(phases, grid, torque)
+        run = joined()
     except SimulationError as error:
         error.trajectory = joined()
         raise
-    run = joined()
+    finally:
+        machines.release()
     run.passed = phases.passed
     Coarse(mechanism, course.step).judge(run)
     return run
