@@ -108,7 +108,7 @@ class Stretch:
         bounds, rows, n = self._machines.bounds, self._machines.rows, len(steps.t)
         sliding = bounds.sliding(self._phase)
         if not sliding:
-            return Block.of(steps, held, np.broadcast_to(bounds.constant, held.shape), np.zeros(n))
+            return Block.of(steps, held, bounds.constant[None].repeat(n, axis=0), np.zeros(n))
         E = np.array([self._phase.slip[i] * rows.E[i] for i in sliding])
         F = bounds(steps.t, steps.q, steps.v, steps.a, steps.tau + held @ rows.E)
         power = np.einsum("nk,nk->n", F[:, sliding], steps.v @ E.T)
@@ -167,7 +167,8 @@ class Stretch:
             if x * h < max(1e-15, 4.0 * np.spacing(abs(begin))):
                 return None
             part = self._from(steps, k, seen, begin + x * h)
-            value, slope = self._value(part, found, h)
+            value, slope = self._value(part, found, h, before is None)
+            slope = slope if before is None or found.row >= 0 else (value - before[1]) / (x - before[0])
             exact = max(1e-14, -slope * float(np.spacing(abs(begin) + h)) / h)
             if abs(value) <= exact or slope >= 0.0 or abs(value) > -1e-3 * slope:
                 break
@@ -183,13 +184,18 @@ class Stretch:
         start = _state(steps, k, seen)
         return self._machines.part(self._machine, self._phase, start, end, events)
 
-    def _value(self, part: Steps, found: Found, h: float) -> tuple[float, float]:
-        """The event's function at the end of a partial step, and its slope by a share of the step h."""
+    def _value(self, part: Steps, found: Found, h: float, sloping: bool) -> tuple[float, float]:
+        """The event's function at the end of a partial step, and its slope by a share of the step h.
+
+        That of a margin is a difference, and 0 where it is not asked for.
+        """
         q, v, a = part.q[-1], part.v[-1], part.a[-1]
         if found.row >= 0:
             value, rate = self._signals.at(found.row, q, v, a)
             return value, rate * h
         value = self._holding.margin(float(part.t[-1]), q, v, a, part.tau[-1])
+        if not sloping:
+            return value, 0.0
         dt = min(1e-3 * h, 0.5 * float(part.t[-1] - part.t[0]))
         return value, (value - self._margin(part, float(part.t[-1]) - dt)) / dt * h
 

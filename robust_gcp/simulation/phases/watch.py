@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +31,9 @@ from .rows import Kind, Rows
 BELOW = 1e-13
 """m, rad, or per second: how far a function has to fall below 0 after a root for an event."""
 
+
+MOST_NEWTON = 60
+"""Halvings of a step with Newton's method, until nothing is left of it."""
 
 ALIKE = 1e-7
 """Relative difference of forces that two ways to find them may have on regular ground."""
@@ -220,6 +224,8 @@ class Holding:
 
 def falling_root(p: Array, tiny: float) -> tuple[float, float, float] | None:
     """The first x in [0, 1] where p falls through 0 to below −tiny; where it is lowest then, how deep."""
+    if _bernstein(p).min() >= -tiny:
+        return None
     once = _steady_fall(p, tiny)
     if once is not None:
         return once
@@ -238,28 +244,35 @@ def falling_root(p: Array, tiny: float) -> tuple[float, float, float] | None:
     return None
 
 
-RISE = np.array([[math.comb(i, j) / math.comb(4, j) for j in range(4, -1, -1)] for i in range(5)])
-"""Bernstein coefficients on [0, 1] of polynomials of degree 4, from theirs by falling power."""
+@cache
+def _to_bernstein(n: int) -> Array:
+    return np.array([[math.comb(i, j) / math.comb(n, j) for j in range(n, -1, -1)] for i in range(n + 1)])
+
+
+def _bernstein(p: Array) -> Array:
+    """Bernstein coefficients on [0, 1], between which the polynomial's values lie."""
+    return np.asarray(_to_bernstein(len(p) - 1) @ p)
 
 
 def _steady_fall(p: Array, tiny: float) -> tuple[float, float, float] | None:
-    """The same where p falls all the way from above 0 to below −tiny, as where a stop is met: by Newton."""
-    slope = np.polyder(p)
-    slope = np.concatenate([np.zeros(max(5 - len(slope), 0)), slope])
-    if not (p[-1] > 0.0 and p.sum() < -tiny) or (RISE @ slope).max() >= 0.0:
+    """The same where p rises at first, if at all, and then falls from above 0 to below −tiny: by Newton.
+
+    So it is where a stop is met, and where one bounces within a step.
+    """
+    falls = _bernstein(np.polyder(p)) < 0.0
+    if p[-1] < -tiny or p.sum() >= -tiny or not falls[int(falls.argmax()) :].all() or not falls[-1]:
         return None
-    falling, x, low, high = p.tolist(), 0.5, 0.0, 1.0
-    for _ in range(60):
+    coefficients, x, low, high = p.tolist(), 1.0, 0.0, 1.0
+    for _ in range(MOST_NEWTON):
         value = rate = 0.0
-        for c in falling:
+        for c in coefficients:
             value, rate = value * x + c, rate * x + value
         low, high = (x, high) if value > 0.0 else (low, x)
-        then = x - value / rate
-        then = then if low <= then <= high else 0.5 * (low + high)
-        if abs(then - x) <= 1e-16:
-            break
-        x = then
-    return x, 1.0, -float(p.sum())
+        then = x - value / rate if rate < 0.0 else low
+        before, x = x, then if low < then < high else 0.5 * (low + high)
+        if abs(x - before) <= 4e-16:
+            return x, 1.0, -float(p.sum())
+    return None
 
 
 def _real_roots(p: Array) -> Array:
