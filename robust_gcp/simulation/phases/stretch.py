@@ -23,7 +23,7 @@ SHALLOW = 1e-6
 MANY = 4
 """Ends of steps from which on forces are found all at once."""
 
-ROUGHLY = 1e-6
+ROUGHLY = 1e-4
 """Share of a step to which a break is found on the interpolated motion, which errs by more."""
 
 CORRECTIONS = 5
