@@ -137,12 +137,15 @@ class JointFriction(_Part):
     bound : float
         N m or N, not negative: the part that stays as it is, of seals or of preload.
     coefficient : float, optional
-        μ of a revolute or prismatic joint of the tree, not negative. Such runs have no derivatives, and no
+        μ of a revolute or prismatic joint, not negative. Such runs have no derivatives, and no
         torques that are held over steps.
     radius : float, optional
         r, m, of a revolute joint's bearing; goes with `coefficient`.
+    reaction : str, optional
+        Whose reaction counts, as `Trajectory.reaction` takes it, where it is not that of `joint`: a cut
+        joint, "frame1-frame2", whose angle is the sum that the row is.
     other, ratio, more
-        As for `Stop`; not with `coefficient`.
+        As for `Stop`.
 
     Raises
     ------
@@ -152,6 +155,7 @@ class JointFriction(_Part):
     bound: float = 0.0
     coefficient: float | None = None
     radius: float | None = None
+    reaction: str | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -163,6 +167,8 @@ class JointFriction(_Part):
             check_finite(f"{label}: {name}", value)
             if value < 0.0:
                 raise OptionError(f"{label}: {name} = {value} must not be negative")
+        if self.reaction is not None:
+            check_text(f"{label}: reaction", self.reaction)
         if self.radius is not None and self.coefficient is None:
             raise OptionError(f"{label}: radius goes with a coefficient; give it, or leave radius out")
         check_finite(f"{label}: bound", self.bound)

@@ -244,6 +244,54 @@ def test_all_joints_of_a_loop_rub(backend: Any) -> None:
     assert orders(ends).min() > 3.9
 
 
+def four_bar(cut_at_ground: bool) -> rg.Mechanism:
+    """Crank 0.3, coupler 0.8, rocker 0.6 m, ground 0.9 m; the rocker hangs on the ground or on the coupler."""
+    model, masses, lengths = pin.Model(), (1.0, 2.0, 1.5), (0.3, 0.8, 0.6)
+
+    def link(parent: int, at: float, number: int, back: bool = False) -> int:
+        place = pin.SE3(np.eye(3), np.array([0.0, at, 0.0]))
+        joint = model.addJoint(parent, pin.JointModelRX(), place, f"q{number}")
+        mass, length = masses[number - 1], lengths[number - 1]
+        lever = np.array([0.0, (-0.5 if back else 0.5) * length, 0.0])
+        model.appendBodyToJoint(
+            joint, pin.Inertia(mass, lever, mass * length**2 / 12.0 * np.eye(3)), pin.SE3.Identity()
+        )
+        return int(joint)
+
+    def frame(name: str, joint: int, at: float) -> None:
+        place = pin.SE3(np.eye(3), np.array([0.0, at, 0.0]))
+        model.addFrame(pin.Frame(name, joint, place, pin.FrameType.OP_FRAME))
+
+    coupler = link(link(0, 0.0, 1), lengths[0], 2)
+    if cut_at_ground:
+        frame("a", link(coupler, lengths[1], 3, back=True), -lengths[2])
+        frame("b", 0, 0.9)
+    else:
+        frame("a", coupler, lengths[1])
+        frame("b", link(0, 0.9, 3), lengths[2])
+    home = [1.0, -0.6, 1.4 if cut_at_ground else 1.8]
+    return rg.Mechanism.from_pinocchio(model, [rg.PointClosure("a", "b")], ["q1"], home)
+
+
+def test_all_bearings_of_a_four_bar_whichever_is_cut(backend: Any) -> None:
+    how = {"coefficient": 0.3, "radius": 0.06}
+    two = [rg.JointFriction("q1", **how), rg.JointFriction("q2", **how)]
+    cut = rg.JointFriction("q3", other="q1", ratio=1.0, more=(("q2", 1.0),), reaction="a-b", **how)
+    around = rg.JointFriction("q1", more=(("q2", -1.0), ("q3", -1.0)), reaction="a-b", **how)
+    last = rg.JointFriction("q3", **how)
+    runs = []
+    for at_ground, parts in ((False, [*two, cut, last]), (True, [*two, last, around])):
+        mech = four_bar(at_ground)
+        q0 = mech.assemble(mech.home, hold=["q1"])
+        run = rg.simulate(mech, q0, [0.0] * 3, 1.5, 0.01, joints=parts, backend=backend)
+        require_sound(run, 1e-4)
+        runs.append(run)
+    assert np.array([abs(run.q[0, 0] - 1.0) for run in runs]).max() < 1e-12
+    assert [x.kind for x in runs[0].happenings] == [x.kind for x in runs[1].happenings]
+    assert np.abs(runs[0]["q1"][-1] - runs[1]["q1"][-1]) < 1e-9
+    assert abs(runs[0].dissipated[-1] - runs[1].dissipated[-1]) < 1e-8 and runs[0].dissipated[-1] > 0.1
+
+
 # ----------------------------------------------------------------- refused
 
 
@@ -260,7 +308,8 @@ def test_painleves_paradox_is_refused() -> None:
     [
         (rg.JointFriction("q1", coefficient=0.1), "radius"),
         (rg.JointFriction("q3", coefficient=0.1, radius=0.1), "prismatic"),
-        (rg.JointFriction("q1", coefficient=0.1, radius=0.1, other="q2", ratio=1.0), "one joint"),
+        (rg.JointFriction("q1", coefficient=0.1, radius=0.1, other="q2", ratio=1.0), "cut joint"),
+        (rg.JointFriction("q1", coefficient=0.1, radius=0.1, reaction="nowhere"), "nowhere"),
     ],
 )
 def test_joints_that_it_does_not_go_with(part: rg.JointFriction, words: str) -> None:

@@ -26,10 +26,11 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ..events import Events
 from ..powered import controls_along
-from .bearings import FrictionBounds, Sliding
+from .bearings import FrictionBounds
 from .decision import Acting, Phase, State
 from .leg import Leg, Steps
 from .rows import Rows
+from .sliding import Sliding
 
 if TYPE_CHECKING:
     from ..course import Course
