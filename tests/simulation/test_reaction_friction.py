@@ -245,7 +245,7 @@ def test_all_joints_of_a_loop_rub(backend: Any) -> None:
 
 
 def four_bar(cut_at_ground: bool) -> rg.Mechanism:
-    """Crank 0.3, coupler 0.8, rocker 0.6 m, ground 0.9 m; the rocker hangs on the ground or on the coupler."""
+    """Crank 0.3, coupler 0.8, rocker 0.6, ground 0.9 m; the rocker hangs on the ground or on the coupler."""
     model, masses, lengths = pin.Model(), (1.0, 2.0, 1.5), (0.3, 0.8, 0.6)
 
     def link(parent: int, at: float, number: int, back: bool = False) -> int:
