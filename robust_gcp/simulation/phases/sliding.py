@@ -66,7 +66,9 @@ class Sliding:
         n = bounds.reactions(self._mechanism, rows, (*same, a, multipliers))
         n0, by = n[:, 0], n[:, 1:] - n[:, :1]
         share = bounds.share[rows]
-        growth = np.abs(np.linalg.eigvals(share[:, None] * np.linalg.norm(by, axis=2))).max()
+        C = share[:, None] * _sizes(by)
+        growth = C.sum(axis=1).max()  # no less than the spectral radius
+        growth = growth if growth < 1.0 else np.abs(np.linalg.eigvals(C)).max()
         found = None if growth >= 1.0 else friction(self._least, share, n0, by)
         if found is None:
             raise SimulationError(
@@ -86,21 +88,26 @@ def friction(least: Array, share: Array, n0: Array, by: Array) -> Array | None:
     ----------
     n0, by : ndarray (k, 3), (k, k, 3)
     """
-    rounding = 8.0 * np.finfo(float).eps
-    reach = np.linalg.norm(by, axis=2)
-    x = least + share * np.linalg.norm(n0, axis=1)
+    along, rounding = by.transpose(0, 2, 1), 8.0 * np.finfo(float).eps
+    large, reach = share * _sizes(n0), share[:, None] * _sizes(by)
+    x = least + large
+    n = n0 + along @ x
     for _ in range(MOST):
-        n = n0 + np.einsum("ijc,j->ic", by, x)
-        size = np.linalg.norm(n, axis=1)
+        size = _sizes(n)
         target = least + share * size
-        wrong = np.abs(x - target)
-        if np.all(wrong <= rounding * (target + share * (np.linalg.norm(n0, axis=1) + reach @ x))):
+        wrong = x - target
+        if np.all(np.abs(wrong) <= rounding * (target + large + reach @ x)):
             return np.asarray(target)
-        slope = np.einsum("ijc,ic->ij", by, n) / np.where(size > 0.0, size, 1.0)[:, None]
-        trial = x - np.linalg.solve(np.eye(len(x)) - share[:, None] * slope, x - target)
-        then = least + share * np.linalg.norm(n0 + np.einsum("ijc,j->ic", by, trial), axis=1)
-        x = trial if np.abs(trial - then).max() < 0.5 * wrong.max() else target
+        slope = (by @ n[:, :, None])[:, :, 0] * (share / np.where(size > 0.0, size, 1.0))[:, None]
+        x = x - np.linalg.solve(np.eye(len(x)) - slope, wrong)
+        n = n0 + along @ x
+        if np.abs(x - least - share * _sizes(n)).max() >= 0.5 * np.abs(wrong).max():
+            x, n = target, n0 + along @ target
     return None
+
+
+def _sizes(vectors: Array) -> Array:
+    return np.asarray(np.sqrt((vectors * vectors).sum(axis=-1)))
 
 
 def moved(mechanism: Mechanism, t: float, q: Array, v: Array, tau: Array) -> tuple[Array, Array]:
