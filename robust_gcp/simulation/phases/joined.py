@@ -175,6 +175,8 @@ class Joined:
         ∫ F |ṙ| dt is F |Δr|; ∫ k d δ δ̇² dt of dampers by the trapezoidal rule with end corrections.
         """
         rows, total = self.rows, block.heat.copy()
+        if not (phase.slip or phase.touching):
+            return total
         r = rows.values(block.q)
         for i, sign in phase.slip.items():
             if not rows.rows[i].coefficient:  # else in the heat

@@ -91,6 +91,8 @@ class Machines:
     def driven(self, t: Array, q: Array, v: Array) -> Array:
         """u of the actuators at outputs, (N, n), NaN without power."""
         n = len(self.rows.mechanism.actuators)
+        if not n:
+            return np.zeros((len(t), 0))
         if self.held is not None and self.held.powered is not None:
             return np.array([self.held.u(when) for when in t.tolist()]).reshape(len(t), n)
         found = controls_along(self.torque, t, q, v)

@@ -110,6 +110,7 @@ class Rows:
         for part, name in zip(parts, names, strict=True):
             self.rows += _rows_of(part, name)
         n = len(self.rows)
+        self._of = {kind: [i for i, row in enumerate(self.rows) if row.kind is kind] for kind in Kind}
         self.places: list[tuple[tuple[int, ...], tuple[int, ...], tuple[float, ...]]] = []
         self.E, self._in_q = np.zeros((n, mechanism.nv)), np.zeros((n, mechanism.nq))
         for i, row in enumerate(self.rows):
@@ -137,7 +138,7 @@ class Rows:
 
     def of(self, kind: Kind) -> list[int]:
         """The rows of a kind."""
-        return [i for i, row in enumerate(self.rows) if row.kind is kind]
+        return self._of[kind]
 
     def values(self, q: Array) -> Array:
         """r, (..., n) for q (..., nq), rad or m."""
