@@ -201,7 +201,7 @@ def constraint_forces(mechanism: Mechanism, q: Array, v: Array, a: Array, tau: A
     if tau is not None:
         residual -= tau
         parts.append(tau)
-    split = _Split(mechanism, q)
+    split = Split(mechanism, q)
     size = float(np.abs(mechanism.column_scale * np.array(parts)).max(initial=0.0))
     if np.abs(split.free.T @ residual).max(initial=0.0) > UNBALANCED * size:
         warn(UNBALANCED_WORDS, SingularityWarning)
@@ -209,7 +209,7 @@ def constraint_forces(mechanism: Mechanism, q: Array, v: Array, a: Array, tau: A
     return split.multipliers(residual)
 
 
-class _Split:
+class Split:
     """The dimensionless K at q as K = U s Nᵀ over its regular directions, and the motions that it leaves.
 
     Rank is decided here and nowhere else, on K without units: what M weighs, in whatever unit, has no
@@ -273,7 +273,7 @@ def implicit_dynamics(
         force = force + mechanism.applied.tau(q, v)
     require_finite(force, "τ − C")
     M = require_finite(mechanism.tree.crba(q), "M(q)").copy()
-    split = _Split(mechanism, q)
+    split = Split(mechanism, q)
     a, N = split.acceleration(mechanism.k(q, v)), split.free
     inertia = N.T @ M @ N
     size = np.sqrt(np.maximum(inertia.diagonal(), 0.0))

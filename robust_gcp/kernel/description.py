@@ -45,7 +45,9 @@ def describe(mechanism: Mechanism, path: RegularPath, works: bool, driven: tuple
         For a joint that the kernel does not know.
     """
     key = ("description for the kernel", works, driven, *path.rows.tolist())
-    return mechanism.memo.once(key, lambda: _described(mechanism, path, works, driven))
+    found: Arrays = mechanism.memo.once(key, lambda: _described(mechanism, path, works, driven))
+    found.refresh()
+    return found
 
 
 def describe_all(mechanism: Mechanism) -> Arrays:
@@ -62,7 +64,9 @@ def describe_all(mechanism: Mechanism) -> Arrays:
         _forces(mechanism, turns, arrays)
         return arrays
 
-    return mechanism.memo.once("description of all for the kernel", made)
+    found: Arrays = mechanism.memo.once("description of all for the kernel", made)
+    found.refresh()
+    return found
 
 
 def _described(mechanism: Mechanism, path: RegularPath, works: bool, driven: tuple[int, ...]) -> Arrays:

@@ -6,6 +6,7 @@ import ctypes
 from functools import partial
 
 from ..maps.regular_path import RegularPath
+from ..mechanism.couplings import MovingCoupling
 from ..mechanism.mechanism import Mechanism
 from .batch import Handed
 from .description import describe
@@ -29,9 +30,13 @@ class Pool:
         self._library = library
         self._idle: list[int] = []
         self._room = IDLE
+        self.offsets: tuple[float, ...] = ()
 
-    def take(self) -> int | None:
-        """One that knows nothing of another motion, where there is one."""
+    def take(self, offsets: tuple[float, ...]) -> int | None:
+        """One that knows nothing of another motion, where there is one with these offsets."""
+        if offsets != self.offsets:
+            self._empty()
+            self.offsets = offsets
         try:
             address = self._idle.pop()
         except IndexError:
@@ -39,9 +44,9 @@ class Pool:
         self._library.renew(address)
         return address
 
-    def give_back(self, address: int) -> None:
+    def give_back(self, address: int, offsets: tuple[float, ...]) -> None:
         """It is not used any more."""
-        if len(self._idle) < self._room:
+        if len(self._idle) < self._room and offsets == self.offsets:
             self._idle.append(address)
         else:
             self._library.destroy(address)
@@ -49,6 +54,9 @@ class Pool:
     def __del__(self) -> None:
         """Free the kernel's memory; what comes back later is freed at once."""
         self._room = 0
+        self._empty()
+
+    def _empty(self) -> None:
         while self._idle:
             self._library.destroy(self._idle.pop())
 
@@ -92,7 +100,8 @@ class Handle:
     ) -> None:
         key = ("idle in the kernel", library, works, driven, *path.rows.tolist())
         self._pool = mechanism.memo.once(key, lambda: Pool(library))
-        address = self._pool.take()
+        self._offsets = tuple([c.offset for c in mechanism.closures if isinstance(c, MovingCoupling)])
+        address = self._pool.take(self._offsets)
         if address is None:
             arrays = describe(mechanism, path, works, driven)
             why = ctypes.create_string_buffer(200)
@@ -106,4 +115,4 @@ class Handle:
         """Leave the kernel's memory to the next one."""
         if hasattr(self, "handed"):
             self.handed.secure()
-            self._pool.give_back(self.address)
+            self._pool.give_back(self.address, self._offsets)

@@ -28,7 +28,11 @@ def describe_loops(loops: ClosedLoops) -> DescribedLoops:
     NotNativeError
         For a joint that the kernel does not know.
     """
-    return loops.memo.once("description of the loops for the kernel", lambda: in_own_units(loops))
+    made: DescribedLoops = loops.memo.once(
+        "description of the loops for the kernel", lambda: in_own_units(loops)
+    )
+    made.arrays.refresh()
+    return made
 
 
 class DescribedLoops(NamedTuple):
@@ -154,7 +158,6 @@ def coupling_arrays(
         ],
         further_at=[[order[c], iq, iv] for c, iq, iv, _ in further],
     )
-    arrays.reals(
-        coupling_curve=ties.coefficients[list(rows)].reshape(len(rows), width),
-        further_arm=[arm for _, _, _, arm in further],
-    )
+    curve = list(rows)
+    arrays.following("coupling_curve", lambda: ties.refresh()[curve].reshape(len(curve), width).copy())
+    arrays.reals(further_arm=[arm for _, _, _, arm in further])

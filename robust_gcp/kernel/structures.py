@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from ctypes import c_double, c_int32, c_int64, c_void_p
 from enum import IntEnum
 from typing import Any
@@ -180,6 +180,8 @@ class Arrays:
     def __init__(self, structure: ctypes.Structure) -> None:
         self.structure = structure
         self._kept: dict[str, Any] = {}
+        self._followed: dict[str, Callable[[], Array]] = {}
+        self._members: list[Arrays] = []
 
     def reals(self, **arrays: Any) -> None:
         """Pointers to copies as doubles."""
@@ -191,14 +193,26 @@ class Arrays:
         for name, array in arrays.items():
             self._point(name, np.ascontiguousarray(array, dtype=np.int32))
 
+    def following(self, name: str, numbers: Callable[[], Array]) -> None:
+        """A pointer to numbers that `refresh` asks for again, as doubles."""
+        self._followed[name] = numbers
+        self.reals(**{name: numbers()})
+
+    def refresh(self) -> None:
+        """Ask again for numbers that change, of members too."""
+        for name, numbers in self._followed.items():
+            self._kept[name][...] = numbers()
+        for member in self._members:
+            member.refresh()
+
     def structures(self, name: str, members: Sequence[Arrays]) -> None:
         """A pointer to pointers to other structures."""
-        self._kept[f"{name}, each"] = members
+        self._members += members
         self._point(name, np.array([ctypes.addressof(m.structure) for m in members], dtype=np.uint64))
 
     def another(self, name: str, member: Arrays) -> None:
         """A pointer to another structure."""
-        self._kept[name] = member
+        self._members.append(member)
         setattr(self.structure, name, ctypes.addressof(member.structure))
 
     def _point(self, name: str, array: Any) -> None:

@@ -110,6 +110,23 @@ class CouplingClosure:
         return cls(joint1, joint2, ratio, offset, tuple(higher))
 
 
+class MovingCoupling(CouplingClosure):
+    """A coupling whose offset changes, as what sticks does so anywhere; two of them are never equal.
+
+    K does not depend on the offset, so that what was worked out for a mechanism serves it at all of them:
+    `Couplings` and what the kernel is told read it anew. Such a mechanism serves one motion at a time.
+    """
+
+    __hash__ = object.__hash__
+
+    def __eq__(self, other: object) -> bool:
+        return self is other
+
+    def move(self, offset: float) -> None:
+        """Hold the row there."""
+        object.__setattr__(self, "offset", offset)
+
+
 AnyClosure = Closure | CouplingClosure
 
 
@@ -136,6 +153,7 @@ class Couplings:
         Indices of both joints in q and in v.
     coefficients : ndarray (n, width)
         Of each P by rising power, padded with zeros.
+    moving : list of (row, MovingCoupling)
     further : list of (row, iq, iv, coefficient)
         Of the joints beyond the second.
 
@@ -160,6 +178,7 @@ class Couplings:
                 joint = single_joint(joints, name, label, "choose another")
                 self.further.append((i, int(joint.idx_q), int(joint.idx_v), float(value)))
             self.coefficients[i, : len(coupling.coefficients)] = coupling.coefficients
+        self.moving = [(i, c) for i, c in enumerate(couplings) if isinstance(c, MovingCoupling)]
         powers = np.arange(width, dtype=float)
         self._slopes = (self.coefficients * powers)[:, 1:]
         self._curvatures = (self.coefficients * powers * (powers - 1.0))[:, 2:]
@@ -167,10 +186,17 @@ class Couplings:
 
     def residual(self, q: Array) -> Array:
         """q₁ − P(q₂) − Σ cᵢ qᵢ, (n,), rad or m."""
+        self.refresh()
         values = q[self.iq[:, 0]] - _values(self.coefficients, q[self.iq[:, 1]])
         for row, iq, _, value in self.further:
             values[row] -= value * q[iq]
         return np.asarray(values)
+
+    def refresh(self) -> Array:
+        """The coefficients, with offsets as they are now."""
+        for i, coupling in self.moving:
+            self.coefficients[i, 0] = coupling.offset
+        return self.coefficients
 
     def slope(self, q: Array) -> Array:
         """P′(q₂), (n,)."""

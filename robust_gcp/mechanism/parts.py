@@ -123,16 +123,27 @@ class Stop(_Part):
 
 @dataclass(frozen=True)
 class JointFriction(_Part):
-    """Dry friction: |f| ≤ bound, f = −bound sign(ṙ) while it slips.
+    """Dry friction: |f| ≤ F, f = −F sign(ṙ) while it slips, F = bound + μ |n| or bound + μ r |n|.
+
+    n is the resultant force that the joint transmits across its axis, N, as `Trajectory.reaction` has it.
+    The force along the axis (the thrust of a revolute joint) and moments (tilting of a slide in its guide)
+    have no part in it; nor has what is undetermined, such as the force across the plane of a planar loop.
+    n depends on the friction itself: where that has not one solution, a run stops (Painlevé's paradox).
 
     Parameters
     ----------
     joint : str
         A joint with one number; dependent ones of loops too.
     bound : float
-        N m or N, not negative.
+        N m or N, not negative: the part that stays as it is, of seals or of preload.
     coefficient : float, optional
-        Refused: friction as a share of the joint's reaction is not simulated yet.
+        μ of a revolute or prismatic joint, not negative. Such runs have no derivatives, and no
+        torques that are held over steps.
+    radius : float, optional
+        r, m, of a revolute joint's bearing; goes with `coefficient`.
+    reaction : str, optional
+        Whose reaction counts, as `Trajectory.reaction` takes it, where it is not that of `joint`: a cut
+        joint, "frame1-frame2", whose angle is the sum that the row is.
     other, ratio, more
         As for `Stop`.
 
@@ -143,15 +154,23 @@ class JointFriction(_Part):
 
     bound: float = 0.0
     coefficient: float | None = None
+    radius: float | None = None
+    reaction: str | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         label = f"JointFriction {self.joint!r}"
-        if self.coefficient is not None:
-            raise OptionError(
-                f"{label}: coefficient = {shown(self.coefficient)}: friction as a share of the joint's "
-                "reaction is not simulated; give its bound, N m or N"
-            )
+        for name in ("coefficient", "radius"):
+            value = getattr(self, name)
+            if value is None:
+                continue
+            check_finite(f"{label}: {name}", value)
+            if value < 0.0:
+                raise OptionError(f"{label}: {name} = {value} must not be negative")
+        if self.reaction is not None:
+            check_text(f"{label}: reaction", self.reaction)
+        if self.radius is not None and self.coefficient is None:
+            raise OptionError(f"{label}: radius goes with a coefficient; give it, or leave radius out")
         check_finite(f"{label}: bound", self.bound)
         if self.bound < 0.0:
             raise OptionError(f"{label}: bound = {self.bound} must not be negative")

@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,6 +22,7 @@ from ..kernel.steps import NativeSteps
 from ..maps.choice import MapChoice
 from ..maps.point import Counters
 from ..mechanism.mechanism import Mechanism
+from ..mechanism.parts import Part
 from ..printing import progress_bar
 from .acted import Acted
 from .adaptive import AdaptiveRun
@@ -143,7 +143,7 @@ class Course:
         return started(native, *given), native, counters
 
     def through_phases(
-        self, joints: Any, start: Given, torque: Torque | ArrayLike | None, kernel: Library | None,
+        self, joints: Sequence[Part], start: Given, torque: Torque | ArrayLike | None, kernel: Library | None,
         required: bool, refused: dict[str, bool], progress: Progress,
     ) -> Trajectory:  # fmt: skip
         """The motion with stops, friction and locks; see `phases.whole.run_phases`.

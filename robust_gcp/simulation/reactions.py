@@ -123,6 +123,8 @@ class Loaded:
         None where they are not known any more.
     u : ndarray (N, n) or None
         Of the actuators; None without power.
+    data : pin.Data or None
+        Workspace; one of its own where it is left out.
     """
 
     mechanism: Mechanism
@@ -133,6 +135,7 @@ class Loaded:
     multipliers: Array | None
     wrenches: Sequence[Wrench] | None = ()
     u: Array | None = None
+    data: pin.Data | None = None
 
     def reaction(self, name: str | int) -> Reaction:
         """Force and moment in a joint of the tree, or in a cut joint; see `Trajectory.reaction`."""
@@ -165,20 +168,31 @@ class Loaded:
         return Reaction(closure, force, moment)
 
     def _in_tree(self, name: str) -> Reaction:
-        """By the recursive Newton–Euler algorithm, with all that acts on bodies from elsewhere."""
+        local, turned = self.in_joints([name])
+        world = np.einsum("nij,nbj->nbi", turned[:, 0], local[:, 0].reshape(-1, 2, 3))
+        return Reaction(name, world[:, 0], world[:, 1])
+
+    def in_joints(self, names: Sequence[str]) -> tuple[Array, Array]:
+        """Force and moment (N, k, 6) in joints of the tree, each in its own frame, and its R (N, k, 3, 3).
+
+        By the recursive Newton–Euler algorithm, with all that acts on bodies from elsewhere.
+        """
         model = self.mechanism.own_model
-        data, joint = workspace(model), model.getJointId(name)
-        force, moment = np.empty((len(self.q), 3)), np.empty((len(self.q), 3))
+        data, joints = self._workspace(), [model.getJointId(name) for name in names]
+        local, turned = np.empty((len(self.q), len(names), 6)), np.empty((len(self.q), len(names), 3, 3))
         pushes = self.pushes()
         for i, (q, v, a) in enumerate(zip(self.q, self.v, self.accelerations(), strict=True)):
             pin.forwardKinematics(model, data, q)
             outer = [pin.Force.Zero() for _ in range(model.njoints)]
             for _, carrier, point, own, about in pushes(i):
-                outer[carrier] += data.oMi[carrier].actInv(pin.Force(own, about + np.cross(point, own)))
+                outer[carrier] += data.oMi[carrier].actInv(pin.Force(own, about + pin.skew(point) @ own))
             pin.rnea(model, data, q, v, a, pin.StdVec_Force(outer))
-            turned = data.oMi[joint].rotation
-            force[i], moment[i] = turned @ data.f[joint].linear, turned @ data.f[joint].angular
-        return Reaction(name, force, moment)
+            for k, joint in enumerate(joints):
+                local[i, k], turned[i, k] = data.f[joint].vector, data.oMi[joint].rotation
+        return local, turned
+
+    def _workspace(self) -> pin.Data:
+        return workspace(self.mechanism.own_model) if self.data is None else self.data
 
     def pushes(self) -> Callable[[int], list[Push]]:
         """What acts on bodies besides gravity and the tree's joints, by the number of the state.
@@ -189,7 +203,7 @@ class Loaded:
             Where constraint forces were not recorded, or wrenches are not known any more.
         """
         model, loops = self.mechanism.own_model, self.mechanism.loops
-        data = workspace(model)
+        data = self._workspace()
         cuts = [self._in_cut(i) for i in range(len(loops))]
         if self.wrenches is None:
             raise OptionError(

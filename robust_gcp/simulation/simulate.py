@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from numpy.typing import ArrayLike
 
@@ -23,6 +23,7 @@ from ..maps.classical import NewtonStart
 from ..maps.cluster.options import USUAL, BridgeOptions
 from ..maps.projection import PROJECTION_THRESHOLD
 from ..mechanism.mechanism import Mechanism
+from ..mechanism.parts import Part, parts_given
 from .acted import Acted
 from .course import Course
 from .events import EventFunction, checked_events
@@ -30,9 +31,6 @@ from .schedule import last_output, planned
 from .steppers import check_stepper
 from .trajectory import Trajectory
 from .unnamed import is_guarded
-
-if TYPE_CHECKING:
-    from ..mechanism.parts import Part
 
 Toggle = Literal["repartition", "error"]
 
@@ -103,7 +101,7 @@ def simulate(
     joints : sequence of Stop, JointFriction, Lock, optional
         Stops, dry friction and locks: the motion goes through phases, which begin and end at events that are
         found to rounding; see `traj.happenings`. With fixed steps and method="bridge". Those of the
-        mechanism's file when left out.
+        mechanism's file when left out; none of them with [].
     drive : mapping of str to Motion, optional
         Joints that move as prescribed, from t = 0 on; `traj["drive.q1"]` is the torque or force that it
         takes. The other independent joints move freely. Where q0 is left out, home is led to where the
@@ -187,7 +185,7 @@ def simulate(
         again = partial(
             simulate, mechanism, q0, v0, duration, step=step, torque=torque, wrenches=wrenches, ctrl=ctrl,
             events=events, t0=t0, outputs=outputs, record=record, mode=mode, rtol=rtol, atol=atol,
-            on_toggle=on_toggle, options=options, progress=progress,
+            joints=joints, on_toggle=on_toggle, options=options, progress=progress,
         )  # fmt: skip
     mechanism, drives = prescribed(mechanism, drive, q0, schedule.times)
     all_of_it = drives is not None and not len(drives.free)
@@ -201,14 +199,14 @@ def simulate(
         mechanism, schedule, duration, step, choice, drives, tableau, solver, acted, *asked, on_toggle
     )
     acting = applied if held is None else held
-    joints = mechanism.parts or None if joints is None else joints
-    if joints is not None:
+    parts = mechanism.parts if joints is None else parts_given(joints)
+    if parts:
         refused = {
             f"method={method!r}": method != "bridge", f"stepper={stepper!r}": not fixed,
             "drive=": drive is not None,
         }  # fmt: skip
         return course.through_phases(
-            joints, (q0, v0, mode), acting, kernel, backend == "native", refused, progress
+            parts, (q0, v0, mode), acting, kernel, backend == "native", refused, progress
         )
     return course.run((q0, v0, mode), acting, kernel, backend == "native", again, progress)
 

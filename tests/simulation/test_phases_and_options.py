@@ -117,3 +117,11 @@ def test_other_fixed_steppers_keep_their_order(backend: Any, name: str, order: i
     assert len(found[0]) >= 2 and run.stats.stepper == "tableau"
     rate = np.log2(np.abs(found[0] - found[1]) / np.abs(found[1] - found[2]))
     assert rate.min() > order - 0.3
+
+
+def test_no_parts_are_a_plain_run() -> None:
+    mech = rg.load("slider_crank")
+    plain = rg.simulate(mech, mech.home, [0.0] * 3, 0.2, 0.01)
+    none = rg.simulate(mech, mech.home, [0.0] * 3, 0.2, 0.01, joints=[])
+    assert np.array_equal(none.q, plain.q) and none.dissipated is None and none.stats.rhs == plain.stats.rhs
+    rg.simulate(mech, mech.home, [0.0] * 3, 0.2, stepper="DOP853", joints=[])

@@ -289,7 +289,6 @@ def test_constraint_forces_include_the_stops() -> None:
         (lambda: rg.Stop("q1", lower=0.0, stiffness=1.0, restitution=0.5), "rigid"),
         (lambda: rg.Stop("q1", lower=0.0, other="q2"), "ratio"),
         (lambda: rg.JointFriction("q1", -1.0), "bound = -1.0"),
-        (lambda: rg.JointFriction("q1", coefficient=0.1), "coefficient"),
         (lambda: rg.Lock("q1", start=1.0, end=1.0), "before end"),
         (lambda: rg.Lock(3), "name"),  # type: ignore[arg-type]
     ],

@@ -9,6 +9,8 @@ decision     Gauss's principle at rest: what is held, slips, leaves
 machine      the mechanism of a phase, in which what is held is one more closure
 watch        events on a stretch: all roots of quintics, and how well what is held is held
 leg          steps of a phase that go on from each other, in one run
+bearings     dry friction as a share of reactions
+sliding      the same while joints slip, where it acts on its reactions
 partial      single steps of a phase, to events
 stretch      the first event on steps, located on a partial step
 joined       the record of all stretches as one trajectory

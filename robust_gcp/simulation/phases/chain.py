@@ -134,7 +134,7 @@ class Chain:
 
     def _compiled(self, own: Mechanism, phase: Phase, nodes: list[At]) -> list[tuple[Array, Array, Slope]]:
         """A, B and ends of the first steps, as many as the kernel takes: constant torques, nothing held."""
-        torque, found = self._machines.torque_of(phase), list[tuple[Array, Array, Slope]]()
+        torque, found = self._machines.torque_of(phase, own), list[tuple[Array, Array, Slope]]()
         if callable(torque) or phase.basis:
             return found
         kernel = derivation(own, nodes[0][1])
@@ -168,7 +168,7 @@ class Chain:
 
     def _acting(self, phase: Phase) -> Acting:
         """What acts in a phase, with what it holds."""
-        torque = self._machines.torque_of(phase)
+        torque = self._machines.torque_of(phase, self._mechanism)
         held = self._rows.E[phase.basis] if phase.basis else None
         if not callable(torque):
             return Acting(torque, held=held)
@@ -264,6 +264,12 @@ def _require_followed(run: Trajectory, passed: Passed) -> None:
         raise OptionError(
             "derivatives: torques or controls were held over steps (hold=True), which they do not follow "
             "through stops, friction and locks; simulate without hold"
+        )
+    if machines.bounds.vary:
+        names = {row.part.joint: None for row in machines.rows.rows if row.coefficient}
+        raise NotDifferentiableError(
+            f"derivatives: JointFriction(coefficient=) of {', '.join(names)}: how a share of reactions "
+            "changes with the state they do not follow; give its bound"
         )
     if run.stats.step is None or np.diff(run.t).max(initial=0.0) > run.stats.step * (1.0 + 1e-6):
         raise OptionError("derivatives: outputs= left out ends of steps; simulate without it")

@@ -14,7 +14,6 @@ from .decision import State, decided, settled
 from .frame import Seen
 from .happening import Happening
 from .impact import REST
-from .joined import Block
 from .leg import Fault, Leg, Steps
 from .progress import FIRST, Progress
 from .rest import Still, rested
@@ -65,7 +64,8 @@ class Phases(Progress):
             return
         self._collect()
         other = phase.successor()
-        other.held = decided(self._rows, self._machines.acting(other), other, self._state)
+        known = self._rows, self._machines.bounds, self._machines.acting(other)
+        other.held = decided(*known, other, self._state)
         self._fresh = sorted(other.held) != sorted(phase.held) or other.slip != phase.slip
 
     def _tell(self, kind: str, rows: Any, loss: float = 0.0) -> None:
@@ -77,8 +77,8 @@ class Phases(Progress):
         machines, rows, before = self._machines, self._rows.rows, self._v
         self._drop()
         self._armed = frozenset(i for i in self._latches if rows[i].start <= self._t)
-        acting, tell = machines.acting, self._tell
-        self._phase, self._v = settled(self._rows, acting, self._phase, self._state, self._ahead, tell)
+        known = self._rows, machines.bounds, machines.acting
+        self._phase, self._v = settled(*known, self._phase, self._state, self._ahead, self._tell)
         self.passed.turns.append(Turn(self._t, self._why, self._q, before, self._v, replace(self._phase)))
         self._why, self._ahead, self._fresh, self._size = SWITCH, None, False, FIRST
         machine = self._machine = machines.of(self._phase, self._q)
@@ -176,7 +176,7 @@ class Phases(Progress):
             part = self._stretch.within(steps, k, self._seen, float(part.t[-1]), self._events)
         if part is not None:
             end = float(part.t[-1])
-            block = Block.of(part, np.array([held, self._stretch.forces(part, -1)]))
+            block = self._stretch.block(part, np.array([held, self._stretch.forces(part, -1)]))
             before = end if self._over else float(np.nextafter(end, -np.inf))
             block.t = np.array([start.t, before])
             inner = [(0, row) for row in self._within(start, end, held)]

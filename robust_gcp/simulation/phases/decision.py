@@ -12,6 +12,7 @@ import numpy as np
 
 from ...errors import SimulationError
 from ...mechanism.tree import Array
+from .bearings import ALIKE, MOST, REMEDY, FrictionBounds
 from .box import ZERO, box, independent_rows
 from .frame import Frame, Seen
 from .impact import REST, Tell, settled_impacts
@@ -23,7 +24,8 @@ ON_STOP = 1e-13
 ROUNDING = 1e-14
 """Share of the velocity before below which what is left of it is 0."""
 
-Acting = Callable[[float, Array, Array], Array]
+Acting = Callable[[float, Array, Array, Array], Array]
+"""(t, q, v, F of each row) -> (nv,)."""
 
 
 @dataclass(frozen=True)
@@ -73,11 +75,11 @@ class Phase:
         """One with the same springs and latches, of which nothing else is known."""
         return Phase(touching=self.touching, latched=self.latched)
 
-    def push(self, rows: Rows, q: Array, v: Array) -> Array:
-        """Forces (..., n) of slipping joints and touched springs at q (..., nq), v (..., nv)."""
+    def push(self, rows: Rows, q: Array, v: Array, bounds: Array) -> Array:
+        """Forces (..., n) of slipping joints and touched springs at q (..., nq), v (..., nv), F (..., n)."""
         f = np.zeros((*q.shape[:-1], len(rows.rows)))
         for i, sign in self.slip.items():
-            f[..., i] = -rows.bounds[i] * sign
+            f[..., i] = -bounds[..., i] * sign
         if self.touching:
             gaps = rows.gaps(q)
             for i in self.touching:
@@ -87,7 +89,7 @@ class Phase:
         return f
 
 
-def candidates(rows: Rows, phase: Phase, state: State) -> tuple[list[int], Array, Array]:
+def candidates(rows: Rows, phase: Phase, state: State, bounds: Array) -> tuple[list[int], Array, Array]:
     """Rows that rest, and the bounds of their forces in the direction `side`."""
     rates, closed = rows.E @ state.v, set(rows.closed(state.q))
     locked = set(rows.locked(state.t, phase.latched))
@@ -96,25 +98,50 @@ def candidates(rows: Rows, phase: Phase, state: State) -> tuple[list[int], Array
         resting = abs(rates[i]) <= REST
         if i in locked:
             found.append((i, -np.inf, np.inf))
-        elif row.kind is Kind.FRICTION and resting and row.bound > 0.0:
-            found.append((i, -row.bound, row.bound))
+        elif row.rubs and resting:
+            found.append((i, -bounds[i], bounds[i]))
         elif i in closed and resting:
             found.append((i, 0.0, np.inf))
     chosen = [i for i, _, _ in found]
     return chosen, np.array([low for _, low, _ in found]), np.array([high for _, _, high in found])
 
 
-def decided(rows: Rows, acting: Acting, phase: Phase, state: State) -> list[int]:
-    """The rows that stay at rest; `phase.slip` is set to those that slip, with their directions."""
+def decided(rows: Rows, bounds: FrictionBounds, acting: Acting, phase: Phase, state: State) -> list[int]:
+    """The rows that stay at rest; `phase.slip` is set to those that slip, with their directions.
+
+    Where F is a share of reactions, by iteration.
+
+    Raises
+    ------
+    SimulationError
+        Where that finds none.
+    """
+    F = bounds.constant
+    for _ in range(MOST):
+        held, acceleration = _decided_with(rows, F, acting, phase, state)
+        if acceleration is None or not bounds.vary:
+            return held
+        before, F = F, bounds.at(state.t, state.q, state.v, *acceleration)
+        if np.abs(F[rows.rubs] - before[rows.rubs]).max() <= ALIKE * F[rows.rubs].max():
+            return held
+    raise SimulationError(
+        f"JointFriction(coefficient=): at t = {state.t:.6g} s it is open which joints stick, as the friction "
+        f"grows through the reactions that it causes (Painlevé's paradox); {REMEDY}"
+    )
+
+
+def _decided_with(
+    rows: Rows, bounds: Array, acting: Acting, phase: Phase, state: State
+) -> tuple[list[int], tuple[Array, Array] | None]:
+    """What stays at rest under these bounds, and a with all that acts besides gravity and the loops."""
     t, q, v = state.t, state.q, state.v
-    chosen, lower, upper = candidates(rows, phase, state)
+    chosen, lower, upper = candidates(rows, phase, state, bounds)
     rates = rows.E @ v
-    phase.slip = {
-        i: float(np.sign(rates[i])) for i in rows.of(Kind.FRICTION) if i not in chosen and rows.bounds[i]
-    }
+    phase.slip = {i: float(np.sign(rates[i])) for i in np.flatnonzero(rows.rubs).tolist() if i not in chosen}
     if not chosen:
-        return []
-    frame = Frame(rows.mechanism, q, v, acting(t, q, v), state.seen)
+        return [], None
+    tau = acting(t, q, v, bounds)
+    frame = Frame(rows.mechanism, q, v, tau, state.seen)
     E = rows.side[chosen][:, None] * rows.E[chosen]
     B = frame.rows(E)
     b = B.T @ frame.free + E @ frame.p
@@ -127,17 +154,18 @@ def decided(rows: Rows, acting: Acting, phase: Phase, state: State) -> list[int]
             phase.slip[i] = float(np.sign(w[k]))
         elif kind is not Kind.STOP or (f[k] > 0.0 and not moves):
             held.append(i)
-    return held
+    return held, (frame.p + frame.kick(frame.free + B @ f), tau + f @ E)
 
 
 def settled(
-    rows: Rows, acting: Callable[[Phase], Acting], before: Phase, state: State, ahead: Iterable[State] | None,
-    tell: Tell,
+    rows: Rows, bounds: FrictionBounds, acting: Callable[[Phase], Acting], before: Phase, state: State,
+    ahead: Iterable[State] | None, tell: Tell,
 ) -> tuple[Phase, Array]:  # fmt: skip
     """The phase that begins at an instant, and its velocity.
 
     Parameters
     ----------
+    bounds : FrictionBounds
     acting : callable
         All that acts besides gravity and what is held, of a phase.
     before : Phase
@@ -150,8 +178,8 @@ def settled(
     v = _still(settled_impacts(rows, state.t, state.q, state.v, locks, state.seen, tell), state.v)
     phase = before.successor()
     if ahead is None:
-        phase.held = decided(rows, acting(phase), phase, State(state.t, state.q, v, state.seen))
-    elif not _broken(rows, acting, before, phase, ahead):
+        phase.held = decided(rows, bounds, acting(phase), phase, State(state.t, state.q, v, state.seen))
+    elif not _broken(rows, bounds, acting, before, phase, ahead):
         raise SimulationError(f"at t = {state.t:.6g} s a joint ought to break loose and does not")
     for kind, here, there in (("hold", phase.held, before.held), ("release", before.held, phase.held)):
         if changed := sorted(set(here) - set(there)):
@@ -168,12 +196,13 @@ def _still(v: Array, before: Array) -> Array:
 
 
 def _broken(
-    rows: Rows, acting: Callable[[Phase], Acting], before: Phase, phase: Phase, ahead: Iterable[State]
-) -> bool:
+    rows: Rows, bounds: FrictionBounds, acting: Callable[[Phase], Acting], before: Phase, phase: Phase,
+    ahead: Iterable[State],
+) -> bool:  # fmt: skip
     """Whether the phase differs from the one before at one of the states ahead."""
     for state in ahead:
         phase.slip = dict(before.slip)
-        phase.held = decided(rows, acting(phase), phase, state)
+        phase.held = decided(rows, bounds, acting(phase), phase, state)
         if sorted(phase.held) != sorted(before.held):
             return True
     return False

@@ -77,11 +77,12 @@ def admissible(mechanism: Mechanism, q: Array, v: Array, seen: Seen | None) -> t
     nv = mechanism.nv
     if not mechanism.nc:
         return np.eye(nv), np.zeros(nv)
-    K = mechanism.scaled(mechanism.K(q))
-    k = mechanism.k(q, v) / mechanism.row_scale
-    inside = np.concatenate([cluster.iv for cluster in mechanism.clusters])
-    free = np.setdiff1d(np.arange(nv), inside)
-    columns, p = [np.eye(nv)[:, free]], np.zeros(nv)
+    tree, implicit = mechanism.tree, mechanism.implicit
+    tree.jacobians(q)
+    K = mechanism.scaled(implicit.jacobian())
+    tree.rnea(q, v, tree.zero)
+    k = implicit.bias() / mechanism.row_scale
+    columns, p = [mechanism.memo.once("columns of free joints", lambda: _free(mechanism))], np.zeros(nv)
     for cluster in mechanism.clusters:
         iv, rank = cluster.iv, len(cluster.iv) - cluster.m
         scale = mechanism.column_scale[iv]
@@ -109,6 +110,12 @@ def admissible(mechanism: Mechanism, q: Array, v: Array, seen: Seen | None) -> t
             )  # fmt: skip
         columns.append(own)
     return np.hstack(columns), p
+
+
+def _free(mechanism: Mechanism) -> Array:
+    """Unit velocities of joints in no loop, (nv, n)."""
+    inside = np.concatenate([cluster.iv for cluster in mechanism.clusters])
+    return np.asarray(np.delete(np.eye(mechanism.nv), inside, axis=1))
 
 
 def _triangular(L: Array, rhs: Array, transposed: int = 0) -> Array:

@@ -41,6 +41,10 @@ class Block:
         Of that, since the first of them, J.
     held : ndarray (N, n)
         Forces of the rows that are held.
+    bounds : ndarray (N, n)
+        F of each row.
+    heat : ndarray (N,)
+        What friction that is a share of reactions dissipates since the first of them, J.
     """
 
     t: Array
@@ -50,12 +54,14 @@ class Block:
     tau: Array
     work: Array
     held: Array
+    bounds: Array
+    heat: Array
 
     @classmethod
-    def of(cls, steps: Steps, held: Array) -> Block:
+    def of(cls, steps: Steps, held: Array, bounds: Array, heat: Array) -> Block:
         """Ends of steps."""
         work = steps.work - steps.work[0]
-        return cls(steps.t, steps.q, steps.v, steps.a, steps.tau, work, held)
+        return cls(steps.t, steps.q, steps.v, steps.a, steps.tau, work, held, bounds, heat)
 
     def first(self, n: int) -> Block:
         """The first n rows."""
@@ -67,7 +73,8 @@ class Block:
             return self
         at = [k + 1 for k, _ in inner]
         more = {f.name: [getattr(part, f.name)[-1] for _, part in inner] for f in fields(Block)}
-        more["work"] = [self.work[k] + part.work[-1] for k, part in inner]
+        for name in ("work", "heat"):
+            more[name] = [getattr(self, name)[k] + getattr(part, name)[-1] for k, part in inner]
         parts = {name: np.insert(getattr(self, name), at, rows, axis=0) for name, rows in more.items()}
         return Block(**parts)
 
@@ -133,7 +140,7 @@ class Joined:
 
         Work and losses go on from the last block's end.
         """
-        forces = block.held + phase.push(self.rows, block.q, block.v)
+        forces = block.held + phase.push(self.rows, block.q, block.v, block.bounds)
         smooth = self._smooth + self._lost(block, phase)
         work = self._work + block.work
         self._work, self._smooth = float(work[-1]), float(smooth[-1])
@@ -167,10 +174,13 @@ class Joined:
 
         ∫ F |ṙ| dt is F |Δr|; ∫ k d δ δ̇² dt of dampers by the trapezoidal rule with end corrections.
         """
-        rows, total = self.rows, np.zeros(len(block.t))
+        rows, total = self.rows, block.heat.copy()
+        if not (phase.slip or phase.touching):
+            return total
         r = rows.values(block.q)
         for i, sign in phase.slip.items():
-            total += rows.bounds[i] * sign * (r[:, i] - r[0, i])
+            if not rows.rows[i].coefficient:  # else in the heat
+                total += rows.bounds[i] * sign * (r[:, i] - r[0, i])
         h = np.diff(block.t)
         for i in phase.touching:
             part, side = rows.rows[i].part, rows.side[i]

@@ -8,6 +8,7 @@ only in coordinates that include it, which may turn back while the phase lasts.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -17,19 +18,26 @@ from numpy.typing import ArrayLike
 from ...dynamics.control import Actuated
 from ...dynamics.equations import Torque, torque_function
 from ...dynamics.held import HeldTorque
-from ...errors import PartitionError, SingularStartError
+from ...errors import OptionError, SingularStartError
 from ...kernel.guard import Guard
 from ...kernel.library import Library
+from ...mechanism.couplings import MovingCoupling
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ..events import Events
 from ..powered import controls_along
+from .bearings import FrictionBounds
 from .decision import Acting, Phase, State
 from .leg import Leg, Steps
-from .rows import Kind, Rows
+from .rows import Rows
+from .sliding import Sliding
 
 if TYPE_CHECKING:
     from ..course import Course
+
+
+Held = tuple[tuple[MovingCoupling, ...], Mechanism]
+"""A mechanism in which rows are held, and its closures for these."""
 
 
 @dataclass
@@ -60,9 +68,14 @@ class Machines:
     def __post_init__(self) -> None:
         self.held = self.torque if isinstance(self.torque, HeldTorque) else None
         self._function = torque_function(self.rows.mechanism, self.torque)
-        self._names: dict[tuple[int, ...], tuple[str, ...]] = {}
-        self._once: dict[tuple[object, ...], Mechanism] = {}
+        self._held: dict[tuple[int, ...], Held] = {}
         self.checked = True
+        self.bounds = FrictionBounds(self.rows, self.course.acted.wrenches, self.driven)
+        if self.held is not None and self.bounds.vary:
+            raise OptionError(
+                "JointFriction(coefficient=) does not go with torques that are held over steps, as hold=True "
+                "and a Simulation have them; use simulate without hold, or give its bound"
+            )
 
     def toward(self, v: Array) -> Array:
         """Where a start with the velocity v goes: along v, or along the one tangent that was named."""
@@ -78,6 +91,8 @@ class Machines:
     def driven(self, t: Array, q: Array, v: Array) -> Array:
         """u of the actuators at outputs, (N, n), NaN without power."""
         n = len(self.rows.mechanism.actuators)
+        if not n:
+            return np.zeros((len(t), 0))
         if self.held is not None and self.held.powered is not None:
             return np.array([self.held.u(when) for when in t.tolist()]).reshape(len(t), n)
         found = controls_along(self.torque, t, q, v)
@@ -90,61 +105,78 @@ class Machines:
             return None
         if not phase.basis:
             return mechanism
-        extra = tuple(self.rows.rows[i].closure(phase.offsets[i]) for i in phase.basis)
-
-        def made() -> Mechanism:
-            model, closures = mechanism.own_model, (*mechanism.closures, *extra)
-            place, basis, driven = (
-                (here, mechanism.name, mechanism.forces),
-                tuple(phase.basis),
-                mechanism.actuators,
-            )
-            try:  # those that served before, as to find the best ones takes half of the time
-                names = self._names.get(basis, "auto")
-                return Mechanism(model, closures, names, *place, actuators=driven)
-            except PartitionError:
-                return Mechanism(model, closures, "auto", *place, actuators=driven)
-
-        lasting = all(
-            self.rows.rows[i].kind is Kind.STOP and phase.offsets[i] == self.rows.at[i] for i in phase.basis
-        )
-        found: Mechanism
-        if lasting:  # few of them; joints may stick anywhere
-            found = mechanism.memo.once(("phase", extra), made)
-        else:
-            found = self._once.get(extra) or made()
-            self._once = {extra: found}
-        self._names[tuple(phase.basis)] = found.independent
+        basis = tuple(phase.basis)
+        if basis not in self._held:
+            pool = self._pool(basis)
+            self._held[basis] = pool.pop() if pool else self._made(basis, here)
+        closures, found = self._held[basis]
+        for i, closure in zip(basis, closures, strict=True):
+            closure.move(phase.offsets[i])
+        found.home = here
         return found
+
+    def _pool(self, basis: tuple[int, ...]) -> list[Held]:
+        """Mechanisms that hold these rows, and that no run uses."""
+        rows = tuple([(self.rows.rows[i].part.joints, self.rows.rows[i].part.weights) for i in basis])
+        pool: list[Held] = self.rows.mechanism.memo.once(("held", rows), list)
+        return pool
+
+    def _made(self, basis: tuple[int, ...], here: Array) -> Held:
+        mechanism = self.rows.mechanism
+        closures = tuple([self.rows.rows[i].closure() for i in basis])
+        values = self.rows.values(here)
+        for i, closure in zip(basis, closures, strict=True):
+            closure.move(float(values[i]))
+        ties = (*mechanism.closures, *closures)
+        place, driven = (here, mechanism.name, mechanism.forces), mechanism.actuators
+        return closures, Mechanism(mechanism.own_model, ties, "auto", *place, actuators=driven)
+
+    def release(self) -> None:
+        """Leave what was built to other runs; no more steps are taken."""
+        for basis, held in self._held.items():
+            self._pool(basis).append(held)
+        self._held = {}
 
     def acting(self, phase: Phase) -> Acting:
         """All that acts besides gravity and what is held, (t, q, v) -> (nv,)."""
         applied, rows = self.rows.mechanism.applied, self.rows
 
-        def tau(t: float, q: Array, v: Array) -> Array:
-            total: Array = rows.E.T @ phase.push(rows, q, v)
+        def tau(t: float, q: Array, v: Array, bounds: Array) -> Array:
+            total: Array = rows.E.T @ phase.push(rows, q, v, bounds)
             if applied is not None:
                 total = total + applied.tau(q, v)
             return total if self._function is None else total + self._function(t, q, v)
 
         return tau
 
-    def torque_of(self, phase: Phase, span: tuple[float, float] | None = None) -> Torque | ArrayLike | None:
+    def sliding(self, phase: Phase, machine: Mechanism) -> Callable[[float, Array, Array], Array]:
+        """F of each row at a state (t, q, v) of a phase."""
+        if self.bounds.sliding(phase):
+            return Sliding(self.bounds, machine, self.rows, phase, self.acting(phase))
+        constant = self.bounds.constant
+        return lambda t, q, v: constant
+
+    def torque_of(
+        self, phase: Phase, machine: Mechanism, span: tuple[float, float] | None = None
+    ) -> Torque | ArrayLike | None:
         """The user's torque with what slipping joints and springs add, as cheap as it can be.
 
         Parameters
         ----------
+        machine : Mechanism
+            Of the phase.
         span : (float, float), optional
             The step that it is held over, s, where activations change within it.
         """
         rows, function, held = self.rows, self._function, self.held
-        if phase.touching:
+        if phase.touching or self.bounds.sliding(phase):
+            bounds = self.sliding(phase, machine)
 
-            def sprung(t: float, q: Array, v: Array) -> Array:
-                pushed: Array = rows.E.T @ phase.push(rows, q, v)
+            def pushing(t: float, q: Array, v: Array) -> Array:
+                pushed: Array = rows.E.T @ phase.push(rows, q, v, bounds(t, q, v))
                 return pushed if function is None else pushed + function(t, q, v)
 
-            return sprung
+            return pushing
         if held is not None:
             return held.spanning(span, self.constant(phase))
         if not phase.slip:
@@ -161,7 +193,7 @@ class Machines:
         """What slipping joints add, (nv,)."""
         rows = self.rows
         zero = np.zeros(rows.mechanism.nq), np.zeros(rows.mechanism.nv)
-        pushed: Array = rows.E.T @ phase.push(rows, *zero)
+        pushed: Array = rows.E.T @ phase.push(rows, *zero, rows.bounds)
         return pushed
 
     def leg(
@@ -181,7 +213,7 @@ class Machines:
         """
         asked: Any = () if events is None else events
         plan = replace(self.course, mechanism=machine, checked=self.checked, events=asked, guard=guard)
-        torque = self.torque_of(phase, (float(times[0]), float(times[1])))
+        torque = self.torque_of(phase, machine, (float(times[0]), float(times[1])))
         try:
             leg = Leg(self, plan, torque, times, (q, v, None))
         except SingularStartError:

@@ -30,7 +30,7 @@ FIRST = 8
 KNOWN = 8
 """Phases whose looks are kept."""
 
-SAVED = ("_t", "_q", "_v", "_seen", "_fresh", "_machine", "_size", "_sums", "_armed", "ended")
+SAVED = ("_t", "_q", "_v", "_seen", "_fresh", "_size", "_sums", "_armed", "ended")
 """What steps change, besides the phase and the record."""
 
 
@@ -119,7 +119,7 @@ class Progress:
 
     def _keep(self, steps: Steps, held: Array) -> None:
         """Outputs of steps without an event, and of those asked for within."""
-        block, inner = Block.of(steps, held), list[tuple[int, Block]]()
+        block, inner = self._stretch.block(steps, held), list[tuple[int, Block]]()
         for k in range(len(steps.t) - 1 if self.joined.chosen.times is not None else 0):
             state = State(float(steps.t[k]), steps.q[k], steps.v[k], self._seen)
             inner += [(k, part) for part in self._within(state, float(steps.t[k + 1]), held[k])]
@@ -131,7 +131,7 @@ class Progress:
         """Outputs asked for between a state and a time, each by a partial step."""
         for t in self.joined.chosen.between(state.t, end).tolist():
             part = self._stretch.part(state, t)
-            yield Block.of(part, np.array([held, self._stretch.forces(part, -1)]))
+            yield self._stretch.block(part, np.array([held, self._stretch.forces(part, -1)]))
 
     @property
     def last(self) -> dict[str, Array]:
@@ -215,7 +215,8 @@ class Progress:
         self._events = parts["events"].copied()
         if self._machines.held is not None:
             self._machines.held.value = parts["torque"]
-        if self._machine is not None and not self._fresh:
+        self._machine = None if self._fresh else self._machines.of(self._phase, self._q)
+        if self._machine is not None:
             self._stretch = self._looked_at(self._machine)
 
     def _looked_at(self, machine: Mechanism) -> Stretch:

@@ -74,15 +74,16 @@ def rested(machines: Machines, phase: Phase, start: State, times: Array) -> Rest
         Outputs, from the start on.
     """
     q, zero = start.q, np.zeros_like(start.v)
-    holding, acting = Holding(machines.rows, phase), machines.acting(phase)
+    holding, acting = Holding(machines.rows, phase, machines.bounds), machines.acting(phase)
+    constant = machines.bounds.constant  # what slips is at rest too, and none
     still = Seen(zero, zero, start.seen.toward)
 
     def forces(t: float) -> tuple[Array, Array, float]:
-        tau = acting(t, q, zero)
-        return (tau, *holding.forces(q, zero, zero, tau, still))
+        tau = acting(t, q, zero, constant)
+        return (tau, *holding.forces(t, q, zero, zero, tau, still))
 
     def margin(t: float) -> float:
-        return holding.margin(q, zero, zero, acting(t, q, zero), still)
+        return holding.margin(t, q, zero, zero, acting(t, q, zero, constant), still)
 
     broken: float | None = None
     fault: SimulationError | None = None
@@ -104,6 +105,7 @@ def rested(machines: Machines, phase: Phase, start: State, times: Array) -> Rest
         if t_kept[-1] <= t_kept[-2]:
             n -= 1
     taus, held, _ = (np.array(part) for part in zip(*found[:n], strict=True))
-    flat = np.zeros((n, len(zero)))
-    block = Block(t_kept[:n], np.tile(q, (n, 1)), flat, flat, taus, np.zeros(n), held)
+    flat, none = np.zeros((n, len(zero))), np.zeros(n)
+    bounds = np.tile(constant, (n, 1))
+    block = Block(t_kept[:n], np.tile(q, (n, 1)), flat, flat, taus, none, held, bounds, none)
     return Rested(block, float(times[-1]) if broken is None else broken, broken is not None, still, fault)

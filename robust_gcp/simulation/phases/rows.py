@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import StateError
-from ...mechanism.couplings import CouplingClosure
+from ...mechanism.couplings import MovingCoupling
 from ...mechanism.joints import single_joint
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.parts import JointFriction, Lock, Part, Stop
@@ -60,16 +60,26 @@ class Row:
 
     @property
     def bound(self) -> float:
-        """Largest force of dry friction."""
+        """Largest force of dry friction, but for its share of a reaction."""
         return self.part.bound if isinstance(self.part, JointFriction) else np.inf
 
-    def closure(self, value: float) -> CouplingClosure:
-        """r = value as a closure."""
+    @property
+    def coefficient(self) -> float:
+        """Share of the reaction that counts as dry friction."""
+        return (self.part.coefficient or 0.0) if isinstance(self.part, JointFriction) else 0.0
+
+    @property
+    def rubs(self) -> bool:
+        """Whether it has dry friction."""
+        return self.kind is Kind.FRICTION and (self.bound > 0.0 or self.coefficient > 0.0)
+
+    def closure(self) -> MovingCoupling:
+        """r = r* as a closure, r* yet to be told."""
         part = self.part
         second, ratio, more = part.other, part.ratio, tuple(part.more)
         if second is None and more:
             (second, ratio), more = more[0], more[1:]
-        return CouplingClosure(part.joint, second, ratio, value, (), more)
+        return MovingCoupling(part.joint, second, ratio, 0.0, (), more)
 
 
 class Rows:
@@ -100,6 +110,7 @@ class Rows:
         for part, name in zip(parts, names, strict=True):
             self.rows += _rows_of(part, name)
         n = len(self.rows)
+        self._of = {kind: [i for i, row in enumerate(self.rows) if row.kind is kind] for kind in Kind}
         self.places: list[tuple[tuple[int, ...], tuple[int, ...], tuple[float, ...]]] = []
         self.E, self._in_q = np.zeros((n, mechanism.nv)), np.zeros((n, mechanism.nq))
         for i, row in enumerate(self.rows):
@@ -115,6 +126,7 @@ class Rows:
         self.at = np.array([row.at for row in self.rows])
         self.side = np.array([row.side for row in self.rows])
         self.bounds = np.array([row.bound for row in self.rows])
+        self.rubs = np.array([row.rubs for row in self.rows], dtype=bool)
         self.columns = tuple(dict.fromkeys(row.column for row in self.rows))
 
     @property
@@ -126,7 +138,7 @@ class Rows:
 
     def of(self, kind: Kind) -> list[int]:
         """The rows of a kind."""
-        return [i for i, row in enumerate(self.rows) if row.kind is kind]
+        return self._of[kind]
 
     def values(self, q: Array) -> Array:
         """r, (..., n) for q (..., nq), rad or m."""

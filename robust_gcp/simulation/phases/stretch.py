@@ -10,6 +10,7 @@ from ...mechanism.tree import Array
 from ..events import Events
 from .decision import Phase, State
 from .frame import Seen
+from .joined import Block
 from .leg import Steps
 from .machine import Machines
 from .partial import Partial
@@ -21,6 +22,9 @@ SHALLOW = 1e-6
 
 MANY = 4
 """Ends of steps from which on forces are found all at once."""
+
+ROUGHLY = 1e-4
+"""Share of a step to which a break is found on the interpolated motion, which errs by more."""
 
 CORRECTIONS = 5
 """Partial steps to an event: one or two do."""
@@ -40,9 +44,11 @@ class Stretch:
     def __init__(self, machines: Machines, machine: Mechanism, phase: Phase) -> None:
         self._machines, self._machine, self._phase = machines, machine, phase
         self._size, self._within = len(machines.rows.rows), not machines.course.schedule.plain
-        self._signals, self._holding = Signals(machines.rows, phase), Holding(machines.rows, phase)
+        self._signals = Signals(machines.rows, phase)
+        self._holding = Holding(machines.rows, phase, machines.bounds)
+        self._bounds, self._acting = machines.sliding(phase, machine), machines.acting(phase)
         self.guard = self._signals.guard()
-        self._partial = Partial(machines, machine, machines.torque_of(phase))
+        self._partial = Partial(machines, machine, machines.torque_of(phase, machine))
 
     # ----------------------------------------------------------------- which event comes first
 
@@ -84,7 +90,7 @@ class Stretch:
             return held, margins
         quick = holding.along(self._machine, steps) if steps.regular and len(steps.t) > MANY else None
         for k in range(len(steps.t)) if quick is None else ():
-            held[k], margins[k] = holding.forces(steps.q[k], steps.v[k], steps.a[k], steps.tau[k])
+            held[k], margins[k] = holding.forces(steps.t[k], steps.q[k], steps.v[k], steps.a[k], steps.tau[k])
             if k and holding.limited and margins[k] < 0.0:
                 break
         if quick is not None:
@@ -95,7 +101,23 @@ class Stretch:
         """Of what is held, at the end of a step, (n,)."""
         if not self._holding:
             return np.zeros(self._size)
-        return self._holding.forces(steps.q[k], steps.v[k], steps.a[k], steps.tau[k])[0]
+        return self._holding.forces(steps.t[k], steps.q[k], steps.v[k], steps.a[k], steps.tau[k])[0]
+
+    def block(self, steps: Steps, held: Array) -> Block:
+        """Ends of steps for the record, with the forces (N, n) of what is held."""
+        bounds, rows, n = self._machines.bounds, self._machines.rows, len(steps.t)
+        sliding = bounds.sliding(self._phase)
+        if not sliding:
+            return Block.of(steps, held, bounds.constant[None].repeat(n, axis=0), np.zeros(n))
+        E = np.array([self._phase.slip[i] * rows.E[i] for i in sliding])
+        F = bounds(steps.t, steps.q, steps.v, steps.a, steps.tau + held @ rows.E)
+        power = np.einsum("nk,nk->n", F[:, sliding], steps.v @ E.T)
+        h, heat, within = np.diff(steps.t), np.zeros(n), steps.t[:-1] + 0.5 * np.diff(steps.t)
+        for k, t in enumerate(within.tolist()):  # Simpson's rule
+            q, v, _ = steps.at(t)
+            middle = float(self._bounds(t, q, v)[sliding] @ (E @ v))
+            heat[k + 1] = heat[k] + h[k] / 6.0 * (power[k] + 4.0 * middle + power[k + 1])
+        return Block.of(steps, held, F, heat)
 
     def _is_reached(self, steps: Steps, found: Found, seen: Seen) -> bool:
         """Whether a stop is met, where the interpolant would go beyond it by little more than it errs."""
@@ -115,11 +137,11 @@ class Stretch:
 
         if margin(0.0) <= 0.0:
             return 0.0
-        return 1.0 if margin(1.0) >= 0.0 else float(brentq(margin, 0.0, 1.0, xtol=1e-13))
+        return 1.0 if margin(1.0) >= 0.0 else float(brentq(margin, 0.0, 1.0, xtol=ROUGHLY))
 
     def _margin(self, steps: Steps, t: float) -> float:
         q, v, a = steps.at(t)
-        return self._holding.margin(q, v, a, self._machines.acting(self._phase)(t, q, v))
+        return self._holding.margin(t, q, v, a, self._acting(t, q, v, self._bounds(t, q, v)))
 
     # ----------------------------------------------------------------- where it is
 
@@ -145,7 +167,8 @@ class Stretch:
             if x * h < max(1e-15, 4.0 * np.spacing(abs(begin))):
                 return None
             part = self._from(steps, k, seen, begin + x * h)
-            value, slope = self._value(part, found, h)
+            value, slope = self._value(part, found, h, before is None)
+            slope = slope if before is None or found.row >= 0 else (value - before[1]) / (x - before[0])
             exact = max(1e-14, -slope * float(np.spacing(abs(begin) + h)) / h)
             if abs(value) <= exact or slope >= 0.0 or abs(value) > -1e-3 * slope:
                 break
@@ -161,13 +184,18 @@ class Stretch:
         start = _state(steps, k, seen)
         return self._machines.part(self._machine, self._phase, start, end, events)
 
-    def _value(self, part: Steps, found: Found, h: float) -> tuple[float, float]:
-        """The event's function at the end of a partial step, and its slope by a share of the step h."""
+    def _value(self, part: Steps, found: Found, h: float, sloping: bool) -> tuple[float, float]:
+        """The event's function at the end of a partial step, and its slope by a share of the step h.
+
+        That of a margin is a difference, and 0 where it is not asked for.
+        """
         q, v, a = part.q[-1], part.v[-1], part.a[-1]
         if found.row >= 0:
             value, rate = self._signals.at(found.row, q, v, a)
             return value, rate * h
-        value = self._holding.margin(q, v, a, part.tau[-1])
+        value = self._holding.margin(float(part.t[-1]), q, v, a, part.tau[-1])
+        if not sloping:
+            return value, 0.0
         dt = min(1e-3 * h, 0.5 * float(part.t[-1] - part.t[0]))
         return value, (value - self._margin(part, float(part.t[-1]) - dt)) / dt * h
 

@@ -7,16 +7,21 @@ a partial step.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
+from ...errors import SimulationError
 from ...kernel.guard import Bounds, Guard
 from ...kernel.measures import reactions
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ..crossings import quintic
+from .bearings import ALIKE as SAME
+from .bearings import MOST, REMEDY, FrictionBounds
 from .box import Load
 from .decision import Phase, resting
 from .frame import UNMOVED, Seen, admissible
@@ -26,6 +31,9 @@ from .rows import Kind, Rows
 BELOW = 1e-13
 """m, rad, or per second: how far a function has to fall below 0 after a root for an event."""
 
+
+MOST_NEWTON = 60
+"""Halvings of a step with Newton's method, until nothing is left of it."""
 
 ALIKE = 1e-7
 """Relative difference of forces that two ways to find them may have on regular ground."""
@@ -138,10 +146,11 @@ class Holding:
     ----------
     rows : Rows
     phase : Phase
+    bounds : FrictionBounds
     """
 
-    def __init__(self, rows: Rows, phase: Phase) -> None:
-        self._rows, self._held, self._rank = rows, phase.held, len(phase.basis)
+    def __init__(self, rows: Rows, phase: Phase, bounds: FrictionBounds) -> None:
+        self._rows, self._held, self._rank, self._bounds = rows, phase.held, len(phase.basis), bounds
         self._E = rows.side[self._held][:, None] * rows.E[self._held]
         kinds = [rows.rows[i].kind for i in self._held]
         self._pushes = np.array([kind is Kind.STOP for kind in kinds], dtype=bool)
@@ -164,34 +173,49 @@ class Holding:
             return None
         f = found[:, -len(held) :]
         for k in (0, n - 1):
-            own = self.forces(steps.q[k], steps.v[k], steps.a[k], steps.tau[k])[0][held]
+            own = self.forces(steps.t[k], steps.q[k], steps.v[k], steps.a[k], steps.tau[k])[0][held]
             if not np.abs(f[k] - own).max() <= ALIKE * (1.0 + np.abs(own).max()):
                 return None
         forces, dry = np.zeros((n, len(self._rows.rows))), np.isfinite(self._rows.bounds[held])
         forces[:, held] = f
-        bounds = np.where(dry, self._rows.bounds[held], 1.0)
+        all_of_it = steps.tau + forces @ self._rows.E
+        bounds = self._bounds(steps.t, steps.q, steps.v, steps.a, all_of_it)[:, held]
+        bounds = np.where(dry, bounds, 1.0)
         limits = np.where(self._pushes, self._rows.side[held] * f, np.inf)
         limits = np.where(dry, 1.0 - np.abs(f) / bounds, limits)
         return forces, limits.min(axis=1, initial=np.inf)
 
-    def _load(self, q: Array, v: Array, a: Array, tau: Array, seen: Seen) -> tuple[Load, Array]:
+    def _load(self, t: float, q: Array, v: Array, a: Array, tau: Array, seen: Seen) -> tuple[Load, Array]:
         mechanism = self._rows.mechanism
         N, _ = admissible(mechanism, q, v, seen)
         A = self._E @ N
         A[np.linalg.norm(A, axis=1) <= UNMOVED * np.linalg.norm(N)] = 0.0
         need = N.T @ (mechanism.tree.rnea(q, v, a) - tau)
-        return Load(A, self._rank, self._rows.bounds[self._held], self._pushes), need
+        F = self._bounds.constant[self._held]
+        if not self._bounds.vary:
+            return Load(A, self._rank, F, self._pushes), need
+        dry, F = np.isfinite(F), np.maximum(F, 1.0)
+        for _ in range(MOST):  # rows that depend on each other share the load by their F
+            load, before = Load(A, self._rank, F, self._pushes), F
+            F = self._bounds.at(t, q, v, a, tau + load.forces(need)[0] @ self._E)[self._held]
+            if np.abs(F[dry] - before[dry]).max(initial=0.0) <= SAME * F[dry].max(initial=0.0):
+                return load, need
+        raise SimulationError(
+            f"JointFriction(coefficient=): at t = {t:.6g} s the friction of "
+            f"{', '.join(self._rows.names(self._held))}, which stick, is not determined (Painlevé's "
+            f"paradox); {REMEDY}"
+        )
 
-    def margin(self, q: Array, v: Array, a: Array, tau: Array, seen: Seen | None = None) -> float:
+    def margin(self, t: float, q: Array, v: Array, a: Array, tau: Array, seen: Seen | None = None) -> float:
         """By how much what is held is held; negative where it breaks."""
-        load, need = self._load(q, v, a, tau, Seen.of(v, a) if seen is None else seen)
+        load, need = self._load(t, q, v, a, tau, Seen.of(v, a) if seen is None else seen)
         return load.margin(need)
 
     def forces(
-        self, q: Array, v: Array, a: Array, tau: Array, seen: Seen | None = None
+        self, t: float, q: Array, v: Array, a: Array, tau: Array, seen: Seen | None = None
     ) -> tuple[Array, float]:
         """f (n,) of all rows, and the sign of the margin."""
-        load, need = self._load(q, v, a, tau, Seen.of(v, a) if seen is None else seen)
+        load, need = self._load(t, q, v, a, tau, Seen.of(v, a) if seen is None else seen)
         f, margin = load.forces(need)
         all_rows = np.zeros(len(self._rows.rows))
         all_rows[self._held] = self._rows.side[self._held] * f
@@ -200,6 +224,11 @@ class Holding:
 
 def falling_root(p: Array, tiny: float) -> tuple[float, float, float] | None:
     """The first x in [0, 1] where p falls through 0 to below −tiny; where it is lowest then, how deep."""
+    if _bernstein(p).min() >= -tiny:
+        return None
+    once = _steady_fall(p, tiny)
+    if once is not None:
+        return once
     real = _real_roots(p)
     slope = np.polyder(p)
     for x in real[(real > -1e-9) & (real <= 1.0 + 1e-9)]:
@@ -212,6 +241,37 @@ def falling_root(p: Array, tiny: float) -> tuple[float, float, float] | None:
         k = int(np.argmin(values))
         if values[k] < -tiny:
             return float(np.clip(x, 0.0, 1.0)), float(after[k]), -float(values[k])
+    return None
+
+
+@cache
+def _to_bernstein(n: int) -> Array:
+    return np.array([[math.comb(i, j) / math.comb(n, j) for j in range(n, -1, -1)] for i in range(n + 1)])
+
+
+def _bernstein(p: Array) -> Array:
+    """Bernstein coefficients on [0, 1], between which the polynomial's values lie."""
+    return np.asarray(_to_bernstein(len(p) - 1) @ p)
+
+
+def _steady_fall(p: Array, tiny: float) -> tuple[float, float, float] | None:
+    """The same where p rises at first, if at all, and then falls from above 0 to below −tiny: by Newton.
+
+    So it is where a stop is met, and where one bounces within a step.
+    """
+    falls = _bernstein(np.polyder(p)) < 0.0
+    if p[-1] < -tiny or p.sum() >= -tiny or not falls[int(falls.argmax()) :].all() or not falls[-1]:
+        return None
+    coefficients, x, low, high = p.tolist(), 1.0, 0.0, 1.0
+    for _ in range(MOST_NEWTON):
+        value = rate = 0.0
+        for c in coefficients:
+            value, rate = value * x + c, rate * x + value
+        low, high = (x, high) if value > 0.0 else (low, x)
+        then = x - value / rate if rate < 0.0 else low
+        before, x = x, then if low < then < high else 0.5 * (low + high)
+        if abs(x - before) <= 4e-16:
+            return x, 1.0, -float(p.sum())
     return None
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from ...dynamics.held import HeldTorque
 from ...errors import OptionError, SimulationError
 from ...maps.start_check import checked_state, require_freedom
-from ...mechanism.parts import parts_given
+from ...mechanism.parts import Part
 from ..coarse import Coarse
 from .chosen import Chosen
 from .course import Phases
@@ -22,8 +23,8 @@ if TYPE_CHECKING:
 
 
 def run_phases(
-    course: Course, parts: Any, start: tuple[Any, Any, Any], torque: Any, kernel: Any, required: bool,
-    report: Progress,
+    course: Course, parts: Sequence[Part], start: tuple[Any, Any, Any], torque: Any, kernel: Any,
+    required: bool, report: Progress,
 ) -> Trajectory:  # fmt: skip
     """A run of `simulate` with `joints=`.
 
@@ -41,7 +42,7 @@ def run_phases(
     OptionError, ModelError, StateError, SimulationError
     """
     begun, mechanism, schedule = time.perf_counter(), course.mechanism, course.schedule
-    rows = Rows(mechanism, parts_given(parts))
+    rows = Rows(mechanism, parts)
     q0, v0, mode = start
     require_freedom(mechanism)
     state = checked_state(mechanism, mechanism.home if q0 is None else q0, v0)
@@ -58,10 +59,12 @@ def run_phases(
 
     try:
         _go(phases, grid, torque)
+        run = joined()
     except SimulationError as error:
         error.trajectory = joined()
         raise
-    run = joined()
+    finally:
+        machines.release()
     run.passed = phases.passed
     Coarse(mechanism, course.step).judge(run)
     return run
