@@ -10,7 +10,7 @@ import pinocchio as pin
 from ..checks import hint, listed, shown
 from ..errors import OptionError
 from ..mechanism.forces import JointDamper, JointSpring
-from ..mechanism.joints import in_v
+from ..mechanism.joints import OF_MOMENTS, in_v
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .derivatives import Derivatives
@@ -110,8 +110,8 @@ class Parameters:
 
 
 def _six(moments: Array) -> Array:
-    """Ixx, Ixy, Iyy, Ixz, Iyz and Izz of a matrix."""
-    return np.array([moments[i, j] for i, j in ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))])
+    """Second moments of their matrix."""
+    return np.array([moments[at] for at in OF_MOMENTS])
 
 
 def _weight(mechanism: Mechanism, q: Array, axis: int) -> Array:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..maps.meeting_points import moved
 from ..mechanism.closures import closure_frames
 from ..mechanism.couplings import CouplingClosure, Couplings
+from ..mechanism.joints import OF_MOMENTS, Joint
 from ..mechanism.loops import ClosedLoops
 from ..mechanism.rows import ROTATION, Row, rows_of
 from ..mechanism.tree import Array
@@ -73,7 +74,7 @@ def tree_arrays(mechanism: ClosedLoops, arrays: Arrays) -> list[Array]:
     for joint in mechanism.joints:
         if not joint.in_kernel:
             raise NotNativeError(f"joint {joint.name!r} is of type {joint.type}")
-        j, turn = joint.index, np.eye(3) if joint.axis is None else _with_z_along(joint.axis)
+        j, turn = joint.index, turn_to_axis(joint)
         before = turns[model.parents[j]]
         place, body = model.jointPlacements[j], model.inertias[j]
         kinds.append(joint.kind)
@@ -82,12 +83,17 @@ def tree_arrays(mechanism: ClosedLoops, arrays: Arrays) -> list[Array]:
         placements.append(np.concatenate([rotation.ravel(), before.T @ place.translation]))
         about = turn.T @ body.inertia @ turn
         inertias.append(
-            np.concatenate([[body.mass], turn.T @ body.lever, about[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]])
+            np.concatenate([[body.mass], turn.T @ body.lever, about[tuple(zip(*OF_MOMENTS, strict=True))]])
         )
     arrays.integers(parent=list(model.parents)[1:], kind=kinds)
     arrays.reals(placement=placements, inertia=inertias, armature=model.armature)
     arrays.reals(gravity=model.gravity.linear, ground=mechanism.standpoint)
     return turns
+
+
+def turn_to_axis(joint: Joint) -> Array:
+    """The rotation by which a joint's frame is turned so that its z is the axis, (3, 3)."""
+    return np.eye(3) if joint.axis is None else _with_z_along(joint.axis)
 
 
 def _with_z_along(axis: Array) -> Array:

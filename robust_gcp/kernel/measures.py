@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from ..mechanism.joints import OF_MOMENTS
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .description import describe_all
 from .library import Library, library
-from .loop_arrays import NotNativeError
+from .loop_arrays import NotNativeError, turn_to_axis
 from .structures import address
 
 
@@ -82,7 +83,22 @@ def weighed(mechanism: Mechanism, q: Array, v: Array, a: Array, weights: Array) 
     rows = [np.ascontiguousarray(part) for part in (q, v, a, weights)]
     sums = np.zeros(10 * len(mechanism.joints) + 3)
     found.weigh(structure, len(q), *map(address, (*rows, sums)))
-    return sums[:-3].reshape(-1, 10), sums[-3:]
+    turns = np.array([turn_to_axis(joint) for joint in mechanism.joints])
+    return _in_own_frames(turns, sums[:-3].reshape(-1, 10)), sums[-3:]
+
+
+def _in_own_frames(turns: Array, sums: Array) -> Array:
+    """The sums by π in the joints' own frames, (joints, 10), of those in frames that are turned."""
+    own = sums.copy()
+    own[:, 1:4] = np.einsum("jab,jb->ja", turns, sums[:, 1:4])
+    moments: Array = np.zeros((len(sums), 3, 3))
+    for k, (i, j) in enumerate(OF_MOMENTS, start=4):  # Ixy stands for two entries of the symmetric matrix
+        moments[:, i, j] += 0.5 * sums[:, k]
+        moments[:, j, i] += 0.5 * sums[:, k]
+    moments = turns @ moments @ turns.transpose(0, 2, 1)
+    for k, (i, j) in enumerate(OF_MOMENTS, start=4):
+        own[:, k] = moments[:, i, j] * (1.0 if i == j else 2.0)
+    return own
 
 
 def _described(mechanism: Mechanism) -> tuple[Library, Any] | None:

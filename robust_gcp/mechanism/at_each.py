@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import inspect
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -23,9 +24,12 @@ def at_each(method: Method) -> Method:
     StateError
         As the method, of the first row that it is at fault with, by number; for arrays of other lengths.
     """
+    signature = inspect.signature(method)
 
     @functools.wraps(method)
-    def one_or_many(self: Any, q: Any, *more: Any) -> Array:
+    def one_or_many(self: Any, q: Any, *more: Any, **named: Any) -> Array:
+        if named:
+            more = signature.bind(self, q, *more, **named).args[2:]
         if not is_table(q):
             return method(self, q, *more)
         if any(not is_table(part) or len(part) != len(q) for part in more):

@@ -20,6 +20,9 @@ from ..errors import ModelError
 
 Array = NDArray[np.floating[Any]]
 
+OF_MOMENTS = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
+"""Where second moments stand in their matrix, in Pinocchio's order: Ixx, Ixy, Iyy, Ixz, Iyz, Izz."""
+
 
 class JointKind(IntEnum):
     """Kinds of joints; the kernel knows the first seven by these numbers, see kernel/tree/joints.h."""
