@@ -90,10 +90,13 @@ class Parameters:
         return np.concatenate([[0.0], mass * move, _six(moments)])
 
     def slopes(self, now: Evaluation, found: Derivatives) -> Array:
-        """∂u̇/∂p, (m, parameters): ∂τ/∂p of forces, −Y of inertias, lifted by (Gᵀ M G)⁻¹ Gᵀ."""
-        mechanism, q = self._mechanism, now.point.q
-        v = found.G @ now.point.ydot
-        a = found.G @ now.ydd + now.point.g
+        """∂u̇/∂p, (m, parameters), of a stage: `torques` lifted by (Gᵀ M G)⁻¹ Gᵀ."""
+        G, point = found.G, now.point
+        return found.da_dtau @ self.torques(point.q, G @ point.ydot, G @ now.ydd + point.g)
+
+    def torques(self, q: Array, v: Array, a: Array) -> Array:
+        """∂(τ − M a − C)/∂p at a state and its accelerations, (nv, parameters)."""
+        mechanism = self._mechanism
         moved = np.zeros((mechanism.nv, len(self.names)))
         if self.bodies:
             Y = torque_regressor(mechanism).at(q, v, a)
@@ -106,7 +109,7 @@ class Parameters:
         for i, (what, force) in self.forces:
             at, by = torques_by(mechanism, what, force, q[None], v[None])
             moved[at, i] = by[0]
-        return found.da_dtau @ moved
+        return moved
 
 
 def _six(moments: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from numpy.typing import ArrayLike
 
@@ -10,6 +11,8 @@ from ..checks import check_callable, shown
 from ..dynamics.derivatives import TorqueSlopes
 from ..dynamics.equations import Torque
 from ..errors import OptionError
+from ..mechanism.lengths import Along, in_parts
+from ..mechanism.varied import is_geometry
 from .again import require_steps
 from .cost import Cost, Gradient
 from .reverse_sweep import ReverseSweep
@@ -20,7 +23,7 @@ def gradient(
     trajectory: Trajectory,
     cost: Cost,
     torque: Torque | ArrayLike | None = None,
-    parameters: Sequence[str] = (),
+    parameters: Sequence[str | Along] = (),
     torque_slopes: TorqueSlopes | None = None,
     mode: ArrayLike | None = None,
 ) -> Gradient:
@@ -37,7 +40,8 @@ def gradient(
         remembers: see `Acted`. Wrenches that it remembers are added to a function or constant; of torques
         that were held a function is asked at the beginning of each step.
     parameters : sequence of str
-        See `Parameters`: "q1.m", "q2.Ixx", "q1.stiffness", …
+        See `Parameters`: "q1.m", "q2.Ixx", "q1.stiffness", …; placements of joints and of frames of closures
+        and springs, m and rad: "q3.placement.x", "coupler_tip.placement.rz"; `rg.along(joint, frame)`.
     torque_slopes : callable, optional
         ∂τ/∂q and ∂τ/∂v of a torque that is a function, see `derivatives`.
     mode : array_like, optional
@@ -59,9 +63,18 @@ def gradient(
         raise OptionError(f"gradient: cost = {shown(cost)} is no Cost; give rg.Cost(terminal, running)")
     check_callable("torque_slopes", torque_slopes, "(t, q, v)")
     require_steps(trajectory, mode)
+    parts = in_parts(trajectory.mechanism, parameters)
+    names = list(dict.fromkeys(name for part in parts for name in part))
     if trajectory.dissipated is not None:
         from .phases.pulled import pulled  # loaded where it is used
 
-        found = pulled(trajectory, cost, torque, parameters, torque_slopes, mode)
-        return Gradient(found.value, *found.by_start, found.by_torque, {})
-    return ReverseSweep(trajectory, cost, torque, parameters, torque_slopes, mode).gradient()
+        swept = pulled(trajectory, cost, torque, names, torque_slopes, mode)
+        return Gradient(swept.value, *swept.by_start, swept.by_torque, {})
+    if any(is_geometry(name) for name in names):
+        from .geometry_gradient import by_geometry  # loaded where it is used
+
+        found = by_geometry(trajectory, cost, torque, names, torque_slopes, mode)
+    else:
+        found = ReverseSweep(trajectory, cost, torque, names, torque_slopes, mode).gradient()
+    sums = [sum(weight * found.parameters[name] for name, weight in part.items()) for part in parts]
+    return replace(found, parameters=dict(zip(map(str, parameters), sums, strict=True)))

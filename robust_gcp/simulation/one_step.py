@@ -13,6 +13,7 @@ from ..errors import OptionError
 from ..kernel.derivation import Derivation
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from ..mechanism.varied import still_rows
 from .at_states import AtStates, on_threads
 from .derivatives import answered
 from .differentiated import differentiated
@@ -178,7 +179,7 @@ def _by_reference(
     mechanism, state, torque = states.mechanism, (states.q[i], states.v[i]), states.torque_at(i)
     if after.A is not None and after.B is not None:
         held = None if torque is None else mechanism.velocity(torque, "tau")
-        moved = differentiated(mechanism, state, mode, Acting(held), t, h)
+        moved = differentiated(mechanism, state, mode, Acting(held, held=still_rows(mechanism)), t, h)
         after.q[i], after.v[i], after.A[i], after.B[i] = moved.q, moved.v, moved.A, moved.B
         return
     later = None if not callable(torque) else lambda s, q, v, f=torque: f(t + s, q, v)
