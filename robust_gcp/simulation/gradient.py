@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import overload
 
 from numpy.typing import ArrayLike
 
@@ -15,10 +16,12 @@ from ..mechanism.lengths import Along, in_parts
 from ..mechanism.varied import is_geometry
 from .again import require_steps
 from .cost import Cost, Gradient
+from .many import Runs
 from .reverse_sweep import ReverseSweep
 from .trajectory import Trajectory
 
 
+@overload
 def gradient(
     trajectory: Trajectory,
     cost: Cost,
@@ -26,14 +29,36 @@ def gradient(
     parameters: Sequence[str | Along] = (),
     torque_slopes: TorqueSlopes | None = None,
     mode: ArrayLike | None = None,
-) -> Gradient:
+) -> Gradient: ...
+
+
+@overload
+def gradient(
+    trajectory: Runs,
+    cost: Cost,
+    torque: Torque | ArrayLike | None = None,
+    parameters: Sequence[str | Along] = (),
+    torque_slopes: TorqueSlopes | None = None,
+    mode: ArrayLike | None = None,
+) -> list[Gradient | None]: ...
+
+
+def gradient(
+    trajectory: Trajectory | Runs,
+    cost: Cost,
+    torque: Torque | ArrayLike | None = None,
+    parameters: Sequence[str | Along] = (),
+    torque_slopes: TorqueSlopes | None = None,
+    mode: ArrayLike | None = None,
+) -> Gradient | list[Gradient | None]:
     """Derivatives of a cost by the start, the torques and parameters, exact for the steps that were taken.
 
     Through singular configurations, impacts, holds and releases too. The run has an output at every step.
 
     Parameters
     ----------
-    trajectory : Trajectory
+    trajectory : Trajectory or Runs
+        Of many runs a list comes back: one of each, None where a start did not begin.
     cost : Cost
     torque : callable (t, q, v) -> (nv,), array_like (nv,) or (N, nv), or mapping, optional
         What the run was made with; a table holds a row for each step. When left out, what the trajectory
@@ -57,6 +82,9 @@ def gradient(
         Where a state on the way has no certified derivatives; where the independent joints turn back at the
         start, so that the run took others. NotDifferentiableError as `sensitivity`.
     """
+    if isinstance(trajectory, Runs):
+        others = cost, torque, parameters, torque_slopes, mode
+        return [None if run is None else gradient(run, *others) for run in trajectory]
     if not isinstance(trajectory, Trajectory):
         raise OptionError(f"gradient: {shown(trajectory)} is no Trajectory; give what simulate returns")
     if not isinstance(cost, Cost):

@@ -134,3 +134,52 @@ def test_against_differences_of_runs(name: str, hold: bool, monkeypatch: pytest.
     )
     np.testing.assert_allclose(found.dtau, slow.dtau, rtol=0, atol=1e-9 * np.abs(slow.dtau).max())
     np.testing.assert_allclose(found.dy, slow.dy, rtol=0, atol=1e-9 * np.abs(slow.dy).max())
+
+
+def sprung(name: str = "", by: float = 0.0) -> rg.Mechanism:
+    """The crank-rocker with a spring and a damper between its tip and the ground."""
+    base, numbers = rg.load("crank_rocker"), {"stiffness": 30.0, "rest_length": 0.4, "damping": 2.0}
+    if name:
+        numbers[name] += by
+    springs = [rg.PointSpring("coupler_tip", "universe", **numbers)]
+    return rg.Mechanism.from_pinocchio(base.model, base.closures, ["q1"], base.home, forces=springs)
+
+
+def test_springs_between_points() -> None:
+    mech = sprung()
+    names = [f"coupler_tip-universe.{what}" for what in ("stiffness", "rest_length", "damping")]
+
+    def run(of: rg.Mechanism) -> rg.Trajectory:
+        return rg.simulate(of, of.home, of.lift(of.home, [2.0]), duration=0.1, step=5e-3, torque=feedback)
+
+    found = rg.gradient(run(mech), COST, parameters=names).parameters
+    for name in names:
+        what = name.rpartition(".")[2]
+        exact = slope(lambda s, what=what: value(run(sprung(what, s)), False), 2e-2)
+        assert found[name] == pytest.approx(exact, rel=1e-8), name
+    by = rg.by_parameters(mech, mech.home, mech.lift(mech.home, [2.0]), parameters=names)
+    for k, name in enumerate(names):
+        what = name.rpartition(".")[2]
+        ahead, behind = (sprung(what, s) for s in (0.1, -0.1))
+        ends = [rg.forward_dynamics(m, m.home, m.lift(m.home, [2.0])) for m in (ahead, behind)]
+        assert by[0, k] == pytest.approx((ends[0] - ends[1])[0] / 0.2, rel=1e-9)
+
+
+def test_of_many_runs() -> None:
+    """One gradient a run, each as by itself; a torque of its own for each start."""
+    mech = rg.load("crank_rocker")
+    starts = [(None, mech.lift(mech.home, [w])) for w in (1.0, 2.0, 3.0)] + [(np.full(3, 0.1), None)]
+    torques: list[Any] = [{"q1": 1.0}, feedback, None, None]
+    runs = rg.simulate_many(mech, starts, duration=0.05, step=5e-3, torques=torques)
+    assert list(runs.errors) == [3]
+    found = rg.gradient(runs, COST, parameters=["q2.mass"])
+    assert found[3] is None
+    for run, start, torque, one in zip(runs, starts[:3], torques, found, strict=False):
+        assert run is not None and one is not None
+        alone = rg.simulate(mech, *start, duration=0.05, step=5e-3, torque=torque)
+        np.testing.assert_array_equal(run.q, alone.q)
+        assert one.parameters == rg.gradient(alone, COST, parameters=["q2.mass"]).parameters
+    with pytest.raises(rg.OptionError, match="2 are given for 4 starts"):
+        rg.simulate_many(mech, starts, duration=0.05, torques=torques[:2])
+    with pytest.raises(rg.OptionError, match="not both"):
+        rg.simulate_many(mech, starts, duration=0.05, torque=torques[0], torques=torques)
