@@ -72,6 +72,7 @@ from .simulation.motion_point import MotionPoint, motion_point
 from .simulation.one_step import Stepped, step, step_jacobians
 from .simulation.parameter_slopes import by_parameters
 from .simulation.reactions import Reaction
+from .simulation.second_derivatives import second_derivatives
 from .simulation.simulate import simulate
 from .simulation.stability import StabilityWarning
 from .simulation.stats import Stats
@@ -226,6 +227,7 @@ __all__ = [
     "plot_modes",
     "regressor",
     "replay",
+    "second_derivatives",
     "sensitivity",
     "simulate",
     "simulate_many",
