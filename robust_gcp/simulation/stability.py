@@ -37,6 +37,9 @@ FITS = 1e-2
 SEEN = 1e-9
 """Relative singular value below which the first steps did not show how a torque answers to a direction."""
 
+ROUNDING = 1e-12
+"""Real parts of eigenvalues below it, relative, are told as 0."""
+
 INSIDE = 0.5
 """Share of the largest stable step that a step in parts takes at most: the motion may become faster."""
 
@@ -151,7 +154,8 @@ class StabilityCheck:
             )
 
     def _outside(self, value: complex) -> str:
-        shown = f"{value.real:.4g}" + (f" ± {abs(value.imag):.4g}i" if value.imag else "")
+        real = value.real if abs(value.real) > ROUNDING * abs(value) else 0.0
+        shown = f"{real:.4g}" + (f" ± {abs(value.imag):.4g}i" if value.imag else "")
         return (
             "lies outside the stability region of rk4: the fastest motion at the start has the eigenvalue "
             f"{shown} 1/s, which allows steps up to {stable_step(value):.4g} s"

@@ -304,10 +304,13 @@ class TestWhatIsLeftToTheReference:
         for mode in rg.analyse(mech, np.zeros(3)).modes[:1]:
             found = rg.derivatives(mech, np.zeros(3), 2.0 * mode, mode=mode)
             same(found, reference.derivatives(mech, np.zeros(3), 2.0 * mode, mode=mode))
-        kernel = derivation(mech, mech.home)
-        assert kernel is not None
-        near = mech.assemble(np.array([1e-3, -1e-3, 1e-3]))
-        assert not kernel.slopes(near[None], np.zeros((1, 3)), None).good[0]
+        near, other = mech.assemble(np.array([1e-3, -1e-3, 1e-3])), rg.load("rhombus")
+        for of, known in ((mech, True), (other, False)):  # what a call has told a mechanism's kernel it keeps
+            kernel = derivation(of, of.home)
+            assert kernel is not None
+            assert kernel.slopes(near[None], np.zeros((1, 3)), None).good[0] == known
+            exact = reference.derivatives(of, near).da_dy
+            np.testing.assert_allclose(rg.derivatives(of, near).da_dy, exact, rtol=1e-9)
 
     def test_open_loops_and_velocities_that_break_them(self) -> None:
         mech = rg.load("crank_rocker")
@@ -348,9 +351,15 @@ class TestWhatIsLeftToTheReference:
         def torque(t: float, q: Array, v: Array) -> Array:
             return -3.0 * q - 0.2 * v
 
-        same(rg.derivatives(mech, q, v, torque), reference.derivatives(mech, q, v, torque))
+        def slopes(t: float, q: Array, v: Array) -> tuple[Array, Array]:
+            return -3.0 * np.eye(4), -0.2 * np.eye(4)
+
+        exact = reference.derivatives(mech, q, v, torque, tau_slopes=slopes)
+        same(rg.derivatives(mech, q, v, torque, tau_slopes=slopes), exact)
+        one = rg.derivatives(mech, q, v, torque)  # by differences
+        np.testing.assert_allclose(one.da_dy, exact.da_dy, rtol=0.0, atol=1e-9 * np.abs(exact.da_dy).max())
         many = rg.derivatives(mech, q[None], v[None], torque)
-        np.testing.assert_array_equal(many.da_dy[0], reference.derivatives(mech, q, v, torque).da_dy)
+        np.testing.assert_array_equal(many.da_dy[0], one.da_dy)
 
 
 class TestSteps:
