@@ -54,7 +54,6 @@ from .mechanism.closures import (
 )
 from .mechanism.couplings import CouplingClosure
 from .mechanism.forces import Force, JointDamper, JointSpring, JointTorque, PointSpring
-from .mechanism.lengths import along
 from .mechanism.linkage import Linkage
 from .mechanism.mechanism import Mechanism
 from .mechanism.recommended import Recommended
@@ -70,9 +69,7 @@ from .simulation.linearised import linearise
 from .simulation.load import load_trajectory
 from .simulation.motion_point import MotionPoint, motion_point
 from .simulation.one_step import Stepped, step, step_jacobians
-from .simulation.parameter_slopes import by_parameters
 from .simulation.reactions import Reaction
-from .simulation.second_derivatives import second_derivatives
 from .simulation.simulate import simulate
 from .simulation.stability import StabilityWarning
 from .simulation.stats import Stats
@@ -85,11 +82,15 @@ if TYPE_CHECKING:
     from .drawing.replay.live import live
     from .drawing.replay.replay import ReplayPage, replay
     from .mechanism.keyframes import Keyframe
+    from .mechanism.lengths import along
     from .mechanism.parts import JointFriction, Lock, Stop
     from .mechanism.sensors import Sensor
-    from .simulation.many import Runs, simulate_many
+    from .simulation.many import simulate_many
+    from .simulation.parameter_slopes import by_parameters
     from .simulation.phases.happening import Happening
     from .simulation.phases.impact import Impact
+    from .simulation.runs import Runs
+    from .simulation.second_derivatives import second_derivatives
     from .simulation.sensitivity import Sensitivity, sensitivity
     from .sweeps.record import Failure, Records, RunRecord
     from .sweeps.runs import grid, sweep, sweep_as_completed
@@ -106,15 +107,18 @@ _LATER = {
     "ReplayPage": ".drawing.replay.replay",
     "Records": ".sweeps.record",
     "RunRecord": ".sweeps.record",
-    "Runs": ".simulation.many",
+    "Runs": ".simulation.runs",
     "Sensitivity": ".simulation.sensitivity",
     "Sensor": ".mechanism.sensors",
     "Stop": ".mechanism.parts",
+    "along": ".mechanism.lengths",
+    "by_parameters": ".simulation.parameter_slopes",
     "draw": ".drawing.figures.draw",
     "grid": ".sweeps.runs",
     "live": ".drawing.replay.live",
     "plot_modes": ".drawing.figures.modes",
     "replay": ".drawing.replay.replay",
+    "second_derivatives": ".simulation.second_derivatives",
     "sensitivity": ".simulation.sensitivity",
     "simulate_many": ".simulation.many",
     "sweep": ".sweeps.runs",

@@ -58,6 +58,7 @@ def lifted(loops: ClosedLoops, q: Array, v: Array, free: Index) -> NDArray[np.bo
     if prepared is None:
         return None
     found, description, assembly = prepared
+    assert v.flags.c_contiguous  # the kernel writes to it row by row
     status = np.empty(len(q), dtype=np.int32)
     found.lift(description, assembly, len(q), RANK, *map(address, (np.ascontiguousarray(q), v, status)))
     return status != 0

@@ -16,8 +16,8 @@ from ..mechanism.lengths import Along, in_parts
 from ..mechanism.varied import is_geometry
 from .again import require_steps
 from .cost import Cost, Gradient
-from .many import Runs
 from .reverse_sweep import ReverseSweep
+from .runs import Runs
 from .trajectory import Trajectory
 
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -31,6 +30,7 @@ from ..mechanism.tolerances import NEARLY_CLOSED
 from ..mechanism.tree import Array
 from .acted import Acted
 from .coarse import Coarse
+from .runs import Runs
 from .schedule import planned
 from .simulate import checked_record, simulate
 from .starting import closed_by_kernel
@@ -51,36 +51,6 @@ LOOKS = 9
 
 FIRST = 3
 """Starts that are tried for one from which the kernel can begin."""
-
-
-@dataclass(frozen=True)
-class Runs(Sequence[Trajectory | None]):
-    """What came of many starts.
-
-    `runs[i]`, `len(runs)` and iteration give the trajectories.
-
-    Attributes
-    ----------
-    trajectories : list of Trajectory or None
-        By start: up to where it stopped, None where it did not begin.
-    errors : dict of int to RobustGcpError
-        Why a start stopped or did not begin.
-    """
-
-    trajectories: list[Trajectory | None]
-    errors: dict[int, RobustGcpError] = field(default_factory=dict)
-
-    def __len__(self) -> int:
-        return len(self.trajectories)
-
-    def __getitem__(self, i: Any) -> Any:
-        return self.trajectories[i]
-
-    def __iter__(self) -> Iterator[Trajectory | None]:
-        return iter(self.trajectories)
-
-    def __repr__(self) -> str:
-        return f"Runs: {len(self)} starts, {len(self.errors)} of them with errors"
 
 
 def simulate_many(
