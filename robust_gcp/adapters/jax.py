@@ -19,7 +19,8 @@ import numpy as np
 
 from ..errors import OptionError, missing_extra
 from ..mechanism.mechanism import Mechanism
-from .batched import Accelerations, Exact, Rollout, Shapes
+from .batched import Accelerations, Rollout
+from .exact import Exact, Shapes
 
 try:
     import jax
@@ -138,7 +139,7 @@ def _function(exact: Exact) -> Callable[[Any, Any, Any], Any]:
                 'jax.config.update("jax_enable_x64", True) before the first array is made'
             )
         arrays = [jnp.asarray(x, dtype=np.float64) for x in (q, v, tau)]
-        lead = np.broadcast_shapes(*exact.lead(tuple(x.shape for x in arrays)))
+        lead = exact.lead(tuple(x.shape for x in arrays))
         full = (jnp.broadcast_to(x, (*lead, *s)) for x, s in zip(arrays, exact.arguments, strict=True))
         return function(*full)
 

@@ -14,11 +14,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
 from ..errors import OptionError, missing_extra
 from ..mechanism.mechanism import Mechanism
-from .batched import Accelerations, Exact, Rollout
+from .batched import Accelerations, Rollout
+from .exact import Exact
 
 try:
     import torch
@@ -140,6 +139,6 @@ def _applied(exact: Exact, *given: Any) -> Any:
                 f"{exact.name}: {name} is {what}, and must be a tensor of torch.float64 on the CPU: say "
                 f'{name}.to("cpu", torch.float64)'
             )
-    lead = np.broadcast_shapes(*exact.lead(tuple(tuple(x.shape) for x in given)))
+    lead = exact.lead(tuple(tuple(x.shape) for x in given))
     full = (x.expand(*lead, *s) for x, s in zip(given, exact.arguments, strict=True))
     return _Function.apply(exact, *full)

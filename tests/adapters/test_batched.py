@@ -10,7 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
-from robust_gcp.adapters.batched import Accelerations, Exact, Rollout
+from robust_gcp.adapters.batched import Accelerations, Rollout
+from robust_gcp.adapters.exact import Exact
 from robust_gcp.adapters.turning import normalised, rates
 
 Array = NDArray[np.float64]
@@ -140,3 +141,20 @@ def test_what_does_not_fit_is_told() -> None:
         Rollout(mech, -1e-3, 2)
     with pytest.raises(rg.StateError, match=r"rollout: tau is \(4, 3\)"):
         Rollout(mech, 1e-3, 5).lead(((3,), (3,), (4, 3)))
+    with pytest.raises(rg.StateError, match="do not go together"):
+        Accelerations(mech).lead(((2, 3), (4, 3), (3,)))
+    with pytest.raises(rg.OptionError, match="threads"):
+        Accelerations(mech, threads=0)
+
+
+def test_threads_and_the_order_of_memory_change_nothing() -> None:
+    mech, q, v = scene("five_bar")
+    given = (*(np.repeat(x, 3, axis=0) for x in (q, v)), np.zeros((9, 10, mech.nv)))
+    for found in zip(
+        Rollout(mech, 1e-3, 10).linearised(*given),
+        Rollout(mech, 1e-3, 10, 3).linearised(*given),
+        Rollout(mech, 1e-3, 10).linearised(*map(np.asfortranarray, given)),
+        strict=True,
+    ):
+        np.testing.assert_array_equal(found[0], found[1])
+        np.testing.assert_array_equal(found[0], found[2])
