@@ -81,9 +81,8 @@ class Exact(ABC):
         try:
             return np.broadcast_shapes(*leads)
         except ValueError as error:
-            raise StateError(
-                f"{self.name}: q, v and tau are of states {', '.join(map(str, leads))}: they do not go together"
-            ) from error
+            told = ", ".join(map(str, leads))
+            raise StateError(f"{self.name}: q, v, tau of {told} states do not go together") from error
 
     def _by_rows(self, function: Callable[..., Arrays], shapes: Shapes, given: Arrays) -> Arrays:
         """A function of N rows at arrays with any axes before those of a row."""
