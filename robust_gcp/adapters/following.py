@@ -1,0 +1,164 @@
+"""Points of one mode that do not follow each other as those of a motion do."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+import numpy as np
+
+from ..dynamics.continuation import INSIDE, Around, circles_of
+from ..dynamics.mode_rates import ModeRates
+from ..dynamics.problem import set_out
+from ..errors import SimulationError
+from ..maps.cluster.cluster_map import ClusterMap
+from ..maps.explicit import ExplicitMap
+from ..maps.point import Point
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+
+LEAP = 0.5
+"""Largest move of a coordinate at once by the explicit map, rad or m."""
+
+SAME_PLACE, SAME_WAY = 1e-8, 1e-5
+"""How far a point and its G may be from those of a series, relative to units, to lie on it."""
+
+APART = 0.05
+"""How near to a place about which no circle could be made none is tried again, rad or m."""
+
+EDGE = 0.15
+"""Conditioning of K_d at the end of a circle below which another is made; the map's zones begin at 0.05."""
+
+AHEAD = 1e-6
+"""Share of a radius that counts as a move."""
+
+
+class Followed:
+    """An explicit map, and in place of its ways past singular configurations the series that are known there.
+
+    The map looks for bridges on each way, for milliseconds. A mechanism of one cluster and one coordinate has
+    circles beside singular configurations, made once for its derivatives (`dynamics.continuation`), inside of
+    which its mode is a certified series: from one to the next, no way is looked at.
+
+    Parameters
+    ----------
+    explicit : ExplicitMap
+        Of the caller's, who may use it too: its anchor is the last point.
+    """
+
+    def __init__(self, mechanism: Mechanism, explicit: ExplicitMap) -> None:
+        self._mechanism, self._explicit = mechanism, explicit
+        self._on: tuple[Around, Point] | None = None
+        one = mechanism.m == len(mechanism.clusters) == 1 and isinstance(explicit, ClusterMap)
+        alone = one and mechanism.tree.vector_space and len(mechanism.clusters[0].iq) == mechanism.nq
+        self._cluster = mechanism.clusters[0] if alone else None
+
+    def at(self, y: Array, u: Array) -> Point:
+        """The point at y on the mode of the last one.
+
+        Raises
+        ------
+        SimulationError
+            Where the mode has none.
+        """
+        explicit = self._explicit
+        while True:
+            here = explicit.anchor.y
+            around = self._around(explicit.anchor, float(y[0]))
+            if around is None and self._learned(explicit.anchor, float(y[0])):
+                continue
+            if around is not None:
+                there = y if around.covers(float(y[0])) else np.array([_inside(around, float(y[0]))])
+                found = explicit.anchor = self._of(around, there, u)
+            else:
+                far = np.abs(y - here).max(initial=0.0)
+                there = y if far <= LEAP else here + LEAP / far * (y - here)
+                found = explicit.at(self._gate(here, there), u)
+            if np.array_equal(found.y, y):
+                return found
+
+    def _learned(self, here: Point, goal: float) -> bool:
+        """Whether another circle could be made, beside a singular configuration or where one ends near it."""
+        explicit, mechanism, place = self._explicit, self._mechanism, float(here.y[0])
+        if self._cluster is None or not isinstance(explicit, ClusterMap):
+            return False
+        if self._on is not None and self._on[1] is here:
+            settled = explicit.path.settle(here.q.copy(), here.y, here.ydot)
+            if settled is not None and settled.conditioning >= EDGE:
+                return False
+            place += 0.6 * _reach(self._on[0]) * float(np.sign(goal - place))
+        elif not explicit.in_zone:
+            return False
+        failed: list[float] = mechanism.memo.once("no circles about", list)
+        if any(abs(place - other) < APART for other in failed):
+            return False
+        before, about = len(self._circles()), here.q.copy()
+        about[mechanism.iq_independent] = place
+        with suppress(SimulationError):
+            ModeRates(set_out(mechanism, here.q, here.G[:, 0]).start, circles_of(mechanism)).beside([about])
+        if len(self._circles()) == before:
+            failed.append(place)
+        return len(self._circles()) > before
+
+    def _around(self, here: Point, goal: float) -> Around | None:
+        """The circle that leads on farthest to a goal, of those that a point lies on with its mode."""
+        if self._cluster is None:
+            return None
+        y = float(here.y[0])
+        if self._on is not None and self._on[1] is here and self._on[0].covers(goal):
+            return self._on[0]
+        leading = [a for a in self._circles() if a.covers(y) and (a.covers(goal) or _leads(a, y, goal))]
+        for around in sorted(leading, key=lambda a: abs(_inside(a, goal) - goal)):
+            if self._lies_on(here, around):
+                return around
+        return None
+
+    def _lies_on(self, here: Point, around: Around) -> bool:
+        """Whether a point is one of a circle's mode."""
+        if self._on is not None and self._on[0] is around and self._on[1] is here:
+            return True
+        assert self._cluster is not None  # it has circles
+        iq, iv, unit, y = self._cluster.iq, self._cluster.iv, self._mechanism.units, float(here.y[0])
+        off = np.abs(here.q[iq] - around.q - around.moved(y)) / unit[iv]
+        turned = np.abs(here.G[iv] - around.at(y, 1.0).G) / unit[iv, None]
+        return bool(off.max() < SAME_PLACE and turned.max() < SAME_WAY * np.abs(here.G / unit[:, None]).max())
+
+    def _of(self, around: Around, y: Array, u: Array) -> Point:
+        """A circle's point."""
+        here, cluster, mechanism = self._explicit.anchor, self._cluster, self._mechanism
+        assert cluster is not None  # it has circles
+        rates = around.at(float(y[0]), float(u[0]))
+        q, g, G = here.q.copy(), here.g.copy(), here.G.copy()
+        q[cluster.iq], g[cluster.iv], G[cluster.iv] = around.q + around.moved(float(y[0])), rates.g, rates.G
+        q[mechanism.iq_independent] = y
+        found = Point(y.copy(), u.copy(), q, G, g, None, here.det, here.rcond, here.conditioning)
+        self._on = around, found
+        return found
+
+    def _gate(self, here: Array, there: Array) -> Array:
+        """Where the way leads into a circle first; its end if into none."""
+        if self._cluster is None:
+            return there
+        y, goal = float(here[0]), float(there[0])
+        gates = [_inside(around, y) for around in self._circles() if not around.covers(y)]
+        ahead = [gate for gate in gates if min(y, goal) < gate < max(y, goal)]
+        return np.array([min(ahead, key=lambda gate: abs(gate - y))]) if ahead else there
+
+    def _circles(self) -> list[Around]:
+        assert self._cluster is not None  # they are asked for where there is one
+        return circles_of(self._mechanism).get(self._cluster.index, [])
+
+
+def _reach(around: Around) -> float:
+    """How far a circle serves, rad or m."""
+    return (1.0 - AHEAD) * INSIDE * abs(float(around.circle.radius[0]))
+
+
+def _inside(around: Around, y: float) -> float:
+    """The nearest to y that a circle covers."""
+    center, reach = float(around.circle.center[0]), _reach(around)
+    return min(max(y, center - reach), center + reach)
+
+
+def _leads(around: Around, y: float, goal: float) -> bool:
+    """Whether a circle leads from y towards a goal."""
+    return (_inside(around, goal) - y) * float(np.sign(goal - y)) > 1e-3 * _reach(around)
