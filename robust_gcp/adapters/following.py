@@ -42,12 +42,12 @@ class Followed:
     Parameters
     ----------
     explicit : ExplicitMap
-        Of the caller's, who may use it too: its anchor is the last point.
+        Of a mechanism's motion.
     """
 
     def __init__(self, mechanism: Mechanism, explicit: ExplicitMap) -> None:
         self._mechanism, self._explicit = mechanism, explicit
-        self._on: tuple[Around, Point] | None = None
+        self._on: tuple[Around, Point] | None = None  # where the last point is a series'
         one = mechanism.m == len(mechanism.clusters) == 1 and isinstance(explicit, ClusterMap)
         alone = one and mechanism.tree.vector_space and len(mechanism.clusters[0].iq) == mechanism.nq
         self._cluster = mechanism.clusters[0] if alone else None
@@ -60,33 +60,48 @@ class Followed:
         SimulationError
             Where the mode has none.
         """
-        explicit = self._explicit
         while True:
-            here = explicit.anchor.y
-            around = self._around(explicit.anchor, float(y[0]))
-            if around is None and self._learned(explicit.anchor, float(y[0])):
+            last = self._explicit.anchor if self._on is None else self._on[1]
+            goal = float(y[0])
+            around = self._around(last, goal)
+            if around is None and self._learned(last, goal):
                 continue
             if around is not None:
-                there = y if around.covers(float(y[0])) else np.array([_inside(around, float(y[0]))])
-                found = explicit.anchor = self._of(around, there, u)
+                found = self._of(around, y if around.covers(goal) else np.array([_inside(around, goal)]), u)
+                self._on = around, found
             else:
-                far = np.abs(y - here).max(initial=0.0)
-                there = y if far <= LEAP else here + LEAP / far * (y - here)
-                found = explicit.at(self._gate(here, there), u)
+                far = np.abs(y - last.y).max(initial=0.0)
+                there = y if far <= LEAP else last.y + LEAP / far * (y - last.y)
+                found = self.explicit().at(self._gate(last.y, there), u)
             if np.array_equal(found.y, y):
                 return found
 
+    def explicit(self) -> ExplicitMap:
+        """The map, to go on from the last point or, where a series has it, from an end of its circle."""
+        if self._on is not None:
+            around, last = self._on
+            center, reach = float(around.circle.center[0]), _reach(around)
+            ends = [self._of(around, np.array([center + side * reach]), last.ydot) for side in (1.0, -1.0)]
+            self._explicit.anchor = max(ends, key=self._conditioning)
+            self._on = None
+        return self._explicit
+
+    def _conditioning(self, here: Point) -> float:
+        """Of K_d at a series' point; 0 in a zone."""
+        assert isinstance(self._explicit, ClusterMap)  # it has circles
+        settled = self._explicit.path.settle(here.q.copy(), here.y, here.ydot)
+        return 0.0 if settled is None else settled.conditioning
+
     def _learned(self, here: Point, goal: float) -> bool:
         """Whether another circle could be made, beside a singular configuration or where one ends near it."""
-        explicit, mechanism, place = self._explicit, self._mechanism, float(here.y[0])
-        if self._cluster is None or not isinstance(explicit, ClusterMap):
+        mechanism, place = self._mechanism, float(here.y[0])
+        if self._cluster is None:
             return False
-        if self._on is not None and self._on[1] is here:
-            settled = explicit.path.settle(here.q.copy(), here.y, here.ydot)
-            if settled is not None and settled.conditioning >= EDGE:
+        if self._on is not None:
+            if self._conditioning(here) >= EDGE:
                 return False
             place += 0.6 * _reach(self._on[0]) * float(np.sign(goal - place))
-        elif not explicit.in_zone:
+        elif not (isinstance(self._explicit, ClusterMap) and self._explicit.in_zone):
             return False
         failed: list[float] = mechanism.memo.once("no circles about", list)
         if any(abs(place - other) < APART for other in failed):
@@ -104,7 +119,7 @@ class Followed:
         if self._cluster is None:
             return None
         y = float(here.y[0])
-        if self._on is not None and self._on[1] is here and self._on[0].covers(goal):
+        if self._on is not None and self._on[0].covers(goal):
             return self._on[0]
         leading = [a for a in self._circles() if a.covers(y) and (a.covers(goal) or _leads(a, y, goal))]
         for around in sorted(leading, key=lambda a: abs(_inside(a, goal) - goal)):
@@ -114,7 +129,7 @@ class Followed:
 
     def _lies_on(self, here: Point, around: Around) -> bool:
         """Whether a point is one of a circle's mode."""
-        if self._on is not None and self._on[0] is around and self._on[1] is here:
+        if self._on is not None and self._on[0] is around:
             return True
         assert self._cluster is not None  # it has circles
         iq, iv, unit, y = self._cluster.iq, self._cluster.iv, self._mechanism.units, float(here.y[0])
@@ -130,9 +145,7 @@ class Followed:
         q, g, G = here.q.copy(), here.g.copy(), here.G.copy()
         q[cluster.iq], g[cluster.iv], G[cluster.iv] = around.q + around.moved(float(y[0])), rates.g, rates.G
         q[mechanism.iq_independent] = y
-        found = Point(y.copy(), u.copy(), q, G, g, None, here.det, here.rcond, here.conditioning)
-        self._on = around, found
-        return found
+        return Point(y.copy(), u.copy(), q, G, g, None, here.det, here.rcond)
 
     def _gate(self, here: Array, there: Array) -> Array:
         """Where the way leads into a circle first; its end if into none."""

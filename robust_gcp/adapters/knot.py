@@ -79,7 +79,8 @@ class Knot:
         """
         taken = self._from(x, tau, h)
         if taken.A is None or taken.B is None:
-            start = self._state(x)
+            start = self._state(x)[: 2 * self._mechanism.m]
+            self._followed.explicit()
             taken.A, taken.B = differentiated_step(self._slopes, 0.0, start, h).jacobians()
         return taken.A, taken.B
 
@@ -121,13 +122,13 @@ class Knot:
 
     def _by_reference(self, start: Array, taken: Taken) -> None:
         """The step in Python, its derivatives only when they are asked for."""
-        equations, m = self._motion.equations, self._mechanism.m
+        equations, explicit, m = self._motion.equations, self._followed.explicit(), self._mechanism.m
 
         def f(t: float, x: Array) -> Array:
             return equations.derivative(equations.evaluate(t, x))
 
         after = rk4_step(f, 0.0, start, taken.h, f(0.0, start))
-        numbers, explicit = after[:m], self._motion.explicit
+        numbers = after[:m]
         if self._groups is not None:
             assert isinstance(explicit, GroupMap)
             q = np.zeros(self._mechanism.nq)
