@@ -118,9 +118,9 @@ class NativeSteps:
                     ) from error
                 if self._first:
                     warn(
-                        f"the compiled kernel does not take {mechanism.name or 'a mechanism'}: {error}. Python "
-                        "takes its steps in 20 to 200 times the time; spell it as simple joints, or say "
-                        'backend="python" to go without this warning',
+                        f"the compiled kernel does not take {mechanism.name or 'a mechanism'}: {error}; "
+                        "spell it as simple joints. Python's steps take 20 to 200 times as long; "
+                        'backend="python" asks for them without this warning',
                         PerformanceWarning,
                     )
         return self._workspace
