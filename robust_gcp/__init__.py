@@ -55,6 +55,7 @@ from .mechanism.closures import (
 )
 from .mechanism.couplings import CouplingClosure
 from .mechanism.forces import Force, JointDamper, JointSpring, JointTorque, PointSpring
+from .mechanism.lengths import along
 from .mechanism.linkage import Linkage
 from .mechanism.mechanism import Mechanism
 from .mechanism.recommended import Recommended
@@ -70,7 +71,9 @@ from .simulation.linearised import linearise
 from .simulation.load import load_trajectory
 from .simulation.motion_point import MotionPoint, motion_point
 from .simulation.one_step import Stepped, step, step_jacobians
+from .simulation.parameter_slopes import by_parameters
 from .simulation.reactions import Reaction
+from .simulation.second_derivatives import second_derivatives
 from .simulation.simulate import simulate
 from .simulation.stability import StabilityWarning
 from .simulation.stats import Stats
@@ -206,8 +209,10 @@ __all__ = [
     "UniversalClosure",
     "Wrap",
     "Wrench",
+    "along",
     "analyse",
     "backends",
+    "by_parameters",
     "derivatives",
     "draw",
     "forward_dynamics",
@@ -224,6 +229,7 @@ __all__ = [
     "plot_modes",
     "regressor",
     "replay",
+    "second_derivatives",
     "sensitivity",
     "simulate",
     "simulate_many",

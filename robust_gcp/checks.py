@@ -7,7 +7,8 @@ import math
 import os
 import reprlib
 import unicodedata
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -241,6 +242,16 @@ def rows_like(*tables: tuple[ArrayLike, int, str, str]) -> list[tuple[Array, ...
         found.append(checked_rows(table, count, size, what, letter))
         count = len(found[0])
     return list(zip(*found, strict=True))
+
+
+@contextmanager
+def at_row(i: int) -> Iterator[None]:
+    """Errors in this context say which row of many states they are about."""
+    try:
+        yield
+    except RobustGcpError as error:
+        error.args = (f"q[{i}]: {error.args[0]}", *error.args[1:])
+        raise
 
 
 def is_table(value: Any) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import check_mechanism, checked_vector, is_table, require_finite, rows_like
+from ..checks import at_row, check_mechanism, checked_vector, is_table, require_finite, rows_like
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .problem import set_out
@@ -46,7 +46,11 @@ def inverse_dynamics(
     check_mechanism(mechanism, Mechanism, "inverse_dynamics")
     if is_table(q):
         given = (q, mechanism.nq, "q", "nq"), (v, mechanism.nv, "v", "nv"), (ydd, mechanism.m, "ydd", "m")
-        return np.array([inverse_dynamics(mechanism, at, fast, a, mode) for at, fast, a in rows_like(*given)])
+        found = []
+        for i, (at, fast, a) in enumerate(rows_like(*given)):
+            with at_row(i):
+                found.append(inverse_dynamics(mechanism, at, fast, a, mode))
+        return np.array(found)
     wanted = checked_vector(ydd, mechanism.m, "ydd", "m")
     motion = set_out(mechanism, q, v, mode)
     point = motion.start.point

@@ -9,9 +9,10 @@ import pinocchio as pin
 
 from ..checks import hint, listed, shown
 from ..errors import OptionError
-from ..mechanism.forces import JointDamper, JointSpring
+from ..mechanism.forces import JointDamper, JointSpring, PointSpring
 from ..mechanism.joints import OF_MOMENTS, in_v
 from ..mechanism.mechanism import Mechanism
+from ..mechanism.point_springs import Lines
 from ..mechanism.tree import Array
 from .derivatives import Derivatives
 from .equations import Evaluation
@@ -23,6 +24,16 @@ OWN = ("mass", *(f"com.{axis}" for axis in AXES))
 """Of a body by itself: its mass, kg, about its own centre; where that is, m."""
 
 
+Numbered = JointSpring | JointDamper | PointSpring
+
+NUMBERS: dict[type, tuple[str, ...]] = {
+    JointSpring: ("stiffness", "rest"),
+    JointDamper: ("damping",),
+    PointSpring: ("stiffness", "rest_length", "damping"),
+}
+"""Of forces, by name."""
+
+
 class Parameters:
     """Some parameters of a mechanism by name.
 
@@ -30,7 +41,7 @@ class Parameters:
     the ten are held. `joint.mass`: of the body on a joint, its centre and its moments about that held;
     `joint.com.x`, `.y`, `.z`: its centre in the joint's frame, its mass and moments about it held.
     `gravity.x`, `.y`, `.z`, m/s². `joint.stiffness` and `joint.rest` of a joint's spring, `joint.damping` of
-    its damper.
+    its damper; `frame1-frame2.stiffness`, `.rest_length` and `.damping` of a spring between points.
 
     Parameters
     ----------
@@ -68,7 +79,7 @@ class Parameters:
                 raise OptionError(
                     f"parameters: {shown(name)} is none{hint(str(name), known)}; they are called joint.mass, "
                     "joint.com.x, joint.m, joint.mx, …, joint.Izz, joint.armature, joint.stiffness, "
-                    "joint.rest, joint.damping, gravity.x"
+                    "joint.rest, joint.damping, frame1-frame2.stiffness, gravity.x, joint.placement.x"
                 )
         placed = list(enumerate(self.names))
         self.bodies = [(i, bodies[n][0], self._share(*bodies[n])) for i, n in placed if n in bodies]
@@ -90,10 +101,13 @@ class Parameters:
         return np.concatenate([[0.0], mass * move, _six(moments)])
 
     def slopes(self, now: Evaluation, found: Derivatives) -> Array:
-        """∂u̇/∂p, (m, parameters): ∂τ/∂p of forces, −Y of inertias, lifted by (Gᵀ M G)⁻¹ Gᵀ."""
-        mechanism, q = self._mechanism, now.point.q
-        v = found.G @ now.point.ydot
-        a = found.G @ now.ydd + now.point.g
+        """∂u̇/∂p, (m, parameters), of a stage: `torques` lifted by (Gᵀ M G)⁻¹ Gᵀ."""
+        G, point = found.G, now.point
+        return found.da_dtau @ self.torques(point.q, G @ point.ydot, G @ now.ydd + point.g)
+
+    def torques(self, q: Array, v: Array, a: Array) -> Array:
+        """∂(τ − M a − C)/∂p at a state and its accelerations, (nv, parameters)."""
+        mechanism = self._mechanism
         moved = np.zeros((mechanism.nv, len(self.names)))
         if self.bodies:
             Y = torque_regressor(mechanism).at(q, v, a)
@@ -106,7 +120,7 @@ class Parameters:
         for i, (what, force) in self.forces:
             at, by = torques_by(mechanism, what, force, q[None], v[None])
             moved[at, i] = by[0]
-        return found.da_dtau @ moved
+        return moved
 
 
 def _six(moments: Array) -> Array:
@@ -121,10 +135,12 @@ def _weight(mechanism: Mechanism, q: Array, axis: int) -> Array:
     return np.array(pin.computeGeneralizedGravity(model, model.createData(), q))
 
 
-def torques_by(
-    mechanism: Mechanism, what: str, force: JointSpring | JointDamper, q: Array, v: Array
-) -> tuple[slice, Array]:
+def torques_by(mechanism: Mechanism, what: str, force: Numbered, q: Array, v: Array) -> tuple[slice, Array]:
     """Which torques a force's number moves, and ∂τ/∂p of these at states, (N, …)."""
+    if isinstance(force, PointSpring):
+        parts = [(sign, Lines(mechanism.tree, [spring])) for sign, spring in _differences(force, what)]
+        states = list(zip(q, v, strict=True))
+        return slice(None), np.array([sum(sign * lines.at(*at)[0] for sign, lines in parts) for at in states])
     joint = force.place(mechanism.joints)
     if isinstance(force, JointDamper):
         return joint.v, -v[:, joint.v]
@@ -134,15 +150,27 @@ def torques_by(
     return at, np.full((len(q), 1), force.stiffness)
 
 
-def _forces(mechanism: Mechanism) -> dict[str, tuple[str, JointSpring | JointDamper]]:
-    """Joint springs and dampers by the names of their numbers; joints with several of a kind are left out."""
-    found: dict[str, tuple[str, JointSpring | JointDamper]] = {}
+def _differences(spring: PointSpring, what: str) -> list[tuple[float, PointSpring]]:
+    """Springs whose sum is ∂τ/∂p of this one: τ is linear in each of its numbers."""
+    ends, rest = (spring.frame1, spring.frame2), spring.rest_length
+    if what == "stiffness":
+        return [(1.0, PointSpring(*ends, 1.0, rest))]
+    if what == "damping":
+        return [(1.0, PointSpring(*ends, 0.0, 0.0, 1.0))]
+    stiffness = spring.stiffness
+    return [(1.0, PointSpring(*ends, stiffness, rest + 1.0)), (-1.0, PointSpring(*ends, stiffness, rest))]
+
+
+def _forces(mechanism: Mechanism) -> dict[str, tuple[str, Numbered]]:
+    """Springs and dampers by the names of their numbers; where there are several of a kind they have none."""
+    found: dict[str, tuple[str, Numbered]] = {}
     twice: set[str] = set()
     for force in () if mechanism.applied is None else mechanism.applied.known:
-        if not isinstance(force, JointSpring | JointDamper):
+        if not isinstance(force, Numbered):
             continue
-        for what in ("damping",) if isinstance(force, JointDamper) else ("stiffness", "rest"):
-            name = f"{force.joint}.{what}"
+        of = f"{force.frame1}-{force.frame2}" if isinstance(force, PointSpring) else force.joint
+        for what in NUMBERS[type(force)]:
+            name = f"{of}.{what}"
             twice |= {name} & set(found)
             found[name] = what, force
     return {name: entry for name, entry in found.items() if name not in twice}

@@ -24,6 +24,7 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.rows import ROTATION, rows_of
 from ..mechanism.tolerances import NEARLY_CLOSED, RANK
 from ..mechanism.tree import Array
+from ..mechanism.varied import still_inputs
 from .answers import asking
 from .description import describe
 from .library import Library
@@ -65,7 +66,10 @@ class Derivation:
         path = set_out(mechanism, q).explicit.path
         self._left_over = mechanism.nc > path.nd
         self._turns = any(row.axis == ROTATION for row in rows_of(mechanism.loops))
-        description = describe(mechanism, path, False)
+        still = still_inputs(mechanism)
+        if len(still) < len(mechanism.still):
+            raise NotNativeError("a placement that may change is no independent coordinate")
+        description = describe(mechanism, path, False, still)
         why = ctypes.create_string_buffer(200)
         self._handle: int | None = library.derive(ctypes.byref(description.structure), why, len(why))
         if not self._handle:

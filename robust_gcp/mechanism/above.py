@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import checked_rows, checked_vector, is_table, listed
-from ..errors import StateError
+from ..checks import at_row, checked_rows, checked_vector, is_table, listed
 from .assemblies import Assemblies, assemblies
 from .coordinates import Coordinates
 from .named_numbers import Named
@@ -109,10 +108,8 @@ class Above(Coordinates):
 
         done = lifted(self, many, v, self.iv_dependent)
         for i in range(len(many)) if done is None else np.flatnonzero(~done):
-            try:
+            with at_row(int(i)):
                 v[i] = self.G(many[i]) @ v[i, self.iv_independent]
-            except StateError as error:
-                raise StateError(f"q[{i}]: {error.args[0]}") from error
         return v
 
     def assemblies(self, q: ArrayLike | Named | None = None, hold: Sequence[str] | None = None) -> Assemblies:

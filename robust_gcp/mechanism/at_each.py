@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ..checks import is_table
+from ..checks import at_row, is_table
 from ..errors import StateError
 from .tree import Array
 
@@ -38,10 +38,8 @@ def at_each(method: Method) -> Method:
             )
         found = []
         for i, state in enumerate(zip(q, *more, strict=True)):
-            try:
+            with at_row(i):
                 found.append(np.array(method(self, *state)))
-            except StateError as error:
-                raise StateError(f"q[{i}]: {error.args[0]}") from error
         return np.array(found)
 
     return one_or_many  # type: ignore[return-value]

@@ -32,7 +32,7 @@ from .rounding import IMPLIED, without_unmoved_rows
 from .sensors import Sensors
 from .tree import Array
 
-BESIDE = ("recommended", "source", "keyframes", "sensors", "moved")
+BESIDE = ("recommended", "source", "keyframes", "sensors", "moved", "still")
 """What a file tells beside the mechanism itself, whatever its coordinates."""
 
 
@@ -82,6 +82,8 @@ class Mechanism(FromFiles):
         Sensors of the file; `sense` answers them at a state, `trajectory["sensor.NAME"]` along a run.
     moved : tuple of str
         Joints that move the ground: those that no `drive=` prescribes hold still.
+    still : tuple of str
+        Joints that stand for a changing geometry and hold still, see `varied`.
     """
 
     source: Path | None
@@ -109,6 +111,7 @@ class Mechanism(FromFiles):
         self.recommended, self.source = Recommended(), None
         self.keyframes, self.sensors = Keyframes(), Sensors()
         self.moved: tuple[str, ...] = ()
+        self.still: tuple[str, ...] = ()
         self.home = pin.neutral(self.own_model) if home is None else self.configuration(home, "home")
         if isinstance(independent, str) and independent == "auto":
             self.home, chosen = best_at_home(self, self.home, self.name)

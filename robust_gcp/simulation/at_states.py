@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from ..checks import checked_rows, is_table, shown
+from ..checks import at_row, checked_rows, is_table, shown
 from ..dynamics.equations import TorqueFunction, torque_function
 from ..dynamics.loads import Torques, Wrench, one_torque
 from ..errors import OptionError
@@ -37,6 +38,8 @@ class AtStates:
         The same where it is one.
     one : bool
         Whether a single state was given, not as a row.
+    rows : ndarray of int (N,)
+        Which of the rows that the user gave they are.
     """
 
     mechanism: Mechanism
@@ -46,6 +49,7 @@ class AtStates:
     tau: Array | None
     function: TorqueFunction | None
     one: bool
+    rows: NDArray[np.intp]
 
     @classmethod
     def of(
@@ -81,10 +85,14 @@ class AtStates:
         if acts is not None and function is None:
             held = np.tile(np.asarray(acts, dtype=float), (len(states), 1))
         given = (tau if table is None else table), wrenches
-        return cls(mechanism, states, fast, given, held, function, one)
+        return cls(mechanism, states, fast, given, held, function, one, np.arange(len(states)))
 
     def __len__(self) -> int:
         return len(self.q)
+
+    def at(self, i: int) -> AbstractContextManager[None]:
+        """Errors in this context name the state, where it is one of many."""
+        return nullcontext() if self.one else at_row(int(self.rows[i]))
 
     def torque_at(self, i: int) -> Any:
         """What acts at a state, without the wrenches."""
@@ -104,7 +112,8 @@ class AtStates:
         if isinstance(tau, np.ndarray) and tau.ndim == 2:
             tau = tau[which]
         held = None if self.tau is None else self.tau[which]
-        return replace(self, q=self.q[which], v=self.v[which], given=(tau, wrenches), tau=held)
+        rows = self.rows[which]
+        return replace(self, q=self.q[which], v=self.v[which], given=(tau, wrenches), tau=held, rows=rows)
 
     def kernel(self) -> Derivation | None:
         """What answers compiled in this thread; None where nothing does."""

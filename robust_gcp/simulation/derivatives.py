@@ -18,7 +18,7 @@ from ..dynamics.derivatives import Derivatives, TorqueSlopes
 from ..dynamics.following import followed
 from ..dynamics.loads import Torques, Wrench
 from ..dynamics.problem import set_out
-from ..errors import NonFiniteError, SimulationError
+from ..errors import NonFiniteError, RobustGcpError
 from ..kernel.derivation import Derivation
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
@@ -77,7 +77,8 @@ def forward_dynamics(
         good[answered(kernel, states, ask)] = False
     for i in np.flatnonzero(~good).tolist():
         state = states.q[i], states.v[i] if v is not None else None
-        udot[i] = serving.forward_dynamics(mechanism, *state, states.torque_at(i), mode, t)
+        with states.at(i):
+            udot[i] = serving.forward_dynamics(mechanism, *state, states.torque_at(i), mode, t)
     return np.asarray(udot[0]) if states.one else udot
 
 
@@ -125,9 +126,10 @@ def derivatives(
     for i in missing.tolist():
         fast = None if v is None else states.v[i]
         torque = states.torque_at(i)
-        found = serving.derivatives(
-            mechanism, states.q[i], fast, torque, mode, t, tau_slopes, wrenches, known
-        )
+        with states.at(i):
+            found = serving.derivatives(
+                mechanism, states.q[i], fast, torque, mode, t, tau_slopes, wrenches, known
+            )
         _fill(whole, i, found)
     if not states.one:
         return whole
@@ -202,7 +204,7 @@ def _learned(kernel: Derivation, mechanism: Mechanism, q: Array, v: Array, ahead
     try:
         places = [q] if ahead == 0.0 else [q, mechanism.tree.integrate(q, ahead * v)]
         return kernel.learn_beside(set_out(mechanism, q, v).start, places)
-    except SimulationError:
+    except RobustGcpError:  # the reference says what is wrong
         return False
 
 

@@ -92,6 +92,7 @@ def simulate_many(
     threads: int | None = None,
     torque: Torques | None = None,
     record: Sequence[str] = (),
+    torques: Sequence[Torques | None] | None = None,
 ) -> Runs:
     """Simulate a mechanism from many starts by RK4, the same motions as `simulate` gives one by one.
 
@@ -112,6 +113,8 @@ def simulate_many(
     torque : callable (t, q, v) -> (nv,), array_like (nv,) or mapping, optional
         On every start. A function is called by all threads, one at a time in Python.
     record : sequence of {"a", "energy", "multipliers"}
+    torques : sequence, optional
+        One for each start, in place of `torque`.
 
     Returns
     -------
@@ -137,16 +140,17 @@ def simulate_many(
     count: Any = os.cpu_count() if threads is None else threads
     if isinstance(count, bool) or not isinstance(count, int) or count < 1:
         raise OptionError(f"threads = {shown(threads)} must be a number of threads, 1 or more")
+    each = _each(torque, torques, len(given))
     applied, record = one_torque(mechanism, torque), checked_record(record)
     schedule, step = planned(0.0, *mechanism.recommended.run(duration, step), None, True)
     options: dict[str, Any] = {"duration": float(schedule.times[-1]), "step": step}
-    options |= {"torque": torque, "record": record}
+    options["record"] = record
     trajectories: list[Trajectory | None] = [None] * len(given)
     runs = Runs(trajectories)
     if not given:
         return runs
     given_up, plain = threading.Event(), None
-    if not callable(applied) and set(record) <= set(NATIVE_RECORDS):
+    if torques is None and not callable(applied) and set(record) <= set(NATIVE_RECORDS):
         library = chosen_library("auto", "bridge", "tangent")
         path = None if library is None else _found(mechanism, given, applied)
         if library is not None and path is not None:
@@ -160,7 +164,7 @@ def simulate_many(
         try:
             # the first one with all that simulate checks and warns of
             run = plain.run(q0, v0) if plain is not None and i > 0 else None
-            trajectories[i] = run or simulate(mechanism, q0, v0, **options)
+            trajectories[i] = run or simulate(mechanism, q0, v0, torque=each[i], **options)
         except RobustGcpError as error:
             runs.errors[i], trajectories[i] = error, error.trajectory
 
@@ -173,6 +177,18 @@ def simulate_many(
         given_up.set()
         pool.shutdown(wait=True, cancel_futures=True)
     return runs
+
+
+def _each(torque: Torques | None, torques: Any, count: int) -> list[Torques | None]:
+    """The torque on each start."""
+    if torques is None:
+        return [torque] * count
+    if torque is not None:
+        raise OptionError("simulate_many: give torque=, on every start, or torques=, one for each, not both")
+    found = listed(torques, "torques", "torques as simulate takes them, one for each start", OptionError)
+    if len(found) != count:
+        raise OptionError(f"torques: {len(found)} are given for {count} starts; give one for each")
+    return found
 
 
 def _checked(i: int, start: Any) -> Start:

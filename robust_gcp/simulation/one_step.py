@@ -13,6 +13,7 @@ from ..errors import OptionError
 from ..kernel.derivation import Derivation
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from ..mechanism.varied import still_rows
 from .at_states import AtStates, on_threads
 from .derivatives import answered
 from .differentiated import differentiated
@@ -166,17 +167,25 @@ def _stepped(states: AtStates, h: float, jacobians: bool, mode: ArrayLike | None
 
     missing = np.arange(n) if kernel is None else answered(kernel, states, ask, h)
     for i in missing.tolist():
-        state, torque = (states.q[i], states.v[i]), states.torque_at(i)
-        if after.A is not None and after.B is not None:
-            held = None if torque is None else mechanism.velocity(torque, "tau")
-            moved = differentiated(mechanism, state, mode, Acting(held), t, h)
-            after.q[i], after.v[i], after.A[i], after.B[i] = moved.q, moved.v, moved.A, moved.B
-        else:
-            later = None if not callable(torque) else lambda s, q, v, f=torque: f(t + s, q, v)
-            acting = torque if later is None else later
-            run = simulate(mechanism, *state, duration=h, step=h, torque=acting, mode=mode)
-            after.q[i], after.v[i] = run.q[-1], run.v[-1]
+        with states.at(i):
+            _by_reference(states, i, h, mode, t, after)
     return after
+
+
+def _by_reference(
+    states: AtStates, i: int, h: float, mode: ArrayLike | None, t: float, after: Stepped
+) -> None:
+    """Write the step from a state as `simulate` or the reference take it."""
+    mechanism, state, torque = states.mechanism, (states.q[i], states.v[i]), states.torque_at(i)
+    if after.A is not None and after.B is not None:
+        held = None if torque is None else mechanism.velocity(torque, "tau")
+        moved = differentiated(mechanism, state, mode, Acting(held, held=still_rows(mechanism)), t, h)
+        after.q[i], after.v[i], after.A[i], after.B[i] = moved.q, moved.v, moved.A, moved.B
+        return
+    later = None if not callable(torque) else lambda s, q, v, f=torque: f(t + s, q, v)
+    acting = torque if later is None else later
+    run = simulate(mechanism, *state, duration=h, step=h, torque=acting, mode=mode)
+    after.q[i], after.v[i] = run.q[-1], run.v[-1]
 
 
 def _joined(parts: list[Stepped]) -> Stepped:

@@ -25,6 +25,7 @@ from ..kernel.derivation import Derivation
 from ..kernel.parametric import by_parameters
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from ..mechanism.varied import still_rows
 from .again import applied_again, coordinates_of, refined_until, require_answers, require_same
 from .backwards import Backwards, backwards, kernel_of
 from .cost import Cost, Gradient, Slopes, reduced
@@ -200,9 +201,10 @@ class ReverseSweep:
     def _acting(self, torque: Any) -> Acting:
         """What acts, with its slopes within steps and those by the parameters."""
         by_more = None if not self._parameters.names else self._by_parameter
+        still = still_rows(self._mechanism)
         if self._table is not None:  # held over each step
-            return Acting(torque, by_more=by_more)
-        return Acting(torque, self._function, self._torque_slopes, by_more)
+            return Acting(torque, by_more=by_more, held=still)
+        return Acting(torque, self._function, self._torque_slopes, by_more, still)
 
     def _by_parameter(self, stage: Stage) -> Array:
         return self._parameters.slopes(stage.now, stage.slopes)

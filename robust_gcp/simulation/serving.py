@@ -17,15 +17,17 @@ from ..checks import check_callable, require_finite
 from ..dynamics.change_of_coordinates import transformed
 from ..dynamics.continuation import Circles, circles_of
 from ..dynamics.derivatives import Accelerations, Derivatives, PointDerivatives, TorqueSlopes
+from ..dynamics.held_derivatives import HeldDerivatives
 from ..dynamics.loads import Torques, Wrench, one_torque
 from ..dynamics.mode_rates import ZONE
 from ..dynamics.problem import Problem, set_out
-from ..errors import ModelError, NonFiniteError, NotCertifiedError
+from ..errors import ModelError, NonFiniteError, NotCertifiedError, SimulationError
 from ..kernel.derivations import derivation
 from ..maps.point import Counters, Point
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tolerances import CLOSED
 from ..mechanism.tree import Array
+from ..mechanism.varied import still_rows
 from .coordinates import Coordinates, in_coordinates
 
 log = logging.getLogger(__name__)
@@ -106,7 +108,15 @@ def derivatives(
     motion = set_out(mechanism, q, v, mode, applied)
     other = serving(mechanism, motion.start.point)
     if other is None:
-        return PointDerivatives(motion, applied, tau_slopes, known).at_start(t)
+        still = still_rows(mechanism)
+        if still is None:
+            return PointDerivatives(motion, applied, tau_slopes, known).at_start(t)
+        now = motion.equations.at_point(t, motion.start.point)
+        return HeldDerivatives(still, motion, applied, tau_slopes, known).at(t, now)
+    if mechanism.still:
+        raise SimulationError(
+            f"{', '.join(mechanism.independent)} do not serve as coordinates beside this place"
+        )
     state = state_of(motion, q, v)
     found = None
     if mode is None and tau_slopes is None and not callable(applied):

@@ -12,6 +12,7 @@
 #include "dynamics/motion.h"
 #include "path/path.h"
 #include "derivatives/slopes.h"
+#include "derivatives/still.h"
 
 namespace rg {
 
@@ -20,7 +21,7 @@ class Derivation {
     explicit Derivation(const Description& d)
         : path_(d), motion_(d, path_), slopes_(d, path_, motion_), adjoint_(d, path_), m_(d.m), nq_(d.nq),
           nv_(d.nv), width_(2 * d.m + d.nv), independent_(d.independent, d.independent + d.m),
-          independent_q_(d.independent_q, d.independent_q + d.m), size_(d.size, d.size + d.nv),
+          independent_q_(d.independent_q, d.independent_q + d.m), still_(d), size_(d.size, d.size + d.nv),
           points_(3, Point(path_.layout)), x_(2 * d.m), state_(2 * d.m), sum_(2 * d.m), rate_(2 * d.m) {
         path_.modes = std::make_unique<Modes>(d, path_.parts);
     }
@@ -31,7 +32,7 @@ class Derivation {
             Point& point = points_[0];
             Reason reason = set_out(s, i, point);
             if (reason == DONE) reason = evaluate(s, i, 0.0, point);
-            if (reason == DONE && s.rows != nullptr && !slopes_.at(point, s.rows + i * m_ * width_)) reason = NON_FINITE;
+            if (reason == DONE && s.rows != nullptr && !differentiated(point, s.rows + i * m_ * width_)) reason = NON_FINITE;
             if (reason == DONE) write(s, i, point);
             s.status[i] = reason;
         }
@@ -49,7 +50,7 @@ class Derivation {
             const std::int64_t held = std::min<std::int64_t>(i, s.count - 2);
             Reason reason = ready ? DONE : set_out(s, i, *begin_);
             if (reason == DONE) reason = evaluate(s, held, times[i], *begin_);
-            if (reason == DONE && !slopes_.at(*begin_, adjoint_.stage(static_cast<std::size_t>(i), 0))) reason = NON_FINITE;
+            if (reason == DONE && !differentiated(*begin_, adjoint_.stage(static_cast<std::size_t>(i), 0))) reason = NON_FINITE;
             s.status[i] = reason;
             ready = false;
             if (reason == TORQUE) return std::fill(s.status + i, s.status + s.count, TORQUE);
@@ -61,7 +62,7 @@ class Derivation {
             adjoint_.h[number] = times[i + 1] - times[i];
             record(s, number, 0, *begin_);
             reason = step(s, i, times[i], number, [&](std::size_t stage, Point& point) {
-                if (!slopes_.at(point, adjoint_.stage(number, stage))) return NON_FINITE;
+                if (!differentiated(point, adjoint_.stage(number, stage))) return NON_FINITE;
                 record(s, number, stage, point);
                 return DONE;
             });
@@ -87,7 +88,7 @@ class Derivation {
             if (reason == DONE) {
                 write(s, i, *begin_);
                 const auto differentiate = [&](std::size_t stage, Point& point) {
-                    return s.A == nullptr || slopes_.at(point, adjoint_.stage(0, stage)) ? DONE : NON_FINITE;
+                    return s.A == nullptr || differentiated(point, adjoint_.stage(0, stage)) ? DONE : NON_FINITE;
                 };
                 reason = differentiate(0, *begin_);
                 if (reason == DONE) reason = step(s, i, t, 0, differentiate);
@@ -151,11 +152,18 @@ class Derivation {
         request.torque = s.torque;
         request.torque_q = s.torque_q, request.torque_v = s.torque_v;
         request.torque_tau = s.torque_tau, request.torque_stored = s.torque_stored;
+        if (motion_.driven) still_.prescribe(*motion_.driven, point);
         const Reason reason = motion_.evaluate(t, point, request);
         if (reason != DONE) return reason;
         return std::all_of(motion_.ydd.begin(), motion_.ydd.end(), [](double x) { return std::isfinite(x); })
                    ? DONE
                    : NON_FINITE;
+    }
+
+    bool differentiated(Point& point, double* rows) {
+        if (!slopes_.at(point, rows)) return false;
+        still_.hold(rows);
+        return true;
     }
 
     void write(const States& s, std::int64_t i, Point& point) {
@@ -282,6 +290,7 @@ class Derivation {
     Adjoint adjoint_;
     int m_, nq_, nv_, width_;
     std::vector<int> independent_, independent_q_;
+    Still still_;  // what `Description` calls driven
     Cells<double> size_;
     std::vector<Point> points_;
     Point *begin_ = &points_[0], *middle_ = &points_[1], *end_ = &points_[2];

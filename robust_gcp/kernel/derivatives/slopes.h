@@ -57,7 +57,7 @@ class Slopes {
         }
         for (const Forces::Line& line : motion_.forces().lines()) pull(line, chain, point);
         for (int k = 0; k < m; ++k) rows[k * width + 2 * m + k] = 1.0;
-        motion_.lift(rows, width);
+        motion_.lift(chain, point, rows, width);
         spread_.at(rows, point.G());
         return all_finite(rows, static_cast<std::size_t>(m * width));
     }

@@ -54,8 +54,14 @@ class Motion {
     const Forces& forces() const { return forces_; }
     bool acting() const { return acting_; }
 
-    // (Gᵀ M G)⁻¹ times rows (m, 3m) that are `width` apart, at the point evaluated last; see `Sweep::solve_more`.
-    void lift(double* rows, int width) {
+    // (Gᵀ M G)⁻¹ of all inputs, driven or not, times rows (m, 3m) that are `width` apart, at the point evaluated last;
+    // see `Sweep::solve_more`.
+    void lift(const Chain& chain, Point& point, double* rows, int width) {
+        if (driven) {
+            const Cells<double> present = ydd;
+            eliminated(sweep_, chain, point, point.g());
+            ydd = present;
+        }
         if (!by_virtual_power()) return sweep_.solve_more(rows, width);
         for (int i = 0; i < 3; ++i) rows[i] /= mass_;
     }
