@@ -131,6 +131,7 @@ def _function(exact: Exact) -> Callable[[Any, Any, Any], Any]:
         return ask(exact.pulled, exact.kept + exact.results, exact.arguments, *kept, *cotangents)
 
     function.defvjp(forward, backward)
+    compiled = jax.jit(function)  # also where the caller does not: tracing takes longer than a step
 
     def of_any(q: Any, v: Any, tau: Any) -> Any:
         if not jax.config.jax_enable_x64:
@@ -141,6 +142,6 @@ def _function(exact: Exact) -> Callable[[Any, Any, Any], Any]:
         arrays = [jnp.asarray(x, dtype=np.float64) for x in (q, v, tau)]
         lead = exact.lead(tuple(x.shape for x in arrays))
         full = (jnp.broadcast_to(x, (*lead, *s)) for x, s in zip(arrays, exact.arguments, strict=True))
-        return function(*full)
+        return compiled(*full)
 
     return of_any
