@@ -9,12 +9,12 @@ Needs the extra `control`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..checks import check_mechanism, check_positive
 from ..errors import OptionError, SimulationError, missing_extra
@@ -49,17 +49,24 @@ def state_model(mechanism: Mechanism) -> Any:
             f"Crocoddyl: joint {mechanism.chart_joints[0].name!r} has independent velocities that are the "
             "rates of no numbers in q, so there is no state to optimise; choose other independent joints"
         )
-    carrier, groups = pin.Model(), {joint.name: joint for joint in mechanism.group_joints}
-    for name in mechanism.independent:
-        kind = mechanism.own_model.joints[groups[name].index] if name in groups else pin.JointModelPX()
+    carrier = pin.Model()
+    for name, kind, _ in _joints(mechanism):
         carrier.addJoint(0, kind, pin.SE3.Identity(), name)
     return crocoddyl.StateMultibody(carrier)
 
 
-def _places(mechanism: Mechanism, carrier: pin.Model) -> NDArray[np.int64]:
-    """Where the numbers of the state model's joints are in q."""
-    own = (mechanism.own_model.joints[mechanism.own_model.getJointId(n)] for n in carrier.names[1:])
-    return np.concatenate([np.arange(joint.idx_q, joint.idx_q + joint.nq) for joint in own])
+def _joints(mechanism: Mechanism) -> Iterator[tuple[str, Any, list[int]]]:
+    """The joints of a state by name, model, and place in q: those on groups, and a slide for each number."""
+    groups = {joint.name: joint for joint in mechanism.group_joints}
+    numbers = iter(mechanism.iq_numbers.tolist())
+    for name in mechanism.independent:
+        if name in groups:
+            joint = groups[name]
+            yield name, mechanism.own_model.joints[joint.index], [*range(joint.idx_q, joint.idx_q + joint.nq)]
+            continue
+        count = len(mechanism.velocities_named([name]))
+        for k in range(count):
+            yield name if count == 1 else f"{name}.{k}", pin.JointModelPX(), [next(numbers)]
 
 
 class ClosedLoopAction(crocoddyl.ActionModelAbstract):  # type: ignore[misc]
@@ -105,7 +112,7 @@ class ClosedLoopAction(crocoddyl.ActionModelAbstract):  # type: ignore[misc]
             )
         super().__init__(costs.state, self.B.shape[1], costs.nr)
         self.mechanism, self.costs, self.step, self.q0, self.mode = mechanism, costs, step, q0, mode
-        self.places = _places(mechanism, costs.state.pinocchio)
+        self.places = np.concatenate([places for _, _, places in _joints(mechanism)])
         if limits is not None:
             self.u_ub = np.broadcast_to(np.asarray(limits, dtype=float), (self.nu,)).copy()
             self.u_lb = -self.u_ub
