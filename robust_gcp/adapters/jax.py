@@ -5,7 +5,7 @@ compiled kernel. The independent entries of q and v are their arguments; the oth
 are closed from there with y held and v = G u, and slopes by them are zero. The states that a function gives
 are closed and lead on, through singular configurations on their mode.
 
-What goes wrong within a function is told in JAX's own JaxRuntimeError, with the words of ours in it.
+What goes wrong within a function is told in an error of JAX's own, with the words of ours in it.
 Derivatives are first ones, in reverse: `jax.jvp` and derivatives of derivatives end with JAX's TypeError.
 Needs the extra `jax`, and double precision: `jax.config.update("jax_enable_x64", True)`.
 """
