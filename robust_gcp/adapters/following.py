@@ -9,7 +9,7 @@ import numpy as np
 from ..dynamics.continuation import INSIDE, Around, circles_of
 from ..dynamics.mode_rates import ModeRates
 from ..dynamics.problem import set_out
-from ..errors import SimulationError
+from ..errors import BranchError, SimulationError
 from ..maps.cluster.cluster_map import ClusterMap
 from ..maps.explicit import ExplicitMap
 from ..maps.point import Point
@@ -18,6 +18,9 @@ from ..mechanism.tree import Array
 
 LEAP = 0.5
 """Largest move of a coordinate at once by the explicit map, rad or m."""
+
+FARTHEST = 1e3
+"""Largest move of a coordinate, rad or m: a solver that asks for more has lost its way."""
 
 SAME_PLACE, SAME_WAY = 1e-8, 1e-5
 """How far a point and its G may be from those of a series, relative to units, to lie on it."""
@@ -58,22 +61,26 @@ class Followed:
         Raises
         ------
         SimulationError
-            Where the mode has none.
+            Where the mode has none, or y is no number or farther than `FARTHEST`.
         """
+        last, goal = self._explicit.anchor if self._on is None else self._on[1], float(y[0])
+        if not np.abs(y - last.y).max(initial=0.0) < FARTHEST:
+            raise BranchError(f"y = {y} is too far from y = {last.y} to be followed on a mode", last.y)
         while True:
             last = self._explicit.anchor if self._on is None else self._on[1]
-            goal = float(y[0])
             around = self._around(last, goal)
             if around is None and self._learned(last, goal):
                 continue
             if around is not None:
-                found = self._of(around, y if around.covers(goal) else np.array([_inside(around, goal)]), u)
+                there = y if around.covers(goal) else np.array([_inside(around, goal)])
+                found = self._of(around, there, u)
                 self._on = around, found
             else:
                 far = np.abs(y - last.y).max(initial=0.0)
-                there = y if far <= LEAP else last.y + LEAP / far * (y - last.y)
-                found = self.explicit().at(self._gate(last.y, there), u)
-            if np.array_equal(found.y, y):
+                there = last.y + LEAP / far * (y - last.y) if far > LEAP else y
+                there = self._gate(last.y, there)
+                found = self.explicit().at(there, u)
+            if there is y:
                 return found
 
     def explicit(self) -> ExplicitMap:

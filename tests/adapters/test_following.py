@@ -69,3 +69,15 @@ def test_a_knot_has_the_steps_and_derivatives_of_the_reference_beside_flat(
         np.testing.assert_allclose(knot.step(x, tau, 1e-2), known.step(x, tau, 1e-2), rtol=0.0, atol=1e-9)
         for one, two in zip(knot.jacobians(x, tau, 1e-2), known.jacobians(x, tau, 1e-2), strict=True):
             np.testing.assert_allclose(one, two, rtol=0.0, atol=1e-8)
+
+
+@pytest.mark.parametrize("scene", ["rhombus", "five_bar"])
+@pytest.mark.parametrize("y", [np.nan, np.inf, 1e9])
+def test_what_no_knot_can_reach_is_refused(scene: str, y: float) -> None:
+    mech = rg.load(scene)
+    q = np.array([0.5, -0.5, 0.5]) if scene == "rhombus" else mech.home
+    knot = Knot(mech, q, None, mech.iq_independent)
+    x = np.ones(2 * mech.m)
+    x[0] = y
+    with pytest.raises(rg.BranchError, match="too far"):
+        knot.step(x, np.zeros(mech.nv), 1e-2)
