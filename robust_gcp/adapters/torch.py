@@ -121,7 +121,7 @@ class _Function(torch.autograd.Function):  # type: ignore[misc]
             return tuple(map(torch.from_numpy, exact.evaluated(*arrays)))
         found = exact.linearised(*arrays)
         ctx.exact, ctx.kept = exact, found[len(exact.results) :]
-        return tuple(map(torch.from_numpy, found[: len(exact.results)]))
+        return tuple(torch.tensor(x) for x in found[: len(exact.results)])  # its own: it may be written to
 
     @staticmethod
     @once_differentiable  # type: ignore[untyped-decorator]

@@ -23,8 +23,10 @@ H = 2e-3
 
 @pytest.fixture(autouse=True)
 def double() -> Any:
-    with jax.enable_x64(True):
-        yield
+    before = jax.config.jax_enable_x64
+    jax.config.update("jax_enable_x64", True)
+    yield
+    jax.config.update("jax_enable_x64", before)
 
 
 def state(name: str) -> tuple[rg.Mechanism, Array, Array]:
@@ -118,8 +120,10 @@ def test_steps_in_a_scan_are_a_rollout() -> None:
 
 def test_single_precision_and_other_shapes_are_refused() -> None:
     mech, q, v = state("five_bar")
-    with jax.enable_x64(False), pytest.raises(rg.OptionError, match="jax_enable_x64"):
+    jax.config.update("jax_enable_x64", False)
+    with pytest.raises(rg.OptionError, match="jax_enable_x64"):
         adapter.step(mech, H)(q, v, np.zeros(mech.nv))
+    jax.config.update("jax_enable_x64", True)
     with pytest.raises(rg.StateError, match="step: v is"):
         adapter.step(mech, H)(q, v[:2], np.zeros(mech.nv))
     with pytest.raises(rg.StateError, match="rollout: tau is"):
@@ -130,5 +134,5 @@ def test_where_there_is_no_motion_jax_tells_the_reason() -> None:
     mech = rg.load("crank_rocker").with_independent(["q3"])  # a rocker that does not turn through
     far = mech.home + np.array([0.0, 0.0, 3.0])
     for function in (adapter.step(mech, H), jax.jit(adapter.step(mech, H))):
-        with pytest.raises(jax.errors.JaxRuntimeError, match=r"ClosureError.*open by"):
+        with pytest.raises(Exception, match=r"ClosureError.*open by"):  # of a kind of JAX's own
             jax.block_until_ready(function(far, np.zeros(mech.nv), np.zeros(mech.nv)))

@@ -86,6 +86,21 @@ def test_an_optimiser_brings_a_batch_where_it_should_be() -> None:
     assert float(cost().detach()) < 1e-3
 
 
+def test_what_is_written_into_a_result_does_not_change_slopes() -> None:
+    mech, q, v = states("five_bar")
+    roll, slopes = adapter.rollout(mech, H, 5), []
+    for written in (False, True):
+        tau = leaf(np.ones((5, mech.nv)))
+        Q, V = roll(q.detach(), v.detach(), tau)
+        J = Q.sum() + V.sum()
+        if written:
+            with torch.no_grad():
+                Q.mul_(2.0)
+        J.backward()
+        slopes.append(tau.grad.numpy())
+    np.testing.assert_array_equal(*slopes)
+
+
 def test_other_precisions_and_shapes_are_refused() -> None:
     mech, q, v = states("five_bar")
     tau = torch.zeros(mech.nv, dtype=torch.float64)
