@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..dynamics.equations import Torque
 from ..errors import ModelWarning, OptionError, RobustGcpError
 from ..examples.legged import legged
 from ..io.loader import load
@@ -21,6 +22,7 @@ from ..printing import along, table, write_json
 from ..simulation.cost import Cost
 from ..simulation.gradient import gradient
 from ..simulation.simulate import simulate
+from ..simulation.trajectory import Trajectory
 from . import pages
 from .contender import clock
 from .robot_speed import robots_in
@@ -56,12 +58,18 @@ STEPS, STEP = 1000, 1e-4
 SPEED = 0.1
 """Of all independent coordinates, rad/s or m/s."""
 
-HEADER = ("mechanism", "nv", "m", "forward, µs", "derivatives, µs", "ratio", "gradient / run")
+GRADIENTS = ("gradient / run", "by masses", "by a placement", "feedback")
+
+HEADER = ("mechanism", "nv", "m", "forward, µs", "derivatives, µs", "ratio", *GRADIENTS)
 
 
 @dataclass(frozen=True)
 class DerivativeCost:
-    """µs of one forward evaluation and of derivatives with it; time of a gradient over that of the run."""
+    """µs of one forward evaluation and of derivatives with it; times of gradients over those of their runs.
+
+    Of gradients by the start and torques alone, with all masses as parameters, with the placement of a joint,
+    and of a run under a torque function that is differentiated; NaN where there is none.
+    """
 
     name: str
     nv: int
@@ -69,13 +77,17 @@ class DerivativeCost:
     forward: float
     derivatives: float
     gradient: float
+    by_masses: float
+    by_placement: float
+    feedback: float
 
     @property
     def cells(self) -> list[str]:
         """A row of the table."""
         ratio = self.derivatives / self.forward
         micro = [f"{value:.3g}" for value in (self.forward, self.derivatives)]
-        rest = [f"{value:.2g}" for value in (ratio, self.gradient)]
+        ratios = ratio, self.gradient, self.by_masses, self.by_placement, self.feedback
+        rest = ["–" if np.isnan(value) else f"{value:.2g}" for value in ratios]
         return [self.name, str(self.nv), str(self.m), *micro, *rest]
 
 
@@ -91,8 +103,8 @@ def measured(name: str, mechanism: Mechanism, rounds: int) -> DerivativeCost | N
         return None
     forward = _least(lambda: kernel.forward_dynamics(states, fast, held, known=True), rounds) / STATES
     derivatives = _least(lambda: kernel.slopes(states, fast, held, known=True), rounds) / STATES
-    ratio = _gradient(mechanism, q, v, LONG.get(name, STEP), rounds)
-    return DerivativeCost(name, mechanism.nv, mechanism.m, 1e6 * forward, 1e6 * derivatives, ratio)
+    ratios = _gradients(mechanism, q, v, LONG.get(name, STEP), rounds)
+    return DerivativeCost(name, mechanism.nv, mechanism.m, 1e6 * forward, 1e6 * derivatives, *ratios)
 
 
 def rows(robots: Mapping[str, Path] | None, base: str | None, rounds: int) -> list[DerivativeCost]:
@@ -128,7 +140,10 @@ def tell(folder: Path | None, base: str | None, rounds: int, out: Path | None, p
     found = rows(robots, base, rounds)
     cells = [row.cells for row in found]
     print("Least times in the kernel. forward: u̇ at a state; derivatives: with ∂u̇ by y, u and τ;")
-    print(f"gradient / run: of a cost at the end of {STEPS} steps of RK4, over the time of the run")
+    print(
+        f"gradient / run: of a cost at the end of {STEPS} steps of RK4, over the time of the run; also with"
+    )
+    print("all masses as parameters, with a joint's placement, and under a torque function beside its run")
     print(table(HEADER, cells, None))
     if out:
         write_json(out, [asdict(row) for row in found])
@@ -147,21 +162,36 @@ def _robot(path: Path, base: str | None) -> Mechanism | None:
         return None
 
 
-def _gradient(mechanism: Mechanism, q: Array, v: Array, step: float, rounds: int) -> float:
-    """Time of the gradient of a terminal cost over that of the run; NaN where there is none."""
+def _gradients(mechanism: Mechanism, q: Array, v: Array, step: float, rounds: int) -> list[float]:
+    """Times of gradients of a terminal cost over those of their runs, see `DerivativeCost`."""
     by_q, by_v = np.zeros(mechanism.nv), np.ones(mechanism.nv)
     cost = Cost(terminal=lambda q, v: float(by_v @ v), terminal_slopes=lambda q, v: (by_q, by_v))
+    drag = -0.1 * np.eye(mechanism.nv)
+    slopes = np.zeros_like(drag), drag
 
-    def make() -> object:
-        return simulate(mechanism, q, v, duration=STEPS * step, step=step)
+    def feedback(t: float, q: Array, v: Array) -> Array:
+        return drag @ v
 
-    try:
-        run = simulate(mechanism, q, v, duration=STEPS * step, step=step)
-        gradient(run, cost)
-    except RobustGcpError:  # it falls to where its coordinates end, or its modes
-        return float("nan")
-    few = max(2, rounds // 10)
-    return _least(lambda: gradient(run, cost), few) / _least(make, few)
+    masses = [f"{joint.name}.mass" for joint in mechanism.joints]
+
+    def ratio(torque: Torque | None, *parameters: str) -> float:
+        def make() -> Trajectory:
+            return simulate(mechanism, q, v, duration=STEPS * step, step=step, torque=torque)
+
+        of_torque = None if torque is None else lambda t, q, v: slopes
+        try:
+            run = make()
+            gradient(run, cost, parameters=parameters, torque_slopes=of_torque)
+        except RobustGcpError:  # to where its coordinates end, or its modes, or loops do not stay closed
+            return float("nan")
+        few = max(2, rounds // 10)
+        swept = _least(lambda: gradient(run, cost, parameters=parameters, torque_slopes=of_torque), few)
+        return swept / _least(make, few)
+
+    last = mechanism.joints[-1].name
+    placed = (ratio(None, f"{last}.placement.{axis}") for axis in "yzx")
+    by_placement = next((found for found in placed if not np.isnan(found)), float("nan"))
+    return [ratio(None), ratio(None, *masses), by_placement, ratio(feedback)]
 
 
 def _least(call: Callable[[], object], rounds: int) -> float:
