@@ -67,6 +67,13 @@ class ModelWarning(UserWarning):
     """
 
 
+class PerformanceWarning(UserWarning):
+    """The compiled kernel does not take a mechanism, or its derivatives: Python does the work, far slower.
+
+    The message names the reason and the remedy.
+    """
+
+
 class PartitionError(ModelError):
     """The chosen independent joints cannot serve as minimal coordinates anywhere.
 

@@ -9,32 +9,23 @@ Needs the extra `control`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..checks import check_mechanism, check_positive
-from ..dynamics.derivatives import PointDerivatives
-from ..dynamics.discrete import differentiated_step
-from ..dynamics.problem import Problem, set_out
 from ..errors import OptionError, SimulationError, missing_extra
-from ..kernel.derivations import derivation
-from ..maps.grouped import GroupMap, joined
-from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from ..simulation.steppers import rk4_step
+from .knot import Knot
 
 try:
     import crocoddyl
 except ImportError as missing:
     raise missing_extra("optimal control needs crocoddyl", "crocoddyl", "control") from missing
-
-LEAP = 0.5
-"""Largest move of a coordinate at once between two evaluations of a knot, rad or m."""
 
 
 def state_model(mechanism: Mechanism) -> Any:
@@ -58,11 +49,24 @@ def state_model(mechanism: Mechanism) -> Any:
             f"Crocoddyl: joint {mechanism.chart_joints[0].name!r} has independent velocities that are the "
             "rates of no numbers in q, so there is no state to optimise; choose other independent joints"
         )
-    carrier, groups = pin.Model(), {joint.name: joint for joint in mechanism.group_joints}
-    for name in mechanism.independent:
-        kind = mechanism.own_model.joints[groups[name].index] if name in groups else pin.JointModelPX()
+    carrier = pin.Model()
+    for name, kind, _ in _joints(mechanism):
         carrier.addJoint(0, kind, pin.SE3.Identity(), name)
     return crocoddyl.StateMultibody(carrier)
+
+
+def _joints(mechanism: Mechanism) -> Iterator[tuple[str, Any, list[int]]]:
+    """The joints of a state by name, model, and place in q: those on groups, and a slide for each number."""
+    groups = {joint.name: joint for joint in mechanism.group_joints}
+    numbers = iter(mechanism.iq_numbers.tolist())
+    for name in mechanism.independent:
+        if name in groups:
+            joint = groups[name]
+            yield name, mechanism.own_model.joints[joint.index], [*range(joint.idx_q, joint.idx_q + joint.nq)]
+            continue
+        count = len(mechanism.velocities_named([name]))
+        for k in range(count):
+            yield name if count == 1 else f"{name}.{k}", pin.JointModelPX(), [next(numbers)]
 
 
 class ClosedLoopAction(crocoddyl.ActionModelAbstract):  # type: ignore[misc]
@@ -108,6 +112,7 @@ class ClosedLoopAction(crocoddyl.ActionModelAbstract):  # type: ignore[misc]
             )
         super().__init__(costs.state, self.B.shape[1], costs.nr)
         self.mechanism, self.costs, self.step, self.q0, self.mode = mechanism, costs, step, q0, mode
+        self.places = np.concatenate([places for _, _, places in _joints(mechanism)])
         if limits is not None:
             self.u_ub = np.broadcast_to(np.asarray(limits, dtype=float), (self.nu,)).copy()
             self.u_lb = -self.u_ub
@@ -124,14 +129,7 @@ class ClosedLoopAction(crocoddyl.ActionModelAbstract):  # type: ignore[misc]
         if c is None or self.step == 0.0:
             return
         try:
-            start = data.go_to(x, self.B @ c)
-            equations = data.motion.equations
-            first = equations.derivative(equations.evaluate(0.0, start))
-
-            def f(t: float, x: Array) -> Array:
-                return equations.derivative(equations.evaluate(t, x))
-
-            data.xnext = data.numbers(rk4_step(f, 0.0, start, self.step, first))
+            data.xnext = data.knot.step(x, self.B @ c, self.step)
         except SimulationError as stop:
             data.stopped = stop
             data.cost = np.nan
@@ -149,8 +147,7 @@ class ClosedLoopAction(crocoddyl.ActionModelAbstract):  # type: ignore[misc]
             data.Fx = np.eye(self.state.ndx)
             return
         try:
-            start = data.go_to(x, self.B @ c)
-            A, B = data.jacobians(start[: 2 * self.mechanism.m], self.step)
+            A, B = data.knot.jacobians(x, self.B @ c, self.step)
             data.Fx, data.Fu = A, B @ self.B
         except SimulationError as stop:
             data.stopped = stop
@@ -173,58 +170,6 @@ class ClosedLoopData(crocoddyl.ActionDataAbstract):  # type: ignore[misc]
 
     def __init__(self, action: ClosedLoopAction) -> None:
         super().__init__(action)
-        mechanism, carrier = action.mechanism, action.state.pinocchio
         self.costs = action.costs.createData(crocoddyl.DataCollectorAbstract())
         self.stopped: SimulationError | None = None
-        self.tau: Array = np.zeros(mechanism.nv)
-        self.motion: Problem = set_out(mechanism, action.q0, None, action.mode, lambda t, q, v: self.tau)
-        self.slopes = PointDerivatives(self.motion)
-        self.m, self.nq, self.groups = mechanism.m, carrier.nq, groups_of(mechanism)
-        self._numbers: NDArray[np.int64] = np.arange(self.nq)
-        if self.groups is not None:
-            first = {name: carrier.joints[carrier.getJointId(name)].idx_q for name in carrier.names[1:]}
-            on_groups = [first[j.name] + k for j in mechanism.group_joints for k in range(j.nq)]
-            self._on_groups = np.array(on_groups)
-            self._numbers = np.setdiff1d(self._numbers, self._on_groups)
-
-    def go_to(self, x: Array, tau: Array) -> Array:
-        """The motion's state at x, its map there on the mode, with these torques."""
-        explicit, m, u = self.motion.explicit, self.m, x[self.nq :]
-        self.tau = tau
-        y = np.zeros(m)
-        if self.groups is None:
-            y[:] = x[self._numbers]
-        else:
-            assert isinstance(explicit, GroupMap)
-            y[self.groups.rest_inputs] = x[self._numbers]
-            here = np.zeros(m)
-            here[self.groups.rest_inputs] = explicit.rest.anchor.y
-            explicit.anchor = joined(self.groups, explicit.rest.anchor, x[self._on_groups].copy(), here, u)
-        away = y - explicit.anchor.y
-        steps = int(np.ceil(np.abs(away).max(initial=0.0) / LEAP))
-        for k in range(1, steps):
-            explicit.at(y - (1.0 - k / steps) * away, u)
-        return np.concatenate([y, u, self.motion.x[2 * m :]])
-
-    def jacobians(self, x: Array, step: float) -> tuple[Array, Array]:
-        """Of one step from a state of the motion: by the kernel on regular ground, else by the reference."""
-        mechanism, explicit, m = self.motion.mechanism, self.motion.explicit, self.m
-        point = explicit.at(x[:m], x[m:])
-        kernel = derivation(mechanism, point.q)
-        found = None
-        if kernel is not None:
-            v = point.G @ point.ydot
-            found = kernel.step_jacobians(point.q[None], v[None], self.tau[None], step)
-        return differentiated_step(self.slopes, 0.0, x, step).jacobians() if found is None else found
-
-    def numbers(self, state: Array) -> Array:
-        """x of a state of the motion in the chart of the step."""
-        y, u = state[: self.m], state[self.m : 2 * self.m]
-        if self.groups is None:
-            return np.concatenate([y, u])
-        explicit = self.motion.explicit
-        assert isinstance(explicit, GroupMap)
-        x = np.empty(self.nq)
-        x[self._numbers] = y[self.groups.rest_inputs]
-        x[self._on_groups] = self.groups.place(explicit.origin, y[self.groups.inputs])
-        return np.concatenate([x, u])
+        self.knot = Knot(action.mechanism, action.q0, action.mode, action.places)

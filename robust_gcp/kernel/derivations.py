@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import threading
 
-from ..errors import RobustGcpError
+from ..errors import PerformanceWarning, RobustGcpError
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from ..warning import warn
 from .derivation import Derivation
 from .library import library
 from .loop_arrays import NotNativeError
@@ -48,9 +49,19 @@ def own_derivation(mechanism: Mechanism, q: Array) -> Derivation | None:
         Where q is no regular state to begin with.
     """
     kernel, applied = library(), mechanism.applied
-    if kernel is None or (applied is not None and not applied.has_slopes):
-        return None  # the kernel knows no slopes of such forces
-    try:
-        return Derivation(kernel, mechanism, q)
-    except NotNativeError:
+    if kernel is None:
         return None
+    reason = (
+        "it knows no slopes of forces of one's own and of springs along tendons; as torque functions it does"
+    )
+    try:
+        if applied is None or applied.has_slopes:
+            return Derivation(kernel, mechanism, q)
+    except NotNativeError as error:
+        reason = f"{error}; spell it as simple joints"
+    warn(
+        f"the compiled kernel does not take derivatives and single steps of {mechanism.name or 'a mechanism'}"
+        f": {reason}. The Python reference takes 20 to 200 times as long",
+        PerformanceWarning,
+    )
+    return None

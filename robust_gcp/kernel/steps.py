@@ -12,7 +12,7 @@ from ..dynamics.drive import Drive
 from ..dynamics.equations import Evaluation, Torque, does_work, torque_function
 from ..dynamics.held import HeldTorque
 from ..dynamics.tableau import Tableau
-from ..errors import OptionError
+from ..errors import OptionError, PerformanceWarning
 from ..maps.classical import DIGITS_LOST, ClassicalMap
 from ..maps.cluster.cluster_map import ClusterMap
 from ..maps.cluster.options import BridgeOptions
@@ -20,6 +20,7 @@ from ..maps.grouped import GroupMap
 from ..maps.regular_path import RegularPath
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from ..warning import warn
 from .batch import Batch, Outputs
 from .description import follows_zones
 from .guard import Guard
@@ -115,6 +116,13 @@ class NativeSteps:
                         f'backend="native": {error}, which the compiled kernel does not know; '
                         'use backend="auto" or "python"'
                     ) from error
+                if self._first:
+                    warn(
+                        f"the compiled kernel does not take {mechanism.name or 'a mechanism'}: {error}; "
+                        "spell it as simple joints. Python's steps take 20 to 200 times as long; "
+                        'backend="python" asks for them without this warning',
+                        PerformanceWarning,
+                    )
         return self._workspace
 
     @property

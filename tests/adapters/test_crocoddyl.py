@@ -136,6 +136,24 @@ def test_derivatives_are_those_of_central_differences(scene: str) -> None:
         assert cost == pytest.approx(Lu[j], abs=1e-9)
 
 
+def test_a_joint_of_several_numbers_has_all_of_them_in_the_state() -> None:
+    model = pin.Model()
+    carriage = model.addJoint(0, pin.JointModelTranslation(), pin.SE3.Identity(), "carriage")
+    model.appendBodyToJoint(carriage, pin.Inertia(2.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    arm = model.addJoint(carriage, pin.JointModelRX(), pin.SE3.Identity(), "arm")
+    model.appendBodyToJoint(arm, pin.Inertia(1.0, np.array([0.0, 0.3, 0.0]), np.eye(3)), pin.SE3.Identity())
+    for names in (["arm", "carriage"], ["carriage.z", "arm", "carriage.x", "carriage.y"]):
+        mech = rg.Mechanism.from_pinocchio(model, [], names)
+        state = state_model(mech)
+        assert state.nv == mech.m == 4
+        node = ClosedLoopAction(mech, costs(state, 1, state.zero(), np.ones(8), 1.0), STEP, motors=["arm"])
+        q, v = np.array([0.1, 0.2, 0.3, 0.4]), np.array([1.0, -1.0, 0.5, 2.0])
+        data, own = node.createData(), mech.iv_independent
+        node.calc(data, np.concatenate([q[own], v[own]]), np.array([3.0]))
+        after = rg.step(mech, q, v, {"arm": 3.0}, STEP)
+        np.testing.assert_allclose(data.xnext, np.concatenate([after.q[own], after.v[own]]), rtol=1e-13)
+
+
 def test_a_crank_is_brought_to_rest_where_it_was_asked_to() -> None:
     mech = rg.load("crank_rocker")
     model = action(mech)

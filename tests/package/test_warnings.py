@@ -11,10 +11,13 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pinocchio as pin
 import pytest
 
 import robust_gcp as rg
 from robust_gcp.examples.linkages import four_bar
+from tests.compiled import KERNEL
 
 GAP = four_bar(4.0 - 1e-10, 2.0, 3.0, 3.0, y=2.5)
 STIFF = rg.Mechanism.from_pinocchio(
@@ -30,6 +33,15 @@ LIMITED = """<mujoco><worldbody><body><joint name="a" axis="0 1 0" limited="true
 def abs_shifted(t: Any) -> Any:
     """RHOMBUS's home on, with a kink at 0.037 s."""
     return RHOMBUS.home[0] + abs(t - 0.037) - 0.037
+
+
+def screw() -> rg.Mechanism:
+    """A joint that the compiled kernel does not know."""
+    model = pin.Model()
+    kind = pin.JointModelHelicalUnaligned(np.array([1.0, 0.0, 0.0]), 0.1)
+    joint = model.addJoint(0, kind, pin.SE3.Identity(), "screw")
+    model.appendBodyToJoint(joint, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    return rg.Mechanism.from_pinocchio(model, [], ["screw"])
 
 
 CASES: dict[str, tuple[type[Warning], Callable[[], Any]]] = {
@@ -68,6 +80,11 @@ CASES: dict[str, tuple[type[Warning], Callable[[], Any]]] = {
         lambda: rg.simulate(RHOMBUS, duration=0.1, step=1e-2, drive={"q1": rg.Motion(abs_shifted)}),
     ),
     "ModelWarning": (rg.ModelWarning, lambda: rg.Mechanism.from_mjcf(LIMITED)),
+    "PerformanceWarning": (rg.PerformanceWarning, lambda: rg.simulate(screw(), duration=2e-3, step=1e-3)),
+    "PerformanceWarning, of derivatives": (
+        rg.PerformanceWarning,
+        lambda: rg.step(screw(), [0.1], h=1e-3),
+    ),
     "NativeBuildWarning": (rg.NativeBuildWarning, lambda: rg.simulate(RHOMBUS, duration=2e-3)),
     "NativeBuildWarning, in a sweep": (
         rg.NativeBuildWarning,
@@ -93,6 +110,8 @@ def caught_from(call: Callable[[], Any], kind: type[Warning]) -> list[warnings.W
 @pytest.mark.parametrize("name", CASES)
 def test_the_line_of_the_call_is_named(name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     kind, call = CASES[name]
+    if kind is rg.PerformanceWarning and not KERNEL.available:
+        pytest.skip(KERNEL.reason)
     if kind is rg.NativeBuildWarning:
         broken = tmp_path / "kernel.so"
         broken.write_bytes(b"no library")

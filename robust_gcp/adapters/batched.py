@@ -1,0 +1,81 @@
+"""Accelerations, and rollouts of steps, of many states at once with their derivatives: NumPy alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..checks import check_positive, check_whole
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+from ..simulation.derivatives import derivatives, forward_dynamics
+from ..simulation.one_step import step
+from .exact import Arrays, Exact
+from .states import closed_states, times, to_independent, to_state
+
+
+class Accelerations(Exact):
+    """u̇ (m,) of (q, v, τ), Eq. (3)."""
+
+    def __init__(self, mechanism: Mechanism, threads: int = 1) -> None:
+        super().__init__(mechanism, threads, "accelerations")
+        nq, nv, m = mechanism.nq, mechanism.nv, mechanism.m
+        self.arguments, self.results = ((nq,), (nv,), (nv,)), ((m,),)
+        self.kept = ((nq,), (m, 2 * m + nv))
+
+    def _evaluated(self, q: Array, v: Array, tau: Array) -> Arrays:
+        return (forward_dynamics(self.mechanism, *closed_states(self.mechanism, q, v), tau),)
+
+    def _linearised(self, q: Array, v: Array, tau: Array) -> Arrays:
+        q, v = closed_states(self.mechanism, q, v)
+        at = derivatives(self.mechanism, q, v, tau)
+        return at.udot, q, np.concatenate([at.da_dy, at.da_dv, at.da_dtau], axis=2)
+
+    def _pulled(self, *given: Array) -> Arrays:
+        q, slopes, on_udot = given
+        rows, m = times(on_udot, slopes), self.mechanism.m
+        return *to_state(self.mechanism, q, rows[:, : 2 * m]), rows[:, 2 * m :]
+
+
+class Rollout(Exact):
+    """States at the start and after each step of RK4, torques τ (steps, nv) held over each."""
+
+    def __init__(
+        self, mechanism: Mechanism, h: float, steps: int, threads: int = 1, name: str = "rollout"
+    ) -> None:
+        super().__init__(mechanism, threads, name)
+        check_positive("h", h)
+        check_whole("steps", steps, 1)
+        nq, nv, m = mechanism.nq, mechanism.nv, mechanism.m
+        self.h, self.steps = h, steps
+        self.arguments, self.results = ((nq,), (nv,), (steps, nv)), ((steps + 1, nq), (steps + 1, nv))
+        self.kept = (*self.results, (steps, 2 * m, 2 * m), (steps, 2 * m, nv))
+
+    def _evaluated(self, q: Array, v: Array, tau: Array) -> Arrays:
+        return self._run(q, v, tau, False)
+
+    def _linearised(self, q: Array, v: Array, tau: Array) -> Arrays:
+        Q, V, A, B = self._run(q, v, tau, True)
+        return Q, V, Q, V, A, B
+
+    def _run(self, q: Array, v: Array, tau: Array, jacobians: bool) -> Arrays:
+        """The states, and A and B of each step where they are wanted."""
+        q, v = closed_states(self.mechanism, q, v)
+        found = [np.empty((len(q), *shape)) for shape in (self.kept if jacobians else self.results)]
+        found[0][:, 0], found[1][:, 0] = q, v
+        for k in range(self.steps):
+            after = step(self.mechanism, q, v, tau[:, k], self.h, jacobians)
+            q, v = found[0][:, k + 1], found[1][:, k + 1] = after.q, after.v
+            if after.A is not None and after.B is not None:
+                found[2][:, k], found[3][:, k] = after.A, after.B
+        return tuple(found)
+
+    def _pulled(self, *given: Array) -> Arrays:
+        Q, V, A, B, on_q, on_v = given
+        flat = [part.reshape(-1, part.shape[2]) for part in (Q, V, on_q, on_v)]
+        here = to_independent(self.mechanism, *flat).reshape(len(Q), self.steps + 1, -1)
+        on_tau = np.empty((len(Q), self.steps, self.mechanism.nv))
+        rows = here[:, -1]
+        for k in reversed(range(self.steps)):
+            on_tau[:, k] = times(rows, B[:, k])
+            rows = times(rows, A[:, k]) + here[:, k]
+        return *to_state(self.mechanism, Q[:, 0], rows), on_tau
