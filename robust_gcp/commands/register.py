@@ -62,6 +62,11 @@ REPORTS = (
     Command(
         "benchmark", "time a right-hand side and its parts against the number of loops", ".reports.benchmark"
     ),
+    Command(
+        "gradients",
+        "score derivatives of closed-loop mechanisms against seventy-digit references",
+        ".reports.gradients.scores",
+    ),
     Command("a02", "N four-bars in a row (IFToMM A02) against the closed form", ".reports.a02"),
 )
 """What measures the project."""

@@ -1,0 +1,174 @@
+"""How right derivatives of closed-loop mechanisms are: `python -m robust_gcp reports gradients`."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from statistics import median
+
+import numpy as np
+import pinocchio as pin
+
+from ...arguments import Arguments, file, pathname, word
+from ...errors import RobustGcpError
+from ...mechanism.tree import Array
+from ...printing import table, write_json
+from ...simulation.derivatives import derivatives
+from .problems import Problem, problems
+
+RIGHT = 1e-9
+"""Relative error of the largest entry up to which a matrix is right, and beyond 1e-3 wrong."""
+
+WRONG = 1e-3
+
+Answer = tuple[Array, Array, Array, Array]
+"""u̇ and its derivatives by y, u and τ."""
+
+
+def of_robust_gcp(problem: Problem) -> Answer:
+    """`rg.derivatives`."""
+    mech = problem.mechanism()
+    if problem.mode is None:
+        q = mech.assemble(problem.q, hold=mech.independent)
+        v = mech.lift(q, problem.u)
+    else:
+        q = problem.q
+        v = problem.mode @ np.linalg.solve(problem.mode[mech.iv_independent], problem.u)
+    found = derivatives(mech, q, v, problem.tau, mode=problem.mode)
+    return found.udot, found.da_dy, found.da_dv, found.da_dtau
+
+
+def of_pinocchio(problem: Problem) -> Answer:
+    """`computeConstraintDynamicsDerivatives` of rigid constraints, taken to y, u and τ.
+
+    G and ∂v/∂y, which Pinocchio has not, are those of K and of its differences along G.
+    """
+    model = problem.model()
+    data, own = model.createData(), _independent(problem)
+    constraints, datas = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
+    for k in range(len(problem.linkage["closures"])):
+        ends = [model.frames[model.getFrameId(f"closure {k} end {end}")] for end in (1, 2)]
+        places = [(end.parentJoint, end.placement) for end in ends]
+        constraint = pin.RigidConstraintModel(
+            pin.ContactType.CONTACT_3D, model, *places[0], *places[1], pin.LOCAL
+        )
+        constraints.append(constraint)
+        datas.append(constraint.createData())
+    settings = pin.ProximalSettings(1e-14, 1e-14, 1e-8, 200)
+    pin.initConstraintDynamics(model, data, constraints, datas)
+    q = problem.q
+    G = _map(problem, model, q, own)
+    v = G @ problem.u
+    a = np.array(pin.constraintDynamics(model, data, q, v, problem.tau, constraints, datas, settings))
+    by_q, by_v, by_tau, *_ = pin.computeConstraintDynamicsDerivatives(
+        model, data, constraints, datas, settings
+    )
+    h = 1e-5
+    turned = [
+        (_map(problem, model, q + h * g, own) - _map(problem, model, q - h * g, own)) @ problem.u / (2.0 * h)
+        for g in G.T
+    ]
+    by_y = np.asarray(by_q) @ G + np.asarray(by_v) @ np.array(turned).T
+    return a[own], by_y[own], (np.asarray(by_v) @ G)[own], np.asarray(by_tau)[own]
+
+
+ENGINES: dict[str, Callable[[Problem], Answer]] = {"robust_gcp": of_robust_gcp, "pinocchio": of_pinocchio}
+
+
+@dataclass(frozen=True)
+class Score:
+    """How an engine did at problems of a kind: how many are right, inaccurate, wrong and refused."""
+
+    engine: str
+    kind: str
+    count: int
+    right: int
+    inaccurate: int
+    wrong: int
+    refused: int
+    median: float
+    worst: float
+
+
+def error(problem: Problem, answer: Answer) -> float:
+    """The largest error, relative to the largest entry of its matrix or of u̇'s scale."""
+    exact = problem.udot, problem.da_dy, problem.da_dv, problem.da_dtau
+    size = max(float(np.abs(part).max()) for part in exact[:3])
+    errors = [float(np.abs(a - b).max()) for a, b in zip(answer, exact, strict=True)]
+    found = max([*(e / size for e in errors[:3]), errors[3] / float(np.abs(problem.da_dtau).max())])
+    return found if np.isfinite(found) else np.inf
+
+
+def scored(
+    engine: str, given: list[Problem], answer: Callable[[Problem], Answer] | None = None
+) -> list[Score]:
+    """Scores of an engine, or of an answer under its name, a row for each kind of problem."""
+    asked = ENGINES[engine] if answer is None else answer
+    errors: dict[str, list[float | None]] = {"regular": [], "near": [], "at": []}
+    for problem in given:
+        try:
+            errors[problem.kind].append(error(problem, asked(problem)))
+        except (RobustGcpError, ValueError, RuntimeError, np.linalg.LinAlgError):
+            errors[problem.kind].append(None)
+    found = []
+    for kind, every in errors.items():
+        told = [e for e in every if e is not None]
+        right, wrong = sum(e <= RIGHT for e in told), sum(e > WRONG for e in told)
+        middle, worst = (median(told), max(told)) if told else (float("nan"), float("nan"))
+        rest = len(told) - right - wrong
+        counts = len(every), right, rest, wrong, len(every) - len(told)
+        found.append(Score(engine, kind, *counts, middle, worst))
+    return found
+
+
+def arguments(add_to: Arguments) -> None:
+    """Name the arguments."""
+    text = "robust_gcp or pinocchio, several times for several; all unless given"
+    add_to.add("--engine", word(ENGINES), action="append", metavar="NAME", help=text)
+    text = "write the scores to this JSON file"
+    add_to.add("--out", file((".json",), "a record of scores"), type=pathname, metavar="FILE", help=text)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the scores; exit code 1 where one of ours is wrong."""
+    given, found = problems(), []
+    for engine in args.engine or ENGINES:
+        found += scored(engine, given)
+    print(f"{len(given)} problems; right: to {RIGHT:g} of the largest entry, wrong: beyond {WRONG:g}")
+    header = ("engine", "kind", "problems", "right", "inaccurate", "wrong", "refused", "median", "worst")
+    cells = [
+        [s.engine, s.kind, *map(str, (s.count, s.right, s.inaccurate, s.wrong, s.refused)),
+         f"{s.median:.1e}", f"{s.worst:.1e}"]
+        for s in found
+    ]  # fmt: skip
+    print(table(header, cells, None))
+    if args.out:
+        write_json(args.out, [asdict(score) for score in found])
+    return 1 if any(s.wrong for s in found if s.engine == "robust_gcp") else 0
+
+
+def _independent(problem: Problem) -> list[int]:
+    names = [joint["name"] for joint in problem.linkage["joints"]]
+    return [names.index(name) for name in problem.linkage["independent"]]
+
+
+def _map(problem: Problem, model: pin.Model, q: Array, own: list[int]) -> Array:
+    """G of K G = 0 at q."""
+    data = model.createData()
+    pin.computeJointJacobians(model, data, q)
+    pin.updateFramePlacements(model, data)
+    rows = []
+    for k in range(len(problem.linkage["closures"])):
+        ends = [
+            pin.getFrameJacobian(
+                model, data, model.getFrameId(f"closure {k} end {end}"), pin.LOCAL_WORLD_ALIGNED
+            )
+            for end in (1, 2)
+        ]
+        rows.append((ends[0] - ends[1])[1:3])
+    K, rest = np.vstack(rows), np.setdiff1d(np.arange(model.nv), own)
+    G = np.zeros((model.nv, len(own)))
+    G[own] = np.eye(len(own))
+    G[rest] = -np.linalg.solve(K[:, rest], K[:, own])
+    return G
