@@ -96,8 +96,8 @@ def error(problem: Problem, answer: Answer) -> float:
     exact = problem.udot, problem.da_dy, problem.da_dv, problem.da_dtau
     size = max(float(np.abs(part).max()) for part in exact[:3])
     errors = [float(np.abs(a - b).max()) for a, b in zip(answer, exact, strict=True)]
-    found = max([*(e / size for e in errors[:3]), errors[3] / float(np.abs(problem.da_dtau).max())])
-    return found if np.isfinite(found) else np.inf
+    relative = [*(e / size for e in errors[:3]), errors[3] / float(np.abs(problem.da_dtau).max())]
+    return max(relative) if np.all(np.isfinite(relative)) else np.inf
 
 
 def scored(
