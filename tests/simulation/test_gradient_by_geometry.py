@@ -11,11 +11,12 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
+from robust_gcp.examples.linkages import four_bar
 from robust_gcp.simulation import reverse_sweep
 from robust_gcp.simulation.at_states import AtStates
 
 from ..dynamics.test_derivatives import TENTH, floating
-from .test_gradient import COST, slope
+from .test_gradient import COST, Case, slope
 from .test_gradient_by_parameters import changed, feedback, thick, value
 
 Array = NDArray[np.float64]
@@ -221,3 +222,25 @@ class TestRefused:
         for q, h in ((near, None), (np.zeros(3), None), (np.zeros(3), 1e-3)):
             with pytest.raises(rg.SimulationError, match=unknown):
                 rg.by_parameters(mech, q, parameters=[name], h=h)
+
+
+def test_through_changes_of_the_independent_joints() -> None:
+    """A rocker turns back, another takes over and gives back, as in `test_gradient`."""
+    case = Case(four_bar(1.0, 1.2, 1.4, 0.7, y=1.0), [-1.0], 120, 4e-3)
+    case.tau *= 0.1
+    run = case.run()
+    assert len(run.stats.repartitions) == 2
+    names = ["q2.placement.y", "q2_tip.placement.z", "q1.placement.z"]
+    found = rg.gradient(run, COST, case.tau, parameters=names).parameters
+
+    def of(name: str, by: float) -> float:
+        changed = Case(moved(case.mech, name, by), case.u.tolist(), case.steps, case.h)
+        changed.tau = case.tau
+        home = changed.mech.assemble(case.mech.home, hold=case.mech.independent)
+        sim = rg.Simulation(changed.mech, home, changed.mech.lift(home, case.u), step=case.h)
+        for torque in case.tau:
+            sim.step(torque)
+        return changed.value(sim.trajectory)
+
+    for name in names:
+        assert found[name] == pytest.approx(slope(lambda s, n=name: of(n, s), 1e-4), rel=1e-8), name
