@@ -36,8 +36,8 @@ def read_mjcf(
     model bodies, joints (`hinge`, `slide`, `ball`, `free`), masses, armature, joint stiffness and damping,
     gravity, and of equalities `connect`, `weld`, `joint` and `tendon` (fixed ones) are simulated. Equality
     constraints are rigid whatever their `solref` says. Home is qpos0, where every `connect` of two bodies is
-    closed by definition; bodies and sites are frames of the same name. Keyframes and the sensors that rigid
-    bodies answer are read. Actuators, contacts, limits, dry friction, tendons, other sensors, plugins,
+    closed by definition; bodies and sites are frames of the same name (NAME_site where a body elsewhere has
+    it). Keyframes and the sensors that rigid bodies answer are read. Actuators, contacts, limits, dry friction, tendons, other sensors, plugins,
     flexible parts, drag, gravity compensation and springs of ball joints are left out and listed, mocap
     bodies stand still. Files of meshes are read where a mass comes from them,
     other shapes and pictures never.

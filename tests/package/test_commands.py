@@ -212,7 +212,8 @@ def test_torques_act_by_joint(capsys: Capture) -> None:
     assert list(told["v"].values()) == trajectory.v[-1].tolist()
 
 
-SERVED = """<mujoco><option><flag contact="disable"/></option><worldbody><body><joint name="hinge" axis="0 1 0" range="-20 20"/>
+SERVED = """<mujoco><option><flag contact="disable"/></option><worldbody>
+<body><joint name="hinge" axis="0 1 0" range="-20 20"/>
 <geom size="0.1" pos="0.5 0 0"/></body><body pos="0 1 0"><joint name="rail" type="slide" axis="1 0 0"/>
 <geom size="0.1"/></body></worldbody><actuator><motor name="spin" joint="hinge" gear="2"/>
 <position name="shift" joint="rail" kp="20"/></actuator></mujoco>"""
