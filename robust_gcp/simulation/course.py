@@ -135,9 +135,8 @@ class Course:
     ) -> tuple[Problem, NativeSteps | None, Counters]:
         """The motion at its start, what takes its steps natively, and what is counted."""
         counters, own = Counters(), self.tableau if isinstance(self.tableau, Tableau) else None
-        native = (
-            None if kernel is None else NativeSteps(kernel, torque, required, self.drives, own, self.guard)
-        )
+        acts = torque.native if isinstance(torque, HeldTorque) else torque
+        native = None if kernel is None else NativeSteps(kernel, acts, required, self.drives, own, self.guard)
         t0 = float(self.schedule.times[0])
         given = self.mechanism, start, torque, self.choice, counters, self.on_toggle, self.drives, t0
         return started(native, *given), native, counters
