@@ -17,6 +17,7 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..mechanism.workspace import workspace
 from .reactions import Loaded, row_names
+from .sensing import sensed
 
 if TYPE_CHECKING:
     from .trajectory import Trajectory
@@ -225,8 +226,13 @@ class Sample(Named):
         return {"t": self.t, **state_columns(self.mechanism, self.q, self.v, self.a), **self.more}
 
     def _sensed(self, name: str) -> Array:
+        if self.mechanism.sensors[name].needs in "us":
+            raise OptionError(
+                f"sensor {name!r}: controls and forces of stops are known at the times of the run: ask "
+                f'run["{SENSOR}{name}"]'
+            )
         t, (q, v, a) = np.atleast_1d(self.t), (np.atleast_2d(part) for part in (self.q, self.v, self.a))
-        found = Loaded(self.mechanism, t, q, v, lambda: a, None, None).sensor(name)
+        found = sensed(Loaded(self.mechanism, t, q, v, lambda: a, None, None), name)
         return found if self.t.ndim else found[0]
 
     def frame(self, name: str) -> FrameMotion:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import asdict, fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pinocchio as pin
@@ -19,6 +19,7 @@ from ..mechanism.forces import Force
 from ..mechanism.keyframes import Keyframe, Keyframes
 from ..mechanism.known_forces import KINDS
 from ..mechanism.mechanism import Mechanism
+from ..mechanism.parts import Lock, Part
 from ..mechanism.sensors import Sensors, sensor_from
 from ..mechanism.tree import Array
 
@@ -38,6 +39,7 @@ def mechanism_as_plain(mechanism: Mechanism) -> dict[str, Any]:
         "moved": mechanism.moved,
         "closures": [_as_plain(c) for c in mechanism.closures],
         "forces": [_as_plain(f) for f in mechanism.forces],
+        "stops": [_as_plain(p) for p in mechanism.parts if not isinstance(p, Lock) or p.when is None],
         "sensors": [asdict(sensor) for sensor in mechanism.sensors.values()],
         "keyframes": {
             name: [key.q.tolist(), key.v.tolist(), key.closed, key.open]
@@ -47,8 +49,8 @@ def mechanism_as_plain(mechanism: Mechanism) -> dict[str, Any]:
 
 
 def _parts() -> dict[str, type[Any]]:
-    """What an archive may hold besides numbers: closures and forces by the names of their classes."""
-    kinds: list[type[Any]] = [*closure_kinds(), CouplingClosure, *KINDS, *PARTS]
+    """What an archive may hold besides numbers: closures, forces, stops by the names of their classes."""
+    kinds: list[type[Any]] = [*closure_kinds(), CouplingClosure, *KINDS, *PARTS, *get_args(Part)]
     return {kind.__name__: kind for kind in kinds}
 
 
@@ -96,7 +98,8 @@ def mechanism_from(path: Path, meta: dict[str, Any], model: bytes, home: Array) 
     actuators = [_from_plain(actuator) for actuator in meta.get("actuators", ())]
     tendons = {str(name): _from_plain(path) for name, path in meta.get("tendons", {}).items()}
     own_parts = tree, closures, meta["independent"], home, meta["name"], forces
-    made = Mechanism(*own_parts, *told, actuators=actuators, tendons=tendons)
+    stops = [_from_plain(part) for part in meta.get("stops", ())]
+    made = Mechanism(*own_parts, *told, actuators=actuators, tendons=tendons, parts=stops)
     made.sensors = Sensors({each["name"]: sensor_from(each) for each in meta.get("sensors", ())})
     made.moved = tuple(meta.get("moved", ()))
     keys = meta.get("keyframes", {}).items()  # files of 0.1.0 have none

@@ -105,7 +105,7 @@ class Rows:
 
     def __init__(self, mechanism: Mechanism, parts: Sequence[Part]) -> None:
         self.mechanism = mechanism
-        names = _columns(parts)
+        names = columns_of(parts)
         self.rows: list[Row] = []
         for part, name in zip(parts, names, strict=True):
             self.rows += _rows_of(part, name)
@@ -199,7 +199,7 @@ def _rows_of(part: Part, column: str) -> list[Row]:
     return [Row(Kind.FRICTION, part, column)]
 
 
-def _columns(parts: Sequence[Part]) -> list[str]:
+def columns_of(parts: Sequence[Part]) -> list[str]:
     """The column of each part: its kind and joint, with the others of its row where that is not enough."""
     words = {Stop: "stop", JointFriction: "friction", Lock: "lock"}
     named: dict[tuple[str, str], set[tuple[object, ...]]] = {}
