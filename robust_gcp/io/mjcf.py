@@ -38,9 +38,9 @@ def read_mjcf(
     constraints are rigid whatever their `solref` says. Home is qpos0, where every `connect` of two bodies is
     closed by definition; bodies and sites are frames of the same name (NAME_site where a body elsewhere has
     it). Actuators, tendons, keyframes and the sensors that rigid bodies answer are read, limits and dry
-    friction for `load`. Contacts, other sensors, plugins, flexible parts, drag, gravity compensation and
-    springs of ball joints are left out and listed, mocap bodies stand still but those in `moving`. Files of
-    meshes are read where a mass comes from them, other shapes and pictures never.
+    friction for `load`. Contacts, other sensors, plugins, flexible parts, drag and springs of free joints are
+    left out and listed, mocap bodies stand still but those in `moving`. Files of meshes are read where a mass
+    comes from them, other shapes and pictures never.
 
     Parameters
     ----------

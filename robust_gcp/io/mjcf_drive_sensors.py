@@ -70,10 +70,11 @@ class DriveSensors:
         return tuple(drives.actuators[drives.ids.index(a)].name for a in actuators)
 
     def _on_joint(self, joint: int) -> dict[str, Any]:
-        """A joint all of whose actuators are simulated, and none of them as a constant torque."""
+        """A joint all of whose actuators are simulated, none of them as a constant torque or a lift."""
         m = self._m
         constant = [a for a in range(m.nu) if is_constant(m, a) and m.actuator_trnid[a, 0] == joint]
-        if self._drives.left_out["actuators"] or constant:
+        lifts = m.jnt_actgravcomp[joint] and np.any(m.body_gravcomp)
+        if self._drives.left_out["actuators"] or constant or lifts:
             raise UnknownError
         return {"joint": self._tree.joints[joint]}
 

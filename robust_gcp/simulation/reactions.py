@@ -27,6 +27,7 @@ from ..mechanism.closures import Closure
 from ..mechanism.forces import PointSpring
 from ..mechanism.frames import place_of
 from ..mechanism.instant import Push
+from ..mechanism.lifted_weights import GravityCompensation
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.point_springs import Lines
 from ..mechanism.rows import ALONG, ROTATION, Row, rows_of
@@ -240,6 +241,10 @@ class Loaded:
             pulls = Lines(mechanism.tree, springs).pulls(q, v)
             for frame, (carrier, point, pull) in zip(ends, pulls, strict=True):
                 yield frame, carrier, point + mechanism.standpoint, pull, none
+        for force in mechanism.forces:
+            if isinstance(force, GravityCompensation):
+                for frame, carrier, point, lift in force.pulls(mechanism, self._workspace()):
+                    yield frame, carrier, point, lift, none
 
     def _pulling(self, q: Array, v: Array, u: Array | None) -> Iterator[Push]:
         """Springs along tendons, and of actuators on tendons and sites."""

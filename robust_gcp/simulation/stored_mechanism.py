@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import asdict, fields, is_dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -17,14 +17,14 @@ from ..mechanism.closures import closure_kinds
 from ..mechanism.couplings import CouplingClosure
 from ..mechanism.forces import Force
 from ..mechanism.keyframes import Keyframe, Keyframes
-from ..mechanism.known_forces import KINDS
+from ..mechanism.known_forces import STORED
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.parts import Lock, Part
+from ..mechanism.parts import JointFriction, Lock, Stop
 from ..mechanism.sensors import Sensors, sensor_from
 from ..mechanism.tree import Array
 
 OWN = "a class of its own"
-"""In place of its kind, for a force that is none of `KINDS`."""
+"""In place of its kind, for a force that is none of `STORED`."""
 
 
 def mechanism_as_plain(mechanism: Mechanism) -> dict[str, Any]:
@@ -50,13 +50,13 @@ def mechanism_as_plain(mechanism: Mechanism) -> dict[str, Any]:
 
 def _parts() -> dict[str, type[Any]]:
     """What an archive may hold besides numbers: closures, forces, stops by the names of their classes."""
-    kinds: list[type[Any]] = [*closure_kinds(), CouplingClosure, *KINDS, *PARTS, *get_args(Part)]
+    kinds: list[type[Any]] = [*closure_kinds(), CouplingClosure, *STORED, *PARTS, Stop, JointFriction, Lock]
     return {kind.__name__: kind for kind in kinds}
 
 
 def _as_plain(part: Any) -> dict[str, Any]:
     """A closure or force as its numbers; a force of the user's class as text, since code is not stored."""
-    if isinstance(part, Force) and type(part) not in KINDS:
+    if isinstance(part, Force) and type(part) not in STORED:
         return {"kind": OWN, "called": shown(part)}
     return {"kind": type(part).__name__, **{f.name: _plain(getattr(part, f.name)) for f in fields(part)}}
 
