@@ -215,7 +215,8 @@ def apart(one: Told, two: Told, n: int) -> float:
     return max((abs(a[0] - b[0]) for a, b in zip(one[:n], two[:n], strict=True)), default=0.0)
 
 
-def _run(scene: Scene, names: Sequence[str], step: float) -> rg.Trajectory | str:
+def ran(scene: Scene, names: Sequence[str], step: float) -> rg.Trajectory | str:
+    """Its run in these coordinates, or what that was refused with."""
     mech = scene.mechanism.with_independent(list(names))
     try:
         return rg.simulate(mech, scene.q, scene.v, DURATION, step, torque=scene.torque, joints=scene.parts)
@@ -244,8 +245,8 @@ def measured(seed: int, index: int, most: int = 3) -> Outcome:
     outcome = Outcome(index, scene.name)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        coarse = _run(scene, scene.choices[0], STEP)
-        fine = [_run(scene, names, 0.5 * STEP) for names in scene.choices[:most]]
+        coarse = ran(scene, scene.choices[0], STEP)
+        fine = [ran(scene, names, 0.5 * STEP) for names in scene.choices[:most]]
     refused = [run for run in (coarse, *fine) if isinstance(run, str)]
     if refused:
         outcome.refused = refused[0]

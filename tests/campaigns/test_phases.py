@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 
 from .conftest import Block
-from .phases import Outcome, drawn, measured
+from .phases import Outcome, drawn, measured, ran
 
 SEED, COUNT = 30, 200
 
@@ -46,6 +46,14 @@ def test_happenings_do_not_depend_on_coordinates(block: Block, record_property: 
 def test_some_happenings_do_not_depend_on_coordinates() -> None:
     outcomes = [measured(30, index, most=2) for index in (0, 1, 2)]
     assert not wrong(outcomes) and sum(outcome.happenings for outcome in outcomes) > 5
+
+
+def test_a_break_just_before_the_end_of_a_step_is_one_break() -> None:
+    """Over the 3 µs that are left of the step the rounding of q1 would be a rate, and end the slip again."""
+    scene = drawn(31, 836)
+    run = ran(scene, scene.choices[1], 1e-3)
+    assert not isinstance(run, str) and len(run.happenings) == 8
+    assert run.happenings[-1].kind == "release" and run.t[-1] == 1.0
 
 
 def test_a_case_is_drawn_alike() -> None:

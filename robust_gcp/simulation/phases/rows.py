@@ -144,6 +144,10 @@ class Rows:
         """r, (..., n) for q (..., nq), rad or m."""
         return np.asarray(q @ self._in_q.T)
 
+    def sizes(self, q: Array) -> Array:
+        """Σ |weight q|, (..., n): what r is rounded at."""
+        return np.asarray(np.abs(q) @ np.abs(self._in_q.T))
+
     def gaps(self, q: Array) -> Array:
         """c = side (r − at), (..., n); without meaning for rows that are no stops."""
         return self.side * (self.values(q) - self.at)
