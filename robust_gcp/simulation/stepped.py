@@ -236,7 +236,7 @@ class SteppedRun(FixedRun):
     def _look_within(self, i: int, before: Evaluation, now: Evaluation) -> None:
         """As ever, under the torque of the step before time i, not of the one after it."""
         after, self._held.value = self._held.value, self._torque_from(i - 1)
-        if self._looked_for(i) and not np.array_equal(after, self._held.value):
+        if self._looked_for(i) and not np.array_equal(after, self._held.value, equal_nan=True):
             now = self._motion.equations.at_point(float(self.times[i]), now.point)
         super()._look_within(i, before, now)
         self._held.value = after

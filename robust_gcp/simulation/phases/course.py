@@ -59,7 +59,7 @@ class Phases(Progress):
         """Another torque (nv,) from now on, where torques are held over steps."""
         held, phase = self._machines.held, self._phase
         assert held is not None
-        if np.array_equal(torque, held.value):
+        if np.array_equal(torque, held.value, equal_nan=True):
             return
         held.value = torque
         if self._fresh:
