@@ -20,8 +20,14 @@ DURATION, STEP = 1.0, 2e-3
 AT_ONCE = 1e-8
 """s between happenings that may be told in any order."""
 
-SAME_TIME = 1e-9
-"""s by which times may differ between coordinates, besides the stepper's own error."""
+SAME_TIME = 1e-8
+"""s by which times may differ between coordinates, besides the stepper's own error.
+
+The slowest bounces, 1e-6 m/s or rad/s, are by that apart where places are rounded at 1e-14.
+"""
+
+DYING = 1e-6
+"""s between bounces that die out: where they are slower than 1e-6 they end, be it one sooner or later."""
 
 DEEPEST, OPEN = 1e-12, 1e-11
 """m or rad: penetration, and loops."""
@@ -193,14 +199,28 @@ def _of_joint(rng: np.random.Generator, joint: str, here: float) -> list[Any]:
 
 
 def told(run: rg.Trajectory) -> Told:
-    """Happenings by time, those at once by kind and joints."""
-    found = sorted((x.time, x.kind, x.joints) for x in run.happenings)
+    """Happenings by time, those at once by kind and joints; bounces that die out as the first of them."""
+    found = sorted(_without_dying(sorted((x.time, x.kind, x.joints) for x in run.happenings)))
     result: Told = []
     while found:
         until = found[0][0] + AT_ONCE
         now = [x for x in found if x[0] <= until]
         result += sorted(now, key=lambda x: (x[1], x[2]))
         found = found[len(now) :]
+    return result
+
+
+def _without_dying(found: Told) -> Told:
+    """The same without impacts within DYING after another; what they end in is told when they began to."""
+    result: Told = []
+    last: dict[str, tuple[float, float]] = {}  # of a joint: its last impact, and the first of those that die
+    for t, kind, joints in found:
+        before = max((last[joint] for joint in joints if joint in last), default=(-np.inf, -np.inf))
+        dies = t - before[0] <= DYING
+        if kind == "impact":
+            last |= dict.fromkeys(joints, (t, before[1] if dies else t))
+        if not (dies and kind == "impact"):
+            result.append((before[1] if dies and kind == "hold" else t, kind, joints))
     return result
 
 
