@@ -133,6 +133,11 @@ def recorded_columns(run: Trajectory) -> dict[str, Array]:
     return columns
 
 
+def as_name(name: object) -> str:
+    """A name as it is; of what is none the words that show it, which no joint or column has."""
+    return name if isinstance(name, str) else shown(name)
+
+
 class Named:
     """Access by name to a motion or to a sample of one, whose last dimensions are nq and nv."""
 
@@ -160,10 +165,11 @@ class Named:
         OptionError
             For a name that is neither a joint nor a column.
         """
+        name = as_name(name)
         names = self.mechanism.joint_names
-        if str(name).startswith(SENSOR) and name not in names:
-            return self._sensed(str(name).removeprefix(SENSOR))
-        letter, _, joint = str(name).partition(".") if name not in names else ("q", ".", name)
+        if name.startswith(SENSOR) and name not in names:
+            return self._sensed(name.removeprefix(SENSOR))
+        letter, _, joint = name.partition(".") if name not in names else ("q", ".", name)
         values: Array | None = getattr(self, letter) if letter in ("q", "v", "a") and joint in names else None
         if values is None:
             return self._column(name)

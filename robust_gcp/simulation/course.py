@@ -43,6 +43,9 @@ from .unnamed import STIFF, taken_again, words_of
 Again = Callable[..., Trajectory]
 Progress = Callable[[float], None] | bool | None
 
+OVERFLOWN = "the state left the finite numbers; use a smaller step, and check v0 and torque"
+"""Where Python's own numbers overflow."""
+
 
 @dataclass
 class Course:
@@ -213,9 +216,7 @@ class Course:
             add_remedy(error, self.drives, may_change)
             raise
         except OverflowError as overflow:
-            stop = NonFiniteError(
-                "the state left the finite numbers; use a smaller step, and check v0 and torque"
-            )
+            stop = NonFiniteError(OVERFLOWN)
             stop.trajectory = run.trajectory(begun)
             raise stop from overflow
         return None

@@ -13,7 +13,7 @@ from ..dynamics.loads import Wrench
 from ..maps.explicit import Crossing
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from .access import SENSOR, FrameMotion, Sample, force_columns
+from .access import SENSOR, FrameMotion, Sample, as_name, force_columns
 from .powered import powered_columns
 from .reactions import Loaded, Reaction, multipliers_of, row_names
 from .sensing import sensed
@@ -82,11 +82,12 @@ class Present:
 
     def __getitem__(self, name: str) -> Array:
         """A number of the present state: "q1", "v.q1", "sensor.imu" and whatever `now` has."""
-        if name in self.mechanism.joint_names or str(name).startswith(("q.", "v.")):
+        name = as_name(name)
+        if name in self.mechanism.joint_names or name.startswith(("q.", "v.")):
             q, v = self._run.state
             return Sample(self.mechanism, np.array(self.t), q.copy(), v.copy(), v)[name]
-        if str(name).startswith(SENSOR):
-            return self._sensed(str(name).removeprefix(SENSOR))
+        if name.startswith(SENSOR):
+            return self._sensed(name.removeprefix(SENSOR))
         return self.now[name]
 
     def _sensed(self, name: str) -> Array:
