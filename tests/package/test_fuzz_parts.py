@@ -37,8 +37,6 @@ FUNCTIONS = st.sampled_from(
         lambda t, q, v: None,
         lambda t, q, v: np.nan,
         lambda t, q, v: np.zeros(3),
-        lambda t: t,
-        len,
     )
 )
 TABLES = st.tuples(st.lists(NUMBER, max_size=3), st.lists(NUMBER, max_size=3)) | st.just(([0.0, 1.0], [0, 2]))
@@ -70,6 +68,33 @@ ARGUMENTS: dict[str, st.SearchStrategy[Any]] = {
 }
 """By the name of the parameter; all others are numbers."""
 
+JOINTS = st.sampled_from(("q1", "q2", "q3"))
+FRAMES = st.sampled_from(("coupler_tip", "rocker_tip", "universe"))
+RANGE = st.none() | st.tuples(st.floats(-3.0, 0.0), st.floats(0.1, 3.0))
+TAME: dict[str, st.SearchStrategy[Any]] = {
+    **dict.fromkeys(("joint", "other", "path"), JOINTS),
+    **dict.fromkeys(("frame", "frame1", "frame2", "site", "crank", "slider"), FRAMES),
+    **dict.fromkeys(("reference", "side"), st.none() | FRAMES),
+    "reaction": st.none(),
+    "name": st.sampled_from(("a", "b", "c", "d")),
+    "more": st.just(()) | st.tuples(st.tuples(JOINTS, SMALL)),
+    "coefficients": st.dictionaries(JOINTS, SMALL, min_size=1, max_size=3),
+    **dict.fromkeys(("ctrl_range", "force_range", "activation_range", "shared_range"), RANGE),
+    **dict.fromkeys(("length_range", "range"), st.just((0.1, 2.0))),
+    "dynamics": st.just("none"),
+    "time": st.just(()),
+    "shape": st.sampled_from(("sphere", "cylinder")),
+    **dict.fromkeys(("gain", "bias"), st.lists(st.floats(-3.0, 3.0), min_size=1, max_size=3)),
+    "when": FUNCTIONS,
+    "upper": st.floats(0.5, 2.0),
+    "lower": st.floats(-2.0, 0.3),
+    "elements": st.lists(FRAMES, min_size=2, max_size=3),
+    "weights": st.dictionaries(FRAMES, st.tuples(st.floats(0.0, 1.0), st.just([0.0, 0.1, 0.2])), min_size=1),
+    "muscle": st.none(),
+    "gear": st.floats(-2.0, 2.0),
+}
+"""The same, as they may well be; all others are between 0 and 1."""
+
 PATHS: dict[str, Callable[..., Any]] = {
     kind.__name__: kind
     for kind in (rg.FixedTendon, rg.TurningJoint, rg.SpatialTendon, rg.SiteForce, rg.SliderCrank)
@@ -99,7 +124,7 @@ OTHERS: dict[str, Callable[..., Any]] = {
 
 
 def arguments(data: st.DataObject, make: Callable[..., Any], tame: bool = False) -> dict[str, Any]:
-    """What a constructor is given; tame: numbers that may be right, where nothing else is named."""
+    """What a constructor is given; tame: most of it as it may well be."""
     found: dict[str, Any] = {}
     for parameter in inspect.signature(make).parameters.values():
         if parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD):
@@ -107,10 +132,8 @@ def arguments(data: st.DataObject, make: Callable[..., Any], tame: bool = False)
         if parameter.default is not parameter.empty and data.draw(st.integers(0, 2)):
             continue
         strategy = ARGUMENTS.get(parameter.name, NUMBER)
-        if tame and parameter.name not in ARGUMENTS:
-            strategy = st.floats(0.0, 1.0)
-        if tame and parameter.name == "joint":
-            strategy = st.sampled_from(("q1", "q2", "q3"))
+        if tame and data.draw(st.integers(0, 9)):
+            strategy = TAME.get(parameter.name, st.floats(0.0, 1.0))
         found[parameter.name] = data.draw(strategy, parameter.name)
     return found
 
@@ -118,7 +141,7 @@ def arguments(data: st.DataObject, make: Callable[..., Any], tame: bool = False)
 def made(data: st.DataObject, kinds: dict[str, Callable[..., Any]], accepted: Accepted) -> Any:
     """One of some kinds, or None where it was refused."""
     make = kinds[data.draw(st.sampled_from(sorted(kinds)))]
-    given_ = arguments(data, make, data.draw(st.booleans()))
+    given_ = arguments(data, make, bool(data.draw(st.integers(0, 3))))
     if "path" in given_ and data.draw(st.booleans()):
         path = made(data, PATHS, accepted)
         given_["path"] = given_["path"] if path is None else path
@@ -135,7 +158,7 @@ def several(data: st.DataObject, kinds: dict[str, Callable[..., Any]], accepted:
     """A few of them; now and then something else among them, or in their place."""
     found = [made(data, kinds, accepted) for _ in range(data.draw(st.integers(0, 3)))]
     found = [x for x in found if x is not None]
-    if not data.draw(st.integers(0, 6)):
+    if not data.draw(st.integers(0, 19)):
         return data.draw(ANY | st.just([*found, object()]))
     return found
 
@@ -153,12 +176,13 @@ def test_constructors(kind: str, data: st.DataObject, accepted: Accepted) -> Non
 
 def machine(data: st.DataObject, accepted: Accepted) -> Any:
     """The rhombus with actuators, tendons and forces of any kind."""
-    names = [data.draw(NAMES | ANY) for _ in range(data.draw(st.integers(0, 2)))]
-    tendons = {name: made(data, PATHS, accepted) for name in names if isinstance(name, str)}
+    tendons: Any = {name: made(data, PATHS, accepted) for name in data.draw(st.sets(NAMES, max_size=2))}
+    if data.draw(st.integers(0, 9)):
+        tendons = {name: path for name, path in tendons.items() if path is not None}
     more = {
         "actuators": several(data, ACTUATORS, accepted),
         "forces": several(data, FORCES, accepted),
-        "tendons": {name: path for name, path in tendons.items() if path is not None or names},
+        "tendons": tendons if data.draw(st.integers(0, 9)) else data.draw(ANY),
     }
     return accepted(
         lambda: rg.Mechanism.from_pinocchio(RHOMBUS.model, RHOMBUS.closures, ["q1"], [0.4, -0.4, 0.4], **more)
@@ -168,6 +192,8 @@ def machine(data: st.DataObject, accepted: Accepted) -> Any:
 def controls(data: st.DataObject, mechanism: rg.Mechanism) -> Any:
     names = [actuator.name for actuator in mechanism.actuators]
     values = SMALL | NUMBER | FUNCTIONS | TABLES
+    if names and data.draw(st.integers(0, 2)):
+        return data.draw(st.dictionaries(st.sampled_from(names), SMALL | FUNCTIONS, max_size=3))
     by_name = st.dictionaries(st.sampled_from([*names, "q9"]), values, max_size=3)
     return data.draw(by_name | st.lists(SMALL, min_size=len(names), max_size=len(names)) | st.none() | ANY)
 
@@ -210,16 +236,18 @@ def test_steps_of_anything(data: st.DataObject, accepted: Accepted) -> None:
         accepted(lambda: sim[data.draw(WORDS)])  # type: ignore[index]
 
 
-STATES = st.just([0.4, -0.4, 0.4]) | st.just([[0.4, -0.4, 0.4]] * 2) | vectors((3,))
-RATES = st.none() | st.just([1.0, -1.0, 1.0]) | st.just([[1.0, -1.0, 1.0]] * 2) | vectors((3,))
-
-
 @FUZZ
 @given(data=st.data())
 def test_single_steps_and_points(data: st.DataObject, accepted: Accepted) -> None:
-    q, v, tau = data.draw(STATES), data.draw(RATES), data.draw(RATES | FUNCTIONS)
-    h, mode, t = data.draw(NUMBER), data.draw(st.none() | vectors((3,))), data.draw(SMALL | ANY)
-    jacobians, threads = data.draw(st.booleans() | ANY), data.draw(st.just(1) | st.integers(-1, 2) | ANY)
+    def mostly(sound: st.SearchStrategy[Any], other: st.SearchStrategy[Any]) -> Any:
+        return data.draw(sound if data.draw(st.integers(0, 7)) else other)
+
+    q = mostly(st.sampled_from(([0.4, -0.4, 0.4], [[0.4, -0.4, 0.4]] * 2, [0.0, 0.0, 0.0])), vectors((3,)))
+    v = mostly(st.sampled_from((None, [1.0, -1.0, 1.0], [[1.0, -1.0, 1.0]] * 2)), vectors((3,)))
+    tau = mostly(st.none() | st.lists(SMALL, min_size=3, max_size=3), vectors((3,)) | FUNCTIONS)
+    h, t = mostly(st.floats(1e-4, 1e-2), NUMBER), mostly(SMALL, ANY)
+    mode = mostly(st.none() | st.just([1.0, -1.0, 1.0]), vectors((3,)))
+    jacobians, threads = mostly(st.booleans(), ANY), mostly(st.integers(1, 2), st.integers(-1, 2) | ANY)
     accepted(lambda: rg.step(RHOMBUS, q, v, tau, h, jacobians, mode, t, threads))
     given_ = arguments(data, rg.motion_point) | {"mechanism": RHOMBUS, "q": q}
     accepted(lambda: rg.motion_point(**given_))
@@ -244,9 +272,12 @@ SENSED = rg.Mechanism.from_mjcf(
 @SHARE
 @given(data=st.data())
 def test_sensors(data: st.DataObject, accepted: Accepted) -> None:
-    name = data.draw(st.sampled_from(sorted(SENSED.sensors)) | WORDS)
-    q = data.draw(st.just(SENSED.home) | vectors((SENSED.nq,)))
-    v, a, tau = (data.draw(st.none() | vectors((SENSED.nv,))) for _ in range(3))
-    ctrl, t = controls(data, SENSED), data.draw(SMALL | ANY)
+    tame = bool(data.draw(st.integers(0, 2)))
+    known = st.sampled_from(sorted(SENSED.sensors))
+    name = data.draw(known if tame else known | WORDS)
+    q = data.draw(st.just(SENSED.home) if tame else st.just(SENSED.home) | vectors((SENSED.nq,)))
+    rates = st.none() | st.lists(SMALL, min_size=SENSED.nv, max_size=SENSED.nv)
+    v, a, tau = (data.draw(rates if tame else rates | vectors((SENSED.nv,))) for _ in range(3))
+    ctrl, t = controls(data, SENSED), data.draw(SMALL if tame else SMALL | ANY)
     read = accepted(lambda: SENSED.sense(name, q, v, a, tau, t, ctrl))
     assert read is None or isinstance(read, np.ndarray)
