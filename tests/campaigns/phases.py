@@ -61,7 +61,7 @@ class Outcome:
         Largest difference of times between coordinates, s; `floor` between steps.
     deepest, open, energy : float
         Worst penetration, m or rad; closure; share of the energy at work by which the balance of the finer
-        steps is off beyond the fourth order.
+        steps is off, which is that of the coarse ones over 6 or rounding.
     refused : str
         What a run was refused with, all alike; "" where none was.
     undecided : bool
@@ -77,6 +77,7 @@ class Outcome:
     floor: float = 0.0
     deepest: float = 0.0
     open: float = 0.0
+    energy: float = 0.0
     refused: str = ""
     undecided: bool = False
     wrong: list[str] = field(default_factory=list)
@@ -322,5 +323,6 @@ def _judge(scene: Scene, outcome: Outcome, coarse: rg.Trajectory, fine: list[rg.
         float(np.ptp([scene.mechanism.energy(q, v) for q, v in zip(coarse.q, coarse.v, strict=True)])) + 1.0
     )
     before, after = (float(np.abs(run.energy_error()).max()) / size for run in (coarse, fine[0]))
+    outcome.energy = 0.0 if outcome.undecided else after
     if not outcome.undecided and after > max(before / 6.0, 1e-9):
         outcome.wrong.append(f"energy off by {before:.1e}, then {after:.1e}")

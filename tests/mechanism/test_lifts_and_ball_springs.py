@@ -81,6 +81,24 @@ def test_slopes_are_exact() -> None:
                 np.testing.assert_allclose(a, b, atol=2e-8)
 
 
+def test_derivatives_and_gradients_know_them() -> None:
+    mech = rg.Mechanism.from_mjcf(XML.format(more=""))
+    (q, v), h = states(mech, 1)[0], 1e-6
+    found = rg.derivatives(mech, q, v).da_dy
+    for i, e in enumerate(h * np.eye(mech.nv)):
+        after, before = (rg.forward_dynamics(mech, mech.tree.integrate(q, s * e), v) for s in (1.0, -1.0))
+        np.testing.assert_allclose(found[:, i], (after - before) / (2.0 * h), atol=1e-6)
+    start, h = v.copy(), 1e-5
+
+    def end(first: float) -> float:
+        run = rg.simulate(mech, q, [first, *start[1:]], duration=0.02, step=1e-3)
+        return float(run.v[-1] @ run.v[-1])
+
+    run = rg.simulate(mech, q, v, duration=0.02, step=1e-3)
+    slope = rg.gradient(run, rg.Cost(terminal=lambda q, v: float(v @ v))).dv[0]
+    assert slope == pytest.approx((end(v[0] + h) - end(v[0] - h)) / (2.0 * h), rel=1e-7)
+
+
 def test_what_is_wholly_lifted_stays_where_it_is() -> None:
     mech = rg.Mechanism.from_mjcf(XML.format(more=""))
     run = rg.simulate(mech, duration=0.5, step=5e-3)
