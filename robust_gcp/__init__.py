@@ -45,6 +45,7 @@ from .mechanism.actuation.paths import FixedTendon, TurningJoint
 from .mechanism.actuation.site_paths import SiteForce, SliderCrank
 from .mechanism.actuation.spatial_tendon import Pulley, SpatialTendon, Wrap
 from .mechanism.actuation.tendon_springs import TendonSpring
+from .mechanism.ball_springs import BallSpring
 from .mechanism.closures import (
     Closure,
     FrameClosure,
@@ -55,6 +56,7 @@ from .mechanism.closures import (
 )
 from .mechanism.couplings import CouplingClosure
 from .mechanism.forces import Force, JointDamper, JointSpring, JointTorque, PointSpring
+from .mechanism.lifted_weights import GravityCompensation
 from .mechanism.linkage import Linkage
 from .mechanism.mechanism import Mechanism
 from .mechanism.recommended import Recommended
@@ -131,6 +133,7 @@ __all__ = [
     "Acted",
     "Actuator",
     "Backend",
+    "BallSpring",
     "BranchError",
     "BridgeOptions",
     "Closure",
@@ -148,6 +151,7 @@ __all__ = [
     "FrameClosure",
     "FrameMotion",
     "Gradient",
+    "GravityCompensation",
     "Happening",
     "Impact",
     "JointDamper",

@@ -1,4 +1,4 @@
-"""What acts on a motion of the command line: torques and drives by joint.
+"""What acts on a motion of the command line: torques and drives by joint, controls by actuator.
 
 A joint is driven at constant speed, which needs no file and answers the commonest question, or as a table
 says, which says everything else.
@@ -29,6 +29,8 @@ def add_acting(add_to: Arguments) -> None:
     often: dict[str, Any] = {"nargs": "+", "action": "extend", "default": []}
     text = f"constant torque, N m, or force, N, on a joint ({NUMBERS})"
     add_to.add("--torque", _finite, type=named_number, metavar="JOINT=TAU", help=text, **often)
+    text = "constant control of an actuator of the file"
+    add_to.add("--ctrl", _finite, type=named_number, metavar="ACTUATOR=U", help=text, **often)
     text = "drive a joint at constant speed, rad/s or m/s, from where it starts"
     add_to.add("--drive-speed", _finite, type=named_number, metavar="JOINT=SPEED", help=text, **often)
     text = "drive a joint as a table says: a CSV file with two columns, time, s, and position, rad or m"
@@ -36,13 +38,13 @@ def add_acting(add_to: Arguments) -> None:
 
 
 def named_number(text: str) -> tuple[str, float]:
-    """Read JOINT=NUMBER."""
+    """Read NAME=NUMBER."""
     name, value = _halves(text)
     return name, number(value)
 
 
 def named_path(text: str) -> tuple[str, Path]:
-    """Read JOINT=FILE."""
+    """Read NAME=FILE."""
     name, value = _halves(text)
     return name, pathname(value)
 
@@ -50,7 +52,7 @@ def named_path(text: str) -> tuple[str, Path]:
 def _halves(text: str) -> tuple[str, str]:
     name, equals, value = text.partition("=")
     if not (name and equals and value):
-        raise argparse.ArgumentTypeError(f"{text!r} is not JOINT=VALUE, such as q1=0.5")
+        raise argparse.ArgumentTypeError(f"{text!r} is not NAME=VALUE, such as q1=0.5")
     return name, value
 
 
@@ -65,6 +67,11 @@ def _table(name: str, pair: tuple[str, Path]) -> None:
 def torque_of(args: argparse.Namespace) -> dict[str, float] | None:
     """The torques by joint, or None."""
     return _once("--torque", args.torque) or None
+
+
+def ctrl_of(args: argparse.Namespace) -> dict[str, float] | None:
+    """The controls by actuator, or None."""
+    return _once("--ctrl", args.ctrl) or None
 
 
 def drive_of(mechanism: Mechanism, args: argparse.Namespace) -> dict[str, Motion] | None:

@@ -40,7 +40,7 @@ from ..simulation.simulate import RECORDS, simulate
 from ..simulation.stability import StabilityWarning
 from ..simulation.steppers import SCIPY_STEPPERS
 from ..simulation.trajectory import Trajectory
-from .acting import add_acting, drive_of, torque_of
+from .acting import add_acting, ctrl_of, drive_of, torque_of
 from .model import add_model, loaded
 from .summary import as_json, summary
 
@@ -181,6 +181,7 @@ def _simulated(args: argparse.Namespace, mechanism: Mechanism) -> tuple[Trajecto
                 args.method,
                 args.stepper,
                 torque=torque_of(args),
+                ctrl=ctrl_of(args),
                 drive=drive_of(mechanism, args),
                 outputs=args.outputs,
                 record=_recorded(args),

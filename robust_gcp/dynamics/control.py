@@ -54,7 +54,8 @@ def controls_given(mechanism: Mechanism, ctrl: Controls, numbers: bool = False) 
         ctrl = dict(zip(names, values.tolist(), strict=True))
     for name in ctrl:
         if name not in names:
-            raise OptionError(f"ctrl: there is no actuator {name!r}{hint(name, names)}")
+            near = hint(name, names) or f"; there are {', '.join(names)}"
+            raise OptionError(f"ctrl: there is no actuator {name!r}{near}")
     return [_given(name, ctrl.get(name, 0.0), numbers) for name in names]
 
 

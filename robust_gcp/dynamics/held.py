@@ -169,6 +169,12 @@ class HeldTorque(TorqueFunction):
             return tau
         return tau + self._actuation.at(q, v, self.u(t))[1]
 
+    @property
+    def native(self) -> TorqueFunction:
+        """What the compiled kernel takes: itself, or a function where it does not know paths of actuators."""
+        known = all(actuator.along.in_kernel for actuator in self._actuators)
+        return self if known else TorqueFunction(lambda t, q, v: self(t, q, v), self._size)
+
     def __deepcopy__(self, memo: object) -> HeldTorque:
         """Itself: what is held is set anew with each step."""
         return self

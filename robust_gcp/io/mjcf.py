@@ -36,11 +36,11 @@ def read_mjcf(
     model bodies, joints (`hinge`, `slide`, `ball`, `free`), masses, armature, joint stiffness and damping,
     gravity, and of equalities `connect`, `weld`, `joint` and `tendon` (fixed ones) are simulated. Equality
     constraints are rigid whatever their `solref` says. Home is qpos0, where every `connect` of two bodies is
-    closed by definition; bodies and sites are frames of the same name. Keyframes and the sensors that rigid
-    bodies answer are read. Actuators, contacts, limits, dry friction, tendons, other sensors, plugins,
-    flexible parts, drag, gravity compensation and springs of ball joints are left out and listed, mocap
-    bodies stand still. Files of meshes are read where a mass comes from them,
-    other shapes and pictures never.
+    closed by definition; bodies and sites are frames of the same name (NAME_site where a body elsewhere has
+    it). Actuators, tendons, keyframes and the sensors that rigid bodies answer are read, limits and dry
+    friction for `load`. Contacts, other sensors, plugins, flexible parts, drag and springs of free joints are
+    left out and listed, mocap bodies stand still but those in `moving`. Files of meshes are read where a mass
+    comes from them, other shapes and pictures never.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def read_mjcf(
     closures = equalities_of(m, tree, xml)
     tendons = CompiledTendons(m, tree)
     drives = CompiledActuators(m, tree, tendons)
-    sensors, unanswered = sensors_of(m, tree, bool(source.meshes))
+    sensors, unanswered = sensors_of(m, tree, tendons, drives, bool(source.meshes))
     source.told.setdefault("sensors", []).extend(unanswered)
     return FileContents(
         tree.model,

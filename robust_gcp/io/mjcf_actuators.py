@@ -67,12 +67,19 @@ class CompiledActuators:
         for what in ("damping", "armature"):
             if hasattr(m, f"actuator_{what}") and getattr(m, f"actuator_{what}")[a]:
                 self._add_passive(a, what, path, gear, label)
+        if self._is_switched_off(a):
+            return
         if is_constant(m, a):
             (joint,) = path.joints
             self.springs.append(JointTorque(joint, float(m.actuator_biasprm[a, 0]) * gear))
             return
         self.ids.append(a)
         self.actuators.append(self._actuator(a, unlike(label, {x.name for x in self.actuators}), path, gear))
+
+    def _is_switched_off(self, a: int) -> bool:
+        """Whether `<option actuatorgroupdisable>` names its group."""
+        group = int(self._m.actuator_group[a])
+        return 0 <= group <= 30 and bool(int(self._m.opt.disableactuator) >> group & 1)
 
     def _add_passive(self, a: int, what: str, path: Path, gear: float, label: str) -> None:
         """An actuator's damping acts without any control; its armature is left out."""

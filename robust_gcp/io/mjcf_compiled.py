@@ -18,6 +18,7 @@ FINITE = (
     *("body_pos", "body_quat", "body_mass", "body_inertia", "body_ipos", "jnt_pos", "jnt_axis"),
     *("dof_armature", "site_pos", "site_quat", "eq_data", "qpos0", "key_qpos", "key_qvel"),
     *("cam_pos", "cam_quat", "geom_pos", "geom_quat", "sensor_cutoff", "jnt_margin"),
+    "tendon_margin",
 )
 """Parts of mjModel that are checked."""
 

@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from ..mechanism.ball_springs import BallSpring
 from ..mechanism.contents import STAYS, named
 from ..mechanism.forces import Force, JointDamper, JointSpring
+from ..mechanism.lifted_weights import GravityCompensation
 from .mjcf_actuators import IN_PARENT, JOINT, TENDON, is_constant
 from .mjcf_equalities import arms_of
 from .mjcf_flags import is_off
@@ -16,7 +18,7 @@ from .mjcf_tree import BALL, FREE, CompiledTree
 
 
 def forces_of(m: Any, tree: CompiledTree) -> list[Force]:
-    """Springs and dampers of the joints."""
+    """Springs and dampers of the joints, and what lifts weights."""
     found: list[Force] = []
     for j, label in enumerate(tree.joints):
         rest = float(m.qpos_spring[m.jnt_qposadr[j]])
@@ -26,7 +28,43 @@ def forces_of(m: Any, tree: CompiledTree) -> list[Force]:
         damping = float(m.dof_damping[m.jnt_dofadr[j]])
         if damping and not tree.is_fixed(j) and not is_off(m, "DAMPER"):
             found.append(JointDamper(label, damping))
+    return [*found, *_ball_springs(m, tree), *_lifts(m, tree)]
+
+
+def _ball_springs(m: Any, tree: CompiledTree) -> list[Force]:
+    found: list[Force] = []
+    for j, label in enumerate(tree.joints):
+        if m.jnt_type[j] == BALL and m.jnt_stiffness[j] and not is_off(m, "SPRING"):
+            w, *vector = m.qpos_spring[m.jnt_qposadr[j] :][:4].tolist()
+            found.append(BallSpring(label, float(m.jnt_stiffness[j]), (*vector, w)))
     return found
+
+
+def _lifts(m: Any, tree: CompiledTree) -> list[Force]:
+    """Gravity compensation of the bodies that move."""
+    if not _is_lifted(m) or not _lifts_all(m):
+        return []
+    weights = [
+        (tree.bodies[b], float(m.body_gravcomp[b] * m.body_mass[b]), tuple(m.body_ipos[b].tolist()))
+        for b in np.flatnonzero(m.body_gravcomp).tolist()
+        if tree.on(b, np.zeros(3))[0] and m.body_mass[b] > 0.0
+    ]
+    return [GravityCompensation(weights)] if weights else []
+
+
+def _is_lifted(m: Any) -> bool:
+    """Whether MuJoCo lifts at all."""
+    return not (is_off(m, "GRAVITY") or (is_off(m, "SPRING") and is_off(m, "DAMPER")))
+
+
+def _lifts_all(m: Any) -> bool:
+    """Whether none pushes down, and none is by actuators that are not there or whose range bounds it."""
+    by_actuators = m.jnt_actgravcomp.astype(bool)
+    if not len(m.actuator_trntype) or is_off(m, "ACTUATION"):
+        bounded = by_actuators
+    else:
+        bounded = by_actuators & m.jnt_actfrclimited.astype(bool)
+    return not np.any(m.body_gravcomp < 0.0) and not np.any(bounded)
 
 
 def actuated_by(m: Any, tree: CompiledTree) -> tuple[str, ...]:
@@ -45,11 +83,13 @@ def actuated_by(m: Any, tree: CompiledTree) -> tuple[str, ...]:
 def left_out_of(m: Any, tree: CompiledTree, told: dict[str, list[str]]) -> list[str]:
     """What is there beside bodies and is not simulated, one entry a kind; `told` by other readers."""
     at = m.jnt_dofadr  # a joint's velocities are alike in what is asked here
-    round_ones, moved = np.isin(m.jnt_type, (FREE, BALL)), [not tree.is_fixed(j) for j in range(m.njnt)]
+    moved = [not tree.is_fixed(j) for j in range(m.njnt)]
     sprung = (m.jnt_stiffness != 0.0) & (not is_off(m, "SPRING"))
     kinds: dict[str, Iterable[str]] = {
         "drag of a medium": [key for key in ("density", "viscosity", "wind") if np.any(getattr(m.opt, key))],
-        "gravity compensation of bodies": _of(tree.bodies, m.body_gravcomp),
+        "gravity compensation of bodies": _of(
+            tree.bodies, m.body_gravcomp, _lifts_all(m) or not _is_lifted(m)
+        ),
         "motion of mocap bodies": _of(tree.bodies, (m.body_mocapid >= 0) & tree.stays()),
         STAYS: tree.standing,
         "armature of free joints": _of(
@@ -59,7 +99,7 @@ def left_out_of(m: Any, tree: CompiledTree, told: dict[str, list[str]]) -> list[
             tree.joints, (m.dof_frictionloss[at] != 0.0) & moved, is_off(m, "FRICTIONLOSS")
         ),
         "limits of joints": _of(tree.joints, m.jnt_limited, is_off(m, "LIMIT")),
-        "springs of ball and free joints": _of(tree.joints, sprung & round_ones & moved),
+        "springs of free joints": _of(tree.joints, sprung & (m.jnt_type == FREE) & moved),
         "nonlinear parts of springs and dampers": _of(tree.joints, _curved(m) & moved),
         "deformables": [_text(m, at) or "flex" for at in m.name_flexadr],
         **told,

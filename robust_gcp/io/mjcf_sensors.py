@@ -11,7 +11,10 @@ import pinocchio as pin
 from ..mechanism.instant import GROUND, Branch, Spot
 from ..mechanism.sensors import KINDS, Sensor
 from ..mechanism.tree import Array
+from .mjcf_actuators import CompiledActuators
+from .mjcf_drive_sensors import DRIVEN, DriveSensors, UnknownError
 from .mjcf_flags import is_off
+from .mjcf_tendons import CompiledTendons
 from .mjcf_tree import CompiledTree
 
 BODY, XBODY, GEOM, SITE, CAMERA = 1, 2, 5, 6, 7
@@ -23,15 +26,21 @@ MESH, SENSORS_OFF = 7, 1 << 13
 FIELDS = ("sensor_delay", "sensor_interval")
 """What makes a sensor tell of another time than the present; MuJoCo 3.3 has none."""
 
-OFF_GRID = ("jointpos", "jointvel", "ballquat", "ballangvel", "jointlimitpos", "jointlimitvel")
-"""Kinds that read a joint."""
+OF_JOINTS = ("jointpos", "jointvel", "ballquat", "ballangvel")
+
+WRITTEN = {"jointactfrc": "jointactuatorfrc", "tendonactfrc": "tendonactuatorfrc"}
+"""Kinds that files spell otherwise than MuJoCo's mjtSensor."""
 
 
-def sensors_of(m: Any, tree: CompiledTree, has_meshes: bool) -> tuple[list[Sensor], list[str]]:
+def sensors_of(
+    m: Any, tree: CompiledTree, tendons: CompiledTendons, drives: CompiledActuators, has_meshes: bool
+) -> tuple[list[Sensor], list[str]]:
     """Sensors that are answered, and names of the others.
 
     Parameters
     ----------
+    tendons, drives : CompiledTendons, CompiledActuators
+        What is simulated of them.
     has_meshes : bool
         Whether meshes may have been left unread: frames and masses that come from them are not known, but for
         masses of bodies that move.
@@ -45,7 +54,8 @@ def sensors_of(m: Any, tree: CompiledTree, has_meshes: bool) -> tuple[list[Senso
         kind = _kind(m, i)
         name = m.sensor(i).name or next(n for n in _numbered(kind) if n not in taken)
         taken.add(name)
-        made = _Reader(m, tree, has_meshes, i).sensor(name, kind)
+        driven = DriveSensors(m, tree, tendons, drives)
+        made = _Reader(m, tree, driven, has_meshes, i).sensor(name, kind)
         if made is None:
             others.append(name)
         else:
@@ -56,7 +66,8 @@ def sensors_of(m: Any, tree: CompiledTree, has_meshes: bool) -> tuple[list[Senso
 def _kind(m: Any, i: int) -> str:
     import mujoco
 
-    return str(mujoco.mjtSensor(int(m.sensor_type[i])).name).removeprefix("mjSENS_").lower()
+    kind = str(mujoco.mjtSensor(int(m.sensor_type[i])).name).removeprefix("mjSENS_").lower()
+    return WRITTEN.get(kind, kind)
 
 
 def _numbered(kind: str) -> Any:
@@ -67,15 +78,11 @@ def _numbered(kind: str) -> Any:
         count += 1
 
 
-class _UnknownError(Exception):
-    """A part of a sensor is not known, or the sensor cannot be answered."""
-
-
 class _Reader:
     """One sensor of the compiled model."""
 
-    def __init__(self, m: Any, tree: CompiledTree, has_meshes: bool, i: int) -> None:
-        self._m, self._tree, self._meshes, self._i = m, tree, has_meshes, i
+    def __init__(self, m: Any, tree: CompiledTree, driven: DriveSensors, has_meshes: bool, i: int) -> None:
+        self._m, self._tree, self._driven, self._meshes, self._i = m, tree, driven, has_meshes, i
 
     def sensor(self, name: str, kind: str) -> Sensor | None:
         """None where it cannot be answered."""
@@ -85,8 +92,10 @@ class _Reader:
         made = Sensor(name, kind, cutoff=float(m.sensor_cutoff[i]))
         about = int(m.sensor_objid[i])
         try:
-            if kind in OFF_GRID:
-                return replace(made, joint=self._tree.joints[about], numbers=self._limits(kind, about))
+            if kind in OF_JOINTS:
+                return replace(made, joint=self._tree.joints[about])
+            if kind.startswith(DRIVEN):
+                return replace(made, **self._driven.about(kind, about))
             if kind.startswith("subtree"):
                 return replace(made, branch=self._branch(about))
             if kind == "e_potential":
@@ -100,20 +109,8 @@ class _Reader:
             refers = int(m.sensor_refid[i])
             reference = self._spot(int(m.sensor_reftype[i]), refers) if refers >= 0 else None
             return replace(made, spot=spot, reference=reference, numbers=field)
-        except _UnknownError:
+        except UnknownError:
             return None
-
-    def _limits(self, kind: str, joint: int) -> tuple[float, ...]:
-        """Lower, upper and margin; a limit that is not there is never reached."""
-        m = self._m
-        if not kind.startswith("jointlimit"):
-            return ()
-        if not m.jnt_limited[joint] or is_off(m, "LIMIT"):
-            return (-np.inf, np.inf, 0.0)
-        lower, upper = m.jnt_range[joint].tolist()
-        if self._tree.model.nqs[self._tree.model.getJointId(self._tree.joints[joint])] > 1:
-            lower, upper = -np.inf, max(lower, upper)
-        return (lower, upper, float(m.jnt_margin[joint]))
 
     def _spot(self, what: int, at: int) -> Spot:
         """A frame of MuJoCo's as a place on a joint."""
@@ -129,7 +126,7 @@ class _Reader:
             return self._placed(*tree.on(int(m.geom_bodyid[at]), m.geom_pos[at], m.geom_quat[at]))
         if what == CAMERA and m.cam_mode[at] == 0:
             return self._placed(*tree.on(int(m.cam_bodyid[at]), m.cam_pos[at], m.cam_quat[at]))
-        raise _UnknownError
+        raise UnknownError
 
     def _placed(self, joint: int, place: pin.SE3) -> Spot:
         return Spot(str(self._tree.model.names[joint]), tuple(pin.SE3ToXYZQUAT(place).tolist()))
@@ -137,7 +134,7 @@ class _Reader:
     def _require_masses(self, body: int) -> None:
         """Bodies that stand still may have masses of meshes that were not read."""
         if self._meshes and self._tree.on(body, np.zeros(3))[0] == 0:
-            raise _UnknownError
+            raise UnknownError
 
     def _standing(self) -> Branch | None:
         """Bodies on the ground, which have weight too; None where they have none."""
@@ -160,7 +157,7 @@ class _Reader:
         if any(m.body_mass[b] > 0.0 for b in own):
             self._require_masses(body)
         if not sum(m.body_mass[b] for b in below) > 0.0:
-            raise _UnknownError
+            raise UnknownError
         carriers = {self._tree.on(b, np.zeros(3))[0] for b in below} - {joint}
         own_joints = m.body_jntnum[body] > 0 and not all(map(self._tree.is_fixed, self._joints(body)))
         whole = bool(own_joints) or joint == 0 == body

@@ -85,9 +85,8 @@ class CompiledTree:
             at = self.model.joints[self.model.getJointId(self.joints[j])].idx_v
             if m.jnt_type[j] not in (FREE, BALL):
                 self.model.lowerEffortLimit[at], self.model.upperEffortLimit[at] = m.jnt_actfrcrange[j]
-        for s, label in enumerate(self.sites):
-            if label:
-                self.model.addFrame(pin.Frame(label, *self.site(s), pin.FrameType.OP_FRAME), False)
+        for s in range(m.nsite):
+            self._add_site(s)
         self.home = pin.neutral(self.model)
         if floating:
             self.home[:7] = pin.SE3ToXYZQUAT(_pose(m.body_pos[floating], m.body_quat[floating]))
@@ -122,6 +121,16 @@ class CompiledTree:
         """Joint that carries a site, and the placement on it."""
         m = self._from
         return self.on(int(m.site_bodyid[site]), m.site_pos[site], m.site_quat[site])
+
+    def _add_site(self, site: int) -> None:
+        """Its frame; NAME_site where a body elsewhere has its name."""
+        label, (joint, place) = self.sites[site], self.site(site)
+        if label in self.bodies:
+            carrier, there = self._places[self.bodies.index(label)]
+            if joint != carrier or place != there:
+                label = self.sites[site] = unlike(f"{label}_site", {*self.bodies, *self.joints, *self.sites})
+        if label:
+            self.model.addFrame(pin.Frame(label, joint, place, pin.FrameType.OP_FRAME), False)
 
     def _standing_ones(self, moving: Mapping[str, Sequence[str]]) -> dict[int, tuple[str, ...]]:
         """The bodies that are moved, by number, with their axes; names of joints that they get are free."""

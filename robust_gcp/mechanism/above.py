@@ -178,6 +178,7 @@ class Above(Coordinates):
         a: ArrayLike | None = None,
         tau: Any = None,
         t: float = 0.0,
+        ctrl: Any = None,
     ) -> Array:
         """What a sensor of the mechanism's file reads at a state; numbers and signs are MJCF's.
 
@@ -193,6 +194,9 @@ class Above(Coordinates):
             Torques as in `simulate`, besides the mechanism's own forces.
         t : float
             s.
+        ctrl : mapping of str or array_like (n,), optional
+            Controls of the actuators as numbers; of one with an activation that activation. Without it they
+            have no power.
 
         Returns
         -------
@@ -202,12 +206,14 @@ class Above(Coordinates):
         ------
         ModelError
             For a sensor that there is not.
+        OptionError
+            For forces of limits, which are those of stops along a run.
         StateError, SimulationError
             Where an acceleration is asked for, as `simulate` does for a start.
         """
         from ..simulation.sensing import sense
 
-        return sense(self, name, q, v, a, tau, t)  # type: ignore[arg-type]
+        return sense(self, name, q, v, a, tau, t, ctrl)  # type: ignore[arg-type]
 
 
 def joint_names(names: Any, what: str) -> tuple[str, ...]:

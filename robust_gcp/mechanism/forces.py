@@ -87,8 +87,8 @@ class JointSpring(Force):
     def __post_init__(self) -> None:
         check_text("JointSpring: joint", self.joint)
         label = f"JointSpring on {self.joint!r}"
-        _require_number(label, "stiffness", self.stiffness, positive=True)
-        _require_number(label, "rest", self.rest)
+        require_number(label, "stiffness", self.stiffness, positive=True)
+        require_number(label, "rest", self.rest)
 
     def tau(self, mechanism: Mechanism, q: Vector, v: Vector) -> Array:
         """τ(q), (nv,)."""
@@ -113,7 +113,7 @@ class JointDamper(Force):
 
     def __post_init__(self) -> None:
         check_text("JointDamper: joint", self.joint)
-        _require_number(f"JointDamper on {self.joint!r}", "damping", self.damping, positive=True)
+        require_number(f"JointDamper on {self.joint!r}", "damping", self.damping, positive=True)
 
     def tau(self, mechanism: Mechanism, q: Vector, v: Vector) -> Array:
         """τ(v), (nv,)."""
@@ -134,7 +134,7 @@ class JointTorque(Force):
 
     def __post_init__(self) -> None:
         check_text("JointTorque: joint", self.joint)
-        _require_number(f"JointTorque on {self.joint!r}", "torque", self.torque)
+        require_number(f"JointTorque on {self.joint!r}", "torque", self.torque)
 
     def tau(self, mechanism: Mechanism, q: Vector, v: Vector) -> Array:
         """τ, (nv,)."""
@@ -170,7 +170,7 @@ class PointSpring(Force):
             check_text(f"PointSpring: {what}", getattr(self, what))
         label = f"PointSpring {self.frame1} – {self.frame2}"
         for field in ("stiffness", "rest_length", "damping"):
-            _require_number(label, field, getattr(self, field), positive=True)
+            require_number(label, field, getattr(self, field), positive=True)
 
     def tau(self, mechanism: Mechanism, q: Vector, v: Vector) -> Array:
         """τ(q, v), (nv,)."""
@@ -249,7 +249,8 @@ def require_length(forces: Sequence[Force], closures: Sequence[Any]) -> None:
             )
 
 
-def _require_number(label: str, field: str, value: object, positive: bool = False) -> None:
+def require_number(label: str, field: str, value: object, positive: bool = False) -> None:
+    """A finite number, not negative where `positive` says so, or a ModelError by `label`."""
     try:
         check_number(field, value)
     except OptionError as error:

@@ -1,4 +1,4 @@
-"""A state in world axes: frames, momenta, and what passes through a cut, as sensors ask for them."""
+"""A state in world axes: frames, momenta, what passes through a cut, and drives, as sensors ask for them."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from .tree import Array
 from .workspace import workspace
 
 if TYPE_CHECKING:
+    from .actuation.paths import BoundPath
     from .mechanism import Mechanism
 
 GROUND = "universe"
@@ -63,8 +64,20 @@ class Instant:
         self.t, self.q = 0.0, mechanism.home
         self.v: Array = np.zeros(mechanism.nv)
         self._pushes: tuple[Push, ...] = ()
+        self.stop = 0.0
+        self._u: Array | None = None
+        self._tendons: dict[str, BoundPath] = {}
 
-    def move(self, t: float, q: Array, v: Array, a: Array, pushes: Iterable[Push] = ()) -> None:
+    def move(
+        self,
+        t: float,
+        q: Array,
+        v: Array,
+        a: Array,
+        pushes: Iterable[Push] = (),
+        u: Array | None = None,
+        stop: float = 0.0,
+    ) -> None:
         """Go to a state.
 
         Parameters
@@ -73,8 +86,13 @@ class Instant:
         q, v, a : ndarray (nq,), (nv,), (nv,)
         pushes : iterable of Push
             What acts on bodies besides gravity and the tree's joints; for `wrench`.
+        u : ndarray (n,) or None
+            Controls and activations of the actuators; None without power.
+        stop : float
+            What the stop pushes with that a sensor asks for, N or N m.
         """
         self.t, self.q, self.v, self._pushes = t, q, v, tuple(pushes)
+        self._u, self.stop = u, stop
         pin.forwardKinematics(self.model, self._data, q, v, a)
 
     def placed(self, spot: Spot) -> tuple[int, pin.SE3, pin.SE3]:
@@ -134,3 +152,34 @@ class Instant:
             if joint in others or (joint == own and (branch.frames is None or frame in branch.frames)):
                 total -= pin.Force(force, moment + np.cross(point, force))
         return total
+
+    def tendon(self, name: str) -> tuple[float, float]:
+        """Length and rate of a tendon."""
+        tree = self.mechanism.tree
+        if name not in self._tendons:
+            self._tendons[name] = self.mechanism.tendons[name].on(tree, f"tendon {name!r}")
+        tree.jacobians(self.q)
+        length, moment = self._tendons[name].at(self.q)
+        return length, float(moment @ self.v)
+
+    def actuator(self, name: str) -> tuple[float, float, float]:
+        """Length, rate and force of an actuator; no force without power."""
+        actuators = self.mechanism.actuators
+        i = next(i for i, actuator in enumerate(actuators) if actuator.name == name)
+        assert self.mechanism.actuation is not None
+        forces = self._driven()[0]
+        self.mechanism.tree.jacobians(self.q)
+        length, moment = self.mechanism.actuation.paths[i].at(self.q)
+        gear = actuators[i].gear
+        return gear * length, gear * float(moment @ self.v), float(forces[i])
+
+    def driving(self, joint: str) -> float:
+        """What all actuators together do on a joint with one number, N or N m."""
+        return float(self._driven()[1][self.model.joints[self.index(joint)].idx_v])
+
+    def _driven(self) -> tuple[Array, Array]:
+        """Forces of the actuators (n,), and on the joints (nv,)."""
+        actuation = self.mechanism.actuation
+        if actuation is None or self._u is None:
+            return np.zeros(len(self.mechanism.actuators)), np.zeros(self.model.nv)
+        return actuation.at(self.q, self.v, self._u)

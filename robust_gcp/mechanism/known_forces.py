@@ -7,10 +7,15 @@ from typing import Any
 from ..checks import shown
 from ..errors import ModelError
 from .actuation.tendon_springs import TendonSpring
+from .ball_springs import BallSpring
 from .forces import Force, JointDamper, JointSpring, JointTorque, PointSpring
+from .lifted_weights import GravityCompensation
 
 KINDS: tuple[type[Force], ...] = (JointSpring, JointDamper, JointTorque, PointSpring, TendonSpring)
 """What is known by its numbers."""
+
+STORED: tuple[type[Force], ...] = (*KINDS, BallSpring, GravityCompensation)
+"""What files hold: these two are asked, as forces of a user's own are."""
 
 
 def is_known(force: Force) -> bool:

@@ -16,6 +16,7 @@ from .above import joint_names
 from .actuation.actuation import Actuation
 from .actuation.actuators import Actuator, actuators_given
 from .actuation.paths import Path as TendonPath
+from .actuation.paths import tendons_given
 from .applied_forces import AppliedForces
 from .contents import FileContents, named, tell_left_out
 from .couplings import AnyClosure, closures_given
@@ -119,7 +120,8 @@ class Mechanism(FromFiles):
             chosen = joint_names(independent, "independent")
         self.choose(chosen)
         self.actuated, self.left_out, self.parts = tuple(actuated), tuple(left_out), tuple(parts)
-        self.actuators, self.tendons = actuators_given(actuators), dict(tendons or {})
+        self.actuators = actuators_given(actuators)
+        self.tendons = tendons_given(self.tree, {} if tendons is None else tendons)
         self.actuation = Actuation(self.tree, self.actuators) if self.actuators else None
         require_determined(self, self.independent, self.dependent, self.iv_dependent, self.home)
         if self.applied is not None and self.applied.own is not None:

@@ -27,14 +27,16 @@ class Sensor:
     ----------
     name, kind : str
         `kind` as MJCF has it: "gyro", "framepos", …
-    joint : str or None
-        Whose position or velocity it reads.
+    joint, tendon : str or None
+        Whose position, velocity, or force it reads.
+    actuators : tuple of str
+        Of "actuator…" the one that it reads, of "tendonactuatorfrc" all that pull at the tendon.
     spot, reference : Spot or None
         The frame that it measures, and the one that it measures in; None: the world's.
     branch : Branch or None
         Of "subtree…", "force" and "torque"; of "e_potential" the bodies that stand still.
     numbers : tuple of float
-        "magnetometer": the field (3,); "jointlimit…": lower, upper and margin of the joint.
+        "magnetometer": the field (3,); "jointlimit…", "tendonlimit…": lower, upper and margin.
     cutoff : float
         Numbers are clipped to ± cutoff where it is positive.
     """
@@ -42,6 +44,8 @@ class Sensor:
     name: str
     kind: str
     joint: str | None = None
+    tendon: str | None = None
+    actuators: tuple[str, ...] = ()
     spot: Spot | None = None
     reference: Spot | None = None
     branch: Branch | None = None
@@ -55,7 +59,7 @@ class Sensor:
 
     @property
     def needs(self) -> str:
-        """What it depends on: "q", "v", "a", or "f", the forces in joints."""
+        """What it depends on: "q", "v", "a", "u" of actuators, or forces: "f" in joints, "s" of stops."""
         return KINDS[self.kind].needs
 
 
@@ -136,12 +140,16 @@ def _joint(here: Instant, sensor: Sensor) -> tuple[Array, Array]:
 
 
 def _limit(here: Instant, sensor: Sensor) -> tuple[float, float]:
-    """How far a joint is within the limit that is reached, less its margin, and the rate; zeros within all.
+    """How far a joint or tendon is within the limit that is reached, less its margin, and the rate.
 
-    Of a ball its angle counts, at most half a turn, and `upper` alone.
+    Zeros within all limits. Of a ball its angle counts, at most half a turn, and `upper` alone.
     """
-    q, v = _joint(here, sensor)
     lower, upper, margin = sensor.numbers
+    if sensor.tendon is not None:
+        length, rate = here.tendon(sensor.tendon)
+        q, v = np.array([length]), np.array([rate])
+    else:
+        q, v = _joint(here, sensor)
     ends = [(q[0] - lower, v[0]), (upper - q[0], -v[0])]
     if len(q) > 1:
         size = float(np.linalg.norm(q[:3]))
@@ -188,8 +196,13 @@ def _spot(sensor: Sensor) -> Spot:
     return sensor.spot
 
 
+def _pulling(here: Instant, sensor: Sensor) -> float:
+    """Sum of what its actuators pull with."""
+    return sum(here.actuator(name)[2] for name in sensor.actuators)
+
+
 class Kind(NamedTuple):
-    """A kind of sensor: how many numbers, what they depend on ("q", "v", "a", "f"), and how they are read."""
+    """A kind of sensor: how many numbers, what they depend on (`Sensor.needs`), and how they are read."""
 
     dim: int
     needs: str
@@ -203,6 +216,17 @@ KINDS: dict[str, Kind] = {
     "ballangvel": Kind(3, "v", lambda here, s: _joint(here, s)[1]),
     "jointlimitpos": Kind(1, "q", lambda here, s: _limit(here, s)[0]),
     "jointlimitvel": Kind(1, "v", lambda here, s: _limit(here, s)[1]),
+    "jointlimitfrc": Kind(1, "s", lambda here, _: here.stop),
+    "jointactuatorfrc": Kind(1, "u", lambda here, s: here.driving(str(s.joint))),
+    "actuatorpos": Kind(1, "q", lambda here, s: here.actuator(s.actuators[0])[0]),
+    "actuatorvel": Kind(1, "v", lambda here, s: here.actuator(s.actuators[0])[1]),
+    "actuatorfrc": Kind(1, "u", _pulling),
+    "tendonpos": Kind(1, "q", lambda here, s: here.tendon(str(s.tendon))[0]),
+    "tendonvel": Kind(1, "v", lambda here, s: here.tendon(str(s.tendon))[1]),
+    "tendonactuatorfrc": Kind(1, "u", _pulling),
+    "tendonlimitpos": Kind(1, "q", lambda here, s: _limit(here, s)[0]),
+    "tendonlimitvel": Kind(1, "v", lambda here, s: _limit(here, s)[1]),
+    "tendonlimitfrc": Kind(1, "s", lambda here, _: here.stop),
     "framepos": Kind(3, "q", lambda here, s: _pose(here, s).translation),
     "framequat": Kind(4, "q", _quaternion),
     "framexaxis": Kind(3, "q", lambda here, s: _pose(here, s).rotation[:, 0]),

@@ -17,6 +17,7 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..mechanism.workspace import workspace
 from .reactions import Loaded, row_names
+from .sensing import sensed
 
 if TYPE_CHECKING:
     from .trajectory import Trajectory
@@ -132,6 +133,11 @@ def recorded_columns(run: Trajectory) -> dict[str, Array]:
     return columns
 
 
+def as_name(name: object) -> str:
+    """A name as it is; of what is none the words that show it, which no joint or column has."""
+    return name if isinstance(name, str) else shown(name)
+
+
 class Named:
     """Access by name to a motion or to a sample of one, whose last dimensions are nq and nv."""
 
@@ -159,10 +165,11 @@ class Named:
         OptionError
             For a name that is neither a joint nor a column.
         """
+        name = as_name(name)
         names = self.mechanism.joint_names
-        if str(name).startswith(SENSOR) and name not in names:
-            return self._sensed(str(name).removeprefix(SENSOR))
-        letter, _, joint = str(name).partition(".") if name not in names else ("q", ".", name)
+        if name.startswith(SENSOR) and name not in names:
+            return self._sensed(name.removeprefix(SENSOR))
+        letter, _, joint = name.partition(".") if name not in names else ("q", ".", name)
         values: Array | None = getattr(self, letter) if letter in ("q", "v", "a") and joint in names else None
         if values is None:
             return self._column(name)
@@ -225,8 +232,13 @@ class Sample(Named):
         return {"t": self.t, **state_columns(self.mechanism, self.q, self.v, self.a), **self.more}
 
     def _sensed(self, name: str) -> Array:
+        if self.mechanism.sensors[name].needs in "us":
+            raise OptionError(
+                f"sensor {name!r}: controls and forces of stops are known at the times of the run: ask "
+                f'run["{SENSOR}{name}"]'
+            )
         t, (q, v, a) = np.atleast_1d(self.t), (np.atleast_2d(part) for part in (self.q, self.v, self.a))
-        found = Loaded(self.mechanism, t, q, v, lambda: a, None, None).sensor(name)
+        found = sensed(Loaded(self.mechanism, t, q, v, lambda: a, None, None), name)
         return found if self.t.ndim else found[0]
 
     def frame(self, name: str) -> FrameMotion:

@@ -43,6 +43,9 @@ from .unnamed import STIFF, taken_again, words_of
 Again = Callable[..., Trajectory]
 Progress = Callable[[float], None] | bool | None
 
+OVERFLOWN = "the state left the finite numbers; use a smaller step, and check v0 and torque"
+"""Where Python's own numbers overflow."""
+
 
 @dataclass
 class Course:
@@ -135,9 +138,8 @@ class Course:
     ) -> tuple[Problem, NativeSteps | None, Counters]:
         """The motion at its start, what takes its steps natively, and what is counted."""
         counters, own = Counters(), self.tableau if isinstance(self.tableau, Tableau) else None
-        native = (
-            None if kernel is None else NativeSteps(kernel, torque, required, self.drives, own, self.guard)
-        )
+        acts = torque.native if isinstance(torque, HeldTorque) else torque
+        native = None if kernel is None else NativeSteps(kernel, acts, required, self.drives, own, self.guard)
         t0 = float(self.schedule.times[0])
         given = self.mechanism, start, torque, self.choice, counters, self.on_toggle, self.drives, t0
         return started(native, *given), native, counters
@@ -214,9 +216,7 @@ class Course:
             add_remedy(error, self.drives, may_change)
             raise
         except OverflowError as overflow:
-            stop = NonFiniteError(
-                "the state left the finite numbers; use a smaller step, and check v0 and torque"
-            )
+            stop = NonFiniteError(OVERFLOWN)
             stop.trajectory = run.trajectory(begun)
             raise stop from overflow
         return None

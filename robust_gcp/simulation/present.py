@@ -13,9 +13,10 @@ from ..dynamics.loads import Wrench
 from ..maps.explicit import Crossing
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from .access import SENSOR, FrameMotion, Sample, force_columns
+from .access import SENSOR, FrameMotion, Sample, as_name, force_columns
 from .powered import powered_columns
 from .reactions import Loaded, Reaction, multipliers_of, row_names
+from .sensing import sensed
 
 if TYPE_CHECKING:
     from .phases.happening import Happening
@@ -81,18 +82,19 @@ class Present:
 
     def __getitem__(self, name: str) -> Array:
         """A number of the present state: "q1", "v.q1", "sensor.imu" and whatever `now` has."""
-        if name in self.mechanism.joint_names or str(name).startswith(("q.", "v.")):
+        name = as_name(name)
+        if name in self.mechanism.joint_names or name.startswith(("q.", "v.")):
             q, v = self._run.state
             return Sample(self.mechanism, np.array(self.t), q.copy(), v.copy(), v)[name]
-        if str(name).startswith(SENSOR):
-            return self._sensed(str(name).removeprefix(SENSOR))
+        if name.startswith(SENSOR):
+            return self._sensed(name.removeprefix(SENSOR))
         return self.now[name]
 
     def _sensed(self, name: str) -> Array:
         """What a sensor reads now, (dim,)."""
         needs = self.mechanism.sensors[name].needs
-        if needs == "f":
-            return self._loaded().sensor(name)[0]
+        if needs in "fus":
+            return sensed(self._loaded(balanced=needs == "f"), name)[0]
         q, v = self._run.state
         a = self._run.here.a if needs == "a" else v
         return Sample(self.mechanism, np.array(self.t), q, v, a)._sensed(name)
@@ -125,12 +127,15 @@ class Present:
         """Force (3,) and moment (3,) that a joint transmits now; see `Trajectory.reaction`."""
         return self._loaded().reaction(joint).at(0)
 
-    def _loaded(self) -> Loaded:
+    def _loaded(self, balanced: bool = True) -> Loaded:
+        """With the constraint forces, where they are asked for."""
         mechanism, last = self.mechanism, self._run.here
-        q, v, a = last.q[None], last.v[None], last.a[None]
-        multipliers = multipliers_of(mechanism, q, v, a, None if last.tau is None else last.tau[None])
+        q, v, a, multipliers = last.q[None], last.v[None], last.a[None], None
+        if balanced:
+            multipliers = multipliers_of(mechanism, q, v, a, None if last.tau is None else last.tau[None])
         state = mechanism, np.array([self.t]), q, v, lambda: a
-        return Loaded(*state, multipliers, self._wrenches, self._held.now(self.t))
+        stops = {name: np.array([value]) for name, value in last.more.items()}
+        return Loaded(*state, multipliers, self._wrenches, self._held.now(self.t), stops=stops)
 
     @property
     def happenings(self) -> list[Happening]:

@@ -9,7 +9,7 @@ the force λ n at p₁ to the first body, the opposite there to the second. A ro
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,11 +26,11 @@ from ..mechanism.actuation.tendon_springs import TendonSpring
 from ..mechanism.closures import Closure
 from ..mechanism.forces import PointSpring
 from ..mechanism.frames import place_of
-from ..mechanism.instant import Instant, Push
+from ..mechanism.instant import Push
+from ..mechanism.lifted_weights import GravityCompensation
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.point_springs import Lines
 from ..mechanism.rows import ALONG, ROTATION, Row, rows_of
-from ..mechanism.sensors import read
 from ..mechanism.tree import Array
 from ..mechanism.workspace import workspace
 from ..warning import warn
@@ -125,6 +125,8 @@ class Loaded:
         Of the actuators; None without power.
     data : pin.Data or None
         Workspace; one of its own where it is left out.
+    stops : mapping of str to ndarray (N,) or None
+        What stops, friction and locks do, by the columns of a run; None where it is not known.
     """
 
     mechanism: Mechanism
@@ -136,6 +138,7 @@ class Loaded:
     wrenches: Sequence[Wrench] | None = ()
     u: Array | None = None
     data: pin.Data | None = None
+    stops: Mapping[str, Array] | None = None
 
     def reaction(self, name: str | int) -> Reaction:
         """Force and moment in a joint of the tree, or in a cut joint; see `Trajectory.reaction`."""
@@ -238,25 +241,10 @@ class Loaded:
             pulls = Lines(mechanism.tree, springs).pulls(q, v)
             for frame, (carrier, point, pull) in zip(ends, pulls, strict=True):
                 yield frame, carrier, point + mechanism.standpoint, pull, none
-
-    def sensor(self, name: str) -> Array:
-        """What a sensor of the mechanism reads at each state, (N, dim).
-
-        Raises
-        ------
-        ModelError
-            For a sensor that there is not.
-        OptionError
-            As `pushes`, for "force" and "torque".
-        """
-        found, here = self.mechanism.sensors[name], Instant(self.mechanism)
-        rates = self.accelerations() if found.needs in "af" else np.zeros_like(self.v)
-        pushes = self.pushes() if found.needs == "f" else None
-        read_off = np.empty((len(self.q), found.dim))
-        for i, (t, q, v, a) in enumerate(zip(self.t, self.q, self.v, rates, strict=True)):
-            here.move(float(t), q, v, a, () if pushes is None else pushes(i))
-            read_off[i] = read(found, here)
-        return read_off
+        for force in mechanism.forces:
+            if isinstance(force, GravityCompensation):
+                for frame, carrier, point, lift in force.pulls(mechanism, self._workspace()):
+                    yield frame, carrier, point, lift, none
 
     def _pulling(self, q: Array, v: Array, u: Array | None) -> Iterator[Push]:
         """Springs along tendons, and of actuators on tendons and sites."""

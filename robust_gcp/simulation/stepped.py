@@ -127,9 +127,9 @@ class SteppedRun(FixedRun):
     def _prepared(self) -> Prepared | None:
         """Steps of the kernel's alone from the last output on; None where more is to be looked at."""
         rows, last = self._record.rows, self._last
-        if self._native is None or rows is None or last is None or self._recovery.careful:
+        if self._native is None or self._native.asks or rows is None or last is None:
             return None
-        if self._events or self._progress is not None or self._suspicious(last.point):
+        if self._recovery.careful or self._events or self._progress or self._suspicious(last.point):
             return None
         self._begun = self._record.at
         self._watching = rows.q if self._redundant else None
@@ -236,7 +236,7 @@ class SteppedRun(FixedRun):
     def _look_within(self, i: int, before: Evaluation, now: Evaluation) -> None:
         """As ever, under the torque of the step before time i, not of the one after it."""
         after, self._held.value = self._held.value, self._torque_from(i - 1)
-        if self._looked_for(i) and not np.array_equal(after, self._held.value):
+        if self._looked_for(i) and not np.array_equal(after, self._held.value, equal_nan=True):
             now = self._motion.equations.at_point(float(self.times[i]), now.point)
         super()._look_within(i, before, now)
         self._held.value = after

@@ -15,13 +15,14 @@ from ..dynamics.control import Controls, held_controls
 from ..dynamics.held import HeldTorque
 from ..dynamics.loads import Wrench, one_torque, wrenches_given
 from ..dynamics.motion import Motion
-from ..errors import ClosureError, OptionError, SimulationError, SingularStartError
+from ..errors import ClosureError, NonFiniteError, OptionError, SimulationError, SingularStartError
 from ..kernel.steps import BACKENDS, chosen_library
 from ..maps.choice import METHODS, MapChoice, Method
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.parts import Part, parts_given
 from ..mechanism.tree import Array
 from .coarse import Coarse
+from .course import OVERFLOWN
 from .events import EventFunction, checked_events
 from .files import ARRAYS
 from .keep import Keep
@@ -202,6 +203,10 @@ class Simulation(Present):
         except (SimulationError, ClosureError) as error:
             error.trajectory = self.trajectory
             raise
+        except OverflowError as overflow:
+            stop = NonFiniteError(OVERFLOWN)
+            stop.trajectory = self.trajectory
+            raise stop from overflow
         if self._coarse is not None:
             self._coarse.look(run.time, run.state[1])
         return self

@@ -95,7 +95,7 @@ class StepwisePlan:
     def _stepped(self, start: Given) -> tuple[Mechanism, SteppedRun]:
         choice, held, counters, t0 = self.choice, self.held, Counters(), self.t0
         mechanism, drives = prescribed(self.mechanism, self.drive, start[0], np.array([t0, t0 + self.step]))
-        native = None if self.kernel is None else NativeSteps(self.kernel, held, self.required, drives)
+        native = None if self.kernel is None else NativeSteps(self.kernel, held.native, self.required, drives)
         toggle = checked_toggle(None, choice.method, drives is not None)
         problem = started(native, mechanism, start, held, choice, counters, toggle, drives, t0)
         if drives is None:

@@ -17,13 +17,14 @@ from ..mechanism.closures import closure_kinds
 from ..mechanism.couplings import CouplingClosure
 from ..mechanism.forces import Force
 from ..mechanism.keyframes import Keyframe, Keyframes
-from ..mechanism.known_forces import KINDS
+from ..mechanism.known_forces import STORED
 from ..mechanism.mechanism import Mechanism
+from ..mechanism.parts import JointFriction, Lock, Stop
 from ..mechanism.sensors import Sensors, sensor_from
 from ..mechanism.tree import Array
 
 OWN = "a class of its own"
-"""In place of its kind, for a force that is none of `KINDS`."""
+"""In place of its kind, for a force that is none of `STORED`."""
 
 
 def mechanism_as_plain(mechanism: Mechanism) -> dict[str, Any]:
@@ -38,6 +39,7 @@ def mechanism_as_plain(mechanism: Mechanism) -> dict[str, Any]:
         "moved": mechanism.moved,
         "closures": [_as_plain(c) for c in mechanism.closures],
         "forces": [_as_plain(f) for f in mechanism.forces],
+        "stops": [_as_plain(p) for p in mechanism.parts if not isinstance(p, Lock) or p.when is None],
         "sensors": [asdict(sensor) for sensor in mechanism.sensors.values()],
         "keyframes": {
             name: [key.q.tolist(), key.v.tolist(), key.closed, key.open]
@@ -47,14 +49,14 @@ def mechanism_as_plain(mechanism: Mechanism) -> dict[str, Any]:
 
 
 def _parts() -> dict[str, type[Any]]:
-    """What an archive may hold besides numbers: closures and forces by the names of their classes."""
-    kinds: list[type[Any]] = [*closure_kinds(), CouplingClosure, *KINDS, *PARTS]
+    """What an archive may hold besides numbers: closures, forces, stops by the names of their classes."""
+    kinds: list[type[Any]] = [*closure_kinds(), CouplingClosure, *STORED, *PARTS, Stop, JointFriction, Lock]
     return {kind.__name__: kind for kind in kinds}
 
 
 def _as_plain(part: Any) -> dict[str, Any]:
     """A closure or force as its numbers; a force of the user's class as text, since code is not stored."""
-    if isinstance(part, Force) and type(part) not in KINDS:
+    if isinstance(part, Force) and type(part) not in STORED:
         return {"kind": OWN, "called": shown(part)}
     return {"kind": type(part).__name__, **{f.name: _plain(getattr(part, f.name)) for f in fields(part)}}
 
@@ -96,7 +98,8 @@ def mechanism_from(path: Path, meta: dict[str, Any], model: bytes, home: Array) 
     actuators = [_from_plain(actuator) for actuator in meta.get("actuators", ())]
     tendons = {str(name): _from_plain(path) for name, path in meta.get("tendons", {}).items()}
     own_parts = tree, closures, meta["independent"], home, meta["name"], forces
-    made = Mechanism(*own_parts, *told, actuators=actuators, tendons=tendons)
+    stops = [_from_plain(part) for part in meta.get("stops", ())]
+    made = Mechanism(*own_parts, *told, actuators=actuators, tendons=tendons, parts=stops)
     made.sensors = Sensors({each["name"]: sensor_from(each) for each in meta.get("sensors", ())})
     made.moved = tuple(meta.get("moved", ()))
     keys = meta.get("keyframes", {}).items()  # files of 0.1.0 have none

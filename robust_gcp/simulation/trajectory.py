@@ -20,6 +20,7 @@ from .files import ARRAYS, data_frame, write_archive, write_csv
 from .pictures import Pictures
 from .powered import powered_columns
 from .reactions import Loaded, Reaction
+from .sensing import sensed
 from .stats import Stats
 from .summary import told
 
@@ -218,14 +219,16 @@ class Trajectory(Named, Pictures):
         return self._loaded.reaction(joint)
 
     def _sensed(self, name: str) -> Array:
-        return self._loaded.sensor(name)
+        return sensed(self._loaded, name)
 
     @property
     def _loaded(self) -> Loaded:
         acted = Acted() if self.acted is None else self.acted
         known = None if acted.lost else acted.wrenches
         state = self.mechanism, self.t, self.q, self.v, self.accelerations
-        return Loaded(*state, self.multipliers, known, self.u)
+        forces = () if self.part_forces is None else self.part_forces.T
+        stops = dict(zip(self.part_names, forces, strict=False))
+        return Loaded(*state, self.multipliers, known, self.u, stops=stops)
 
     @cached_property
     def _accelerations(self) -> Array:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 
 from .conftest import Block
-from .phases import Outcome, drawn, measured
+from .phases import Outcome, drawn, measured, ran, told
 
 SEED, COUNT = 30, 200
 
@@ -22,9 +22,10 @@ def figures(outcomes: list[Outcome]) -> dict[str, float]:
         "cases": len(outcomes),
         "happenings": sum(outcome.happenings for outcome in outcomes),
         **kinds,
-        "times apart": max(outcome.apart for outcome in outcomes),
-        "penetration": max(outcome.deepest for outcome in outcomes),
-        "loops": max(outcome.open for outcome in outcomes),
+        "largest difference of times": max(outcome.apart for outcome in outcomes),
+        "largest penetration": max(outcome.deepest for outcome in outcomes),
+        "largest opening": max(outcome.open for outcome in outcomes),
+        "largest energy error": max(outcome.energy for outcome in outcomes),
         "undecided": sum(outcome.undecided for outcome in outcomes),
         "refused": sum(bool(outcome.refused) for outcome in outcomes),
         "silently wrong": sum(bool(outcome.wrong) for outcome in outcomes),
@@ -48,5 +49,22 @@ def test_some_happenings_do_not_depend_on_coordinates() -> None:
     assert not wrong(outcomes) and sum(outcome.happenings for outcome in outcomes) > 5
 
 
+def test_a_break_just_before_the_end_of_a_step_is_one_break() -> None:
+    """Over the 3 µs that are left of the step the rounding of q1 would be a rate, and end the slip again."""
+    scene = drawn(31, 836)
+    run = ran(scene, scene.choices[1], 1e-3)
+    assert not isinstance(run, str) and len(run.happenings) == 8
+    assert run.happenings[-1].kind == "release" and run.t[-1] == 1.0
+
+
 def test_a_case_is_drawn_alike() -> None:
     assert drawn(3, 4).parts == drawn(3, 4).parts and (drawn(3, 4).v == drawn(3, 4).v).all()
+
+
+def test_legs_that_begin_near_a_turn_of_their_coordinates_keep_their_digits() -> None:
+    """Where q2 nearly turns back its rate tells the velocity to nine digits less."""
+    scene = drawn(31, 1108)
+    runs = [ran(scene, names, 1e-3) for names in scene.choices]
+    assert not any(isinstance(run, str) for run in runs)
+    times = [[t for t, _, _ in told(run)][:20] for run in runs if not isinstance(run, str)]
+    assert max(abs(a - b) for other in times[1:] for a, b in zip(times[0], other, strict=True)) < 1e-10

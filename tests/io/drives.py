@@ -127,7 +127,7 @@ def differences(beside: Beside, seed: int, count: int = 3) -> Differences:
 
 
 NOT_PASSIVE = {
-    "drag of a medium", "gravity compensation of bodies", "springs of ball and free joints",
+    "drag of a medium", "gravity compensation of bodies", "springs of free joints",
     "nonlinear parts of springs and dampers", "tendons", "deformables", "plugins",
 }  # fmt: skip
 """Kinds of `left_out` that MuJoCo counts among passive forces."""

@@ -42,6 +42,20 @@ def document(
     )
 
 
+def test_a_site_elsewhere_than_the_body_of_its_name_gets_a_name_of_its_own() -> None:
+    """A cord from the ground to a site: its length is MuJoCo's, and the body keeps its name."""
+    xml = document().replace('name="r" pos="0 1 0"', 'name="rocker" pos="0 0.7 0"')
+    cord = '<tendon><spatial name="cord"><site site="c"/><site site="rocker"/></spatial></tendon>'
+    mech = rg.Mechanism.from_mjcf(xml.replace("</mujoco>", f"{cord}</mujoco>"))
+    R = np.array([[1.0, 0.0, 0.0], [0.0, np.cos(0.2), -np.sin(0.2)], [0.0, np.sin(0.2), np.cos(0.2)]])
+    run = rg.simulate(mech, mech.keyframes["start"].q, duration=1e-3, step=1e-3)
+    np.testing.assert_allclose(run.frame("rocker").position[0], [0.0, 1.0, 0.0], atol=1e-12)
+    site = R @ [0.0, 0.7, 0.0] + [0.0, 1.0, 0.0]
+    np.testing.assert_allclose(run.frame("rocker_site").position[0], site, atol=1e-12)
+    tip = R @ [0.0, 1.0, 0.0] + [0.0, 1.0, 0.0]
+    assert run["tendon.cord"][0] == pytest.approx(np.linalg.norm(tip - site), abs=1e-12)
+
+
 def rhombus(**changed: str) -> rg.Mechanism:
     return rg.Mechanism.from_mjcf(document(**changed), ["q1"], home="start")
 

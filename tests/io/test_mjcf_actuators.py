@@ -92,6 +92,18 @@ def test_flags_switch_off_what_they_name(flag: str) -> None:
     assert np.nanmax(differences(beside, seed=2)) < 1e-12
 
 
+def test_groups_of_actuators_that_are_switched_off_are_not_there() -> None:
+    """What damps without a control stays, as it does there."""
+    beside = Beside(
+        """<mujoco><option actuatorgroupdisable="2 4"><flag contact="disable"/></option><worldbody>
+        <body><joint name="q" axis="0 1 0"/><geom size="0.1" pos="1 0 0"/></body></worldbody>
+        <actuator><motor name="a" joint="q"/><position name="b" joint="q" kp="3" kv="1" group="2"/>
+        <motor name="c" joint="q" gear="3" group="3"/></actuator></mujoco>"""
+    )
+    assert [actuator.name for actuator in beside.contents.actuators] == ["a", "c"]
+    assert beside.contents.left_out == [] and max(differences(beside, seed=2)) < 1e-12
+
+
 def test_the_flag_of_filtered_contacts_is_not_that_of_actuators() -> None:
     option = '<option><flag filterparent="disable"/></option>'
     assert len(Beside(EVERYTHING.replace("<worldbody>", option + "<worldbody>")).ids) == 15

@@ -199,7 +199,7 @@ WALKER = """<mujoco model="walker"><compiler angle="degree" autolimits="true"/>
 
 def test_a_walker_as_reinforcement_learning_has_it() -> None:
     """Classes of defaults, degrees, joints off their bodies' origins; what needs contacts is told."""
-    with pytest.warns(rg.ModelWarning, match=r"sensors \(sole, drive\)"):
+    with pytest.warns(rg.ModelWarning, match=r"sensors \(sole\)"):
         mech = rg.Mechanism.from_mjcf(WALKER)
     require_equal(mech, mujoco.MjModel.from_xml_string(WALKER), closed_states(mech, 5))
 
@@ -297,14 +297,11 @@ def pendulum(sensors: str, more: str = "") -> rg.Mechanism:
 
 
 def test_what_is_not_answered_is_left_out_by_name() -> None:
-    others = (
-        '<touch name="skin" site="s"/><rangefinder site="s"/><jointactuatorfrc name="drive" joint="q"/>'
-        '<user name="own" dim="2"/><jointlimitfrc name="stopped" joint="q"/>'
-    )
-    with pytest.warns(rg.ModelWarning, match=r"sensors \(skin, s, drive, own, stopped\)"):
+    others = '<touch name="skin" site="s"/><rangefinder site="s"/><user name="own" dim="2"/>'
+    with pytest.warns(rg.ModelWarning, match=r"sensors \(skin, s, own\)"):
         mech = pendulum('<gyro name="imu" site="s"/>' + others)
     assert list(mech.sensors) == ["imu"]
-    assert mech.left_out == ("sensors (skin, s, drive, own, stopped)",)
+    assert mech.left_out == ("sensors (skin, s, own)",)
     with pytest.raises(rg.ModelError, match="strict"):
         rg.Mechanism.from_mjcf(PENDULUM.format(f"<sensor>{others}</sensor>"), strict=True)
 

@@ -212,6 +212,40 @@ def test_torques_act_by_joint(capsys: Capture) -> None:
     assert list(told["v"].values()) == trajectory.v[-1].tolist()
 
 
+SERVED = """<mujoco><option><flag contact="disable"/></option><worldbody>
+<body><joint name="hinge" axis="0 1 0" range="-20 20"/>
+<geom size="0.1" pos="0.5 0 0"/></body><body pos="0 1 0"><joint name="rail" type="slide" axis="1 0 0"/>
+<geom size="0.1"/></body></worldbody><actuator><motor name="spin" joint="hinge" gear="2"/>
+<position name="shift" joint="rail" kp="20"/></actuator></mujoco>"""
+
+
+def test_actuators_are_controlled_by_name(tmp_path: Path, capsys: Capture) -> None:
+    file = tmp_path / "served.xml"
+    file.write_text(SERVED)
+    start = ["simulate", str(file), *SHORT, "--limits"]
+    assert main([*start, "--ctrl", "spin=0.7", "--ctrl", "shift=-pi", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    mech, ctrl = rg.load(file, limits=True), {"spin": 0.7, "shift": -math.pi}
+    run_ = rg.simulate(mech, duration=0.1, step=5e-3, ctrl=ctrl)
+    assert list(told["q"].values()) == run_.q[-1].tolist() and abs(run_.q[-1]).min() > 1e-3
+    assert main([*start, "--ctrl", "spin=1", "shift=2", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["q"]["rail"] > 0.0
+    for given, words in (
+        ("spinn=1", "--ctrl: there is no actuator 'spinn'; did you mean 'spin'?"),
+        ("spin=nan", "--ctrl spin = nan"),
+        ("spin=fast", "--ctrl"),
+        ("spin", "is not NAME=VALUE"),
+    ):
+        with contextlib.suppress(SystemExit):
+            assert main([*start, "--ctrl", given]) == 2
+        assert words in capsys.readouterr().err
+    assert main([*start, "--ctrl", "spin=1", "spin=2"]) == 2
+    assert "--ctrl names 'spin' twice" in capsys.readouterr().err
+    file.write_text(SERVED.partition("<actuator>")[0] + "</mujoco>")
+    assert main([*start, "--ctrl", "spin=1"]) == 2
+    assert "has no actuators; give --torque JOINT=TAU\n" in capsys.readouterr().err
+
+
 def test_a_joint_is_driven_at_constant_speed_from_where_it_starts(tmp_path: Path, capsys: Capture) -> None:
     path = tmp_path / "run.npz"
     assert run("simulate slider_crank --drive-speed q1=3", *SHORT, "--save", str(path)) == 0

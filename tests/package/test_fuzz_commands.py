@@ -29,6 +29,7 @@ WORDS = st.one_of(
 FLAGS = (
     *("--q0", "--v0", "--mode", "--method", "--newton-start", "--stepper", "--rtol", "--atol", "--on-toggle"),
     *("--record", "--duration", "--step", "--q", "--json", "--full", "-h", "--help", "--version"),
+    *("--ctrl", "--torque", "--limits", "--friction"),
 )
 MODELS = st.sampled_from(
     ("rhombus", "five_bar", "bricard", "nowhere", ".", "..", "", "\0", "a" * 300, "/dev/null")

@@ -145,6 +145,7 @@ def test_the_options_that_are_attacked_are_most_of_them() -> None:
         ("simulate rhombus --plot a.png --columns v.q8", "--columns v.q8: no joint, column or quantity; did"),
         ("simulate rhombus --plot a.png --over q8", "--over q8: no joint, column or quantity; did you mean"),
         ("simulate rhombus --torque q9=1", "no joint 'q9'"),
+        ("simulate rhombus --ctrl q11=1", "no actuator 'q11'; did you mean 'q1'"),
         ("simulate rhombus --torque q1=1 q1=2", "--torque names 'q1' twice"),
         ("simulate rhombus --drive-speed q9=1", "no joint 'q9'"),
         ("simulate rhombus --drive-speed q1=1 --drive q1=file.txt", "both drive 'q1'"),
@@ -211,6 +212,7 @@ GOOD = {
     "--save": "new.npz",
     "--animate": "new.gif",
     "--torque": "q1=-0.5",
+    "--ctrl": "q1=0.5",
     "--drive-speed": "q1=pi",
     "--drive": "q1=file.txt",
     "--refresh": "file.txt",
@@ -222,6 +224,8 @@ GOOD = {
     "benchmark --out": "new.json",
     "benchmark --base": "free",
     "benchmark --starts": "2",
+    "gradients --engine": "robust_gcp",
+    "gradients --out": "new.json",
 }
 """Words that an option takes, where they are not those of its type."""
 

@@ -214,3 +214,10 @@ def test_random_machines_move_alike_in_every_choice_of_coordinates(seed: int) ->
     seen = [[(x.kind, x.joints) for x in run.happenings] for run in runs]
     assert seen[0] == seen[1]
     assert np.abs(runs[0].q[-1] - runs[1].q[-1]).max() < 1e-5
+
+
+def test_phases_without_end_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("robust_gcp.simulation.phases.course.AT_ONCE", 0)
+    with pytest.raises(rg.SimulationError, match="follow each other without end") as caught:
+        rg.simulate(rg.load("rhombus"), duration=0.01, step=1e-3, joints=[rg.JointFriction("q1", 1.0)])
+    assert caught.value.trajectory is not None

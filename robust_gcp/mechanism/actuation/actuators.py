@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ...checks import check_choice, check_finite, check_text, checked_vector, real_array, shown
+from ...checks import check_choice, check_finite, check_text, checked_vector, listed, real_array, shown
 from ...errors import ModelError
 from .muscle import TINY, Muscle, Range
 from .paths import FixedTendon, Path
@@ -111,11 +111,14 @@ class Actuator:
     @classmethod
     def position(cls, name: str, joint: str | Path, kp: float, kv: float = 0.0, **more: Any) -> Actuator:
         """A servo: force = kp (ctrl − ℓ) − kv ℓ̇."""
+        check_finite(f"Actuator {shown(name)}: kp", kp)
+        check_finite(f"Actuator {shown(name)}: kv", kv)
         return cls(name, joint, gain=(kp,), bias=(0.0, -kp, -kv), **more)
 
     @classmethod
     def velocity(cls, name: str, joint: str | Path, kv: float, **more: Any) -> Actuator:
         """A servo: force = kv (ctrl − ℓ̇)."""
+        check_finite(f"Actuator {shown(name)}: kv", kv)
         return cls(name, joint, gain=(kv,), bias=(0.0, 0.0, -kv), **more)
 
     @property
@@ -206,7 +209,9 @@ def clipped(value: float, to: Range | None) -> float:
 
 def actuators_given(actuators: Any) -> tuple[Actuator, ...]:
     """Actuators with names of their own, or an error."""
-    found = tuple(actuators)
+    found = tuple(
+        listed(actuators, "actuators", 'Actuators, such as Actuator.motor("m", "q1")', kind=Actuator)
+    )
     for actuator in found:
         if not isinstance(actuator, Actuator):
             raise ModelError(

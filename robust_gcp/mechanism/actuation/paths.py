@@ -129,6 +129,8 @@ class TurningJoint(Path):
         given = listed(self.gear, "TurningJoint: gear", "three or six numbers")
         gear = checked_vector(given, len(given), "TurningJoint: gear", "3 or 6")
         object.__setattr__(self, "gear", tuple(gear.tolist()))
+        if not isinstance(self.in_parent, bool | np.bool_):
+            raise ModelError(f"TurningJoint: in_parent = {shown(self.in_parent)} must be True or False")
 
     def on(self, tree: Tree, owner: str) -> BoundPath:
         """See `Path`."""
@@ -168,3 +170,15 @@ def point_of(tree: Tree, name: str, owner: str) -> tuple[int, Array]:
     """The joint that carries a frame, and its origin on it."""
     joint, place = placed_frame(tree, name, owner)
     return joint, np.array(place.translation)
+
+
+def tendons_given(tree: Tree, tendons: Any) -> dict[str, Path]:
+    """Paths of this tree by name, or a ModelError."""
+    if not isinstance(tendons, Mapping):
+        raise ModelError(f"tendons = {shown(tendons)} must be {{name: path}}, such as a FixedTendon")
+    for name, path in tendons.items():
+        check_text("tendons: name", name)
+        if not isinstance(path, Path):
+            raise ModelError(f"tendon {name!r} = {shown(path)} is no path, such as a FixedTendon")
+        path.on(tree, f"tendon {name!r}")
+    return dict(tendons)

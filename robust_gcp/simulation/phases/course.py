@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ...errors import SimulationError
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from .decision import State, decided, settled
@@ -27,12 +28,17 @@ MOST = 4096
 FINER = (4, 16, 64)
 """Parts of a step that fails: a stop may be what keeps the mechanism from the place where it does."""
 
+AT_ONCE = 200
+"""Phases that begin at one time: more of them would never end."""
+
 AHEAD = (1e-3, 1e-2, 0.1, 1.0)
 """Shares of a step after a break at which it is looked what slips."""
 
 
 class Phases(Progress):
     """A motion through phases; parameters are those of `Progress`."""
+
+    _begun = (-np.inf, 0)  # when a phase began last, and how many did then
 
     # ----------------------------------------------------------------- from phase to phase
 
@@ -53,7 +59,7 @@ class Phases(Progress):
         """Another torque (nv,) from now on, where torques are held over steps."""
         held, phase = self._machines.held, self._phase
         assert held is not None
-        if np.array_equal(torque, held.value):
+        if np.array_equal(torque, held.value, equal_nan=True):
             return
         held.value = torque
         if self._fresh:
@@ -75,6 +81,7 @@ class Phases(Progress):
     def _begin(self) -> None:
         """The phase that begins now, and its first output."""
         machines, rows, before = self._machines, self._rows.rows, self._v
+        self._require_progress()
         self._drop()
         self._armed = frozenset(i for i in self._latches if rows[i].start <= self._t)
         known = self._rows, machines.bounds, machines.acting
@@ -89,6 +96,17 @@ class Phases(Progress):
         self._stretch = self._looked_at(machine)
         steps = self._set_out(machine).since(0)
         self._keep(steps, self._stretch.forces(steps, 0)[None])
+
+    def _require_progress(self) -> None:
+        """Refuse to begin phase after phase at one time."""
+        since, times = self._begun
+        self._begun = self._t, times + 1 if since == self._t else 1
+        if self._begun[1] > AT_ONCE:
+            joints = {name for x in self.joined.happenings[-AT_ONCE:] for name in x.joints}
+            raise SimulationError(
+                f"at t = {self._t:.6g} s the phases of {', '.join(sorted(joints))} follow each other without "
+                "end: neither of them lasts; take another step, or change a stop or a friction a little"
+            )
 
     def _times(self, until: float) -> Array:
         """The present time and the ends of the next steps: on the grid again as soon as may be."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -11,15 +12,16 @@ from numpy.typing import ArrayLike
 
 from ...dynamics.equations import Torque
 from ...dynamics.held import HeldTorque
-from ...errors import ClosureError, SimulationError
+from ...errors import ClosureError, PartitionError, SimulationError
 from ...kernel.steps import NativeSteps
 from ...maps.point import Counters
 from ...mechanism.tree import Array, Tree
+from ..coordinates import Coordinates
 from ..dense import Interpolant
 from ..held_run import HeldRun
 from ..schedule import Schedule
 from ..stability import StabilityCheck
-from ..starting import rates_at
+from ..starting import rates_at, started
 
 if TYPE_CHECKING:
     from ...dynamics.problem import Problem
@@ -29,6 +31,9 @@ if TYPE_CHECKING:
     from .machine import Machines
 
 Fault = SimulationError | ClosureError
+
+SAME = 1e-11
+"""Share of a velocity by which its independent components may say it otherwise."""
 
 
 @dataclass
@@ -57,6 +62,35 @@ class Steps:
         parts = (self.t, self.q, self.v, self.a, self.tau, self.work)
         t, q, v, a, tau, work = (part[:n] for part in parts)
         return Steps(self.tree, t, q, v, a, tau, work, self.regular)
+
+
+def _shifted(motion: Problem, v: Array) -> float:
+    """Share of v by which its independent components say it otherwise."""
+    found = motion.start.point.G @ motion.start.ydot
+    units = motion.mechanism.units
+    size = float(np.abs(v / units).max(initial=0.0))
+    return float(np.abs((found - v) / units).max(initial=0.0)) / size if size > 0.0 else 0.0
+
+
+def _steadier(
+    motion: Problem,
+    plan: Course,
+    start: tuple[Array, Array, ArrayLike | None],
+    torque: Torque | ArrayLike | None,
+    native: NativeSteps | None,
+    counters: Counters,
+) -> Problem:
+    """The start in coordinates that say its velocity better, if any: near a turn they lose digits."""
+    mechanism = motion.mechanism
+    names = Coordinates(mechanism, mechanism.independent, counters).at_rest(start[0])
+    if names is None or plan.on_toggle == "error":
+        return motion
+    acting = torque, plan.choice, counters, plan.on_toggle, plan.drives, float(plan.schedule.times[0])
+    with contextlib.suppress(SimulationError, PartitionError):
+        other = started(native, mechanism.with_independent(names), start, *acting)
+        if _shifted(other, start[1]) < 0.1 * _shifted(motion, start[1]):
+            return other
+    return motion
 
 
 class Leg:
@@ -94,6 +128,8 @@ class Leg:
             self._stability = StabilityCheck(plan.mechanism, given, plan.step, plan.choice.options)
             torque = torque if held else self._stability.torque
         self._motion, native, counters = plan.set_out(start, torque, machines.kernel, machines.required)
+        if _shifted(self._motion, start[1]) > SAME:
+            self._motion = _steadier(self._motion, plan, start, torque, native, counters)
         if self._stability is not None:
             self._stability.before(self._motion, rates_at(native, self._motion))
         self._native = native

@@ -105,7 +105,7 @@ class Rows:
 
     def __init__(self, mechanism: Mechanism, parts: Sequence[Part]) -> None:
         self.mechanism = mechanism
-        names = _columns(parts)
+        names = columns_of(parts)
         self.rows: list[Row] = []
         for part, name in zip(parts, names, strict=True):
             self.rows += _rows_of(part, name)
@@ -143,6 +143,10 @@ class Rows:
     def values(self, q: Array) -> Array:
         """r, (..., n) for q (..., nq), rad or m."""
         return np.asarray(q @ self._in_q.T)
+
+    def sizes(self, q: Array) -> Array:
+        """Σ |weight q|, (..., n): what r is rounded at."""
+        return np.asarray(np.abs(q) @ np.abs(self._in_q.T))
 
     def gaps(self, q: Array) -> Array:
         """c = side (r − at), (..., n); without meaning for rows that are no stops."""
@@ -199,7 +203,7 @@ def _rows_of(part: Part, column: str) -> list[Row]:
     return [Row(Kind.FRICTION, part, column)]
 
 
-def _columns(parts: Sequence[Part]) -> list[str]:
+def columns_of(parts: Sequence[Part]) -> list[str]:
     """The column of each part: its kind and joint, with the others of its row where that is not enough."""
     words = {Stop: "stop", JointFriction: "friction", Lock: "lock"}
     named: dict[tuple[str, str], set[tuple[object, ...]]] = {}

@@ -7,9 +7,7 @@ a partial step.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +22,7 @@ from .bearings import ALIKE as SAME
 from .bearings import MOST, REMEDY, FrictionBounds
 from .box import Load
 from .decision import Phase, resting
+from .falling import falling_root
 from .frame import UNMOVED, Seen, admissible
 from .leg import Steps
 from .rows import Kind, Rows
@@ -31,9 +30,8 @@ from .rows import Kind, Rows
 BELOW = 1e-13
 """m, rad, or per second: how far a function has to fall below 0 after a root for an event."""
 
-
-MOST_NEWTON = 60
-"""Halvings of a step with Newton's method, until nothing is left of it."""
+ROUNDING = 1e-14
+"""Share of its size by which the change of a row over a step may err."""
 
 ALIKE = 1e-7
 """Relative difference of forces that two ways to find them may have on regular ground."""
@@ -128,8 +126,10 @@ class Signals:
         best: Found | None = None
         for step in np.flatnonzero(may.any(axis=1)):
             for k in np.flatnonzero(may[step]):
-                p = np.array(quintic(h[step], *series[:, step : step + 2, k].T)[::-1])
-                slip = self._rate[k]
+                ends, slip = series[:, step : step + 2, k], self._rate[k]
+                if slip:
+                    ends = self._steady(int(k), float(h[step]), ends, q[step : step + 2])
+                p = np.array(quintic(h[step], *ends.T)[::-1])
                 root = falling_root(np.polyder(p) if slip else p, BELOW * (h[step] if slip else 1.0))
                 where = int(step) + since, int(self.rows[k])
                 if root is not None and where not in none and (best is None or root[0] < best.share):
@@ -137,6 +137,17 @@ class Signals:
             if best is not None:
                 break
         return best
+
+    def _steady(self, k: int, h: float, ends: Array, q: Array) -> Array:
+        """r, from 0 on, ṙ and r̈ at both ends; r by ṙ and r̈ where it says no more than its rounding.
+
+        Over a short step h that rounding would be a rate ε |r|/h.
+        """
+        (r0, r1), (v0, v1), (a0, a1) = ends
+        change = 0.5 * h * (v0 + v1) + h * h / 12.0 * (a0 - a1)
+        if abs(r1 - r0 - change) > ROUNDING * float(self._rows.sizes(q)[:, self.rows[k]].sum()):
+            change = r1 - r0
+        return np.array([[0.0, change], ends[1], ends[2]])
 
 
 class Holding:
@@ -220,70 +231,6 @@ class Holding:
         all_rows = np.zeros(len(self._rows.rows))
         all_rows[self._held] = self._rows.side[self._held] * f
         return all_rows, margin
-
-
-def falling_root(p: Array, tiny: float) -> tuple[float, float, float] | None:
-    """The first x in [0, 1] where p falls through 0 to below −tiny; where it is lowest then, how deep."""
-    if _bernstein(p).min() >= -tiny:
-        return None
-    once = _steady_fall(p, tiny)
-    if once is not None:
-        return once
-    real = _real_roots(p)
-    slope = np.polyder(p)
-    for x in real[(real > -1e-9) & (real <= 1.0 + 1e-9)]:
-        if np.polyval(slope, x) > 0.0:
-            continue
-        end = min([*real[real > x + 1e-9].tolist(), 1.0])
-        inner = _real_roots(slope)
-        after = np.array([*inner[(inner > x) & (inner < end)], end])
-        values = np.polyval(p, after)
-        k = int(np.argmin(values))
-        if values[k] < -tiny:
-            return float(np.clip(x, 0.0, 1.0)), float(after[k]), -float(values[k])
-    return None
-
-
-@cache
-def _to_bernstein(n: int) -> Array:
-    return np.array([[math.comb(i, j) / math.comb(n, j) for j in range(n, -1, -1)] for i in range(n + 1)])
-
-
-def _bernstein(p: Array) -> Array:
-    """Bernstein coefficients on [0, 1], between which the polynomial's values lie."""
-    return np.asarray(_to_bernstein(len(p) - 1) @ p)
-
-
-def _steady_fall(p: Array, tiny: float) -> tuple[float, float, float] | None:
-    """The same where p rises at first, if at all, and then falls from above 0 to below −tiny: by Newton.
-
-    So it is where a stop is met, and where one bounces within a step.
-    """
-    falls = _bernstein(np.polyder(p)) < 0.0
-    if p[-1] < -tiny or p.sum() >= -tiny or not falls[int(falls.argmax()) :].all() or not falls[-1]:
-        return None
-    coefficients, x, low, high = p.tolist(), 1.0, 0.0, 1.0
-    for _ in range(MOST_NEWTON):
-        value = rate = 0.0
-        for c in coefficients:
-            value, rate = value * x + c, rate * x + value
-        low, high = (x, high) if value > 0.0 else (low, x)
-        then = x - value / rate if rate < 0.0 else low
-        before, x = x, then if low < then < high else 0.5 * (low + high)
-        if abs(x - before) <= 4e-16:
-            return x, 1.0, -float(p.sum())
-    return None
-
-
-def _real_roots(p: Array) -> Array:
-    used = np.flatnonzero(p)
-    if not len(used):
-        return np.zeros(0)
-    zero, p = len(p) - 1 - used[-1], p[used[0] : used[-1] + 1]
-    companion = np.eye(len(p) - 1, k=-1)
-    companion[:1] = -p[1:] / p[0]
-    roots = np.linalg.eigvals(companion)
-    return np.sort(np.concatenate([np.zeros(zero), roots.real[np.abs(roots.imag) < 1e-7]]))
 
 
 def first_break(margins: Array) -> int | None:
