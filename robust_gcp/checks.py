@@ -7,7 +7,7 @@ import math
 import os
 import reprlib
 import unicodedata
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -252,6 +252,15 @@ def at_row(i: int) -> Iterator[None]:
     except RobustGcpError as error:
         error.args = (f"q[{i}]: {error.args[0]}", *error.args[1:])
         raise
+
+
+def of_each(function: Callable[..., Any], rows: Iterable[Sequence[Any]]) -> Array:
+    """A function at each of many states, whose number comes first; errors say which row they are about."""
+    found = []
+    for i, row in enumerate(rows):
+        with at_row(i):
+            found.append(np.array(function(*row)))
+    return np.array(found)
 
 
 def is_table(value: Any) -> bool:

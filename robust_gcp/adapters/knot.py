@@ -10,13 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 from ..dynamics.derivatives import PointDerivatives
 from ..dynamics.discrete import differentiated_step
 from ..dynamics.problem import Problem, set_out
-from ..errors import SimulationError
 from ..kernel.derivations import derivation
 from ..maps.grouped import GroupMap, joined
 from ..maps.point import Point
 from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from ..simulation.derivatives import learned
 from ..simulation.steppers import rk4_step
 from .following import Followed
 
@@ -105,13 +105,8 @@ class Knot:
         if kernel is None:
             return False
         for told in (False, True):
-            if told:
-                try:
-                    places = [q, mechanism.tree.integrate(q, h * v)]
-                    if not kernel.learn_beside(set_out(mechanism, q, v).start, places):
-                        return False
-                except SimulationError:
-                    return False
+            if told and not learned(kernel, mechanism, q, v, h):
+                return False
             good, ends, rates, A, B = kernel.step_each(q[None], v[None], taken.tau[None], h, True)
             if good[0]:
                 assert A is not None and B is not None  # they were asked for

@@ -200,11 +200,14 @@ class PointDerivatives:
 
     def at_start(self, t: float) -> Derivatives:
         """At the start of the motion."""
-        return self.whole_at_start(t)[0]
+        return self.at(t, self._start(t))
 
     def whole_at_start(self, t: float) -> tuple[Derivatives, Accelerations]:
         """The same, with the accelerations of all joints."""
-        return self.whole(t, self.motion.equations.at_point(t, self.motion.start.point))
+        return self.whole(t, self._start(t))
+
+    def _start(self, t: float) -> Evaluation:
+        return self.motion.equations.at_point(t, self.motion.start.point)
 
     def at(self, t: float, now: Evaluation) -> Derivatives:
         """At an evaluated point."""

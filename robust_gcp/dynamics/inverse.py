@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
+from functools import partial
+
 from numpy.typing import ArrayLike
 
-from ..checks import at_row, check_mechanism, checked_vector, is_table, require_finite, rows_like
+from ..checks import check_mechanism, checked_vector, is_table, of_each, require_finite, rows_like
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .problem import set_out
@@ -46,11 +47,7 @@ def inverse_dynamics(
     check_mechanism(mechanism, Mechanism, "inverse_dynamics")
     if is_table(q):
         given = (q, mechanism.nq, "q", "nq"), (v, mechanism.nv, "v", "nv"), (ydd, mechanism.m, "ydd", "m")
-        found = []
-        for i, (at, fast, a) in enumerate(rows_like(*given)):
-            with at_row(i):
-                found.append(inverse_dynamics(mechanism, at, fast, a, mode))
-        return np.array(found)
+        return of_each(partial(inverse_dynamics, mechanism, mode=mode), rows_like(*given))
     wanted = checked_vector(ydd, mechanism.m, "ydd", "m")
     motion = set_out(mechanism, q, v, mode)
     point = motion.start.point

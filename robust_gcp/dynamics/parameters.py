@@ -14,6 +14,7 @@ from ..mechanism.joints import OF_MOMENTS, in_v
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.point_springs import Lines
 from ..mechanism.tree import Array
+from ..mechanism.workspace import workspace
 from .derivatives import Derivatives
 from .equations import Evaluation
 from .regressor import OF_A_BODY, torque_regressor
@@ -130,9 +131,14 @@ def _six(moments: Array) -> Array:
 
 def _weight(mechanism: Mechanism, q: Array, axis: int) -> Array:
     """∂C/∂g along an axis of the world, (nv,)."""
-    model = mechanism.near.copy()
-    model.gravity.linear = np.eye(3)[axis]
-    return np.array(pin.computeGeneralizedGravity(model, model.createData(), q))
+
+    def made() -> pin.Model:
+        model = mechanism.near.copy()
+        model.gravity.linear = np.eye(3)[axis]
+        return model
+
+    model: pin.Model = mechanism.memo.once(("gravity along", axis), made)
+    return np.array(pin.computeGeneralizedGravity(model, workspace(model), q))
 
 
 def torques_by(mechanism: Mechanism, what: str, force: Numbered, q: Array, v: Array) -> tuple[slice, Array]:

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from ..checks import at_row, check_mechanism, checked_vector, is_table, require_finite, rows_like
+from ..checks import check_mechanism, checked_vector, is_table, of_each, require_finite, rows_like
 from ..mechanism.joints import in_v
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
@@ -106,11 +106,8 @@ def regressor(
     check_mechanism(mechanism, Mechanism, "regressor")
     if is_table(q):
         given = (q, mechanism.nq, "q", "nq"), (v, mechanism.nv, "v", "nv"), (udot, mechanism.m, "udot", "m")
-        found = []
-        for i, (at, fast, a) in enumerate(rows_like(*given)):
-            with at_row(i):
-                found.append(regressor(mechanism, at, fast, a, mode).matrix)
-        return Regressor(np.array(found), inertial_names(mechanism), inertial_values(mechanism))
+        found = of_each(lambda at, fast, a: regressor(mechanism, at, fast, a, mode).matrix, rows_like(*given))
+        return Regressor(found, inertial_names(mechanism), inertial_values(mechanism))
     wanted = checked_vector(udot, mechanism.m, "udot", "m")
     point = set_out(mechanism, q, v, mode).start.point
     G = point.G

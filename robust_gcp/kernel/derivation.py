@@ -224,14 +224,6 @@ class Derivation:
             self._library.step_each(self._handle, ctypes.byref(states.structure), t, h)
         return self._sound(status, q, G), *ends, wanted.get("A"), wanted.get("B")
 
-    def step_jacobians(self, q: Array, v: Array, tau: Array | None, h: float) -> tuple[Array, Array] | None:
-        """A (2m, 2m) and B (2m, nv) of one step from a state, given as rows of one; None where not good."""
-        good, _, _, A, B = self.step_each(q, v, tau, h, True)
-        if not good[0]:
-            return None
-        assert A is not None and B is not None  # they were asked for
-        return A[0], B[0]
-
     def feed(self, first: int, tau_y: Array, tau_u: Array) -> None:
         """Torques at stages that follow the state, by y and u (4 N, nv, m) each, from a step on."""
         by_y, by_u = (np.ascontiguousarray(part) for part in (tau_y, tau_u))

@@ -7,9 +7,7 @@ import inspect
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-import numpy as np
-
-from ..checks import at_row, is_table
+from ..checks import is_table, of_each
 from ..errors import StateError
 from .tree import Array
 
@@ -36,10 +34,6 @@ def at_each(method: Method) -> Method:
             raise StateError(
                 f"{method.__name__}: q has {len(q)} rows, and what is given beside it has others"
             )
-        found = []
-        for i, state in enumerate(zip(q, *more, strict=True)):
-            with at_row(i):
-                found.append(np.array(method(self, *state)))
-        return np.array(found)
+        return of_each(functools.partial(method, self), zip(q, *more, strict=True))
 
     return one_or_many  # type: ignore[return-value]

@@ -158,7 +158,7 @@ def answered(
     """
     missing = np.arange(len(states))
     missing = missing[~ask(missing)]
-    while len(missing) and _learned(
+    while len(missing) and learned(
         kernel, states.mechanism, states.q[missing[0]], states.v[missing[0]], ahead
     ):
         good = ask(missing)
@@ -199,7 +199,7 @@ def _follow(
         raise NonFiniteError(f"the linearisation at q = {q} is not finite")
 
 
-def _learned(kernel: Derivation, mechanism: Mechanism, q: Array, v: Array, ahead: float) -> bool:
+def learned(kernel: Derivation, mechanism: Mechanism, q: Array, v: Array, ahead: float) -> bool:
     """Whether the kernel is told of the mode at a state, that was new to it."""
     try:
         places = [q] if ahead == 0.0 else [q, mechanism.tree.integrate(q, ahead * v)]

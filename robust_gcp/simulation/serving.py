@@ -108,11 +108,9 @@ def derivatives(
     motion = set_out(mechanism, q, v, mode, applied)
     other = serving(mechanism, motion.start.point)
     if other is None:
-        still = still_rows(mechanism)
-        if still is None:
-            return PointDerivatives(motion, applied, tau_slopes, known).at_start(t)
-        now = motion.equations.at_point(t, motion.start.point)
-        return HeldDerivatives(still, motion, applied, tau_slopes, known).at(t, now)
+        others, still = (motion, applied, tau_slopes, known), still_rows(mechanism)
+        slopes = PointDerivatives(*others) if still is None else HeldDerivatives(still, *others)
+        return slopes.at_start(t)
     if mechanism.still:
         raise SimulationError(
             f"{', '.join(mechanism.independent)} do not serve as coordinates beside this place"

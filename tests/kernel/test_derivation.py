@@ -27,7 +27,7 @@ from robust_gcp.mechanism.joints import JointKind
 from robust_gcp.reports.stability.truth import with_forces
 from robust_gcp.simulation import reverse_sweep
 
-from ..compiled import needs_kernel
+from ..compiled import needs_kernel, stepped
 from ..dynamics.test_derivatives import FLOATING, floating, geared
 from ..simulation.test_idle_spins import rssr
 
@@ -216,7 +216,7 @@ class TestDerivatives:
         kernel = derivation(mech, q)
         assert mech.chart_joints and kernel is not None
         same(rg.derivatives(mech, q, v, tau), reference.derivatives(mech, q, v, tau))
-        assert kernel.step_jacobians(q[None], v[None], tau[None], 0.01) is None, "steps are the reference's"
+        assert stepped(kernel, q[None], v[None], tau[None], 0.01) is None, "steps are the reference's"
         for one, other in zip(
             rg.step_jacobians(mech, q, v, tau, 0.01),
             discrete.step_jacobians(mech, q, v, tau, 0.01),
@@ -369,7 +369,7 @@ class TestSteps:
         q, v, tau = state(mech)
         kernel = derivation(mech, q)
         assert kernel is not None
-        found = kernel.step_jacobians(q[None], v[None], tau[None], h)
+        found = stepped(kernel, q[None], v[None], tau[None], h)
         assert found is not None
         for one, other in zip(found, discrete.step_jacobians(mech, q, v, tau, h), strict=True):
             np.testing.assert_allclose(one, other, rtol=0.0, atol=SAME * max(1.0, np.abs(other).max()))
