@@ -6,7 +6,7 @@
 
 namespace rg {
 
-constexpr std::int32_t VERSION = 23;
+constexpr std::int32_t VERSION = 24;
 
 enum Reason : std::int32_t {
     DONE = 0,
@@ -203,8 +203,8 @@ struct Request {
     std::int64_t rhs, newton, constraint_evaluations, force_evaluations, zone_evaluations;
     std::int64_t marching_steps, svds, bridges_built, second_order;
     std::int64_t logged;      // singular places passed
-    const double* log;        // (logged, 7 + nq), valid until the next call: step, time, cluster, corank,
-                              // closure, transversality, whether a near miss, q
+    const double* log;        // (logged, 8 + nq), valid until the next call: step, time, cluster, corank,
+                              // closure, transversality, whether a near miss, order of contact, q
     double power;             // in and out
     std::int32_t in_zone;     // whether the last accepted state is in a zone
     std::int32_t reason;

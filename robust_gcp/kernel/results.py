@@ -32,18 +32,19 @@ def crossings(request: Request, nq: int, numbers: NDArray[np.int64]) -> list[Cro
     """What was passed last; `numbers` are the places of y in q."""
     if not request.logged:
         return []
-    shape = (int(request.logged), 7 + nq)
+    shape = (int(request.logged), 8 + nq)
     log = np.ctypeslib.as_array(ctypes.cast(request.log, ctypes.POINTER(ctypes.c_double)), shape).copy()
     return [
         Crossing(
             float(row[1]),
-            row[7:][numbers],
-            row[7:],
-            "near miss" if row[6] else "transversal",
+            row[8:][numbers],
+            row[8:],
+            "near miss" if row[6] else "tangential" if row[7] > 1.0 else "transversal",
             float(row[4]),
             float(row[5]),
             int(row[2]),
             int(row[3]),
+            int(row[7]),
         )
         for row in log
     ]

@@ -10,7 +10,7 @@ from ..mechanism.tree import Array
 from .point import Counters, Point
 from .regular_path import RegularPath
 
-CrossingKind = Literal["transversal", "near miss", "projected"]
+CrossingKind = Literal["transversal", "tangential", "near miss", "projected"]
 
 
 @dataclass(frozen=True)
@@ -25,9 +25,9 @@ class Crossing:
         Independent coordinates at the singular surface; those on groups are left out.
     q : ndarray (nq,)
         Configuration there.
-    kind : {"transversal", "near miss", "projected"}
-        A certified crossing of modes; a gap below the geometric tolerance, bridged; a passage by the
-        projection of Eq. (7), which has no certificate of its mode.
+    kind : {"transversal", "tangential", "near miss", "projected"}
+        A certified crossing of modes; a certified meeting of modes that touch; a gap below the geometric
+        tolerance, bridged; a passage by the projection of Eq. (7), which has no certificate of its mode.
     certificate : float
         max |φ| / length over the bridge (for "projected": at the nearest evaluation).
     transversality : float
@@ -37,6 +37,8 @@ class Crossing:
     corank : int
         How many singular values of the cluster's K vanish there, and at what it passes within 1e-9 s of it:
         those are one crossing.
+    order : int
+        The order of contact of the modes that meet: 1 where they cross.
     """
 
     time: float
@@ -47,6 +49,7 @@ class Crossing:
     transversality: float = float("nan")
     cluster: int | None = None
     corank: int = 1
+    order: int = 1
 
 
 @dataclass(frozen=True)
@@ -72,7 +75,7 @@ class Passage:
 
     Attributes
     ----------
-    y, q, kind, certificate, transversality, cluster, corank
+    y, q, kind, certificate, transversality, cluster, corank, order
         See `Crossing`.
     time : float or None
         s; None where y says when it was passed.
@@ -86,6 +89,7 @@ class Passage:
     time: float | None = None
     cluster: int | None = None
     corank: int = 1
+    order: int = 1
 
 
 class ExplicitMap(Protocol):

@@ -33,10 +33,11 @@ def together(crossings: Sequence[Crossing]) -> list[Crossing]:
         one = found[at]
         found[at] = replace(
             one,
-            kind="near miss" if "near miss" in (one.kind, new.kind) else one.kind,
+            kind=next((kind for kind in ("near miss", "tangential") if kind in (one.kind, new.kind)), one.kind),
             certificate=max(one.certificate, new.certificate),
             transversality=min(one.transversality, new.transversality),
             corank=one.corank + new.corank,
+            order=max(one.order, new.order),
         )
     return found
 
@@ -83,7 +84,7 @@ def located(passages: Sequence[Passage], stretch: Stretch) -> list[Crossing]:
     for p in passages:
         time = _time(p, stretch, start, end) if p.time is None else p.time
         certificates = p.certificate, p.transversality
-        found.append(Crossing(time, p.y, p.q, p.kind, *certificates, p.cluster, p.corank))
+        found.append(Crossing(time, p.y, p.q, p.kind, *certificates, p.cluster, p.corank, p.order))
     return sorted(found, key=lambda crossing: crossing.time)
 
 

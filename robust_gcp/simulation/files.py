@@ -150,6 +150,7 @@ def read_archive(
         model, home = arrays.pop("model"), arrays.pop("home")
         if mechanism is None:
             mechanism = mechanism_from(path, meta, model.tobytes(), home)
+        arrays.setdefault("crossing_order", np.ones(len(meta["crossings"]), int))  # files of 0.1.0 have none
         places = [arrays.pop(f"crossing_{f.name}") for f in fields(Crossing) if f.name != "kind"]
         crossings = [
             Crossing(
@@ -161,8 +162,9 @@ def read_archive(
                 float(transversality),
                 int(cluster) if cluster >= 0 else None,
                 int(corank),
+                int(order),
             )
-            for kind, when, y, q, certificate, transversality, cluster, corank in zip(
+            for kind, when, y, q, certificate, transversality, cluster, corank, order in zip(
                 meta["crossings"], *places, strict=True
             )
         ]

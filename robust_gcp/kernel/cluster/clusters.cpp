@@ -199,10 +199,10 @@ void Clusters::passed(const Step& step, std::vector<double>& log) {
     for (const Passage& one : found) {
         const std::size_t from = log.size();
         for (const double number : {one.time, double(one.cluster), double(one.corank), one.closure,
-                                    one.transversality, double(one.near_miss)})
+                                    one.transversality, double(one.near_miss), double(one.order)})
             log.push_back(number);
         log.resize(log.size() + static_cast<std::size_t>(path_.layout.nq));
-        double* q = log.data() + from + 6;
+        double* q = log.data() + from + 7;
         between(path_, step, one.time, q);
         one.space->write(one.x, q);
     }

@@ -32,7 +32,11 @@ struct CurveShape {
     bool near_miss = false;
     std::vector<double> roots;
     std::vector<int> corank;
-    Series series;  // of x, x′ and x″ between left and right
+    std::vector<int> orders;  // of contact at each place, where one is above one; see maps/cluster/curve.py
+    bool inside = false;      // whether the series is one of its own, not that of the nodes' polynomial
+    Series series;            // of x, x′ and x″ between left and right
+
+    int order(std::size_t i) const { return orders.empty() ? 1 : orders[i]; }
 };
 
 class Curve {
@@ -99,6 +103,19 @@ class Curve {
         const Vector second = bend / (pace * pace);
         made->bend = second - made->J.col(0) * second[c];
         return made;
+    }
+
+    // Whether the singular place next to a point of the mode, which is not on the curve, is one of the curve's.
+    bool is_beside(const JetPtr& here) const {
+        constexpr double FARTHEST = 2.0, SAME_ROOT = 0.3;
+        const Roots mu = recharted(here, shape_->C)->roots(Vector::Ones(1));
+        const double at = u(here->x);
+        if (mu.empty() || std::fabs(at - center()) > FARTHEST * (shape_->right - shape_->left)) return false;
+        const double first = nearest_of(mu).real();
+        for (std::size_t i = 0; i < shape_->roots.size(); ++i)
+            if (std::fabs(at + shape_->order(i) * first - shape_->roots[i]) < SAME_ROOT * std::fabs(at - shape_->roots[i]))
+                return true;
+        return false;
     }
 
     // u of a configuration that lies on the curve; nothing for another.

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <utility>
 #include <vector>
 
 #include "cluster/jet.h"
@@ -66,6 +67,8 @@ struct Hermite {
 class Series {
   public:
     Series() = default;
+    Series(Matrix table, double left, double right)
+        : middle_(0.5 * (left + right)), half_(0.5 * (right - left)), table_(std::move(table)) {}
     Series(const Hermite& through, double left, double right)
         : middle_(0.5 * (left + right)), half_(0.5 * (right - left)) {
         const auto n = static_cast<Eigen::Index>(3 * through.us.size());
@@ -107,6 +110,8 @@ class Series {
             last = term, term = next;
         }
     }
+
+    const Matrix& table() const { return table_; }
 
   private:
     double middle_ = 0.0, half_ = 1.0;

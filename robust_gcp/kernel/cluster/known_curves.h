@@ -24,14 +24,23 @@ class KnownCurves {
             if (!at) continue;
             const Roots mu = recharted(here, candidate->shape().C)->roots(Vector::Ones(1));
             if (mu.empty()) continue;
-            const double ahead = *at + nearest_of(mu).real();
-            double apart = FAR;
-            for (const double root : candidate->shape().roots) apart = std::min(apart, std::fabs(ahead - root));
+            const double first = nearest_of(mu).real();
+            const CurveShape& shape = candidate->shape();
+            double apart = FAR;  // of modes in contact of order k, k times as far
+            for (std::size_t k = 0; k < shape.roots.size(); ++k)
+                apart = std::min(apart, std::fabs(*at + shape.order(k) * first - shape.roots[k]));
             if (!candidate->contains(*at) && apart >= 0.5 * zone) continue;
             if (candidate != known) keep(candidate);
             return {candidate, *at};
         }
         return {nullptr, 0.0};
+    }
+
+    // Whether the singular place next to a point is one of a meeting's whose curve does not reach there.
+    bool beside(const JetPtr& here) const {
+        return std::any_of(curves.begin(), curves.end(), [&here](const CurvePtr& known) {
+            return !known->shape().orders.empty() && known->is_beside(here);
+        });
     }
 
     void keep(const CurvePtr& found) {

@@ -16,6 +16,7 @@ struct Passage {
     int cluster, corank;
     double closure, transversality;
     bool near_miss;
+    int order;  // of contact of the modes
     Vector x;
     Space* space;
 };
@@ -166,7 +167,7 @@ inline void on_curve(const Curve& curve, int cluster, const Step& step, const Pa
         Vector x, slope, bend;
         curve.point(root, x, slope, bend);
         found.push_back({course.when(x[space.chosen[0]]), cluster, shape.corank[i], shape.closure,
-                         shape.transversality, shape.near_miss, x, shape.space});
+                         shape.transversality, shape.near_miss, shape.order(i), x, shape.space});
     }
 }
 
@@ -229,7 +230,7 @@ inline void on_patch(Tracker& tracker, int cluster, const Step& step, const Path
             const Bridged& by = bridge->bridged();
             if (by.near_miss || is_singular(space, point->x))
                 found.push_back(
-                    {t, cluster, std::max(1, corank), by.closure, by.transversality, by.near_miss, point->x, &space});
+                    {t, cluster, std::max(1, corank), by.closure, by.transversality, by.near_miss, 1, point->x, &space});
         }
     } catch (const Lost&) {  // beside the step the mode may end; what was found stands
     } catch (const Stop&) {

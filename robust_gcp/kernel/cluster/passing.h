@@ -64,6 +64,8 @@ class Writer {
         number(s.left), number(s.right);
         list(s.roots), list(s.corank);
         number(s.closure), number(s.transversality), number(s.error), number(s.near_miss ? 1.0 : 0.0);
+        list(s.orders);
+        array(s.inside ? s.series.table() : Matrix());
     }
 };
 
@@ -135,7 +137,11 @@ class Reader {
         for (const double r : list()) made->corank.push_back(static_cast<int>(r));
         made->closure = number(), made->transversality = number(), made->error = number();
         made->near_miss = number() != 0.0;
-        made->series = Series(made->through, made->left, made->right);
+        for (const double k : list()) made->orders.push_back(static_cast<int>(k));
+        const Matrix table = array();
+        made->inside = table.size() > 0;
+        made->series = made->inside ? Series(table, made->left, made->right)
+                                    : Series(made->through, made->left, made->right);
         return std::make_shared<Curve>(made, shift);
     }
 

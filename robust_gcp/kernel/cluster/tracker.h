@@ -238,6 +238,7 @@ class Tracker {
 
     bool enter_curve(const JetPtr& here, double y) {
         auto [found, from] = known_curves.through(here, zone);
+        if (found == nullptr && known_curves.beside(here)) return false;
         if (found == nullptr) {
             try {
                 found = CurveBuilder(here, *options_, zone).build();

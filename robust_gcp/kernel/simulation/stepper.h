@@ -76,7 +76,7 @@ class alignas(CACHE_LINE) Stepper : public Evaluator {
         std::copy(origin_, origin_ + home_.size(), r.origin);
         r.in_zone = in_zone;
         r.log = log_.data();
-        r.logged = static_cast<std::int64_t>(log_.size()) / (7 + path.layout.nq);
+        r.logged = static_cast<std::int64_t>(log_.size()) / (8 + path.layout.nq);
         r.plain = r.reason == DONE && r.logged == 0 && !(in_zone && watch_.exceeds(*accepted_));
     }
 
@@ -165,7 +165,7 @@ class alignas(CACHE_LINE) Stepper : public Evaluator {
     void log(std::int64_t i, const Step& step) {
         passed_.clear();
         clusters.passed(step, passed_);
-        const std::size_t width = static_cast<std::size_t>(path.layout.nq) + 6;
+        const std::size_t width = static_cast<std::size_t>(path.layout.nq) + 7;
         for (std::size_t at = 0; at < passed_.size(); at += width) {
             log_.push_back(static_cast<double>(i));
             log_.insert(log_.end(), passed_.begin() + static_cast<std::ptrdiff_t>(at),

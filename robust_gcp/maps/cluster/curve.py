@@ -13,9 +13,13 @@ import numpy as np
 
 from ...mechanism.tree import Array
 from ..explicit import CrossingKind
-from .hermite_curve import HermiteCurve, Series
+from .chebyshev_series import Series
+from .hermite_curve import HermiteCurve
 from .jet import Jet
 from .space import ClusterSpace
+
+FARTHEST, SAME_ROOT = 2.0, 0.3
+"""How far from a curve, in its widths, its places are recognised, and by which share of their distance."""
 
 SAME_PLACE = 1e-7
 """Agreement of x by which a point is known to lie on a curve."""
@@ -40,7 +44,7 @@ class Curve:
         u of the singular places, ascending.
     corank : list of int
         How many singular values vanish at each.
-    kind : {"transversal", "near miss"}
+    kind : {"transversal", "tangential", "near miss"}
     closure : float
         The certificate: max |φ| between the nodes, in lengths.
     transversality : float
@@ -49,6 +53,10 @@ class Curve:
         Estimated relative error of Γ over the bridge.
     shift : ndarray (nv,)
         Whole turns of hinges by which it was moved.
+    orders : tuple of int
+        The order of contact of the modes at each place, where it is above one at some.
+    inside : Series or None
+        What is used between `left` and `right`; the polynomial where None.
     """
 
     space: ClusterSpace
@@ -64,10 +72,11 @@ class Curve:
     transversality: float
     error: float
     shift: Array
-    _series: Series = field(init=False, repr=False)
+    orders: tuple[int, ...] = ()
+    inside: Series | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        self._series = self.through.series(self.left, self.right)
+        self._series = self.inside or self.through.series(self.left, self.right)
 
     def u(self, x: Array) -> float:
         """Parameter of a configuration."""
@@ -77,6 +86,10 @@ class Curve:
         """x, dx/du and d²x/du² at u."""
         x, slope, bend = self._series.at(u) if self.contains(u) else self.through.at(u)
         return x + self.shift, slope, bend
+
+    def order(self, i: int) -> int:
+        """The order of contact at place i."""
+        return self.orders[i] if self.orders else 1
 
     def contains(self, u: float) -> bool:
         """Whether the curve is used at u."""
@@ -116,6 +129,21 @@ class Curve:
         second = bend / pace**2
         second = second - J * float(C[:, 0] @ second)
         return Jet(self.space, x, C, J[:, None], second[None, None], self.through.nodes[0].P)
+
+    def is_beside(self, here: Jet) -> bool:
+        """Whether the singular place next to a point of the mode, which is not on the curve, is one of the curve's.
+
+        Where modes are in contact of order k it lies k times as far as to first order.
+        """
+        mu = here.recharted(self.C).roots(np.ones(1))
+        if not len(mu):
+            return False
+        u, first = self.u(here.x), float(mu[np.argmin(np.abs(mu))].real)
+        if abs(u - self.center) > FARTHEST * (self.right - self.left):
+            return False
+        return any(
+            abs(u + self.order(i) * first - root) < SAME_ROOT * abs(u - root) for i, root in enumerate(self.roots)
+        )
 
     def turned(self, shift: Array) -> Curve:
         """The same curve after whole turns of hinges, x + shift."""

@@ -1,15 +1,13 @@
-"""A curve through solved points of a mode of mobility 1: one Hermite polynomial, and its Chebyshev series."""
+"""A curve through solved points of a mode of mobility 1: one Hermite polynomial."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from math import acos
 
 import numpy as np
-import scipy
 
 from ...mechanism.tree import Array
+from .chebyshev_series import Series, series
 from .jet import Jet
 from .newton_form import NewtonForm
 
@@ -62,36 +60,4 @@ class HermiteCurve:
 
     def series(self, left: float, right: float) -> Series:
         """The same polynomial between two parameters as Chebyshev series, which are evaluated at once."""
-        middle, half = 0.5 * (left + right), 0.5 * (right - left)
-        n = 3 * len(self.us)
-        orders: Array = np.arange(float(n))
-        s = np.cos(np.pi * (orders + 0.5) / n)
-        values = np.hstack(self.sampled(middle + half * s))
-        table: Array = scipy.fft.dct(values, type=2, axis=0) / n
-        table[0] *= 0.5
-        return Series(table, orders, middle, half)
-
-
-@dataclass(frozen=True, eq=False)
-class Series:
-    """x, dx/du and d²x/du² as Chebyshev series of (u − middle) / half, |·| ≤ 1.
-
-    Attributes
-    ----------
-    table : ndarray (orders, 3 nv)
-    orders : ndarray (orders,)
-        0, 1, 2, …
-    middle, half : float
-    """
-
-    table: Array
-    orders: Array
-    middle: float
-    half: float
-
-    def at(self, u: float) -> tuple[Array, Array, Array]:
-        """x, dx/du and d²x/du² at u."""
-        s = min(max((u - self.middle) / self.half, -1.0), 1.0)
-        values = np.cos(self.orders * acos(s)) @ self.table
-        n = len(values) // 3
-        return values[:n], values[n : 2 * n], values[2 * n :]
+        return series(self.sampled, left, right, 3 * len(self.us))

@@ -39,8 +39,9 @@ def curve_through(curves: Sequence[Curve], here: Jet, zone: float) -> tuple[Curv
         if u is None:
             continue
         mu = here.recharted(turned.C).roots(np.ones(1))
-        ahead = u + float(mu[np.argmin(np.abs(mu))].real)
-        if turned.contains(u) or min(abs(ahead - root) for root in turned.roots) < 0.5 * zone:
+        first = float(mu[np.argmin(np.abs(mu))].real)  # of modes in contact of order k, k times as far
+        off = [abs(u + turned.order(i) * first - root) for i, root in enumerate(turned.roots)]
+        if turned.contains(u) or min(off) < 0.5 * zone:
             return turned, u
     return None
 

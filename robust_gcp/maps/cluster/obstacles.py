@@ -11,13 +11,16 @@ from ...errors import SimulationError
 from ...mechanism.tree import Array
 from .jet import Jet
 from .options import BridgeOptions, NoBridgeError
-from .place import place
+from .place import Place, place
 
 DEEP = 0.3
 """Share of the zone within which an undecided place stops a motion that is followed with error control."""
 
 FARTHEST_LOOK = 0.5
 """Distance beyond which nothing is looked for, dimensionless joint units."""
+
+CLEARLY = 0.1
+"""|λ₂/λ₁| of the form Q above which modes cross or pass each other, and do not touch."""
 
 APEX = 1e-6
 """Distance to the singular set beside a cone within which the motion is refused: at the apex itself it is not
@@ -70,6 +73,12 @@ class ObstacleError(SimulationError):
     def __init__(self, obstacle: Obstacle) -> None:
         super().__init__(obstacle.reason)
         self.obstacle = obstacle
+
+
+def is_near_miss(found: Place, options: BridgeOptions) -> bool:
+    """Whether modes pass each other by a place clearly: two directions bend there, and the loops stay open."""
+    size = np.abs(found.eigenvalues)
+    return found.found and found.gap > options.largest_gap and bool(size[1] > CLEARLY * size[0])
 
 
 def judge(here: Jet, failure: NoBridgeError, options: BridgeOptions, zone: float) -> Obstacle:

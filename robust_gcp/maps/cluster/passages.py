@@ -81,7 +81,7 @@ def _on_curve(
         0.0 if space.flat else float(after.y[cluster.inputs[0]] - unit * (C @ space.x(after.q[cluster.iq])))
     )
     found = []
-    for root, corank in zip(curve.roots, curve.corank, strict=True):
+    for i, (root, corank) in enumerate(zip(curve.roots, curve.corank, strict=True)):
         if not corank or not ((u0 - root) * (u1 - root) < 0.0 or u0 != root == u1):
             continue
         x = curve.point(root)[0]
@@ -94,7 +94,7 @@ def _on_curve(
         q = between(before, after, stretch, time, mechanism)
         q[cluster.iq] = space.q(x)
         certificate = curve.kind, curve.closure, curve.transversality
-        found.append(_passage(q, time, certificate, cluster, corank, mechanism))
+        found.append(replace(_passage(q, time, certificate, cluster, corank, mechanism), order=curve.order(i)))
     return found
 
 

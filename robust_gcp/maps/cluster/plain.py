@@ -15,6 +15,7 @@ from ...mechanism.tree import Array
 from ..explicit import CrossingKind
 from ..point import Counters
 from .apex import BesideApex
+from .chebyshev_series import Series
 from .curve import Curve
 from .hermite_curve import HermiteCurve
 from .jet import Jet, jet
@@ -104,6 +105,8 @@ class Writer:
         self.array(np.array(curve.roots))
         self.array(np.array(curve.corank))
         self.numbers += [curve.closure, curve.transversality, curve.error, curve.kind == "near miss"]
+        self.array(np.array(curve.orders, dtype=float))
+        self.array(np.empty(0) if curve.inside is None else curve.inside.table.T)
 
     def _patch(self, patch: Patch[Tracker]) -> None:
         for values in (patch.d, patch.C, patch.origin):
@@ -163,10 +166,13 @@ class Reader:
         left, right = self.number(), self.number()
         roots, corank = self.array()[:, 0].tolist(), self.array()[:, 0].astype(int).tolist()
         closure, transversality, error, near_miss = (self.number() for _ in range(4))
-        kind: CrossingKind = "near miss" if near_miss else "transversal"
+        orders = tuple(self.array().ravel().astype(int).tolist())
+        table = self.array().T
+        inside = Series.between(left, right, table) if table.size else None
+        kind: CrossingKind = "near miss" if near_miss else "tangential" if max(orders, default=1) > 1 else "transversal"
         return Curve(
             space, C, reference[:, 0], through, left, right, roots, corank, kind, closure, transversality,
-            error, shift[:, 0],
+            error, shift[:, 0], orders, inside,
         )  # fmt: skip
 
     def _patch(self, space: ClusterSpace) -> Patch[Tracker]:

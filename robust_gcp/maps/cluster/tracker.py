@@ -11,10 +11,12 @@ from .curve import Curve
 from .curve_builder import CurveBuilder
 from .jet import Jet, LostError, jet, solve
 from .kept import curve_through, passes, stays_clear
-from .obstacles import APEX, CONE_WORDS, FARTHEST_LOOK, Obstacle, ObstacleError, approaching, judge
+from .meeting_builder import TOLD, MeetingAhead, through_meeting
+from .obstacles import APEX, CONE_WORDS, FARTHEST_LOOK, Obstacle, ObstacleError, approaching, is_near_miss, judge
 from .options import BridgeOptions, NoBridgeError
 from .patch import Patch
 from .patch_builder import PatchBuilder
+from .place import place
 from .space import ClusterSpace
 
 REACH = 0.4
@@ -69,6 +71,7 @@ class Tracker:
         self.touched: list[Curve | Patch[Tracker]] = []
         self.obstacles: list[Obstacle] = []
         self.seen: Obstacle | None = None
+        self._ahead: MeetingAhead | None = None
         self._beside: Patch[Tracker] | None = None  # built last where the motion had not reached it
         self._left: Patch[Tracker] | None = None  # in use before the tracker was put elsewhere
         self._apexless = np.full(self.space.nv, np.inf)  # where no apex was found last
@@ -215,14 +218,20 @@ class Tracker:
     def _enter_curve(self, here: Jet, y: Array) -> bool:
         found = curve_through(self.bridges, here, self.zone)
         if found is None:
+            if self._ahead is not None and self._ahead.covers(here.x):
+                return False
+            if any(known.is_beside(here) for known in self.bridges if known.orders):
+                return False
             try:
-                curve = CurveBuilder(here, self.options, self.zone).build()
+                built = self._built(here)
             except NoBridgeError as failure:
                 return self._blocked(here, failure)
+            if built is None:
+                return False
             self.counters.bridges_built += 1
             self.counters.second_order += 1
-            self._keep(curve)
-            found = curve, curve.u(here.x)
+            self._keep(built)
+            found = built, built.u(here.x)
         elif found[0] not in self.bridges:
             self._keep(found[0])
         curve, u = found
@@ -233,6 +242,29 @@ class Tracker:
         self._touch(curve)
         self.current, self.u = curve, u
         return True
+
+    def _built(self, here: Jet) -> Curve | None:
+        """A bridge of one coordinate; None where the modes meet too far ahead to be told apart.
+
+        Raises
+        ------
+        NoBridgeError
+        """
+        try:
+            return CurveBuilder(here, self.options, self.zone).build()
+        except NoBridgeError as failure:
+            if is_near_miss(place(here), self.options):
+                raise
+            if (distance := here.nearest()[0]) > TOLD:
+                self._ahead = MeetingAhead(here.x, max(distance - TOLD, 0.05))
+                return None
+            curve = through_meeting(here, self.options, failure)
+            if curve is None:
+                self._ahead = MeetingAhead(here.x, 0.05)
+            elif not curve.through.reaches(curve.u(here.x)):
+                self._keep(curve)
+                return None
+            return curve
 
     def _enter_patch(self, here: Jet, y: Array) -> bool:
         if isinstance(self.space, BesideApex):

@@ -1,0 +1,255 @@
+"""Builds the bridge of a mode of mobility 1 through a meeting of any order of contact, and certifies it.
+
+On the surface S through both modes (`mid_curve`) a mode is w = w₀(u) + Π(u) z(u), Π = Π(u − u_i)^k_i, z analytic:
+a weighted fit of z from where w is known well, and x(u) is the point of S there. Which mode is which is the sign
+of (w − w₀) Π, which a mode keeps: a discrete decision, the parity of the orders.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from ...mechanism.tree import Array
+from .certifying import closure
+from .chebyshev_series import chopped, fitted, nodes, series
+from .curve import Curve
+from .hermite_curve import HermiteCurve
+from .jet import Jet, LostError, solved
+from .meeting import Meeting, meeting
+from .options import BridgeOptions, NoBridgeError
+
+POINTS, LEAST_POINTS, LARGEST_DEGREE = 36, 12, 24
+"""Points of the mode that z is fitted to, how few serve, and up to which degree."""
+
+KNOWN = 1e-9
+"""|f_w Π| below which w says nothing of z."""
+
+WIDTHS = (1.0, 0.85, 0.7, 0.55, 0.4)
+"""Shares of the mid curve that are tried."""
+
+GOOD, BAD = 5e-12, 1e-11
+"""Errors, in lengths, at which no shorter one is tried, and of which none is used."""
+
+INNER, NODES = 0.62, (1.0, 1.25, 1.5)
+"""Share of the fit that is used at most, and where the mode's own points lie, as multiples of what is used."""
+
+
+SEEN, MOST_CONTACT, FARTHEST = 0.1, 8.0, 0.7
+"""Share of the first-order distance over which it is seen to shrink; orders of contact, and distances, that are
+looked for."""
+
+TOLD = 0.12
+"""First-order distance at which a meeting is looked at: one of order k lies k times as far."""
+
+
+@dataclass(frozen=True)
+class MeetingAhead:
+    """Modes that meet too far ahead to be told apart: within `radius` of x it is not looked at again."""
+
+    x: Array
+    radius: float
+
+    def covers(self, x: Array) -> bool:
+        """Whether x is that near to where it was looked at."""
+        return float(np.linalg.norm(x - self.x)) <= self.radius
+
+
+def through_meeting(here: Jet, options: BridgeOptions, failure: NoBridgeError) -> Curve | None:
+    """The bridge of a mode through the meeting ahead of a regular point; None where that is too far away yet.
+
+    Raises
+    ------
+    NoBridgeError
+        Where no modes meet, or digits do not suffice; `failure` where second order says why.
+    """
+    try:
+        found = meeting(here.space, here.x, here.P, _way_to_place(here), options)
+    except (LostError, np.linalg.LinAlgError) as lost:
+        raise failure from lost
+    if found.kind == "meets":
+        return bridge_through(found, here, options)
+    raise failure
+
+
+def _way_to_place(here: Jet) -> Array:
+    """The way to the place ahead, along the tangent, from how the distance to first order shrinks on the way.
+
+    To first order modes in contact of order k meet k times as near as they do.
+    """
+    tangent = here.recharted(here.tangent())
+    first = _first_order(tangent)
+    step = SEEN * first
+    near, _ = solved(here.space, tangent.predicted(np.array([step])), tangent.C, tangent.y + step, here.P)
+    shrinks = (first - _first_order(near)) / step
+    k = 1.0 / max(shrinks, 1.0 / MOST_CONTACT)
+    return np.asarray(tangent.J[:, 0] * float(np.clip(k * first, -FARTHEST, FARTHEST)))
+
+
+def _first_order(jet: Jet) -> float:
+    """The singular place next to a point of a mode, to first order, in its chart."""
+    mu = jet.roots(np.ones(1))
+    if not len(mu):
+        raise LostError("no singular place lies ahead")
+    return float(mu[np.argmin(np.abs(mu))].real)
+
+
+def half_width(order: int) -> float:
+    """Distance beyond which Newton's own errors ε/δᵏ, kε/δᵏ⁺¹, k²ε/δᵏ⁺² of q, G and g are small: 10^(−4/(k + 2))."""
+    return max(float(10.0 ** (-4.0 / (order + 2))), 0.1)
+
+
+def bridge_through(found: Meeting, anchor: Jet, options: BridgeOptions) -> Curve | None:
+    """The anchor's mode through a meeting; None where the anchor lies too far away to tell.
+
+    Raises
+    ------
+    NoBridgeError
+        Where the mode is not known well enough.
+    """
+    surface, u = found.curve.surface, found.curve.surface.u(anchor.x)
+    if abs(found.curve.s(u)) > 0.9:
+        return None
+    x0 = found.curve.at(u)[0]
+    side = float(np.sign(surface.w(anchor.x) - surface.w(x0))) * found.parity(u)
+    places = [place for place, _ in found.orders]
+    center = 0.5 * (places[0] + places[-1])
+    reach = 0.98 * found.curve.R - abs(center - found.curve.u0)
+    best: _Branch | None = None
+    reasons: list[str] = []
+    for share in WIDTHS:
+        try:
+            made = _Branch(found, side, center, share * reach, options)
+        except (LostError, np.linalg.LinAlgError) as lost:
+            reasons.append(str(lost))
+            continue
+        if best is None or made.error < best.error:
+            best = made
+        if made.error < GOOD:
+            break
+    if best is None or best.error > BAD:
+        why = reasons[-1] if best is None else f"digits do not suffice: {best.error:.0e} lengths where {BAD:g} are needed"
+        raise NoBridgeError(why)
+    return best.curve(anchor)
+
+
+class _Branch:
+    """w(u) of one mode about the middle of the places, and its error."""
+
+    def __init__(self, found: Meeting, side: float, center: float, R: float, options: BridgeOptions) -> None:
+        self._found, self._center, self._R, self._options = found, center, R, options
+        self._surface, self._mid = found.curve.surface, found.curve
+        s = nodes(POINTS)
+        rows = [(si, *row) for si in s if (row := self._seen(float(si), side)) is not None]
+        if len(rows) < LEAST_POINTS:
+            raise LostError("too few digits tell the modes apart")
+        at, z, weight = np.array(rows).T
+        weight /= weight.max()
+        held, degree = _degree(at, z, weight)
+        self._z = _fit(at, z, weight, degree)
+        self._series()
+        samples = [self._x(float(q)) for q in np.linspace(-0.9, 0.9, 15)]
+        self.closed, self.kind = closure(self._surface.space, options, samples, self._surface.reference)
+        self.error = max(self.closed, held)
+
+    def _u(self, s: float) -> float:
+        return self._center + self._R * s
+
+    def _pi(self, u: float) -> float:
+        return float(np.prod([(u - place) ** k for place, k in self._found.orders]))
+
+    def _seen(self, s: float, side: float) -> tuple[float, float] | None:
+        """z and its weight |f_w Π| at a node, from the mode's own point there; None where it says nothing."""
+        surface, u = self._surface, self._u(s)
+        x0, g, bend = self._mid.at(u)
+        pi, squared = self._pi(u), -2.0 * g / bend
+        if abs(pi * bend) * np.sqrt(abs(squared)) < KNOWN:
+            return None
+        if squared < 0.0:
+            raise LostError("there is no mode on one side of the place")
+        w0, away = surface.w(x0), side * float(np.sign(pi)) * float(np.sqrt(squared))
+        x, last = surface.point(x0 + surface.across(x0)[2] * away, u, w0 + away), np.inf
+        for _ in range(12):
+            slope, _, z, _ = surface.across(x)
+            step = -surface.f(x) / slope
+            if abs(step) > 0.3 * abs(away):
+                raise LostError("the modes cannot be told apart")
+            away += step
+            x = surface.point(x + z * step, u, w0 + away)
+            if abs(step) < 1e-16 or (abs(step) < 1e-11 and abs(step) > 0.3 * last):
+                break
+            last = abs(step)
+        return away / pi, abs(slope * pi)
+
+    def _series(self) -> None:
+        """w(u) as one Chebyshev series, with its derivatives; cut where coefficients are rounding."""
+        s = nodes(48)
+        us = np.array([self._u(q) for q in s])
+        mid = chebyshev.chebval(self._mid.s(us), self._mid.w)
+        w = mid + np.array([self._pi(u) for u in us]) * chebyshev.chebval(s, self._z)
+        self._w = [chopped(fitted(w))]
+        self._w += [chebyshev.chebder(self._w[0], 1) / self._R, chebyshev.chebder(self._w[0], 2) / self._R**2]
+
+    def _x(self, s: float) -> Array:
+        """The point of the mode."""
+        u, w = self._u(s), float(chebyshev.chebval(s, self._w[0]))
+        x0 = self._mid.at(u)[0]
+        return self._surface.point(x0 + self._surface.v * (w - self._surface.w(x0)), u, w)
+
+    def _point(self, u: float) -> tuple[Array, Array, Array]:
+        s = (u - self._center) / self._R
+        x = self._x(s)
+        first, second = (float(chebyshev.chebval(s, w)) for w in self._w[1:])
+        return x, *self._surface.along(x, (1.0, first), (0.0, second))
+
+    def curve(self, anchor: Jet) -> Curve:
+        """The bridge: the series where the modes are near each other, between solved points of the mode."""
+        orders = self._found.orders
+        spread = 0.5 * (orders[-1][0] - orders[0][0])
+        inner = min(INNER * self._R, half_width(sum(k for _, k in orders)) + spread)
+        surface = self._surface
+        C, us = surface.t[:, None], [self._center + side * f * inner for side in (-1.0, 1.0) for f in NODES]
+        own = []
+        for u in us:
+            guess = self._point(u)[0]
+            jet, first = solved(surface.space, guess, C, C.T @ surface.reference + u, anchor.P)
+            if first > 1e-6:
+                raise NoBridgeError("the mode's own points lie beside its series")
+            own.append(jet)
+        left, right = self._center - inner, self._center + inner
+        return Curve(
+            surface.space,
+            C,
+            surface.reference,
+            HermiteCurve(us, own),
+            left,
+            right,
+            [u for u, _ in orders],
+            [1] * len(orders),
+            "tangential" if self.kind == "transversal" and self._found.order > 1 else self.kind,
+            max(self.closed, self._found.gap),
+            0.0,
+            self.error,
+            np.zeros(surface.space.nv),
+            tuple(k for _, k in orders),
+            series(lambda u: tuple(map(np.array, zip(*map(self._point, u), strict=True))), left, right, POINTS),
+        )
+
+
+def _fit(s: Array, z: Array, weight: Array, degree: int) -> Array:
+    powers = chebyshev.chebvander(s, degree) * weight[:, None]
+    return np.asarray(np.linalg.lstsq(powers, z * weight, rcond=None)[0])
+
+
+def _degree(s: Array, z: Array, weight: Array) -> tuple[float, int]:
+    """The error at every second point of the best fit to the others, and its degree."""
+    odd = np.arange(len(s)) % 2 == 1
+    best = np.inf, 2
+    for degree in range(2, min(len(s) // 2, LARGEST_DEGREE), 2):
+        known = _fit(s[~odd], z[~odd], weight[~odd], degree)
+        off = float(np.abs((chebyshev.chebval(s[odd], known) - z[odd]) * weight[odd]).max())
+        if off < 0.5 * best[0]:
+            best = off, degree
+    return best
