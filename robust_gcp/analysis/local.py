@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from itertools import product
+from itertools import combinations, product
 from typing import Literal
 
 import numpy as np
@@ -17,10 +17,11 @@ from ..mechanism.partition import numerical_rank
 from ..mechanism.rank import rank_along
 from ..mechanism.tolerances import FORM, NEARLY_CLOSED, RANK
 from ..mechanism.tree import Array
+from .contact import Contact, contact_at
 from .second_order import bending, bending_along, curvature, full_svd, orthonormal, second_order_forms
 from .tangent_cone import is_definite, linear_modes, polished, rank_two_forms
 
-Kind = Literal["regular", "redundant", "singular", "not certified"]
+Kind = Literal["regular", "redundant", "singular", "cusp", "isolated", "inside", "not certified"]
 
 MAX_COMBINATIONS = 256
 """Modes enumerated when several loops are singular at once; 2 for each loop."""
@@ -33,7 +34,9 @@ class LocalAnalysis:
     Attributes
     ----------
     q : ndarray (nq,)
-    kind : {"regular", "redundant", "singular", "not certified"}
+    kind : {"regular", "redundant", "singular", "cusp", "isolated", "inside", "not certified"}
+        One smooth mode, without or with rows to spare; modes meet; one ends in a cusp; nothing moves; the
+        mode lies in the singular set; not decided.
     rank, generic_rank : int
         Rank of K here, and at nearby points of the same mode; or more, where many loops are singular.
     singular_values : ndarray
@@ -49,6 +52,9 @@ class LocalAnalysis:
         largest entry ±1 and first non-zero entry positive; else an orthonormal basis (nv, m).
     message : str
         The picture in words.
+    contacts : tuple of (int, int, int)
+        Of each two modes that meet, their numbers and their order of contact: 1 where they cross, k where
+        they agree to order k. Modes in contact share their tangent.
     """
 
     q: Array
@@ -61,6 +67,7 @@ class LocalAnalysis:
     forms: tuple[Array, ...]
     modes: tuple[Array, ...]
     message: str
+    contacts: tuple[tuple[int, int, int], ...] = ()
 
     def __repr__(self) -> str:
         """The picture in words, and the modes."""
@@ -125,7 +132,14 @@ def analyse(mechanism: ClosedLoops, q: ArrayLike, rank_tolerance: float = RANK) 
         kind: Kind, generic: int, modes: tuple[Array, ...], message: str, forms: tuple[Array, ...] = ()
     ) -> LocalAnalysis:
         unscaled_left = orthonormal(left / mechanism.row_scale[:, None])
-        return LocalAnalysis(q, kind, rank, generic, s, kernel, unscaled_left, forms, modes, message)
+        contacts: tuple[tuple[int, int, int], ...] = ()
+        if kind == "not certified" and (met := contact_at(mechanism, q)) is not None:
+            kind, modes, message, order = _met(met, kernel, rank)
+            contacts = ((0, 1, order),) if order else ()
+            generic = rank + (kind != "inside") if kind != "not certified" else generic
+        elif kind == "singular":
+            contacts = tuple((i, j, 1) for i, j in combinations(range(len(modes)), 2))
+        return LocalAnalysis(q, kind, rank, generic, s, kernel, unscaled_left, forms, modes, message, contacts)
 
     if rank == len(K) or kernel.shape[1] == 0:
         tangent = (_direction(kernel),) if kernel.shape[1] else ()
@@ -185,7 +199,7 @@ def _factored(
         active = np.flatnonzero(np.abs(values) > FORM * size)
         signs = np.sign(values[active])
         if len(active) == kernel.shape[1] and abs(int(signs.sum())) == len(active):
-            return "singular", (), "the second-order form is definite: an isolated point"
+            return "isolated", (), "the second-order form is definite: an isolated point"
         if len(active) == 1 and len(forms) > 1:  # a square, which forms of other trees or cuts hide in a sum
             planes.append([vectors[:, active[0]]])
             continue
@@ -223,7 +237,25 @@ def _factored(
     if undecided:
         words = "the loops' second-order conditions are not independent: not decided at second order"
         return "not certified", tuple(modes), words
-    return "singular", tuple(modes), "no direction passes second order: an isolated point"
+    return "singular" if modes else "isolated", tuple(modes), "no direction passes second order: an isolated point"
+
+
+def _met(met: Contact, kernel: Array, rank: int) -> tuple[Kind, tuple[Array, ...], str, int]:
+    """What modes that touch do, in words, with their order of contact; 0 where no two modes meet."""
+    found, tangent = met.found, _direction(met.tangents(kernel))
+    if found.kind == "meets" and len(found.orders) == 1:
+        k = found.order
+        words = f"rank {rank} against {rank + 1} nearby: 2 modes touch here, with contact of order {k}"
+        return "singular", (tangent, tangent), words, k
+    if found.kind == "cusp":
+        return "cusp", (tangent,), "the mode ends in a cusp: both its branches leave to one side", 0
+    if found.kind == "isolated":
+        return "isolated", (), f"an isolated point, of order {found.order}", 0
+    if found.kind == "inside":
+        words = f"rank {rank} all along the mode, which lies in the singular set: one way more is open to first order"
+        return "inside", (tangent,), words, 0
+    words = f"modes come within {found.gap:.1g} lengths of meeting here: digits do not suffice"
+    return "not certified", (), words, 0
 
 
 def _seen_to_move(
@@ -248,7 +280,7 @@ def _coupled(forms: list[Array], kernel: Array) -> tuple[Kind, tuple[Array, ...]
             f" besides the {len(modes)} modes that it certifies" if modes else ""
         )
         return "not certified", tuple(modes), words
-    return "singular", tuple(modes), "no direction passes second order: an isolated point"
+    return "singular" if modes else "isolated", tuple(modes), "no direction passes second order: an isolated point"
 
 
 def _direction(basis: Array) -> Array:

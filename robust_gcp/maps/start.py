@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..analysis.contact import Contact, contact_at
 from ..analysis.local import LocalAnalysis, analyse
 from ..errors import (
     NotCertifiedError,
@@ -23,7 +24,7 @@ from ..mechanism.tree import Array
 from .charted_path import regular_path
 from .cluster.chart import CHANGE, best, smallest
 from .cluster.cluster_map import ClusterMap
-from .cluster.options import BridgeOptions
+from .cluster.options import BridgeOptions, NoBridgeError
 from .cluster.outward import started
 from .cluster.space import space_of
 from .cluster.tracker import Tracker
@@ -33,6 +34,7 @@ from .start_check import (
     apart,
     checked_mode,
     checked_state,
+    numbered,
     require_lasting_mobility,
     require_mobility,
     require_mode,
@@ -83,8 +85,8 @@ def begin(
     ----------
     q0, v0 : array_like (nq,), (nv,)
         q0 must close the loops to 1e-6 lengths and is polished; v0 must satisfy K v0 = 0.
-    mode : array_like (nv,) or (nv, m), optional
-        Tangent of the mode to take where several meet (`analyse(...).modes[i]`).
+    mode : array_like (nv,) or (nv, m), or int, optional
+        Tangent of the mode to take where several meet (`analyse(...).modes[i]`), or its number i.
 
     Raises
     ------
@@ -120,7 +122,8 @@ def begin(
         )
     if not picture.modes:
         raise NotCertifiedError(f"start at a singularity: {picture.message}", y)
-    tangent = _pick(mechanism, picture, v, mode)
+    number = _pick(mechanism, picture, v, mode)
+    tangent = picture.modes[number].reshape(mechanism.nv, -1)
     if tangent.shape[1] != mechanism.m:
         raise NotCertifiedError(
             f"start at a singularity: the mode has dimension {tangent.shape[1]}, not {mechanism.m} as the "
@@ -133,21 +136,52 @@ def begin(
     curvature = np.zeros(mechanism.nv) if mechanism.m == 1 else None
     point = path.renewed(Point(y, ydot, q, G, np.zeros(mechanism.nv), curvature, blocks, blocks, 0.0))
     _require_serving(mechanism, tangent, G, y)
-    trackers = _beside(mechanism, q, G, options, counters)
+    touching = any(order > 1 for *_, order in picture.contacts)
+    contact = contact_at(mechanism, q) if touching else None
+    if contact is not None:
+        trackers = {contact.space.cluster.index: _in_contact(contact, number, options, counters)}
+    else:
+        trackers = _beside(mechanism, q, G, options, counters)
     return Start(path, ClusterMap(path, point, options, trackers=trackers).at(y, ydot), ydot, trackers)
 
 
-def _pick(mechanism: Mechanism, picture: LocalAnalysis, v: Array, mode: ArrayLike | None) -> Array:
-    """Tangent basis (nv, m) of the mode named by the caller or by the initial velocity."""
+def _in_contact(contact: Contact, number: int, options: BridgeOptions, counters: Counters) -> Tracker:
+    """A tracker at a place where modes touch, on the one of this number.
+
+    Raises
+    ------
+    NotCertifiedError
+    """
+    space = contact.space
+    try:
+        curve = contact.mode(number, options)
+    except NoBridgeError as failure:
+        raise NotCertifiedError(f"start where modes touch: {failure}") from failure
+    u = curve.u(contact.x)
+    counters.bridges_built += 1
+    tracker = Tracker(curve.jet(space.chart(space.cluster.chosen), u), options, options.reach(1), counters)
+    tracker.bridges, tracker.current, tracker.u = [curve], curve, u
+    return tracker
+
+
+def _pick(mechanism: Mechanism, picture: LocalAnalysis, v: Array, mode: ArrayLike | None) -> int:
+    """The number of the mode named by the caller or by the initial velocity."""
     listed = "; ".join(f"modes[{i}] = {np.round(t, 4).tolist()}" for i, t in enumerate(picture.modes))
     bases = [t.reshape(mechanism.nv, -1) for t in picture.modes]
+    if (number := numbered(mode, len(bases))) is not None:
+        return number
     if mode is not None:
         wanted = checked_mode(mechanism, mode)
-        fits = [b for b in bases if apart(mechanism, wanted, b) < SAME_MODE]
+        fits = [i for i, b in enumerate(bases) if apart(mechanism, wanted, b) < SAME_MODE]
         if not fits:
             raise OptionError(f"mode is not one of those that meet at q0: {listed}")
+        if len(fits) > 1:
+            raise OptionError(
+                f"modes {' and '.join(map(str, fits))} touch at q0 and share this tangent: name one by its "
+                f"number, mode={fits[0]}"
+            )
         return fits[0]
-    moving = [b for b in bases if np.any(v) and apart(mechanism, v[:, None], b) < SAME_MODE]
+    moving = [i for i, b in enumerate(bases) if np.any(v) and apart(mechanism, v[:, None], b) < SAME_MODE]
     if len(moving) == 1:
         return moving[0]
     why = (

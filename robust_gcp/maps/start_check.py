@@ -161,6 +161,15 @@ def _refuse_coordinates_beside(mechanism: Mechanism, q: Array) -> None:
     )
 
 
+def numbered(mode: ArrayLike | None, modes: int) -> int | None:
+    """`mode` where it is the number of one of the modes, or None; an OptionError for a number of none."""
+    if isinstance(mode, bool | np.bool_) or not isinstance(mode, int | np.integer):
+        return None
+    if not 0 <= mode < modes:
+        raise OptionError(f"mode = {mode} names none of the {modes} modes at q0; they are numbered from 0")
+    return int(mode)
+
+
 def checked_mode(mechanism: Mechanism, mode: ArrayLike) -> Array:
     """`mode` as a finite float array (nv, m), or an OptionError."""
     shape = f"(nv,) = ({mechanism.nv},)" if mechanism.m == 1 else f"(nv, m) = ({mechanism.nv}, {mechanism.m})"
@@ -169,7 +178,7 @@ def checked_mode(mechanism: Mechanism, mode: ArrayLike) -> Array:
     except TypeError as error:
         raise OptionError(
             f"mode = {shown(mode)} is not an array of numbers {shape}; give one of "
-            "analyse(mechanism, q0).modes"
+            "analyse(mechanism, q0).modes, or its number"
         ) from error
     if wanted.size != mechanism.nv * mechanism.m:
         raise OptionError(f"mode must have shape {shape}, not {wanted.shape}")
@@ -182,7 +191,7 @@ def checked_mode(mechanism: Mechanism, mode: ArrayLike) -> Array:
 
 def require_mode(mechanism: Mechanism, mode: ArrayLike | None, G: Array) -> None:
     """A mode named at a regular start must be the one that the start is on."""
-    if mode is None:
+    if mode is None or numbered(mode, 1) is not None:
         return
     wanted = checked_mode(mechanism, mode)
     if mechanism.m and apart(mechanism, wanted, G) >= SAME_MODE:

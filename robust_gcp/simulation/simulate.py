@@ -122,8 +122,9 @@ def simulate(
         start, and held over it, as a digital controller does. For fixed steps.
     record : sequence of {"a", "energy", "multipliers", "tau"}
         What to keep besides q and v; "tau" is all that acts besides gravity.
-    mode : array_like (nv,) or (nv, m), optional
-        Tangent of the mode to take when q0 is singular: one of `analyse(mechanism, q0).modes`.
+    mode : array_like (nv,) or (nv, m), or int, optional
+        Tangent of the mode to take when q0 is singular: one of `analyse(mechanism, q0).modes`, or its number;
+        modes that touch share their tangent and are told by number alone.
     rtol, atol : float
         Tolerances of the adaptive steppers.
     on_toggle : {"repartition", "error"}

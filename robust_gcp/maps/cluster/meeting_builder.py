@@ -114,6 +114,17 @@ def bridge_through(found: Meeting, anchor: Jet, options: BridgeOptions) -> Curve
         return None
     x0 = found.curve.at(u)[0]
     side = float(np.sign(surface.w(anchor.x) - surface.w(x0))) * found.parity(u)
+    return mode_through(found, side, anchor.P, options)
+
+
+def mode_through(found: Meeting, side: float, P: Array, options: BridgeOptions) -> Curve:
+    """One of the two modes through a meeting: that with (w − w₀) Π of this sign.
+
+    Raises
+    ------
+    NoBridgeError
+        Where it is not known well enough.
+    """
     places = [place for place, _ in found.orders]
     center = 0.5 * (places[0] + places[-1])
     reach = 0.98 * found.curve.R - abs(center - found.curve.u0)
@@ -132,7 +143,7 @@ def bridge_through(found: Meeting, anchor: Jet, options: BridgeOptions) -> Curve
     if best is None or best.error > BAD:
         why = reasons[-1] if best is None else f"digits do not suffice: {best.error:.0e} lengths where {BAD:g} are needed"
         raise NoBridgeError(why)
-    return best.curve(anchor)
+    return best.curve(P)
 
 
 class _Branch:
@@ -204,7 +215,7 @@ class _Branch:
         first, second = (float(chebyshev.chebval(s, w)) for w in self._w[1:])
         return x, *self._surface.along(x, (1.0, first), (0.0, second))
 
-    def curve(self, anchor: Jet) -> Curve:
+    def curve(self, P: Array) -> Curve:
         """The bridge: the series where the modes are near each other, between solved points of the mode."""
         orders = self._found.orders
         spread = 0.5 * (orders[-1][0] - orders[0][0])
@@ -214,7 +225,7 @@ class _Branch:
         own = []
         for u in us:
             guess = self._point(u)[0]
-            jet, first = solved(surface.space, guess, C, C.T @ surface.reference + u, anchor.P)
+            jet, first = solved(surface.space, guess, C, C.T @ surface.reference + u, P)
             if first > 1e-6:
                 raise NoBridgeError("the mode's own points lie beside its series")
             own.append(jet)

@@ -52,7 +52,7 @@ class Surface:
         form = np.array([self._a @ space.second(x, n) @ N.T for n in N])
         values, vectors = np.linalg.eigh(0.5 * (form + form.T))
         bent = int(np.argmax(np.abs(values)))
-        self.v, self.t = vectors[:, bent] @ N, vectors[:, 1 - bent] @ N
+        self.v, self.t = (_upright(vectors[:, i] @ N) for i in (bent, 1 - bent))
 
     def about(self, x: Array) -> Surface:
         """The surface with its vectors and chart about another place."""
@@ -125,6 +125,12 @@ class Surface:
                 return x
             last = abs(dw)
         raise LostError("no mid curve between the modes: f does not bend across them")
+
+
+def _upright(way: Array) -> Array:
+    """The way in the sense in which its largest entry is positive, the first of those that are as large."""
+    size = np.abs(way)
+    return way * np.sign(way[np.flatnonzero(size > 0.999 * size.max())[0]])
 
 
 class MidCurve:
