@@ -17,6 +17,7 @@ from .dynamics.tableau import Tableau
 from .errors import (
     BranchError,
     ClosureError,
+    CuspError,
     MissingExtraError,
     MissingFileError,
     ModelError,
@@ -143,6 +144,7 @@ __all__ = [
     "Cost",
     "CouplingClosure",
     "Crossing",
+    "CuspError",
     "Derivatives",
     "Event",
     "Failure",

@@ -196,4 +196,37 @@ class SingularStartError(SimulationError):
 
 
 class NotCertifiedError(SimulationError):
-    """A singularity whose local structure second order does not decide: going on would be a guess."""
+    """A singularity whose local structure is not decided: going on would be a guess."""
+
+
+class CuspError(NotCertifiedError):
+    """The mode ends in a cusp: both its branches leave to one side, and the equations of motion end there.
+
+    Attributes
+    ----------
+    time : float
+        When the motion arrives, s; NaN where it was not followed there.
+    q : ndarray (nq,)
+        The cusp.
+    v : ndarray (nv,)
+        The velocity of arrival; NaN as `time`.
+    joints : tuple of str
+        Of the loops that have the cusp.
+    branches : tuple of two ndarray (nq,)
+        A configuration on each branch, the one that the motion came by first.
+    """
+
+    def __init__(self, message: str, y: NDArray[Any] | None = None, **details: Any) -> None:
+        super().__init__(message, y, **details)
+        self.time = float("nan")
+        self.q: Any = None
+        self.v: Any = None
+        self.branches: Any = ()
+        self.joints: tuple[str, ...] = ()
+        self.met: Any = None
+        self.arrival: Any = None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Without what belongs to its mechanism."""
+        kind, args, state = super().__reduce__()
+        return kind, args, {**state, "met": None, "arrival": None}

@@ -51,7 +51,7 @@ class Contact:
         return mode_through(self.found, (1.0, -1.0)[number], self.P, options)
 
     def tangents(self, kernel: Array) -> Array:
-        """The modes' tangent space in ker K of the whole mechanism, (nv, δ − 1): without the way between them."""
+        """The modes' tangent space in ker K of the whole mechanism, (nv, δ − 1), without the way across."""
         iv, surface = self.space.cluster.iv, self.found.curve.surface
         own = np.column_stack([surface.t, surface.v])
         across = np.linalg.lstsq(self.space.turn(self.x) @ own, kernel[iv], rcond=None)[0][1]
@@ -64,7 +64,9 @@ def contact_at(loops: ClosedLoops, q: Array) -> Contact | None:
     The cluster's kernel must have two directions, and one combination of its rows bend there: corank one.
     """
     found: list[Contact] = []
-    whole = loops.clusters if isinstance(loops, Mechanism) else loop_clusters(loops, (), np.empty(0, np.int64))
+    whole = (
+        loops.clusters if isinstance(loops, Mechanism) else loop_clusters(loops, (), np.empty(0, np.int64))
+    )
     for cluster in whole:
         own = q[cluster.iq]
         K = cluster.loops.scaled(cluster.loops.K(own))
@@ -88,4 +90,3 @@ def contact_at(loops: ClosedLoops, q: Array) -> Contact | None:
         except (LostError, np.linalg.LinAlgError):
             return None
     return found[0] if found else None
-

@@ -139,7 +139,9 @@ def analyse(mechanism: ClosedLoops, q: ArrayLike, rank_tolerance: float = RANK) 
             generic = rank + (kind != "inside") if kind != "not certified" else generic
         elif kind == "singular":
             contacts = tuple((i, j, 1) for i, j in combinations(range(len(modes)), 2))
-        return LocalAnalysis(q, kind, rank, generic, s, kernel, unscaled_left, forms, modes, message, contacts)
+        return LocalAnalysis(
+            q, kind, rank, generic, s, kernel, unscaled_left, forms, modes, message, contacts
+        )
 
     if rank == len(K) or kernel.shape[1] == 0:
         tangent = (_direction(kernel),) if kernel.shape[1] else ()
@@ -237,7 +239,11 @@ def _factored(
     if undecided:
         words = "the loops' second-order conditions are not independent: not decided at second order"
         return "not certified", tuple(modes), words
-    return "singular" if modes else "isolated", tuple(modes), "no direction passes second order: an isolated point"
+    return (
+        "singular" if modes else "isolated",
+        tuple(modes),
+        "no direction passes second order: an isolated point",
+    )
 
 
 def _met(met: Contact, kernel: Array, rank: int) -> tuple[Kind, tuple[Array, ...], str, int]:
@@ -252,7 +258,7 @@ def _met(met: Contact, kernel: Array, rank: int) -> tuple[Kind, tuple[Array, ...
     if found.kind == "isolated":
         return "isolated", (), f"an isolated point, of order {found.order}", 0
     if found.kind == "inside":
-        words = f"rank {rank} all along the mode, which lies in the singular set: one way more is open to first order"
+        words = f"rank {rank} all along the mode, which lies in the singular set"
         return "inside", (tangent,), words, 0
     words = f"modes come within {found.gap:.1g} lengths of meeting here: digits do not suffice"
     return "not certified", (), words, 0
@@ -280,7 +286,11 @@ def _coupled(forms: list[Array], kernel: Array) -> tuple[Kind, tuple[Array, ...]
             f" besides the {len(modes)} modes that it certifies" if modes else ""
         )
         return "not certified", tuple(modes), words
-    return "singular" if modes else "isolated", tuple(modes), "no direction passes second order: an isolated point"
+    return (
+        "singular" if modes else "isolated",
+        tuple(modes),
+        "no direction passes second order: an isolated point",
+    )
 
 
 def _direction(basis: Array) -> Array:

@@ -107,6 +107,11 @@ class EquationsOfMotion:
         self.calls += 1
         return Evaluation(point, v, self._inertia.solve(q, G, G.T.dot(force)), tau, power)
 
+    def acting(self, t: float, q: Array, v: Array) -> tuple[Array, float]:
+        """What acts besides gravity, (nv,), and the power of its part without a potential."""
+        tau, power = self._act(t, q, v)
+        return np.zeros(self.mechanism.nv) if tau is None else tau, power
+
     def _act(self, t: float, q: Array, v: Array) -> tuple[Array | None, float]:
         """What acts besides gravity, (nv,), and the power of its part without a potential."""
         tau, power = None, 0.0

@@ -15,7 +15,7 @@ from ..dynamics.equations import Torque
 from ..dynamics.held import HeldTorque
 from ..dynamics.problem import Problem
 from ..dynamics.tableau import Tableau
-from ..errors import ClosureError, NonFiniteError, SimulationError
+from ..errors import ClosureError, CuspError, NonFiniteError, SimulationError
 from ..kernel.guard import Guard
 from ..kernel.library import Library
 from ..kernel.steps import NativeSteps
@@ -71,6 +71,8 @@ class Course:
         Whether it is warned of steps that are too long.
     guard : Guard or None
         What is to stay within bounds; the run pauses after a step in which it may not have.
+    restitution : float or None
+        Of the motion's speed at a cusp; None where it ends there.
     """
 
     mechanism: Mechanism
@@ -87,6 +89,7 @@ class Course:
     on_toggle: str
     checked: bool = True
     guard: Guard | None = None
+    restitution: float | None = None
 
     def run(
         self,
@@ -211,6 +214,8 @@ class Course:
             fault = words_of(error) if mended else None
             if fault is not None:
                 return fault
+            if isinstance(error, CuspError):
+                run.arrive(error)
             error.trajectory = run.trajectory(begun)
             may_change = self.on_toggle == "error" and self.choice.method == "bridge"
             add_remedy(error, self.drives, may_change)

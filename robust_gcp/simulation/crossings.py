@@ -33,7 +33,9 @@ def together(crossings: Sequence[Crossing]) -> list[Crossing]:
         one = found[at]
         found[at] = replace(
             one,
-            kind=next((kind for kind in ("near miss", "tangential") if kind in (one.kind, new.kind)), one.kind),
+            kind=next(
+                (kind for kind in ("near miss", "tangential") if kind in (one.kind, new.kind)), one.kind
+            ),
             certificate=max(one.certificate, new.certificate),
             transversality=min(one.transversality, new.transversality),
             corank=one.corank + new.corank,

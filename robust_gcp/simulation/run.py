@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..dynamics.equations import Evaluation, Torque
 from ..dynamics.problem import Problem, over, set_out
+from ..errors import CuspError
 from ..maps.choice import MapChoice
 from ..maps.classical import SingularityWarning
 from ..maps.cluster.cluster_map import ClusterMap
@@ -116,6 +117,15 @@ class Run:
     def times(self) -> Array:
         """The start and the ends of the steps, s."""
         return self._schedule.times
+
+    def arrive(self, error: CuspError) -> None:
+        """Tell a cusp when and how the motion arrives there from the last output."""
+        from .cusp import arrive  # a run without one need not load it
+
+        motion, record = self._motion, self._record
+        state = record.time, *record.state()
+        end, options = float(self.times[-1]), self._choice.options
+        arrive(error, motion.mechanism, motion.equations.acting, state, end, options)
 
     # --------------------------------------------------------------------- within a step
 

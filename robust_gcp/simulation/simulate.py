@@ -60,6 +60,7 @@ def simulate(
     rtol: float = 1e-8,
     atol: float = 1e-10,
     on_toggle: Toggle | None = None,
+    on_cusp: Literal["error", "turn"] | float = "error",
     newton_start: NewtonStart = "tangent",
     threshold: float = PROJECTION_THRESHOLD,
     options: BridgeOptions | None = None,
@@ -132,6 +133,12 @@ def simulate(
         that cluster, report it in `stats.repartitions` and go on, or stop with an error that names better
         joints. When left out, "repartition" with method="bridge" and "error" with the others.
         `Trajectory.y` stays in the joints named at first.
+    on_cusp : {"error", "turn"} or float
+        What to do where a mode ends in a cusp, beyond which the equations of motion do not say how it goes
+        on: stop with a `CuspError`, which tells when and how fast the motion arrives and where both
+        branches lie, or go on along the other branch with the opposite velocity, as any linkage does that
+        is nearly this one, a number from 0 to 1 being the share of the speed that is kept; see
+        `traj.happenings`.
     newton_start : {"tangent", "previous"}
         Start of Newton's method for method="classical".
     threshold : float
@@ -197,11 +204,24 @@ def simulate(
     acted = Acted(applied, tuple(wrenches), drive=() if drives is None else drives.names)
     asked = record, checked_events(events)
     course = Course(
-        mechanism, schedule, duration, step, choice, drives, tableau, solver, acted, *asked, on_toggle
+        mechanism,
+        schedule,
+        duration,
+        step,
+        choice,
+        drives,
+        tableau,
+        solver,
+        acted,
+        *asked,
+        on_toggle,
+        restitution=checked_cusp(on_cusp),
     )
     acting = applied if held is None else held
     parts = mechanism.parts if joints is None else parts_given(joints)
-    if parts:
+    if parts and course.restitution is not None:
+        raise OptionError("on_cusp: a turn at cusps does not go with joints= yet; leave one of them out")
+    if parts or course.restitution is not None:
         refused = {
             f"method={method!r}": method != "bridge", f"stepper={stepper!r}": not fixed,
             "drive=": drive is not None,
@@ -210,6 +230,15 @@ def simulate(
             parts, (q0, v0, mode), acting, kernel, backend == "native", refused, progress
         )
     return course.run((q0, v0, mode), acting, kernel, backend == "native", again, progress)
+
+
+def checked_cusp(on_cusp: Any) -> float | None:
+    """The share of the speed that is kept at a cusp; None where a motion ends there. Or an OptionError."""
+    if isinstance(on_cusp, str):
+        check_choice("on_cusp", on_cusp, ("error", "turn"))
+        return None if on_cusp == "error" else 1.0
+    check_between("on_cusp", on_cusp, 0.0, 1.0)
+    return float(on_cusp)
 
 
 def checked_toggle(on_toggle: Toggle | None, method: str, driven: bool) -> Toggle:

@@ -131,7 +131,7 @@ class Curve:
         return Jet(self.space, x, C, J[:, None], second[None, None], self.through.nodes[0].P)
 
     def is_beside(self, here: Jet) -> bool:
-        """Whether the singular place next to a point of the mode, which is not on the curve, is one of the curve's.
+        """Whether the singular place next to a point beside the curve is one of the curve's.
 
         Where modes are in contact of order k it lies k times as far as to first order.
         """
@@ -142,7 +142,8 @@ class Curve:
         if abs(u - self.center) > FARTHEST * (self.right - self.left):
             return False
         return any(
-            abs(u + self.order(i) * first - root) < SAME_ROOT * abs(u - root) for i, root in enumerate(self.roots)
+            abs(u + self.order(i) * first - root) < SAME_ROOT * abs(u - root)
+            for i, root in enumerate(self.roots)
         )
 
     def turned(self, shift: Array) -> Curve:

@@ -1,7 +1,8 @@
 """What two modes do where K loses one rank more: the zeros of g on the mid curve decide.
 
-A zero of multiplicity 2k is a meeting with contact of order k, k = 1 a crossing; of odd multiplicity, three or more,
-a cusp; none, with real modes beside: they pass each other; g = 0 throughout: the mode lies in the singular set.
+A zero of multiplicity 2k is a meeting with contact of order k, k = 1 a crossing; of odd multiplicity, three
+or more, a cusp; none, with real modes beside: they pass each other; g = 0 throughout: the mode lies in the
+singular set.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
 
 from ...mechanism.tree import Array
 from .jet import LostError
@@ -37,8 +39,8 @@ class Meeting:
     Attributes
     ----------
     kind : {"meets", "cusp", "isolated", "inside", "passes", "turns"}
-        Two modes meet; a cusp; a point of its own; the mode lies in the singular set; two modes pass each other;
-        one mode turns back in u, where K has full rank.
+        Two modes meet; a cusp; a point of its own; the mode lies in the singular set; two modes pass each
+        other; one mode turns back in u, where K has full rank.
     places : tuple of (float, int)
         u and multiplicity of the zeros of g.
     gap : float
@@ -66,9 +68,7 @@ class Meeting:
         return float(np.prod([np.sign(u - place) ** k for place, k in self.orders]))
 
 
-def meeting(
-    space: ClusterSpace, x: Array, P: Array, ahead: Array, options: BridgeOptions
-) -> Meeting:
+def meeting(space: ClusterSpace, x: Array, P: Array, ahead: Array, options: BridgeOptions) -> Meeting:
     """What the modes do near a point x beside them.
 
     Parameters
@@ -134,8 +134,9 @@ def _judged(curve: MidCurve, closure_tolerance: float, largest_gap: float) -> Me
 def divisor(curve: MidCurve, tolerance: float) -> tuple[list[tuple[float, int]], float]:
     """The coarsest real places (s, multiplicity) that leave a gap of `tolerance` at most, and that gap.
 
-    The zeros of g are put together by single linkage, from coarse to fine. A place is the zero of the derivative of
-    order p − 1 next to the mean of p of them: a simple one, so that multiplicity costs no digits.
+    The zeros of g are put together by single linkage, from coarse to fine. A place is the zero of the
+    derivative of order p − 1 next to the mean of p of them: a simple one, so that multiplicity costs no
+    digits.
     """
     zeros = _zeros(curve.g)
     if len(curve.g) < 2 or not len(zeros):
@@ -160,7 +161,7 @@ def divisor(curve: MidCurve, tolerance: float) -> tuple[list[tuple[float, int]],
     return [], np.inf
 
 
-def linked(points: Array, level: float) -> list[Array]:
+def linked(points: Array, level: float) -> list[NDArray[np.int64]]:
     """Groups of complex numbers, each within `level` of another one of its group."""
     near = np.abs(points[:, None] - points[None, :]) <= level
     while True:
@@ -180,14 +181,14 @@ def _zeros(g: Array) -> Array:
 
 def _divided(g: Array, places: list[tuple[float, int]]) -> tuple[float, Array]:
     """max |g mod Π(s − s_i)^p_i| for |s| ≤ 1, and the quotient."""
-    product = np.ones(1)
+    product: Array = np.ones(1)
     for s, p in places:
         for _ in range(p):
             product = chebyshev.chebmul(product, [-s, 1.0])
     if len(product) > len(g):
         return float(np.abs(g).sum()), np.zeros(1)
     quotient, left = chebyshev.chebdiv(g, product)
-    return float(np.abs(chebyshev.chebval(np.linspace(-1.0, 1.0, 41), left)).max()), quotient
+    return float(np.abs(chebyshev.chebval(np.linspace(-1.0, 1.0, 41), left)).max()), np.asarray(quotient)
 
 
 def _refined(g: Array, s: float, p: int) -> float:

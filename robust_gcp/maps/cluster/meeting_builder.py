@@ -1,8 +1,8 @@
 """Builds the bridge of a mode of mobility 1 through a meeting of any order of contact, and certifies it.
 
-On the surface S through both modes (`mid_curve`) a mode is w = w₀(u) + Π(u) z(u), Π = Π(u − u_i)^k_i, z analytic:
-a weighted fit of z from where w is known well, and x(u) is the point of S there. Which mode is which is the sign
-of (w − w₀) Π, which a mode keeps: a discrete decision, the parity of the orders.
+On the surface S through both modes (`mid_curve`) a mode is w = w₀(u) + Π(u) z(u), Π = Π(u − u_i)^k_i, z
+analytic: a weighted fit of z from where w is known well, and x(u) is the point of S there. Which mode is
+which is the sign of (w − w₀) Π, which a mode keeps: a discrete decision, the parity of the orders.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.polynomial import chebyshev
 
 from ...mechanism.tree import Array
 from .certifying import closure
-from .chebyshev_series import chopped, fitted, nodes, series
+from .chebyshev_series import Series, chopped, fitted, nodes, series
 from .curve import Curve
 from .hermite_curve import HermiteCurve
 from .jet import Jet, LostError, solved
@@ -34,12 +34,11 @@ GOOD, BAD = 5e-12, 1e-11
 """Errors, in lengths, at which no shorter one is tried, and of which none is used."""
 
 INNER, NODES = 0.62, (1.0, 1.25, 1.5)
-"""Share of the fit that is used at most, and where the mode's own points lie, as multiples of what is used."""
+"""Share of the fit that is used at most, and where the mode's own points lie, in units of what is used."""
 
 
 SEEN, MOST_CONTACT, FARTHEST = 0.1, 8.0, 0.7
-"""Share of the first-order distance over which it is seen to shrink; orders of contact, and distances, that are
-looked for."""
+"""Share of the first-order distance over which it is seen to shrink; orders and distances looked for."""
 
 TOLD = 0.12
 """First-order distance at which a meeting is looked at: one of order k lies k times as far."""
@@ -71,6 +70,8 @@ def through_meeting(here: Jet, options: BridgeOptions, failure: NoBridgeError) -
         raise failure from lost
     if found.kind == "meets":
         return bridge_through(found, here, options)
+    if found.kind == "cusp":
+        raise CuspAheadError(found)
     raise failure
 
 
@@ -96,8 +97,16 @@ def _first_order(jet: Jet) -> float:
     return float(mu[np.argmin(np.abs(mu))].real)
 
 
+class CuspAheadError(NoBridgeError):
+    """The mode ends in a cusp ahead."""
+
+    def __init__(self, found: Meeting) -> None:
+        super().__init__("the mode ends in a cusp")
+        self.found = found
+
+
 def half_width(order: int) -> float:
-    """Distance beyond which Newton's own errors ε/δᵏ, kε/δᵏ⁺¹, k²ε/δᵏ⁺² of q, G and g are small: 10^(−4/(k + 2))."""
+    """10^(−4/(k + 2)), beyond which Newton's own errors ε/δᵏ, kε/δᵏ⁺¹, k²ε/δᵏ⁺² of q, G and g are small."""
     return max(float(10.0 ** (-4.0 / (order + 2))), 0.1)
 
 
@@ -125,14 +134,17 @@ def mode_through(found: Meeting, side: float, P: Array, options: BridgeOptions) 
     NoBridgeError
         Where it is not known well enough.
     """
-    places = [place for place, _ in found.orders]
-    center = 0.5 * (places[0] + places[-1])
-    reach = 0.98 * found.curve.R - abs(center - found.curve.u0)
+    way = _Through(found)
+    return _best(found, side, way, options).curve(P)
+
+
+def _best(found: Meeting, side: float, way: _Through | _Round, options: BridgeOptions) -> _Branch:
+    """The branch of this side, on the longest piece on which it is good, else on that of the least error."""
     best: _Branch | None = None
     reasons: list[str] = []
     for share in WIDTHS:
         try:
-            made = _Branch(found, side, center, share * reach, options)
+            made = _Branch(found, side, way, share * way.reach, options)
         except (LostError, np.linalg.LinAlgError) as lost:
             reasons.append(str(lost))
             continue
@@ -141,16 +153,71 @@ def mode_through(found: Meeting, side: float, P: Array, options: BridgeOptions) 
         if made.error < GOOD:
             break
     if best is None or best.error > BAD:
-        why = reasons[-1] if best is None else f"digits do not suffice: {best.error:.0e} lengths where {BAD:g} are needed"
+        why = (
+            reasons[-1]
+            if best is None
+            else f"digits do not suffice: {best.error:.0e} lengths where {BAD:g} are needed"
+        )
         raise NoBridgeError(why)
-    return best.curve(P)
+    return best
+
+
+class _Through:
+    """u = u_c + p about the middle of the places, and Π(p) = Π(u − u_i)^k_i."""
+
+    def __init__(self, found: Meeting) -> None:
+        self.orders = found.orders
+        self.center = 0.5 * (self.orders[0][0] + self.orders[-1][0])
+        self.reach = 0.98 * found.curve.R - abs(self.center - found.curve.u0)
+
+    def u(self, p: float) -> tuple[float, float, float]:
+        """u with its two derivatives."""
+        return self.center + p, 1.0, 0.0
+
+    def pi(self, p: float) -> float:
+        """Π."""
+        return float(np.prod([(self.center + p - place) ** k for place, k in self.orders]))
+
+
+class _Round:
+    """u = u* ± p² about a cusp of multiplicity n, and Π(p) = pⁿ: both its branches as one curve."""
+
+    def __init__(self, found: Meeting) -> None:
+        curve = found.curve
+        self.center, self._n = next((u, p) for u, p in found.places if p > 1 and p % 2)
+        room = 0.98 * curve.R - abs(self.center - curve.u0)
+        _, g, bend = curve.at(self.center + 0.5 * room)
+        self.side = 1.0 if -g * bend > 0.0 else -1.0
+        self.reach = float(np.sqrt(room))
+
+    def u(self, p: float) -> tuple[float, float, float]:
+        """u with its two derivatives."""
+        return self.center + self.side * p * p, 2.0 * self.side * p, 2.0 * self.side
+
+    def pi(self, p: float) -> float:
+        """Π."""
+        return p**self._n
+
+
+def round_cusp(found: Meeting, options: BridgeOptions) -> Series:
+    """Both branches of a cusp as one curve, x(p) with u = u* ± p², as Chebyshev series.
+
+    Raises
+    ------
+    NoBridgeError
+        Where it is not known well enough.
+    """
+    branch = _best(found, 1.0, _Round(found), options)
+    return series(branch.sampled, -0.9 * branch.R, 0.9 * branch.R, POINTS)
 
 
 class _Branch:
-    """w(u) of one mode about the middle of the places, and its error."""
+    """w of one mode along a parameter p, |p| ≤ R, and its error."""
 
-    def __init__(self, found: Meeting, side: float, center: float, R: float, options: BridgeOptions) -> None:
-        self._found, self._center, self._R, self._options = found, center, R, options
+    def __init__(
+        self, found: Meeting, side: float, way: _Through | _Round, R: float, options: BridgeOptions
+    ) -> None:
+        self._found, self._way, self.R, self._options = found, way, R, options
         self._surface, self._mid = found.curve.surface, found.curve
         s = nodes(POINTS)
         rows = [(si, *row) for si in s if (row := self._seen(float(si), side)) is not None]
@@ -165,17 +232,12 @@ class _Branch:
         self.closed, self.kind = closure(self._surface.space, options, samples, self._surface.reference)
         self.error = max(self.closed, held)
 
-    def _u(self, s: float) -> float:
-        return self._center + self._R * s
-
-    def _pi(self, u: float) -> float:
-        return float(np.prod([(u - place) ** k for place, k in self._found.orders]))
-
     def _seen(self, s: float, side: float) -> tuple[float, float] | None:
         """z and its weight |f_w Π| at a node, from the mode's own point there; None where it says nothing."""
-        surface, u = self._surface, self._u(s)
+        surface, p = self._surface, self.R * s
+        u, pi = self._way.u(p)[0], self._way.pi(p)
         x0, g, bend = self._mid.at(u)
-        pi, squared = self._pi(u), -2.0 * g / bend
+        squared = -2.0 * g / bend
         if abs(pi * bend) * np.sqrt(abs(squared)) < KNOWN:
             return None
         if squared < 0.0:
@@ -195,41 +257,49 @@ class _Branch:
         return away / pi, abs(slope * pi)
 
     def _series(self) -> None:
-        """w(u) as one Chebyshev series, with its derivatives; cut where coefficients are rounding."""
+        """w as one Chebyshev series, with its derivatives; cut where coefficients are rounding."""
         s = nodes(48)
-        us = np.array([self._u(q) for q in s])
-        mid = chebyshev.chebval(self._mid.s(us), self._mid.w)
-        w = mid + np.array([self._pi(u) for u in us]) * chebyshev.chebval(s, self._z)
+        us, pis = np.array([(self._way.u(p)[0], self._way.pi(p)) for p in self.R * s]).T
+        w = chebyshev.chebval((us - self._mid.u0) / self._mid.R, self._mid.w) + pis * chebyshev.chebval(
+            s, self._z
+        )
         self._w = [chopped(fitted(w))]
-        self._w += [chebyshev.chebder(self._w[0], 1) / self._R, chebyshev.chebder(self._w[0], 2) / self._R**2]
+        self._w += [chebyshev.chebder(self._w[0], 1) / self.R, chebyshev.chebder(self._w[0], 2) / self.R**2]
 
     def _x(self, s: float) -> Array:
         """The point of the mode."""
-        u, w = self._u(s), float(chebyshev.chebval(s, self._w[0]))
+        u, w = self._way.u(self.R * s)[0], float(chebyshev.chebval(s, self._w[0]))
         x0 = self._mid.at(u)[0]
         return self._surface.point(x0 + self._surface.v * (w - self._surface.w(x0)), u, w)
 
-    def _point(self, u: float) -> tuple[Array, Array, Array]:
-        s = (u - self._center) / self._R
+    def point(self, p: float) -> tuple[Array, Array, Array]:
+        """x with its two derivatives by p."""
+        s = p / self.R
         x = self._x(s)
         first, second = (float(chebyshev.chebval(s, w)) for w in self._w[1:])
-        return x, *self._surface.along(x, (1.0, first), (0.0, second))
+        _, pace, turn = self._way.u(p)
+        return x, *self._surface.along(x, (pace, first), (turn, second))
+
+    def sampled(self, ps: Array) -> tuple[Array, Array, Array]:
+        """The same at many p."""
+        x, slope, bend = zip(*map(self.point, ps.tolist()), strict=True)
+        return np.array(x), np.array(slope), np.array(bend)
 
     def curve(self, P: Array) -> Curve:
         """The bridge: the series where the modes are near each other, between solved points of the mode."""
-        orders = self._found.orders
+        orders, center = self._found.orders, self._way.center
         spread = 0.5 * (orders[-1][0] - orders[0][0])
-        inner = min(INNER * self._R, half_width(sum(k for _, k in orders)) + spread)
+        inner = min(INNER * self.R, half_width(sum(k for _, k in orders)) + spread)
         surface = self._surface
-        C, us = surface.t[:, None], [self._center + side * f * inner for side in (-1.0, 1.0) for f in NODES]
+        C, us = surface.t[:, None], [center + side * f * inner for side in (-1.0, 1.0) for f in NODES]
         own = []
         for u in us:
-            guess = self._point(u)[0]
+            guess = self.point(u - center)[0]
             jet, first = solved(surface.space, guess, C, C.T @ surface.reference + u, P)
             if first > 1e-6:
                 raise NoBridgeError("the mode's own points lie beside its series")
             own.append(jet)
-        left, right = self._center - inner, self._center + inner
+        left, right = center - inner, center + inner
         return Curve(
             surface.space,
             C,
@@ -245,7 +315,7 @@ class _Branch:
             self.error,
             np.zeros(surface.space.nv),
             tuple(k for _, k in orders),
-            series(lambda u: tuple(map(np.array, zip(*map(self._point, u), strict=True))), left, right, POINTS),
+            series(lambda u: self.sampled(u - center), left, right, POINTS),
         )
 
 

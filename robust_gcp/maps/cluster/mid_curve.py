@@ -1,10 +1,10 @@
 """The mid curve between two modes: smooth through any meeting of theirs, of any order of contact.
 
-At corank one beside a singular place, with PK = U S Vᵀ for the nd rows P of the mode: U₁ the left vectors but the
-last, a the last. The surface S = {U₁ᵀ φ = 0} is smooth through the place, with the chart (u, w) = (t, v)ᵀ (x − x_ref),
-and the modes are the curves f(u, w) = aᵀ φ = 0 on it. v is the direction in which f bends most, so that
-f_w = 0 has one solution w₀(u), the mid curve, whatever the modes do, and f = ½ f_ww (w − w₀)² + g + … with
-g(u) = f(u, w₀(u)): its zeros are where the modes meet (Morse's splitting lemma).
+At corank one beside a singular place, with PK = U S Vᵀ for the nd rows P of the mode: U₁ the left vectors
+but the last, a the last. The surface S = {U₁ᵀ φ = 0} is smooth through the place, with the chart (u, w) =
+(t, v)ᵀ (x − x_ref), and the modes are the curves f(u, w) = aᵀ φ = 0 on it. v is the direction in which f
+bends most, so that f_w = 0 has one solution w₀(u), the mid curve, whatever the modes do, and f = ½ f_ww (w
+− w₀)² + g + … with g(u) = f(u, w₀(u)): its zeros are where the modes meet (Morse's splitting lemma).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from .jet import LostError
 from .space import ClusterSpace
 
 RADIUS, SAMPLES = 0.36, 28
-"""Half length of the mid curve that is sampled, in dimensionless joint units, and at how many Chebyshev nodes."""
+"""Half length of the mid curve that is sampled, dimensionless, and at how many Chebyshev nodes."""
 
 SHORTEN, ATTEMPTS, TAIL = 0.7, 5, 1e-13
 """A shorter piece is tried until the last coefficients are as small as this."""
@@ -156,7 +156,10 @@ class MidCurve:
         s = nodes(SAMPLES)
         start = surface.mid(x, u0)
         points = np.empty((SAMPLES, len(x)))
-        for side in (np.flatnonzero(s > 0)[::-1], np.flatnonzero(s <= 0)):  # outward, each from the one before
+        for side in (
+            np.flatnonzero(s > 0)[::-1],
+            np.flatnonzero(s <= 0),
+        ):  # outward, each from the one before
             last = start
             for i in side:
                 points[i] = last = surface.mid(last, u0 + R * s[i])
@@ -181,8 +184,8 @@ class MidCurve:
     def at(self, u: float) -> tuple[Array, float, float]:
         """x, g and f_ww at u."""
         s = self.s(u)
-        value = chebyshev.chebval
-        return value(s, self.x), float(value(s, self.g)), float(value(s, self.bend))
+        x = np.asarray(chebyshev.chebval(s, self.x))
+        return x, float(chebyshev.chebval(s, self.g)), float(chebyshev.chebval(s, self.bend))
 
 
 def mid_curve(surface: Surface, x: Array, u0: float, R: float = RADIUS) -> MidCurve:

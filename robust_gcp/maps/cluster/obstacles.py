@@ -10,6 +10,8 @@ import numpy as np
 from ...errors import SimulationError
 from ...mechanism.tree import Array
 from .jet import Jet
+from .meeting import Meeting
+from .meeting_builder import CuspAheadError
 from .options import BridgeOptions, NoBridgeError
 from .place import Place, place
 
@@ -28,7 +30,7 @@ determined."""
 
 CONE_WORDS = "an isolated cone of the configuration space: modes meet there in a point, none crosses it"
 
-ObstacleKind = Literal["crossing", "toggle", "near miss", "tangential", "cone", "unknown"]
+ObstacleKind = Literal["crossing", "toggle", "near miss", "tangential", "cusp", "cone", "unknown"]
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,7 @@ class Obstacle:
 
     Attributes
     ----------
-    kind : {"crossing", "toggle", "near miss", "tangential", "cone", "unknown"}
+    kind : {"crossing", "toggle", "near miss", "tangential", "cusp", "cone", "unknown"}
     x : ndarray (nv,)
         Where it was met.
     radius : float
@@ -47,6 +49,8 @@ class Obstacle:
     reason : str
     approach : float
         How near the motion comes to it; 0 where that is unknown.
+    met : Meeting or None
+        What the modes do there, of a cusp.
     """
 
     kind: ObstacleKind
@@ -55,6 +59,7 @@ class Obstacle:
     gap: float
     reason: str
     approach: float = 0.0
+    met: Meeting | None = None
 
     def stops(self, distance: float, zone: float) -> bool:
         """Whether a motion followed with error control ends at this distance from the singular set."""
@@ -76,7 +81,7 @@ class ObstacleError(SimulationError):
 
 
 def is_near_miss(found: Place, options: BridgeOptions) -> bool:
-    """Whether modes pass each other by a place clearly: two directions bend there, and the loops stay open."""
+    """Whether modes clearly pass each other: two directions bend at the place, and the loops stay open."""
     size = np.abs(found.eigenvalues)
     return found.found and found.gap > options.largest_gap and bool(size[1] > CLEARLY * size[0])
 
@@ -86,6 +91,8 @@ def judge(here: Jet, failure: NoBridgeError, options: BridgeOptions, zone: float
     delta = here.delta()
     # looked at again only where it decides: half way to a near miss, deep in the zone of anything else
     radius = max(0.9 * delta, 0.5 * DEEP * zone) if np.isfinite(delta) else 0.1
+    if isinstance(failure, CuspAheadError):
+        return Obstacle("cusp", here.x, radius, failure.found.gap, str(failure), met=failure.found)
     if np.isfinite(failure.separation):
         return Obstacle("tangential", here.x, radius, np.nan, str(failure))
     found = place(here)

@@ -94,7 +94,9 @@ def _on_curve(
         q = between(before, after, stretch, time, mechanism)
         q[cluster.iq] = space.q(x)
         certificate = curve.kind, curve.closure, curve.transversality
-        found.append(replace(_passage(q, time, certificate, cluster, corank, mechanism), order=curve.order(i)))
+        found.append(
+            replace(_passage(q, time, certificate, cluster, corank, mechanism), order=curve.order(i))
+        )
     return found
 
 

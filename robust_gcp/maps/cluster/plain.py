@@ -169,7 +169,9 @@ class Reader:
         orders = tuple(self.array().ravel().astype(int).tolist())
         table = self.array().T
         inside = Series.between(left, right, table) if table.size else None
-        kind: CrossingKind = "near miss" if near_miss else "tangential" if max(orders, default=1) > 1 else "transversal"
+        kind: CrossingKind = (
+            "near miss" if near_miss else "tangential" if max(orders, default=1) > 1 else "transversal"
+        )
         return Curve(
             space, C, reference[:, 0], through, left, right, roots, corank, kind, closure, transversality,
             error, shift[:, 0], orders, inside,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...errors import BranchError, NotCertifiedError, SimulationError, ToggleError
+from ...errors import BranchError, CuspError, NotCertifiedError, SimulationError, ToggleError
 from ...mechanism.clusters import LoopCluster
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.partition import spelled
@@ -57,6 +57,17 @@ def refusal(mechanism: Mechanism, cluster: LoopCluster, obstacle: Obstacle, here
             choices,
             **figures,
         )
+    if obstacle.kind == "cusp":
+        assert obstacle.met is not None
+        error = CuspError(
+            f"cusp ahead of {where}: both branches of the mode leave it to one side, and the equations of "
+            'motion end there; on_cusp="turn" goes on along the other branch, as any linkage that is nearly '
+            "this one does",
+            here.y,
+            **figures,
+        )
+        error.met, error.joints = obstacle.met, cluster.joints
+        return error
     if obstacle.kind == "near miss":
         gap = f"{obstacle.gap:.2g} lengths" if np.isfinite(obstacle.gap) else "unknown size"
         return BranchError(

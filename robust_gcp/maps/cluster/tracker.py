@@ -12,7 +12,16 @@ from .curve_builder import CurveBuilder
 from .jet import Jet, LostError, jet, solve
 from .kept import curve_through, passes, stays_clear
 from .meeting_builder import TOLD, MeetingAhead, through_meeting
-from .obstacles import APEX, CONE_WORDS, FARTHEST_LOOK, Obstacle, ObstacleError, approaching, is_near_miss, judge
+from .obstacles import (
+    APEX,
+    CONE_WORDS,
+    FARTHEST_LOOK,
+    Obstacle,
+    ObstacleError,
+    approaching,
+    is_near_miss,
+    judge,
+)
 from .options import BridgeOptions, NoBridgeError
 from .patch import Patch
 from .patch_builder import PatchBuilder
