@@ -37,6 +37,7 @@ struct CurveShape {
     Series series;            // of x, x′ and x″ between left and right
 
     int order(std::size_t i) const { return orders.empty() ? 1 : orders[i]; }
+    double times_as_far(std::size_t i) const { return double(order(i)) / std::max(corank[i], 1); }
 };
 
 class Curve {
@@ -113,7 +114,7 @@ class Curve {
         if (mu.empty() || std::fabs(at - center()) > FARTHEST * (shape_->right - shape_->left)) return false;
         const double first = nearest_of(mu).real();
         for (std::size_t i = 0; i < shape_->roots.size(); ++i)
-            if (std::fabs(at + shape_->order(i) * first - shape_->roots[i]) < SAME_ROOT * std::fabs(at - shape_->roots[i]))
+            if (std::fabs(at + shape_->times_as_far(i) * first - shape_->roots[i]) < SAME_ROOT * std::fabs(at - shape_->roots[i]))
                 return true;
         return false;
     }

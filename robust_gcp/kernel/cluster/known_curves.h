@@ -28,7 +28,7 @@ class KnownCurves {
             const CurveShape& shape = candidate->shape();
             double apart = FAR;  // of modes in contact of order k, k times as far
             for (std::size_t k = 0; k < shape.roots.size(); ++k)
-                apart = std::min(apart, std::fabs(*at + shape.order(k) * first - shape.roots[k]));
+                apart = std::min(apart, std::fabs(*at + shape.times_as_far(k) * first - shape.roots[k]));
             if (!candidate->contains(*at) && apart >= 0.5 * zone) continue;
             if (candidate != known) keep(candidate);
             return {candidate, *at};

@@ -91,6 +91,10 @@ class Curve:
         """The order of contact at place i."""
         return self.orders[i] if self.orders else 1
 
+    def times_as_far(self, i: int) -> float:
+        """How many times as far as to first order place i lies, beside it: the order for each lost rank."""
+        return self.order(i) / max(self.corank[i], 1)
+
     def contains(self, u: float) -> bool:
         """Whether the curve is used at u."""
         return self.left <= u <= self.right
@@ -142,7 +146,7 @@ class Curve:
         if abs(u - self.center) > FARTHEST * (self.right - self.left):
             return False
         return any(
-            abs(u + self.order(i) * first - root) < SAME_ROOT * abs(u - root)
+            abs(u + self.times_as_far(i) * first - root) < SAME_ROOT * abs(u - root)
             for i, root in enumerate(self.roots)
         )
 

@@ -16,6 +16,7 @@ from ...mechanism.tree import Array
 from .certifying import closure
 from .chebyshev_series import Series, chopped, fitted, nodes, series
 from .curve import Curve
+from .extrapolation import extrapolated
 from .hermite_curve import HermiteCurve
 from .jet import Jet, LostError, solved
 from .meeting import Meeting, meeting
@@ -66,8 +67,8 @@ def through_meeting(here: Jet, options: BridgeOptions, failure: NoBridgeError) -
     """
     try:
         found = meeting(here.space, here.x, here.P, _way_to_place(here), options)
-    except (LostError, np.linalg.LinAlgError) as lost:
-        raise failure from lost
+    except (LostError, np.linalg.LinAlgError):
+        return extrapolated(here, options)  # more than two modes, or of corank above one
     if found.kind == "meets":
         return bridge_through(found, here, options)
     if found.kind == "cusp":

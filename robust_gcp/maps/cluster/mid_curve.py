@@ -23,6 +23,9 @@ RADIUS, SAMPLES = 0.36, 28
 SHORTEN, ATTEMPTS, TAIL = 0.7, 5, 1e-13
 """A shorter piece is tried until the last coefficients are as small as this."""
 
+BENDS = 0.1
+"""Least share of its largest value that f_ww keeps along the mid curve."""
+
 CONVERGED, STAGNANT, MAX_NEWTON = 3e-16, 1e-11, 14
 
 
@@ -173,6 +176,12 @@ class MidCurve:
         self.w = chopped(w)
 
     @property
+    def bends(self) -> bool:
+        """Whether f bends across the modes all along: where f_ww vanishes three of them meet, or more."""
+        bend = np.abs(chebyshev.chebval(np.linspace(-1.0, 1.0, 41), self.bend))
+        return bool(bend.min() > BENDS * bend.max())
+
+    @property
     def size(self) -> float:
         """The largest coefficient of g: how far the modes part."""
         return float(np.abs(self.g).max())
@@ -200,7 +209,7 @@ def mid_curve(surface: Surface, x: Array, u0: float, R: float = RADIUS) -> MidCu
             found = MidCurve(surface, x, u0, R)
         except (LostError, np.linalg.LinAlgError):
             found = None
-        if found is not None and found.tail < TAIL:
+        if found is not None and found.tail < TAIL and found.bends:
             return found
         R *= SHORTEN
     raise LostError("no mid curve between the modes")
