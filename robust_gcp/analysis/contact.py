@@ -13,6 +13,7 @@ from ..maps.cluster.meeting import Meeting, meeting
 from ..maps.cluster.meeting_builder import mode_through
 from ..maps.cluster.options import USUAL, BridgeOptions
 from ..maps.cluster.space import ClusterSpace
+from ..maps.cluster.within import window
 from ..mechanism.clusters import loop_clusters
 from ..mechanism.loops import ClosedLoops
 from ..mechanism.mechanism import Mechanism
@@ -48,6 +49,8 @@ class Contact:
         ------
         NoBridgeError
         """
+        if self.found.kind == "inside":
+            return window(self.space, self.x, self.P, options)
         return mode_through(self.found, (1.0, -1.0)[number], self.P, options)
 
     def tangents(self, kernel: Array) -> Array:

@@ -10,7 +10,7 @@ from ..mechanism.tree import Array
 from .point import Counters, Point
 from .regular_path import RegularPath
 
-CrossingKind = Literal["transversal", "tangential", "near miss", "projected"]
+CrossingKind = Literal["transversal", "tangential", "near miss", "projected", "within"]
 
 
 @dataclass(frozen=True)

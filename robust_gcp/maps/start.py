@@ -136,7 +136,7 @@ def begin(
     curvature = np.zeros(mechanism.nv) if mechanism.m == 1 else None
     point = path.renewed(Point(y, ydot, q, G, np.zeros(mechanism.nv), curvature, blocks, blocks, 0.0))
     _require_serving(mechanism, tangent, G, y)
-    touching = any(order > 1 for *_, order in picture.contacts)
+    touching = picture.kind == "inside" or any(order > 1 for *_, order in picture.contacts)
     contact = contact_at(mechanism, q) if touching else None
     if contact is not None:
         trackers = {contact.space.cluster.index: _in_contact(contact, number, options, counters)}

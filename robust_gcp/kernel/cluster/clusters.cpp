@@ -37,6 +37,7 @@ struct Clusters::Inside {
                 refer(i, anchor, origin);
                 continue;
             }
+            if (trackers.size() > i && trackers[i].back_at(spaces[i]->x(anchor.q()))) continue;
             const JetPtr here = at(i, anchor);
             if (trackers.size() > i)
                 trackers[i].place_at(here);

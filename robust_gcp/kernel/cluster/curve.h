@@ -106,6 +106,9 @@ class Curve {
         return made;
     }
 
+    // Whether it is a window of a mode that lies in the singular set; see maps/cluster/within.py.
+    bool within() const { return shape_->roots.empty(); }
+
     // Whether the singular place next to a point of the mode, which is not on the curve, is one of the curve's.
     bool is_beside(const JetPtr& here) const {
         constexpr double FARTHEST = 2.0, SAME_ROOT = 0.3;

@@ -79,6 +79,19 @@ class Tracker {
         return {space_->apex ? 2e-15 / near : 1e-16 / (near * near), near};
     }
 
+    // Go on at a point of a mode that lies in the singular set, in a window built before; whether one is there.
+    bool back_at(const Vector& x) {
+        for (std::size_t i = known_curves.curves.size(); i-- > 0;) {
+            const CurvePtr& known = known_curves.curves[i];
+            const std::optional<double> found = known->within() ? known->passes(x) : std::nullopt;
+            if (!found || !known->contains(*found)) continue;
+            curve = known, u = *found;
+            anchor = curve->jet(C, space_->chosen[0], u);
+            return true;
+        }
+        return false;
+    }
+
     // The point at y on the mode.
     JetPtr at(const Vector& y) {
         for (int i = 0; i < 40; ++i) {
@@ -113,6 +126,7 @@ class Tracker {
             move_to(*found);
             return curve->jet(C, c, u);
         }
+        if (curve->within()) throw Stop{};  // the next window is Python's to build
         const double side = found ? *found : curve->beyond(c, y, u);
         move_to(side);
         anchor = recharted(curve->inner(side), C);

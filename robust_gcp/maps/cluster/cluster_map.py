@@ -172,7 +172,8 @@ class ClusterMap(Charted):
                 made = tracker_at(self.mechanism, c, anchor, self.options, self.counters, before)
                 self._trackers.append(made)
             else:
-                old[c.index].place_at(jet_at(self.mechanism, c, anchor, self.counters))
+                if not old[c.index].back_at(old[c.index].space.x(anchor.q[c.iq])):
+                    old[c.index].place_at(jet_at(self.mechanism, c, anchor, self.counters))
                 self._trackers.append(old[c.index])
 
     def renewed(self, point: Point) -> Point:

@@ -44,7 +44,8 @@ class Curve:
         u of the singular places, ascending.
     corank : list of int
         How many singular values vanish at each.
-    kind : {"transversal", "tangential", "near miss"}
+    kind : {"transversal", "tangential", "near miss", "within"}
+        "within": a window of a mode that lies in the singular set, without singular places of its own.
     closure : float
         The certificate: max |φ| between the nodes, in lengths.
     transversality : float

@@ -41,7 +41,7 @@ def curve_through(curves: Sequence[Curve], here: Jet, zone: float) -> tuple[Curv
         mu = here.recharted(turned.C).roots(np.ones(1))
         first = float(mu[np.argmin(np.abs(mu))].real)  # of modes in contact of order k, k times as far
         off = [abs(u + turned.times_as_far(i) * first - root) for i, root in enumerate(turned.roots)]
-        if turned.contains(u) or min(off) < 0.5 * zone:
+        if turned.contains(u) or min(off, default=np.inf) < 0.5 * zone:
             return turned, u
     return None
 

@@ -164,13 +164,19 @@ class Reader:
         C, reference, shift, us = (self.array() for _ in range(4))
         through = HermiteCurve(us[:, 0].tolist(), [self._jet(space) for _ in us])
         left, right = self.number(), self.number()
-        roots, corank = self.array()[:, 0].tolist(), self.array()[:, 0].astype(int).tolist()
+        roots, corank = self.array().ravel().tolist(), self.array().ravel().astype(int).tolist()
         closure, transversality, error, near_miss = (self.number() for _ in range(4))
         orders = tuple(self.array().ravel().astype(int).tolist())
         table = self.array().T
         inside = Series.between(left, right, table) if table.size else None
         kind: CrossingKind = (
-            "near miss" if near_miss else "tangential" if max(orders, default=1) > 1 else "transversal"
+            "within"
+            if not roots
+            else "near miss"
+            if near_miss
+            else "tangential"
+            if max(orders, default=1) > 1
+            else "transversal"
         )
         return Curve(
             space, C, reference[:, 0], through, left, right, roots, corank, kind, closure, transversality,

@@ -27,6 +27,7 @@ from .patch import Patch
 from .patch_builder import PatchBuilder
 from .place import place
 from .space import ClusterSpace
+from .within import beyond_window
 
 REACH = 0.4
 """Continuation step as a fraction of the distance to the singular set."""
@@ -110,6 +111,15 @@ class Tracker:
         self._left = self.current if isinstance(self.current, Patch) else self._left
         self.anchor, self.C, self.current = anchor, anchor.C, None
 
+    def back_at(self, x: Array) -> bool:
+        """Go on at a point of a mode that lies in the singular set, in a window built before; whether one is there."""
+        for curve in reversed(self.bridges):
+            u = curve.passes(x) if curve.kind == "within" else None
+            if u is not None and curve.contains(u):
+                self.current, self.u, self.anchor = curve, u, curve.jet(self.C, u)
+                return True
+        return False
+
     def at(self, y: Array) -> Jet:
         """The point at y on the mode.
 
@@ -147,9 +157,24 @@ class Tracker:
             self._touch(bridge)
             self.u = u
             return bridge.jet(self.C, u)
+        to = self._beyond(bridge, y, self.u) if u is None else u
+        if bridge.kind == "within":
+            self._next_window(bridge, to)
+            return None
         self.current = None
-        self.anchor = bridge.inner(self._beyond(bridge, y, self.u) if u is None else u).recharted(self.C)
+        self.anchor = bridge.inner(to).recharted(self.C)
         return None
+
+    def _next_window(self, window: Curve, u: float) -> None:
+        """Go on in the next window of a mode that lies in the singular set."""
+        try:
+            made, at = beyond_window(self.bridges, window, u, self.options)
+        except NoBridgeError as failure:
+            raise ObstacleError(Obstacle("unknown", window.point(u)[0], 0.1, np.nan, str(failure))) from failure
+        if made not in self.bridges:
+            self.counters.bridges_built += 1
+            self._keep(made)
+        self.current, self.u = made, at
 
     def _beyond(self, curve: Curve, y: Array, u: float) -> float:
         """u of y by the slope at u, where y lies beyond the nodes."""
