@@ -18,7 +18,7 @@ from hypothesis import HealthCheck, settings
 from numpy.typing import NDArray
 
 import robust_gcp as rg
-from robust_gcp.examples.linkages import add_link, rod
+from robust_gcp.examples.meetings import trammel as trammel_at
 
 Array = NDArray[np.float64]
 
@@ -184,54 +184,10 @@ def spatial() -> dict[str, rg.Mechanism]:
     return {mechanism.name: mechanism for mechanism in made}
 
 
-def _trammel(theta: float, share: float = 0.55) -> rg.Mechanism:
-    """Cardan's trammel with a dyad centred on the evolute at θ; y = angle of the ladder.
-
-    A ladder of unit length slides along the z and y axes; its point T at the distance b from the
-    lower end runs on the ellipse (a cos θ, b sin θ), a = 1 − b. A dyad hinged at O with the total
-    reach ρ holds T. Its two assemblies meet where |T − O| = ρ. With O the centre of curvature of the
-    ellipse at θ and ρ its radius there, |T − O| − ρ starts with the third power, and at a vertex with
-    the fourth: a cusp and a tangential meeting of modes.
-    """
-    B = 0.3
-    A = 1.0 - B
-    speed2 = (A * np.sin(theta)) ** 2 + (B * np.cos(theta)) ** 2
-    radius = speed2**1.5 / (A * B)
-    # centre of curvature of (A cos θ, B sin θ)
-    center = (A**2 - B**2) * np.array([np.cos(theta) ** 3 / A, -(np.sin(theta) ** 3) / B])
-    model = pin.Model()
-
-    def slider(name: str, joint_model: object) -> int:
-        joint = model.addJoint(0, joint_model, pin.SE3.Identity(), name)
-        model.appendBodyToJoint(joint, pin.Inertia(0.1, np.zeros(3), np.zeros((3, 3))), pin.SE3.Identity())
-        return int(joint)
-
-    def frame(joint: int, y: float, name: str) -> None:
-        placement = pin.SE3(np.eye(3), np.array([0.0, y, 0.0]))
-        model.addFrame(pin.Frame(name, joint, placement, pin.FrameType.OP_FRAME))
-
-    foot = slider("foot", pin.JointModelPY())
-    # the ladder leans back from its foot: direction (−cos θ, sin θ), joint value π − θ
-    ladder = add_link(model, foot, 0.0, "ladder", 1.0)
-    frame(ladder, B, "T")
-    frame(slider("head", pin.JointModelPZ()), 0.0, "head_frame")
-    placement = pin.SE3(np.eye(3), np.array([0.0, *center]))
-    upper = model.addJoint(0, pin.JointModelRX(), placement, "upper")
-    model.appendBodyToJoint(upper, rod(share * radius), pin.SE3.Identity())
-    add_link(model, upper, share * radius, "lower", (1.0 - share) * radius)
-    closures = [rg.PointClosure("ladder_tip", "head_frame"), rg.PointClosure("lower_tip", "T")]
-    mechanism = rg.Mechanism(model, closures, ["ladder"])
-    point = np.array([A * np.cos(theta), B * np.sin(theta)]) - center
-    q = [np.cos(theta), np.pi - theta, np.sin(theta), np.arctan2(point[1], point[0]), 0.0]
-    mechanism.home = np.array(q)
-    mechanism.require_closed(mechanism.home, 1e-14, "home")
-    return mechanism
-
-
 @pytest.fixture(scope="session")
 def trammel() -> Callable[..., rg.Mechanism]:
     """Modes that touch: at θ = π/2 tangentially, at other θ in a cusp."""
-    return _trammel
+    return trammel_at
 
 
 @pytest.fixture(scope="session")

@@ -79,13 +79,16 @@ class Tracker {
         return {space_->apex ? 2e-15 / near : 1e-16 / (near * near), near};
     }
 
-    // Go on at a point of a mode that lies in the singular set, in a window built before; whether one is there.
+    // Go on at a point of a bridge through modes that touch, or of a mode in the singular set; see tracker.py.
     bool back_at(const Vector& x) {
-        for (std::size_t i = known_curves.curves.size(); i-- > 0;) {
-            const CurvePtr& known = known_curves.curves[i];
-            const std::optional<double> found = known->within() ? known->passes(x) : std::nullopt;
-            if (!found || !known->contains(*found)) continue;
-            curve = known, u = *found;
+        std::vector<CurvePtr> used = touched;
+        if (curve) used.insert(used.begin(), curve);
+        for (std::size_t i = known_curves.curves.size(); i-- > 0;)
+            if (known_curves.curves[i]->within()) used.push_back(known_curves.curves[i]);
+        for (const CurvePtr& one : used) {
+            const std::optional<double> found = one->shape().inside ? one->passes(x) : std::nullopt;
+            if (!found || !one->contains(*found)) continue;
+            curve = one, u = *found;
             anchor = curve->jet(C, space_->chosen[0], u);
             return true;
         }

@@ -1,10 +1,10 @@
 """Builds the bridge of one mode through a meeting of any corank and any number of modes, where no mid curve exists.
 
-Along a mode ρ(u) = 1/tr(B⁻¹ B'), B = [P K; tᵀ], is (u − u*)/κ + …: its zero is the place, κ the sum of the orders of
-contact of all modes that meet there. The mode is marched towards the place through Newton's basin only, and its far
-side is found from the near one by the polynomial of least degree that meets the nodes to their own rounding. A node
-counts where Newton's first correction is a quarter of its basin by Kantorovich's theorem: without that test a mode
-may be swapped for another with closure to rounding.
+Along a mode ρ(u) = 1/tr(B⁻¹ B'), B = [P K; tᵀ], is (u − u*)/κ + …: its zero is the place, κ the sum of the
+orders of contact of all modes that meet there. The mode is marched towards the place through Newton's basin
+only, and its far side is found from the near one by the polynomial of least degree that meets the nodes to
+their own rounding. A node counts where Newton's first correction is a quarter of its basin by Kantorovich's
+theorem: without that test a mode may be swapped for another with closure to rounding.
 """
 
 from __future__ import annotations

@@ -59,6 +59,11 @@ class Meeting:
         return tuple((u, p // 2) for u, p in self.places if p > 1)
 
     @property
+    def star(self) -> Array:
+        """x of the first place."""
+        return self.curve.at(next(u for u, p in self.places if p > 1))[0]
+
+    @property
     def order(self) -> int:
         """The highest order of contact; 0 where nothing meets."""
         return max((k for _, k in self.orders), default=0)

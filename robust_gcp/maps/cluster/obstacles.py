@@ -92,7 +92,9 @@ def judge(here: Jet, failure: NoBridgeError, options: BridgeOptions, zone: float
     # looked at again only where it decides: half way to a near miss, deep in the zone of anything else
     radius = max(0.9 * delta, 0.5 * DEEP * zone) if np.isfinite(delta) else 0.1
     if isinstance(failure, CuspAheadError):
-        return Obstacle("cusp", here.x, radius, failure.found.gap, str(failure), met=failure.found)
+        star = failure.found.star
+        radius = 1.05 * float(np.linalg.norm(here.x - star))  # all the way to it
+        return Obstacle("cusp", star, radius, failure.found.gap, str(failure), met=failure.found)
     if np.isfinite(failure.separation):
         return Obstacle("tangential", here.x, radius, np.nan, str(failure))
     found = place(here)

@@ -112,9 +112,12 @@ class Tracker:
         self.anchor, self.C, self.current = anchor, anchor.C, None
 
     def back_at(self, x: Array) -> bool:
-        """Go on at a point of a mode that lies in the singular set, in a window built before; whether one is there."""
+        """Go on at a point of the bridge that was used last there, where K may have no rank; whether there is one.
+
+        For modes that touch, and such as lie in the singular set.
+        """
         for curve in reversed(self.bridges):
-            u = curve.passes(x) if curve.kind == "within" else None
+            u = curve.passes(x) if curve.inside is not None else None
             if u is not None and curve.contains(u):
                 self.current, self.u, self.anchor = curve, u, curve.jet(self.C, u)
                 return True
@@ -170,7 +173,9 @@ class Tracker:
         try:
             made, at = beyond_window(self.bridges, window, u, self.options)
         except NoBridgeError as failure:
-            raise ObstacleError(Obstacle("unknown", window.point(u)[0], 0.1, np.nan, str(failure))) from failure
+            raise ObstacleError(
+                Obstacle("unknown", window.point(u)[0], 0.1, np.nan, str(failure))
+            ) from failure
         if made not in self.bridges:
             self.counters.bridges_built += 1
             self._keep(made)
@@ -364,3 +369,5 @@ class Tracker:
     def _touch(self, bridge: Curve | Patch[Tracker]) -> None:
         if bridge not in self.touched:
             self.touched.append(bridge)
+            if isinstance(bridge, Curve) and bridge.inside is not None and bridge in self.bridges:
+                self.bridges = [*(known for known in self.bridges if known is not bridge), bridge]

@@ -1,7 +1,7 @@
 """A mode that lies wholly in the singular set: it is the mid curve {U₁ᵀ φ = 0, f_w = 0} itself, in windows.
 
-K lacks one rank at every place of it, so that no bridge leads to regular ground: the motion goes from window to
-window.
+K lacks one rank at every place of it, so that no bridge leads to regular ground: the motion goes from
+window to window.
 """
 
 from __future__ import annotations
@@ -65,8 +65,8 @@ def window(space: ClusterSpace, x: Array, P: Array, options: BridgeOptions) -> C
     if left > options.closure_tolerance + space.noise(x):
         raise NoBridgeError("the mode leaves the singular set", left)
     return Curve(
-        space, C, surface.reference, HermiteCurve(us, nodes), -USED * R, USED * R, [], [], "within", left, 0.0,
-        left, np.zeros(space.nv), (), series(sampled, -USED * R, USED * R, POINTS),
+        space, C, surface.reference, HermiteCurve(us, nodes), -USED * R, USED * R, [], [], "within", left,
+        0.0, left, np.zeros(space.nv), (), series(sampled, -USED * R, USED * R, POINTS),
     )  # fmt: skip
 
 
