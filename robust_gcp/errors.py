@@ -204,12 +204,12 @@ class CuspError(NotCertifiedError):
 
     Attributes
     ----------
-    time : float
-        When the motion arrives, s; NaN where it was not followed there.
+    time : float or None
+        When the motion arrives, s; None where it was not followed there.
     q : ndarray (nq,)
         The cusp.
     v : ndarray (nv,)
-        The velocity of arrival; NaN as `time`.
+        The velocity of arrival; None as `time`.
     joints : tuple of str
         Of the loops that have the cusp.
     branches : tuple of two ndarray (nq,)
@@ -218,7 +218,7 @@ class CuspError(NotCertifiedError):
 
     def __init__(self, message: str, y: NDArray[Any] | None = None, **details: Any) -> None:
         super().__init__(message, y, **details)
-        self.time = float("nan")
+        self.time: float | None = None
         self.q: Any = None
         self.v: Any = None
         self.branches: Any = ()

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,9 +18,13 @@ from ..errors import BranchError
 from ..mechanism.loops import ClosedLoops
 from ..mechanism.tolerances import BENDING, CLOSED, LOCATING
 from ..mechanism.tree import Array
+from .beyond import touching_at
 from .local import LocalAnalysis
 from .second_order import full_svd, second_order_forms
 from .torus import Torus
+
+if TYPE_CHECKING:
+    from ..maps.cluster.contact import Touching
 
 STEP = 0.04
 """Longest step, dimensionless: some 300 points for a joint's full turn."""
@@ -89,6 +94,7 @@ class Continuation:
         self.points, self.known = points, known
         self.scale, self.rank = mechanism.column_scale, mechanism.nv - 1
         self.all = np.arange(mechanism.nv)
+        self._touches: dict[int, Touching] = {}
 
     def conditioning(self, q: Array) -> float:
         """σ_r/σ_1 of the scaled K with r = nv − 1: 0 at a singular point."""
@@ -183,7 +189,7 @@ class Continuation:
             singular = bool(curve.passes) and curve.passes[-1][0] == len(curve.q) - 1
             try:
                 if singular:
-                    ahead, t_ahead = self._leave(q, t)
+                    ahead, t_ahead = self._leave(q, t, curve.passes[-1])
                     taken = PASSING
                 else:
                     limit = self._approach(q, t)
@@ -238,11 +244,13 @@ class Continuation:
         number, picture = self.known(star)
         way = tree.difference(q, star) / self.scale
         directions = self.directions(picture)
-        if not directions:
+        touching = self._touching(number, picture)
+        chosen = None if touching is None else touching.number(q)
+        if not directions or picture.kind == "cusp" or (touching is not None and chosen is None):
             curve.stop = f"{picture.kind}: {picture.message}"
             return True
         aligned = [float(way @ u) for u in directions]
-        chosen = int(np.argmax(np.abs(aligned)))
+        chosen = int(np.argmax(np.abs(aligned))) if chosen is None else chosen
         t = directions[chosen] * np.sign(aligned[chosen])
         curve.q.append(star)
         curve.tangents.append(t)
@@ -252,8 +260,21 @@ class Continuation:
             curve.closed = bool(t @ curve.tangents[0] > 0.0)
         return curve.closed
 
-    def _leave(self, star: Array, t: Array) -> tuple[Array, Array]:
-        """The next row beyond a singular point along t."""
+    def _touching(self, number: int, picture: LocalAnalysis) -> Touching | None:
+        """The modes that touch at a singular point; None where they cross."""
+        if all(order == 1 for *_, order in picture.contacts):
+            return None
+        if number not in self._touches:
+            self._touches[number] = touching_at(self.mechanism, picture.q)
+        return self._touches[number]
+
+    def _leave(self, star: Array, t: Array, at: tuple[int, int, int]) -> tuple[Array, Array]:
+        """The next row beyond a singular point along t; `at` as in `Curve.passes`."""
+        _, number, chosen = at
+        touching = self._touching(number, self.points[number])
+        if touching is not None:
+            ahead = touching.beyond(chosen, star, self.scale * t, PASSING)
+            return ahead, self.tangent(ahead, t)
         for distance in (PASSING, 0.5 * PASSING, 0.25 * PASSING):
             ahead = self.moved(star, distance * t)
             if self.mechanism.closure_residual(ahead) > CLOSED:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations, product
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,9 +17,12 @@ from ..mechanism.partition import numerical_rank
 from ..mechanism.rank import rank_along
 from ..mechanism.tolerances import FORM, NEARLY_CLOSED, RANK
 from ..mechanism.tree import Array
-from .contact import Contact, contact_at
+from .beyond import contact_at
 from .second_order import bending, bending_along, curvature, full_svd, orthonormal, second_order_forms
 from .tangent_cone import is_definite, linear_modes, polished, rank_two_forms
+
+if TYPE_CHECKING:
+    from ..maps.cluster.contact import Contact
 
 Kind = Literal["regular", "redundant", "singular", "cusp", "isolated", "inside", "not certified"]
 
@@ -121,6 +124,15 @@ def analyse(mechanism: ClosedLoops, q: ArrayLike, rank_tolerance: float = RANK) 
     check_between("rank_tolerance", rank_tolerance, 0.0, 1.0)
     q = mechanism.configuration(q)
     mechanism.require_closed(q, NEARLY_CLOSED, "analyse: q")
+    found = _to_second_order(mechanism, q, rank_tolerance)
+    if found.kind == "not certified":
+        return found if (met := contact_at(mechanism, q)) is None else _told(found, met)
+    pairs = combinations(range(len(found.modes)), 2) if found.kind == "singular" else ()
+    return replace(found, contacts=tuple((i, j, 1) for i, j in pairs))
+
+
+def _to_second_order(mechanism: ClosedLoops, q: Array, rank_tolerance: float) -> LocalAnalysis:
+    """The picture that rank and second-order forms give."""
     K = mechanism.scaled(mechanism.K(q))
     U, s, Vt = full_svd(K)
     rank = numerical_rank(s, rank_tolerance)
@@ -132,16 +144,7 @@ def analyse(mechanism: ClosedLoops, q: ArrayLike, rank_tolerance: float = RANK) 
         kind: Kind, generic: int, modes: tuple[Array, ...], message: str, forms: tuple[Array, ...] = ()
     ) -> LocalAnalysis:
         unscaled_left = orthonormal(left / mechanism.row_scale[:, None])
-        contacts: tuple[tuple[int, int, int], ...] = ()
-        if kind == "not certified" and (met := contact_at(mechanism, q)) is not None:
-            kind, modes, message, order = _met(met, kernel, rank)
-            contacts = ((0, 1, order),) if order else ()
-            generic = rank + (kind != "inside") if kind != "not certified" else generic
-        elif kind == "singular":
-            contacts = tuple((i, j, 1) for i, j in combinations(range(len(modes)), 2))
-        return LocalAnalysis(
-            q, kind, rank, generic, s, kernel, unscaled_left, forms, modes, message, contacts
-        )
+        return LocalAnalysis(q, kind, rank, generic, s, kernel, unscaled_left, forms, modes, message)
 
     if rank == len(K) or kernel.shape[1] == 0:
         tangent = (_direction(kernel),) if kernel.shape[1] else ()
@@ -246,22 +249,16 @@ def _factored(
     )
 
 
-def _met(met: Contact, kernel: Array, rank: int) -> tuple[Kind, tuple[Array, ...], str, int]:
-    """What modes that touch do, in words, with their order of contact; 0 where no two modes meet."""
-    found, tangent = met.found, _direction(met.tangents(kernel))
-    if found.kind == "meets" and len(found.orders) == 1:
-        k = found.order
-        words = f"rank {rank} against {rank + 1} nearby: 2 modes touch here, with contact of order {k}"
-        return "singular", (tangent, tangent), words, k
-    if found.kind == "cusp":
-        return "cusp", (tangent,), "the mode ends in a cusp: both its branches leave to one side", 0
-    if found.kind == "isolated":
-        return "isolated", (), f"an isolated point, of order {found.order}", 0
-    if found.kind == "inside":
-        words = f"rank {rank} all along the mode, which lies in the singular set"
-        return "inside", (tangent,), words, 0
-    words = f"modes come within {found.gap:.1g} lengths of meeting here: digits do not suffice"
-    return "not certified", (), words, 0
+def _told(undecided: LocalAnalysis, met: Contact) -> LocalAnalysis:
+    """The picture where modes touch."""
+    found, rank = met.found, undecided.rank
+    kind, words, count = met.words(rank)
+    tangent = _direction(met.tangents(undecided.kernel))
+    contacts = ((0, 1, found.order),) if count == 2 else ()
+    generic = undecided.generic_rank if kind == "not certified" else rank + (kind != "inside")
+    return replace(
+        undecided, kind=kind, modes=(tangent,) * count, contacts=contacts, generic_rank=generic, message=words
+    )
 
 
 def _seen_to_move(

@@ -143,6 +143,8 @@ class _Search:
         home = self.mechanism.home
         order = sorted(range(len(self.points)), key=lambda i: self.torus.distance(home, self.points[i].q))
         for i in order:
+            if self.points[i].kind == "cusp":  # which a curve ends in
+                continue
             for k in range(len(self.points[i].modes)):
                 if (i, k) not in have:
                     return i, k

@@ -119,7 +119,7 @@ def trammel(theta: float = 0.5 * np.pi, share: float = 0.55) -> Mechanism:
 
 
 def stretched_dyad(reach: float = 0.9, share: float = 0.6, angle: float = 0.7) -> Mechanism:
-    """A crank and a dyad of the same reach about one pivot, tip to tip: the dyad is stretched in every position.
+    """A crank and a dyad of the same reach about one pivot, tip to tip: the dyad is stretched always.
 
     K lacks a rank all along: the mode lies in the singular set.
 
@@ -146,7 +146,9 @@ def stretched_dyad(reach: float = 0.9, share: float = 0.6, angle: float = 0.7) -
 def cranks_on_one_slide(
     amplitudes: Sequence[float] = (1.0, 0.5), x: float = 0.35, bends: Sequence[int] = (1, 1)
 ) -> Mechanism:
-    """Slider-cranks that follow cams 1 − 0.8 aᵢ x⁴ of one slide x: all touch at x = 0, where K lacks a rank for each.
+    """Slider-cranks that follow cams 1 − 0.8 aᵢ x⁴ of one slide x: all of them touch at x = 0.
+
+    K lacks a rank for each there.
 
     Parameters
     ----------

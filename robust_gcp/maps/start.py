@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..analysis.contact import Contact, contact_at
 from ..analysis.local import LocalAnalysis, analyse
 from ..errors import (
     NotCertifiedError,
@@ -24,6 +23,8 @@ from ..mechanism.tree import Array
 from .charted_path import regular_path
 from .cluster.chart import CHANGE, best, smallest
 from .cluster.cluster_map import ClusterMap
+from .cluster.contact import Contact, contact_at
+from .cluster.kept import KnownCurves
 from .cluster.options import BridgeOptions, NoBridgeError
 from .cluster.outward import started
 from .cluster.space import space_of
@@ -160,7 +161,7 @@ def _in_contact(contact: Contact, number: int, options: BridgeOptions, counters:
     u = curve.u(contact.x)
     counters.bridges_built += 1
     tracker = Tracker(curve.jet(space.chart(space.cluster.chosen), u), options, options.reach(1), counters)
-    tracker.bridges, tracker.current, tracker.u = [curve], curve, u
+    tracker.known, tracker.current, tracker.u = KnownCurves([curve]), curve, u
     return tracker
 
 

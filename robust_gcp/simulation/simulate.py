@@ -203,24 +203,12 @@ def simulate(
     solver = None if fixed else (str(stepper), rtol, atol)
     acted = Acted(applied, tuple(wrenches), drive=() if drives is None else drives.names)
     asked = record, checked_events(events)
-    course = Course(
-        mechanism,
-        schedule,
-        duration,
-        step,
-        choice,
-        drives,
-        tableau,
-        solver,
-        acted,
-        *asked,
-        on_toggle,
-        restitution=checked_cusp(on_cusp),
-    )
-    acting = applied if held is None else held
     parts = mechanism.parts if joints is None else parts_given(joints)
-    if parts and course.restitution is not None:
-        raise OptionError("on_cusp: a turn at cusps does not go with joints= yet; leave one of them out")
+    course = Course(
+        mechanism, schedule, duration, step, choice, drives, tableau, solver, acted, *asked, on_toggle,
+        restitution=checked_cusp(on_cusp, parts),
+    )  # fmt: skip
+    acting = applied if held is None else held
     if parts or course.restitution is not None:
         refused = {
             f"method={method!r}": method != "bridge", f"stepper={stepper!r}": not fixed,
@@ -232,8 +220,10 @@ def simulate(
     return course.run((q0, v0, mode), acting, kernel, backend == "native", again, progress)
 
 
-def checked_cusp(on_cusp: Any) -> float | None:
+def checked_cusp(on_cusp: Any, parts: Sequence[Part]) -> float | None:
     """The share of the speed that is kept at a cusp; None where a motion ends there. Or an OptionError."""
+    if parts and on_cusp != "error":
+        raise OptionError("on_cusp: a turn at cusps does not go with joints= yet; leave one of them out")
     if isinstance(on_cusp, str):
         check_choice("on_cusp", on_cusp, ("error", "turn"))
         return None if on_cusp == "error" else 1.0

@@ -220,18 +220,19 @@ def test_a_definite_form_is_an_isolated_point() -> None:
     """A stretched triangle of 1 + 1 + 1 on a ground link of 3: K has rank 1, yet nothing moves."""
     mech = linkage(3.0, 1.0, 1.0, 1.0)
     here = rg.analyse(mech, [0.0, 0.0, PI])
-    assert (here.kind, here.modes, here.local_dof, here.differential_dof) == ("singular", (), 0, 2)
+    assert (here.kind, here.modes, here.local_dof, here.differential_dof) == ("isolated", (), 0, 2)
     assert "isolated" in here.message
     assert np.all(np.linalg.eigvalsh(here.forms[0]) * np.sign(here.forms[0][0, 0]) > 0.0)
 
 
-def test_a_form_of_rank_one_is_not_certified() -> None:
+def test_a_form_of_rank_one_is_decided_beyond_second_order() -> None:
     """Both cranks on one pivot, l0 = 0 and l1 + l2 = l3: a flat triangle that can only turn.
-    Σ a_i v_i² on Σ a_i v_i = 0 is degenerate for Σ a_i = l0 = 0: second order does not decide."""
+    Σ a_i v_i² on Σ a_i v_i = 0 is degenerate for Σ a_i = l0 = 0: the mode lies in the singular set."""
     mech = linkage(0.0, 1.0, 1.5, 2.5)
     for y in (0.0, 0.3):
         here = rg.analyse(mech, [y, 0.0, y])
-        assert (here.kind, here.modes, here.local_dof) == ("not certified", (), None)
+        assert (here.kind, here.local_dof) == ("inside", 1)
+        assert here.modes[0] == pytest.approx([1.0, 0.0, 1.0], abs=1e-9)
         assert len(here.forms) == 1
         values = np.linalg.eigvalsh(here.forms[0])
         assert np.abs(values).min() < 1e-9 * np.abs(values).max()

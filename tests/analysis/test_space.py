@@ -237,17 +237,30 @@ def test_an_isolated_point_has_no_mode() -> None:
     space = rg.trace_modes(m, seeds=5)
     assert space.modes == ()
     (point,) = space.singular_points
-    assert (point.kind, point.modes) == ("singular", ())
+    assert (point.kind, point.modes) == ("isolated", ())
 
 
-def test_a_tangential_meeting_stops_the_modes_and_says_why(trammel: Callable[..., rg.Mechanism]) -> None:
+def test_modes_that_touch_are_traced_through(trammel: Callable[..., rg.Mechanism]) -> None:
+    """Each by itself, back to where it began."""
     m = trammel(np.pi / 2)
     m.home = m.assemble(m.home + [np.cos(np.pi / 2 + 0.3), -0.3, np.sin(np.pi / 2 + 0.3) - 1.0, 0.4, -0.8])
     space = rg.trace_modes(m, seeds=0)
-    assert [point.kind for point in space.singular_points] == ["not certified"]
+    (point,) = space.singular_points
+    assert (point.kind, point.contacts) == ("singular", ((0, 1, 2),))
+    assert [mode.closed for mode in space.modes] == [True, True]
+    assert len({float(np.sign(np.sin(mode.q[:, 4]).sum())) for mode in space.modes}) == 2  # the dyad's bend
     for mode in space.modes:
-        assert not mode.closed
-        assert "not certified" in mode.stop
+        (visit,) = {(v.point, v.tangent) for v in mode.visits}
+        assert visit[0] == 0
+        assert max(m.closure_residual(q) for q in mode.q[::10]) < 1e-10
+    assert {v.tangent for mode in space.modes for v in mode.visits} == {0, 1}
+
+
+def test_a_cusp_ends_a_mode(trammel: Callable[..., rg.Mechanism]) -> None:
+    m = trammel(1.0)
+    space = rg.trace_modes(m, seeds=20)
+    assert "cusp" in {point.kind for point in space.singular_points}
+    assert any("cusp" in mode.stop for mode in space.modes)
 
 
 # --------------------------------------------------------------------------- refused

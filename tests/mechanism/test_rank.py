@@ -42,7 +42,7 @@ def test_an_isolated_point_leads_nowhere() -> None:
     loops = ClosedLoops(model, [rg.PointClosure("q2_tip", "q3_tip")])
     q = np.array([0.0, 0.0, np.pi])
     assert loops.closure_residual(q) < 1e-15
-    assert rg.analyse(loops, q).kind == "singular"
+    assert rg.analyse(loops, q).kind == "isolated"
     assert "leads nowhere" in singular_words(loops, q)
     with pytest.raises(rg.PartitionError, match="no regular configuration was found beside it"):
         rg.Mechanism.from_pinocchio(model, loops.closures, "auto", home=q)

@@ -410,7 +410,7 @@ STARTS: dict[str, Case] = {
     ),
     "mode zero": (lambda: run(AT_ZERO, mode=[0.0, 0.0, 0.0]), rg.OptionError, ("mode", "modes[0]")),
     "mode too short": (lambda: run(AT_ZERO, mode=[1.0, 0.0]), rg.OptionError, ("mode", "(nv,)", "(2,)")),
-    "mode by number": (lambda: run(AT_ZERO, mode=0), rg.OptionError, ("mode", "(nv,)")),
+    "mode by a number of none": (lambda: run(AT_ZERO, mode=7), rg.OptionError, ("mode", "numbered from 0")),
     "mode by letter": (lambda: run(AT_ZERO, mode="a"), rg.OptionError, ("mode", "'a'")),
     "mode not finite": (lambda: run(AT_ZERO, mode=[NAN, -1.0, 1.0]), rg.OptionError, ("mode", "finite")),
     "velocity of another mode": (

@@ -58,6 +58,7 @@ ARGUMENTS: dict[str, Any] = {
     "loop": "tip – base",
     "y": np.array([0.1, 0.2]),
     "choices": [("q1", "q2"), ("q3",)],
+    "met": None,
     "details": {"conditioning": 1e-9, "table": np.arange(3.0)},
 }
 """A value for each parameter that one of them takes; the test fails for one without a value here."""

@@ -37,7 +37,9 @@ struct CurveShape {
     Series series;            // of x, x′ and x″ between left and right
 
     int order(std::size_t i) const { return orders.empty() ? 1 : orders[i]; }
-    double times_as_far(std::size_t i) const { return double(order(i)) / std::max(corank[i], 1); }
+    double times_as_far(std::size_t i) const {
+        return orders.empty() ? 1.0 : double(orders[i]) / std::max(corank[i], 1);
+    }
 };
 
 class Curve {

@@ -36,6 +36,19 @@ class KnownCurves {
         return {nullptr, 0.0};
     }
 
+    // The curve at a point where K may tell nothing, and its u there: in use, touched, or a window built before.
+    std::pair<CurvePtr, double> used_at(const Vector& x, const CurvePtr& now, const std::vector<CurvePtr>& touched) const {
+        std::vector<CurvePtr> used = touched;
+        if (now) used.insert(used.begin(), now);
+        for (std::size_t i = curves.size(); i-- > 0;)
+            if (curves[i]->within()) used.push_back(curves[i]);
+        for (const CurvePtr& one : used) {
+            const std::optional<double> found = one->shape().inside ? one->passes(x) : std::nullopt;
+            if (found && one->contains(*found)) return {one, *found};
+        }
+        return {nullptr, 0.0};
+    }
+
     // Whether the singular place next to a point is one of a meeting's whose curve does not reach there.
     bool beside(const JetPtr& here) const {
         return std::any_of(curves.begin(), curves.end(), [&here](const CurvePtr& known) {

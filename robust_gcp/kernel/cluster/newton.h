@@ -68,4 +68,10 @@ inline std::pair<JetPtr, double> solved(Space& space, Vector guess, const Chart&
     return {found.jet(space, C, P), found.first};
 }
 
+// Sine of the largest angle between two tangent spaces.
+inline double apart(const Jet& one, const Jet& other) {
+    const Matrix T = other.tangent(), own = one.tangent();
+    return Svd(Matrix(T - times(own, transposed_times(own, T)))).s[0];
+}
+
 }  // namespace rg

@@ -65,7 +65,7 @@ class Writer {
         list(s.roots), list(s.corank);
         number(s.closure), number(s.transversality), number(s.error), number(s.near_miss ? 1.0 : 0.0);
         list(s.orders);
-        array(s.inside ? s.series.table() : Matrix());
+        array(s.inside ? s.series.table() : Matrix(0, 1));
     }
 };
 

@@ -79,20 +79,11 @@ class Tracker {
         return {space_->apex ? 2e-15 / near : 1e-16 / (near * near), near};
     }
 
-    // Go on at a point of a bridge through modes that touch, or of a mode in the singular set; see tracker.py.
+    // Go on at a point of a bridge where K may tell nothing; whether there is one.
     bool back_at(const Vector& x) {
-        std::vector<CurvePtr> used = touched;
-        if (curve) used.insert(used.begin(), curve);
-        for (std::size_t i = known_curves.curves.size(); i-- > 0;)
-            if (known_curves.curves[i]->within()) used.push_back(known_curves.curves[i]);
-        for (const CurvePtr& one : used) {
-            const std::optional<double> found = one->shape().inside ? one->passes(x) : std::nullopt;
-            if (!found || !one->contains(*found)) continue;
-            curve = one, u = *found;
-            anchor = curve->jet(C, space_->chosen[0], u);
-            return true;
-        }
-        return false;
+        const auto [found, there] = known_curves.used_at(x, curve, touched);
+        if (found) curve = found, u = there, anchor = curve->jet(C, space_->chosen[0], u);
+        return found != nullptr;
     }
 
     // The point at y on the mode.
@@ -113,14 +104,12 @@ class Tracker {
 
   private:
     static constexpr double CORRECTION = 0.25, STAGES_AHEAD = 40.0;
-    static constexpr double BESIDE = 1e-2, LEFT = 2e-2;        // as in maps/cluster/apex.py
-    static constexpr double NEAR_APEX = 0.1, TURNED = 0.3;
+    static constexpr double BESIDE = 1e-2, LEFT = 2e-2, NEAR_APEX = 0.1, TURNED = 0.3;  // as in maps/cluster/apex.py
     static constexpr double CLEAR = 1.5;  // zones from a surface, beyond which no line across it is asked for
     static constexpr int MAX_STEPS = 400, MAX_OBSTACLES = 400;
 
     JetPtr on_patch(const Vector& y);
     bool enter_patch(const JetPtr& here, const Vector& y);
-
     JetPtr on_curve(double y) {
         const int c = space_->chosen[0];
         const std::optional<double> found = curve->parameter(c, y, u);
@@ -206,21 +195,13 @@ class Tracker {
         }
     }
 
-    // Sine of the largest angle between two tangent spaces.
-    static double apart(const Jet& one, const Jet& other) {
-        const Matrix T = other.tangent(), own = one.tangent();
-        return Svd(Matrix(T - times(own, transposed_times(own, T)))).s[0];
-    }
-
     // One continuation step; null where Newton left the mode.
     JetPtr step(const JetPtr& here, const Vector& step, const Vector& target, double size) {
         ++tally_->marching;
         std::optional<Newton> newton;
         try {
             newton.emplace(*space_, here->predicted(step), *C, target, *here->P);
-        } catch (const Lost&) {
-            return nullptr;
-        }
+        } catch (const Lost&) { return nullptr; }
         ++tally_->svds;
         JetPtr found = newton->jet(*space_, C, here->P);
         const double first = newton->first;
@@ -255,8 +236,8 @@ class Tracker {
 
     bool enter_curve(const JetPtr& here, double y) {
         auto [found, from] = known_curves.through(here, zone);
-        if (found == nullptr && known_curves.beside(here)) return false;
         if (found == nullptr) {
+            if (known_curves.beside(here)) return false;
             try {
                 found = CurveBuilder(here, *options_, zone).build();
             } catch (const NoBridge& failure) {

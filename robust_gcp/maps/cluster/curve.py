@@ -93,8 +93,11 @@ class Curve:
         return self.orders[i] if self.orders else 1
 
     def times_as_far(self, i: int) -> float:
-        """How many times as far as to first order place i lies, beside it: the order for each lost rank."""
-        return self.order(i) / max(self.corank[i], 1)
+        """How many times as far as to first order place i lies, beside it: 1 where modes cross.
+
+        The order for each rank that is lost where they touch.
+        """
+        return self.orders[i] / max(self.corank[i], 1) if self.orders else 1.0
 
     def contains(self, u: float) -> bool:
         """Whether the curve is used at u."""
@@ -125,6 +128,12 @@ class Curve:
             if abs(du) < 1e-15 + 4e-16 * abs(u):
                 break
         return u if self.through.reaches(u, 1e-9) else None
+
+    def beyond(self, C: Array, y: float, u: float) -> float:
+        """u of y by the slope at u, where y lies beyond the nodes."""
+        u = min(max(u, self.left), self.right)
+        x, slope, _ = self.point(u)
+        return u + (y - float(C[:, 0] @ x)) / float(C[:, 0] @ slope)
 
     def jet(self, C: Array, u: float) -> Jet:
         """The point at u in the chart C: J = x'/y_u, Γ = x''/y_u² − J (C x''/y_u²)."""

@@ -1,4 +1,4 @@
-"""Builds the bridge of one mode through a meeting of any corank and any number of modes, where no mid curve exists.
+"""Builds the bridge of one mode through a meeting of any corank and any number of modes.
 
 Along a mode ρ(u) = 1/tr(B⁻¹ B'), B = [P K; tᵀ], is (u − u*)/κ + …: its zero is the place, κ the sum of the
 orders of contact of all modes that meet there. The mode is marched towards the place through Newton's basin
@@ -124,8 +124,8 @@ class _Attempt:
             if abs(moved) < 0.01 * self._w:
                 break
         table = self._series(us, near)
-        star, way = chebyshev.chebval(0.0, table), chebyshev.chebval(0.0, chebyshev.chebder(table))
-        self._frame = _Frame(space, anchor.P, way / np.linalg.norm(way), star)
+        star, way = (np.asarray(chebyshev.chebval(0.0, k)) for k in (table, chebyshev.chebder(table)))
+        self._frame = _Frame(space, anchor.P, way / float(np.linalg.norm(way)), star)
         C = self._frame.t[:, None]
         self._through([node.recharted(C) for node in near])
 
@@ -166,7 +166,7 @@ class _Attempt:
         nodes = list(near)
         for u in us[::-1]:
             mirrored = 2.0 * self._c - u
-            guess = chebyshev.chebval((mirrored - self._c) / self._w, self._series(us, nodes))
+            guess = np.asarray(chebyshev.chebval((mirrored - self._c) / self._w, self._series(us, nodes)))
             node, first = frame.node(guess, mirrored)
             if first > BASIN * frame.basin(node.x, self._bend):
                 raise NoBridgeError("beyond the place the mode lies outside of what its series tells")

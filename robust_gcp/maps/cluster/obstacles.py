@@ -11,7 +11,6 @@ from ...errors import SimulationError
 from ...mechanism.tree import Array
 from .jet import Jet
 from .meeting import Meeting
-from .meeting_builder import CuspAheadError
 from .options import BridgeOptions, NoBridgeError
 from .place import Place, place
 
@@ -91,10 +90,10 @@ def judge(here: Jet, failure: NoBridgeError, options: BridgeOptions, zone: float
     delta = here.delta()
     # looked at again only where it decides: half way to a near miss, deep in the zone of anything else
     radius = max(0.9 * delta, 0.5 * DEEP * zone) if np.isfinite(delta) else 0.1
-    if isinstance(failure, CuspAheadError):
-        star = failure.found.star
+    if isinstance(failure.met, Meeting):
+        star = failure.met.star
         radius = 1.05 * float(np.linalg.norm(here.x - star))  # all the way to it
-        return Obstacle("cusp", star, radius, failure.found.gap, str(failure), met=failure.found)
+        return Obstacle("cusp", star, radius, failure.met.gap, str(failure), met=failure.met)
     if np.isfinite(failure.separation):
         return Obstacle("tangential", here.x, radius, np.nan, str(failure))
     found = place(here)

@@ -88,7 +88,9 @@ USUAL = BridgeOptions()
 class NoBridgeError(SimulationError):
     """No certified bridge exists here; `residual` is what is left of φ on the best attempt."""
 
-    def __init__(self, reason: str, residual: float = np.inf, separation: float = np.nan) -> None:
+    def __init__(
+        self, reason: str, residual: float = np.inf, separation: float = np.nan, met: object = None
+    ) -> None:
         super().__init__(reason)
-        self.residual = residual
-        self.separation = separation
+        self.residual, self.separation = residual, separation
+        self.met = met  # the Meeting, where it is a cusp

@@ -19,6 +19,7 @@ from .chebyshev_series import Series
 from .curve import Curve
 from .hermite_curve import HermiteCurve
 from .jet import Jet, jet
+from .kept import KnownCurves
 from .options import BridgeOptions
 from .patch import Patch
 from .space import ClusterSpace
@@ -67,7 +68,7 @@ class Writer:
 
     def tracker(self, tracker: Tracker) -> None:
         """A tracker with the bridges that it knows and uses."""
-        curves = list(tracker.bridges)
+        curves = list(tracker.known.curves)
 
         def place(curve: Curve) -> int:
             if curve not in curves:
@@ -142,12 +143,12 @@ class Reader:
         tracker = Tracker(self._jet(space), self._options, zone, self._counters)
         count, used = int(self.number()), int(self.number())
         touched = [int(at) for at in self.array().ravel()]
-        tracker.u, tracker.bridges = u, [self._curve(space) for _ in range(count)]
+        tracker.u, tracker.known = u, KnownCurves([self._curve(space) for _ in range(count)])
         if used >= 0:
-            tracker.current = tracker.bridges[used]
+            tracker.current = tracker.known.curves[used]
         if self.number():
             tracker.current = self._patch(space)
-        tracker.touched = [tracker.bridges[at] for at in touched]
+        tracker.touched = [tracker.known.curves[at] for at in touched]
         if isinstance(tracker.current, Patch):
             tracker.touched.append(tracker.current)
         return tracker

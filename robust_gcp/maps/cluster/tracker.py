@@ -8,26 +8,13 @@ from ...mechanism.tree import Array
 from ..point import Counters
 from .apex import BESIDE, LEFT, BesideApex, apart, apex_near
 from .curve import Curve
-from .curve_builder import CurveBuilder
 from .jet import Jet, LostError, jet, solve
-from .kept import curve_through, passes, stays_clear
-from .meeting_builder import TOLD, MeetingAhead, through_meeting
-from .obstacles import (
-    APEX,
-    CONE_WORDS,
-    FARTHEST_LOOK,
-    Obstacle,
-    ObstacleError,
-    approaching,
-    is_near_miss,
-    judge,
-)
+from .kept import KnownCurves, passes, stays_clear
+from .obstacles import APEX, CONE_WORDS, FARTHEST_LOOK, Obstacle, ObstacleError, approaching, judge
 from .options import BridgeOptions, NoBridgeError
 from .patch import Patch
 from .patch_builder import PatchBuilder
-from .place import place
 from .space import ClusterSpace
-from .within import beyond_window
 
 REACH = 0.4
 """Continuation step as a fraction of the distance to the singular set."""
@@ -38,9 +25,6 @@ sheets are as near to each other there as the apex is."""
 
 CORRECTION = 0.25
 """Newton's first correction against the step: more is another branch."""
-
-MAX_BRIDGES = 16
-"""Curves kept for reuse; a mechanism that turns over meets a new one each half turn."""
 
 MAX_STEPS = 400
 
@@ -74,14 +58,13 @@ class Tracker:
         self.space: ClusterSpace = anchor.space
         self.anchor, self.options, self.zone, self.counters = anchor, options, zone, counters
         self.C = anchor.C
-        self.bridges: list[Curve] = []
+        self.known = KnownCurves()
         self.current: Curve | Patch[Tracker] | None = None
         self.u = 0.0
         self.careful = False
         self.touched: list[Curve | Patch[Tracker]] = []
         self.obstacles: list[Obstacle] = []
         self.seen: Obstacle | None = None
-        self._ahead: MeetingAhead | None = None
         self._beside: Patch[Tracker] | None = None  # built last where the motion had not reached it
         self._left: Patch[Tracker] | None = None  # in use before the tracker was put elsewhere
         self._apexless = np.full(self.space.nv, np.inf)  # where no apex was found last
@@ -89,7 +72,7 @@ class Tracker:
     def copy(self) -> Tracker:
         """Another tracker at the same point, which knows the same curves."""
         other = Tracker(self.anchor, self.options, self.zone, self.counters)
-        other.bridges, other.u, other.careful = list(self.bridges), self.u, self.careful
+        other.known, other.u, other.careful = KnownCurves(self.known.curves), self.u, self.careful
         other.current = self.current if isinstance(self.current, Curve) else None
         return other
 
@@ -112,16 +95,12 @@ class Tracker:
         self.anchor, self.C, self.current = anchor, anchor.C, None
 
     def back_at(self, x: Array) -> bool:
-        """Go on at a point of the bridge that was used last there, where K may have no rank; whether there is one.
-
-        For modes that touch, and such as lie in the singular set.
-        """
-        for curve in reversed(self.bridges):
-            u = curve.passes(x) if curve.inside is not None else None
-            if u is not None and curve.contains(u):
-                self.current, self.u, self.anchor = curve, u, curve.jet(self.C, u)
-                return True
-        return False
+        """Go on at a point of a bridge where K may tell nothing; whether there is one."""
+        found = self.known.at(x)
+        if found is not None:
+            self.current, self.u = found
+            self.anchor = found[0].jet(self.C, self.u)
+        return found is not None
 
     def at(self, y: Array) -> Jet:
         """The point at y on the mode.
@@ -160,32 +139,13 @@ class Tracker:
             self._touch(bridge)
             self.u = u
             return bridge.jet(self.C, u)
-        to = self._beyond(bridge, y, self.u) if u is None else u
+        to = bridge.beyond(self.C, float(y[0]), self.u) if u is None else u
         if bridge.kind == "within":
-            self._next_window(bridge, to)
+            self.current, self.u = self.known.next_window(bridge, to, self.options)
             return None
         self.current = None
         self.anchor = bridge.inner(to).recharted(self.C)
         return None
-
-    def _next_window(self, window: Curve, u: float) -> None:
-        """Go on in the next window of a mode that lies in the singular set."""
-        try:
-            made, at = beyond_window(self.bridges, window, u, self.options)
-        except NoBridgeError as failure:
-            raise ObstacleError(
-                Obstacle("unknown", window.point(u)[0], 0.1, np.nan, str(failure))
-            ) from failure
-        if made not in self.bridges:
-            self.counters.bridges_built += 1
-            self._keep(made)
-        self.current, self.u = made, at
-
-    def _beyond(self, curve: Curve, y: Array, u: float) -> float:
-        """u of y by the slope at u, where y lies beyond the nodes."""
-        u = min(max(u, curve.left), curve.right)
-        x, slope, _ = curve.point(u)
-        return u + (float(y[0]) - float(self.C[:, 0] @ x)) / float(self.C[:, 0] @ slope)
 
     # ----------------------------------------------------------------- on regular ground
 
@@ -255,55 +215,25 @@ class Tracker:
         return self._enter_patch(here, y) if self.space.m > 1 else self._enter_curve(here, y)
 
     def _enter_curve(self, here: Jet, y: Array) -> bool:
-        found = curve_through(self.bridges, here, self.zone)
+        found = self.known.through(here, self.zone)
         if found is None:
-            if self._ahead is not None and self._ahead.covers(here.x):
-                return False
-            if any(known.is_beside(here) for known in self.bridges if known.orders):
-                return False
             try:
-                built = self._built(here)
+                built = self.known.built(here, self.zone, self.options)
             except NoBridgeError as failure:
                 return self._blocked(here, failure)
             if built is None:
                 return False
             self.counters.bridges_built += 1
             self.counters.second_order += 1
-            self._keep(built)
             found = built, built.u(here.x)
-        elif found[0] not in self.bridges:
-            self._keep(found[0])
         curve, u = found
         there = curve.parameter(self.C, float(y[0]), u)
-        to = self._beyond(curve, y, u) if there is None else there
+        to = curve.beyond(self.C, float(y[0]), u) if there is None else there
         if not curve.contains(to) and (u - curve.center) * (to - curve.center) > 0.0:
             return False  # beside it, not across
         self._touch(curve)
         self.current, self.u = curve, u
         return True
-
-    def _built(self, here: Jet) -> Curve | None:
-        """A bridge of one coordinate; None where the modes meet too far ahead to be told apart.
-
-        Raises
-        ------
-        NoBridgeError
-        """
-        try:
-            return CurveBuilder(here, self.options, self.zone).build()
-        except NoBridgeError as failure:
-            if is_near_miss(place(here), self.options):
-                raise
-            if (distance := here.nearest()[0]) > TOLD:
-                self._ahead = MeetingAhead(here.x, max(distance - TOLD, 0.05))
-                return None
-            curve = through_meeting(here, self.options, failure)
-            if curve is None:
-                self._ahead = MeetingAhead(here.x, 0.05)
-            elif not curve.through.reaches(curve.u(here.x)):
-                self._keep(curve)
-                return None
-            return curve
 
     def _enter_patch(self, here: Jet, y: Array) -> bool:
         if isinstance(self.space, BesideApex):
@@ -363,11 +293,8 @@ class Tracker:
                 return obstacle
         return None
 
-    def _keep(self, curve: Curve) -> None:
-        self.bridges = [*self.bridges[-MAX_BRIDGES + 1 :], curve]
-
     def _touch(self, bridge: Curve | Patch[Tracker]) -> None:
         if bridge not in self.touched:
             self.touched.append(bridge)
-            if isinstance(bridge, Curve) and bridge.inside is not None and bridge in self.bridges:
-                self.bridges = [*(known for known in self.bridges if known is not bridge), bridge]
+            if isinstance(bridge, Curve):
+                self.known.used(bridge)

@@ -70,25 +70,6 @@ def window(space: ClusterSpace, x: Array, P: Array, options: BridgeOptions) -> C
     )  # fmt: skip
 
 
-def beyond_window(known: list[Curve], last: Curve, u: float, options: BridgeOptions) -> tuple[Curve, float]:
-    """The window in which a mode goes on where it leaves the last one at u, and the parameter there.
-
-    Raises
-    ------
-    NoBridgeError
-    """
-    edge = min(max(u, last.left), last.right)
-    x = last.point(edge)[0]
-    for curve in reversed(known):
-        if curve is last or curve.kind != "within":
-            continue
-        at = curve.passes(x)
-        if at is not None and abs(at - curve.center) < OVERLAP * 0.5 * (curve.right - curve.left):
-            return curve, at
-    made = window(last.space, x, last.through.nodes[0].P, options)
-    return made, made.u(x)
-
-
 def _derivatives(curve: MidCurve) -> Callable[[Array], tuple[Array, Array, Array]]:
     """x with its two derivatives at many u."""
     columns = [chopped(column) for column in curve.x.T]

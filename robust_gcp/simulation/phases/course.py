@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -16,14 +16,12 @@ from .frame import Seen
 from .happening import Happening
 from .impact import REST
 from .leg import Fault, Leg, Steps
-from .progress import FIRST, Progress
+from .progress import FIRST
 from .rest import Still, rested
+from .round import RoundCusps
 from .rows import Kind
 from .turn import BREAK, LATCH, SWITCH, Turn
 from .watch import Found
-
-if TYPE_CHECKING:
-    from ..cusp import Part
 
 MOST = 4096
 """Steps of one leg."""
@@ -38,7 +36,7 @@ AHEAD = (1e-3, 1e-2, 0.1, 1.0)
 """Shares of a step after a break at which it is looked what slips."""
 
 
-class Phases(Progress):
+class Phases(RoundCusps):
     """A motion through phases; parameters are those of `Progress`."""
 
     _begun = (-np.inf, 0)  # when a phase began last, and how many did then
@@ -213,43 +211,6 @@ class Phases(Progress):
         else:
             self._fresh = True
             self._decide(found)
-
-    @property
-    def _turns(self) -> bool:
-        return self._machines.course.restitution is not None
-
-    def _round(self, fault: CuspError) -> None:
-        """To a cusp, and back from it on the other branch, v⁺ = −e v⁻, as far as its arc goes."""
-        arc, part = fault.arrival
-        e, end = self._machines.course.restitution, self._grid.end
-        assert e is not None and self._leg is not None
-        self._read = self._leg.at
-        self._drop()
-        while self._along(part):
-            loss = (1.0 - e**2) * self._rows.mechanism.tree.kinetic(self._q, self._v)
-            self.joined.happenings.append(Happening(self._t, "cusp", fault.joints, float(loss)))
-            part = arc.part(self._t, 0.0, -e * part.eta, end, -part.branch)
-            self._keep(part.steps(np.array([self._t])), np.zeros((1, len(self._rows.rows))))
-
-    def _along(self, part: Part) -> bool:
-        """Along a part of a cusp's arc; whether it ends at the cusp."""
-        since, slack = self._t, self._grid.slack
-        times = np.union1d(self._grid.after(since, MOST), self.joined.chosen.between(since, part.t1))
-        times = times[(since < times) & (times < part.t1 - slack)]
-        times = np.array([since, *times, np.nextafter(part.t1, -np.inf) if part.ends == "cusp" else part.t1])
-        zero = part.ended(self._events, times) if self._events else None
-        if zero is not None:
-            times = np.append(times[times < zero], zero)
-        steps = part.steps(times)
-        held = np.zeros((len(times), len(self._rows.rows)))
-        self.joined.add(self._stretch.block(steps, held), self._phase, first=1)
-        self._t, self._q, self._v = part.t1 if zero is None else zero, steps.q[-1], steps.v[-1]
-        self._seen = Seen.of(self._v, steps.a[-1], self._seen)
-        if zero is not None:
-            self._stop_at_event()
-            return False
-        self._fresh = self._t < self._grid.end - slack
-        return bool(part.ends == "cusp")
 
     @property
     def _over(self) -> bool:

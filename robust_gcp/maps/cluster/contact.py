@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 import scipy
 
-from ..maps.cluster.curve import Curve
-from ..maps.cluster.jet import LostError
-from ..maps.cluster.meeting import Meeting, meeting
-from ..maps.cluster.meeting_builder import mode_through
-from ..maps.cluster.options import USUAL, BridgeOptions
-from ..maps.cluster.space import ClusterSpace
-from ..maps.cluster.within import window
-from ..mechanism.clusters import loop_clusters
-from ..mechanism.loops import ClosedLoops
-from ..mechanism.mechanism import Mechanism
-from ..mechanism.partition import numerical_rank
-from ..mechanism.tolerances import FORM, RANK
-from ..mechanism.tree import Array
-from .second_order import bending, curvature, second_order_forms
+from ...analysis.second_order import bending, curvature, second_order_forms
+from ...mechanism.clusters import loop_clusters
+from ...mechanism.loops import ClosedLoops
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.partition import numerical_rank
+from ...mechanism.tolerances import FORM, RANK
+from ...mechanism.tree import Array
+from .curve import Curve
+from .jet import LostError
+from .kept import turned_to
+from .meeting import Meeting, meeting
+from .meeting_builder import mode_through
+from .options import USUAL, BridgeOptions
+from .space import ClusterSpace
+from .within import window
+
+ContactKind = Literal["singular", "cusp", "isolated", "inside", "not certified"]
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,22 @@ class Contact:
     P: Array
     found: Meeting
 
+    def words(self, rank: int) -> tuple[ContactKind, str, int]:
+        """Which kind of place it is, in words too, and how many modes pass it or end there."""
+        found = self.found
+        if found.kind == "meets" and len(found.orders) == 1:
+            k = found.order
+            words = f"rank {rank} against {rank + 1} nearby: 2 modes touch here, with contact of order {k}"
+            return "singular", words, 2
+        if found.kind == "cusp":
+            return "cusp", "the mode ends in a cusp: both its branches leave to one side", 1
+        if found.kind == "isolated":
+            return "isolated", f"an isolated point, of order {found.order}", 0
+        if found.kind == "inside":
+            return "inside", f"rank {rank} all along the mode, which lies in the singular set", 1
+        words = f"modes come within {found.gap:.1g} lengths of meeting here: digits do not suffice"
+        return "not certified", words, 0
+
     def mode(self, number: int, options: BridgeOptions) -> Curve:
         """The mode of this number through the place, 0 or 1, as the bridge that passes it.
 
@@ -59,6 +79,39 @@ class Contact:
         own = np.column_stack([surface.t, surface.v])
         across = np.linalg.lstsq(self.space.turn(self.x) @ own, kernel[iv], rcond=None)[0][1]
         return np.asarray(kernel @ scipy.linalg.null_space(across[None, :]))
+
+
+class Touching:
+    """The two modes that touch at a place, as bridges through it.
+
+    Parameters
+    ----------
+    contact : Contact
+
+    Raises
+    ------
+    NoBridgeError
+    """
+
+    def __init__(self, contact: Contact) -> None:
+        self._space = contact.space
+        self._curves = [contact.mode(number, USUAL) for number in (0, 1)]
+        self._star = [curve.u(contact.x) for curve in self._curves]
+
+    def number(self, q: Array) -> int | None:
+        """Which of them passes through a configuration beside the place."""
+        x = self._space.x(q[self._space.cluster.iq])
+        found = [i for i, curve in enumerate(self._curves) if turned_to(curve, x).passes(x) is not None]
+        return found[0] if len(found) == 1 else None
+
+    def beyond(self, number: int, star: Array, way: Array, distance: float) -> Array:
+        """The configuration of a mode at a distance from its place, in the sense of a velocity (nv,)."""
+        space, q = self._space, star.copy()
+        iq, iv = space.cluster.iq, space.cluster.iv
+        curve = turned_to(self._curves[number], space.x(star[iq]))
+        sense = float(np.sign(curve.C[:, 0] @ (way[iv] / space.D)))
+        q[iq] = space.q(curve.point(self._star[number] + sense * distance)[0])
+        return q
 
 
 def contact_at(loops: ClosedLoops, q: Array) -> Contact | None:

@@ -1,0 +1,74 @@
+"""A meeting of modes ahead of a point: when it is looked at, what it is, and the bridge through it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...mechanism.tree import Array
+from .curve import Curve
+from .extrapolation import extrapolated
+from .jet import Jet, LostError, solved
+from .meeting import meeting
+from .meeting_builder import bridge_through
+from .options import BridgeOptions, NoBridgeError
+
+SEEN, MOST_CONTACT, FARTHEST = 0.1, 8.0, 0.7
+"""Share of the first-order distance over which it is seen to shrink; orders and distances looked for."""
+
+TOLD = 0.12
+"""First-order distance at which a meeting is looked at: one of order k lies k times as far."""
+
+
+@dataclass(frozen=True)
+class MeetingAhead:
+    """Modes that meet too far ahead to be told apart: within `radius` of x it is not looked at again."""
+
+    x: Array
+    radius: float
+
+    def covers(self, x: Array) -> bool:
+        """Whether x is that near to where it was looked at."""
+        return float(np.linalg.norm(x - self.x)) <= self.radius
+
+
+def through_meeting(here: Jet, options: BridgeOptions, failure: NoBridgeError) -> Curve | None:
+    """The bridge of a mode through the meeting ahead of a regular point; None where that is too far away yet.
+
+    Raises
+    ------
+    NoBridgeError
+        Where no modes meet, or digits do not suffice; `failure` where second order says why.
+    """
+    try:
+        found = meeting(here.space, here.x, here.P, _way_to_place(here), options)
+    except (LostError, np.linalg.LinAlgError):
+        return extrapolated(here, options)  # more than two modes, or of corank above one
+    if found.kind == "meets":
+        return bridge_through(found, here, options)
+    if found.kind == "cusp":
+        raise NoBridgeError("the mode ends in a cusp", met=found)
+    raise failure
+
+
+def _way_to_place(here: Jet) -> Array:
+    """The way to the place ahead, along the tangent, from how the distance to first order shrinks on the way.
+
+    To first order modes in contact of order k meet k times as near as they do.
+    """
+    tangent = here.recharted(here.tangent())
+    first = _first_order(tangent)
+    step = SEEN * first
+    near, _ = solved(here.space, tangent.predicted(np.array([step])), tangent.C, tangent.y + step, here.P)
+    shrinks = (first - _first_order(near)) / step
+    k = 1.0 / max(shrinks, 1.0 / MOST_CONTACT)
+    return np.asarray(tangent.J[:, 0] * float(np.clip(k * first, -FARTHEST, FARTHEST)))
+
+
+def _first_order(jet: Jet) -> float:
+    """The singular place next to a point of a mode, to first order, in its chart."""
+    mu = jet.roots(np.ones(1))
+    if not len(mu):
+        raise LostError("no singular place lies ahead")
+    return float(mu[np.argmin(np.abs(mu))].real)
