@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..checks import check_finite, check_mechanism
+from ..checks import check_callable, check_finite, check_mechanism
 from ..dynamics.continuation import circles_of
-from ..dynamics.derivatives import Derivatives, TorqueSlopes
+from ..dynamics.derivatives import Derivatives, TorqueSlopes, slopes_of_all
 from ..dynamics.following import followed
 from ..dynamics.loads import Torques, Wrench
 from ..dynamics.problem import set_out
@@ -61,8 +61,8 @@ def forward_dynamics(
     """
     check_mechanism(mechanism, Mechanism, "forward_dynamics")
     check_finite("t", t)
-    states = AtStates.of(mechanism, q, v, tau)
-    n, kernel = len(states), states.kernel() if mode is None else None
+    states = AtStates.of(mechanism, q, v, tau, mode=mode)
+    n, kernel = len(states), states.kernel()
     udot: Array = np.empty((n, mechanism.m))
     good: NDArray[np.bool_] = np.zeros(n, dtype=bool)
     if kernel is not None:
@@ -70,7 +70,8 @@ def forward_dynamics(
 
         def ask(which: NDArray[np.intp]) -> NDArray[np.bool_]:
             acting = None if tau is None else tau[which]
-            sound, udot[which] = kernel.forward_dynamics(states.q[which], states.v[which], acting)
+            at = states.q[which], states.v[which], acting
+            sound, udot[which] = kernel.forward_dynamics(*at, mode=states.mode)
             return sound
 
         good[:] = True
@@ -113,11 +114,12 @@ def derivatives(
         For ellipsoid joints.
     """
     check_mechanism(mechanism, Mechanism, "derivatives")
+    check_callable("tau_slopes", tau_slopes, "(t, q, v)")
     check_finite("t", t)
-    states = AtStates.of(mechanism, q, v, tau, wrenches)
+    states = AtStates.of(mechanism, q, v, tau, wrenches, mode)
     whole = Derivatives.room(len(states), mechanism.m, mechanism.nv)
     missing = np.arange(len(states))
-    kernel = states.kernel() if mode is None and (tau_slopes is None or not wrenches) else None
+    tau_slopes, kernel = slopes_of_all(mechanism, tau_slopes, wrenches), states.kernel()
     if kernel is not None:
         missing = _by_kernel(kernel, states, t, whole)
         if states.function is not None:
@@ -159,7 +161,7 @@ def answered(
     missing = np.arange(len(states))
     missing = missing[~ask(missing)]
     while len(missing) and learned(
-        kernel, states.mechanism, states.q[missing[0]], states.v[missing[0]], ahead
+        kernel, states.mechanism, states.q[missing[0]], states.v[missing[0]], ahead, states.mode
     ):
         good = ask(missing)
         if not good.any():
@@ -174,7 +176,7 @@ def _by_kernel(kernel: Derivation, states: AtStates, t: float, whole: Derivative
 
     def ask(which: NDArray[np.intp]) -> NDArray[np.bool_]:
         acting = None if tau is None else tau[which]
-        found = kernel.slopes(states.q[which], states.v[which], acting)
+        found = kernel.slopes(states.q[which], states.v[which], acting, mode=states.mode)
         _fill(whole, which[found.good], found.at(found.good))
         return found.good
 
@@ -199,11 +201,13 @@ def _follow(
         raise NonFiniteError(f"the linearisation at q = {q} is not finite")
 
 
-def learned(kernel: Derivation, mechanism: Mechanism, q: Array, v: Array, ahead: float) -> bool:
+def learned(
+    kernel: Derivation, mechanism: Mechanism, q: Array, v: Array, ahead: float, mode: Array | None = None
+) -> bool:
     """Whether the kernel is told of the mode at a state, that was new to it."""
     try:
         places = [q] if ahead == 0.0 else [q, mechanism.tree.integrate(q, ahead * v)]
-        return kernel.learn_beside(set_out(mechanism, q, v).start, places)
+        return kernel.learn_beside(set_out(mechanism, q, v, mode).start, places)
     except RobustGcpError:  # the reference says what is wrong
         return False
 

@@ -17,7 +17,7 @@ from ..dynamics.mode_rates import SPARED
 from ..dynamics.problem import Problem, set_out
 from ..errors import SimulationError
 from ..kernel.derivation import SAME, Derivation
-from ..kernel.derivations import derivation
+from ..kernel.derivations import derivation, left_to_python
 from ..maps.choice import MapChoice
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
@@ -33,6 +33,9 @@ MOST_DOUBLINGS = 11
 
 SMALLEST = 2.0**-12
 """Share of the step below which no part is tried."""
+
+WHAT = "derivatives of steps"
+"""What this is to who is warned of its price."""
 
 
 def differentiated(
@@ -71,13 +74,16 @@ def differentiated(
                 if moved is not None:
                     return moved.told_in(mechanism)
                 motion = set_out(other, *at, mode, acting.torque)
-            return Follower(motion, acting, t).whole(h).told_in(mechanism)
+            moved = Follower(motion, acting, t).whole(h).told_in(mechanism)
+            left_to_python(mechanism, WHAT, _why(acting))
+            return moved
         except SimulationError:  # as `simulate`, which then goes on with error control
             pass
     own = mechanism if other is None else other
     moved = _parts_by_kernel(own, at, mode, acting, h, end)
     if moved is not None:
         return moved.told_in(mechanism)
+    left_to_python(mechanism, WHAT, _why(acting))
     motion = set_out(own, *at, mode, acting.torque, MapChoice(error_controlled=True))
     return Follower(motion, acting, t, sparing=True).by_parts(h).told_in(mechanism)
 
@@ -143,6 +149,13 @@ def _kernel_of(
     if mode is not None or callable(acting.torque) or more:
         return None
     return derivation(mechanism, state[0])
+
+
+def _why(acting: Acting) -> str | None:
+    """Why the kernel does not take such steps, wherever they are."""
+    if acting.held is not None:
+        return "joints are held there, by stops, friction, locks or as geometry that may change"
+    return "a torque follows the state there; hold it over steps" if callable(acting.torque) else None
 
 
 class Follower:

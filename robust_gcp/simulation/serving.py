@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import check_callable, require_finite
+from ..checks import require_finite
 from ..dynamics.change_of_coordinates import transformed
 from ..dynamics.continuation import Circles, circles_of
 from ..dynamics.derivatives import Accelerations, Derivatives, PointDerivatives, TorqueSlopes
@@ -22,7 +22,7 @@ from ..dynamics.loads import Torques, Wrench, one_torque
 from ..dynamics.mode_rates import ZONE
 from ..dynamics.problem import Problem, set_out
 from ..errors import ModelError, NonFiniteError, NotCertifiedError, SimulationError
-from ..kernel.derivations import derivation
+from ..kernel.derivations import derivation, left_to_python
 from ..maps.point import Counters, Point
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tolerances import CLOSED
@@ -74,7 +74,13 @@ def forward_dynamics(
     motion = set_out(mechanism, q, v, mode, applied)
     other = serving(mechanism, motion.start.point)
     if other is not None:
-        motion = set_out(other, *state_of(motion, q, v), mode, applied)
+        state = state_of(motion, q, v)
+        if mode is None and not callable(applied):
+            found = _by_kernel(other, *state, applied)
+            if found is not None:
+                return require_finite(found[1].a[mechanism.iv_independent], "u̇")
+        motion = set_out(other, *state, mode, applied)
+    left_to_python(mechanism, "accelerations")
     now = motion.equations.at_point(t, motion.start.point)
     a = now.a
     if now.point.conditioning < ZONE:  # K_d gives it to ε/σ² only
@@ -103,11 +109,11 @@ def derivatives(
     known : Circles, optional
         Of other states of the mechanism; those made here are added.
     """
-    check_callable("tau_slopes", tau_slopes, "(t, q, v)")
     applied = one_torque(mechanism, tau, wrenches)
     motion = set_out(mechanism, q, v, mode, applied)
     other = serving(mechanism, motion.start.point)
     if other is None:
+        left_to_python(mechanism, "derivatives")
         others, still = (motion, applied, tau_slopes, known), still_rows(mechanism)
         slopes = PointDerivatives(*others) if still is None else HeldDerivatives(still, *others)
         return slopes.at_start(t)
@@ -120,6 +126,7 @@ def derivatives(
     if mode is None and tau_slopes is None and not callable(applied):
         found = _by_kernel(other, *state, applied)
     if found is None:
+        left_to_python(mechanism, "derivatives")
         motion = set_out(other, *state, mode, applied)
         circles = None if known is None else circles_of(other)
         found = PointDerivatives(motion, applied, tau_slopes, circles).whole_at_start(t)
