@@ -5,7 +5,7 @@ What it does not, `serving` and the reference do, which say what is wrong with a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import fields
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..checks import check_callable, check_finite, check_mechanism
+from ..dynamics.change_of_coordinates import transformed
 from ..dynamics.continuation import circles_of
 from ..dynamics.derivatives import Derivatives, TorqueSlopes, slopes_of_all
 from ..dynamics.following import followed
@@ -20,10 +21,14 @@ from ..dynamics.loads import Torques, Wrench
 from ..dynamics.problem import set_out
 from ..errors import NonFiniteError, RobustGcpError
 from ..kernel.derivation import Derivation
+from ..maps.point import Point
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from . import serving
 from .at_states import AtStates
+
+NEAR = 0.02
+"""How near to a state beside which no circle could be made none is tried again, dimensionless."""
 
 
 def forward_dynamics(
@@ -74,8 +79,13 @@ def forward_dynamics(
             sound, udot[which] = kernel.forward_dynamics(*at, mode=states.mode)
             return sound
 
+        def by_others(which: NDArray[np.intp]) -> Iterator[int]:
+            for i, _, whole in serving.answered_by_others(mechanism, states.q, states.v, tau, which):
+                udot[i] = whole.a[mechanism.iv_independent]
+                yield i
+
         good[:] = True
-        good[answered(kernel, states, ask)] = False
+        good[answered(kernel, states, ask, by_others)] = False
     for i in np.flatnonzero(~good).tolist():
         state = states.q[i], states.v[i] if v is not None else None
         with states.at(i):
@@ -142,14 +152,17 @@ def answered(
     kernel: Derivation,
     states: AtStates,
     ask: Callable[[NDArray[np.intp]], NDArray[np.bool_]],
+    by_others: Callable[[NDArray[np.intp]], Iterable[int]],
     ahead: float = 0.0,
 ) -> NDArray[np.intp]:
-    """Ask the kernel about all states, and again about those that a mode which it is told of then may serve.
+    """Ask the kernel about all states, in other coordinates that served before, and again with more modes.
 
     Parameters
     ----------
     ask : callable
         About states by number; which of them it answered.
+    by_others : callable
+        Answers those of them that it can in other coordinates, and yields their numbers.
     ahead : float
         How far the motion is followed from a state, s.
 
@@ -160,6 +173,8 @@ def answered(
     """
     missing = np.arange(len(states))
     missing = missing[~ask(missing)]
+    if len(missing) and states.mode is None:
+        missing = np.setdiff1d(missing, list(by_others(missing)))
     while len(missing) and learned(
         kernel, states.mechanism, states.q[missing[0]], states.v[missing[0]], ahead, states.mode
     ):
@@ -180,7 +195,13 @@ def _by_kernel(kernel: Derivation, states: AtStates, t: float, whole: Derivative
         _fill(whole, which[found.good], found.at(found.good))
         return found.good
 
-    return answered(kernel, states, ask)
+    def by_others(which: NDArray[np.intp]) -> Iterator[int]:
+        others = serving.answered_by_others(states.mechanism, states.q, states.v, tau, which)
+        for i, found, accelerations in others:
+            _fill(whole, i, transformed(found, accelerations, states.mechanism.iv_independent))
+            yield i
+
+    return answered(kernel, states, ask, by_others)
 
 
 def _follow(
@@ -205,11 +226,27 @@ def learned(
     kernel: Derivation, mechanism: Mechanism, q: Array, v: Array, ahead: float, mode: Array | None = None
 ) -> bool:
     """Whether the kernel is told of the mode at a state, that was new to it."""
+    failed: list[tuple[Array, Array]] = mechanism.memo.once("no circles beside", list)
     try:
+        start = set_out(mechanism, q, v, mode).start
+        if serving.serving(mechanism, start.point) is not None or _is_near(mechanism, start.point, failed):
+            return False
         places = [q] if ahead == 0.0 else [q, mechanism.tree.integrate(q, ahead * v)]
-        return kernel.learn_beside(set_out(mechanism, q, v, mode).start, places)
+        if kernel.learn_beside(start, places):
+            return True
     except RobustGcpError:  # the reference says what is wrong
         return False
+    failed.append((start.point.q, start.point.G))
+    return False
+
+
+def _is_near(mechanism: Mechanism, point: Point, others: list[tuple[Array, Array]]) -> bool:
+    """Whether a point is beside another one, on the same way."""
+    for q, G in others:
+        off = np.abs(mechanism.tree.difference(q, point.q) / mechanism.units).max()
+        if off < NEAR and np.abs(G - point.G).max() < NEAR * np.abs(G).max():
+            return True
+    return False
 
 
 def _fill(whole: Derivatives, i: Any, some: Derivatives) -> None:

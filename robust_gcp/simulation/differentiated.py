@@ -70,7 +70,7 @@ def differentiated(
     if not by_parts:
         try:
             if other is not None:
-                moved = _by_kernel(other, at, mode, acting, h, end)
+                moved = step_by_kernel(other, at, mode, acting, h, end)
                 if moved is not None:
                     return moved.told_in(mechanism)
                 motion = set_out(other, *at, mode, acting.torque)
@@ -88,7 +88,7 @@ def differentiated(
     return Follower(motion, acting, t, sparing=True).by_parts(h).told_in(mechanism)
 
 
-def _by_kernel(
+def step_by_kernel(
     mechanism: Mechanism,
     state: tuple[Array, Array],
     mode: ArrayLike | None,
@@ -96,7 +96,7 @@ def _by_kernel(
     h: float,
     end: tuple[Array, Array] | None,
 ) -> Moved | None:
-    """The step by the kernel; None where it does not take it."""
+    """The step by the kernel in a mechanism's own coordinates; None where it does not take it."""
     kernel = _kernel_of(mechanism, state, mode, acting)
     if kernel is None:
         return None
@@ -107,7 +107,8 @@ def _by_kernel(
         return None
     A, B, _ = kernel.pull(0, 1, np.eye(2 * kernel.m))
     first, last = (Slope(taken.G[i], taken.dv_dy[i]) for i in (0, 1))
-    return Moved(A, B[0], np.zeros((len(A), 0)), mechanism, mechanism, first, last, *(end or state))
+    ends = end or (taken.q[1], taken.v[1])
+    return Moved(A, B[0], np.zeros((len(A), 0)), mechanism, mechanism, first, last, *ends)
 
 
 def _parts_by_kernel(
@@ -135,8 +136,8 @@ def _parts_by_kernel(
         A, B, _ = kernel.pull(0, count, np.eye(2 * kernel.m))
         if before is not None and np.abs(A - before).max() < AGREE * np.abs(A).max():
             first, last = (Slope(taken.G[i], taken.dv_dy[i]) for i in (0, -1))
-            none = np.zeros((len(A), 0))
-            return Moved(A, B.sum(axis=0), none, mechanism, mechanism, first, last, *(end or state))
+            none, ends = np.zeros((len(A), 0)), end or (taken.q[-1], taken.v[-1])
+            return Moved(A, B.sum(axis=0), none, mechanism, mechanism, first, last, *ends)
         before = A
     return None
 

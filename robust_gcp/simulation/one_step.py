@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,8 +17,9 @@ from ..mechanism.tree import Array
 from ..mechanism.varied import still_rows
 from .at_states import AtStates, on_threads
 from .derivatives import answered
-from .differentiated import differentiated
-from .moved import Acting
+from .differentiated import differentiated, step_by_kernel
+from .moved import Acting, Moved
+from .serving import parametrises, those_that_served
 from .simulate import simulate
 
 
@@ -166,11 +168,33 @@ def _stepped(states: AtStates, h: float, jacobians: bool, mode: ArrayLike | None
                 whole[which] = part
         return good
 
-    missing = np.arange(n) if kernel is None else answered(kernel, states, ask, h)
+    def by_others(which: NDArray[np.intp]) -> Iterator[int]:
+        if states.function is None:
+            yield from (i for i in which.tolist() if _by_others(states, i, h, after))
+
+    missing = np.arange(n) if kernel is None else answered(kernel, states, ask, by_others, h)
     for i in missing.tolist():
         with states.at(i):
             _by_reference(states, i, h, mode, t, after)
     return after
+
+
+def _by_others(states: AtStates, i: int, h: float, after: Stepped) -> bool:
+    """Whether the kernel took the step from a state in other coordinates that served before."""
+    mechanism, state = states.mechanism, (states.q[i], states.v[i])
+    acting = Acting(None if states.tau is None else states.tau[i], held=still_rows(mechanism))
+    for other in those_that_served(mechanism):
+        moved = step_by_kernel(other, state, None, acting, h, None)
+        if moved is not None and parametrises(mechanism, moved.first.G):
+            _write(moved.told_in(mechanism), i, after)
+            return True
+    return False
+
+
+def _write(moved: Moved, i: int, after: Stepped) -> None:
+    after.q[i], after.v[i] = moved.q, moved.v
+    if after.A is not None and after.B is not None:
+        after.A[i], after.B[i] = moved.A, moved.B
 
 
 def _by_reference(
@@ -180,8 +204,8 @@ def _by_reference(
     mechanism, state, torque = states.mechanism, (states.q[i], states.v[i]), states.torque_at(i)
     if after.A is not None and after.B is not None:
         held = None if torque is None else mechanism.velocity(torque, "tau")
-        moved = differentiated(mechanism, state, mode, Acting(held, held=still_rows(mechanism)), t, h)
-        after.q[i], after.v[i], after.A[i], after.B[i] = moved.q, moved.v, moved.A, moved.B
+        acts = Acting(held, held=still_rows(mechanism))
+        _write(differentiated(mechanism, state, mode, acts, t, h), i, after)
         return
     left_to_python(mechanism, "single steps")
     later = None if not callable(torque) else lambda s, q, v, f=torque: f(t + s, q, v)

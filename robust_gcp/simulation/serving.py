@@ -7,11 +7,11 @@ though the motion is smooth: it is described by other joints, as `simulate` does
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..checks import require_finite
 from ..dynamics.change_of_coordinates import transformed
@@ -32,6 +32,10 @@ from .coordinates import Coordinates, in_coordinates
 
 log = logging.getLogger(__name__)
 
+SHARE = 1e-3
+"""Of the largest velocity that the slowest of a mechanism's own coordinates has, where these are looked at no
+further."""
+
 
 def serving(mechanism: Mechanism, point: Point) -> Mechanism | None:
     """The mechanism in coordinates that serve at a point; None where its own do.
@@ -42,7 +46,51 @@ def serving(mechanism: Mechanism, point: Point) -> Mechanism | None:
         Of a motion in the mechanism's coordinates.
     """
     names = Coordinates(mechanism, mechanism.independent, Counters(), even=False).better(point)
-    return None if names is None else in_coordinates(mechanism, names)
+    if names is None:
+        return None
+    other = in_coordinates(mechanism, names)
+    known = those_that_served(mechanism)
+    if other not in known:
+        known.append(other)
+    return other
+
+
+def those_that_served(mechanism: Mechanism) -> list[Mechanism]:
+    """The mechanism in other coordinates, which served where its own did not."""
+    known: list[Mechanism] = mechanism.memo.once("other coordinates", list)
+    return known
+
+
+def answered_by_others(
+    mechanism: Mechanism, q: Array, v: Array, tau: Array | None, left: NDArray[np.intp]
+) -> Iterator[tuple[int, Derivatives, Accelerations]]:
+    """Derivatives at those of some states that the kernel has in coordinates that served before, in these.
+
+    Parameters
+    ----------
+    q, v, tau : ndarray (N, nq), (N, nv), (N, nv) or None
+    left : ndarray of int
+        Which of the states are asked for.
+    """
+    for other in those_that_served(mechanism):
+        kernel = derivation(other, q[left[0]]) if len(left) else None
+        if kernel is None:
+            continue
+        found = kernel.slopes(q[left], v[left], None if tau is None else tau[left], whole=True)
+        whole, done = found.whole, np.zeros(len(left), dtype=bool)
+        assert whole is not None  # it was asked for
+        for k in np.flatnonzero(found.good).tolist():
+            done[k] = parametrises(mechanism, found.G[k])
+            if done[k]:
+                yield int(left[k]), found.at(k), Accelerations(whole.a[k], whole.by_y[k], whole.by_u[k])
+        left = left[~done]
+
+
+def parametrises(mechanism: Mechanism, G: Array) -> bool:
+    """Whether a mechanism's own coordinates, however poor, are some of a motion with this G."""
+    own = mechanism.iv_independent
+    sizes = np.linalg.svd(G[own] / mechanism.units[own, None], compute_uv=False)
+    return bool(sizes[-1] > SHARE * np.abs(G / mechanism.units[:, None]).max())
 
 
 def state_of(motion: Problem, q: ArrayLike | None, v: ArrayLike | None) -> tuple[Array, Array]:
