@@ -16,8 +16,8 @@ from ..dynamics.continuation import Around, circles_of
 from ..dynamics.derivatives import Accelerations
 from ..dynamics.equations import CheckedTorque
 from ..dynamics.mode_rates import ZONE, ModeRates
-from ..dynamics.problem import set_out
 from ..errors import ClosureError
+from ..maps.regular_path import RegularPath
 from ..maps.start import Start
 from ..maps.start_check import apart
 from ..mechanism.clusters import LoopCluster
@@ -49,8 +49,8 @@ class Derivation:
     ----------
     library : Library
     mechanism : Mechanism
-    q : ndarray (nq,)
-        A closed configuration, which picks the rows of φ.
+    path : RegularPath
+        Of a regular start, which picked the rows of φ.
 
     Attributes
     ----------
@@ -62,9 +62,8 @@ class Derivation:
         When the kernel cannot take the mechanism.
     """
 
-    def __init__(self, library: Library, mechanism: Mechanism, q: Array) -> None:
+    def __init__(self, library: Library, mechanism: Mechanism, path: RegularPath) -> None:
         self._library, self._mechanism, self.m, self.nv = library, mechanism, mechanism.m, mechanism.nv
-        path = set_out(mechanism, q).explicit.path
         self._left_over = mechanism.nc > path.nd
         self._turns = any(row.axis == ROTATION for row in rows_of(mechanism.loops))
         still = still_inputs(mechanism)

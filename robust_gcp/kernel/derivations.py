@@ -6,7 +6,7 @@ import threading
 
 import numpy as np
 
-from ..dynamics.problem import set_out
+from ..dynamics.problem import Problem, set_out
 from ..errors import PerformanceWarning, RobustGcpError, SingularStartError
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
@@ -68,7 +68,7 @@ def own_derivation(
     )
     try:
         if applied is None or applied.has_slopes:
-            return Derivation(kernel, mechanism, _regular(mechanism, q, v, mode))
+            return Derivation(kernel, mechanism, _begun(mechanism, q, v, mode).explicit.path)
     except NotNativeError as error:
         reason = f"{error}; spell it as simple joints"
     warn(
@@ -106,15 +106,13 @@ def left_to_python(mechanism: Mechanism, what: str, why: str | None = None) -> N
     )
 
 
-def _regular(mechanism: Mechanism, q: Array, v: Array | None, mode: Array | None) -> Array:
-    """q where it is regular, else a place beside it on the mode of a state there."""
+def _begun(mechanism: Mechanism, q: Array, v: Array | None, mode: Array | None) -> Problem:
+    """A motion from q where that is regular, else from beside it on the mode of a state there."""
     try:
-        set_out(mechanism, q)
-        return q
+        return set_out(mechanism, q)
     except SingularStartError:
         if mode is None and (v is None or not np.any(v)):
             raise
     explicit = set_out(mechanism, q, v, mode).explicit
-    here = explicit.anchor.y
     aside = BESIDE * mechanism.units[mechanism.iv_independent]
-    return explicit.at(here + aside, np.zeros(mechanism.m)).q
+    return set_out(mechanism, explicit.at(explicit.anchor.y + aside, np.zeros(mechanism.m)).q)

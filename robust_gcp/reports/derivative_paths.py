@@ -43,8 +43,8 @@ CALLS: dict[str, Callable[..., object]] = {
     "derivatives": derivatives,
     "motion_point": motion_point,
     "linearise": linearise,
-    "step": lambda *state, mode=None: step(*state, 1e-3, mode=mode),
-    "step_jacobians": lambda *state, mode=None: step_jacobians(*state, 1e-3, mode=mode),
+    "step": partial(step, h=1e-3),
+    "step_jacobians": partial(step_jacobians, step=1e-3),
 }
 """Of a state and torques, with `mode=`."""
 
@@ -120,8 +120,7 @@ def _groups() -> Iterator[tuple[str, Call, dict[str, Call]]]:
         "mode= at a regular state": (rocker, rocker.home, v, {"mode": rocker.G(rocker.home)[:, 0]}),
         "singular, moving": (bars, flat, 2.0 * mode, {}),
         "singular, at rest with mode=": (bars, flat, 0.0 * mode, {"mode": mode}),
-        "beside a dead point": (*_dead_point(), {}),
-        "beside singular, two coordinates": (*_five_bar(), {}),
+        "beside a dead point": (*dead_point(), {}),
     }
     push = [Wrench("q2", np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0]))]
 
@@ -132,6 +131,8 @@ def _groups() -> Iterator[tuple[str, Call, dict[str, Call]]]:
         others: dict[str, Call] = {}
         for where, (mech, q, fast, options) in places.items():
             others[where] = partial(call, mech, q, fast, np.zeros(mech.nv), **options)
+        several = five_bar_in_line()  # warned of once for each mechanism
+        others["beside singular, two coordinates"] = partial(call, *several, np.zeros(several[0].nv))
         if what in ("derivatives", "linearise"):
             others["a wrench"] = partial(call, rocker, rocker.home, v, tau, wrenches=push)
             others["a torque function"] = partial(call, rocker, rocker.home, v, follow)
@@ -191,7 +192,7 @@ def _gradients(rocker: Mechanism, v: Array, bars: Mechanism) -> Iterator[tuple[s
     )
 
 
-def _five_bar() -> tuple[Mechanism, Array, Array]:
+def five_bar_in_line() -> tuple[Mechanism, Array, Array]:
     """Two coordinates in a loop, stretched along a line and a little beside."""
     points = {"A": (0.0, 0.0), "B": (1.0, 0.0), "C": (2.5, 0.0), "D": (2.0, 0.0), "E": (1.0, 0.0)}
     links = {"ground": ["A", "E"], "a": ["A", "B"], "b": ["B", "C"], "c": ["E", "D"], "d": ["D", "C"]}
@@ -207,7 +208,7 @@ def _five_bar() -> tuple[Mechanism, Array, Array]:
     return mech, q, mech.lift(q, [1.0, -0.5])
 
 
-def _dead_point() -> tuple[Mechanism, Array, Array]:
+def dead_point() -> tuple[Mechanism, Array, Array]:
     """The crank-rocker by its rocker, beside where that turns back."""
     mech = load("crank_rocker")
     straight = float(np.arccos((3.5**2 + 4.0**2 - 3.0**2) / (2.0 * 3.5 * 4.0)))

@@ -81,9 +81,10 @@ def differentiated(
             pass
     own = mechanism if other is None else other
     moved = _parts_by_kernel(own, at, mode, acting, h, end)
+    if moved is None or not by_parts:
+        left_to_python(mechanism, WHAT, _why(acting))
     if moved is not None:
         return moved.told_in(mechanism)
-    left_to_python(mechanism, WHAT, _why(acting))
     motion = set_out(own, *at, mode, acting.torque, MapChoice(error_controlled=True))
     return Follower(motion, acting, t, sparing=True).by_parts(h).told_in(mechanism)
 
