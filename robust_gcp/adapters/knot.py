@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..dynamics.derivatives import PointDerivatives
 from ..dynamics.discrete import differentiated_step
 from ..dynamics.problem import Problem, set_out
-from ..kernel.derivations import derivation
+from ..kernel.derivations import derivation, left_to_python
 from ..maps.grouped import GroupMap, joined
 from ..maps.point import Point
 from ..mechanism.groups import groups_of
@@ -117,6 +117,7 @@ class Knot:
 
     def _by_reference(self, start: Array, taken: Taken) -> None:
         """The step in Python, its derivatives only when they are asked for."""
+        left_to_python(self._mechanism, "steps of knots")
         equations, explicit, m = self._motion.equations, self._followed.explicit(), self._mechanism.m
 
         def f(t: float, x: Array) -> Array:

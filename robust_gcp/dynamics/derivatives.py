@@ -102,7 +102,8 @@ def derivatives(
     check_callable("tau_slopes", tau_slopes, "(t, q, v)")
     applied = one_torque(mechanism, tau, wrenches)
     motion = set_out(mechanism, q, v, mode, applied)
-    return PointDerivatives(motion, applied, tau_slopes, known).at_start(t)
+    slopes = slopes_of_all(mechanism, tau_slopes, wrenches)
+    return PointDerivatives(motion, applied, slopes, known).at_start(t)
 
 
 @dataclass(frozen=True)
@@ -164,6 +165,22 @@ class AppliedSlopes:
         """∂τ/∂q and ∂τ/∂v of a function by central differences, (nv, nv) each."""
         mechanism = self._mechanism
         return torque_differences(mechanism.tree, mechanism.units, lambda q, v: torque(t, q, v), q, v)
+
+
+def slopes_of_all(
+    mechanism: Mechanism, given: TorqueSlopes | None, wrenches: Sequence[Wrench]
+) -> TorqueSlopes | None:
+    """A torque function's slopes that were given, and those of wrenches by differences."""
+    if given is None or not wrenches:
+        return given
+    own, loads = AppliedSlopes(mechanism, None, given), one_torque(mechanism, None, wrenches)
+    more = AppliedSlopes(mechanism, loads, None)
+
+    def summed(t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        (by_q, by_v), (more_q, more_v) = own(t, q, v), more(t, q, v)
+        return by_q + more_q, by_v + more_v
+
+    return summed
 
 
 class PointDerivatives:

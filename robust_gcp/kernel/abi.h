@@ -112,6 +112,7 @@ struct States {  // where derivatives are asked for
     double zone;            // conditioning below which K_d is too poor
     double close, same;     // how far q and v may be from closed ones, and a step's end from the next state
     double at_rest;         // what is added to the largest |v| where differences of v are relative to it
+    const double* mode;     // (nv, m): G of the mode that states where modes meet are on, or null: as v tells
     // results, null where not wanted
     double* ydd;            // (count, m)
     double* rows;           // (count, m, 2m + nv): ∂u̇ by y, u and τ

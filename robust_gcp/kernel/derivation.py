@@ -16,13 +16,14 @@ from ..dynamics.continuation import Around, circles_of
 from ..dynamics.derivatives import Accelerations
 from ..dynamics.equations import CheckedTorque
 from ..dynamics.mode_rates import ZONE, ModeRates
-from ..dynamics.problem import set_out
 from ..errors import ClosureError
+from ..maps.regular_path import RegularPath
 from ..maps.start import Start
+from ..maps.start_check import apart
 from ..mechanism.clusters import LoopCluster
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.rows import ROTATION, rows_of
-from ..mechanism.tolerances import NEARLY_CLOSED, RANK
+from ..mechanism.tolerances import NEARLY_CLOSED, RANK, SAME_MODE
 from ..mechanism.tree import Array
 from ..mechanism.varied import still_inputs
 from .answers import asking
@@ -48,8 +49,8 @@ class Derivation:
     ----------
     library : Library
     mechanism : Mechanism
-    q : ndarray (nq,)
-        A closed configuration, which picks the rows of φ.
+    path : RegularPath
+        Of a regular start, which picked the rows of φ.
 
     Attributes
     ----------
@@ -61,9 +62,8 @@ class Derivation:
         When the kernel cannot take the mechanism.
     """
 
-    def __init__(self, library: Library, mechanism: Mechanism, q: Array) -> None:
+    def __init__(self, library: Library, mechanism: Mechanism, path: RegularPath) -> None:
         self._library, self._mechanism, self.m, self.nv = library, mechanism, mechanism.m, mechanism.nv
-        path = set_out(mechanism, q).explicit.path
         self._left_over = mechanism.nc > path.nd
         self._turns = any(row.axis == ROTATION for row in rows_of(mechanism.loops))
         still = still_inputs(mechanism)
@@ -102,17 +102,23 @@ class Derivation:
             self._library.derived(handle)
 
     def forward_dynamics(
-        self, q: Array, v: Array, tau: Array | None, known: bool = False
+        self, q: Array, v: Array, tau: Array | None, known: bool = False, mode: Array | None = None
     ) -> tuple[NDArray[np.bool_], Array]:
         """Which of N states are good, and u̇ (N, m); see `slopes`."""
         udot, status = np.empty((len(q), self.m)), np.empty(len(q), dtype=np.int32)
         G = np.empty((len(q), self.nv, self.m))
-        states = self._states(q, v, tau, status, ydd=udot, G=G)
+        states = self._states(q, v, tau, status, mode=mode, ydd=udot, G=G)
         self._library.slopes(self._handle, ctypes.byref(states.structure))
-        return status == 0 if known else self._sound(status, q, G), udot
+        return status == 0 if known else self._sound(status, q, G, mode), udot
 
     def slopes(
-        self, q: Array, v: Array, tau: Array | None, known: bool = False, whole: bool = False
+        self,
+        q: Array,
+        v: Array,
+        tau: Array | None,
+        known: bool = False,
+        whole: bool = False,
+        mode: Array | None = None,
     ) -> Slopes:
         """The derivatives at N states.
 
@@ -124,6 +130,8 @@ class Derivation:
             Whether the states are those of a motion: rows of φ that the kernel does not have are closed.
         whole : bool
             Whether the accelerations of all joints are wanted too.
+        mode : ndarray (nv, m), optional
+            Tangent of the mode that all of them are on; states on others are not good.
         """
         n, nv, m = len(q), self.nv, self.m
         udot, rows, status = np.empty((n, m)), np.empty((n, m, 2 * m + nv)), np.empty(n, dtype=np.int32)
@@ -132,14 +140,19 @@ class Derivation:
         wanted: dict[str, Array] = {"ydd": udot, "rows": rows, "G": G, "v_y": v_y}
         if every is not None:
             wanted |= {"a": every.a, "a_y": every.by_y, "a_u": every.by_u}
-        states = self._states(q, v, tau, status, 0.0, 0.0, ZONE, **wanted)
+        states = self._states(q, v, tau, status, 0.0, 0.0, ZONE, mode, **wanted)
         self._library.slopes(self._handle, ctypes.byref(states.structure))
-        good = status == 0 if known else self._sound(status, q, G)
+        good = status == 0 if known else self._sound(status, q, G, mode)
         return Slopes(good, udot, rows, G, v_y, every)
 
-    def _sound(self, status: NDArray[np.int32], q: Array, G: Array) -> NDArray[np.bool_]:
-        """Which states are good, those rows of φ included that the kernel does not have."""
+    def _sound(
+        self, status: NDArray[np.int32], q: Array, G: Array, mode: Array | None = None
+    ) -> NDArray[np.bool_]:
+        """Which states are good, those rows of φ included that the kernel does not have, and on a mode."""
         good = np.asarray(status == 0)
+        if mode is not None:
+            for i in np.flatnonzero(good):
+                good[i] = apart(self._mechanism, mode, G[i]) < SAME_MODE
         if not (self._left_over or self._turns):
             return good
         mechanism, columns = self._mechanism, self._mechanism.column_scale
@@ -194,7 +207,7 @@ class Derivation:
         stages = Stages.room(times, nq, nv, m) if staged else None
         if stages is not None:
             wanted |= stages.arrays()
-        states = self._states(q, v, tau, status, 1.0, same, zone, **wanted)
+        states = self._states(q, v, tau, status, 1.0, same, zone, None, **wanted)
         with asking(self._mechanism, states, function):
             self._library.take(self._handle, ctypes.byref(states.structure), times.ctypes.data)
         return Taken(status == 0, G, v_y, *reached, stages)
@@ -208,10 +221,12 @@ class Derivation:
         jacobians: bool = False,
         function: CheckedTorque | None = None,
         t: float = 0.0,
+        mode: Array | None = None,
     ) -> tuple[NDArray[np.bool_], Array, Array, Array | None, Array | None]:
         """A step of RK4 from each of N states: which are good, their ends, and A and B where they are wanted.
 
         `tau` (N, nv) is held over the step of h s, besides a function; A is (N, 2m, 2m), B (N, 2m, nv).
+        `mode` as in `slopes`.
         """
         n, m = len(q), self.m
         status, ends = np.empty(n, dtype=np.int32), (np.empty(q.shape), np.empty(v.shape))
@@ -219,10 +234,10 @@ class Derivation:
         wanted: dict[str, Array] = {"q_out": ends[0], "v_out": ends[1], "G": G}
         if jacobians:
             wanted |= {"A": np.empty((n, 2 * m, 2 * m)), "B": np.empty((n, 2 * m, self.nv))}
-        states = self._states(q, v, tau, status, 1.0, np.inf, ZONE, **wanted)
+        states = self._states(q, v, tau, status, 1.0, np.inf, ZONE, mode, **wanted)
         with asking(self._mechanism, states, function):
             self._library.step_each(self._handle, ctypes.byref(states.structure), t, h)
-        return self._sound(status, q, G), *ends, wanted.get("A"), wanted.get("B")
+        return self._sound(status, q, G, mode), *ends, wanted.get("A"), wanted.get("B")
 
     def feed(self, first: int, tau_y: Array, tau_u: Array) -> None:
         """Torques at stages that follow the state, by y and u (4 N, nv, m) each, from a step on."""
@@ -281,10 +296,14 @@ class Derivation:
         at_rest: float = 0.0,
         same: float = 0.0,
         zone: float = ZONE,
+        mode: Array | None = None,
         **results: Array,
     ) -> Arrays:
         """A request, which keeps what is given, as rows in a row; the results must outlive it."""
         places = {name: part.ctypes.data for name, part in {"status": status, **results}.items()}
         request = Arrays(States(count=len(q), zone=zone, close=CLOSED, same=same, at_rest=at_rest, **places))
-        request.reals(q=q, v=v, **({} if tau is None else {"tau": tau}))
+        own = self._mechanism.iv_independent
+        along = None if mode is None else mode @ np.linalg.inv(mode[own])
+        given = {"q": q, "v": v, "tau": tau, "mode": along}
+        request.reals(**{name: part for name, part in given.items() if part is not None})
         return request

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import threading
 
-from ..errors import PerformanceWarning, RobustGcpError
+import numpy as np
+
+from ..dynamics.problem import Problem, set_out
+from ..errors import PerformanceWarning, RobustGcpError, SingularStartError
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..warning import warn
 from .derivation import Derivation
 from .library import library
 from .loop_arrays import NotNativeError
+
+BESIDE = 0.02
+"""How far from a singular place rows of φ are chosen, dimensionless."""
 
 
 class _Made(threading.local):
@@ -20,7 +26,9 @@ class _Made(threading.local):
     asked = False
 
 
-def derivation(mechanism: Mechanism, q: Array) -> Derivation | None:
+def derivation(
+    mechanism: Mechanism, q: Array, v: Array | None = None, mode: Array | None = None
+) -> Derivation | None:
     """The compiled derivatives of a mechanism; None where the reference is to do the work.
 
     Whoever asks in this thread has the same one: steps that were taken are there until someone takes others.
@@ -29,24 +37,28 @@ def derivation(mechanism: Mechanism, q: Array) -> Derivation | None:
     ----------
     q : ndarray (nq,)
         A state's configuration.
+    v, mode : ndarray (nv,), (nv, m), optional
+        The state's velocity, and the mode that it is on, which serve where q is singular.
     """
     made: _Made = mechanism.memo.once("compiled derivatives", _Made)
     if not made.asked:
         try:
-            made.found = own_derivation(mechanism, q)
-        except RobustGcpError:  # no regular start: the reference says what is wrong, and others may serve
+            made.found = own_derivation(mechanism, q, v, mode)
+        except RobustGcpError:  # no start: the reference says what is wrong, and others may serve
             return None
         made.asked = True
     return made.found
 
 
-def own_derivation(mechanism: Mechanism, q: Array) -> Derivation | None:
+def own_derivation(
+    mechanism: Mechanism, q: Array, v: Array | None = None, mode: Array | None = None
+) -> Derivation | None:
     """The same for the caller alone, whose steps stay as they are whatever others take.
 
     Raises
     ------
     RobustGcpError
-        Where q is no regular state to begin with.
+        Where this is no state to begin with.
     """
     kernel, applied = library(), mechanism.applied
     if kernel is None:
@@ -56,7 +68,7 @@ def own_derivation(mechanism: Mechanism, q: Array) -> Derivation | None:
     )
     try:
         if applied is None or applied.has_slopes:
-            return Derivation(kernel, mechanism, q)
+            return Derivation(kernel, mechanism, _begun(mechanism, q, v, mode).explicit.path)
     except NotNativeError as error:
         reason = f"{error}; spell it as simple joints"
     warn(
@@ -65,3 +77,42 @@ def own_derivation(mechanism: Mechanism, q: Array) -> Derivation | None:
         PerformanceWarning,
     )
     return None
+
+
+BESIDE_SINGULAR = (
+    "some states are beside singular configurations or where the independent joints turn back, where no "
+    "series of the mode is known to it; start or choose joints so that they are not"
+)
+"""Why the kernel leaves states of a mechanism that it takes."""
+
+
+def left_to_python(mechanism: Mechanism, what: str, why: str | None = None) -> None:
+    """Warn, once for a mechanism, that the reference does some of what the kernel has derivatives for.
+
+    Where the kernel is not there, or has none of the mechanism, that was told already.
+    """
+    made: _Made = mechanism.memo.once("compiled derivatives", _Made)
+    told: set[str] = mechanism.memo.once("left to Python", set)
+    if library() is None or (made.asked and made.found is None) or what in told:
+        return
+    told.add(what)
+    if why is None and mechanism.chart_joints:
+        why = f"velocities of {mechanism.chart_joints[0].name} are independent that are rates of no numbers"
+        why += "; choose other independent joints"
+    warn(
+        f"the compiled kernel does not take {what} of {mechanism.name or 'a mechanism'} everywhere: "
+        f"{why or BESIDE_SINGULAR}. There the Python reference takes 20 to 600 times as long",
+        PerformanceWarning,
+    )
+
+
+def _begun(mechanism: Mechanism, q: Array, v: Array | None, mode: Array | None) -> Problem:
+    """A motion from q where that is regular, else from beside it on the mode of a state there."""
+    try:
+        return set_out(mechanism, q)
+    except SingularStartError:
+        if mode is None and (v is None or not np.any(v)):
+            raise
+    explicit = set_out(mechanism, q, v, mode).explicit
+    aside = BESIDE * mechanism.units[mechanism.iv_independent]
+    return set_out(mechanism, explicit.at(explicit.anchor.y + aside, np.zeros(mechanism.m)).q)

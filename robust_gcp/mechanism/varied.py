@@ -188,10 +188,24 @@ def _varied(mechanism: Mechanism, names: tuple[str, ...]) -> Varied:
     except PartitionError as error:
         raise _opened(", ".join(names)) from error
     whole.still = names
+    _scale_alike(mechanism, whole, iv)
     of_y = {i: k for k, i in enumerate(whole.iv_independent.tolist())}
     own = np.array([of_y[i] for i in iv[mechanism.iv_independent].tolist()], dtype=np.int64)
     further = np.array([of_y[i] for i in whole.velocities_named(names).tolist()], dtype=np.int64)
     return Varied(mechanism, whole, names, iq, iv, own, further)
+
+
+def _scale_alike(plain: Mechanism, whole: Mechanism, iv: Index) -> None:
+    """Scale the velocities that both have as the plain one does, so that both judge places alike."""
+    whole.column_scale[iv] = plain.column_scale
+    of_loops = plain.column_scale.copy()
+    for cluster in plain.clusters:
+        of_loops[cluster.iv] = cluster.loops.column_scale
+    place = np.full(whole.nv, -1)
+    place[iv] = np.arange(plain.nv)
+    for cluster in whole.clusters:
+        own = place[cluster.iv]
+        cluster.loops.column_scale[own >= 0] = of_loops[own[own >= 0]]
 
 
 def _places(joints: Sequence[Joint], model: pin.Model) -> tuple[Index, Index]:

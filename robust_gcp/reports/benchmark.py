@@ -27,7 +27,7 @@ from ..maps.march import same_branch
 from ..mechanism.mechanism import Mechanism
 from ..printing import along, table, write_json
 from ..simulation.simulate import simulate
-from . import derivative_cost
+from . import derivative_cost, derivative_paths
 from .threads import gain
 
 Batch = Callable[[], tuple[float, float]]
@@ -201,6 +201,8 @@ def arguments(add_to: Arguments) -> None:
     add_to.add("--starts", whole(2, 100_000), type=int, metavar="N", help=text)
     text = "what derivatives cost: of some models, of the robots where they are given"
     add_to.add("--derivatives", action="store_true", help=text)
+    text = "every way to derivatives and single steps beside the compiled one, and whether it is warned of"
+    add_to.add("--paths", action="store_true", help=text)
     text = "with --derivatives: renew the table in this document"
     add_to.add("--refresh", existing_file, type=pathname, metavar="FILE", help=text)
     text = "what robots stand on: fixed or free; as their files say when left out"
@@ -213,6 +215,8 @@ def run(args: argparse.Namespace) -> int:
         raise OptionError("--refresh: renews the table of --derivatives alone; give both, or neither")
     if args.starts is not None:
         return _starts(args)
+    if args.paths:
+        return derivative_paths.tell(2 if args.quick else ROUNDS, args.out)
     if args.derivatives:
         derivative_cost.tell(args.robots, args.base, 3 if args.quick else 4 * ROUNDS, args.out, args.refresh)
         return 0

@@ -17,7 +17,9 @@ from ..dynamics.loads import Torques, Wrench, one_torque
 from ..errors import OptionError
 from ..kernel.derivation import Derivation
 from ..kernel.derivations import derivation
+from ..maps.start_check import checked_mode
 from ..mechanism.mechanism import Mechanism
+from ..mechanism.tolerances import DETERMINES
 from ..mechanism.tree import Array
 
 Found = TypeVar("Found")
@@ -40,6 +42,8 @@ class AtStates:
         Whether a single state was given, not as a row.
     rows : ndarray of int (N,)
         Which of the rows that the user gave they are.
+    mode : ndarray (nv, m) or None
+        Tangent of the mode that all of them are on, where it was named.
     """
 
     mechanism: Mechanism
@@ -50,6 +54,7 @@ class AtStates:
     function: TorqueFunction | None
     one: bool
     rows: NDArray[np.intp]
+    mode: Array | None = None
 
     @classmethod
     def of(
@@ -59,13 +64,14 @@ class AtStates:
         v: ArrayLike | None,
         tau: Torques | None,
         wrenches: Sequence[Wrench] = (),
+        mode: ArrayLike | None = None,
     ) -> AtStates:
         """What a user gave, checked.
 
         Raises
         ------
         StateError, OptionError, ModelError
-            For what are no states or loads.
+            For what are no states, loads or mode.
         """
         one = not is_table(q)
         if one:
@@ -85,7 +91,8 @@ class AtStates:
         if acts is not None and function is None:
             held = np.tile(np.asarray(acts, dtype=float), (len(states), 1))
         given = (tau if table is None else table), wrenches
-        return cls(mechanism, states, fast, given, held, function, one, np.arange(len(states)))
+        along = None if mode is None else checked_mode(mechanism, mode)
+        return cls(mechanism, states, fast, given, held, function, one, np.arange(len(states)), along)
 
     def __len__(self) -> int:
         return len(self.q)
@@ -117,7 +124,14 @@ class AtStates:
 
     def kernel(self) -> Derivation | None:
         """What answers compiled in this thread; None where nothing does."""
-        return derivation(self.mechanism, self.mechanism.configuration(self.q[0])) if len(self.q) else None
+        mode, mechanism = self.mode, self.mechanism
+        if not len(self.q):
+            return None
+        if mode is not None and mechanism.m:
+            own = mode[mechanism.iv_independent]
+            if np.linalg.svd(own, compute_uv=False)[-1] <= DETERMINES * np.linalg.norm(mode):
+                return None
+        return derivation(mechanism, mechanism.configuration(self.q[0]), self.v[0], mode)
 
 
 def on_threads(

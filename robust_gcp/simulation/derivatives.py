@@ -5,25 +5,30 @@ What it does not, `serving` and the reference do, which say what is wrong with a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..checks import check_finite, check_mechanism
+from ..checks import check_callable, check_finite, check_mechanism
+from ..dynamics.change_of_coordinates import transformed
 from ..dynamics.continuation import circles_of
-from ..dynamics.derivatives import Derivatives, TorqueSlopes
+from ..dynamics.derivatives import Derivatives, TorqueSlopes, slopes_of_all
 from ..dynamics.following import followed
 from ..dynamics.loads import Torques, Wrench
 from ..dynamics.problem import set_out
 from ..errors import NonFiniteError, RobustGcpError
 from ..kernel.derivation import Derivation
+from ..maps.point import Point
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from . import serving
 from .at_states import AtStates
+
+NEAR = 0.02
+"""How near to a state beside which no circle could be made none is tried again, dimensionless."""
 
 
 def forward_dynamics(
@@ -61,8 +66,8 @@ def forward_dynamics(
     """
     check_mechanism(mechanism, Mechanism, "forward_dynamics")
     check_finite("t", t)
-    states = AtStates.of(mechanism, q, v, tau)
-    n, kernel = len(states), states.kernel() if mode is None else None
+    states = AtStates.of(mechanism, q, v, tau, mode=mode)
+    n, kernel = len(states), states.kernel()
     udot: Array = np.empty((n, mechanism.m))
     good: NDArray[np.bool_] = np.zeros(n, dtype=bool)
     if kernel is not None:
@@ -70,11 +75,17 @@ def forward_dynamics(
 
         def ask(which: NDArray[np.intp]) -> NDArray[np.bool_]:
             acting = None if tau is None else tau[which]
-            sound, udot[which] = kernel.forward_dynamics(states.q[which], states.v[which], acting)
+            at = states.q[which], states.v[which], acting
+            sound, udot[which] = kernel.forward_dynamics(*at, mode=states.mode)
             return sound
 
+        def by_others(which: NDArray[np.intp]) -> Iterator[int]:
+            for i, _, whole in serving.answered_by_others(mechanism, states.q, states.v, tau, which):
+                udot[i] = whole.a[mechanism.iv_independent]
+                yield i
+
         good[:] = True
-        good[answered(kernel, states, ask)] = False
+        good[answered(kernel, states, ask, by_others)] = False
     for i in np.flatnonzero(~good).tolist():
         state = states.q[i], states.v[i] if v is not None else None
         with states.at(i):
@@ -113,11 +124,12 @@ def derivatives(
         For ellipsoid joints.
     """
     check_mechanism(mechanism, Mechanism, "derivatives")
+    check_callable("tau_slopes", tau_slopes, "(t, q, v)")
     check_finite("t", t)
-    states = AtStates.of(mechanism, q, v, tau, wrenches)
+    states = AtStates.of(mechanism, q, v, tau, wrenches, mode)
     whole = Derivatives.room(len(states), mechanism.m, mechanism.nv)
     missing = np.arange(len(states))
-    kernel = states.kernel() if mode is None and (tau_slopes is None or not wrenches) else None
+    tau_slopes, kernel = slopes_of_all(mechanism, tau_slopes, wrenches), states.kernel()
     if kernel is not None:
         missing = _by_kernel(kernel, states, t, whole)
         if states.function is not None:
@@ -140,14 +152,17 @@ def answered(
     kernel: Derivation,
     states: AtStates,
     ask: Callable[[NDArray[np.intp]], NDArray[np.bool_]],
+    by_others: Callable[[NDArray[np.intp]], Iterable[int]],
     ahead: float = 0.0,
 ) -> NDArray[np.intp]:
-    """Ask the kernel about all states, and again about those that a mode which it is told of then may serve.
+    """Ask the kernel about all states, in other coordinates that served before, and again with more modes.
 
     Parameters
     ----------
     ask : callable
         About states by number; which of them it answered.
+    by_others : callable
+        Answers those of them that it can in other coordinates, and yields their numbers.
     ahead : float
         How far the motion is followed from a state, s.
 
@@ -158,8 +173,10 @@ def answered(
     """
     missing = np.arange(len(states))
     missing = missing[~ask(missing)]
+    if len(missing) and states.mode is None:
+        missing = np.setdiff1d(missing, list(by_others(missing)))
     while len(missing) and learned(
-        kernel, states.mechanism, states.q[missing[0]], states.v[missing[0]], ahead
+        kernel, states.mechanism, states.q[missing[0]], states.v[missing[0]], ahead, states.mode
     ):
         good = ask(missing)
         if not good.any():
@@ -174,11 +191,17 @@ def _by_kernel(kernel: Derivation, states: AtStates, t: float, whole: Derivative
 
     def ask(which: NDArray[np.intp]) -> NDArray[np.bool_]:
         acting = None if tau is None else tau[which]
-        found = kernel.slopes(states.q[which], states.v[which], acting)
+        found = kernel.slopes(states.q[which], states.v[which], acting, mode=states.mode)
         _fill(whole, which[found.good], found.at(found.good))
         return found.good
 
-    return answered(kernel, states, ask)
+    def by_others(which: NDArray[np.intp]) -> Iterator[int]:
+        others = serving.answered_by_others(states.mechanism, states.q, states.v, tau, which)
+        for i, found, accelerations in others:
+            _fill(whole, i, transformed(found, accelerations, states.mechanism.iv_independent))
+            yield i
+
+    return answered(kernel, states, ask, by_others)
 
 
 def _follow(
@@ -199,13 +222,31 @@ def _follow(
         raise NonFiniteError(f"the linearisation at q = {q} is not finite")
 
 
-def learned(kernel: Derivation, mechanism: Mechanism, q: Array, v: Array, ahead: float) -> bool:
+def learned(
+    kernel: Derivation, mechanism: Mechanism, q: Array, v: Array, ahead: float, mode: Array | None = None
+) -> bool:
     """Whether the kernel is told of the mode at a state, that was new to it."""
+    failed: list[tuple[Array, Array]] = mechanism.memo.once("no circles beside", list)
     try:
+        start = set_out(mechanism, q, v, mode).start
+        if serving.serving(mechanism, start.point) is not None or _is_near(mechanism, start.point, failed):
+            return False
         places = [q] if ahead == 0.0 else [q, mechanism.tree.integrate(q, ahead * v)]
-        return kernel.learn_beside(set_out(mechanism, q, v).start, places)
+        if kernel.learn_beside(start, places):
+            return True
     except RobustGcpError:  # the reference says what is wrong
         return False
+    failed.append((start.point.q, start.point.G))
+    return False
+
+
+def _is_near(mechanism: Mechanism, point: Point, others: list[tuple[Array, Array]]) -> bool:
+    """Whether a point is beside another one, on the same way."""
+    for q, G in others:
+        off = np.abs(mechanism.tree.difference(q, point.q) / mechanism.units).max()
+        if off < NEAR and np.abs(G - point.G).max() < NEAR * np.abs(G).max():
+            return True
+    return False
 
 
 def _fill(whole: Derivatives, i: Any, some: Derivatives) -> None:

@@ -17,7 +17,7 @@ from ..dynamics.mode_rates import SPARED
 from ..dynamics.problem import Problem, set_out
 from ..errors import SimulationError
 from ..kernel.derivation import SAME, Derivation
-from ..kernel.derivations import derivation
+from ..kernel.derivations import derivation, left_to_python
 from ..maps.choice import MapChoice
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
@@ -33,6 +33,9 @@ MOST_DOUBLINGS = 11
 
 SMALLEST = 2.0**-12
 """Share of the step below which no part is tried."""
+
+WHAT = "derivatives of steps"
+"""What this is to who is warned of its price."""
 
 
 def differentiated(
@@ -67,22 +70,26 @@ def differentiated(
     if not by_parts:
         try:
             if other is not None:
-                moved = _by_kernel(other, at, mode, acting, h, end)
+                moved = step_by_kernel(other, at, mode, acting, h, end)
                 if moved is not None:
                     return moved.told_in(mechanism)
                 motion = set_out(other, *at, mode, acting.torque)
-            return Follower(motion, acting, t).whole(h).told_in(mechanism)
+            moved = Follower(motion, acting, t).whole(h).told_in(mechanism)
+            left_to_python(mechanism, WHAT, _why(acting))
+            return moved
         except SimulationError:  # as `simulate`, which then goes on with error control
             pass
     own = mechanism if other is None else other
     moved = _parts_by_kernel(own, at, mode, acting, h, end)
+    if moved is None or not by_parts:
+        left_to_python(mechanism, WHAT, _why(acting))
     if moved is not None:
         return moved.told_in(mechanism)
     motion = set_out(own, *at, mode, acting.torque, MapChoice(error_controlled=True))
     return Follower(motion, acting, t, sparing=True).by_parts(h).told_in(mechanism)
 
 
-def _by_kernel(
+def step_by_kernel(
     mechanism: Mechanism,
     state: tuple[Array, Array],
     mode: ArrayLike | None,
@@ -90,7 +97,7 @@ def _by_kernel(
     h: float,
     end: tuple[Array, Array] | None,
 ) -> Moved | None:
-    """The step by the kernel; None where it does not take it."""
+    """The step by the kernel in a mechanism's own coordinates; None where it does not take it."""
     kernel = _kernel_of(mechanism, state, mode, acting)
     if kernel is None:
         return None
@@ -101,7 +108,8 @@ def _by_kernel(
         return None
     A, B, _ = kernel.pull(0, 1, np.eye(2 * kernel.m))
     first, last = (Slope(taken.G[i], taken.dv_dy[i]) for i in (0, 1))
-    return Moved(A, B[0], np.zeros((len(A), 0)), mechanism, mechanism, first, last, *(end or state))
+    ends = end or (taken.q[1], taken.v[1])
+    return Moved(A, B[0], np.zeros((len(A), 0)), mechanism, mechanism, first, last, *ends)
 
 
 def _parts_by_kernel(
@@ -129,8 +137,8 @@ def _parts_by_kernel(
         A, B, _ = kernel.pull(0, count, np.eye(2 * kernel.m))
         if before is not None and np.abs(A - before).max() < AGREE * np.abs(A).max():
             first, last = (Slope(taken.G[i], taken.dv_dy[i]) for i in (0, -1))
-            none = np.zeros((len(A), 0))
-            return Moved(A, B.sum(axis=0), none, mechanism, mechanism, first, last, *(end or state))
+            none, ends = np.zeros((len(A), 0)), end or (taken.q[-1], taken.v[-1])
+            return Moved(A, B.sum(axis=0), none, mechanism, mechanism, first, last, *ends)
         before = A
     return None
 
@@ -143,6 +151,13 @@ def _kernel_of(
     if mode is not None or callable(acting.torque) or more:
         return None
     return derivation(mechanism, state[0])
+
+
+def _why(acting: Acting) -> str | None:
+    """Why the kernel does not take such steps, wherever they are."""
+    if acting.held is not None:
+        return "joints are held there, by stops, friction, locks or as geometry that may change"
+    return "a torque follows the state there; hold it over steps" if callable(acting.torque) else None
 
 
 class Follower:

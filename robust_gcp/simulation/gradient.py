@@ -9,7 +9,7 @@ from typing import overload
 from numpy.typing import ArrayLike
 
 from ..checks import check_callable, shown
-from ..dynamics.derivatives import TorqueSlopes
+from ..dynamics.derivatives import TorqueSlopes, slopes_of_all
 from ..dynamics.equations import Torque
 from ..errors import OptionError
 from ..mechanism.lengths import Along, in_parts
@@ -90,6 +90,8 @@ def gradient(
     if not isinstance(cost, Cost):
         raise OptionError(f"gradient: cost = {shown(cost)} is no Cost; give rg.Cost(terminal, running)")
     check_callable("torque_slopes", torque_slopes, "(t, q, v)")
+    if trajectory.acted is not None:
+        torque_slopes = slopes_of_all(trajectory.mechanism, torque_slopes, trajectory.acted.wrenches)
     require_steps(trajectory, mode)
     parts = in_parts(trajectory.mechanism, parameters)
     names = list(dict.fromkeys(name for part in parts for name in part))

@@ -14,6 +14,7 @@ from ..dynamics.linearise import Linearisation
 from ..dynamics.loads import Torques, Wrench
 from ..dynamics.motion import Motion
 from ..errors import SimulationError
+from ..kernel.derivations import left_to_python
 from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
@@ -62,14 +63,19 @@ def linearise(
     """
     check_mechanism(mechanism, Mechanism, "linearise")
     check_finite("t", t)
-    if mode is None and drive is None and not wrenches and not mechanism.chart_joints:
+    if drive is None and not mechanism.chart_joints:
         with suppress(SimulationError):  # which the reference may do by differences
-            found = derivatives(mechanism, q, v, torque, t=t)
+            slopes = derivatives(mechanism, q, v, torque, mode, t, wrenches=wrenches)
             u = np.zeros(mechanism.m) if v is None else mechanism.velocity(v, "v0")[mechanism.iv_independent]
             rest = np.concatenate([_chart_rates(mechanism, u), np.eye(mechanism.m)], axis=1)
-            rates = np.concatenate([found.da_dy, found.da_dv], axis=1)
+            rates = np.concatenate([slopes.da_dy, slopes.da_dv], axis=1)
             return Linearisation.of(np.concatenate([rest, rates]))
-    return by_reference.linearise(mechanism, q, v, torque, t, mode, wrenches, drive)
+    found = by_reference.linearise(mechanism, q, v, torque, t, mode, wrenches, drive)
+    if drive is not None:
+        left_to_python(mechanism, "linearisations", "joints are driven; linearise about free ones")
+    else:
+        left_to_python(mechanism, "linearisations")
+    return found
 
 
 def _chart_rates(mechanism: Mechanism, u: Array) -> Array:

@@ -65,7 +65,7 @@ class Moved:
     first, last : Slope
         There, in these coordinates.
     q, v : ndarray (nq,), (nv,)
-        Its end; what it began with where the kernel took it.
+        Its end.
     """
 
     A: Array

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,14 +11,15 @@ from numpy.typing import ArrayLike, NDArray
 from ..checks import check_finite, check_mechanism, check_positive
 from ..dynamics.loads import Torques
 from ..errors import OptionError
-from ..kernel.derivation import Derivation
+from ..kernel.derivations import left_to_python
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..mechanism.varied import still_rows
 from .at_states import AtStates, on_threads
 from .derivatives import answered
-from .differentiated import differentiated
-from .moved import Acting
+from .differentiated import differentiated, step_by_kernel
+from .moved import Acting, Moved
+from .serving import parametrises, those_that_served
 from .simulate import simulate
 
 
@@ -93,7 +95,7 @@ def step(
     check_mechanism(mechanism, Mechanism, "step")
     check_positive("h", h)
     check_finite("t", t)
-    states = AtStates.of(mechanism, q, v, tau)
+    states = AtStates.of(mechanism, q, v, tau, mode=mode)
     if states.function is not None and jacobians:
         raise OptionError(
             "step: jacobians=True goes with torques that are held; give tau as numbers, such as what the "
@@ -141,7 +143,7 @@ def step_jacobians(
     check_mechanism(mechanism, Mechanism, "step_jacobians")
     check_positive("step", step)
     held: Any = tau if tau is None or np.ndim(tau) == 2 else mechanism.velocity(tau, "tau")
-    states = AtStates.of(mechanism, q, v, held)
+    states = AtStates.of(mechanism, q, v, held, mode=mode)
     found = _stepped(states, float(step), True, mode, 0.0)
     assert found.A is not None and found.B is not None  # they were asked for
     return (found.A[0], found.B[0]) if states.one else (found.A, found.B)
@@ -151,7 +153,7 @@ def _stepped(states: AtStates, h: float, jacobians: bool, mode: ArrayLike | None
     """A step from each of many states."""
     mechanism, n = states.mechanism, len(states)
     m, nv = mechanism.m, mechanism.nv
-    kernel: Derivation | None = states.kernel() if mode is None else None
+    kernel = states.kernel()
     after = Stepped(np.empty_like(states.q), np.empty_like(states.v), None, None)
     if jacobians:
         after = after._replace(A=np.empty((n, 2 * m, 2 * m)), B=np.empty((n, 2 * m, nv)))
@@ -159,17 +161,40 @@ def _stepped(states: AtStates, h: float, jacobians: bool, mode: ArrayLike | None
     def ask(which: NDArray[np.intp]) -> NDArray[np.bool_]:
         assert kernel is not None  # asked only where there is one
         some = states.some(which)
-        good, *found = kernel.step_each(some.q, some.v, some.tau, h, jacobians, states.function, t)
+        acting = some.tau, h, jacobians, states.function, t
+        good, *found = kernel.step_each(some.q, some.v, *acting, states.mode)
         for whole, part in zip(after, found, strict=True):
             if whole is not None and part is not None:
                 whole[which] = part
         return good
 
-    missing = np.arange(n) if kernel is None else answered(kernel, states, ask, h)
+    def by_others(which: NDArray[np.intp]) -> Iterator[int]:
+        if states.function is None:
+            yield from (i for i in which.tolist() if _by_others(states, i, h, after))
+
+    missing = np.arange(n) if kernel is None else answered(kernel, states, ask, by_others, h)
     for i in missing.tolist():
         with states.at(i):
             _by_reference(states, i, h, mode, t, after)
     return after
+
+
+def _by_others(states: AtStates, i: int, h: float, after: Stepped) -> bool:
+    """Whether the kernel took the step from a state in other coordinates that served before."""
+    mechanism, state = states.mechanism, (states.q[i], states.v[i])
+    acting = Acting(None if states.tau is None else states.tau[i], held=still_rows(mechanism))
+    for other in those_that_served(mechanism):
+        moved = step_by_kernel(other, state, None, acting, h, None)
+        if moved is not None and parametrises(mechanism, moved.first.G):
+            _write(moved.told_in(mechanism), i, after)
+            return True
+    return False
+
+
+def _write(moved: Moved, i: int, after: Stepped) -> None:
+    after.q[i], after.v[i] = moved.q, moved.v
+    if after.A is not None and after.B is not None:
+        after.A[i], after.B[i] = moved.A, moved.B
 
 
 def _by_reference(
@@ -179,9 +204,10 @@ def _by_reference(
     mechanism, state, torque = states.mechanism, (states.q[i], states.v[i]), states.torque_at(i)
     if after.A is not None and after.B is not None:
         held = None if torque is None else mechanism.velocity(torque, "tau")
-        moved = differentiated(mechanism, state, mode, Acting(held, held=still_rows(mechanism)), t, h)
-        after.q[i], after.v[i], after.A[i], after.B[i] = moved.q, moved.v, moved.A, moved.B
+        acts = Acting(held, held=still_rows(mechanism))
+        _write(differentiated(mechanism, state, mode, acts, t, h), i, after)
         return
+    left_to_python(mechanism, "single steps")
     later = None if not callable(torque) else lambda s, q, v, f=torque: f(t + s, q, v)
     acting = torque if later is None else later
     run = simulate(mechanism, *state, duration=h, step=h, torque=acting, mode=mode)

@@ -22,6 +22,7 @@ from ..dynamics.parameters import Parameters
 from ..dynamics.problem import Problem, set_out
 from ..errors import SimulationError
 from ..kernel.derivation import Derivation
+from ..kernel.derivations import left_to_python
 from ..kernel.parametric import by_parameters
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
@@ -30,7 +31,7 @@ from .again import applied_again, coordinates_of, refined_until, require_answers
 from .backwards import Backwards, backwards, kernel_of
 from .cost import Cost, Gradient, Slopes, reduced
 from .derivatives import derivatives
-from .differentiated import Follower, differentiated
+from .differentiated import WHAT, Follower, differentiated
 from .moved import Acting, Moved
 from .running_cost import Along, running_along
 from .trajectory import Trajectory
@@ -169,6 +170,7 @@ class ReverseSweep:
     def _by_reference(self, end: int, first: int) -> int:
         """Sweep through a stretch that ends at this output, not before `first`; returns where it begins."""
         run = self._run
+        left_to_python(run.mechanism, WHAT)
         torque: Any = self._held if self._table is not None else self._function
         begin, motion = self._begun(max(first, end - STRETCH), torque, first)
         follower, taken = Follower(motion, self._acting(torque), float(run.t[begin])), []

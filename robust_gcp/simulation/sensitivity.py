@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..checks import check_callable, shown
-from ..dynamics.derivatives import TorqueSlopes
+from ..dynamics.derivatives import TorqueSlopes, slopes_of_all
 from ..errors import OptionError
 from ..mechanism.tree import Array
 from .again import require_steps
@@ -74,6 +74,8 @@ def sensitivity(
             "sensitivity: the run has no stops, friction or locks (joints=); rg.gradient differentiates it"
         )
     require_steps(trajectory, mode)
+    if trajectory.acted is not None:
+        torque_slopes = slopes_of_all(trajectory.mechanism, torque_slopes, trajectory.acted.wrenches)
     chain = Chain(trajectory, torque_slopes, mode)
     changes = whole(chain.start)
     for link in chain.links():

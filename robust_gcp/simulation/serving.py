@@ -7,13 +7,13 @@ though the motion is smooth: it is described by other joints, as `simulate` does
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from ..checks import check_callable, require_finite
+from ..checks import require_finite
 from ..dynamics.change_of_coordinates import transformed
 from ..dynamics.continuation import Circles, circles_of
 from ..dynamics.derivatives import Accelerations, Derivatives, PointDerivatives, TorqueSlopes
@@ -22,7 +22,7 @@ from ..dynamics.loads import Torques, Wrench, one_torque
 from ..dynamics.mode_rates import ZONE
 from ..dynamics.problem import Problem, set_out
 from ..errors import ModelError, NonFiniteError, NotCertifiedError, SimulationError
-from ..kernel.derivations import derivation
+from ..kernel.derivations import derivation, left_to_python
 from ..maps.point import Counters, Point
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tolerances import CLOSED
@@ -31,6 +31,10 @@ from ..mechanism.varied import still_rows
 from .coordinates import Coordinates, in_coordinates
 
 log = logging.getLogger(__name__)
+
+SHARE = 1e-3
+"""Of the largest velocity that the slowest of a mechanism's own coordinates has, where these are looked at no
+further."""
 
 
 def serving(mechanism: Mechanism, point: Point) -> Mechanism | None:
@@ -42,7 +46,51 @@ def serving(mechanism: Mechanism, point: Point) -> Mechanism | None:
         Of a motion in the mechanism's coordinates.
     """
     names = Coordinates(mechanism, mechanism.independent, Counters(), even=False).better(point)
-    return None if names is None else in_coordinates(mechanism, names)
+    if names is None:
+        return None
+    other = in_coordinates(mechanism, names)
+    known = those_that_served(mechanism)
+    if other not in known:
+        known.append(other)
+    return other
+
+
+def those_that_served(mechanism: Mechanism) -> list[Mechanism]:
+    """The mechanism in other coordinates, which served where its own did not."""
+    known: list[Mechanism] = mechanism.memo.once("other coordinates", list)
+    return known
+
+
+def answered_by_others(
+    mechanism: Mechanism, q: Array, v: Array, tau: Array | None, left: NDArray[np.intp]
+) -> Iterator[tuple[int, Derivatives, Accelerations]]:
+    """Derivatives at those of some states that the kernel has in coordinates that served before, in these.
+
+    Parameters
+    ----------
+    q, v, tau : ndarray (N, nq), (N, nv), (N, nv) or None
+    left : ndarray of int
+        Which of the states are asked for.
+    """
+    for other in those_that_served(mechanism):
+        kernel = derivation(other, q[left[0]]) if len(left) else None
+        if kernel is None:
+            continue
+        found = kernel.slopes(q[left], v[left], None if tau is None else tau[left], whole=True)
+        whole, done = found.whole, np.zeros(len(left), dtype=bool)
+        assert whole is not None  # it was asked for
+        for k in np.flatnonzero(found.good).tolist():
+            done[k] = parametrises(mechanism, found.G[k])
+            if done[k]:
+                yield int(left[k]), found.at(k), Accelerations(whole.a[k], whole.by_y[k], whole.by_u[k])
+        left = left[~done]
+
+
+def parametrises(mechanism: Mechanism, G: Array) -> bool:
+    """Whether a mechanism's own coordinates, however poor, are some of a motion with this G."""
+    own = mechanism.iv_independent
+    sizes = np.linalg.svd(G[own] / mechanism.units[own, None], compute_uv=False)
+    return bool(sizes[-1] > SHARE * np.abs(G / mechanism.units[:, None]).max())
 
 
 def state_of(motion: Problem, q: ArrayLike | None, v: ArrayLike | None) -> tuple[Array, Array]:
@@ -74,7 +122,13 @@ def forward_dynamics(
     motion = set_out(mechanism, q, v, mode, applied)
     other = serving(mechanism, motion.start.point)
     if other is not None:
-        motion = set_out(other, *state_of(motion, q, v), mode, applied)
+        state = state_of(motion, q, v)
+        if mode is None and not callable(applied):
+            found = _by_kernel(other, *state, applied)
+            if found is not None:
+                return require_finite(found[1].a[mechanism.iv_independent], "u̇")
+        motion = set_out(other, *state, mode, applied)
+    left_to_python(mechanism, "accelerations")
     now = motion.equations.at_point(t, motion.start.point)
     a = now.a
     if now.point.conditioning < ZONE:  # K_d gives it to ε/σ² only
@@ -103,11 +157,11 @@ def derivatives(
     known : Circles, optional
         Of other states of the mechanism; those made here are added.
     """
-    check_callable("tau_slopes", tau_slopes, "(t, q, v)")
     applied = one_torque(mechanism, tau, wrenches)
     motion = set_out(mechanism, q, v, mode, applied)
     other = serving(mechanism, motion.start.point)
     if other is None:
+        left_to_python(mechanism, "derivatives")
         others, still = (motion, applied, tau_slopes, known), still_rows(mechanism)
         slopes = PointDerivatives(*others) if still is None else HeldDerivatives(still, *others)
         return slopes.at_start(t)
@@ -120,6 +174,7 @@ def derivatives(
     if mode is None and tau_slopes is None and not callable(applied):
         found = _by_kernel(other, *state, applied)
     if found is None:
+        left_to_python(mechanism, "derivatives")
         motion = set_out(other, *state, mode, applied)
         circles = None if known is None else circles_of(other)
         found = PointDerivatives(motion, applied, tau_slopes, circles).whole_at_start(t)

@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
+from robust_gcp.dynamics import derivatives as reference
 from robust_gcp.examples.linkages import four_bar
 from robust_gcp.maps.closed_form import parallelogram_pendulum
 from robust_gcp.mechanism.closure_rates import ClosureRates
@@ -239,6 +240,14 @@ class TestTorques:
         torque = {"q1": lambda t, q, v: -2.0 * v[0] ** 3}
         found = rg.derivatives(self.MECH, q, v, torque, wrenches=wrenches)
         assert off(np.hstack([found.da_dy, found.da_dv]), self.exact(torque, wrenches)) < 1e-9
+
+    def test_wrenches_beside_slopes_of_a_torque_have_their_own(self) -> None:
+        q, _, v, _ = state(self.MECH)
+        wrenches = (rg.Wrench("q2", [0.0, 3.0, -2.0, 0.5, 0.0, 0.0], "local"),)
+        exact = self.exact(self.torque, wrenches)
+        for derivatives in (rg.derivatives, reference.derivatives):
+            found = derivatives(self.MECH, q, v, self.torque, tau_slopes=self.slopes, wrenches=wrenches)
+            assert off(np.hstack([found.da_dy, found.da_dv]), exact) < 1e-9
 
 
 def all_kinds() -> pin.Model:

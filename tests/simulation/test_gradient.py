@@ -372,6 +372,16 @@ def test_wrenches_are_remembered() -> None:
             rg.gradient(run(), cost, np.zeros((10, 3)))
 
 
+def test_wrenches_that_are_remembered_have_slopes_beside_those_given() -> None:
+    mech = rg.load("crank_rocker")
+    push, drag = rg.Wrench("coupler_tip", np.array([0.0, 4.0, -2.0, 0.0, 0.0, 0.0])), -0.5 * np.eye(3)
+    q, v, options = mech.home, mech.lift(mech.home, [2.0]), {"wrenches": [push]}
+    run = rg.simulate(mech, q, v, 0.1, 2e-3, torque=lambda t, q, v: drag @ v, **options)
+    given = rg.gradient(run, COST, torque_slopes=lambda t, q, v: (np.zeros((3, 3)), drag))
+    found = rg.gradient(run, COST)
+    np.testing.assert_allclose([*given.dy, *given.dv], [*found.dy, *found.dv], rtol=1e-8)
+
+
 def test_many_runs_remember_their_torque() -> None:
     mech = rg.load("crank_rocker")
     starts = [(None, mech.lift(mech.home, [w])) for w in (1.0, 2.0)]

@@ -22,7 +22,7 @@ class Derivation {
         : path_(d), motion_(d, path_), slopes_(d, path_, motion_), adjoint_(d, path_), m_(d.m), nq_(d.nq),
           nv_(d.nv), width_(2 * d.m + d.nv), independent_(d.independent, d.independent + d.m),
           independent_q_(d.independent_q, d.independent_q + d.m), still_(d), size_(d.size, d.size + d.nv),
-          points_(3, Point(path_.layout)), x_(2 * d.m), state_(2 * d.m), sum_(2 * d.m), rate_(2 * d.m) {
+          points_(4, Point(path_.layout)), x_(2 * d.m), state_(2 * d.m), sum_(2 * d.m), rate_(2 * d.m) {
         path_.modes = std::make_unique<Modes>(d, path_.parts);
     }
 
@@ -120,7 +120,7 @@ class Derivation {
     }
 
     // The point at a state, if it is one of the mechanism's: on regular ground, else with the parts on series that
-    // these serve. Where modes meet, one that rests does not tell which is its own.
+    // these serve. Where modes meet, one that rests does not tell which is its own; `mode` does.
     Reason set_out(const States& s, std::int64_t i, Point& point) {
         path_.modes->on = false;
         const Reason reason = settled(s, i, point);
@@ -129,7 +129,14 @@ class Derivation {
         double fastest = reason == ZONE ? point.conditioning() : 0.0;
         for (int k = 0; k < nv_; ++k) fastest = std::max(fastest, std::fabs(s.v[i * nv_ + k] * size_[k]));
         path_.modes->on = true;
-        return fastest > MEETING && settled(s, i, point) == DONE ? DONE : reason;
+        if (s.mode == nullptr) return fastest > MEETING && settled(s, i, point) == DONE ? DONE : reason;
+        std::copy(point.y(), point.y() + m_, told_->y());
+        std::copy(s.q + i * nq_, s.q + (i + 1) * nq_, told_->q());
+        std::copy(s.mode, s.mode + nv_ * m_, told_->G());
+        path_.modes->through = told_;
+        const bool good = settled(s, i, point) == DONE;
+        path_.modes->through = nullptr;
+        return good ? DONE : reason;
     }
 
     Reason settled(const States& s, std::int64_t i, Point& point) {
@@ -293,7 +300,7 @@ class Derivation {
     Still still_;  // what `Description` calls driven
     Cells<double> size_;
     std::vector<Point> points_;
-    Point *begin_ = &points_[0], *middle_ = &points_[1], *end_ = &points_[2];
+    Point *begin_ = &points_[0], *middle_ = &points_[1], *end_ = &points_[2], *told_ = &points_[3];
     Cells<double> x_, state_, sum_, rate_;
 };
 

@@ -1,0 +1,216 @@
+"""Every way to derivatives and single steps: its time over the compiled one, and whether it is warned of."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..analysis.local import analyse
+from ..dynamics.loads import Wrench
+from ..errors import PerformanceWarning
+from ..examples.families import planar_linkage
+from ..io.loader import load
+from ..kernel import backends
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+from ..printing import along, table, write_json
+from ..simulation.cost import Cost
+from ..simulation.derivatives import derivatives, forward_dynamics
+from ..simulation.gradient import gradient
+from ..simulation.linearised import linearise
+from ..simulation.motion_point import motion_point
+from ..simulation.one_step import step, step_jacobians
+from ..simulation.parameter_slopes import by_parameters
+from ..simulation.second_derivatives import second_derivatives
+from ..simulation.simulate import simulate
+from .contender import clock
+
+BOUND = 20.0
+"""Ratio from which a path has to warn of its price."""
+
+HEADER = ("what", "where", "µs", "ratio", "warned")
+
+Call = Callable[[], object]
+
+CALLS: dict[str, Callable[..., object]] = {
+    "forward_dynamics": forward_dynamics,
+    "derivatives": derivatives,
+    "motion_point": motion_point,
+    "linearise": linearise,
+    "step": partial(step, h=1e-3),
+    "step_jacobians": partial(step_jacobians, step=1e-3),
+}
+"""Of a state and torques, with `mode=`."""
+
+
+@dataclass(frozen=True)
+class Way:
+    """A call's µs at a place, over those of the same call at a regular state, and whether it warned."""
+
+    what: str
+    where: str
+    micro: float
+    ratio: float
+    warned: bool
+
+    @property
+    def cells(self) -> list[str]:
+        """A row of the table."""
+        return [self.what, self.where, f"{self.micro:.0f}", f"{self.ratio:.1f}", "yes" if self.warned else ""]
+
+    @property
+    def good(self) -> bool:
+        """Whether it is fast, or says that it is not."""
+        return self.ratio <= BOUND or self.warned
+
+
+def ways(rounds: int) -> list[Way]:
+    """All that are known, each after its compiled one."""
+    found = list[Way]()
+    for what, usual, others in along(list(_groups()), "benchmark"):
+        base, _ = _timed(usual, rounds)
+        found.append(Way(what, "regular", 1e6 * base, 1.0, False))
+        for where, call in others.items():
+            time, warned = _timed(call, rounds)
+            found.append(Way(what, where, 1e6 * time, time / base, warned))
+    return found
+
+
+def tell(rounds: int, out: Path | None) -> int:
+    """Print the table; 1 where a path is slow without a warning."""
+    if not backends()["native"].available:
+        print(f"no compiled kernel: {backends()['native'].reason}")
+        return 0
+    found = ways(rounds)
+    print("Least times of single calls, over those of the same call at a regular state:")
+    print(table(HEADER, [row.cells for row in found], None))
+    bad = [row for row in found if not row.good]
+    print(f"{len(bad)} paths above {BOUND:g} times the compiled one without a warning")
+    if out:
+        write_json(out, [asdict(row) for row in found])
+    return 1 if bad else 0
+
+
+def _timed(call: Call, rounds: int) -> tuple[float, bool]:
+    """s, the least, once all that is kept was made; and whether a PerformanceWarning was given."""
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        call()
+        call()
+        times = []
+        for _ in range(rounds):
+            begun = clock()
+            call()
+            times.append(clock() - begun)
+    return min(times), any(issubclass(w.category, PerformanceWarning) for w in told)
+
+
+def _groups() -> Iterator[tuple[str, Call, dict[str, Call]]]:
+    """What is called, at a regular state and elsewhere."""
+    rocker, bars = load("crank_rocker"), load("rhombus")
+    v, tau, feedback = rocker.lift(rocker.home, [1.0]), np.zeros(3), -0.1 * np.eye(3)
+    flat, mode = np.zeros(3), np.array(analyse(bars, np.zeros(3)).modes[0])
+    places: dict[str, tuple[Mechanism, Array, Array, dict[str, Any]]] = {
+        "mode= at a regular state": (rocker, rocker.home, v, {"mode": rocker.G(rocker.home)[:, 0]}),
+        "singular, moving": (bars, flat, 2.0 * mode, {}),
+        "singular, at rest with mode=": (bars, flat, 0.0 * mode, {"mode": mode}),
+        "beside a dead point": (*dead_point(), {}),
+    }
+    push = [Wrench("q2", np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0]))]
+
+    def follow(t: float, q: Array, v: Array) -> Array:
+        return feedback @ v
+
+    for what, call in CALLS.items():
+        others: dict[str, Call] = {}
+        for where, (mech, q, fast, options) in places.items():
+            others[where] = partial(call, mech, q, fast, np.zeros(mech.nv), **options)
+        several = five_bar_in_line()  # warned of once for each mechanism
+        others["beside singular, two coordinates"] = partial(call, *several, np.zeros(several[0].nv))
+        if what in ("derivatives", "linearise"):
+            others["a wrench"] = partial(call, rocker, rocker.home, v, tau, wrenches=push)
+            others["a torque function"] = partial(call, rocker, rocker.home, v, follow)
+        yield what, partial(call, rocker, rocker.home, v, tau), others
+
+    name = "q2.placement.y"
+
+    def by(mech: Mechanism, q: Array, v: Array, parameter: str, h: float | None) -> Call:
+        return lambda: by_parameters(mech, q, v, None, [parameter], h=h)
+
+    usual = CALLS["derivatives"]
+    yield (
+        "by_parameters, beside derivatives",
+        lambda: usual(rocker, rocker.home, v, tau),
+        {
+            "a mass": by(rocker, rocker.home, v, "q2.mass", None),
+            "geometry": by(rocker, rocker.home, v, name, None),
+            "a mass, of a step": by(rocker, rocker.home, v, "q2.mass", 1e-3),
+            "geometry, of a step": by(rocker, rocker.home, v, name, 1e-3),
+            "a mass, singular": by(bars, flat, 2.0 * mode, "q2.m", None),
+            "a mass, of a step, singular": by(bars, flat, 2.0 * mode, "q2.m", 1e-3),
+        },
+    )
+    yield (
+        "second_derivatives, beside 16 derivatives",
+        lambda: [usual(rocker, rocker.home, v, tau) for _ in range(16)],
+        {"": lambda: second_derivatives(rocker, rocker.home, v, tau, dy=[1.0])},
+    )
+    yield from _gradients(rocker, v, bars)
+
+
+def _gradients(rocker: Mechanism, v: Array, bars: Mechanism) -> Iterator[tuple[str, Call, dict[str, Call]]]:
+    """Those of runs of 200 steps, beside their runs."""
+    drag = -0.1 * np.eye(3)
+    cost = Cost(terminal=lambda q, v: float(q[0]), terminal_slopes=lambda q, v: (np.eye(3)[0], np.zeros(3)))
+    home = np.array([0.2, -0.2, 0.2])
+
+    def crank(**options: Any) -> Any:
+        return simulate(rocker, rocker.home, v, duration=0.2, step=1e-3, **options)
+
+    plain, pushed = crank(), crank(torque=lambda t, q, v: drag @ v)
+    crossed = simulate(bars, home, duration=0.3, step=1.5e-3)
+    yield (
+        "gradient, beside its run",
+        crank,
+        {
+            "": lambda: gradient(plain, cost),
+            "masses": lambda: gradient(plain, cost, parameters=["q2.mass"]),
+            "geometry": lambda: gradient(plain, cost, parameters=["q2.placement.y"]),
+            "a torque function": lambda: gradient(pushed, cost),
+        },
+    )
+    yield (
+        "gradient, beside its run through a crossing",
+        lambda: simulate(bars, home, duration=0.3, step=1.5e-3),
+        {"": lambda: gradient(crossed, cost)},
+    )
+
+
+def five_bar_in_line() -> tuple[Mechanism, Array, Array]:
+    """Two coordinates in a loop, stretched along a line and a little beside."""
+    points = {"A": (0.0, 0.0), "B": (1.0, 0.0), "C": (2.5, 0.0), "D": (2.0, 0.0), "E": (1.0, 0.0)}
+    links = {"ground": ["A", "E"], "a": ["A", "B"], "b": ["B", "C"], "c": ["E", "D"], "d": ["D", "C"]}
+    joints = [
+        ("q1", "ground", "a"),
+        ("q2", "a", "b"),
+        ("q3", "ground", "c"),
+        ("q4", "c", "d"),
+        ("q5", "b", "d"),
+    ]
+    mech = planar_linkage(points, links, joints, ["q1", "q3"], cuts=["q5"])
+    q = mech.assemble([0.005, 0.01, -0.004, -0.01], hold=["q1", "q3"])
+    return mech, q, mech.lift(q, [1.0, -0.5])
+
+
+def dead_point() -> tuple[Mechanism, Array, Array]:
+    """The crank-rocker by its rocker, beside where that turns back."""
+    mech = load("crank_rocker")
+    straight = float(np.arccos((3.5**2 + 4.0**2 - 3.0**2) / (2.0 * 3.5 * 4.0)))
+    q = mech.assemble([straight + 0.01, 0.0, np.pi - 1.0], hold=["q1"])
+    return mech.with_independent(["q3"]), q, mech.lift(q, [1.0])
