@@ -279,26 +279,16 @@ class Derivation:
         rows = np.array(rows, dtype=float, order="C")
         by_tau = np.empty((last - first, len(rows), self.nv))
         by_stage = np.empty((last - first, len(rows), 4, self.nv)) if staged else None
-        more = [
-            None if part is None else np.ascontiguousarray(part)
-            for part in (after, before, feedback, by_tau, by_stage)
-        ]
+        given = after, before, feedback, by_tau, by_stage
+        more = [None if part is None else np.ascontiguousarray(part) for part in given]
         places = [None if part is None else part.ctypes.data for part in more]
         self._library.pull(self._handle, first, last, len(rows), rows.ctypes.data, *places)
         return rows, by_tau, by_stage
 
     def _states(
-        self,
-        q: Array,
-        v: Array,
-        tau: Array | None,
-        status: NDArray[np.int32],
-        at_rest: float = 0.0,
-        same: float = 0.0,
-        zone: float = ZONE,
-        mode: Array | None = None,
-        **results: Array,
-    ) -> Arrays:
+        self, q: Array, v: Array, tau: Array | None, status: NDArray[np.int32], at_rest: float = 0.0,
+        same: float = 0.0, zone: float = ZONE, mode: Array | None = None, **results: Array,
+    ) -> Arrays:  # fmt: skip
         """A request, which keeps what is given, as rows in a row; the results must outlive it."""
         places = {name: part.ctypes.data for name, part in {"status": status, **results}.items()}
         request = Arrays(States(count=len(q), zone=zone, close=CLOSED, same=same, at_rest=at_rest, **places))

@@ -1,7 +1,7 @@
 """Random loops in space: accelerations and steps by placements, masses and centres against differences.
 
-The differences are those of other mechanisms, of order 10, their step quartered until rounding shows; what two
-steps in a row agree on is the truth, and how far they are apart what it is worth.
+The differences are those of other mechanisms, of order 10, their step quartered until rounding shows; what
+two steps in a row agree on is the truth, and how far they are apart what it is worth.
 """
 
 from __future__ import annotations
