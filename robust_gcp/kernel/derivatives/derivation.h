@@ -229,14 +229,7 @@ class Derivation {
         return worst;
     }
 
-    // Keeps a NaN.
-    static void keep(double& worst, double value) {
-        const double magnitude = std::fabs(value);
-        if (!(magnitude <= worst)) worst = magnitude;
-    }
-
-    // One step from the point at its start, which was evaluated, to `end_`; what is done at the later stages ends
-    // it where it gives another reason than DONE.
+    // One step from the evaluated point at its start to `end_`; a reason of the later stages other than DONE ends it.
     template <typename AtStage>
     Reason step(const States& s, std::int64_t i, double t, std::size_t number, AtStage at_stage) {
         const double h = adjoint_.h[number];

@@ -2,6 +2,7 @@
 // slow each other down where small arrays of both lie side by side.
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <new>
 #include <vector>
@@ -44,6 +45,12 @@ inline bool all_finite(const double* x, std::size_t count) {
     double rest = first[0] + first[1];
     for (; i < count; ++i) rest += 0.0 * x[i];
     return rest == 0.0;
+}
+
+// The larger magnitude of both; keeps a NaN.
+inline void keep(double& worst, double value) {
+    const double magnitude = std::fabs(value);
+    if (!(magnitude <= worst)) worst = magnitude;
 }
 
 }  // namespace rg
