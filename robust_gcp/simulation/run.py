@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import fields
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from ..dynamics.equations import Evaluation, Torque
 from ..dynamics.problem import Problem, over, set_out
-from ..errors import CuspError
+from ..errors import CuspError, SimulationError
 from ..maps.choice import MapChoice
 from ..maps.classical import SingularityWarning
 from ..maps.cluster.cluster_map import ClusterMap
@@ -125,7 +126,8 @@ class Run:
         motion, record = self._motion, self._record
         state = record.time, *record.state()
         end, options = float(self.times[-1]), self._choice.options
-        arrive(error, motion.mechanism, motion.equations.acting, state, end, options)
+        with suppress(SimulationError, np.linalg.LinAlgError):  # the cusp is told of without it
+            arrive(error, motion.mechanism, motion.equations.acting, state, end, options)
 
     # --------------------------------------------------------------------- within a step
 

@@ -315,6 +315,29 @@ def test_round_a_cusp_and_back_at_full_order() -> None:
     assert errors[1] < max(errors[0] / 8.0, 1e-12)
 
 
+def test_a_cusp_ends_motions_with_stops_too() -> None:
+    mechanism, q, v = _to_the_cusp()
+    far = [rg.Stop("x", upper=0.3)]
+    with pytest.raises(rg.CuspError) as caught:
+        rg.simulate(mechanism, q, v, duration=0.2, step=2e-3, joints=far)
+    assert caught.value.time == pytest.approx(ARRIVAL, abs=1e-12)
+    with pytest.raises(rg.OptionError, match="joints="):
+        rg.simulate(mechanism, q, v, duration=0.2, step=2e-3, joints=far, on_cusp="turn")
+
+
+def test_a_motion_that_turns_back_before_a_cusp_goes_on_where_it_may() -> None:
+    """Too slow to climb to the cusp against a spring: back on the branch that it came by, energy kept."""
+    mechanism = meetings.cusp_cam(0.1)
+    spring = rg.JointSpring("x", 400.0, 0.1)
+    made = rg.Mechanism(mechanism.own_model, mechanism.closures, ["x"], home=mechanism.home, forces=[spring])
+    v = made.lift(made.home, [-0.5])
+    run = rg.simulate(made, made.home, v, duration=0.2, step=1e-3, on_cusp="turn")
+    assert run.happenings == []
+    assert run.q[:, 0].min() > 0.02
+    assert np.all(run.q[:, 3] > 0.0)
+    assert np.abs(run.energy_error()).max() < 1e-7
+
+
 def test_restitution_at_a_cusp() -> None:
     mechanism, q, v = _to_the_cusp()
     run = rg.simulate(mechanism, q, v, duration=0.1, step=1e-3, on_cusp=0.5)

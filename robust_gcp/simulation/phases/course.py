@@ -153,7 +153,9 @@ class Phases(RoundCusps):
         steps = leg.since(self._read)
         last = len(steps.t) - 1
         found, held = self._stretch.first(steps, self._seen, 0 if back else last - int(leg.paused))
-        if fault is not None and found is None and leg.at <= i and not isinstance(fault, CuspError):
+        if fault is not None and found is None and leg.at <= i:
+            if isinstance(fault, CuspError):
+                raise fault
             self._collect()
             steps, found, held = self._finer(machine, leg, fault)
         if found is None and isinstance(fault, CuspError) and fault.arrival is not None and self._turns:
