@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -41,6 +42,9 @@ from .start_check import (
     require_mode,
     require_velocity_in_mode,
 )
+
+NEARLY_PARALLEL = 0.05
+"""Sine of the angle between modes below which they are looked at beyond second order."""
 
 
 @dataclass
@@ -123,8 +127,8 @@ def begin(
         )
     if not picture.modes:
         raise NotCertifiedError(f"start at a singularity: {picture.message}", y)
-    number = _pick(mechanism, picture, v, mode)
-    tangent = picture.modes[number].reshape(mechanism.nv, -1)
+    contact = contact_at(mechanism, q, 10.0 * SINGULAR_START) if _touching(mechanism, picture) else None
+    number, tangent = _beside_place(contact, picture, options) or _picked(mechanism, picture, v, mode)
     if tangent.shape[1] != mechanism.m:
         raise NotCertifiedError(
             f"start at a singularity: the mode has dimension {tangent.shape[1]}, not {mechanism.m} as the "
@@ -137,8 +141,6 @@ def begin(
     curvature = np.zeros(mechanism.nv) if mechanism.m == 1 else None
     point = path.renewed(Point(y, ydot, q, G, np.zeros(mechanism.nv), curvature, blocks, blocks, 0.0))
     _require_serving(mechanism, tangent, G, y)
-    touching = picture.kind == "inside" or any(order > 1 for *_, order in picture.contacts)
-    contact = contact_at(mechanism, q) if touching else None
     if contact is not None:
         trackers = {contact.space.cluster.index: _in_contact(contact, number, options, counters)}
     else:
@@ -163,6 +165,38 @@ def _in_contact(contact: Contact, number: int, options: BridgeOptions, counters:
     tracker = Tracker(curve.jet(space.chart(space.cluster.chosen), u), options, options.reach(1), counters)
     tracker.known, tracker.current, tracker.u = KnownCurves([curve]), curve, u
     return tracker
+
+
+def _touching(mechanism: Mechanism, picture: LocalAnalysis) -> bool:
+    """Whether modes touch at a place, or beside it, where they seem to cross at a small angle."""
+    if picture.kind == "inside" or any(order > 1 for *_, order in picture.contacts):
+        return True
+    bases = [mode.reshape(mechanism.nv, -1) for mode in picture.modes]
+    return any(apart(mechanism, a, b) < NEARLY_PARALLEL for a, b in combinations(bases, 2))
+
+
+def _beside_place(
+    contact: Contact | None, picture: LocalAnalysis, options: BridgeOptions
+) -> tuple[int, Array] | None:
+    """The one mode through a start beside where it touches another, and its tangents (nv, m)."""
+    try:
+        found = None if contact is None else contact.beside(options)
+    except NoBridgeError:
+        return None
+    if contact is None or found is None:
+        return None
+    number, own = found
+    tangent, iv = picture.modes[number].reshape(len(picture.kernel), -1).copy(), contact.space.cluster.iv
+    tangent[iv] = np.outer(own, own @ tangent[iv] / (own @ own))
+    return number, tangent
+
+
+def _picked(
+    mechanism: Mechanism, picture: LocalAnalysis, v: Array, mode: ArrayLike | None
+) -> tuple[int, Array]:
+    """The number of the mode that is named, and its tangents (nv, m)."""
+    number = _pick(mechanism, picture, v, mode)
+    return number, picture.modes[number].reshape(mechanism.nv, -1)
 
 
 def _pick(mechanism: Mechanism, picture: LocalAnalysis, v: Array, mode: ArrayLike | None) -> int:

@@ -249,6 +249,42 @@ def test_starts_where_modes_touch(k: int, backend: str) -> None:
         rg.simulate(mechanism, mechanism.home, duration=T, step=T / n, mode=2)
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("x", [1e-2, 1e-3, 1e-4, 1e-6])
+def test_starts_beside_where_modes_touch(x: float, side: int, backend: str) -> None:
+    """The place tells the mode, which is x² away from the other one, without being asked."""
+    mechanism, closed = meetings.touching_cams(2), on_cam(2, side)
+    run = rg.simulate(mechanism, *state(closed, x, -2.0), duration=0.05, step=1e-3, backend=backend)
+    assert np.abs(run.y[:, 0] - floor(mechanism, closed, x, -2.0, 1e-3, 50)[:, 0]).max() < 1e-13
+    (crossing,) = run.crossings
+    assert (crossing.kind, crossing.order) == ("tangential", 2)
+    assert crossing.time == pytest.approx(0.5 * x, rel=0.02)
+
+
+def test_gradients_across_a_meeting() -> None:
+    mechanism, closed = meetings.touching_cams(2, 0.5), on_cam(2, 1)
+
+    def end(y: float, rate: float) -> tuple[float, rg.Trajectory]:
+        run = rg.simulate(mechanism, *state(closed, y, rate), duration=0.34, step=0.34 / 128)
+        return float(run.q[-1, 0] + 0.3 * run.v[-1, 0]), run
+
+    run, h = end(0.5, -2.0)[1], 1e-3
+    assert [c.order for c in run.crossings] == [2]
+    found = rg.gradient(run, rg.Cost(terminal=lambda q, v: float(q[0] + 0.3 * v[0])))
+    weights = ((1, 8.0), (2, -1.0))
+    by_y, by_rate = (
+        sum(
+            w * (end(0.5 + i * h * a, -2.0 + i * h * b)[0] - end(0.5 - i * h * a, -2.0 - i * h * b)[0])
+            for i, w in weights
+        )
+        / (12.0 * h)
+        for a, b in ((1, 0), (0, 1))
+    )
+    assert found.dy[0] == pytest.approx(by_y, rel=1e-7)
+    assert found.dv[0] == pytest.approx(by_rate, rel=1e-7)
+
+
 @pytest.mark.parametrize("k", [1, 2, 3, 4])
 def test_analyse_tells_the_order_of_contact(k: int) -> None:
     here = rg.analyse(meetings.touching_cams(k), [0.0, 1.0, 0.0, 0.0])

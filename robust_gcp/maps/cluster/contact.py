@@ -24,6 +24,9 @@ from .options import USUAL, BridgeOptions
 from .space import ClusterSpace
 from .within import window
 
+APART = 1e-12
+"""Dimensionless distance of two modes from which a point is on one of them."""
+
 ContactKind = Literal["singular", "cusp", "isolated", "inside", "not certified"]
 
 
@@ -73,6 +76,23 @@ class Contact:
             return window(self.space, self.x, self.P, options)
         return mode_through(self.found, (1.0, -1.0)[number], self.P, options)
 
+    def beside(self, options: BridgeOptions) -> tuple[int, Array] | None:
+        """The mode that passes x beside the place, and its velocity there (nv,); None where both do.
+
+        Raises
+        ------
+        NoBridgeError
+        """
+        if self.found.kind != "meets":
+            return None
+        points = []
+        for number in (0, 1):
+            curve = self.mode(number, options)
+            x, slope, _ = curve.point(curve.u(self.x))
+            points.append((float(np.abs(x - self.x).max()), number, slope))
+        (near, number, slope), (far, _, _) = sorted(points, key=lambda point: point[0])
+        return (number, self.space.turn(self.x) @ slope) if far > max(APART, 10.0 * near) else None
+
     def tangents(self, kernel: Array) -> Array:
         """The modes' tangent space in ker K of the whole mechanism, (nv, δ − 1), without the way across."""
         iv, surface = self.space.cluster.iv, self.found.curve.surface
@@ -114,10 +134,11 @@ class Touching:
         return q
 
 
-def contact_at(loops: ClosedLoops, q: Array) -> Contact | None:
+def contact_at(loops: ClosedLoops, q: Array, tolerance: float = RANK) -> Contact | None:
     """What the modes of the one singular cluster do at q; None where that is not decided this way.
 
-    The cluster's kernel must have two directions, and one combination of its rows bend there: corank one.
+    Singular values of K below `tolerance`, relative, count as zero. The cluster's kernel must have two
+    directions, and one combination of its rows bend there: corank one.
     """
     found: list[Contact] = []
     whole = (
@@ -127,7 +148,7 @@ def contact_at(loops: ClosedLoops, q: Array) -> Contact | None:
         own = q[cluster.iq]
         K = cluster.loops.scaled(cluster.loops.K(own))
         U, s, Vt = np.linalg.svd(K)
-        rank = numerical_rank(s, RANK)
+        rank = numerical_rank(s, tolerance)
         kernel = cluster.loops.column_scale[:, None] * Vt[rank:].T
         if rank == len(K) or not kernel.shape[1]:
             continue
