@@ -12,7 +12,7 @@ from ...mechanism.tree import Array
 from .curve import Curve
 from .curve_builder import CurveBuilder
 from .jet import Jet
-from .meeting_ahead import TOLD, MeetingAhead, through_meeting
+from .meeting_ahead import TOLD, MeetingAhead, through_meeting, touches_ahead
 from .obstacles import Obstacle, ObstacleError, is_near_miss
 from .options import BridgeOptions, NoBridgeError
 from .patch import Follower, Patch
@@ -101,6 +101,8 @@ class KnownCurves:
             if is_near_miss(place(here), options):
                 raise
             if (distance := here.nearest()[0]) > TOLD:
+                if not touches_ahead(here):
+                    raise
                 self._ahead = MeetingAhead(here.x, max(distance - TOLD, 0.05))
                 return None
             touching = through_meeting(here, options, failure)

@@ -17,6 +17,9 @@ from .options import BridgeOptions, NoBridgeError
 SEEN, MOST_CONTACT, FARTHEST = 0.1, 8.0, 0.7
 """Share of the first-order distance over which it is seen to shrink; orders and distances looked for."""
 
+TOUCHING = 1.3
+"""Order from which modes are taken to touch ahead: 1 where they cross, 1.5 at a cusp, 2 and more else."""
+
 TOLD = 0.12
 """First-order distance at which a meeting is looked at: one of order k lies k times as far."""
 
@@ -52,18 +55,31 @@ def through_meeting(here: Jet, options: BridgeOptions, failure: NoBridgeError) -
     raise failure
 
 
-def _way_to_place(here: Jet) -> Array:
-    """The way to the place ahead, along the tangent, from how the distance to first order shrinks on the way.
+def touches_ahead(here: Jet) -> bool:
+    """Whether the modes seem to touch at the place ahead, from how fast it comes nearer to first order."""
+    try:
+        return _order_ahead(here)[1] > TOUCHING
+    except (LostError, np.linalg.LinAlgError):
+        return False
 
-    To first order modes in contact of order k meet k times as near as they do.
+
+def _way_to_place(here: Jet) -> Array:
+    """The way to the place ahead, along the tangent."""
+    first, order = _order_ahead(here)
+    return here.tangent()[:, 0] * float(np.clip(order * first, -FARTHEST, FARTHEST))
+
+
+def _order_ahead(here: Jet) -> tuple[float, float]:
+    """The place ahead to first order along the tangent, and the order of contact there.
+
+    To first order modes in contact of order k meet k times as near as they do: the place comes nearer by
+    1/k of what is gone towards it.
     """
     tangent = here.recharted(here.tangent())
     first = _first_order(tangent)
     step = SEEN * first
     near, _ = solved(here.space, tangent.predicted(np.array([step])), tangent.C, tangent.y + step, here.P)
-    shrinks = (first - _first_order(near)) / step
-    k = 1.0 / max(shrinks, 1.0 / MOST_CONTACT)
-    return np.asarray(tangent.J[:, 0] * float(np.clip(k * first, -FARTHEST, FARTHEST)))
+    return first, 1.0 / max((first - _first_order(near)) / step, 1.0 / MOST_CONTACT)
 
 
 def _first_order(jet: Jet) -> float:
