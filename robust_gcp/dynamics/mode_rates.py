@@ -55,6 +55,9 @@ SAME_WAY = 1e-5
 STRIDE = 0.1
 """Step in which a map walks to a circle, dimensionless joint units."""
 
+FARTHEST = 1e3
+"""Strides to a place beyond which no map walks: no step that can be trusted goes as far."""
+
 
 class ModeRates:
     """`MapRates` of a mechanism along the mode of a start.
@@ -258,7 +261,12 @@ class _Walk:
         mechanism, here, found = self._start.mechanism, explicit.anchor.y, explicit.anchor
         unit = mechanism.units[mechanism.iv_independent]
         for there in goals:
-            count = max(1, int(np.ceil(np.abs((there - here) / unit).max() / STRIDE)))
+            away = np.abs((there - here) / unit).max() / STRIDE
+            if not away < FARTHEST:
+                raise SimulationError(
+                    f"the mode is not followed to a place {away:.3g} strides of {STRIDE:g} joint units away"
+                )
+            count = max(1, int(np.ceil(away)))
             for share in np.arange(1, count + 1) / count:
                 found = explicit.at(here + share * (there - here), np.zeros(mechanism.m))
             here = there

@@ -17,6 +17,7 @@ from robust_gcp.mechanism.tree import Array, Tree
 def _model() -> pin.Model:
     """A floating body that carries a hinge, a ball and a slide, each with two sites."""
     model = pin.Model()
+    pin.seed(5)
     kinds = (pin.JointModelFreeFlyer(), pin.JointModelRX(), pin.JointModelSpherical(), pin.JointModelPZ())
     parent, rng = 0, np.random.default_rng(5)
     for i, kind in enumerate(kinds):
@@ -66,7 +67,8 @@ def test_moment_arms_are_how_the_length_changes(name: str) -> None:
 
     for q, v in _states(40):
         h = 1e-5
-        slope = (length(pin.integrate(MODEL, q, h * v)) - length(pin.integrate(MODEL, q, -h * v))) / (2.0 * h)
+        ahead = [length(pin.integrate(MODEL, q, k * h * v)) for k in (-2, -1, 1, 2)]
+        slope = np.array([1.0, -8.0, 8.0, -1.0]) @ ahead / (12.0 * h)
         tree.jacobians(q)
         assert path.at(q)[1] @ v == pytest.approx(slope, rel=1e-8, abs=1e-8)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -198,3 +199,12 @@ class TestRefused:
     def test_steps(self, h: Any) -> None:
         with pytest.raises(rg.OptionError, match="h"):
             rg.step(self.MECH, self.ROWS, h=h)
+
+    @pytest.mark.parametrize("jacobians", [False, True])
+    @pytest.mark.parametrize("h", [1e12, 1e300])
+    def test_steps_too_long_for_any_map(self, h: float, jacobians: bool) -> None:
+        q, v = [0.4, -0.4, 0.4], [1.0, -1.0, 1.0]
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore", rg.StabilityWarning)
+            with pytest.raises(rg.SimulationError, match="at once"):
+                rg.step(rg.load("rhombus"), [q, q], [v, v], None, h, jacobians)
