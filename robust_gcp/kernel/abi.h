@@ -6,7 +6,7 @@
 
 namespace rg {
 
-constexpr std::int32_t VERSION = 25;
+constexpr std::int32_t VERSION = 26;
 
 enum Reason : std::int32_t {
     DONE = 0,
@@ -212,6 +212,32 @@ struct Request {
     std::int32_t met;         // whether singular places may have been passed that nobody was told of
     double uncertain, nearest;  // of G, by rounding, beside singular places without a bridge, and their distance
     std::int32_t plain;       // whether all was done and there is nothing to tell of it
+};
+
+constexpr std::int32_t ALONE = -1;  // a row goes through singular places: it needs a workspace of its own
+
+// Many motions of one mechanism, a row each: see simulation/rows.h.
+struct Rows {
+    std::int64_t count, steps;
+    const std::int64_t* which;      // (count,): the rows that are to be stepped
+    double step;
+    const double* t0;               // (rows,), as all that follows
+    std::int64_t* at;               // steps taken since t0, in and out
+    std::int64_t* left;             // steps that were not taken now, out
+    std::int64_t* passed;           // singular places passed so far, in and out
+    void* const* own;               // workspaces of their own, or null
+    std::int32_t* going;            // whether those are where the row is, in and out
+    const double* const* trackers;  // of a row in a zone from which no workspace goes on; or null
+    std::int32_t* in_zone;          // out
+    std::int32_t* status;           // out: a Reason, or ALONE
+    std::int32_t width;             // numbers of `held`
+    const double* held;             // (rows, width): the torque, and controls after it
+    double* x;                      // (rows, 2m), as in Request
+    double* anchor;
+    double* origin;
+    double* ydd;
+    double* q;                      // (rows, nq), (rows, nv), out
+    double* v;
 };
 
 // A mode of one coordinate about a place: see modes.h.

@@ -23,6 +23,7 @@ from .structures import (
     Guarded,
     ModeSeries,
     Request,
+    Rows,
     States,
 )
 
@@ -71,7 +72,7 @@ class Library:
         if library.rg_version() != VERSION:
             raise OSError(f"{path} has interface {library.rg_version()}, this package needs {VERSION}")
         for i, structure in enumerate(
-            (Description, Cluster, Bridging, Request, States, ModeSeries, Assembly, Guarded)
+            (Description, Cluster, Bridging, Request, States, ModeSeries, Assembly, Guarded, Rows)
         ):
             theirs, ours = library.rg_size(i), ctypes.sizeof(structure)
             if theirs != ours:
@@ -82,6 +83,8 @@ class Library:
         self.destroy.argtypes, self.destroy.restype = [c_void_p], None
         self.run = library.rg_run
         self.run.argtypes, self.run.restype = [c_void_p, POINTER(Request)], None
+        self.rows = library.rg_rows
+        self.rows.argtypes, self.rows.restype = [c_void_p, POINTER(Request), POINTER(Rows)], None
         self.look = library.rg_look
         self.look.argtypes, self.look.restype = [c_void_p, POINTER(Request)], None
         self.trackers = library.rg_trackers

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..mechanism.tree import Array
 
-VERSION = 25
+VERSION = 26
 """Of the interface; a library with another one is not used."""
 
 TorqueCallback: Any = ctypes.CFUNCTYPE(c_int32, c_double)
@@ -31,6 +31,7 @@ class Reason(IntEnum):
     TORQUE = 7
     CHART = 8
     MET = 9
+    ALONE = -1
 
 
 def _all(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -149,6 +150,18 @@ class States(ctypes.Structure):
         ("torque", TorqueCallback),
         *_fields("", "torque_q torque_v torque_tau torque_stored q_out v_out A B"),
         *_fields("", "stage_q stage_v stage_a stage_G stage_v_y"),
+    ]
+
+
+class Rows(ctypes.Structure):
+    """Many motions of one mechanism; see abi.h."""
+
+    _fields_ = [
+        *_all(c_int64, "count steps"),
+        ("which", c_void_p),
+        ("step", c_double),
+        *_fields("", "t0 at left passed own going trackers in_zone status"),
+        *_fields("width", "held x anchor origin ydd q v"),
     ]
 
 

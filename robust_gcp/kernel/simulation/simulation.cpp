@@ -1,5 +1,6 @@
 // The functions that Python calls for motions. Nothing here is global: each handle is a workspace of its own.
 #include "exports.h"
+#include "simulation/rows.h"
 #include "simulation/solver.h"
 
 RG_EXPORT std::int32_t rg_version() { return rg::VERSION; }
@@ -8,7 +9,7 @@ RG_EXPORT std::int32_t rg_version() { return rg::VERSION; }
 RG_EXPORT std::int32_t rg_size(std::int32_t structure) {
     constexpr std::size_t sizes[] = {sizeof(rg::Description), sizeof(rg::Cluster), sizeof(rg::Bridging),
                                      sizeof(rg::Request), sizeof(rg::States), sizeof(rg::ModeSeries),
-                                     sizeof(rg::Assembly), sizeof(rg::Guarded)};
+                                     sizeof(rg::Assembly), sizeof(rg::Guarded), sizeof(rg::Rows)};
     return static_cast<std::int32_t>(sizes[structure]);
 }
 
@@ -20,6 +21,11 @@ RG_EXPORT void* rg_create(const rg::Description* description, char* why, std::in
 RG_EXPORT void rg_destroy(void* stepper) { delete static_cast<rg::Solver*>(stepper); }
 
 RG_EXPORT void rg_run(void* stepper, rg::Request* request) { static_cast<rg::Solver*>(stepper)->run(*request); }
+
+// Steps of many motions; the request says how, and `stepper` takes those that need none of their own.
+RG_EXPORT void rg_rows(void* stepper, const rg::Request* request, rg::Rows* rows) {
+    rg::RowsOf(*static_cast<rg::Solver*>(stepper), *request, *rows).run();
+}
 
 RG_EXPORT void rg_look(void* stepper, rg::Request* request) { static_cast<rg::Solver*>(stepper)->look(*request); }
 

@@ -100,6 +100,9 @@ class alignas(CACHE_LINE) Stepper : public Evaluator {
         return true;
     }
 
+    // v at the last accepted point.
+    void velocity(double* v) const { path.velocity(*accepted_, v); }
+
     // For another motion: nothing of those before is known any more.
     void renew() {
         anchor_ = accepted_ = safe_ = nullptr;
