@@ -63,6 +63,7 @@ from .mechanism.mechanism import Mechanism
 from .mechanism.recommended import Recommended
 from .simulation.access import FrameMotion, Sample
 from .simulation.acted import Acted
+from .simulation.batch import Batch
 from .simulation.coarse import CoarseStepWarning
 from .simulation.cost import Cost, Gradient
 from .simulation.derivatives import derivatives, forward_dynamics
@@ -135,6 +136,7 @@ __all__ = [
     "Actuator",
     "Backend",
     "BallSpring",
+    "Batch",
     "BranchError",
     "BridgeOptions",
     "Closure",

@@ -230,6 +230,8 @@ struct Rows {
     const double* const* trackers;  // of a row in a zone from which no workspace goes on; or null
     std::int32_t* in_zone;          // out
     std::int32_t* status;           // out: a Reason, or ALONE
+    const double* limit;            // as in Request, and (rows, m)
+    const double* uneven;
     std::int32_t width;             // numbers of `held`
     const double* held;             // (rows, width): the torque, and controls after it
     double* x;                      // (rows, 2m), as in Request

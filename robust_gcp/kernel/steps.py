@@ -167,8 +167,8 @@ class NativeSteps:
         workspace, trackers = self._at(explicit)
         if workspace is None:
             return None
-        options, zone = _limits(explicit)
-        mechanism = _whole(explicit)
+        options, zone = limits_of(explicit)
+        mechanism = whole_of(explicit)
         n = min(len(times) - 1, most_steps(mechanism))
         driven, prescribed = 0, None
         if self._drive is not None:
@@ -193,7 +193,7 @@ class NativeSteps:
         """Steps to come from where the kernel is, see `Workspace.prepared`; None where it is not at `now`."""
         if self._workspace is None or not self._workspace.at(now.point):
             return None
-        options, zone = _limits(explicit)
+        options, zone = limits_of(explicit)
         return self._workspace.prepared(times, outputs, zone, options, watch, best)
 
     def rates(self, explicit: KernelMap, now: Evaluation, x: Array, watch: Watch | None) -> Rates | None:
@@ -201,7 +201,7 @@ class NativeSteps:
         workspace, trackers = self._at(explicit)
         if workspace is None:
             return None
-        options, zone = _limits(explicit)
+        options, zone = limits_of(explicit)
         return workspace.rates(now, x, zone, options, watch, trackers)
 
     def _at(self, explicit: KernelMap) -> tuple[Workspace | None, Callable[[], Array] | None]:
@@ -210,7 +210,7 @@ class NativeSteps:
         trackers = followed.written if isinstance(followed, ClusterMap) and followed.in_zone else None
         if trackers is not None and not follows_zones(followed.path):
             return None, None
-        return self.prepare(_whole(explicit), explicit.path), trackers
+        return self.prepare(whole_of(explicit), explicit.path), trackers
 
     def settled(self, begun: int, reached: int) -> Batch:
         """What prepared steps came to; see `Workspace.settled`."""
@@ -223,12 +223,12 @@ def most_steps(mechanism: Mechanism) -> int:
     return max(1, BATCH // mechanism.nv)
 
 
-def _whole(explicit: KernelMap) -> Mechanism:
+def whole_of(explicit: KernelMap) -> Mechanism:
     """The mechanism with its joints on groups."""
     return explicit.groups.mechanism if isinstance(explicit, GroupMap) else explicit.path.mechanism
 
 
-def _limits(explicit: KernelMap) -> tuple[BridgeOptions | None, float]:
+def limits_of(explicit: KernelMap) -> tuple[BridgeOptions | None, float]:
     """The choices of the bridges, and the conditioning at which the regular path ends."""
     followed = explicit.rest if isinstance(explicit, GroupMap) else explicit
     if isinstance(followed, ClusterMap):

@@ -160,7 +160,7 @@ class Rows(ctypes.Structure):
         *_all(c_int64, "count steps"),
         ("which", c_void_p),
         ("step", c_double),
-        *_fields("", "t0 at left passed own going trackers in_zone status"),
+        *_fields("", "t0 at left passed own going trackers in_zone status limit uneven"),
         *_fields("width", "held x anchor origin ydd q v"),
     ]
 

@@ -78,6 +78,21 @@ class FixedRun(RefinedRun):
         """Whether an event ended it."""
         return self._ended
 
+    def standing(self, now: Evaluation) -> tuple[KernelMap, Array] | None:
+        """The map and the state where the kernel could go on alone from now; else None."""
+        explicit = self._motion.explicit
+        if self._native is None or self.asks or self._ended:
+            return None
+        if self._recovery.careful or self._events or self._suspicious(now.point):
+            return None
+        return (explicit, self._x) if isinstance(explicit, KernelMap) else None
+
+    @property
+    def asks(self) -> bool:
+        """Whether functions of the user's say what acts."""
+        forces, native = self._motion.mechanism.applied, self._native
+        return (native is not None and native.asks) or (forces is not None and forces.own is not None)
+
     def advance(self, i: int, last: int, known: Evaluation | None = None) -> None:
         """The steps from time i to time `last`; `known` is the evaluation at i where it was accepted."""
         recovery = self._recovery

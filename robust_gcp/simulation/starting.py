@@ -37,13 +37,13 @@ def is_plain(mechanism: Mechanism) -> bool:
 
     But for joints on groups, such as a floating base.
     """
-    rest = _rest_of(mechanism)
+    rest = rest_of(mechanism)
     determined = rest.nc == len(rest.iv_dependent)
     determined = determined and all(c.loops.nc == len(c.iv) - c.m for c in rest.clusters)
     return determined and len(rest.numbers) == rest.m and mechanism.m > 0
 
 
-def _rest_of(mechanism: Mechanism) -> Mechanism:
+def rest_of(mechanism: Mechanism) -> Mechanism:
     """Without joints on groups."""
     groups = groups_of(mechanism)
     return mechanism if groups is None else groups.rest
@@ -132,7 +132,7 @@ def _plain(
     v = at_rest if v0 is None else mechanism.velocity(v0, "v0")
     if v is not None:
         require_finite_energy(mechanism, v)
-    rest = _rest_of(mechanism)
+    rest = rest_of(mechanism)
     path = RegularPath(rest, np.arange(rest.nc), counters)
     workspace = native.prepare(mechanism, path)
     if workspace is None:

@@ -36,6 +36,8 @@ class RowsOf {
         r.held = rows_.held + i * rows_.width;
         r.control = rows_.width > layout_.nv ? r.held + layout_.nv : nullptr;
         r.times = times_.data();
+        r.limit = rows_.limit[i];
+        if (r.sizes != nullptr) r.uneven = rows_.uneven + i * layout_.m;
         r.first = r.steps = 0;
         r.trackers = rows_.trackers[i];
         r.beginning = rows_.going[i] ? GO_ON : r.trackers != nullptr ? IN_ZONE : REGULAR;

@@ -1,0 +1,263 @@
+"""Many motions of one mechanism in one choice of coordinates, a row of numbers each; see rows.h."""
+
+from __future__ import annotations
+
+import ctypes
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..dynamics.equations import Evaluation
+from ..dynamics.held import HeldTorque
+from ..maps.cluster.options import BridgeOptions
+from ..maps.point import Point
+from ..maps.regular_path import RegularPath
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+from .handles import Handle
+from .layout import Layout
+from .library import Library
+from .results import tracker_numbers
+from .structures import Reason, Rows, address
+from .watch import Watch
+from .workspace import Workspace
+
+Which = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class RowState:
+    """What is known of every row, whatever its coordinates.
+
+    Attributes
+    ----------
+    step : float
+        s.
+    t0 : ndarray (N,)
+        s.
+    at, left, passed : ndarray of int (N,)
+        Steps since t0; steps that were not taken at last; singular places passed.
+    status : ndarray of int (N,)
+        A `Reason`.
+    held : ndarray (N, width)
+        Torques, and controls after them.
+    q, v : ndarray (N, nq), (N, nv)
+    """
+
+    step: float
+    t0: Array
+    at: Which
+    left: Which
+    passed: Which
+    status: NDArray[np.int32]
+    held: Array
+    q: Array
+    v: Array
+
+    @classmethod
+    def room(cls, count: int, step: float, nq: int, nv: int, width: int) -> RowState:
+        """Room for so many rows."""
+        whole = (np.zeros(count, np.int64) for _ in range(3))
+        status, held = np.zeros(count, np.int32), np.zeros((count, width))
+        return cls(step, np.zeros(count), *whole, status, held, np.zeros((count, nq)), np.zeros((count, nv)))
+
+    def take(self, other: RowState) -> None:
+        """Become what another one is."""
+        for name in list(self.__dataclass_fields__)[1:]:
+            getattr(self, name)[...] = getattr(other, name)
+
+    def copy(self) -> RowState:
+        """The same in other memory."""
+        arrays = (getattr(self, name).copy() for name in list(self.__dataclass_fields__)[1:])
+        return RowState(self.step, *arrays)
+
+
+@dataclass(frozen=True)
+class Standing:
+    """Where a row is, in its coordinates.
+
+    Attributes
+    ----------
+    x, anchor, origin, ydd : ndarray
+        See `Workspace`.
+    trackers : ndarray or None
+        In a zone.
+    watch : Watch or None
+        Up to where its coordinates serve; None: as they do at first.
+    """
+
+    x: Array
+    anchor: Array
+    origin: Array
+    ydd: Array
+    trackers: Array | None
+    watch: Watch | None
+
+
+class _RowSpace(Workspace):
+    """A workspace that takes steps of many motions."""
+
+    @property
+    def layout(self) -> Layout:
+        """How points lie in the kernel's memory."""
+        return self._layout
+
+    def many(self, rows: Any, zone: float, options: BridgeOptions, watch: Watch | None) -> None:
+        """Steps of many motions, which are told by a pointer to `Rows`; the rest as for `run`."""
+        r, self._latest, self._packed = self._request, None, None
+        r.every, r.best, r.power = 1, 0.0, 0.0
+        self._choices.make(zone, options, watch)
+        self._handed.secure()
+        self._acting.listen()
+        self._library.rows(self._handle, self._by_reference, rows)
+
+
+class MotionRows:
+    """The rows of a batch in one choice of coordinates.
+
+    Those that come to a singular place have a workspace of their own from then on, which knows their bridges.
+
+    Parameters
+    ----------
+    library : Library
+    mechanism : Mechanism
+    path : RegularPath
+    held : HeldTorque
+        What tells how wide the rows of torques are.
+    state : RowState
+    options : BridgeOptions
+    zone : float
+        Conditioning below which the regular path ends.
+    watch : Watch or None
+        Up to where these coordinates serve.
+    threads : int
+
+    Raises
+    ------
+    NotNativeError
+        When the kernel cannot take the mechanism.
+    """
+
+    def __init__(
+        self,
+        library: Library,
+        mechanism: Mechanism,
+        path: RegularPath,
+        held: HeldTorque,
+        state: RowState,
+        options: BridgeOptions,
+        zone: float,
+        watch: Watch | None,
+        threads: int,
+    ) -> None:
+        self.mechanism, self.path, self._library, self._state = mechanism, path, library, state
+        self.zone, self.options, self._limits = zone, options, (zone, options, watch)
+        self._spaces = [_RowSpace(library, mechanism, path, held) for _ in range(threads)]
+        self.layout, count, m = self._spaces[0].layout, len(state.at), mechanism.m
+        self._x, self._ydd = np.zeros((count, 2 * m)), np.zeros((count, m))
+        self._anchor, self._origin = np.zeros((count, self.layout.size)), np.zeros((count, mechanism.nq))
+        self._own, self._trackers = np.zeros(count, np.uint64), np.zeros(count, np.uint64)
+        self._going, self.in_zone = np.zeros(count, np.int32), np.zeros(count, np.int32)
+        self._first, self._limit, self._uneven = watch, np.zeros(count), np.zeros((count, m))
+        self._handles: dict[int, Handle] = {}
+        self._numbers: dict[int, Array] = {}
+
+    @property
+    def workspace(self) -> Workspace:
+        """Where starts are looked at."""
+        return self._spaces[0]
+
+    def put(self, i: int, standing: Standing) -> None:
+        """A row is there now."""
+        self.let_go(i)
+        self._x[i], self._anchor[i], self._origin[i] = standing.x, standing.anchor, standing.origin
+        self._ydd[i], trackers = standing.ydd, standing.trackers
+        self.set_watch(i, standing.watch or self._first)
+        if trackers is not None:
+            self._numbers[i] = trackers
+            self._trackers[i] = address(trackers)
+            self._alone(i)
+            self.in_zone[i] = True
+
+    def at(self, x: Array, now: Evaluation, trackers: Array | None = None) -> Standing:
+        """A place for `put`."""
+        anchor = np.zeros(self.layout.size)
+        self.layout.pack(now.point, anchor)
+        size = 2 * self.mechanism.m
+        return Standing(
+            x[:size].copy(), anchor, self.layout.origin(now.point), now.ydd.copy(), trackers, None
+        )
+
+    def where(self, i: int) -> Standing:
+        """Where a row is."""
+        rows = (part[i].copy() for part in (self._x, self._anchor, self._origin, self._ydd))
+        trackers = self._numbers.get(i)
+        if self.in_zone[i] and self._going[i]:
+            trackers = tracker_numbers(self._library, self._handles[i].address)
+        return Standing(*rows, trackers, self.watch(i))
+
+    def state_of(self, i: int) -> tuple[Array, Array]:
+        """q and v of a row."""
+        point = self.point(i)
+        return point.q, point.G.dot(point.ydot)
+
+    def point(self, i: int) -> Point:
+        """The point that a row is at."""
+        return self.layout.point(self._anchor[i], self._origin[i])
+
+    def watch(self, i: int) -> Watch | None:
+        """Up to where these coordinates serve a row."""
+        first = self._first
+        return None if first is None else Watch(first.sizes, float(self._limit[i]), self._uneven[i].copy())
+
+    def set_watch(self, i: int, watch: Watch | None) -> None:
+        """They serve it up to there."""
+        if watch is not None:
+            self._limit[i], self._uneven[i] = watch.limit, watch.uneven
+
+    def let_go(self, i: int) -> None:
+        """A row is not here any more, or begins anew."""
+        self._own[i] = self._trackers[i] = 0
+        self._going[i] = self.in_zone[i] = False
+        self._handles.pop(i, None)
+        self._numbers.pop(i, None)
+
+    def advance(self, which: Which, steps: int, pool: ThreadPoolExecutor | None) -> None:
+        """So many steps of some rows, or as many as the kernel takes: `RowState.left` tells, `status` why."""
+        self._on_threads(which, steps, pool)
+        alone = which[self._state.status[which] == Reason.ALONE]
+        for i in alone.tolist():
+            self._alone(i)
+        if len(alone):
+            self._on_threads(alone, steps, pool)
+
+    def _alone(self, i: int) -> None:
+        """A workspace for a row."""
+        handle = self._handles[i] = Handle(self._library, self.mechanism, self.path, False)
+        self._own[i] = handle.address
+
+    def _on_threads(self, which: Which, steps: int, pool: ThreadPoolExecutor | None) -> None:
+        count = len(self._spaces)
+        if pool is None or len(which) < 2 * count:
+            self._advance(self._spaces[0], which, steps)
+            return
+        pairs = zip(self._spaces, np.array_split(which, count), strict=True)
+        for done in [pool.submit(self._advance, *pair, steps) for pair in pairs]:
+            done.result()
+
+    def _advance(self, space: _RowSpace, which: Which, steps: int) -> None:
+        state, which = self._state, np.ascontiguousarray(which, dtype=np.int64)
+        names = "which t0 at left passed own going trackers in_zone status limit uneven held"
+        names += " x anchor origin ydd q v"
+        arrays = (
+            *(which, state.t0, state.at, state.left, state.passed, self._own, self._going, self._trackers),
+            *(self.in_zone, state.status, self._limit, self._uneven, state.held),
+            *(self._x, self._anchor, self._origin, self._ydd, state.q, state.v),
+        )
+        rows = Rows(count=len(which), steps=steps, step=state.step, width=state.held.shape[1])
+        for name, array in zip(names.split(), arrays, strict=True):
+            setattr(rows, name, address(array))
+        space.many(ctypes.byref(rows), *self._limits)

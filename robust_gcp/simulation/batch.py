@@ -1,0 +1,354 @@
+"""`Batch`: many motions of one mechanism that are stepped together, as learning and sampling need them."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..checks import check_finite, check_mechanism, check_positive, check_whole, checked_rows, is_table, shown
+from ..dynamics.control import Controls, held_controls
+from ..errors import OptionError, RobustGcpError, SimulationError, StateError
+from ..kernel.rows import RowState
+from ..kernel.steps import chosen_library
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.parts import Part
+from ..mechanism.tree import Array
+from .batch_rows import BatchRows
+from .coarse import Coarse
+from .one_step import Stepped
+from .one_step import step_jacobians as jacobians_of_step
+from .stepwise import Simulation
+
+Rows = NDArray[np.int64]
+
+
+class Batch:
+    """N motions of a mechanism by RK4, each as a `Simulation` of its own, stepped together.
+
+    On regular ground and through singular places the compiled kernel takes all rows in one call; what it
+    cannot do alone (a start at a singular place, stops and friction) a `Simulation` of that
+    row does, which hands the row back as soon as it can. A row that must stop keeps its last state, and says
+    why in `errors`; the others go on.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    N : int
+        How many.
+    q0, v0 : array_like (nq,), (nv,), or (N, nq), (N, nv), optional
+        As in `simulate`: home, and at rest, when left out.
+    step : float
+        s.
+    mode : array_like, optional
+        As in `simulate`, where q0 is singular.
+    joints : sequence of Stop, JointFriction, Lock, optional
+        As in `simulate`; those of the mechanism's file when left out.
+    t0 : float
+        Time at the start, s.
+    ctrl : mapping of str or array_like, optional
+        Controls of the actuators, as `step` takes them.
+    threads : int
+        On which the rows are shared out.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+    q, v : ndarray (N, nq), (N, nv)
+        Where the rows are; not to be written to.
+    status : ndarray of int (N,)
+        0 for rows that go on, 1 for those that stopped.
+    errors : dict of int to RobustGcpError
+        Why they did.
+
+    Raises
+    ------
+    OptionError, StateError, SimulationError
+        As `Simulation` does for a start.
+
+    Warns
+    -----
+    CoarseStepWarning, StabilityWarning
+        As `Simulation` does; of stability for the first row.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import robust_gcp as rg
+    >>> batch = rg.Batch(rg.load("rhombus"), 3, step=1e-3)
+    >>> q, v, *_ = batch.step(np.diag([1.0, 0.0, 0.0]), 100)
+    >>> q.shape, batch.status.tolist()
+    ((3, 3), [0, 0, 0])
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        N: int,
+        q0: ArrayLike | None = None,
+        v0: ArrayLike | None = None,
+        step: float = 1e-3,
+        *,
+        mode: ArrayLike | None = None,
+        joints: Sequence[Part] | None = None,
+        t0: float = 0.0,
+        ctrl: Controls | None = None,
+        threads: int = 1,
+    ) -> None:
+        check_mechanism(mechanism, Mechanism, "Batch")
+        check_whole("N", N, 1)
+        check_positive("step", step)
+        check_finite("t0", t0)
+        check_whole("threads", threads, 1)
+        self.mechanism, self._step, self._t0, self._joints = mechanism, float(step), float(t0), joints
+        self._pool = ThreadPoolExecutor(threads, "robust_gcp Batch") if threads > 1 else None
+        self._ctrl: Array | None = None
+        self.errors: dict[int, RobustGcpError] = {}
+        self.status = np.zeros(N, np.int32)
+        self._coarse = Coarse(mechanism, self._step)
+        width = mechanism.nv + len(mechanism.actuators)
+        self._state = RowState.room(int(N), self._step, mechanism.nq, mechanism.nv, width)
+        sizes = self._state, int(threads)
+        self._rows = BatchRows(
+            chosen_library("auto", "bridge", "tangent"), mechanism, self._simulation, *sizes
+        )
+        self._power(ctrl)
+        self.reset(None, q0, v0, mode=mode)
+
+    def __len__(self) -> int:
+        """How many rows there are."""
+        return len(self.status)
+
+    def __repr__(self) -> str:
+        """What moves, and how many rows stopped."""
+        return f"Batch of {len(self)} motions of {self.mechanism.name!r}, {len(self.errors)} of them stopped"
+
+    @property
+    def q(self) -> Array:
+        """Configurations (N, nq)."""
+        return self._state.q
+
+    @property
+    def v(self) -> Array:
+        """Velocities (N, nv)."""
+        return self._state.v
+
+    @property
+    def t(self) -> Array:
+        """Times (N,), s."""
+        found: Array = self._state.t0 + self._step * self._state.at
+        return found
+
+    @property
+    def crossings(self) -> NDArray[np.int64]:
+        """How many singular places each row passed since it began, (N,)."""
+        return self._rows.crossings()
+
+    def reset(
+        self,
+        rows: ArrayLike | None = None,
+        q0: ArrayLike | None = None,
+        v0: ArrayLike | None = None,
+        *,
+        mode: ArrayLike | None = None,
+    ) -> Batch:
+        """Begin some rows anew at t0; returns itself.
+
+        Parameters
+        ----------
+        rows : array_like of int or of bool, optional
+            All when left out.
+        q0, v0 : array_like (nq,), (nv,), or one row for each of them, optional
+            Home, and at rest, when left out.
+        mode : array_like, optional
+            As in `simulate`.
+
+        Raises
+        ------
+        OptionError, StateError, SimulationError
+            As `simulate` does for a start, and names the row; that one and those after it are as they were.
+        """
+        which = self._which(rows)
+        mechanism = self.mechanism
+        q, v = (_spread(x, len(which), size, name) for x, size, name in (
+            (q0, mechanism.nq, "q0"), (v0, mechanism.nv, "v0")))  # fmt: skip
+        for k, i in enumerate(which.tolist()):
+            start = None if q is None else q[k], None if v is None else v[k], mode
+            try:
+                self._rows.begin(i, start, self._t0)
+            except (StateError, SimulationError) as error:
+                error.add_note(f"row {i}")
+                raise
+            self.errors.pop(i, None)
+            self.status[i] = 0
+        return self
+
+    def step(
+        self,
+        tau: ArrayLike | Mapping[str, Any] | None = None,
+        n: int = 1,
+        *,
+        ctrl: Controls | ArrayLike | None = None,
+        out: tuple[Any, Any] | None = None,
+        jacobians: bool = False,
+    ) -> Stepped:
+        """Take n steps of all rows that go on, under torques that are held over them.
+
+        Parameters
+        ----------
+        tau : array_like (nv,) or (N, nv), or mapping {joint: torque}, optional
+            N m and N; none when left out.
+        n : int
+        ctrl : mapping or array_like (n_u,), or array_like (N, n_u), optional
+            Controls of the actuators from now on; as they were when left out.
+        out : (ndarray (N, nq), ndarray (N, nv)), optional
+            Where q and v are written, of any float type.
+        jacobians : bool
+            Whether A and B of the n steps are wanted, as `rg.step` has them; under torques alone.
+
+        Returns
+        -------
+        Stepped
+            q, v, and A (N, 2m, 2m), B (N, 2m, nv), NaN of rows that stopped; copies, or `out`.
+
+        Raises
+        ------
+        OptionError, StateError
+            For arguments that are none. No row's motion raises: see `errors`.
+        """
+        check_whole("n", n, 1)
+        self.mechanism.require_unchanged()
+        held = self._state.held
+        held[:, : self.mechanism.nv] = self._torques(tau)
+        if ctrl is not None:
+            self._power(ctrl)
+        A, B = None, None
+        if jacobians:
+            A, B = self._with_jacobians(int(n))
+        else:
+            self._go(int(n))
+        if out is None:
+            return Stepped(self.q.copy(), self.v.copy(), A, B)
+        _written(out, self.q, self.v)
+        return Stepped(*out, A, B)
+
+    def save(self) -> Any:
+        """Where all rows are, to be given to `restore` as often as one likes."""
+        return self._rows.save(), self.status.copy(), dict(self.errors), self._ctrl
+
+    def restore(self, state: Any) -> Batch:
+        """Go back to where `save` of this batch gave the state; returns itself.
+
+        On regular ground and in zones to the last bit; bridges met later are built anew, equal to rounding.
+
+        Raises
+        ------
+        OptionError
+            For what this batch did not save.
+        """
+        if not isinstance(state, tuple) or len(state) != 4 or not self._rows.restore(state[0]):
+            raise OptionError(f"state = {shown(state)} is not what save() of this batch returned")
+        _, status, errors, self._ctrl = state
+        self.status[:], self.errors = status, dict(errors)
+        return self
+
+    def _which(self, rows: ArrayLike | None) -> Rows:
+        """The numbers of rows."""
+        count = len(self)
+        if rows is None:
+            return np.arange(count)
+        given = np.atleast_1d(np.asarray(rows))
+        if given.dtype == bool and given.shape == (count,):
+            return np.flatnonzero(given)
+        whole = given.ndim == 1 and (given.dtype.kind in "iu" or not len(given))
+        if not whole or np.any((given < 0) | (given >= count)):
+            raise OptionError(
+                f"rows = {shown(rows)} must be numbers from 0 to {count - 1}, or {count} times bool"
+            )
+        found: Rows = given.astype(np.int64)
+        return found
+
+    def _torques(self, tau: ArrayLike | Mapping[str, Any] | None) -> Array:
+        """τ of all rows."""
+        nv = self.mechanism.nv
+        if tau is None:
+            return np.zeros(nv)
+        if not isinstance(tau, Mapping) and is_table(tau):
+            return checked_rows(tau, len(self), nv, "tau", "nv")
+        given = tau.values() if isinstance(tau, Mapping) else (tau,)
+        if any(map(callable, given)):
+            raise OptionError(f"tau = {shown(tau)}: a step holds numbers, those of each row: (N, nv)")
+        return self.mechanism.velocity(tau, "tau")
+
+    def _power(self, ctrl: Controls | ArrayLike | None) -> None:
+        """Hold controls from now on."""
+        mechanism = self.mechanism
+        if ctrl is None:
+            self._state.held[:, mechanism.nv :] = np.nan
+            return
+        if not isinstance(ctrl, Mapping) and is_table(ctrl):
+            self._ctrl = checked_rows(ctrl, len(self), len(mechanism.actuators), "ctrl", "n_u")
+        else:
+            before = None if self._ctrl is None else self._ctrl[0]
+            self._ctrl = np.tile(held_controls(mechanism, ctrl, before), (len(self), 1))
+        ranges = np.array([a.ctrl_range or (-np.inf, np.inf) for a in mechanism.actuators], dtype=float)
+        self._state.held[:, mechanism.nv :] = np.clip(self._ctrl, ranges[:, 0], ranges[:, 1])
+
+    def _go(self, n: int) -> None:
+        """So many steps."""
+        going = np.flatnonzero(self.status == 0)
+        for i, error in self._rows.advance(going, n, self._ctrl, self._pool):
+            self.errors[i], self.status[i] = error, 1
+        if len(going):
+            fastest = going[int(np.argmax(np.abs(self.v[going] / self.mechanism.units).max(axis=1)))]
+            self._coarse.look(float(self.t[fastest]), self.v[fastest])
+
+    def _with_jacobians(self, n: int) -> tuple[Array, Array]:
+        """So many steps, and the derivatives of all of them together."""
+        if self._ctrl is not None:
+            raise OptionError("jacobians=True goes with torques; give tau in place of ctrl")
+        m, nv = self.mechanism.m, self.mechanism.nv
+        A = np.tile(np.eye(2 * m), (len(self), 1, 1))
+        B = np.zeros((len(self), 2 * m, nv))
+        for _ in range(n):
+            going = np.flatnonzero(self.status == 0)
+            states = self.q[going], self.v[going], self._state.held[going, :nv]
+            after, by_tau = jacobians_of_step(self.mechanism, *states, self._step)
+            A[going], B[going] = after @ A[going], after @ B[going] + by_tau
+            self._go(1)
+        stopped = self.status != 0
+        A[stopped] = B[stopped] = np.nan
+        return A, B
+
+    def _simulation(self, start: tuple[Any, Any, Any], t0: float, i: int, quiet: bool) -> Simulation:
+        """A simulation of one row, from (q0, v0, mode) on."""
+        ctrl = None if self._ctrl is None else self._ctrl[i]
+        options: dict[str, Any] = {"joints": self._joints, "t0": t0, "ctrl": ctrl, "keep": "last"}
+        q0, v0, mode = start
+        with warnings.catch_warnings():
+            if quiet:
+                warnings.simplefilter("ignore")
+            return Simulation(self.mechanism, q0, v0, self._step, mode=mode, **options)
+
+
+def _spread(value: ArrayLike | None, count: int, size: int, what: str) -> Array | None:
+    """A row for each, of one or as many."""
+    if value is None or isinstance(value, Mapping) or not is_table(value):
+        return None if value is None else [value] * count  # type: ignore[return-value]
+    return checked_rows(value, count, size, what, "nq" if what == "q0" else "nv")
+
+
+def _written(out: Any, q: Array, v: Array) -> None:
+    """Write into the user's arrays."""
+    pair = out if isinstance(out, tuple) and len(out) == 2 else (None, None)
+    for name, array, values in (("q", pair[0], q), ("v", pair[1], v)):
+        sound = isinstance(array, np.ndarray) and array.shape == values.shape and array.dtype.kind == "f"
+        if not sound or not array.flags.writeable:
+            raise OptionError(
+                f"out: {name} must be an array of floats, {values.shape}, that can be written to"
+            )
+        array[...] = values
