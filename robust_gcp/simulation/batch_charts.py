@@ -60,12 +60,11 @@ class BatchCharts:
 
     def advance(self, which: Which, n: int, pool: ThreadPoolExecutor | None) -> list[int]:
         """So many steps of some rows; those that the kernel gave up before."""
-        state, given_up = self._state, list[int]()
-        for c, chart in enumerate(self._charts):
-            rows = which[self.of[which] == c]
-            if len(rows):
-                chart.advance(rows, n, pool)
-                given_up += [i for i in rows[state.status[rows] != Reason.DONE].tolist() if not self._ends(i)]
+        state, given_up, of = self._state, list[int](), self.of[which]  # where they begin
+        for c in np.unique(of[of != NOWHERE]).tolist():
+            rows, chart = which[of == c], self._charts[c]
+            chart.advance(rows, n, pool)
+            given_up += [i for i in rows[state.status[rows] != Reason.DONE].tolist() if not self._ends(i)]
         return given_up
 
     def put(self, i: int, place: Place) -> None:
