@@ -218,12 +218,12 @@ constexpr std::int32_t ALONE = -1;  // a row goes through singular places: it ne
 
 // Many motions of one mechanism, a row each: see simulation/rows.h.
 struct Rows {
-    std::int64_t count, steps;
+    std::int64_t count;
     const std::int64_t* which;      // (count,): the rows that are to be stepped
     double step;
     const double* t0;               // (rows,), as all that follows
     std::int64_t* at;               // steps taken since t0, in and out
-    std::int64_t* left;             // steps that were not taken now, out
+    std::int64_t* left;             // steps that are to be taken, in; that were not, out
     std::int64_t* passed;           // singular places passed so far, in and out
     void* const* own;               // workspaces of their own, or null
     std::int32_t* going;            // whether those are where the row is, in and out

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -17,15 +18,20 @@ from ..maps.point import Point
 from ..maps.regular_path import RegularPath
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from .description import describe
 from .handles import Handle
 from .layout import Layout
 from .library import Library
 from .results import tracker_numbers
-from .structures import Reason, Rows, address
+from .straight.program import Motions, straight_steps
+from .structures import Arrays, Reason, Rows, address
 from .watch import Watch
 from .workspace import Workspace
 
 Which = NDArray[np.int64]
+
+MANY = 100_000
+"""Steps of all rows together from which on they are compiled: the kernel takes some 0.2 s for these."""
 
 
 @dataclass(frozen=True)
@@ -134,6 +140,8 @@ class MotionRows:
     watch : Watch or None
         Up to where these coordinates serve.
     threads : int
+    compiles : bool
+        Whether steps on regular ground are compiled for this mechanism once there are many.
 
     Raises
     ------
@@ -152,6 +160,7 @@ class MotionRows:
         zone: float,
         watch: Watch | None,
         threads: int,
+        compiles: bool = True,
     ) -> None:
         self.mechanism, self.path, self._library, self._state = mechanism, path, library, state
         self.zone, self.options, self._limits = zone, options, (zone, options, watch)
@@ -162,6 +171,8 @@ class MotionRows:
         self._own, self._trackers = np.zeros(count, np.uint64), np.zeros(count, np.uint64)
         self._going, self.in_zone = np.zeros(count, np.int32), np.zeros(count, np.int32)
         self._first, self._limit, self._uneven = watch, np.zeros(count), np.zeros((count, m))
+        self._straight: Any = None  # a function, or the reason why there is none
+        self._compiles, self._taken = compiles, 0
         self._handles: dict[int, Handle] = {}
         self._numbers: dict[int, Array] = {}
 
@@ -227,37 +238,79 @@ class MotionRows:
 
     def advance(self, which: Which, steps: int, pool: ThreadPoolExecutor | None) -> None:
         """So many steps of some rows, or as many as the kernel takes: `RowState.left` tells, `status` why."""
-        self._on_threads(which, steps, pool)
-        alone = which[self._state.status[which] == Reason.ALONE]
+        state = self._state
+        state.left[which], state.status[which] = steps, Reason.DONE
+        if self._straight is None and self._worth(len(which) * steps):
+            self._straight = straight_steps(self.mechanism, self._described())
+        if callable(self._straight):
+            regular = which[self.in_zone[which] == 0]
+            before = state.at[regular]
+            self._on_threads(self._ahead, regular, pool)
+            self._going[regular[state.at[regular] != before]] = False
+            which = which[(state.left[which] > 0) & (state.status[which] != Reason.CHART)]
+            if not len(which):
+                return
+        self._on_threads(self._advance, which, pool)
+        alone = which[state.status[which] == Reason.ALONE]
         for i in alone.tolist():
             self._alone(i)
         if len(alone):
-            self._on_threads(alone, steps, pool)
+            self._on_threads(self._advance, alone, pool)
+
+    def specialise(self) -> str | None:
+        """Have the steps compiled for this mechanism; the reason where that cannot be."""
+        self._straight = straight_steps(self.mechanism, self._described())
+        return None if callable(self._straight) else str(self._straight)
+
+    def _worth(self, steps: int) -> bool:
+        """Whether so many steps have come together that compiling them pays."""
+        self._taken += steps
+        return self._compiles and self._taken >= MANY
+
+    def _described(self) -> Arrays:
+        return describe(self.mechanism, self.path, False)
 
     def _alone(self, i: int) -> None:
         """A workspace for a row."""
         handle = self._handles[i] = Handle(self._library, self.mechanism, self.path, False)
         self._own[i] = handle.address
 
-    def _on_threads(self, which: Which, steps: int, pool: ThreadPoolExecutor | None) -> None:
+    def _on_threads(
+        self, do: Callable[[_RowSpace, Which], None], which: Which, pool: ThreadPoolExecutor | None
+    ) -> None:
         count = len(self._spaces)
         if pool is None or len(which) < 2 * count:
-            self._advance(self._spaces[0], which, steps)
+            do(self._spaces[0], which)
             return
         pairs = zip(self._spaces, np.array_split(which, count), strict=True)
-        for done in [pool.submit(self._advance, *pair, steps) for pair in pairs]:
+        for done in [pool.submit(do, *pair) for pair in pairs]:
             done.result()
 
-    def _advance(self, space: _RowSpace, which: Which, steps: int) -> None:
-        state, which = self._state, np.ascontiguousarray(which, dtype=np.int64)
-        names = "which t0 at left passed own going trackers in_zone status limit uneven held"
-        names += " x anchor origin ydd q v"
-        arrays = (
-            *(which, state.t0, state.at, state.left, state.passed, self._own, self._going, self._trackers),
-            *(self.in_zone, state.status, self._limit, self._uneven, state.held),
-            *(self._x, self._anchor, self._origin, self._ydd, state.q, state.v),
-        )
-        rows = Rows(count=len(which), steps=steps, step=state.step, width=state.held.shape[1])
-        for name, array in zip(names.split(), arrays, strict=True):
-            setattr(rows, name, address(array))
+    def _advance(self, space: _RowSpace, which: Which) -> None:
+        """Steps by the kernel, as many as are left of each."""
+        which = np.ascontiguousarray(which, dtype=np.int64)
+        rows = Rows(count=len(which), step=self._state.step, width=self._state.held.shape[1])
+        self._point_at(rows, which, self._own, self._going, self._trackers, self.in_zone)
         space.many(ctypes.byref(rows), *self._limits)
+
+    def _ahead(self, space: _RowSpace, which: Which) -> None:
+        """The same by code compiled for this mechanism, on regular ground; it leaves what it cannot take."""
+        which = np.ascontiguousarray(which, dtype=np.int64)
+        rows = Motions(
+            count=len(which), step=self._state.step, zone=self.zone, width=self._state.held.shape[1]
+        )
+        rows.sizes = None if self._first is None else address(self._first.sizes)
+        self._point_at(rows, which)
+        self._straight(ctypes.byref(rows))
+
+    def _point_at(self, rows: Any, which: Which, *kernel_s: Array) -> None:
+        """Have a structure point to the rows' numbers."""
+        state = self._state
+        arrays = {
+            name: getattr(state, name) for name in ("t0", "at", "left", "passed", "status", "held", "q", "v")
+        }
+        arrays |= {"which": which, "limit": self._limit, "uneven": self._uneven}
+        arrays |= {"x": self._x, "anchor": self._anchor, "origin": self._origin, "ydd": self._ydd}
+        arrays |= dict(zip(("own", "going", "trackers", "in_zone"), kernel_s, strict=False))
+        for name in (name for name, _ in rows._fields_ if name in arrays):
+            setattr(rows, name, address(arrays[name]))

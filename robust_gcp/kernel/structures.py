@@ -157,7 +157,7 @@ class Rows(ctypes.Structure):
     """Many motions of one mechanism; see abi.h."""
 
     _fields_ = [
-        *_all(c_int64, "count steps"),
+        ("count", c_int64),
         ("which", c_void_p),
         ("step", c_double),
         *_fields("", "t0 at left passed own going trackers in_zone status limit uneven"),

@@ -15,7 +15,6 @@ class RowsOf {
     RowsOf(Solver& shared, const Request& like, Rows& rows)
         : shared_(shared), like_(like), rows_(rows), layout_(shared.path.layout), n_(2 * layout_.m) {
         before_.resize(static_cast<std::size_t>(n_ + layout_.size + layout_.nq + layout_.m));
-        times_.resize(static_cast<std::size_t>(rows.steps + 1));
     }
 
     void run() {
@@ -26,7 +25,9 @@ class RowsOf {
     void one(std::int64_t i) {
         Solver* const own = static_cast<Solver*>(rows_.own[i]);
         Solver& solver = own != nullptr ? *own : shared_;
-        for (std::int64_t j = 0; j <= rows_.steps; ++j)
+        const std::int64_t steps = rows_.left[i];
+        times_.resize(static_cast<std::size_t>(steps + 1));
+        for (std::int64_t j = 0; j <= steps; ++j)
             times_[j] = rows_.t0[i] + rows_.step * static_cast<double>(rows_.at[i] + j);
         Request r = like_;
         r.x = rows_.x + i * n_;
@@ -44,7 +45,7 @@ class RowsOf {
         if (own == nullptr) keep(r);
         solver.run(r);  // no step: it takes the state up
         r.beginning = TURNED;
-        r.steps = rows_.steps;
+        r.steps = steps;
         solver.run(r);
         if (own == nullptr && (r.in_zone || r.logged > 0)) {
             put_back(r);
@@ -53,7 +54,7 @@ class RowsOf {
         }
         const std::int64_t taken = std::max<std::int64_t>(r.completed, 0);
         rows_.at[i] += taken;
-        rows_.left[i] = rows_.steps - taken;
+        rows_.left[i] = steps - taken;
         rows_.passed[i] += r.logged;
         rows_.status[i] = r.reason;
         rows_.going[i] = own != nullptr;
