@@ -5,11 +5,9 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..dynamics.equations import Evaluation
 from ..dynamics.held import HeldTorque
@@ -23,84 +21,14 @@ from .handles import Handle
 from .layout import Layout
 from .library import Library
 from .results import tracker_numbers
+from .row_state import RowState, Standing, Which
 from .straight.program import Motions, straight_steps
 from .structures import Arrays, Reason, Rows, address
 from .watch import Watch
 from .workspace import Workspace
 
-Which = NDArray[np.int64]
-
 MANY = 100_000
 """Steps of all rows together from which on they are compiled: the kernel takes some 0.2 s for these."""
-
-
-@dataclass(frozen=True)
-class RowState:
-    """What is known of every row, whatever its coordinates.
-
-    Attributes
-    ----------
-    step : float
-        s.
-    t0 : ndarray (N,)
-        s.
-    at, left, passed : ndarray of int (N,)
-        Steps since t0; steps that were not taken at last; singular places passed.
-    status : ndarray of int (N,)
-        A `Reason`.
-    held : ndarray (N, width)
-        Torques, and controls after them.
-    q, v : ndarray (N, nq), (N, nv)
-    """
-
-    step: float
-    t0: Array
-    at: Which
-    left: Which
-    passed: Which
-    status: NDArray[np.int32]
-    held: Array
-    q: Array
-    v: Array
-
-    @classmethod
-    def room(cls, count: int, step: float, nq: int, nv: int, width: int) -> RowState:
-        """Room for so many rows."""
-        whole = (np.zeros(count, np.int64) for _ in range(3))
-        status, held = np.zeros(count, np.int32), np.zeros((count, width))
-        return cls(step, np.zeros(count), *whole, status, held, np.zeros((count, nq)), np.zeros((count, nv)))
-
-    def take(self, other: RowState) -> None:
-        """Become what another one is."""
-        for name in list(self.__dataclass_fields__)[1:]:
-            getattr(self, name)[...] = getattr(other, name)
-
-    def copy(self) -> RowState:
-        """The same in other memory."""
-        arrays = (getattr(self, name).copy() for name in list(self.__dataclass_fields__)[1:])
-        return RowState(self.step, *arrays)
-
-
-@dataclass(frozen=True)
-class Standing:
-    """Where a row is, in its coordinates.
-
-    Attributes
-    ----------
-    x, anchor, origin, ydd : ndarray
-        See `Workspace`.
-    trackers : ndarray or None
-        In a zone.
-    watch : Watch or None
-        Up to where its coordinates serve; None: as they do at first.
-    """
-
-    x: Array
-    anchor: Array
-    origin: Array
-    ydd: Array
-    trackers: Array | None
-    watch: Watch | None
 
 
 class _RowSpace(Workspace):
@@ -140,6 +68,13 @@ class MotionRows:
     watch : Watch or None
         Up to where these coordinates serve.
     threads : int
+
+    Attributes
+    ----------
+    mechanism, path, options, zone
+        As they were given.
+    in_zone : ndarray of int (N,)
+        Whether rows are beside singular places.
     compiles : bool
         Whether steps on regular ground are compiled for this mechanism once there are many.
 
@@ -160,7 +95,6 @@ class MotionRows:
         zone: float,
         watch: Watch | None,
         threads: int,
-        compiles: bool = True,
     ) -> None:
         self.mechanism, self.path, self._library, self._state = mechanism, path, library, state
         self.zone, self.options, self._limits = zone, options, (zone, options, watch)
@@ -172,7 +106,7 @@ class MotionRows:
         self._going, self.in_zone = np.zeros(count, np.int32), np.zeros(count, np.int32)
         self._first, self._limit, self._uneven = watch, np.zeros(count), np.zeros((count, m))
         self._straight: Any = None  # a function, or the reason why there is none
-        self._compiles, self._taken = compiles, 0
+        self.compiles, self._taken = True, 0
         self._handles: dict[int, Handle] = {}
         self._numbers: dict[int, Array] = {}
 
@@ -189,7 +123,7 @@ class MotionRows:
         self.set_watch(i, standing.watch or self._first)
         if trackers is not None:
             self._numbers[i] = trackers
-            self._trackers[i] = address(trackers)
+            self._trackers[i] = address(trackers) or 0
             self._alone(i)
             self.in_zone[i] = True
 
@@ -204,11 +138,11 @@ class MotionRows:
 
     def where(self, i: int) -> Standing:
         """Where a row is."""
-        rows = (part[i].copy() for part in (self._x, self._anchor, self._origin, self._ydd))
+        x, anchor, origin, ydd = (part[i].copy() for part in (self._x, self._anchor, self._origin, self._ydd))
         trackers = self._numbers.get(i)
         if self.in_zone[i] and self._going[i]:
             trackers = tracker_numbers(self._library, self._handles[i].address)
-        return Standing(*rows, trackers, self.watch(i))
+        return Standing(x, anchor, origin, ydd, trackers, self.watch(i))
 
     def state_of(self, i: int) -> tuple[Array, Array]:
         """q and v of a row."""
@@ -265,7 +199,7 @@ class MotionRows:
     def _worth(self, steps: int) -> bool:
         """Whether so many steps have come together that compiling them pays."""
         self._taken += steps
-        return self._compiles and self._taken >= MANY
+        return self.compiles and self._taken >= MANY
 
     def _described(self) -> Arrays:
         return describe(self.mechanism, self.path, False)
@@ -303,7 +237,7 @@ class MotionRows:
         self._point_at(rows, which)
         self._straight(ctypes.byref(rows))
 
-    def _point_at(self, rows: Any, which: Which, *kernel_s: Array) -> None:
+    def _point_at(self, rows: Any, which: Which, *kernel_s: Any) -> None:
         """Have a structure point to the rows' numbers."""
         state = self._state
         arrays = {

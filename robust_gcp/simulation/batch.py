@@ -13,11 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 from ..checks import check_finite, check_mechanism, check_positive, check_whole, checked_rows, is_table, shown
 from ..dynamics.control import Controls, held_controls
 from ..errors import OptionError, RobustGcpError, SimulationError, StateError
-from ..kernel.rows import RowState
+from ..kernel.row_state import RowState
 from ..kernel.steps import chosen_library
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.parts import Part
 from ..mechanism.tree import Array
+from .batch_given import rows_given, spread, torques_given, write_out
 from .batch_rows import BatchRows
 from .coarse import Coarse
 from .one_step import Stepped
@@ -54,6 +55,10 @@ class Batch:
         Controls of the actuators, as `step` takes them.
     threads : int
         On which the rows are shared out.
+    specialise : bool, optional
+        Whether steps on regular ground are compiled for this mechanism, with the C++ compiler at hand: some
+        20 times as fast as the kernel's, equal to 1e-13. When left out, where that is possible and many steps
+        were asked for.
 
     Attributes
     ----------
@@ -98,6 +103,7 @@ class Batch:
         t0: float = 0.0,
         ctrl: Controls | None = None,
         threads: int = 1,
+        specialise: bool | None = None,
     ) -> None:
         check_mechanism(mechanism, Mechanism, "Batch")
         check_whole("N", N, 1)
@@ -118,6 +124,7 @@ class Batch:
         )
         self._power(ctrl)
         self.reset(None, q0, v0, mode=mode)
+        self._rows.specialise(specialise)
 
     def __len__(self) -> int:
         """How many rows there are."""
@@ -172,9 +179,9 @@ class Batch:
         OptionError, StateError, SimulationError
             As `simulate` does for a start, and names the row; that one and those after it are as they were.
         """
-        which = self._which(rows)
+        which = rows_given(rows, len(self))
         mechanism = self.mechanism
-        q, v = (_spread(x, len(which), size, name) for x, size, name in (
+        q, v = (spread(x, len(which), size, name) for x, size, name in (
             (q0, mechanism.nq, "q0"), (v0, mechanism.nv, "v0")))  # fmt: skip
         for k, i in enumerate(which.tolist()):
             start = None if q is None else q[k], None if v is None else v[k], mode
@@ -223,7 +230,7 @@ class Batch:
         check_whole("n", n, 1)
         self.mechanism.require_unchanged()
         held = self._state.held
-        held[:, : self.mechanism.nv] = self._torques(tau)
+        held[:, : self.mechanism.nv] = torques_given(self.mechanism, tau, len(self))
         if ctrl is not None:
             self._power(ctrl)
         A, B = None, None
@@ -233,7 +240,7 @@ class Batch:
             self._go(int(n))
         if out is None:
             return Stepped(self.q.copy(), self.v.copy(), A, B)
-        _written(out, self.q, self.v)
+        write_out(out, self.q, self.v)
         return Stepped(*out, A, B)
 
     def save(self) -> Any:
@@ -255,34 +262,6 @@ class Batch:
         _, status, errors, self._ctrl = state
         self.status[:], self.errors = status, dict(errors)
         return self
-
-    def _which(self, rows: ArrayLike | None) -> Rows:
-        """The numbers of rows."""
-        count = len(self)
-        if rows is None:
-            return np.arange(count)
-        given = np.atleast_1d(np.asarray(rows))
-        if given.dtype == bool and given.shape == (count,):
-            return np.flatnonzero(given)
-        whole = given.ndim == 1 and (given.dtype.kind in "iu" or not len(given))
-        if not whole or np.any((given < 0) | (given >= count)):
-            raise OptionError(
-                f"rows = {shown(rows)} must be numbers from 0 to {count - 1}, or {count} times bool"
-            )
-        found: Rows = given.astype(np.int64)
-        return found
-
-    def _torques(self, tau: ArrayLike | Mapping[str, Any] | None) -> Array:
-        """τ of all rows."""
-        nv = self.mechanism.nv
-        if tau is None:
-            return np.zeros(nv)
-        if not isinstance(tau, Mapping) and is_table(tau):
-            return checked_rows(tau, len(self), nv, "tau", "nv")
-        given = tau.values() if isinstance(tau, Mapping) else (tau,)
-        if any(map(callable, given)):
-            raise OptionError(f"tau = {shown(tau)}: a step holds numbers, those of each row: (N, nv)")
-        return self.mechanism.velocity(tau, "tau")
 
     def _power(self, ctrl: Controls | ArrayLike | None) -> None:
         """Hold controls from now on."""
@@ -333,22 +312,3 @@ class Batch:
             if quiet:
                 warnings.simplefilter("ignore")
             return Simulation(self.mechanism, q0, v0, self._step, mode=mode, **options)
-
-
-def _spread(value: ArrayLike | None, count: int, size: int, what: str) -> Array | None:
-    """A row for each, of one or as many."""
-    if value is None or isinstance(value, Mapping) or not is_table(value):
-        return None if value is None else [value] * count  # type: ignore[return-value]
-    return checked_rows(value, count, size, what, "nq" if what == "q0" else "nv")
-
-
-def _written(out: Any, q: Array, v: Array) -> None:
-    """Write into the user's arrays."""
-    pair = out if isinstance(out, tuple) and len(out) == 2 else (None, None)
-    for name, array, values in (("q", pair[0], q), ("v", pair[1], v)):
-        sound = isinstance(array, np.ndarray) and array.shape == values.shape and array.dtype.kind == "f"
-        if not sound or not array.flags.writeable:
-            raise OptionError(
-                f"out: {name} must be an array of floats, {values.shape}, that can be written to"
-            )
-        array[...] = values

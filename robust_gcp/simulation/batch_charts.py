@@ -12,7 +12,8 @@ from ..dynamics.equations import Evaluation
 from ..dynamics.held import HeldTorque
 from ..kernel.library import Library
 from ..kernel.loop_arrays import NotNativeError
-from ..kernel.rows import MotionRows, RowState, Standing
+from ..kernel.row_state import RowState, Standing
+from ..kernel.rows import MotionRows
 from ..kernel.steps import KernelMap, limits_of, whole_of
 from ..kernel.structures import Reason
 from ..maps.classical import ClassicalMap
@@ -56,6 +57,7 @@ class BatchCharts:
     def __init__(self, library: Library | None, named: Mechanism, state: RowState, threads: int) -> None:
         self._library, self._named, self._state, self._threads = library, named, state, threads
         self._charts: list[MotionRows] = []
+        self._compiles = True
         self.of: Which = np.full(len(state.at), NOWHERE)
 
     def advance(self, which: Which, n: int, pool: ThreadPoolExecutor | None) -> list[int]:
@@ -66,6 +68,15 @@ class BatchCharts:
             chart.advance(rows, n, pool)
             given_up += [i for i in rows[state.status[rows] != Reason.DONE].tolist() if not self._ends(i)]
         return given_up
+
+    def specialise(self, wanted: bool | None) -> str | None:
+        """Have steps compiled for the mechanism: at once, when it pays (None), or never; why they are not."""
+        self._compiles = wanted is not False
+        for chart in self._charts:
+            chart.compiles = self._compiles
+        if not wanted:
+            return None
+        return self._charts[0].specialise() if self._charts else "the compiled kernel does not take its rows"
 
     def put(self, i: int, place: Place) -> None:
         """A row is there now."""
@@ -177,5 +188,6 @@ class BatchCharts:
         with suppress(NotNativeError):
             more = HeldTorque(mechanism), self._state, options, zone, watch, self._threads
             self._charts.append(MotionRows(self._library, mechanism, path, *more))
+            self._charts[-1].compiles = self._compiles
             return len(self._charts) - 1
         return None

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ClosureError, PerformanceWarning, RobustGcpError, SingularStartError
+from ..checks import shown
+from ..errors import ClosureError, OptionError, PerformanceWarning, RobustGcpError, SingularStartError
 from ..kernel.library import Library
-from ..kernel.rows import RowState
+from ..kernel.row_state import RowState
 from ..kernel.structures import Reason
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tolerances import NEARLY_CLOSED
@@ -68,6 +69,20 @@ class BatchRows:
         for i, simulation in self._alone.items():
             passed[i] = self._before[i] + len(simulation.crossings)
         return passed
+
+    def specialise(self, wanted: bool | None) -> None:
+        """Have steps compiled for the mechanism: at once, when it pays (None), or never.
+
+        Raises
+        ------
+        OptionError
+            Where they are wanted at once, and that cannot be.
+        """
+        if wanted is not None and not isinstance(wanted, bool):
+            raise OptionError(f"specialise = {shown(wanted)} must be True, False or None")
+        why = self._charts.specialise(wanted)
+        if wanted and why is not None:
+            raise OptionError(f"specialise=True: no steps are compiled for this mechanism: {why}")
 
     def begin(self, i: int, start: Given, t0: float) -> None:
         """A row begins anew."""

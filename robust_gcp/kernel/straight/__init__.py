@@ -1,1 +1,1 @@
-"""Straight-line code of one mechanism's regular steps, compiled where it is needed; see `stage` and `program`."""
+"""Straight-line code of one mechanism's regular steps, compiled where it is needed."""

@@ -16,7 +16,8 @@ from typing import Any
 from ...mechanism.mechanism import Mechanism
 from ..loop_arrays import NotNativeError
 from ..structures import Arrays
-from .stage import Numbers, Stage, described
+from .blocks import Numbers, described
+from .stage import Stage
 
 FLAGS = ("-std=c++17", "-O3", "-march=native", "-fno-math-errno", "-fPIC", "-shared", "-w")
 
@@ -43,9 +44,8 @@ class Motions(ctypes.Structure):
 def straight_steps(mechanism: Mechanism, arrays: Arrays) -> Any:
     """The compiled function, which takes a pointer to `Motions`; or the reason, as text, why there is none.
 
-    Made once for a mechanism and choice of coordinates, and kept in a folder of the user's for other processes.
+    Made once for a mechanism and choice of coordinates, and kept in a folder of the user's for others.
     """
-
     from ..build import BuildError  # a script of its own, which must not be imported before it is run
 
     def made() -> Any:
@@ -161,14 +161,10 @@ def _array(kind: str, name: str, values: Sequence[Any]) -> str:
 
 def _processor() -> str:
     """What tells this machine's processor from others."""
-    found = platform.machine() + platform.processor()
-    with (
-        open("/proc/cpuinfo", encoding="utf-8", errors="replace")
-        if os.path.exists("/proc/cpuinfo")
-        else tempfile.TemporaryFile("w+") as file
-    ):  # noqa: E501
-        found += next((line for line in file if line.startswith(("flags", "Features"))), "")
-    return found
+    told = Path("/proc/cpuinfo")
+    lines = told.read_text(encoding="utf-8", errors="replace").splitlines() if told.is_file() else []
+    flags = next((line for line in lines if line.startswith(("flags", "Features"))), "")
+    return platform.machine() + platform.processor() + flags
 
 
 def _folder() -> Path:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
 
 
 @dataclass
@@ -147,3 +150,18 @@ def plus(*vectors: Sequence[Traced]) -> Vector:
 def times(s: Traced | float, v: Sequence[Traced]) -> Vector:
     """s v."""
     return [x * s for x in v]
+
+
+def within(x: Traced, low: float, high: float) -> Traced:
+    """x, or the end of a range."""
+    if low > -np.inf:
+        x = x.or_larger(x.tape.constant(low))
+    return x if high == np.inf else x.or_smaller(x.tape.constant(high))
+
+
+def total(numbers: Sequence[Traced]) -> Any:
+    """Their sum; 0.0 of none."""
+    found: Any = 0.0
+    for number in numbers:
+        found = number + found
+    return found

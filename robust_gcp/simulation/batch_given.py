@@ -1,0 +1,64 @@
+"""What a batch is given: numbers of rows, starts, torques, and where results are to be written."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..checks import checked_rows, is_table, shown
+from ..errors import OptionError
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+
+Rows = NDArray[np.int64]
+
+
+def rows_given(rows: ArrayLike | None, count: int) -> Rows:
+    """The numbers of rows."""
+    if rows is None:
+        return np.arange(count)
+    given = np.atleast_1d(np.asarray(rows))
+    if given.dtype == bool and given.shape == (count,):
+        return np.flatnonzero(given)
+    whole = given.ndim == 1 and (given.dtype.kind in "iu" or not len(given))
+    if not whole or np.any((given < 0) | (given >= count)):
+        raise OptionError(
+            f"rows = {shown(rows)} must be numbers from 0 to {count - 1}, or {count} times bool"
+        )
+    found: Rows = given.astype(np.int64)
+    return found
+
+
+def torques_given(mechanism: Mechanism, tau: ArrayLike | Mapping[str, Any] | None, count: int) -> Array:
+    """τ of all rows."""
+    nv = mechanism.nv
+    if tau is None:
+        return np.zeros(nv)
+    if not isinstance(tau, Mapping) and is_table(tau):
+        return checked_rows(tau, count, nv, "tau", "nv")
+    given = tau.values() if isinstance(tau, Mapping) else (tau,)
+    if any(map(callable, given)):
+        raise OptionError(f"tau = {shown(tau)}: a step holds numbers, those of each row: (N, nv)")
+    return mechanism.velocity(tau, "tau")
+
+
+def spread(value: ArrayLike | None, count: int, size: int, what: str) -> Array | None:
+    """A row for each, of one or as many."""
+    if value is None or isinstance(value, Mapping) or not is_table(value):
+        return None if value is None else [value] * count  # type: ignore[return-value]
+    return checked_rows(value, count, size, what, "nq" if what == "q0" else "nv")
+
+
+def write_out(out: Any, q: Array, v: Array) -> None:
+    """Write into the user's arrays."""
+    pair: Any = out if isinstance(out, tuple) and len(out) == 2 else (None, None)
+    for name, array, values in (("q", pair[0], q), ("v", pair[1], v)):
+        sound = isinstance(array, np.ndarray) and array.shape == values.shape and array.dtype.kind == "f"
+        if not sound or not array.flags.writeable:
+            raise OptionError(
+                f"out: {name} must be an array of floats, {values.shape}, that can be written to"
+            )
+        array[...] = values
