@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..checks import check_finite, check_mechanism, check_positive, check_whole, checked_rows, is_table, shown
-from ..dynamics.control import Controls, held_controls
+from ..checks import check_finite, check_mechanism, check_positive, check_whole, shown
+from ..dynamics.control import Controls
 from ..errors import OptionError, RobustGcpError, SimulationError, StateError
 from ..kernel.row_state import RowState
 from ..kernel.steps import chosen_library
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.parts import Part
 from ..mechanism.tree import Array
-from .batch_given import rows_given, spread, torques_given, write_out
+from .batch_given import controls_given, require_room, rows_given, spread, torques_given
 from .batch_rows import BatchRows
 from .coarse import Coarse
 from .one_step import Stepped
@@ -228,11 +228,15 @@ class Batch:
             For arguments that are none. No row's motion raises: see `errors`.
         """
         check_whole("n", n, 1)
-        self.mechanism.require_unchanged()
-        held = self._state.held
-        held[:, : self.mechanism.nv] = torques_given(self.mechanism, tau, len(self))
+        mechanism, held = self.mechanism, self._state.held
+        mechanism.require_unchanged()
+        torques = torques_given(mechanism, tau, len(self))
+        require_room(out, self.q, self.v)
+        if jacobians and (ctrl is not None or self._ctrl is not None):
+            raise OptionError("jacobians=True goes with torques; give tau in place of ctrl")
         if ctrl is not None:
             self._power(ctrl)
+        held[:, : mechanism.nv] = torques
         A, B = None, None
         if jacobians:
             A, B = self._with_jacobians(int(n))
@@ -240,7 +244,7 @@ class Batch:
             self._go(int(n))
         if out is None:
             return Stepped(self.q.copy(), self.v.copy(), A, B)
-        write_out(out, self.q, self.v)
+        out[0][...], out[1][...] = self.q, self.v
         return Stepped(*out, A, B)
 
     def save(self) -> Any:
@@ -265,17 +269,11 @@ class Batch:
 
     def _power(self, ctrl: Controls | ArrayLike | None) -> None:
         """Hold controls from now on."""
-        mechanism = self.mechanism
+        nv = self.mechanism.nv
         if ctrl is None:
-            self._state.held[:, mechanism.nv :] = np.nan
+            self._state.held[:, nv:] = np.nan
             return
-        if not isinstance(ctrl, Mapping) and is_table(ctrl):
-            self._ctrl = checked_rows(ctrl, len(self), len(mechanism.actuators), "ctrl", "n_u")
-        else:
-            before = None if self._ctrl is None else self._ctrl[0]
-            self._ctrl = np.tile(held_controls(mechanism, ctrl, before), (len(self), 1))
-        ranges = np.array([a.ctrl_range or (-np.inf, np.inf) for a in mechanism.actuators], dtype=float)
-        self._state.held[:, mechanism.nv :] = np.clip(self._ctrl, ranges[:, 0], ranges[:, 1])
+        self._ctrl, self._state.held[:, nv:] = controls_given(self.mechanism, ctrl, self._ctrl, len(self))
 
     def _go(self, n: int) -> None:
         """So many steps."""
@@ -288,8 +286,6 @@ class Batch:
 
     def _with_jacobians(self, n: int) -> tuple[Array, Array]:
         """So many steps, and the derivatives of all of them together."""
-        if self._ctrl is not None:
-            raise OptionError("jacobians=True goes with torques; give tau in place of ctrl")
         m, nv = self.mechanism.m, self.mechanism.nv
         A = np.tile(np.eye(2 * m), (len(self), 1, 1))
         B = np.zeros((len(self), 2 * m, nv))

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..checks import checked_rows, is_table, shown
+from ..dynamics.control import Controls, held_controls
 from ..errors import OptionError
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
@@ -45,6 +46,21 @@ def torques_given(mechanism: Mechanism, tau: ArrayLike | Mapping[str, Any] | Non
     return mechanism.velocity(tau, "tau")
 
 
+def controls_given(
+    mechanism: Mechanism, ctrl: Controls | ArrayLike, before: Array | None, count: int
+) -> tuple[Array, Array]:
+    """Controls of all rows, (count, n_u), and what the actuators make of them."""
+    actuators = mechanism.actuators
+    if not isinstance(ctrl, Mapping) and is_table(ctrl):
+        given = checked_rows(ctrl, count, len(actuators), "ctrl", "n_u")
+    elif before is None or not isinstance(ctrl, Mapping):
+        given = np.tile(held_controls(mechanism, ctrl), (count, 1))
+    else:
+        given = np.stack([held_controls(mechanism, ctrl, row) for row in before])
+    ranges = np.array([a.ctrl_range or (-np.inf, np.inf) for a in actuators], dtype=float)
+    return given, np.clip(given, ranges[:, 0], ranges[:, 1])
+
+
 def spread(value: ArrayLike | None, count: int, size: int, what: str) -> Array | None:
     """A row for each, of one or as many."""
     if value is None or isinstance(value, Mapping) or not is_table(value):
@@ -52,8 +68,10 @@ def spread(value: ArrayLike | None, count: int, size: int, what: str) -> Array |
     return checked_rows(value, count, size, what, "nq" if what == "q0" else "nv")
 
 
-def write_out(out: Any, q: Array, v: Array) -> None:
-    """Write into the user's arrays."""
+def require_room(out: Any, q: Array, v: Array) -> None:
+    """Refuse what q and v cannot be written to; None is none."""
+    if out is None:
+        return
     pair: Any = out if isinstance(out, tuple) and len(out) == 2 else (None, None)
     for name, array, values in (("q", pair[0], q), ("v", pair[1], v)):
         sound = isinstance(array, np.ndarray) and array.shape == values.shape and array.dtype.kind == "f"
@@ -61,4 +79,3 @@ def write_out(out: Any, q: Array, v: Array) -> None:
             raise OptionError(
                 f"out: {name} must be an array of floats, {values.shape}, that can be written to"
             )
-        array[...] = values

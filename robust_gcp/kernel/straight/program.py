@@ -169,5 +169,5 @@ def _processor() -> str:
 
 def _folder() -> Path:
     """Where compiled code is kept."""
-    home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
-    return Path(home) / "robust_gcp"
+    given = os.environ.get("XDG_CACHE_HOME")
+    return (Path(given) if given else Path.home() / ".cache") / "robust_gcp"

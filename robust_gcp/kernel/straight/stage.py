@@ -1,7 +1,7 @@
 """One evaluation of the regular path and of ÿ, written out for one mechanism.
 
-From a predicted q: two Newton steps with the K_d there, then G, g, γ'', Gᵀ M G and ÿ at the end (METHOD.md §3;
-the paper's equations (2) to (4)). The kernel's own description of the mechanism is evaluated with names in place
+From a predicted q: two Newton steps with the K_d there, then G, g, γ'', Gᵀ M G and ÿ at the end, by the
+paper's equations (2) to (4). The kernel's own description of the mechanism is evaluated with names in place
 of numbers: what is zero or one by construction folds away.
 """
 
@@ -79,8 +79,10 @@ class Stage(Kinematics):
             for (j, _, x), lever in zip(pair, arm, strict=True):
                 pulls.append(B[j][x] + cross(A[j], lever)[x] + cross(W[j], cross(W[j], lever))[x])
             k.append((pulls[1] - pulls[0]) * float(self.k["row_weight"][row]))
-        x, scale = solver.solve(k), self.k["scale"]
-        return [x[j] * float(scale[j]) if j in x else self.tape.constant(0.0) for j in range(self.d.nv)]
+        found, scale = solver.solve(k), self.k["scale"]
+        return [
+            found[j] * float(scale[j]) if j in found else self.tape.constant(0.0) for j in range(self.d.nv)
+        ]
 
     # --------------------------------------------------------------------- dynamics
 
