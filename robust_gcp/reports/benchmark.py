@@ -249,7 +249,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-MANY = ("crank_rocker", "five_bar", "slider_crank", "stewart")
+MANY = ("crank_rocker", "rhombus", "five_bar", "slider_crank", "walker", "stewart")
 """Shipped models that `--starts` steps."""
 
 

@@ -10,7 +10,10 @@ import pytest
 import robust_gcp as rg
 
 
-@pytest.mark.parametrize(("library", "extra"), [("jax", "jax"), ("torch", "torch"), ("crocoddyl", "control")])
+@pytest.mark.parametrize(
+    ("library", "extra"),
+    [("jax", "jax"), ("torch", "torch"), ("crocoddyl", "control"), ("gymnasium", "gymnasium")],
+)
 def test_the_extra_is_named(library: str, extra: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, library, None)
     monkeypatch.delitem(sys.modules, f"robust_gcp.adapters.{library}", raising=False)
