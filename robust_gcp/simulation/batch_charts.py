@@ -32,6 +32,10 @@ Which = NDArray[np.int64]
 NOWHERE = -1
 """In place of the number of a choice of coordinates."""
 
+PATIENCE = 1.3
+"""By how much more than in a run by itself a row becomes uneven until others are looked for again: each look
+takes as long as a thousand steps of all rows side by side."""
+
 Place = tuple[int, Standing]
 """The number of a choice of coordinates, and where a row is in them."""
 
@@ -155,7 +159,7 @@ class BatchCharts:
         look.watch = watch
         names = look.better(chart.point(i))
         if names is None:
-            chart.set_watch(i, look.watch)
+            chart.set_watch(i, look.watch._replace(uneven=PATIENCE * look.watch.uneven))
             return True
         return self._recharted(i, in_coordinates(self._named, names), chart)
 

@@ -151,7 +151,11 @@ class BatchRows:
 
     def _left_open(self, which: Which) -> Iterator[Failure]:
         """Rows of which loops are open that the dependent joints cannot close."""
-        for i in self._charts.open_loops(which):
+        looked = self._charts.open_loops(which)
+        if not looked:
+            return
+        gaps = np.abs(self._named.phi(self._state.q[looked])) / self._named.row_scale
+        for i in np.array(looked)[~(gaps.max(axis=1) <= NEARLY_CLOSED)].tolist():
             try:
                 self._named.require_closed(self._state.q[i], NEARLY_CLOSED, f"at t = {self._time(i):.6g} s")
             except ClosureError as error:
