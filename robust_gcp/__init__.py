@@ -63,7 +63,6 @@ from .mechanism.mechanism import Mechanism
 from .mechanism.recommended import Recommended
 from .simulation.access import FrameMotion, Sample
 from .simulation.acted import Acted
-from .simulation.batch import Batch
 from .simulation.coarse import CoarseStepWarning
 from .simulation.cost import Cost, Gradient
 from .simulation.derivatives import derivatives, forward_dynamics
@@ -90,6 +89,7 @@ if TYPE_CHECKING:
     from .mechanism.lengths import along
     from .mechanism.parts import JointFriction, Lock, Stop
     from .mechanism.sensors import Sensor
+    from .simulation.batch import Batch
     from .simulation.many import simulate_many
     from .simulation.parameter_slopes import by_parameters
     from .simulation.phases.happening import Happening
@@ -103,6 +103,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _LATER = {
+    "Batch": ".simulation.batch",
     "Failure": ".sweeps.record",
     "Happening": ".simulation.phases.happening",
     "Impact": ".simulation.phases.impact",

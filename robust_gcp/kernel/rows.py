@@ -23,7 +23,7 @@ from .library import Library
 from .results import tracker_numbers
 from .row_state import RowState, Standing, Which
 from .straight.program import Motions, straight_steps
-from .structures import Arrays, Reason, Rows, address
+from .structures import ALONE, Arrays, Reason, Rows, address
 from .watch import Watch
 from .workspace import Workspace
 
@@ -185,7 +185,7 @@ class MotionRows:
             if not len(which):
                 return
         self._on_threads(self._advance, which, pool)
-        alone = which[state.status[which] == Reason.ALONE]
+        alone = which[state.status[which] == ALONE]
         for i in alone.tolist():
             self._alone(i)
         if len(alone):

@@ -31,7 +31,10 @@ class Reason(IntEnum):
     TORQUE = 7
     CHART = 8
     MET = 9
-    ALONE = -1
+
+
+ALONE = -1
+"""In place of a reason: a row of many goes through singular places, and needs a workspace of its own."""
 
 
 def _all(kind: Any, names: str) -> list[tuple[str, Any]]:

@@ -18,11 +18,10 @@ from ..kernel.steps import chosen_library
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.parts import Part
 from ..mechanism.tree import Array
-from .batch_given import controls_given, require_room, rows_given, spread, torques_given
+from .batch_given import controls_given, require_room, rows_given, slopes_of_step, spread, torques_given
 from .batch_rows import BatchRows
 from .coarse import Coarse
 from .one_step import Stepped
-from .one_step import step_jacobians as jacobians_of_step
 from .stepwise import Simulation
 
 Rows = NDArray[np.int64]
@@ -75,10 +74,7 @@ class Batch:
     OptionError, StateError, SimulationError
         As `Simulation` does for a start.
 
-    Warns
-    -----
-    CoarseStepWarning, StabilityWarning
-        As `Simulation` does; of stability for the first row.
+    Warns as `Simulation` does, of stability for the first row alone.
 
     Examples
     --------
@@ -118,10 +114,8 @@ class Batch:
         self._coarse = Coarse(mechanism, self._step)
         width = mechanism.nv + len(mechanism.actuators)
         self._state = RowState.room(int(N), self._step, mechanism.nq, mechanism.nv, width)
-        sizes = self._state, int(threads)
-        self._rows = BatchRows(
-            chosen_library("auto", "bridge", "tangent"), mechanism, self._simulation, *sizes
-        )
+        kernel = chosen_library("auto", "bridge", "tangent")
+        self._rows = BatchRows(kernel, mechanism, self._simulation, self._state, int(threads))
         self._power(ctrl)
         self.reset(None, q0, v0, mode=mode)
         self._rows.specialise(specialise)
@@ -256,10 +250,7 @@ class Batch:
 
         On regular ground and in zones to the last bit; bridges met later are built anew, equal to rounding.
 
-        Raises
-        ------
-        OptionError
-            For what this batch did not save.
+        Raises OptionError for what this batch did not save.
         """
         if not isinstance(state, tuple) or len(state) != 4 or not self._rows.restore(state[0]):
             raise OptionError(f"state = {shown(state)} is not what save() of this batch returned")
@@ -287,16 +278,14 @@ class Batch:
     def _with_jacobians(self, n: int) -> tuple[Array, Array]:
         """So many steps, and the derivatives of all of them together."""
         m, nv = self.mechanism.m, self.mechanism.nv
-        A = np.tile(np.eye(2 * m), (len(self), 1, 1))
-        B = np.zeros((len(self), 2 * m, nv))
+        A, B = np.tile(np.eye(2 * m), (len(self), 1, 1)), np.zeros((len(self), 2 * m, nv))
         for _ in range(n):
             going = np.flatnonzero(self.status == 0)
             states = self.q[going], self.v[going], self._state.held[going, :nv]
-            after, by_tau = jacobians_of_step(self.mechanism, *states, self._step)
+            after, by_tau = slopes_of_step(self.mechanism, *states, self._step)
             A[going], B[going] = after @ A[going], after @ B[going] + by_tau
             self._go(1)
-        stopped = self.status != 0
-        A[stopped] = B[stopped] = np.nan
+        A[self.status != 0] = B[self.status != 0] = np.nan
         return A, B
 
     def _simulation(self, start: tuple[Any, Any, Any], t0: float, i: int, quiet: bool) -> Simulation:

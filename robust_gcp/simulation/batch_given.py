@@ -10,9 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..checks import checked_rows, is_table, shown
 from ..dynamics.control import Controls, held_controls
-from ..errors import OptionError
+from ..errors import OptionError, RobustGcpError
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from .one_step import step_jacobians
 
 Rows = NDArray[np.int64]
 
@@ -79,3 +80,18 @@ def require_room(out: Any, q: Array, v: Array) -> None:
             raise OptionError(
                 f"out: {name} must be an array of floats, {values.shape}, that can be written to"
             )
+
+
+def slopes_of_step(mechanism: Mechanism, q: Array, v: Array, tau: Array, step: float) -> tuple[Array, Array]:
+    """A and B of a step from each state, as `step_jacobians`; NaN where there are none."""
+    try:
+        return step_jacobians(mechanism, q, v, tau, step)
+    except RobustGcpError:
+        if len(q) > 1:
+            rows = [
+                slopes_of_step(mechanism, q[i : i + 1], v[i : i + 1], tau[i : i + 1], step)
+                for i in range(len(q))
+            ]
+            return np.concatenate([A for A, _ in rows]), np.concatenate([B for _, B in rows])
+    m = mechanism.m
+    return np.full((1, 2 * m, 2 * m), np.nan), np.full((1, 2 * m, mechanism.nv), np.nan)
