@@ -242,6 +242,24 @@ struct Rows {
     double* v;
 };
 
+// A mechanism as a file holds it, in each choice of independent joints: see public/image.h.
+struct ExportedChart {
+    const Description* description;
+    const double* sizes;   // as in Request
+    const double* uneven;
+    double limit;
+};
+
+struct Exported {
+    std::int32_t charts, controls;
+    double zone;
+    const Bridging* bridging;
+    const ExportedChart* const* chart;  // (charts,)
+    const double* ranges;               // (controls, 2)
+    const char* joints;                 // names, one a line, ended by zero
+    const char* actuators;
+};
+
 // A mode of one coordinate about a place: see modes.h.
 struct ModeSeries {
     std::int64_t count, orders;

@@ -25,6 +25,7 @@ SOURCES = (
     "linalg/dense.cpp",  # the longest first
     "cluster/clusters.cpp",
     "derivatives/derivatives.cpp",
+    "public/public.cpp",
     "simulation/simulation.cpp",
     "dynamics/dynamics.cpp",
 )
@@ -42,7 +43,7 @@ SANITIZED = (
 )
 EIGEN = ("Eigen/Core", "cmeel-eigen", "eigen3")
 """A header, the wheel that carries it, and the folder of headers that it lies in."""
-EXPORTED = "{ global: rg_*; local: *; };\n"
+EXPORTED = "{ global: rg_*; rgcp_*; local: *; };\n"
 """A version script: the C interface, and none of the C++ that its functions are made of."""
 
 
@@ -106,6 +107,7 @@ def build(into: Path, log: list[str], sanitize: bool = False) -> Path:
         *compiler(),
         *(SANITIZED if sanitize else FLAGS),
         f"-I{HERE}",
+        f"-I{HERE.parent / 'include'}",
         f"-ffile-prefix-map={HERE}=kernel",
     ]
     for folder in headers(EIGEN):
@@ -122,7 +124,9 @@ def build(into: Path, log: list[str], sanitize: bool = False) -> Path:
             list(pool.map(lambda job: call(job, log), jobs))
         linked, script = Path(scratch) / library.name, Path(scratch) / "exported.map"
         script.write_text(EXPORTED, encoding="utf-8")
-        export = "-Wl,-exported_symbol,_rg_*" if mac else f"-Wl,--version-script={script}"
+        export = (
+            "-Wl,-exported_symbol,_rg_*,-exported_symbol,_rgcp_*" if mac else f"-Wl,--version-script={script}"
+        )
         strip = [] if mac or sanitize else ["-s"]
         call([*command, "-shared", export, *strip, *objects, "-o", str(linked)], log)
         if not linked.is_file():

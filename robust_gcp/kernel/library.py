@@ -20,6 +20,8 @@ from .structures import (
     Bridging,
     Cluster,
     Description,
+    Exported,
+    ExportedChart,
     Guarded,
     ModeSeries,
     Request,
@@ -71,9 +73,8 @@ class Library:
         library = ctypes.CDLL(str(path))
         if library.rg_version() != VERSION:
             raise OSError(f"{path} has interface {library.rg_version()}, this package needs {VERSION}")
-        for i, structure in enumerate(
-            (Description, Cluster, Bridging, Request, States, ModeSeries, Assembly, Guarded, Rows)
-        ):
+        structures = Description, Cluster, Bridging, Request, States, ModeSeries, Assembly, Guarded, Rows
+        for i, structure in enumerate((*structures, ExportedChart, Exported)):
             theirs, ours = library.rg_size(i), ctypes.sizeof(structure)
             if theirs != ours:
                 raise OSError(f"its {structure.__name__} has {theirs} bytes, this package's {ours}")

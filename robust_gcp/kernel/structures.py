@@ -168,6 +168,22 @@ class Rows(ctypes.Structure):
     ]
 
 
+class ExportedChart(ctypes.Structure):
+    """A choice of independent joints, as a file holds it; see abi.h."""
+
+    _fields_ = [*_fields("", "description sizes uneven"), ("limit", c_double)]
+
+
+class Exported(ctypes.Structure):
+    """A mechanism as a file holds it; see abi.h."""
+
+    _fields_ = [
+        *_fields("charts controls", ""),
+        ("zone", c_double),
+        *_fields("", "bridging chart ranges joints actuators"),
+    ]
+
+
 class ModeSeries(ctypes.Structure):
     """A mode of one coordinate about a place; see abi.h."""
 
@@ -220,6 +236,27 @@ class Arrays:
             self._kept[name][...] = numbers()
         for member in self._members:
             member.refresh()
+
+    def text(self, name: str, words: Sequence[str]) -> None:
+        """A pointer to words, one a line, ended by zero."""
+        self._point(name, np.frombuffer("\n".join(words).encode() + b"\0", np.uint8))
+
+    def parts(self) -> dict[str, Array | Arrays]:
+        """What its pointers point to, by name: arrays, or another structure."""
+        found: dict[str, Array | Arrays] = dict(self._kept)
+        places = {ctypes.addressof(member.structure): member for member in self._members}
+        for name, _ in self.structure._fields_:
+            place = getattr(self.structure, name)
+            if name not in found and isinstance(place, int) and place in places:
+                found[name] = places[place]
+        return found
+
+    def members(self, addresses: Array) -> list[Arrays] | None:
+        """The structures at these addresses; None where they are numbers."""
+        if addresses.dtype != np.uint64:
+            return None
+        places = {ctypes.addressof(member.structure): member for member in self._members}
+        return [places[int(address)] for address in addresses]
 
     def structures(self, name: str, members: Sequence[Arrays]) -> None:
         """A pointer to pointers to other structures."""

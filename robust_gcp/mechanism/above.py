@@ -50,6 +50,33 @@ class Above(Coordinates):
 
         return write(self, path)  # type: ignore[arg-type]  # every one of them is a Mechanism
 
+    def export(self, path: str | Path, charts: Sequence[Sequence[str]] = ()) -> Path:
+        """Write it for programs without Python, by the path's suffix.
+
+        - `.rgcp`: a file that the C library opens (`robust_gcp.h`): motions, G, g, the reduced equation and
+          derivatives, the same bits as from here.
+
+        Parameters
+        ----------
+        path : str or Path
+        charts : sequence of sequence of str
+            Further choices of independent joints, which a motion changes to where those named turn back.
+
+        Returns
+        -------
+        Path
+            What was written.
+
+        Raises
+        ------
+        ModelError
+            For another suffix, what the compiled kernel does not do alone (stops, friction, forces of your
+            own, actuators with activations), and where the system does not take the file.
+        """
+        from ..export.write import export
+
+        return export(self, path, charts)  # type: ignore[arg-type]  # every one of them is a Mechanism
+
     def assemble(self, q_guess: ArrayLike | Named, hold: Sequence[str] | None = None) -> Array:
         """Close the loops from a rough guess, or from many.
 

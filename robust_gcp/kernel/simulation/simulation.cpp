@@ -9,7 +9,8 @@ RG_EXPORT std::int32_t rg_version() { return rg::VERSION; }
 RG_EXPORT std::int32_t rg_size(std::int32_t structure) {
     constexpr std::size_t sizes[] = {sizeof(rg::Description), sizeof(rg::Cluster), sizeof(rg::Bridging),
                                      sizeof(rg::Request), sizeof(rg::States), sizeof(rg::ModeSeries),
-                                     sizeof(rg::Assembly), sizeof(rg::Guarded), sizeof(rg::Rows)};
+                                     sizeof(rg::Assembly), sizeof(rg::Guarded), sizeof(rg::Rows),
+                                     sizeof(rg::ExportedChart), sizeof(rg::Exported)};
     return static_cast<std::int32_t>(sizes[structure]);
 }
 

@@ -1,0 +1,101 @@
+"""A mechanism as an .rgcp file, which robust_gcp.h opens without Python."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..checks import listed, shown
+from ..dynamics.problem import set_out
+from ..errors import ModelError, OptionError, PartitionError, SimulationError
+from ..kernel.description import describe
+from ..kernel.loop_arrays import NotNativeError
+from ..kernel.path_arrays import drives_in_kernel
+from ..kernel.results import bridging
+from ..kernel.structures import Arrays, Exported, ExportedChart
+from ..maps.cluster.options import LAST_RESORT, USUAL
+from ..maps.point import Counters
+from ..maps.regular_path import RegularPath
+from ..mechanism.mechanism import Mechanism
+from ..simulation.coordinates import Coordinates
+from ..simulation.starting import rest_of
+from .image import Image
+
+
+def described(mechanism: Mechanism, charts: Sequence[Sequence[str]] = ()) -> bytes:
+    """The bytes of an .rgcp file.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    charts : sequence of sequence of str
+        Further independent joints, that a motion changes to where those named turn back.
+
+    Raises
+    ------
+    ModelError
+        For what the compiled kernel does not do alone, by name, and charts that are none.
+    """
+    require_compiled(mechanism)
+    named = listed(charts, "charts", "lists of independent joints", OptionError, (list, tuple))
+    several = [mechanism, *(in_chart(mechanism, names) for names in named)]
+    ranges = [a.ctrl_range or (-np.inf, np.inf) for a in mechanism.actuators]
+    root = Arrays(Exported(charts=len(several), controls=len(mechanism.actuators), zone=USUAL.zone))
+    root.another("bridging", bridging(USUAL, LAST_RESORT))
+    root.structures("chart", [_chart(each, mechanism) for each in several])
+    root.reals(ranges=np.array(ranges, dtype=float).ravel())
+    root.text("joints", mechanism.joint_names)
+    root.text("actuators", [actuator.name for actuator in mechanism.actuators])
+    return bytes(Image(root))
+
+
+def in_chart(mechanism: Mechanism, names: Sequence[str]) -> Mechanism:
+    """The mechanism in other independent joints."""
+    try:
+        return mechanism.with_independent(list(names))
+    except PartitionError as error:
+        raise ModelError(f"charts: {shown(list(names))} cannot be independent: {error}") from error
+
+
+def require_compiled(mechanism: Mechanism) -> None:
+    """Refuse what the compiled kernel does not do alone.
+
+    Raises
+    ------
+    ModelError
+    """
+    own = None if mechanism.applied is None else mechanism.applied.own
+    reasons = {
+        "forces of your own, which are Python": own is not None,
+        "stops, friction and locks (leave them out by load(..., parts) or joints=[])": bool(mechanism.parts),
+        "paths of actuators that only Python knows": not drives_in_kernel(mechanism),
+        "actuators with activations": any(a.dynamics != "none" for a in mechanism.actuators),
+    }
+    for what, present in reasons.items():
+        if present:
+            raise ModelError(f"{mechanism.name or 'the mechanism'} cannot be exported: it has {what}")
+
+
+def _chart(mechanism: Mechanism, named: Mechanism) -> Arrays:
+    watch = Coordinates(mechanism, named.independent, Counters()).watch
+    chart = Arrays(ExportedChart(limit=watch.limit))
+    chart.another("description", _description(mechanism))
+    chart.reals(sizes=watch.sizes, uneven=watch.uneven)
+    return chart
+
+
+def _description(mechanism: Mechanism) -> Arrays:
+    rest = rest_of(mechanism)
+    path = RegularPath(rest, np.arange(rest.nc), Counters())
+    try:
+        if rest.nc != len(rest.iv_dependent):  # redundant rows: those that serve at home
+            path = set_out(mechanism, None, None).start.path
+        return describe(mechanism, path, False)
+    except NotNativeError as error:
+        raise ModelError(f"{mechanism.name or 'the mechanism'} cannot be exported: it has {error}") from error
+    except SimulationError as error:
+        raise ModelError(
+            f"{mechanism.name or 'the mechanism'} cannot be exported: rows of φ are redundant, and which "
+            f"of them serve is not known at home: {error}"
+        ) from error
