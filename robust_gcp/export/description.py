@@ -53,9 +53,14 @@ def described(mechanism: Mechanism, charts: Sequence[Sequence[str]] = ()) -> byt
 def in_chart(mechanism: Mechanism, names: Sequence[str]) -> Mechanism:
     """The mechanism in other independent joints."""
     try:
-        return mechanism.with_independent(list(names))
+        found = mechanism.with_independent(list(names))
     except PartitionError as error:
         raise ModelError(f"charts: {shown(list(names))} cannot be independent: {error}") from error
+    if found.m != mechanism.m:
+        raise ModelError(
+            f"charts: {shown(list(names))} are {found.m} velocities, of {mechanism.m} independent ones"
+        )
+    return found
 
 
 def require_compiled(mechanism: Mechanism) -> None:

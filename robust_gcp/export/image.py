@@ -1,4 +1,4 @@
-"""Structures of the kernel as they lie in memory, as bytes, with the places where pointers are; see image.h."""
+"""The kernel's structures as they lie in memory, as bytes, with the places where pointers are; see image.h."""
 
 from __future__ import annotations
 

@@ -124,9 +124,8 @@ def build(into: Path, log: list[str], sanitize: bool = False) -> Path:
             list(pool.map(lambda job: call(job, log), jobs))
         linked, script = Path(scratch) / library.name, Path(scratch) / "exported.map"
         script.write_text(EXPORTED, encoding="utf-8")
-        export = (
-            "-Wl,-exported_symbol,_rg_*,-exported_symbol,_rgcp_*" if mac else f"-Wl,--version-script={script}"
-        )
+        names = "-Wl,-exported_symbol,_rg_*,-exported_symbol,_rgcp_*"
+        export = names if mac else f"-Wl,--version-script={script}"
         strip = [] if mac or sanitize else ["-s"]
         call([*command, "-shared", export, *strip, *objects, "-o", str(linked)], log)
         if not linked.is_file():

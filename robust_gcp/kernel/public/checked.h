@@ -5,7 +5,10 @@
 #include <cstring>
 #include <map>
 #include <stdexcept>
+#include <initializer_list>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "abi.h"
 #include "tree/joints.h"
@@ -77,6 +80,31 @@ class Checked {
         for (std::int64_t i = 0; i < count; ++i) within(what, at[i], 0, at[i + 1]);
     }
 
+    // Whether each of `total` is named at most once, or exactly once.
+    static void once(const char* what, std::initializer_list<std::pair<const std::int32_t*, std::int32_t>> lists,
+                     std::int32_t total, bool all) {
+        std::vector<int> times(static_cast<std::size_t>(total));
+        for (const auto& list : lists)
+            for (std::int32_t i = 0; i < list.second; ++i) ++times[static_cast<std::size_t>(list.first[i])];
+        for (const int n : times)
+            if (n > 1 || (all && n == 0)) bad(what);
+    }
+    // An independent velocity's number in q, −1 where it is the rate of none.
+    static void number_of(const Description& d, std::int32_t k) {
+        std::int32_t q = 0, v = 0;
+        for (std::int32_t j = 0; j < d.joints; ++j) {
+            const Numbers& n = NUMBERS[d.kind[j]];
+            const std::int32_t within = d.independent[k] - v;
+            if (within < n.v) {
+                const bool number = d.independent_q[k] == q + within && n.q == n.v;
+                if (!number && d.independent_q[k] != -1) bad("independent_q");
+                if (!number && n.v == 1) bad("independent_q");
+                return;
+            }
+            q += n.q, v += n.v;
+        }
+    }
+
     void whole(const Description& d, std::int32_t controls) const {
         loops(d);
         indices("independent_q", d.independent_q, d.m, -1, d.nq - 1);
@@ -93,6 +121,9 @@ class Checked {
         indices("block_rows", d.block_rows, d.block_start[d.blocks], 0, d.rows - 1);
         indices("block_columns", d.block_columns, d.block_start[d.blocks], 0, d.nv - 1);
         array("reference", d.reference, d.blocks);
+        once("block_rows", {{d.block_rows, d.block_start[d.blocks]}}, d.rows, false);
+        once("block_columns", {{d.independent, d.m}, {d.block_columns, d.block_start[d.blocks]}}, d.nv, true);
+        for (std::int32_t k = 0; k < d.m; ++k) number_of(d, k);
         forces(d, controls);
         if (d.driven != 0 || d.works != 0) bad("prescribed joints");
         within("clusters", d.clusters, 0, d.rows);
@@ -106,6 +137,10 @@ class Checked {
             indices("iq", cluster.iq, own.nq, 0, d.nq - 1);
             indices("iv", cluster.iv, own.nv, 0, d.nv - 1);
             indices("inputs", cluster.inputs, own.m, 0, d.m - 1);
+            once("iq", {{cluster.iq, own.nq}}, d.nq, false);
+            once("iv", {{cluster.iv, own.nv}}, d.nv, false);
+            once("inputs", {{cluster.inputs, own.m}}, d.m, false);
+            once("independent", {{own.independent, own.m}}, own.nv, false);
             array("rotates", cluster.rotates, own.nv);
             array("periodic", cluster.periodic, own.nv);
             array("balance", cluster.balance, own.nv);

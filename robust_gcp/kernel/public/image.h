@@ -20,7 +20,7 @@ class Image {
         if (size < sizeof head) throw std::runtime_error("the file ends too early");
         std::memcpy(&head, bytes, sizeof head);
         if (std::memcmp(head.magic, "RGCP", 4) != 0) throw std::runtime_error("this is no mechanism of robust_gcp");
-        if (head.version != VERSION || head.width != sizeof(Description) + sizeof(Cluster) + sizeof(Exported))
+        if (head.version != VERSION || head.reserved != 0 || head.width != sizeof(Description) + sizeof(Cluster) + sizeof(Exported))
             throw std::runtime_error("the file was written for another version of the library: export it again");
         const std::size_t rest = size - sizeof head;
         if (head.size > rest || head.size % 8 != 0 || head.places > rest / sizeof(Place) ||

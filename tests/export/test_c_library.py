@@ -1,0 +1,210 @@
+"""The C library: the same bits as Python, and typed refusals of all that is no mechanism."""
+
+from __future__ import annotations
+
+import random
+import shutil
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import robust_gcp as rg
+
+if not rg.backends()["native"].available:
+    pytest.skip("no compiled kernel", allow_module_level=True)
+
+from robust_gcp.export.description import described
+from robust_gcp.kernel.library import NAME, _installed
+
+from .c_library import LIB, CMotion, Exported, StoppedError
+from .spoilt import spoilt
+
+STILL = ("andrews", "flyball", "five_bar", "kite")
+"""Too stiff for the step here, or in other coordinates after a while."""
+SCENES = [name for name in rg.model_names() if name not in STILL]
+
+
+def _torques(mech: rg.Mechanism, rng: np.random.Generator) -> Any:
+    tau = np.zeros(mech.nv)
+    tau[mech.iv_independent] = rng.normal(size=mech.m) * (1.0 if mech.m == 1 else 0.1)
+    return tau
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_same_bits_as_python(name: str, tmp_path: Path) -> None:
+    mech, rng = rg.load(name), np.random.default_rng(1)
+    exported = Exported(mech.export(tmp_path / f"{name}.rgcp"))
+    c = exported.counts
+    assert (c.nq, c.nv, c.m, c.controls) == (mech.nq, mech.nv, mech.m, len(mech.actuators))
+    assert LIB.rgcp_joints(exported.handle).decode().split("\n") == list(mech.joint_names)
+    there, here = CMotion(exported).begin(t=0.5), rg.Simulation(mech, t0=0.5, keep="last")
+    for k in range(12):
+        tau = _torques(mech, rng)
+        there.step(1e-3, 60, tau)
+        here.step(tau, 60)
+        for name_, ours in (("q", here.q), ("v", here.v), ("G", here._run.toward)):
+            np.testing.assert_array_equal(getattr(there, name_), ours)
+        if k == 5:
+            saved = there.save()
+    assert there.crossings == len(here.crossings) and there.time == here.t
+    end = there.q
+    rng = np.random.default_rng(1)
+    for _ in range(6):
+        _torques(mech, rng)
+    again = CMotion(exported).restore(saved)
+    for _ in range(6):
+        again.step(1e-3, 60, _torques(mech, rng))
+    np.testing.assert_allclose(again.q, end, rtol=0.0, atol=1e-12 if there.crossings else 0.0)
+
+
+def test_crossings_are_passed(tmp_path: Path) -> None:
+    mech = rg.load("rhombus")
+    motion = CMotion(Exported(mech.export(tmp_path / "rhombus.rgcp"))).begin(mech.home, [3.0])
+    run = rg.simulate(mech, mech.home, mech.lift(mech.home, [3.0]), duration=3.0, step=1e-3)
+    assert motion.step(1e-3, 3000).crossings == len(run.crossings) > 2
+    np.testing.assert_allclose(motion.q, run.q[-1], rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["crank_rocker", "five_bar", "delta", "walker"])
+def test_equations_and_derivatives(name: str) -> None:
+    mech, rng = rg.load(name), np.random.default_rng(2)
+    u = rng.normal(size=mech.m) * 0.3
+    motion = CMotion(Exported(described(mech))).begin(mech.home, u)
+    q, v, tau = motion.q, motion.v, rng.normal(size=mech.nv)
+    np.testing.assert_allclose(v, mech.G(q) @ u, atol=1e-13)
+    np.testing.assert_allclose(motion.g, mech.g(q, v), atol=1e-11)
+    motion.step(1e-9, 1, tau)
+    q, v = motion.q, motion.v
+    M, b = motion.reduced()
+    G, point = mech.G(q), rg.motion_point(mech, q, v, tau)
+    full = mech.tree.crba(q)
+    full = np.triu(full) + np.triu(full, 1).T
+    np.testing.assert_allclose(M, G.T @ full @ G, rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.solve(M, b), point.udot, rtol=1e-9, atol=1e-9)
+    a, rows = motion.derivatives(tau)
+    slopes = rg.derivatives(mech, q, v, tau)
+    m = mech.m
+    np.testing.assert_allclose(a, point.udot, rtol=1e-9, atol=1e-9)
+    for part, ours in (
+        (rows[:, :m], slopes.da_dy),
+        (rows[:, m : 2 * m], slopes.da_dv),
+        (rows[:, 2 * m :], slopes.da_dtau),
+    ):
+        np.testing.assert_allclose(part, ours, rtol=1e-7, atol=1e-8)
+
+
+def test_controls_are_held() -> None:
+    mech = rg.load("crank_rocker")
+    motion, here = CMotion(Exported(described(mech))).begin(), rg.Simulation(mech, keep="last")
+    for value in (0.3, -0.2):
+        motion.step(1e-3, 50, None, [value])
+        here.step(None, 50, ctrl=[value])
+    np.testing.assert_array_equal(motion.q, here.q)
+
+
+def test_coordinates_change_among_those_exported() -> None:
+    mech = rg.load("kite")
+    fine = rg.Simulation(mech, step=5e-4, keep="last").step({"q1": 0.05}, 4000)
+    motion = CMotion(Exported(described(mech, [["q2"], ["q3"]]))).begin()
+    motion.step(1e-3, 2000, [0.05, 0.0, 0.0])
+    assert motion.chart > 0 or fine.trajectory.stats.repartitions
+    np.testing.assert_allclose(motion.q, fine.q, rtol=0.0, atol=1e-6)
+    alone = CMotion(Exported(described(mech))).begin()
+    with pytest.raises(StoppedError, match="turn back"):
+        alone.step(1e-3, 2000, [0.05, 0.0, 0.0])
+    assert 0.5 < alone.time < 1.0
+
+
+def test_threads_with_a_motion_each() -> None:
+    exported = Exported(described(rg.load("rhombus")))
+
+    def run(k: int) -> Any:
+        return CMotion(exported).begin(None, [1.0 + k % 4]).step(1e-3, 2000).q
+
+    with ThreadPoolExecutor(16) as pool:
+        found = list(pool.map(run, range(16)))
+    for k in range(16):
+        np.testing.assert_array_equal(found[k], found[k % 4])
+
+
+@pytest.mark.parametrize("signed", [False, True])
+def test_spoilt_files_are_refused_or_stop(signed: bool) -> None:
+    rng = random.Random(5)
+    files = [described(rg.load(name)) for name in ("rhombus", "five_bar", "delta", "andrews")]
+    refused = 0
+    for _ in range(300):
+        whole = rng.choice(files)
+        data = spoilt(whole, rng, signed)
+        try:
+            exported = Exported(data)
+        except ValueError as error:
+            assert "file" in str(error) or "mechanism" in str(error)
+            refused += 1
+            continue
+        assert signed or data == whole
+        try:
+            CMotion(exported).begin().step(1e-3, 2)
+        except StoppedError as stop:
+            assert len(str(stop)) > 10
+    assert refused > (100 if signed else 270)
+
+
+class TestRefusals:
+    MECH = rg.load("rhombus")
+
+    def test_arguments(self, tmp_path: Path) -> None:
+        with pytest.raises(ValueError, match="opened"):
+            Exported(tmp_path / "none.rgcp")
+        motion = CMotion(Exported(described(self.MECH)))
+        for call in (lambda: motion.step(1e-3, 1), motion.reduced, motion.save, motion.derivatives):
+            with pytest.raises(StoppedError, match="begun"):
+                call()
+        with pytest.raises(StoppedError, match="no start"):
+            motion.begin(np.zeros(3))
+        motion.begin()
+        for h, n in ((np.nan, 1), (0.0, 1), (1e-3, -1)):
+            with pytest.raises(StoppedError, match="h must be"):
+                motion.step(h, n)
+        with pytest.raises(StoppedError, match="finite"):
+            motion.step(1e-3, 1, [np.nan, 0.0, 0.0])
+        with pytest.raises(StoppedError, match="no state"):
+            motion.restore(motion.save()[:-8])
+
+    def test_what_cannot_be_exported(self, tmp_path: Path) -> None:
+        with pytest.raises(rg.ModelError, match=r"\.rgcp"):
+            self.MECH.export(tmp_path / "rhombus.txt")
+        with pytest.raises(rg.ModelError, match="charts"):
+            self.MECH.export(tmp_path / "rhombus.rgcp", charts=[["q1", "q2"]])
+
+
+COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+
+
+@pytest.mark.skipif(COMPILER is None or sys.platform == "win32", reason="no C compiler")
+def test_the_example_in_c(tmp_path: Path) -> None:
+    source = Path(__file__).parents[2] / "docs" / "examples" / "swing.c"
+    include = Path(rg.__file__).parent / "include"
+    mech, program, kernel = rg.load("change_point"), tmp_path / "swing", _installed(NAME)
+    mech.export(tmp_path / "change_point.rgcp")
+    words = [
+        str(COMPILER),
+        "-std=c99",
+        "-Wall",
+        "-Wextra",
+        "-pedantic",
+        "-Werror",
+        f"-I{include}",
+        str(source),
+    ]
+    subprocess.run([*words, str(kernel), "-o", str(program)], check=True, timeout=60)
+    line = [str(program), str(tmp_path / "change_point.rgcp")]
+    out = subprocess.run(line, check=True, timeout=60, capture_output=True, text=True).stdout
+    run = rg.simulate(mech, duration=5.0, step=1e-3)
+    assert f"{len(run.crossings)} crossings" in out
+    last = [line for line in out.splitlines() if line.startswith("q1")][-1]
+    assert float(last.split("=")[1].split()[0]) == pytest.approx(float(run["q1"][-1]), abs=1e-8)
