@@ -57,9 +57,8 @@ def in_chart(mechanism: Mechanism, names: Sequence[str]) -> Mechanism:
     except PartitionError as error:
         raise ModelError(f"charts: {shown(list(names))} cannot be independent: {error}") from error
     if found.m != mechanism.m:
-        raise ModelError(
-            f"charts: {shown(list(names))} are {found.m} velocities, of {mechanism.m} independent ones"
-        )
+        told = f"{found.m} velocities, of {mechanism.m} that are independent"
+        raise ModelError(f"charts: {shown(list(names))} are {told}")
     return found
 
 

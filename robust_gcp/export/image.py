@@ -1,4 +1,4 @@
-"""The kernel's structures as they lie in memory, as bytes, with the places where pointers are; see image.h."""
+"""The kernel's structures as they lie in memory, with the places where pointers are; see image.h."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Image:
         size = ctypes.sizeof(structure)
         at = self._room(b"\0" * size)
         own = bytearray(bytes(structure))
-        for name, _ in structure._fields_:
+        for name in (field[0] for field in structure._fields_):
             field = getattr(type(structure), name)
             part = parts.get(name)
             if part is None and not _is_pointer(structure, name):
@@ -87,5 +87,5 @@ def checksum(data: bytes) -> int:
 
 
 def _is_pointer(structure: ctypes.Structure, name: str) -> bool:
-    kind = dict((field[0], field[1]) for field in structure._fields_)[name]
-    return kind not in (ctypes.c_int32, ctypes.c_int64, ctypes.c_double)
+    kinds = {field[0]: field[1] for field in structure._fields_}
+    return kinds[name] not in (ctypes.c_int32, ctypes.c_int64, ctypes.c_double)

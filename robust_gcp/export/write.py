@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-from ..checks import path_given
+from ..checks import check_positive, path_given
 from ..errors import ModelError
 from ..mechanism.mechanism import Mechanism
 from .description import described
 
-Writer = Callable[..., bytes]
 
-
-def export(mechanism: Mechanism, path: str | Path, charts: Sequence[Sequence[str]] = ()) -> Path:
+def export(mechanism: Mechanism, path: str | Path, charts: Sequence[Sequence[str]], step: float) -> Path:
     """See `Mechanism.export`."""
     place = path_given("path", path)
-    if place.suffix != ".rgcp":
-        raise ModelError(f"export: {place.suffix or 'no suffix'} is unknown; there are .rgcp")
-    data: Any = described(mechanism, charts)
+    check_positive("step", step)
+    if place.suffix == ".rgcp":
+        data = described(mechanism, charts)
+    elif place.suffix == ".fmu":
+        from .fmu import unit
+
+        data = unit(mechanism, charts, float(step))
+    else:
+        what = f"the suffix {place.suffix}" if place.suffix else "a path without a suffix"
+        raise ModelError(f"export: {what} is unknown; there are .rgcp and .fmu")
     try:
         place.write_bytes(data)
     except OSError as error:

@@ -26,6 +26,7 @@ SOURCES = (
     "cluster/clusters.cpp",
     "derivatives/derivatives.cpp",
     "public/public.cpp",
+    "public/fmu.cpp",
     "simulation/simulation.cpp",
     "dynamics/dynamics.cpp",
 )
@@ -43,7 +44,7 @@ SANITIZED = (
 )
 EIGEN = ("Eigen/Core", "cmeel-eigen", "eigen3")
 """A header, the wheel that carries it, and the folder of headers that it lies in."""
-EXPORTED = "{ global: rg_*; rgcp_*; local: *; };\n"
+EXPORTED = "{ global: rg_*; rgcp_*; fmi2*; local: *; };\n"
 """A version script: the C interface, and none of the C++ that its functions are made of."""
 
 
@@ -124,7 +125,7 @@ def build(into: Path, log: list[str], sanitize: bool = False) -> Path:
             list(pool.map(lambda job: call(job, log), jobs))
         linked, script = Path(scratch) / library.name, Path(scratch) / "exported.map"
         script.write_text(EXPORTED, encoding="utf-8")
-        names = "-Wl,-exported_symbol,_rg_*,-exported_symbol,_rgcp_*"
+        names = "-Wl,-exported_symbol,_rg_*,-exported_symbol,_rgcp_*,-exported_symbol,_fmi2*"
         export = names if mac else f"-Wl,--version-script={script}"
         strip = [] if mac or sanitize else ["-s"]
         call([*command, "-shared", export, *strip, *objects, "-o", str(linked)], log)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..errors import ModelError
 from ..warning import warn
 from .structures import (
     VERSION,
@@ -161,6 +162,21 @@ def library() -> Library | None:
     if found is None and _broken():
         _warn(reason)
     return found
+
+
+def kernel_file() -> Path:
+    """The file of the compiled kernel, which is the C library too.
+
+    Raises
+    ------
+    ModelError
+        Where there is none.
+    """
+    wanted = os.environ.get(SWITCH, "")
+    path = _installed(NAME) if wanted in ("", "1") else Path(wanted)
+    if library() is None:
+        raise ModelError(f"there is no compiled kernel, which is the C library: {_look()[1]}")
+    return path
 
 
 def _look() -> tuple[Library | None, str]:

@@ -245,7 +245,7 @@ class Arrays:
         """What its pointers point to, by name: arrays, or another structure."""
         found: dict[str, Array | Arrays] = dict(self._kept)
         places = {ctypes.addressof(member.structure): member for member in self._members}
-        for name, _ in self.structure._fields_:
+        for name in (field[0] for field in self.structure._fields_):
             place = getattr(self.structure, name)
             if name not in found and isinstance(place, int) and place in places:
                 found[name] = places[place]

@@ -50,17 +50,21 @@ class Above(Coordinates):
 
         return write(self, path)  # type: ignore[arg-type]  # every one of them is a Mechanism
 
-    def export(self, path: str | Path, charts: Sequence[Sequence[str]] = ()) -> Path:
+    def export(self, path: str | Path, charts: Sequence[Sequence[str]] = (), step: float = 1e-3) -> Path:
         """Write it for programs without Python, by the path's suffix.
 
         - `.rgcp`: a file that the C library opens (`robust_gcp.h`): motions, G, g, the reduced equation and
-          derivatives, the same bits as from here.
+          derivatives, the same bits as from here;
+        - `.fmu`: a unit for co-simulation, FMI 2.0, of this system and processor: inputs `tau.JOINT` and
+          `ctrl.ACTUATOR`, outputs `q.JOINT`, `v.JOINT` and `crossings`.
 
         Parameters
         ----------
         path : str or Path
         charts : sequence of sequence of str
             Further choices of independent joints, which a motion changes to where those named turn back.
+        step : float
+            Of RK4 within a unit for co-simulation, s.
 
         Returns
         -------
@@ -75,7 +79,7 @@ class Above(Coordinates):
         """
         from ..export.write import export
 
-        return export(self, path, charts)  # type: ignore[arg-type]  # every one of them is a Mechanism
+        return export(self, path, charts, step)  # type: ignore[arg-type]  # every one of them is a Mechanism
 
     def assemble(self, q_guess: ArrayLike | Named, hold: Sequence[str] | None = None) -> Array:
         """Close the loops from a rough guess, or from many.

@@ -5,7 +5,6 @@ from __future__ import annotations
 import random
 import shutil
 import subprocess
-import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -183,14 +182,23 @@ class TestRefusals:
 
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
+PACKAGE = Path(rg.__file__).parent
 
 
-@pytest.mark.skipif(COMPILER is None or sys.platform == "win32", reason="no C compiler")
+def _swings(program: Path, folder: Path) -> None:
+    """Whether the example finds what Python does."""
+    mech = rg.load("change_point")
+    line = [str(program), str(mech.export(folder / "change_point.rgcp"))]
+    out = subprocess.run(line, check=True, timeout=60, capture_output=True, text=True).stdout
+    run = rg.simulate(mech, duration=5.0, step=1e-3)
+    assert f"{len(run.crossings)} crossings" in out
+    last = next(line for line in out.splitlines() if line.startswith("q1"))
+    assert float(last.split("=")[1].split()[0]) == pytest.approx(float(run["q1"][-1]), abs=1e-8)
+
+
+@pytest.mark.skipif(COMPILER is None, reason="no C compiler")
 def test_the_example_in_c(tmp_path: Path) -> None:
-    source = Path(__file__).parents[2] / "docs" / "examples" / "swing.c"
-    include = Path(rg.__file__).parent / "include"
-    mech, program, kernel = rg.load("change_point"), tmp_path / "swing", _installed(NAME)
-    mech.export(tmp_path / "change_point.rgcp")
     words = [
         str(COMPILER),
         "-std=c99",
@@ -198,13 +206,29 @@ def test_the_example_in_c(tmp_path: Path) -> None:
         "-Wextra",
         "-pedantic",
         "-Werror",
-        f"-I{include}",
-        str(source),
+        f"-I{PACKAGE / 'include'}",
     ]
-    subprocess.run([*words, str(kernel), "-o", str(program)], check=True, timeout=60)
-    line = [str(program), str(tmp_path / "change_point.rgcp")]
-    out = subprocess.run(line, check=True, timeout=60, capture_output=True, text=True).stdout
-    run = rg.simulate(mech, duration=5.0, step=1e-3)
-    assert f"{len(run.crossings)} crossings" in out
-    last = [line for line in out.splitlines() if line.startswith("q1")][-1]
-    assert float(last.split("=")[1].split()[0]) == pytest.approx(float(run["q1"][-1]), abs=1e-8)
+    words += [str(EXAMPLES / "swing.c"), str(_installed(NAME)), "-o", str(tmp_path / "swing")]
+    subprocess.run(words, check=True, timeout=60)
+    _swings(tmp_path / "swing", tmp_path)
+
+
+@pytest.mark.skipif(COMPILER is None or shutil.which("cmake") is None, reason="no CMake")
+@pytest.mark.skipif(not (PACKAGE / "kernel" / NAME).is_file(), reason="the kernel is in another folder")
+def test_the_example_by_cmake(tmp_path: Path) -> None:
+    where = ["-S", str(EXAMPLES), "-B", str(tmp_path / "build"), f"-Drobust_gcp_DIR={PACKAGE / 'cmake'}"]
+    for words in (["cmake", *where], ["cmake", "--build", str(tmp_path / "build")]):
+        subprocess.run(words, check=True, timeout=120, capture_output=True)
+    _swings(tmp_path / "build" / "swing", tmp_path)
+
+
+@pytest.mark.skipif(COMPILER is None or shutil.which("pkg-config") is None, reason="no pkg-config")
+@pytest.mark.skipif(
+    not (PACKAGE / "kernel" / "kernel.so").is_file(), reason="the kernel is in another folder"
+)
+def test_the_example_by_pkg_config(tmp_path: Path) -> None:
+    ask = ["pkg-config", "--cflags", "--libs", str(PACKAGE / "cmake" / "robust_gcp.pc")]
+    flags = subprocess.run(ask, check=True, timeout=60, capture_output=True, text=True).stdout.split()
+    words = [str(COMPILER), str(EXAMPLES / "swing.c"), *flags, "-o", str(tmp_path / "swing")]
+    subprocess.run(words, check=True, timeout=60)
+    _swings(tmp_path / "swing", tmp_path)

@@ -1,0 +1,117 @@
+"""A mechanism as a unit for co-simulation, FMI 2.0: the kernel is its binary; see kernel/public/fmu.cpp."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import platform
+import re
+import sys
+import zipfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from xml.sax.saxutils import quoteattr
+
+from ..errors import ModelError
+from ..kernel.library import kernel_file
+from ..mechanism.mechanism import Mechanism
+from .description import described
+
+INPUT, CONTROL, Q, V, CROSSINGS = 0, 100_000, 200_000, 300_000, 400_000
+"""Where the numbers of variables begin, as in fmu.cpp."""
+
+FOLDERS = {("linux", "x86_64"): ("linux64", ".so"), ("darwin", "x86_64"): ("darwin64", ".dylib"),
+           ("darwin", "arm64"): ("darwin64", ".dylib")}  # fmt: skip
+"""By system and processor: the standard's name of its folder."""
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One of the unit's variables: name, number, causality, kind, unit; inputs start at 0."""
+
+    name: str
+    number: int
+    output: bool
+    unit: str
+    kind: str = "Real"
+
+    def xml(self) -> str:
+        """As a line of modelDescription.xml."""
+        how = 'causality="output" initial="calculated"' if self.output else 'causality="input"'
+        how += ' variability="discrete"' if self.kind == "Integer" else ""
+        value = "" if self.output else ' start="0"'
+        unit = f" unit={quoteattr(self.unit)}" if self.unit else ""
+        head = f"name={quoteattr(self.name)} valueReference={quoteattr(str(self.number))} {how}"
+        return f"  <ScalarVariable {head}><{self.kind}{value}{unit}/></ScalarVariable>"
+
+
+def unit(mechanism: Mechanism, charts: Sequence[Sequence[str]], step: float) -> bytes:
+    """The bytes of an .fmu file.
+
+    Raises
+    ------
+    ModelError
+        As `described`, and on systems that the standard has no folder for.
+    """
+    mechanism_file = described(mechanism, charts)
+    system = sys.platform, platform.machine()
+    if system not in FOLDERS:
+        raise ModelError(
+            f"export: FMI 2.0 has no folder for {system[1]} under {system[0]}; export .rgcp there"
+        )
+    folder, ending = FOLDERS[system]
+    name = re.sub(r"\W", "_", mechanism.name or "mechanism")
+    name = name if name[:1].isalpha() else f"m{name}"
+    digest = hashlib.sha256(mechanism_file).hexdigest()[:32]
+    files: dict[str, bytes] = {
+        "modelDescription.xml": _description(mechanism, name, digest, step).encode(),
+        f"binaries/{folder}/{name}{ending}": kernel_file().read_bytes(),
+        "resources/mechanism.rgcp": mechanism_file,
+        "resources/step.txt": f"{step!r}\n".encode(),
+    }
+    raw = io.BytesIO()
+    with zipfile.ZipFile(raw, "w", zipfile.ZIP_DEFLATED) as archive:
+        for path, data in files.items():
+            archive.writestr(zipfile.ZipInfo(path, (2026, 1, 1, 0, 0, 0)), data, zipfile.ZIP_DEFLATED)
+    return raw.getvalue()
+
+
+def variables(mechanism: Mechanism) -> Iterator[Variable]:
+    """Inputs `tau.JOINT`, `ctrl.ACTUATOR`; outputs `q.JOINT`, `v.JOINT`, `crossings`; numbered where several."""
+    rotates = mechanism.tree.rotates
+    for joint in mechanism.joints:
+        for k in range(joint.nv):
+            at, name = joint.idx_v + k, joint.name + (f"[{k + 1}]" if joint.nv > 1 else "")
+            yield Variable(f"tau.{name}", INPUT + at, False, "N.m" if rotates[at] else "N")
+            yield Variable(f"v.{name}", V + at, True, "rad/s" if rotates[at] else "m/s")
+        for k in range(joint.nq):
+            name = joint.name + (f"[{k + 1}]" if joint.nq > 1 else "")
+            length = "rad" if rotates[joint.idx_v] else "m"
+            yield Variable(
+                f"q.{name}", Q + joint.idx_q + k, True, length if joint.nq == joint.nv == 1 else ""
+            )
+    for k, actuator in enumerate(mechanism.actuators):
+        yield Variable(f"ctrl.{actuator.name}", CONTROL + k, False, "")
+    yield Variable("crossings", CROSSINGS, True, "", "Integer")
+
+
+def _description(mechanism: Mechanism, name: str, digest: str, step: float) -> str:
+    """The text of modelDescription.xml."""
+    listed = list(variables(mechanism))
+    units = "".join(f"<Unit name={quoteattr(text)}/>" for text in sorted({v.unit for v in listed} - {""}))
+    unknown = "".join(f'<Unknown index="{i}"/>' for i, v in enumerate(listed, 1) if v.output)
+    words = quoteattr(mechanism.name or name)
+    lines = "\n".join(variable.xml() for variable in listed)
+    return f"""<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName={words} guid="{{{digest}}}" generationTool="robust_gcp" \
+variableNamingConvention="flat">
+ <CoSimulation modelIdentifier="{name}" canHandleVariableCommunicationStepSize="true" \
+canGetAndSetFMUstate="true" canSerializeFMUstate="true"/>
+ <UnitDefinitions>{units}</UnitDefinitions>
+ <DefaultExperiment startTime="0" stopTime="5" stepSize="{step!r}"/>
+ <ModelVariables>
+{lines}
+ </ModelVariables>
+ <ModelStructure><Outputs>{unknown}</Outputs><InitialUnknowns>{unknown}</InitialUnknowns></ModelStructure>
+</fmiModelDescription>
+"""
