@@ -11,7 +11,6 @@ if(NOT TARGET robust_gcp::robust_gcp)
   add_library(robust_gcp::robust_gcp SHARED IMPORTED)
   set_target_properties(robust_gcp::robust_gcp PROPERTIES
     IMPORTED_LOCATION "${robust_gcp_LIBRARY}"
-    IMPORTED_NO_SONAME TRUE
     INTERFACE_INCLUDE_DIRECTORIES "${_robust_gcp}/include")
 endif()
 unset(_robust_gcp)

@@ -77,7 +77,7 @@ def unit(mechanism: Mechanism, charts: Sequence[Sequence[str]], step: float) -> 
 
 
 def variables(mechanism: Mechanism) -> Iterator[Variable]:
-    """Inputs `tau.JOINT`, `ctrl.ACTUATOR`; outputs `q.JOINT`, `v.JOINT`, `crossings`; numbered where several."""
+    """Inputs `tau.JOINT`, `ctrl.ACTUATOR`; outputs `q.JOINT`, `v.JOINT`, `crossings`; [k] where several."""
     rotates = mechanism.tree.rotates
     for joint in mechanism.joints:
         for k in range(joint.nv):

@@ -63,8 +63,8 @@ def test_the_same_bits_through_crossings(tmp_path: Path) -> None:
             saved = unit.fmu.getFMUState()
             there = unit.get(["q.q1", "tau.q1"])
     assert unit.fmu.getInteger([unit.references["crossings"]]) == [len(here.crossings)] and here.crossings
-    raw = unit.fmu.serializeFMUState(saved)
-    unit.fmu.setFMUState(unit.fmu.deSerializeFMUState(raw))
+    raw = unit.fmu.serializeFMUstate(saved)
+    unit.fmu.setFMUState(unit.fmu.deSerializeFMUstate(raw))
     np.testing.assert_array_equal(unit.get(["q.q1", "tau.q1"]), there)
     unit.fmu.freeFMUState(saved)
     unit.fmu.terminate()

@@ -7,7 +7,7 @@
 
 #include "exports.h"
 #include "public/image.h"
-#include "public/motion.h"
+#include "public/public_motion.h"
 
 struct rgcp_mechanism {
     explicit rgcp_mechanism(const std::vector<unsigned char>& bytes) : image(bytes.data(), bytes.size()) {}

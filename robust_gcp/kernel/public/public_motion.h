@@ -10,25 +10,12 @@
 #include <string>
 #include <vector>
 
-#include "derivatives/derivation.h"
+#include "public/public_chart.h"
 #include "public/reduced.h"
 #include "robust_gcp.h"
 #include "simulation/rows.h"
 
 namespace rg {
-
-// The words for a reason, as Python's errors have them.
-inline const char* words(int reason) {
-    switch (reason) {
-        case ZONE: return "it comes to a singular configuration without a certified bridge, or the independent joints turn back";
-        case BRANCH: return "the step is so long that it may end on another branch";
-        case NEWTON: return "Newton's method does not close the loops";
-        case NON_FINITE: return "the state left the finite numbers";
-        case INERTIA: return "the reduced inertia is singular";
-        case FORCE: return "a point spring has no length";
-        default: return "the kernel cannot go on";
-    }
-}
 
 class PublicMotion {
   public:
@@ -36,7 +23,7 @@ class PublicMotion {
         const Description& d = *of.chart[0]->description;
         std::size_t size = 0;
         for (std::int32_t c = 0; c < of.charts; ++c) {
-            charts_.emplace_back(new Chart(*of.chart[c]));
+            charts_.emplace_back(new PublicChart(*of.chart[c]));
             size = std::max(size, static_cast<std::size_t>(charts_.back()->layout.size));
         }
         x.resize(2 * m_), ydd.resize(m_), uneven_.resize(m_), q.resize(d.nq), v.resize(nv_), tau_.resize(nv_);
@@ -90,7 +77,7 @@ class PublicMotion {
 
     rgcp_status reduced(double* M, double* b) {
         if (!begun_) return fail(RGCP_BAD_ARGUMENT, "nothing has begun: call rgcp_begin");
-        Chart& c = *charts_[chart_];
+        PublicChart& c = *charts_[chart_];
         std::int64_t none = 0;
         run(none);  // under what is held now
         reduced_inertia(c.of, c.other.path.chain, q.data(), G(), M);
@@ -103,7 +90,7 @@ class PublicMotion {
 
     rgcp_status derivatives(const double* tau, double* acceleration, double* rows) {
         if (!begun_) return fail(RGCP_BAD_ARGUMENT, "nothing has begun: call rgcp_begin");
-        Chart& c = *charts_[chart_];
+        PublicChart& c = *charts_[chart_];
         if (c.derivation == nullptr) c.derivation.reset(new Derivation(c.of));
         std::int32_t status = DONE;
         States s{};
@@ -174,18 +161,9 @@ class PublicMotion {
     std::vector<double> x, anchor, origin, ydd, q, v;
 
   private:
-    static constexpr double PATIENCE = 1.2;    // as in simulation/coordinates.py
+    static constexpr double PATIENCE = 1.2;  // as in simulation/coordinates.py
     static constexpr double STEEPER = 0.8;
     static constexpr std::int32_t CONTROL_ROWS = 4;  // as in dynamics/held.py
-
-    struct Chart {
-        explicit Chart(const ExportedChart& c) : of(*c.description), watch(c), layout(of), solver(of), other(of) {}
-        const Description& of;
-        const ExportedChart& watch;
-        const Layout layout;
-        Solver solver, other;  // of the motion, and of what is looked at beside it
-        std::unique_ptr<Derivation> derivation;
-    };
 
     const Layout& layout() const { return charts_[chart_]->layout; }
     std::uint64_t identity() const {
@@ -230,7 +208,7 @@ class PublicMotion {
 
     // Goes to a configuration with velocities u in a chart; the reason where that is no start.
     int set_out(std::int32_t c, const double* from, const double* u) {
-        Chart& chart = *charts_[c];
+        PublicChart& chart = *charts_[c];
         const Description& d = chart.of;
         std::vector<double> state(2 * m_), point(anchor.size()), acceleration(m_), start(from, from + q.size());
         for (int k = 0; k < m_; ++k) {
@@ -256,23 +234,11 @@ class PublicMotion {
         return DONE;
     }
 
-    // Largest entry of J of the present point.
-    double steepness() const {
-        const Chart& c = *charts_[chart_];
-        double worst = 0.0;
-        for (int i = 0; i < nv_; ++i)
-            for (int k = 0; k < m_; ++k) {
-                const double unit = c.watch.sizes[c.of.independent[k]];
-                if (unit > 0.0) worst = std::max(worst, std::fabs(G()[i * m_ + k]) * c.watch.sizes[i] / unit);
-            }
-        return worst;
-    }
-
     // Takes the coordinates in which the others move least; false where none serve better.
     bool change(bool lost) {
         const std::vector<double> here = q, fast = v;
         const std::int32_t before = chart_;
-        double least = lost ? std::numeric_limits<double>::infinity() : STEEPER * steepness();
+        double least = lost ? std::numeric_limits<double>::infinity() : STEEPER * charts_[chart_]->steepness(G());
         std::int32_t chosen = before;
         const Kept kept = keep();
         std::vector<double> u(m_);
@@ -281,7 +247,7 @@ class PublicMotion {
             return set_out(c, here.data(), u.data()) == DONE;
         };
         for (std::int32_t c = 0; c < of_.charts; ++c)
-            if (c != before && go(c) && steepness() < least) least = steepness(), chosen = c;
+            if (c != before && go(c) && charts_[chart_]->steepness(G()) < least) least = charts_[chart_]->steepness(G()), chosen = c;
         if (chosen != before && go(chosen)) {
             charts_[chosen]->solver.renew();
             return true;
@@ -292,7 +258,7 @@ class PublicMotion {
 
     // Goes on in the present coordinates although others would be named better.
     void patience() {
-        limit_ = std::max(PATIENCE * limit_, PATIENCE * steepness());
+        limit_ = std::max(PATIENCE * limit_, PATIENCE * charts_[chart_]->steepness(G()));
         for (double& u : uneven_) u *= PATIENCE;
     }
 
@@ -309,7 +275,7 @@ class PublicMotion {
 
     const Exported& of_;
     const int nv_, m_;
-    std::vector<std::unique_ptr<Chart>> charts_;
+    std::vector<std::unique_ptr<PublicChart>> charts_;
     std::vector<double> tau_, safe_, held_, uneven_, trackers_;
     double t0_ = 0.0, step_ = 0.0, limit_ = 0.0;
     std::int64_t at_ = 0, passed_ = 0;
