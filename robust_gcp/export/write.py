@@ -21,9 +21,20 @@ def export(mechanism: Mechanism, path: str | Path, charts: Sequence[Sequence[str
         from .fmu import unit
 
         data = unit(mechanism, charts, float(step))
+    elif place.suffix in (".c", ".h"):
+        from .tables import header_and_code
+
+        for suffix, text in header_and_code(mechanism, place.stem).items():
+            _written(place.with_suffix(suffix), text.encode())
+        return place
     else:
         what = f"the suffix {place.suffix}" if place.suffix else "a path without a suffix"
-        raise ModelError(f"export: {what} is unknown; there are .rgcp and .fmu")
+        raise ModelError(f"export: {what} is unknown; there are .rgcp, .fmu and .c")
+    return _written(place, data)
+
+
+def _written(place: Path, data: bytes) -> Path:
+    """The path, with these bytes."""
     try:
         place.write_bytes(data)
     except OSError as error:

@@ -56,7 +56,9 @@ class Above(Coordinates):
         - `.rgcp`: a file that the C library opens (`robust_gcp.h`): motions, G, g, the reduced equation and
           derivatives, the same bits as from here;
         - `.fmu`: a unit for co-simulation, FMI 2.0, of this system and processor: inputs `tau.JOINT` and
-          `ctrl.ACTUATOR`, outputs `q.JOINT`, `v.JOINT` and `crossings`.
+          `ctrl.ACTUATOR`, outputs `q.JOINT`, `v.JOINT` and `crossings`;
+        - `.c`: for one coordinate that goes all the way round, C99 tables of the reduced equation along the
+          mode of home, with their header beside it.
 
         Parameters
         ----------

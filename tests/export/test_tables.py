@@ -1,0 +1,72 @@
+"""C tables of one coordinate: the motion of `simulate`, through crossings, to 1e-9."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import robust_gcp as rg
+
+COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
+
+
+def _compiled(mech: rg.Mechanism, folder: Path, name: str = "robot") -> Any:
+    mech.export(folder / f"{name}.c")
+    library = folder / f"{name}.so"
+    flags = "-std=c99 -O2 -Wall -Wextra -pedantic -Werror -shared -fPIC"
+    words = [str(COMPILER), *flags.split(" ")]
+    subprocess.run([*words, str(folder / f"{name}.c"), "-lm", "-o", str(library)], check=True, timeout=60)
+    found = ctypes.CDLL(str(library))
+    function = getattr(found, f"{name}_acceleration")
+    function.restype, function.argtypes = ctypes.c_double, 3 * [ctypes.c_double]
+    step = getattr(found, f"{name}_step")
+    place = ctypes.POINTER(ctypes.c_double)
+    step.restype, step.argtypes = None, [place, place, ctypes.c_double, ctypes.c_double]
+    return found
+
+
+@needs_compiler
+@pytest.mark.parametrize("name", ["rhombus", "parallelogram", "change_point", "crank_rocker", "slider_crank"])
+def test_motions_are_those_of_simulate(name: str, tmp_path: Path) -> None:
+    mech, h = rg.load(name), 1e-3
+    table, tau = _compiled(mech, tmp_path), 0.2
+    run = rg.simulate(mech, duration=5.0, step=h, torque={mech.independent[0]: tau})
+    own, pace = mech.iq_independent[0], mech.iv_independent[0]
+    y, u = ctypes.c_double(float(run.q[0][own])), ctypes.c_double(float(run.v[0][pace]))
+    worst = 0.0
+    for k in range(1, 5001):
+        table.robot_step(y, u, h, tau)
+        worst = max(worst, abs(y.value - float(run.q[k][own])))
+    assert worst < 1e-9
+    assert name in ("crank_rocker", "slider_crank") or run.crossings
+
+
+@needs_compiler
+def test_springs_and_dampers(tmp_path: Path) -> None:
+    plain = rg.load("crank_rocker")
+    forces = [rg.JointDamper("q2", 0.3), rg.JointSpring("q3", 2.0, 0.5)]
+    mech = rg.Mechanism(plain.model, plain.closures, plain.independent, plain.home, forces=forces)
+    table, rng = _compiled(mech, tmp_path), np.random.default_rng(0)
+    run = rg.simulate(mech, duration=12.0, step=1e-3, drive={"q1": rg.Motion(lambda t: mech.home[0] + t)})
+    for k in rng.integers(0, len(run.t), 30).tolist():
+        u, tau = rng.normal(), rng.normal()
+        applied = np.array([tau, 0.0, 0.0])
+        expected = rg.forward_dynamics(mech, run.q[k], mech.lift(run.q[k], [u]), applied)[0]
+        found = table.robot_acceleration(float(run.q[k][0]), u, tau)
+        assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "why"), [("kite", "turn back"), ("five_bar", "one coordinate"), ("delta", "one coordinate")]
+)
+def test_what_has_no_table(name: str, why: str, tmp_path: Path) -> None:
+    with pytest.raises(rg.ModelError, match=why):
+        rg.load(name).export(tmp_path / "robot.c")
+    assert not list(tmp_path.iterdir())
