@@ -220,6 +220,9 @@ def test_the_example_by_cmake(tmp_path: Path) -> None:
     for words in (["cmake", *where], ["cmake", "--build", str(tmp_path / "build")]):
         subprocess.run(words, check=True, timeout=120, capture_output=True)
     _swings(tmp_path / "build" / "swing", tmp_path)
+    line = [str(tmp_path / "build" / "loop"), str(tmp_path / "change_point.rgcp"), "0.5"]
+    out = subprocess.run(line, check=True, timeout=60, capture_output=True, text=True).stdout
+    assert "500 steps" in out and "latest start" in out
 
 
 @pytest.mark.skipif(COMPILER is None or shutil.which("pkg-config") is None, reason="no pkg-config")
