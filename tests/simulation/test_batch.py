@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -326,3 +327,17 @@ class TestRefusals:
         if rg.backends()["native"].available:
             with pytest.raises(rg.OptionError, match="specialise=True"):
                 rg.Batch(rg.load("delta"), 2, specialise=True)
+
+
+@needs_kernel
+def test_where_compiled_code_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "kept"
+    monkeypatch.setenv("ROBUST_GCP_COMPILE", str(folder))
+    rg.Batch(rg.load("rhombus"), 1, specialise=True)
+    (kept,) = folder.iterdir()
+    before = kept.stat().st_mtime_ns
+    rg.Batch(rg.load("rhombus"), 1, specialise=True)
+    assert [path.stat().st_mtime_ns for path in folder.iterdir()] == [before]
+    monkeypatch.setenv("ROBUST_GCP_COMPILE", "0")
+    with pytest.raises(rg.OptionError, match="ROBUST_GCP_COMPILE=0"):
+        rg.Batch(rg.load("rhombus"), 1, specialise=True)

@@ -22,7 +22,7 @@ from .stage import Stage
 FLAGS = ("-std=c++17", "-O3", "-march=native", "-fno-math-errno", "-fPIC", "-shared", "-w")
 
 SWITCH = "ROBUST_GCP_COMPILE"
-"""Environment variable: 0 leaves all steps to the kernel."""
+"""Environment variable: 0 leaves all steps to the kernel; a folder is where compiled code is kept."""
 
 LONGEST = 120.0
 """s that a compiler may take."""
@@ -169,5 +169,7 @@ def _processor() -> str:
 
 def _folder() -> Path:
     """Where compiled code is kept."""
-    given = os.environ.get("XDG_CACHE_HOME")
-    return (Path(given) if given else Path.home() / ".cache") / "robust_gcp"
+    wanted, cache = os.environ.get(SWITCH, ""), os.environ.get("XDG_CACHE_HOME")
+    if wanted not in ("", "1"):
+        return Path(wanted)
+    return (Path(cache) if cache else Path.home() / ".cache") / "robust_gcp"
