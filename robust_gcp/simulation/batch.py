@@ -26,6 +26,9 @@ from .stepwise import Simulation
 
 Rows = NDArray[np.int64]
 
+AT_ONCE = 1_000_000
+"""Steps of all rows times velocities that are taken at once: below a second."""
+
 
 class Batch:
     """N motions of a mechanism by RK4, each as a `Simulation` of its own, stepped together.
@@ -61,7 +64,6 @@ class Batch:
 
     Attributes
     ----------
-    mechanism : Mechanism
     q, v : ndarray (N, nq), (N, nv)
         Where the rows are; not to be written to.
     status : ndarray of int (N,)
@@ -121,11 +123,9 @@ class Batch:
         self._rows.specialise(specialise)
 
     def __len__(self) -> int:
-        """How many rows there are."""
         return len(self.status)
 
     def __repr__(self) -> str:
-        """What moves, and how many rows stopped."""
         return f"Batch of {len(self)} motions of {self.mechanism.name!r}, {len(self.errors)} of them stopped"
 
     @property
@@ -166,12 +166,7 @@ class Batch:
         q0, v0 : array_like (nq,), (nv,), or one row for each of them, optional
             Home, and at rest, when left out.
         mode : array_like, optional
-            As in `simulate`.
-
-        Raises
-        ------
-        OptionError, StateError, SimulationError
-            As `simulate` does for a start, and names the row; that one and those after it are as they were.
+            As in `simulate`, which raises what this does; that row and those after it are as they were.
         """
         which = rows_given(rows, len(self))
         mechanism = self.mechanism
@@ -214,7 +209,7 @@ class Batch:
         Returns
         -------
         Stepped
-            q, v, and A (N, 2m, 2m), B (N, 2m, nv), NaN of rows that stopped; copies, or `out`.
+            q, v, and A (N, 2m, 2m), B (N, 2m, nv), NaN of rows that stopped.
 
         Raises
         ------
@@ -267,10 +262,13 @@ class Batch:
         self._ctrl, self._state.held[:, nv:] = controls_given(self.mechanism, ctrl, self._ctrl, len(self))
 
     def _go(self, n: int) -> None:
-        """So many steps."""
-        going = np.flatnonzero(self.status == 0)
-        for i, error in self._rows.advance(going, n, self._ctrl, self._pool):
-            self.errors[i], self.status[i] = error, 1
+        """So many steps, some at a time, so that an interrupt is answered."""
+        while n > 0:
+            going = np.flatnonzero(self.status == 0)
+            now = min(n, max(1, AT_ONCE // max(1, len(going) * self.mechanism.nv)))
+            for i, error in self._rows.advance(going, now, self._ctrl, self._pool):
+                self.errors[i], self.status[i] = error, 1
+            n -= now if len(going) else n
         if len(going):
             fastest = going[int(np.argmax(np.abs(self.v[going] / self.mechanism.units).max(axis=1)))]
             self._coarse.look(float(self.t[fastest]), self.v[fastest])
