@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp.kernel import rows as kernel_rows
+from robust_gcp.simulation import batch as batch_module
 
 Array = NDArray[np.float64]
 
@@ -341,3 +342,13 @@ def test_where_compiled_code_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setenv("ROBUST_GCP_COMPILE", "0")
     with pytest.raises(rg.OptionError, match="ROBUST_GCP_COMPILE=0"):
         rg.Batch(rg.load("rhombus"), 1, specialise=True)
+
+
+@pytest.mark.parametrize("specialise", [None, False])
+def test_long_calls_are_cut_up(specialise: bool | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    mech, tau = rg.load("rhombus"), _torques(rg.load("rhombus"), 4, 2.0)
+    whole = rg.Batch(mech, N, specialise=specialise).step(tau, 700)
+    monkeypatch.setattr(batch_module, "AT_ONCE", 500)
+    parts = rg.Batch(mech, N, specialise=specialise)
+    np.testing.assert_array_equal(parts.step(tau, 700).q, whole.q)
+    assert parts.crossings.all() and parts.t.tolist() == [0.7] * N
