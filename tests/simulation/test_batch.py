@@ -351,4 +351,4 @@ def test_long_calls_are_cut_up(specialise: bool | None, monkeypatch: pytest.Monk
     monkeypatch.setattr(batch_module, "AT_ONCE", 500)
     parts = rg.Batch(mech, N, specialise=specialise)
     np.testing.assert_array_equal(parts.step(tau, 700).q, whole.q)
-    assert parts.crossings.all() and parts.t.tolist() == [0.7] * N
+    assert parts.crossings.all() and parts.t.tolist() == [700 * 1e-3] * N
