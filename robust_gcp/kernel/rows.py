@@ -139,7 +139,7 @@ class MotionRows:
     def where(self, i: int) -> Standing:
         """Where a row is."""
         x, anchor, origin, ydd = (part[i].copy() for part in (self._x, self._anchor, self._origin, self._ydd))
-        trackers = self._numbers.get(i)
+        trackers = self._numbers.get(i) if self.in_zone[i] else None
         if self.in_zone[i] and self._going[i]:
             trackers = tracker_numbers(self._library, self._handles[i].address)
         return Standing(x, anchor, origin, ydd, trackers, self.watch(i))
@@ -184,6 +184,7 @@ class MotionRows:
             which = which[(state.left[which] > 0) & (state.status[which] != Reason.CHART)]
             if not len(which):
                 return
+        self._trackers[which[self.in_zone[which] == 0]] = 0  # of a zone that was left
         self._on_threads(self._advance, which, pool)
         alone = which[state.status[which] == ALONE]
         for i in alone.tolist():

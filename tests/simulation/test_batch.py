@@ -352,3 +352,22 @@ def test_long_calls_are_cut_up(specialise: bool | None, monkeypatch: pytest.Monk
     parts = rg.Batch(mech, N, specialise=specialise)
     np.testing.assert_array_equal(parts.step(tau, 700).q, whole.q)
     assert parts.crossings.all() and parts.t.tolist() == [700 * 1e-3] * N
+
+
+@needs_kernel
+@pytest.mark.parametrize("specialise", [True, False])
+def test_rows_that_began_in_a_zone_cross_again(specialise: bool) -> None:
+    """What was known of the first zone is not taken for the next one."""
+    mech = rg.load("rhombus")
+    q0 = mech.assemble(mech.configuration({"q1": 1e-4, "q2": -2e-4, "q3": 2e-4}))
+    v0 = mech.lift(q0, [4.0])
+    batch, one = (rg.Batch(mech, 2, q0, v0, specialise=specialise), rg.Simulation(mech, q0, v0, keep="last"))
+    for k in range(30):
+        if k % 7 == 5:
+            saved = batch.save()
+            batch.step(None, 20)
+            batch.restore(saved)
+        batch.step({"q1": 0.5}, 50)
+        one.step({"q1": 0.5}, 50)
+        np.testing.assert_allclose(batch.q, np.tile(one.q, (2, 1)), rtol=0.0, atol=1e-11)
+    assert batch.crossings.tolist() == 2 * [len(one.crossings)] and len(one.crossings) > 1
