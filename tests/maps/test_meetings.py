@@ -422,6 +422,7 @@ def test_several_loops_that_touch_at_once(amplitudes: tuple[float, float], bends
     assert abs(run.y[-1, 0] - truth[0]) < 1.1 * least
     (crossing,) = run.crossings
     assert (crossing.kind, crossing.order, crossing.corank) == ("tangential", 4, 2)
+    assert crossing.certificate < 1e-14
 
 
 def test_perturbed_copies_are_never_certified_falsely(copies: int = 40) -> None:

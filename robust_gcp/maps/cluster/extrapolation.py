@@ -38,7 +38,7 @@ WHOLE, SAME_ORDER, SAME_PLACE = 0.1, 0.2, 0.05
 HELD_OUT = 1e-7
 """Error of Γ at points that the polynomial does not know."""
 
-LARGEST_DEGREE, POINTS = 22, 36
+LARGEST_DEGREE, TRIED, POINTS = 22, 5, 36
 
 
 def extrapolated(anchor: Jet, options: BridgeOptions) -> Curve:
@@ -172,14 +172,12 @@ class _Attempt:
                 raise NoBridgeError("beyond the place the mode lies outside of what its series tells")
             us.append(mirrored)
             nodes.append(node)
-        self._table = self._series(us, nodes)
-        self._slope, self._second = (chebyshev.chebder(self._table, k) for k in (1, 2))
         far = nodes[len(near) :]
         off, order = self._place(np.array(us[len(near) :]) - self._c, far)
         if abs(off) > SAME_PLACE * self._w or abs(order - self.order) > SAME_ORDER:
             raise NoBridgeError("from its far side the place looks another one")
-        samples = [self._at(q * self._w)[0] for q in np.linspace(-0.9, 0.9, 17)]
-        self.closed, self.kind = closure(frame.space, self._options, samples, frame.reference)
+        self._us, self._nodes = us, nodes
+        self._fitted()
         held = 0.0
         for share in (-0.87, 0.87, 0.48, -0.48):
             x, _, bend = self._at(share * self._w)
@@ -188,7 +186,22 @@ class _Attempt:
         if held > HELD_OUT:
             raise NoBridgeError(f"digits do not suffice: Γ is off by {held:.0e}, {HELD_OUT:g} is allowed")
         self.error = max(self.closed, 1e-3 * held)
-        self._us, self._nodes = us, nodes
+
+    def _fitted(self) -> None:
+        """The series of the whole bridge, of the least degree above which the loops close no better."""
+        frame, best, least = self._frame, np.inf, 3
+        for _ in range(TRIED):
+            table = self._series(self._us, self._nodes, least)
+            if len(table) <= least:
+                break
+            least = len(table)
+            z = np.linspace(-0.9, 0.9, 17)
+            left = max(frame.space.residual(x) for x in chebyshev.chebval(z, table).T)
+            if left < 0.5 * best:
+                best, self._table = left, table
+        self._slope, self._second = (chebyshev.chebder(self._table, k) for k in (1, 2))
+        samples = [self._at(q * self._w)[0] for q in np.linspace(-0.9, 0.9, 17)]
+        self.closed, self.kind = closure(frame.space, self._options, samples, frame.reference)
 
     def _place(self, away: Array, at: list[Jet]) -> tuple[float, float]:
         """The zero of ρ, from the present guess of it, and κ there."""
@@ -200,14 +213,15 @@ class _Attempt:
         root = float(roots[np.argmin(np.abs(roots))])
         return root, float(1.0 / np.polyval(np.polyder(cubic), root))
 
-    def _series(self, us: Array | list[float], nodes: list[Jet]) -> Array:
+    def _series(self, us: Array | list[float], nodes: list[Jet], least: int = 3) -> Array:
         """Chebyshev series in (u − c)/w of the least degree that meets x, J and Γ to their own rounding.
 
-        That is ε/σ times 1, 1/δ and 1/δ² at a distance δ.
+        That is ε/σ times 1, 1/δ and 1/δ² at a distance δ: what the rows that keep their rank tell is known
+        better, and shows in how the loops close.
         """
         z = (np.asarray(us) - self._c) / self._w
         best: tuple[float, Array] | None = None
-        for degree in range(3, min(3 * len(nodes) - 2, LARGEST_DEGREE)):
+        for degree in range(least, min(3 * len(nodes) - 2, LARGEST_DEGREE)):
             unit = np.eye(degree + 1)
             tables = [chebyshev.chebval(z, chebyshev.chebder(unit, k) if k else unit) for k in range(3)]
             rows, values = [], []
