@@ -291,6 +291,9 @@ class ClusterMap(Charted):
         """Of all clusters, once a zone was met; those from elsewhere are read when they are needed."""
         if self._arriving is not None:
             spaces = [space_of(self.mechanism, c, self.anchor.q[c.iq]) for c in self.clusters]
+            known = self._trackers or []
             self._trackers = read(self._arriving(), spaces, self.options, self.counters)
+            for before, now in zip(known, self._trackers, strict=False):
+                now.known.ahead = before.known.ahead
             self._arriving = None
         return self._trackers or []

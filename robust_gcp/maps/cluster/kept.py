@@ -12,7 +12,7 @@ from ...mechanism.tree import Array
 from .curve import Curve
 from .curve_builder import CurveBuilder
 from .jet import Jet
-from .meeting_ahead import TOLD, MeetingAhead, through_meeting, touches_ahead
+from .meeting_ahead import TOLD, MeetingAhead, met_before, through, through_meeting, touches_ahead
 from .obstacles import Obstacle, ObstacleError, is_near_miss
 from .options import BridgeOptions, NoBridgeError
 from .patch import Follower, Patch
@@ -39,11 +39,13 @@ class KnownCurves:
     ----------
     curves : list of Curve
         The last ones; those through modes that touch in the order of their use.
+    ahead : MeetingAhead or None
+        Where modes seemed to touch farther ahead.
     """
 
     def __init__(self, curves: Sequence[Curve] = ()) -> None:
         self.curves = list(curves)
-        self._ahead: MeetingAhead | None = None
+        self.ahead: MeetingAhead | None = None
 
     def through(self, here: Jet, zone: float) -> tuple[Curve, float] | None:
         """The last curve through a point and its u there, if the nearest singular place is one of its own.
@@ -91,27 +93,36 @@ class KnownCurves:
         ------
         NoBridgeError
         """
-        if self._ahead is not None and self._ahead.covers(here.x):
+        if self.ahead is not None and self.ahead.covers(here.x):
             return None
         if any(known.is_beside(here) for known in self.curves if known.orders):
             return None
-        try:
-            curve = CurveBuilder(here, options, zone).build()
-        except NoBridgeError as failure:
-            if is_near_miss(place(here), options):
-                raise
-            if (distance := here.nearest()[0]) > TOLD:
-                if not touches_ahead(here):
-                    raise
-                self._ahead = MeetingAhead(here.x, max(distance - TOLD, 0.05))
-                return None
-            touching = through_meeting(here, options, failure)
-            if touching is None:
-                self._ahead = MeetingAhead(here.x, 0.05)
-                return None
-            curve = touching
+        curve = None if (met := met_before(here)) is None else through(met, here, options)
+        if curve is None:
+            curve = self._of_any_order(here, zone, options)
+        if curve is None:
+            return None
         self.keep(curve)
         return curve if curve.inside is None or curve.through.reaches(curve.u(here.x)) else None
+
+    def _of_any_order(self, here: Jet, zone: float, options: BridgeOptions) -> Curve | None:
+        """A new curve by second order, or else by the meeting ahead; None where that is too far away yet."""
+        distance, before = here.nearest()[0], self.ahead
+        if before is not None and touches_ahead(here):
+            failure = before.failure
+        else:
+            try:
+                return CurveBuilder(here, options, zone).build()
+            except NoBridgeError as found:
+                if is_near_miss(place(here), options) or (distance > TOLD and not touches_ahead(here)):
+                    raise
+                failure = found
+        if distance <= TOLD:
+            touching = through_meeting(here, options, failure)
+            if touching is not None:
+                return touching
+        self.ahead = MeetingAhead(here.x, max(distance - TOLD, 0.05), failure)
+        return None
 
     def next_window(self, last: Curve, u: float, options: BridgeOptions) -> tuple[Curve, float]:
         """The window in which a mode in the singular set goes on where it leaves the last one at u.

@@ -7,8 +7,8 @@ singular set.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -20,6 +20,9 @@ from .mid_curve import MidCurve, Surface, mid_curve
 from .options import BridgeOptions
 from .space import ClusterSpace
 
+if TYPE_CHECKING:
+    from .curve import Curve
+
 INSIDE = 3e-15
 """max |g|, in lengths, on a mode that lies in the singular set."""
 
@@ -28,6 +31,9 @@ SLOW, WIDER = 3e-5, (0.6, 0.9)
 
 NEARBY = 0.8, 0.5
 """Zeros of g beyond these, along and off the real axis in units of R, belong to other places."""
+
+KNOWN, SAME = 0.8, 1e-9
+"""Share of the mid curve within which a point is told by it, and how near to the surface a point is on it."""
 
 MeetingKind = Literal["meets", "cusp", "isolated", "inside", "passes", "turns"]
 
@@ -46,12 +52,15 @@ class Meeting:
     gap : float
         How far the linkage is from having exactly these zeros, in lengths: max |g mod Π(u − u_i)^p_i|.
     curve : MidCurve
+    bridges : dict of float to Curve
+        Those that were built through it, by the side of the mode.
     """
 
     kind: MeetingKind
     places: tuple[tuple[float, int], ...]
     gap: float
     curve: MidCurve
+    bridges: dict[float, Curve] = field(default_factory=dict, compare=False, repr=False)
 
     @property
     def orders(self) -> tuple[tuple[float, int], ...]:
@@ -67,6 +76,19 @@ class Meeting:
     def order(self) -> int:
         """The highest order of contact; 0 where nothing meets."""
         return max((k for _, k in self.orders), default=0)
+
+    def tells(self, x: Array) -> bool:
+        """Whether x, on a mode, is one of these: all that they meet within KNOWN of the mid curve is told."""
+        surface = self.curve.surface
+        u, w = surface.u(x), surface.w(x)
+        if abs(self.curve.s(u)) > KNOWN:
+            return False
+        middle = self.curve.at(u)[0]
+        try:
+            own = surface.point(middle + surface.v * (w - surface.w(middle)), u, w)
+        except (LostError, np.linalg.LinAlgError):
+            return False
+        return bool(np.abs(own - x).max() < SAME)
 
     def parity(self, u: float) -> float:
         """The side on which a mode lies at u, in that beyond all places: Π sign(u − u_i)^k_i."""
@@ -102,6 +124,8 @@ def meeting(space: ClusterSpace, x: Array, P: Array, ahead: Array, options: Brid
         if not real:
             break
         center = curve.at(curve.u0 + curve.R * float(np.mean(real)))[0]
+        if np.abs(center - surface.reference).max() < SAME:
+            break
         surface = surface.about(center)
         curve = mid_curve(surface, center, 0.0)
     for R in WIDER:

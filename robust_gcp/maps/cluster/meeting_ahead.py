@@ -10,7 +10,7 @@ from ...mechanism.tree import Array
 from .curve import Curve
 from .extrapolation import extrapolated
 from .jet import Jet, LostError, solved
-from .meeting import meeting
+from .meeting import Meeting, meeting
 from .meeting_builder import bridge_through
 from .options import BridgeOptions, NoBridgeError
 
@@ -20,20 +20,32 @@ SEEN, MOST_CONTACT, FARTHEST = 0.1, 8.0, 0.7
 TOUCHING = 1.3
 """Order from which modes are taken to touch ahead: 1 where they cross, 1.5 at a cusp, 2 and more else."""
 
+MOST_KEPT = 16
+"""Meetings kept with a cluster; a mechanism that turns over comes to new ones each turn."""
+
 TOLD = 0.12
 """First-order distance at which a meeting is looked at: one of order k lies k times as far."""
 
 
 @dataclass(frozen=True)
 class MeetingAhead:
-    """Modes that meet too far ahead to be told apart: within `radius` of x it is not looked at again."""
+    """Modes that meet too far ahead to be told apart: within `radius` of x it is not looked at again.
+
+    `failure` says why second order does not serve.
+    """
 
     x: Array
     radius: float
+    failure: NoBridgeError
 
     def covers(self, x: Array) -> bool:
         """Whether x is that near to where it was looked at."""
         return float(np.linalg.norm(x - self.x)) <= self.radius
+
+
+def met_before(here: Jet) -> Meeting | None:
+    """The meeting near by that was found before, from here or elsewhere on its modes."""
+    return next((met for met in reversed(here.space.met) if met.tells(here.x)), None)
 
 
 def through_meeting(here: Jet, options: BridgeOptions, failure: NoBridgeError) -> Curve | None:
@@ -48,11 +60,23 @@ def through_meeting(here: Jet, options: BridgeOptions, failure: NoBridgeError) -
         found = meeting(here.space, here.x, here.P, _way_to_place(here), options)
     except (LostError, np.linalg.LinAlgError):
         return extrapolated(here, options)  # more than two modes, or of corank above one
-    if found.kind == "meets":
-        return bridge_through(found, here, options)
+    if found.kind not in ("meets", "cusp"):
+        raise failure
+    here.space.met = (*here.space.met[1 - MOST_KEPT :], found)
+    return through(found, here, options)
+
+
+def through(found: Meeting, here: Jet, options: BridgeOptions) -> Curve | None:
+    """The bridge of a mode through a meeting; None where that is too far away yet.
+
+    Raises
+    ------
+    NoBridgeError
+        At a cusp, and where digits do not suffice.
+    """
     if found.kind == "cusp":
         raise NoBridgeError("the mode ends in a cusp", met=found)
-    raise failure
+    return bridge_through(found, here, options)
 
 
 def touches_ahead(here: Jet) -> bool:

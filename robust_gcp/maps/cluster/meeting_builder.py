@@ -64,8 +64,9 @@ def mode_through(found: Meeting, side: float, P: Array, options: BridgeOptions) 
     NoBridgeError
         Where it is not known well enough.
     """
-    way = _Through(found)
-    return _best(found, side, way, options).curve(P)
+    if side not in found.bridges:
+        found.bridges[side] = _best(found, side, _Through(found), options).curve(P)
+    return found.bridges[side]
 
 
 def _best(found: Meeting, side: float, way: _Through | _Round, options: BridgeOptions) -> _Branch:

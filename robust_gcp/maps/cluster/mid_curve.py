@@ -26,6 +26,9 @@ SHORTEN, ATTEMPTS, TAIL = 0.7, 5, 1e-13
 BENDS = 0.1
 """Least share of its largest value that f_ww keeps along the mid curve."""
 
+BEFORE = 6
+"""Points that the next one is extrapolated from."""
+
 CONVERGED, STAGNANT, MAX_NEWTON = 3e-16, 1e-11, 14
 
 
@@ -106,9 +109,12 @@ class Surface:
 
     def across(self, x: Array) -> tuple[float, float, Array, Array]:
         """f_w and f_ww at x, and the derivatives z = x_w and x_ww on S."""
-        z, bend = self.along(x, (0.0, 1.0), (0.0, 0.0))
         K = self.space.K(x)
-        return float(self._a @ K @ z), float(self._a @ (self.space.second(x, z) @ z + K @ bend)), z, bend
+        frame = self._frame(K)
+        z = np.linalg.solve(frame, np.r_[np.zeros(len(frame) - 1), 1.0])
+        bent = self.space.second(x, z) @ z
+        z_w = np.linalg.solve(frame, np.r_[-self._U1.T @ bent, 0.0, 0.0])
+        return float(self._a @ K @ z), float(self._a @ (bent + K @ z_w)), z, z_w
 
     def mid(self, x: Array, u: float) -> Array:
         """The point of the mid curve at u, by Newton on f_w = 0 from a guess.
@@ -136,6 +142,12 @@ def _upright(way: Array) -> Array:
     return way * np.sign(way[np.flatnonzero(size > 0.999 * size.max())[0]])
 
 
+def _extrapolated(at: list[float], known: list[Array], s: float) -> Array:
+    """The polynomial through all points, at s."""
+    weights = [np.prod([(s - b) / (a - b) for b in at if b != a]) for a in at]
+    return np.asarray(np.tensordot(weights, known, 1))
+
+
 class MidCurve:
     """The mid curve about u₀ as Chebyshev series of s = (u − u₀)/R, |s| ≤ 1.
 
@@ -159,13 +171,12 @@ class MidCurve:
         s = nodes(SAMPLES)
         start = surface.mid(x, u0)
         points = np.empty((SAMPLES, len(x)))
-        for side in (
-            np.flatnonzero(s > 0)[::-1],
-            np.flatnonzero(s <= 0),
-        ):  # outward, each from the one before
-            last = start
+        for side in (np.flatnonzero(s > 0)[::-1], np.flatnonzero(s <= 0)):
+            at, known = [0.0], [start]  # outward, each from those before
             for i in side:
-                points[i] = last = surface.mid(last, u0 + R * s[i])
+                points[i] = surface.mid(_extrapolated(at[-BEFORE:], known[-BEFORE:], s[i]), u0 + R * s[i])
+                at.append(s[i])
+                known.append(points[i])
         values = [[surface.f(x), surface.across(x)[1]] for x in points]
         table = fitted(np.hstack([values, points]))
         self.tail = float(np.abs(table[-3:]).max())
