@@ -78,6 +78,31 @@ def test_a_compiler_that_leaves_nothing_failed(monkeypatch: pytest.MonkeyPatch, 
     assert "left no library" in report["detail"]
 
 
+def test_what_was_compiled_is_kept_where_a_folder_is_named(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Taken again by the same sources and compiler alone."""
+    compiler, calls = tmp_path / "c++", tmp_path / "calls"
+    told = '[ "$*" = --version ] && {{ echo {}; exit; }}\n'
+    work = f'echo x >> "{calls}"\nwhile [ "$1" != -o ]; do shift; done\necho made > "$2"\n'
+    compiler.write_text("#!/bin/sh\n" + told.format("one") + work)
+    compiler.chmod(0o755)
+    monkeypatch.setenv("ROBUST_GCP_NATIVE", "1")
+    monkeypatch.setenv("CXX", str(compiler))
+    monkeypatch.setenv("ROBUST_GCP_COMPILE", str(tmp_path / "kept"))
+    monkeypatch.setattr(build, "headers", lambda *wanted: [])
+    reports = [build.attempt(tmp_path / name) for name in ("first", "second")]
+    once = len(build.SOURCES) + 1
+    assert len(calls.read_text().split()) == once
+    assert reports[0]["sha256"] == reports[1]["sha256"]
+    compiler.write_text("#!/bin/sh\n" + told.format("two") + work)
+    build.attempt(tmp_path / "third")
+    assert len(calls.read_text().split()) == 2 * once
+    monkeypatch.setenv("ROBUST_GCP_COMPILE", "0")
+    build.attempt(tmp_path / "fourth")
+    assert len(calls.read_text().split()) == 3 * once
+
+
 @needs_kernel
 @pytest.mark.skipif(shutil.which("nm") is None or sys.platform == "darwin", reason="needs nm of binutils")
 def test_the_library_shows_its_c_interface_and_no_path_of_its_builder() -> None:
