@@ -37,10 +37,10 @@ STEADY, UNSTEADY = 2e-11, 2e-10
 are; and from which they are not even where no circle serves, as on modes that veer. Beside change points of
 four four-bars missed by 1e-4 to 1e-9 m the error was 1.6 times as large at most, and a tenth mostly."""
 
-RADII = (0.8, 0.5, 0.3, 0.15)
+RADII = (0.8, 0.5, 0.3, 0.15, 0.1)
 """Of circles that are tried, dimensionless joint units along the mode."""
 
-ACCURATE = 1e-11
+ACCURATE = 5e-12
 """Error of a circle at which no other is tried."""
 
 LARGEST_ERROR = 1e-9

@@ -141,30 +141,37 @@ def begin(
     curvature = np.zeros(mechanism.nv) if mechanism.m == 1 else None
     point = path.renewed(Point(y, ydot, q, G, np.zeros(mechanism.nv), curvature, blocks, blocks, 0.0))
     _require_serving(mechanism, tangent, G, y)
-    if contact is not None:
-        trackers = {contact.space.cluster.index: _in_contact(contact, number, options, counters)}
-    else:
+    trackers = None if contact is None else _in_contact(contact, number, G, options, counters)
+    if trackers is None:
         trackers = _beside(mechanism, q, G, options, counters)
     return Start(path, ClusterMap(path, point, options, trackers=trackers).at(y, ydot), ydot, trackers)
 
 
-def _in_contact(contact: Contact, number: int, options: BridgeOptions, counters: Counters) -> Tracker:
-    """A tracker at a place where modes touch, on the one of this number.
+def _in_contact(
+    contact: Contact, number: int, G: Array, options: BridgeOptions, counters: Counters
+) -> dict[int, Tracker] | None:
+    """A tracker at a place where modes touch, on the one of this number, by its cluster.
+
+    Those that cross, at however small an angle, are told apart by their tangents: their numbers are those of
+    second order. None where such a one is not told well enough this way.
 
     Raises
     ------
     NotCertifiedError
     """
-    space = contact.space
+    space, cluster = contact.space, contact.space.cluster
+    way = np.linalg.solve(space.turn(contact.x), G[np.ix_(cluster.iv, cluster.inputs)][:, 0])
     try:
-        curve = contact.mode(number, options)
+        curve = contact.mode(contact.number(way, number, options), options)
     except NoBridgeError as failure:
+        if contact.found.kind == "meets" and contact.found.order == 1:
+            return None
         raise NotCertifiedError(f"start where modes touch: {failure}") from failure
     u = curve.u(contact.x)
     counters.bridges_built += 1
     tracker = Tracker(curve.jet(space.chart(space.cluster.chosen), u), options, options.reach(1), counters)
     tracker.known, tracker.current, tracker.u = KnownCurves([curve]), curve, u
-    return tracker
+    return {cluster.index: tracker}
 
 
 def _touching(mechanism: Mechanism, picture: LocalAnalysis) -> bool:

@@ -19,7 +19,8 @@ from robust_gcp.mechanism.closures import closure_frames
 from robust_gcp.reports import gradients
 
 from ..exact import Exact, Matrix, Vector
-from .test_derivatives_singular import PLACES, modes, placed
+from ..exact_in_space import ExactInSpace
+from .test_derivatives_singular import PLACES, modes_at, placed
 
 Array = NDArray[np.float64]
 
@@ -28,18 +29,24 @@ DIGITS = 30
 APART = Decimal("1e-18")
 """Step of differences by y of what errs by 1e-40: errors of 1e-36 and 1e-22."""
 
+CROSSINGS, REGULAR = (
+    (0, 2, 4, 7, 10),
+    ((4, 1), (4, 2), (4, 3), (4, 5), (5, 1), (5, 3), (5, 4), (6, 2), (6, 7)),
+)
+"""Seeds of linkages in space of which two modes cross, and numbers of joints and seeds of others."""
+
 NEAR = (0.3, 1e-1, 1e-2, 1e-3, 1e-4)
 """Along a mode from where modes cross, rad."""
 
 
 def linkage(mech: rg.Mechanism) -> dict[str, Any]:
-    """A planar mechanism with point closures, as plain numbers."""
+    """A mechanism with point closures, as plain numbers."""
     model = mech.model
     frames = closure_frames(model, mech.loops)
-    half = len(frames) // 2
+    half, space = len(frames) // 2, in_space(mech)
 
-    def plane(at: Array) -> list[float]:
-        return [float(at[1]), float(at[2])]
+    def point(at: Array) -> list[float]:
+        return [float(x) for x in at[0 if space else 1 :]]
 
     return {
         "joints": [
@@ -47,20 +54,32 @@ def linkage(mech: rg.Mechanism) -> dict[str, Any]:
                 "name": str(model.names[j]),
                 "parent": int(model.parents[j]) - 1,
                 "kind": model.joints[j].shortname().removeprefix("JointModel"),
-                "place": plane(model.jointPlacements[j].translation),
+                "place": point(model.jointPlacements[j].translation),
+                **({"turn": model.jointPlacements[j].rotation.tolist()} if space else {}),
                 "mass": float(model.inertias[j].mass),
-                "centre": plane(model.inertias[j].lever),
-                "inertia": float(model.inertias[j].inertia[0, 0]),
+                "centre": point(model.inertias[j].lever),
+                "inertia": model.inertias[j].inertia.tolist()
+                if space
+                else float(model.inertias[j].inertia[0, 0]),
             }
             for j in range(1, model.njoints)
         ],
-        "gravity": float(model.gravity.linear[2]),
+        "gravity": model.gravity.linear.tolist() if space else float(model.gravity.linear[2]),
         "closures": [
-            [[joint - 1, plane(place.translation)] for joint, place in pair]
+            [[joint - 1, point(place.translation)] for joint, place in pair]
             for pair in zip(frames[:half], frames[half:], strict=True)
         ],
         "independent": list(mech.independent),
     }
+
+
+def in_space(mech: rg.Mechanism) -> bool:
+    """Whether it is one of those made here in space."""
+    return str(mech.model.name).startswith("space")
+
+
+def exactly(mech: rg.Mechanism) -> Exact:
+    return ExactInSpace(mech) if in_space(mech) else Exact(mech)
 
 
 def differentiated(exact: Exact, q: Vector, u: Vector, tau: Vector) -> tuple[list[str], ...]:
@@ -91,7 +110,7 @@ def differentiated(exact: Exact, q: Vector, u: Vector, tau: Vector) -> tuple[lis
 
 
 def problem(name: str, kind: str, mech: rg.Mechanism, q: Array, u: Array, tau: Array) -> dict[str, Any]:
-    exact = Exact(mech)
+    exact = exactly(mech)
     given = [Decimal(float(x)) for x in q]
     closed = exact.closed(given, [given[k] for k in exact.i])
     parts = differentiated(exact, closed, *([Decimal(float(x)) for x in part] for part in (u, tau)))
@@ -120,14 +139,73 @@ def regular() -> Iterator[dict[str, Any]]:
         yield problem(name, "regular", mech, q, u, tau)
 
 
-def singular() -> Iterator[dict[str, Any]]:
+def spatial(seed: int, joints: int, crossing: bool, slides: bool = False) -> rg.Mechanism:
+    """Two branches that meet in a point, the joints' axes along x, y or z at q = 0, with all numbers dyadic.
+
+    At a crossing no joint moves the point along z there: axes along x lie at its y, those along y at its x.
+    """
+    rng = np.random.default_rng(seed)
+
+    def dyadic(low: float, high: float, count: int = 3) -> Array:
+        return np.round(64.0 * rng.uniform(low, high, count)) / 64.0
+
+    model = pin.Model()
+    model.name, model.gravity.linear = f"space {seed}", dyadic(-9.0, 9.0)
+    meeting = dyadic(-0.5, 0.5)
+    parent, placed, at, ends = 0, np.eye(3), -meeting, []
+    for k in range(joints):
+        if k == joints // 2:  # the other branch
+            ends.append((parent, placed.T @ -at))
+            parent, placed, at = 0, np.eye(3), -meeting
+        axis = int(rng.integers(3))
+        origin = dyadic(-1.0, 1.0)  # seen from the point where the branches meet
+        if crossing and axis < 2:
+            origin[1 - axis] = 0.0
+        turn = np.roll(np.eye(3), axis, axis=0)  # takes x to the axis
+        frame = pin.SE3(placed.T @ turn, placed.T @ (origin - at))
+        kind = "PX" if slides and k == 1 and axis != 2 else "RX"
+        parent = model.addJoint(parent, getattr(pin, f"JointModel{kind}")(), frame, f"q{k + 1}")
+        placed, at = turn, origin
+        half = dyadic(-0.5, 0.5, 9).reshape(3, 3)
+        body = pin.Inertia(
+            float(dyadic(0.25, 2.0, 1)[0]), dyadic(-0.5, 0.5), np.eye(3) / 64.0 + half @ half.T / 8.0
+        )
+        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
+    ends.append((parent, placed.T @ -at))
+    for k, (joint, place) in enumerate(ends):
+        model.addFrame(pin.Frame(f"end {k}", joint, pin.SE3(np.eye(3), place), pin.FrameType.OP_FRAME))
+    closure = rg.PointClosure("end 0", "end 1")
+    names = [str(name) for name in model.names][1 : joints - 2]
+    return rg.Mechanism.from_pinocchio(model, [closure], names, np.zeros(joints))
+
+
+def regular_in_space() -> Iterator[dict[str, Any]]:
+    rng = np.random.default_rng(1)
+    for joints, seed in REGULAR:
+        mech = spatial(seed, joints, False, slides=seed % 3 == 0)
+        moved = mech.home.copy()
+        moved[mech.iv_independent] += rng.uniform(0.05, 0.15, mech.m)
+        q = mech.assemble(moved, hold=mech.independent)
+        u, tau = rng.normal(size=mech.m), rng.normal(size=mech.nv)
+        yield problem(f"in space, {joints} joints, {seed}", "regular", mech, q, u, tau)
+
+
+def places() -> Iterator[tuple[str, rg.Mechanism, list[Decimal]]]:
+    """Singular configurations in the plane, then in space."""
     for name in PLACES:
-        _, q = placed(name)
-        for number, (mech, tangent) in enumerate(modes(name)):
+        yield name, *placed(name)
+    for seed in CROSSINGS:
+        mech = spatial(seed, 4, True, slides=seed % 3 == 0)
+        yield f"in space, {seed}", mech, [Decimal(0)] * mech.nq
+
+
+def singular() -> Iterator[dict[str, Any]]:
+    for name, placed_at, q in places():
+        for number, (mech, tangent) in enumerate(modes_at(placed_at, q)):
             m = mech.m
             G = tangent @ np.linalg.inv(tangent[mech.iv_independent])
             u, across = np.array([1.25, -0.75])[:m], np.array([1.0, 0.7])[:m]
-            udot, *parts = Exact(mech).at_singularity(q, tangent, u, across)
+            udot, *parts = exactly(mech).at_singularity(q, tangent, u, across)
             rows = [[udot], *parts]
             told = _told(*([[f"{x:.17e}" for x in row] for row in part] for part in rows))
             where = {"q": [float(x) for x in q], "u": u.tolist(), "tau": [0.0] * mech.nv}
@@ -142,7 +220,7 @@ def singular() -> Iterator[dict[str, Any]]:
 
 def main() -> None:
     """Write them."""
-    found = [*regular(), *singular()]
+    found = [*regular(), *singular(), *regular_in_space()]
     Path(gradients.PROBLEMS).write_text(json.dumps(found, indent=None, separators=(",", ":")) + "\n")
     print(len(found), "problems,", {k: sum(p["kind"] == k for p in found) for k in ("regular", "near", "at")})
 

@@ -55,7 +55,10 @@ def placed(name: str) -> tuple[rg.Mechanism, list[Decimal]]:
 
 def modes(name: str) -> list[tuple[rg.Mechanism, Array]]:
     """All modes at the place, each in coordinates that move on it."""
-    mech, q = placed(name)
+    return modes_at(*placed(name))
+
+
+def modes_at(mech: rg.Mechanism, q: list[Decimal]) -> list[tuple[rg.Mechanism, Array]]:
     found = rg.analyse(mech, [float(x) for x in q])
     assert found.kind == "singular", found.message
     made = []

@@ -17,16 +17,18 @@ from ..dynamics import gradient_problems
 @pytest.mark.parametrize("every", [7, pytest.param(1, marks=pytest.mark.slow)])
 def test_all_of_ours_are_right(every: int) -> None:
     given = problems()
-    assert Counter(p.kind for p in given) == {"regular": 47, "near": 88, "at": 22}
+    assert Counter(p.kind for p in given) == {"regular": 66, "near": 128, "at": 32}
     for score in scores.scored("robust_gcp", given[::every]):
         assert score.right == score.count, score
         assert score.worst < 1e-11, score
 
 
 def test_it_is_what_the_digits_give() -> None:
-    """The first problems again, from seventy digits."""
+    """The first problems in the plane and in space again, from seventy digits."""
     stored = json.loads(PROBLEMS.read_text())
     for made, kept in zip(gradient_problems.regular(), stored[:6], strict=False):
+        assert made == kept
+    for made, kept in zip(gradient_problems.regular_in_space(), stored[-9:-5], strict=False):
         assert made == kept
 
 
@@ -56,7 +58,7 @@ def test_what_is_not_right_is_said() -> None:
 
 def test_pinocchio_s_columns() -> None:
     """Its accelerations and their slopes by v and τ are right; those by q were not when this was written."""
-    for problem in problems()[:10]:
+    for problem in (*problems()[:10], *problems()[-9:]):
         udot, _, _, da_dtau = scores.of_pinocchio(problem)
         np.testing.assert_allclose(udot, problem.udot, rtol=0, atol=1e-9 * np.abs(problem.udot).max())
         np.testing.assert_allclose(

@@ -27,6 +27,9 @@ from .within import window
 APART = 1e-12
 """Dimensionless distance of two modes from which a point is on one of them."""
 
+ASTRAY = 1e-4
+"""Sine of the angle from a tangent beyond which a mode is another one."""
+
 ContactKind = Literal["singular", "cusp", "isolated", "inside", "not certified"]
 
 
@@ -75,6 +78,25 @@ class Contact:
         if self.found.kind == "inside":
             return window(self.space, self.x, self.P, options)
         return mode_through(self.found, (1.0, -1.0)[number], self.P, options)
+
+    def number(self, way: Array, number: int, options: BridgeOptions) -> int:
+        """The number of the mode that leaves x this way, (nv,); of modes that touch, the given one.
+
+        Raises
+        ------
+        NoBridgeError
+            Also where no mode leaves this way.
+        """
+        if self.found.kind == "inside":
+            return number
+        off = []
+        for curve in (self.mode(0, options), self.mode(1, options)):
+            slope = curve.point(curve.u(self.x))[1]
+            t = slope / np.linalg.norm(slope)
+            off.append(float(np.linalg.norm(way - t * (t @ way)) / np.linalg.norm(way)))
+        if min(off) > ASTRAY:
+            raise NoBridgeError(f"the nearest mode leaves at an angle of {min(off):.1e}")
+        return int(np.argmin(off)) if max(off) > ASTRAY else number
 
     def beside(self, options: BridgeOptions) -> tuple[int, Array] | None:
         """The mode that passes x beside the place, and its velocity there (nv,); None where both do.

@@ -100,6 +100,11 @@ class _Frame:
         return float(np.linalg.svd(self._B(x), compute_uv=False)[-1]) / bend
 
 
+def _degrees(nodes: list[Jet]) -> int:
+    """The degree from which series are not determined any more, or not tried."""
+    return min(3 * len(nodes) - 2, LARGEST_DEGREE)
+
+
 class _Attempt:
     """A bridge of one half width."""
 
@@ -191,9 +196,9 @@ class _Attempt:
         """The series of the whole bridge, of the least degree above which the loops close no better."""
         frame, best, least = self._frame, np.inf, 3
         for _ in range(TRIED):
-            table = self._series(self._us, self._nodes, least)
-            if len(table) <= least:
+            if least >= _degrees(self._nodes):
                 break
+            table = self._series(self._us, self._nodes, least)
             least = len(table)
             z = np.linspace(-0.9, 0.9, 17)
             left = max(frame.space.residual(x) for x in chebyshev.chebval(z, table).T)
@@ -221,7 +226,7 @@ class _Attempt:
         """
         z = (np.asarray(us) - self._c) / self._w
         best: tuple[float, Array] | None = None
-        for degree in range(least, min(3 * len(nodes) - 2, LARGEST_DEGREE)):
+        for degree in range(least, _degrees(nodes)):
             unit = np.eye(degree + 1)
             tables = [chebyshev.chebval(z, chebyshev.chebder(unit, k) if k else unit) for k in range(3)]
             rows, values = [], []

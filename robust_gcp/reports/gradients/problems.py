@@ -19,16 +19,18 @@ from . import PROBLEMS
 class Problem:
     """A linkage at a state, and the derivatives there.
 
-    Bodies move in the y-z plane on hinges about x (`RX`) and slides along y or z (`PY`, `PZ`); each closure
-    holds two points of bodies together, −1 the ground. Gravity acts along z, torques on all joints.
+    Bodies move on hinges (`RX`, `RY`, `RZ`) and slides (`PX`, `PY`, `PZ`) about and along an axis of the
+    joint's frame; each closure holds two points of bodies together, −1 the ground; torques act on all
+    joints. In the y-z plane points have two numbers, inertia and gravity (along z) one; in space three,
+    three by three and three, and a joint's frame is turned in its parent's by `turn`.
 
     Attributes
     ----------
     name, kind : str
         "regular", "near" (0.1 to 1e-4 rad from a singular configuration) or "at" one.
     linkage : dict
-        `joints` (name, parent, kind, place, mass, centre, inertia about the centre), `closures`, `gravity`,
-        `independent`; m, kg, kg m².
+        `joints` (name, parent, kind, place, turn, mass, centre, inertia about the centre), `closures`,
+        `gravity`, `independent`; m, kg, kg m².
     q, u, tau : ndarray (nv,), (m,), (nv,)
         q to the last digit of a double; its independent entries are meant exactly.
     mode : ndarray (nv, m) or None
@@ -52,17 +54,20 @@ class Problem:
     def model(self) -> pin.Model:
         """The spanning tree, with a frame at each end of a closure."""
         model = pin.Model()
-        model.gravity.linear = np.array([0.0, 0.0, self.linkage["gravity"]])
+        gravity = self.linkage["gravity"]
+        model.gravity.linear = _vector(gravity if isinstance(gravity, list) else [0.0, gravity])
         for joint in self.linkage["joints"]:
             made = getattr(pin, f"JointModel{joint['kind']}")()
-            index = model.addJoint(joint["parent"] + 1, made, _at(joint["place"]), joint["name"])
-            inertia = joint["inertia"] * np.eye(3)
-            body = pin.Inertia(joint["mass"], np.array([0.0, *joint["centre"]]), inertia)
+            frame = pin.SE3(np.array(joint.get("turn", np.eye(3))), _vector(joint["place"]))
+            index = model.addJoint(joint["parent"] + 1, made, frame, joint["name"])
+            inertia = np.array(joint["inertia"]) * (np.eye(3) if np.ndim(joint["inertia"]) == 0 else 1.0)
+            body = pin.Inertia(joint["mass"], _vector(joint["centre"]), inertia)
             model.appendBodyToJoint(index, body, pin.SE3.Identity())
         for k, pair in enumerate(self.linkage["closures"]):
             for end, (body, place) in enumerate(pair, start=1):
                 kind = pin.FrameType.OP_FRAME
-                model.addFrame(pin.Frame(f"closure {k} end {end}", body + 1, _at(place), kind))
+                at = pin.SE3(np.eye(3), _vector(place))
+                model.addFrame(pin.Frame(f"closure {k} end {end}", body + 1, at, kind))
         return model
 
     def mechanism(self) -> Mechanism:
@@ -83,5 +88,5 @@ def problems() -> list[Problem]:
     return found
 
 
-def _at(place: list[float]) -> pin.SE3:
-    return pin.SE3(np.eye(3), np.array([0.0, *place]))
+def _vector(numbers: list[float]) -> Array:
+    return np.array([0.0, *numbers] if len(numbers) == 2 else numbers)

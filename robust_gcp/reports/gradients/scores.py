@@ -166,7 +166,8 @@ def _map(problem: Problem, model: pin.Model, q: Array, own: list[int]) -> Array:
             )
             for end in (1, 2)
         ]
-        rows.append((ends[0] - ends[1])[1:3])
+        planar = len(problem.linkage["closures"][k][0][1]) == 2
+        rows.append((ends[0] - ends[1])[1 if planar else 0 : 3])
     K, rest = np.vstack(rows), np.setdiff1d(np.arange(model.nv), own)
     G = np.zeros((model.nv, len(own)))
     G[own] = np.eye(len(own))
