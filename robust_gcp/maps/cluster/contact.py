@@ -20,7 +20,7 @@ from .jet import LostError
 from .kept import turned_to
 from .meeting import Meeting, meeting
 from .meeting_builder import mode_through
-from .options import USUAL, BridgeOptions
+from .options import USUAL, BridgeOptions, NoBridgeError
 from .space import ClusterSpace
 from .within import window
 
