@@ -18,8 +18,9 @@ class Writer {
     void tracker(const Tracker& t) {
         std::vector<CurvePtr> curves = t.known_curves.curves;
         const auto place = [&curves](const CurvePtr& one) {
-            const auto at = std::find(curves.begin(), curves.end(), one);
-            return static_cast<double>((at == curves.end() ? curves.insert(at, one) : at) - curves.begin());
+            const auto at = static_cast<std::size_t>(std::find(curves.begin(), curves.end(), one) - curves.begin());
+            if (at == curves.size()) curves.push_back(one);
+            return static_cast<double>(at);
         };
         const double used = t.curve ? place(t.curve) : -1.0;
         std::vector<double> touched;
