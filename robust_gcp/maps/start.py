@@ -160,9 +160,11 @@ def _in_contact(
     NotCertifiedError
     """
     space, cluster = contact.space, contact.space.cluster
-    way = np.linalg.solve(space.turn(contact.x), G[np.ix_(cluster.iv, cluster.inputs)][:, 0])
     try:
-        curve = contact.mode(contact.number(way, number, options), options)
+        if contact.found.kind != "inside":
+            own = G[np.ix_(cluster.iv, cluster.inputs)][:, 0]
+            number = contact.number(np.linalg.solve(space.turn(contact.x), own), number, options)
+        curve = contact.mode(number, options)
     except NoBridgeError as failure:
         if contact.found.kind == "meets" and contact.found.order == 1:
             return None

@@ -425,6 +425,25 @@ def test_several_loops_that_touch_at_once(amplitudes: tuple[float, float], bends
     assert crossing.certificate < 1e-14
 
 
+def test_a_place_is_judged_by_the_options_of_each_run() -> None:
+    """Whatever runs of other options found there before: modes that pass with a gap of 1e-11."""
+    strict, usual = rg.BridgeOptions(geometric_tolerance=1e-12), rg.BridgeOptions()
+    told: list[dict[rg.BridgeOptions, str]] = []
+    for order in ((usual, strict), (strict, usual)):
+        mechanism = meetings.cam([1e-11, 0.0, 0.0, 0.0, 0.8])
+        q, v = state(on_cam(2, 1), 0.5, -2.0)
+        q = mechanism.assemble(q, hold=mechanism.independent)
+        v = mechanism.lift(q, v[mechanism.iv_independent])
+        told.append({})
+        for options in order:
+            with pytest.raises(rg.NotCertifiedError) as refusal:
+                rg.simulate(mechanism, q, v, duration=0.34, step=0.34 / 128, options=options)
+            told[-1][options] = str(refusal.value)
+    assert told[0] == told[1]
+    assert "digits do not suffice" in told[0][usual]
+    assert "digits do not suffice" not in told[0][strict]
+
+
 def test_perturbed_copies_are_never_certified_falsely(copies: int = 40) -> None:
     """Cams whose g is known: what is certified is there, to a gap of 1e-12."""
     assert false_certificates(np.random.default_rng(7), copies) == []

@@ -87,8 +87,6 @@ class Contact:
         NoBridgeError
             Also where no mode leaves this way.
         """
-        if self.found.kind == "inside":
-            return number
         off = []
         for curve in (self.mode(0, options), self.mode(1, options)):
             slope = curve.point(curve.u(self.x))[1]

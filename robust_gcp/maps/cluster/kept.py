@@ -97,7 +97,7 @@ class KnownCurves:
             return None
         if any(known.is_beside(here) for known in self.curves if known.orders):
             return None
-        curve = None if (met := met_before(here)) is None else through(met, here, options)
+        curve = None if (met := met_before(here, options)) is None else through(met, here, options)
         if curve is None:
             curve = self._of_any_order(here, zone, options)
         if curve is None:

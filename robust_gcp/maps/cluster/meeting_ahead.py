@@ -43,9 +43,10 @@ class MeetingAhead:
         return float(np.linalg.norm(x - self.x)) <= self.radius
 
 
-def met_before(here: Jet) -> Meeting | None:
+def met_before(here: Jet, options: BridgeOptions) -> Meeting | None:
     """The meeting near by that was found before, from here or elsewhere on its modes."""
-    return next((met for met in reversed(here.space.met) if met.tells(here.x)), None)
+    known = (met for given, met in reversed(here.space.met) if given == options)
+    return next((met for met in known if met.tells(here.x)), None)
 
 
 def through_meeting(here: Jet, options: BridgeOptions, failure: NoBridgeError) -> Curve | None:
@@ -62,7 +63,7 @@ def through_meeting(here: Jet, options: BridgeOptions, failure: NoBridgeError) -
         return extrapolated(here, options)  # more than two modes, or of corank above one
     if found.kind not in ("meets", "cusp"):
         raise failure
-    here.space.met = (*here.space.met[1 - MOST_KEPT :], found)
+    here.space.met = (*here.space.met[1 - MOST_KEPT :], (options, found))
     return through(found, here, options)
 
 

@@ -14,6 +14,7 @@ from ...mechanism.tree import Array
 
 if TYPE_CHECKING:
     from .meeting import Meeting
+    from .options import BridgeOptions
 
 WIDEST = 10.0
 """Largest unit of a joint, in radians or characteristic lengths: K changes with the angle of any joint."""
@@ -45,8 +46,8 @@ class ClusterSpace:
         others hardly moves them, and yet its own pose, on which K depends, changes with its angle.
     balance : ndarray (nv,)
         column_scale / D, 1 but for very short links: K · balance has columns of size one.
-    met : tuple of Meeting
-        The last meetings of modes that were found, and cusps.
+    met : tuple of (BridgeOptions, Meeting)
+        The last meetings of modes that were found, and cusps, and what they were judged by.
     """
 
     def __init__(self, cluster: LoopCluster, reference: Array) -> None:
@@ -59,7 +60,7 @@ class ClusterSpace:
         self.rows = self.loops.nc
         self.D = np.minimum(self.loops.column_scale, WIDEST * self.loops.units)
         self.balance = self.loops.column_scale / self.D
-        self.met: tuple[Meeting, ...] = ()
+        self.met: tuple[tuple[BridgeOptions, Meeting], ...] = ()
         self.implicit = self.loops.memo.once("dimensionless constraint", self._scaled)
         self.phi_size = self.loops.memo.once("size of the second derivative", self._curvature)
 
