@@ -10,12 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..analysis.local import LocalAnalysis, analyse
-from ..errors import (
-    NotCertifiedError,
-    OptionError,
-    SingularStartError,
-    ToggleError,
-)
+from ..errors import NotCertifiedError, OptionError, SingularStartError, ToggleError
 from ..mechanism.joints import in_v
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.partition import spelled
