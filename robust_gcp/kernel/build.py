@@ -117,8 +117,8 @@ def build(into: Path, log: list[str], sanitize: bool = False) -> Path:
         command += ["-isystem", str(folder), f"-ffile-prefix-map={folder}=eigen"]
     mac = sys.platform == "darwin"
     library = into / ("kernel.dylib" if mac else "kernel.so")
-    before = kept()
-    if not sanitize and before is not None and before.is_file():
+    before = None if sanitize else kept()
+    if before is not None and before.is_file():
         log.append(f"taken from {before}")
         return install(before, library)
     with tempfile.TemporaryDirectory() as scratch:
@@ -137,7 +137,7 @@ def build(into: Path, log: list[str], sanitize: bool = False) -> Path:
         call([*command, "-shared", export, *strip, *objects, "-o", str(linked)], log)
         if not linked.is_file():
             raise BuildError(f"{command[0]} said that all is well and left no library")
-        if not sanitize and before is not None:
+        if before is not None:
             install(linked, before)
         return install(linked, library)
 

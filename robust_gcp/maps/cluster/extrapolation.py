@@ -194,18 +194,17 @@ class _Attempt:
 
     def _fitted(self) -> None:
         """The series of the whole bridge, of the least degree above which the loops close no better."""
-        frame, best, least = self._frame, np.inf, 3
+        frame, best, least, z = self._frame, np.inf, 3, np.linspace(-0.9, 0.9, 17)
         for _ in range(TRIED):
             if least >= _degrees(self._nodes):
                 break
             table = self._series(self._us, self._nodes, least)
             least = len(table)
-            z = np.linspace(-0.9, 0.9, 17)
             left = max(frame.space.residual(x) for x in chebyshev.chebval(z, table).T)
             if left < 0.5 * best:
                 best, self._table = left, table
         self._slope, self._second = (chebyshev.chebder(self._table, k) for k in (1, 2))
-        samples = [self._at(q * self._w)[0] for q in np.linspace(-0.9, 0.9, 17)]
+        samples = chebyshev.chebval(z, self._table).T
         self.closed, self.kind = closure(frame.space, self._options, samples, frame.reference)
 
     def _place(self, away: Array, at: list[Jet]) -> tuple[float, float]:

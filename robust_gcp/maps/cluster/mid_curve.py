@@ -15,6 +15,7 @@ from numpy.polynomial import chebyshev
 from ...mechanism.tree import Array
 from .chebyshev_series import chopped, fitted, nodes
 from .jet import LostError
+from .newton_form import NewtonForm
 from .space import ClusterSpace
 
 RADIUS, SAMPLES = 0.36, 28
@@ -102,19 +103,23 @@ class Surface:
 
     def along(self, x: Array, first: tuple[float, float], second: tuple[float, float]) -> tuple[Array, Array]:
         """x' and x'' of a curve on S through x whose (u, w) have these derivatives."""
-        frame = self._frame(self.space.K(x))
+        return self._along(x, first, second)[:2]
+
+    def _along(
+        self, x: Array, first: tuple[float, float], second: tuple[float, float]
+    ) -> tuple[Array, Array, Array, Array]:
+        """x' and x'' of the curve, and φ' and φ'' along it."""
+        K = self.space.K(x)
+        frame = self._frame(K)
         J = np.linalg.solve(frame, np.concatenate([np.zeros(len(frame) - 2), first]))
-        bent = self._U1.T @ (self.space.second(x, J) @ J)
-        return J, np.linalg.solve(frame, np.concatenate([-bent, second]))
+        form = self.space.second(x, J) @ J
+        bend = np.linalg.solve(frame, np.concatenate([-self._U1.T @ form, second]))
+        return J, bend, K @ J, form + K @ bend
 
     def across(self, x: Array) -> tuple[float, float, Array, Array]:
         """f_w and f_ww at x, and the derivatives z = x_w and x_ww on S."""
-        K = self.space.K(x)
-        frame = self._frame(K)
-        z = np.linalg.solve(frame, np.r_[np.zeros(len(frame) - 1), 1.0])
-        bent = self.space.second(x, z) @ z
-        z_w = np.linalg.solve(frame, np.r_[-self._U1.T @ bent, 0.0, 0.0])
-        return float(self._a @ K @ z), float(self._a @ (bent + K @ z_w)), z, z_w
+        z, bend, slope, second = self._along(x, (0.0, 1.0), (0.0, 0.0))
+        return float(self._a @ slope), float(self._a @ second), z, bend
 
     def mid(self, x: Array, u: float) -> Array:
         """The point of the mid curve at u, by Newton on f_w = 0 from a guess.
@@ -140,12 +145,6 @@ def _upright(way: Array) -> Array:
     """The way in the sense in which its largest entry is positive, the first of those that are as large."""
     size = np.abs(way)
     return way * np.sign(way[np.flatnonzero(size > 0.999 * size.max())[0]])
-
-
-def _extrapolated(at: list[float], known: list[Array], s: float) -> Array:
-    """The polynomial through all points, at s."""
-    weights = [np.prod([(s - b) / (a - b) for b in at if b != a]) for a in at]
-    return np.asarray(np.tensordot(weights, known, 1))
 
 
 class MidCurve:
@@ -174,7 +173,8 @@ class MidCurve:
         for side in (np.flatnonzero(s > 0)[::-1], np.flatnonzero(s <= 0)):
             at, known = [0.0], [start]  # outward, each from those before
             for i in side:
-                points[i] = surface.mid(_extrapolated(at[-BEFORE:], known[-BEFORE:], s[i]), u0 + R * s[i])
+                ahead = NewtonForm(np.array(at[-BEFORE:]), np.array(known[-BEFORE:])[:, None])
+                points[i] = surface.mid(ahead(s[i : i + 1])[0], u0 + R * s[i])
                 at.append(s[i])
                 known.append(points[i])
         values = [[surface.f(x), surface.across(x)[1]] for x in points]
