@@ -88,17 +88,20 @@ class Exact:
         self.slides = [
             model.joints[j].shortname().removeprefix("JointModel") for j in range(1, model.njoints)
         ]
-        assert set(self.slides) <= {"RX", "PY", "PZ"}
         self.parent = [int(p) - 1 for p in list(model.parents)[1:]]
+        self.i, self.d = (list(map(int, part)) for part in (mech.iv_independent, mech.iv_dependent))
+        self._read(model, closure_frames(model, mech.loops))
+
+    def _read(self, model: pin.Model, frames: list[tuple[int, pin.SE3]]) -> None:
+        """Placements, bodies, the closures' ends and gravity."""
+        assert set(self.slides) <= {"RX", "PY", "PZ"}
         self.place = [_plane(model.jointPlacements[j]) for j in range(1, model.njoints)]
         self.body = [
             (Decimal(b.mass), _point(b.lever), Decimal(float(b.inertia[0, 0])))
             for b in list(model.inertias)[1:]
         ]
-        frames = closure_frames(model, mech.loops)
         self.ends = [(joint - 1, _plane(place)) for joint, place in frames]
         self.gravity = Decimal(float(model.gravity.linear[2]))
-        self.i, self.d = (list(map(int, part)) for part in (mech.iv_independent, mech.iv_dependent))
 
     def places(self, q: Vector) -> list[tuple[Decimal, Decimal, Decimal, Decimal]]:
         """Origin, cosine and sine of each body."""

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from decimal import Decimal, getcontext
+from decimal import Decimal
 
 import numpy as np
+import pinocchio as pin
 
-import robust_gcp as rg
-from robust_gcp.mechanism.closures import closure_frames
-
-from .exact import DIGITS, ZERO, Exact, Matrix, Vector, turned
+from .exact import ZERO, Exact, Matrix, Vector, turned
 
 AXES = {"X": 0, "Y": 1, "Z": 2}
 
@@ -23,24 +21,16 @@ class ExactInSpace(Exact):
         Of hinges and slides about and along its joints' axes x, y or z, with point closures alone.
     """
 
-    def __init__(self, mech: rg.Mechanism) -> None:
-        getcontext().prec = DIGITS
-        model = mech.model
-        self.mech, self.nv, self.m = mech, mech.nv, mech.m
-        names = [model.joints[j].shortname().removeprefix("JointModel") for j in range(1, model.njoints)]
-        assert all(name[0] in "RP" and name[1:] in AXES for name in names), names
-        self.kinds = [(name[0], AXES[name[1]]) for name in names]
-        self.parent = [int(p) - 1 for p in list(model.parents)[1:]]
+    def _read(self, model: pin.Model, frames: list[tuple[int, pin.SE3]]) -> None:
+        assert all(name[0] in "RP" and name[1:] in AXES for name in self.slides), self.slides
+        self.kinds = [(name[0], AXES[name[1]]) for name in self.slides]
         placements = [model.jointPlacements[j] for j in range(1, model.njoints)]
         self.frames = [(_exactly(p.rotation), _exactly(p.translation)) for p in placements]
         self.bodies = [
             (Decimal(b.mass), _exactly(b.lever), _exactly(b.inertia)) for b in list(model.inertias)[1:]
         ]
-        self.ends = [
-            (joint - 1, _exactly(place.translation)) for joint, place in closure_frames(model, mech.loops)
-        ]
+        self.ends = [(joint - 1, _exactly(place.translation)) for joint, place in frames]
         self.g = _exactly(model.gravity.linear)
-        self.i, self.d = (list(map(int, part)) for part in (mech.iv_independent, mech.iv_dependent))
 
     def poses(self, q: Vector) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
         """Rotation, origin and joint axis of each body, in the world."""
