@@ -33,7 +33,7 @@ from .rounding import IMPLIED, without_unmoved_rows
 from .sensors import Sensors
 from .tree import Array
 
-BESIDE = ("recommended", "source", "keyframes", "sensors", "moved", "still")
+BESIDE = ("recommended", "source", "keyframes", "sensors", "moved", "still", "judged_at")
 """What a file tells beside the mechanism itself, whatever its coordinates."""
 
 
@@ -85,9 +85,12 @@ class Mechanism(FromFiles):
         Joints that move the ground: those that no `drive=` prescribes hold still.
     still : tuple of str
         Joints that stand for a changing geometry and hold still, see `varied`.
+    judged_at : sequence of ndarray (nq,) or None
+        Where K_d is looked at to judge how well it is conditioned elsewhere, if not just anywhere.
     """
 
     source: Path | None
+    judged_at: Sequence[Array] | None = None
 
     def __init__(
         self,
@@ -218,6 +221,11 @@ class Mechanism(FromFiles):
     def energies(self, q: ArrayLike, v: ArrayLike) -> tuple[float, float]:
         """Kinetic energy, and what gravity and springs have, J."""
         return energies_of(self, self.configuration(q), self.velocity(v))
+
+    def generic_configurations(self, count: int = 5) -> list[Array]:
+        """As of `ClosedLoops`, or those that the mechanism is judged at."""
+        known = self.judged_at
+        return super().generic_configurations(count) if known is None else list(known[:count])
 
     def with_independent(self, independent: Sequence[str]) -> Mechanism:
         """The same mechanism in other minimal coordinates."""

@@ -188,6 +188,7 @@ def _varied(mechanism: Mechanism, names: tuple[str, ...]) -> Varied:
     except PartitionError as error:
         raise _opened(", ".join(names)) from error
     whole.still = names
+    whole.judged_at = [_within(q, iq, made.nq) for q in mechanism.generic_configurations()]
     _scale_alike(mechanism, whole, iv)
     of_y = {i: k for k, i in enumerate(whole.iv_independent.tolist())}
     own = np.array([of_y[i] for i in iv[mechanism.iv_independent].tolist()], dtype=np.int64)
