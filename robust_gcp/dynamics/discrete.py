@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..checks import require_finite
 from ..maps.point import Point
@@ -24,6 +24,9 @@ STAGES = (0.0, 0.5, 0.5, 1.0)
 """When the stages of RK4 are, and how far along the slope before each is taken, in steps."""
 
 WEIGHTS = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)
+
+
+NOTHING: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
 
 
 @dataclass(frozen=True)
@@ -68,22 +71,41 @@ class Step:
         none = [stage.slopes.da_dtau[:, :0] for stage in self.stages]
         return self.jacobians_by(none)[:2]
 
-    def jacobians_by(self, by_p: Sequence[Array]) -> tuple[Array, Array, Array]:
-        """The same, and by parameters p, (2m, k), of which u̇ changes by `by_p` (m, k) at each stage."""
+    def jacobians_by(
+        self, by_p: Sequence[Array], driven: NDArray[np.int64] = NOTHING, own: NDArray[np.int64] = NOTHING
+    ) -> tuple[Array, Array, Array, Array]:
+        """The same, by parameters p, (2m, k), and by prescribed motions, (2m, 15 driven).
+
+        Parameters
+        ----------
+        by_p : sequence of ndarray (m, k)
+            By how much u̇ changes with parameters at each stage.
+        driven, own : ndarray of int (driven,)
+            Which of y are prescribed, and where their velocities are in v; slopes are those of
+            `DrivenDerivatives`. The last columns are (5, 3, driven), by y, ẏ and ÿ at each stage and the end.
+        """
         m, nv = self.stages[0].slopes.da_dtau.shape
-        inputs = np.eye(2 * m + nv + by_p[0].shape[1])
-        eta, u, rest = inputs[:m], inputs[m : 2 * m], inputs[2 * m :]
+        k = 2 * m + nv + by_p[0].shape[1]
+        inputs = np.eye(k + 15 * len(driven))
+        eta, u, rest, told = inputs[:m], inputs[m : 2 * m].copy(), inputs[2 * m : k], inputs[k:]
+        told = told.reshape(5, 3, len(driven), len(inputs))
+        rest[own] = 0.0  # torques that change nothing
         sum_y = sum_u = slope_y = slope_u = np.zeros_like(eta)
-        for stage, share, weight, by in zip(self.stages, STAGES, WEIGHTS, by_p, strict=True):
+        stages = zip(self.stages, STAGES, WEIGHTS, by_p, told[:4], strict=True)
+        for stage, share, weight, by, (at, fast, hard) in stages:
             dy, du = self.h * share * slope_y, u + self.h * share * slope_u
             d, chart = stage.slopes, stage.chart
             slope_y = chart.rate_by_start @ eta + chart.rate_by_y @ dy + chart.rate_by_u @ du
             moved = chart.by_start @ eta + chart.by_y @ dy
+            moved[driven], du[driven] = at, fast
             slope_u = d.da_dy @ moved + d.da_dv @ du + np.hstack([d.da_dtau, by]) @ rest
+            slope_u += d.da_dtau[:, own] @ hard
             sum_y, sum_u = sum_y + weight * slope_y, sum_u + weight * slope_u
         end = self.chart.by_start @ eta + self.h * self.chart.by_y @ sum_y
-        whole = np.vstack([end, u + self.h * sum_u])
-        return whole[:, : 2 * m], whole[:, 2 * m : 2 * m + nv], whole[:, 2 * m + nv :]
+        fast = u + self.h * sum_u
+        end[driven], fast[driven] = told[4, :2]
+        A, B, P, D = np.split(np.vstack([end, fast]), [2 * m, 2 * m + nv, k], axis=1)
+        return A, B, P, D
 
 
 def differentiated_step(slopes: PointDerivatives, t: float, x: Array, h: float) -> Step:
@@ -108,7 +130,10 @@ def differentiated_step(slopes: PointDerivatives, t: float, x: Array, h: float) 
         first = stages[0].now.point if stages else now.point
         stages.append(Stage(now, found, chart_slopes(mechanism, first, now.point, found.dv_dy)))
     after = x + h * np.einsum("s,sn->n", np.array(WEIGHTS), np.array(rates))
-    end = slopes.motion.explicit.at(after[:m], after[m:])
+    if equations.driven:  # there it is told where
+        end = equations.evaluate(t + h, np.concatenate([after, work])).point
+    else:
+        end = slopes.motion.explicit.at(after[:m], after[m:])
     none = np.zeros((mechanism.nv, m))  # of its rates nothing is asked
     return Step(h, stages, end, chart_slopes(mechanism, stages[0].now.point, end, none))
 

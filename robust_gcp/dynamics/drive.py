@@ -32,6 +32,7 @@ class Drive:
     Attributes
     ----------
     names : tuple of str
+    motions : dict of str to Motion
     driven, free : ndarray of int
         Which entries of y are prescribed, in the order of `names`, and which are not.
     """
@@ -43,6 +44,7 @@ class Drive:
             [order.index(mechanism.joint(name).idx_v) for name in motions], dtype=np.int64
         )
         self.free: NDArray[np.int64] = np.setdiff1d(np.arange(mechanism.m), self.driven)
+        self.motions = dict(motions)
         self._motions = list(motions.values())
 
     def at(self, t: float) -> tuple[Array, Array, Array]:

@@ -123,6 +123,8 @@ struct States {  // where derivatives are asked for
     double* a_u;
     std::int32_t* status;   // (count,): a Reason
     // of steps between states, or from each of them
+    std::int64_t drives;      // how many of the driven inputs, from the first, move as prescribed; others stay
+    const double* prescribed; // (count, 4, 3, drives): y, ẏ and ÿ of these at each stage
     Torque torque;          // asked at each stage, besides tau, or null
     double* torque_q;       // as in Request
     double* torque_v;

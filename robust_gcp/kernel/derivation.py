@@ -1,173 +1,27 @@
-"""First derivatives in the compiled kernel: at many states, and of many steps of RK4.
-
-On regular ground and on modes that it was told of, for torques that are held. What the kernel has not, it
-says state by state; the reference in `dynamics` has it.
-"""
+"""First derivatives of many steps of RK4 in the compiled kernel, forwards and backwards."""
 
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..dynamics.continuation import Around, circles_of
-from ..dynamics.derivatives import Accelerations
 from ..dynamics.equations import CheckedTorque
-from ..dynamics.mode_rates import ZONE, ModeRates
-from ..errors import ClosureError
-from ..maps.regular_path import RegularPath
-from ..maps.start import Start
-from ..maps.start_check import apart
-from ..mechanism.clusters import LoopCluster
-from ..mechanism.mechanism import Mechanism
-from ..mechanism.rows import ROTATION, rows_of
-from ..mechanism.tolerances import NEARLY_CLOSED, RANK, SAME_MODE
+from ..dynamics.mode_rates import ZONE
 from ..mechanism.tree import Array
-from ..mechanism.varied import still_inputs
 from .answers import asking
-from .description import describe
-from .library import Library
-from .loop_arrays import NotNativeError
-from .slopes import Slopes, Stages, Taken
-from .structures import Arrays, States
-from .told import mode_series
-
-CLOSED = 1e-8
-"""How far q may be from a closed one, dimensionless, and v from G u, relative to its largest entry; beyond it
-the reference says what is wrong."""
+from .slopes import Pulled, Stages, Taken
+from .state_slopes import StateSlopes
 
 SAME = 1e-7
 """How far a step that is taken again may end from the next state: dimensionless, and relative for v."""
 
 
-class Derivation:
-    """A mechanism's derivatives in the kernel; for one thread at a time.
+class Derivation(StateSlopes):
+    """`StateSlopes`, with steps."""
 
-    Parameters
-    ----------
-    library : Library
-    mechanism : Mechanism
-    path : RegularPath
-        Of a regular start, which picked the rows of φ.
-
-    Attributes
-    ----------
-    m, nv : int
-
-    Raises
-    ------
-    NotNativeError
-        When the kernel cannot take the mechanism.
-    """
-
-    def __init__(self, library: Library, mechanism: Mechanism, path: RegularPath) -> None:
-        self._library, self._mechanism, self.m, self.nv = library, mechanism, mechanism.m, mechanism.nv
-        self._left_over = mechanism.nc > path.nd
-        self._turns = any(row.axis == ROTATION for row in rows_of(mechanism.loops))
-        still = still_inputs(mechanism)
-        if len(still) < len(mechanism.still):
-            raise NotNativeError("a placement that may change is no independent coordinate")
-        description = describe(mechanism, path, False, still)
-        why = ctypes.create_string_buffer(200)
-        self._handle: int | None = library.derive(ctypes.byref(description.structure), why, len(why))
-        if not self._handle:
-            raise NotNativeError(why.value.decode(errors="replace"))
-
-        for cluster in mechanism.clusters:
-            for around in circles_of(mechanism).get(cluster.index, ()):
-                self.learn(cluster, around)
-
-    def learn(self, cluster: LoopCluster, around: Around) -> bool:
-        """Whether it could be told of a cluster's mode about a place, whose states are good from then on."""
-        told = mode_series(cluster, around)
-        return bool(self._library.learn(self._handle, ctypes.byref(told.structure)))
-
-    def learn_beside(self, start: Start, places: Iterable[Array]) -> bool:
-        """Whether there is something to learn about the mode of a start at places on it, (nq,) each.
-
-        Raises
-        ------
-        SimulationError
-            Where the mode cannot be followed there.
-        """
-        made = ModeRates(start, circles_of(self._mechanism)).beside(places)
-        return any([self.learn(cluster, around) for cluster, around in made])
-
-    def __del__(self) -> None:
-        """Free the kernel's memory."""
-        handle = getattr(self, "_handle", None)
-        if handle:
-            self._library.derived(handle)
-
-    def forward_dynamics(
-        self, q: Array, v: Array, tau: Array | None, known: bool = False, mode: Array | None = None
-    ) -> tuple[NDArray[np.bool_], Array]:
-        """Which of N states are good, and u̇ (N, m); see `slopes`."""
-        udot, status = np.empty((len(q), self.m)), np.empty(len(q), dtype=np.int32)
-        G = np.empty((len(q), self.nv, self.m))
-        states = self._states(q, v, tau, status, mode=mode, ydd=udot, G=G)
-        self._library.slopes(self._handle, ctypes.byref(states.structure))
-        return status == 0 if known else self._sound(status, q, G, mode), udot
-
-    def slopes(
-        self,
-        q: Array,
-        v: Array,
-        tau: Array | None,
-        known: bool = False,
-        whole: bool = False,
-        mode: Array | None = None,
-    ) -> Slopes:
-        """The derivatives at N states.
-
-        Parameters
-        ----------
-        q, v : ndarray (N, nq), (N, nv)
-        tau : ndarray (N, nv) or None
-        known : bool
-            Whether the states are those of a motion: rows of φ that the kernel does not have are closed.
-        whole : bool
-            Whether the accelerations of all joints are wanted too.
-        mode : ndarray (nv, m), optional
-            Tangent of the mode that all of them are on; states on others are not good.
-        """
-        n, nv, m = len(q), self.nv, self.m
-        udot, rows, status = np.empty((n, m)), np.empty((n, m, 2 * m + nv)), np.empty(n, dtype=np.int32)
-        G, v_y = np.empty((n, nv, m)), np.empty((n, nv, m))
-        every = Accelerations(np.empty((n, nv)), *np.empty((2, n, nv, m))) if whole else None
-        wanted: dict[str, Array] = {"ydd": udot, "rows": rows, "G": G, "v_y": v_y}
-        if every is not None:
-            wanted |= {"a": every.a, "a_y": every.by_y, "a_u": every.by_u}
-        states = self._states(q, v, tau, status, 0.0, 0.0, ZONE, mode, **wanted)
-        self._library.slopes(self._handle, ctypes.byref(states.structure))
-        good = status == 0 if known else self._sound(status, q, G, mode)
-        return Slopes(good, udot, rows, G, v_y, every)
-
-    def _sound(
-        self, status: NDArray[np.int32], q: Array, G: Array, mode: Array | None = None
-    ) -> NDArray[np.bool_]:
-        """Which states are good, those rows of φ included that the kernel does not have, and on a mode."""
-        good = np.asarray(status == 0)
-        if mode is not None:
-            for i in np.flatnonzero(good):
-                good[i] = apart(self._mechanism, mode, G[i]) < SAME_MODE
-        if not (self._left_over or self._turns):
-            return good
-        mechanism, columns = self._mechanism, self._mechanism.column_scale
-        for i in np.flatnonzero(good):
-            try:
-                if self._turns:
-                    mechanism.require_proper(q[i])
-            except ClosureError:
-                good[i] = False
-            if self._left_over:
-                K = mechanism.scaled(mechanism.K(q[i]))
-                moved = G[i] / columns[:, None] * columns[mechanism.iv_independent]
-                open_rate = np.abs(K @ moved).max(initial=0.0) / np.abs(moved).max()
-                good[i] &= mechanism.closure_residual(q[i]) <= NEARLY_CLOSED and open_rate <= RANK
-        return good
+    _drives = 0  # how many inputs were prescribed when steps were taken last
 
     def take(
         self,
@@ -179,6 +33,7 @@ class Derivation:
         zone: float = ZONE,
         function: CheckedTorque | None = None,
         staged: bool = False,
+        prescribed: Array | None = None,
     ) -> Taken:
         """Take the N steps between states again, for `pull`.
 
@@ -198,6 +53,8 @@ class Derivation:
             A torque besides, asked at each stage.
         staged : bool
             Whether what the stages are is wanted.
+        prescribed : ndarray (N + 1, 4, 3, driven), optional
+            y, ẏ and ÿ of the driven ones at each stage of the steps from each state.
         """
         n, nv, m, nq = len(times), self.nv, self.m, q.shape[1]
         G, v_y, status = np.empty((n, nv, m)), np.empty((n, nv, m)), np.empty(n, dtype=np.int32)
@@ -208,6 +65,10 @@ class Derivation:
         if stages is not None:
             wanted |= stages.arrays()
         states = self._states(q, v, tau, status, 1.0, same, zone, None, **wanted)
+        self._drives = 0
+        if prescribed is not None:
+            self._drives = states.structure.drives = prescribed.shape[3]
+            states.reals(prescribed=prescribed)
         with asking(self._mechanism, states, function):
             self._library.take(self._handle, ctypes.byref(states.structure), times.ctypes.data)
         return Taken(status == 0, G, v_y, *reached, stages)
@@ -253,7 +114,7 @@ class Derivation:
         before: Array | None = None,
         feedback: Array | None = None,
         staged: bool = False,
-    ) -> tuple[Array, Array, Array | None]:
+    ) -> Pulled:
         """What multiplies changes of (η, u) at the end of step last − 1 taken back to before step `first`.
 
         Parameters
@@ -270,30 +131,14 @@ class Derivation:
 
         Returns
         -------
-        rows : ndarray (k, 2m)
-            Of changes before.
-        by_tau : ndarray (last − first, k, nv)
-            Of the torques of each step.
-        by_stage : ndarray (last − first, k, 4, nv) or None
+        Pulled
         """
         rows = np.array(rows, dtype=float, order="C")
         by_tau = np.empty((last - first, len(rows), self.nv))
         by_stage = np.empty((last - first, len(rows), 4, self.nv)) if staged else None
-        given = after, before, feedback, by_tau, by_stage
+        by_drive = np.empty((last - first, len(rows), 5, 3, self._drives)) if self._drives else None
+        given = after, before, feedback, by_tau, by_stage, by_drive
         more = [None if part is None else np.ascontiguousarray(part) for part in given]
         places = [None if part is None else part.ctypes.data for part in more]
         self._library.pull(self._handle, first, last, len(rows), rows.ctypes.data, *places)
-        return rows, by_tau, by_stage
-
-    def _states(
-        self, q: Array, v: Array, tau: Array | None, status: NDArray[np.int32], at_rest: float = 0.0,
-        same: float = 0.0, zone: float = ZONE, mode: Array | None = None, **results: Array,
-    ) -> Arrays:  # fmt: skip
-        """A request, which keeps what is given, as rows in a row; the results must outlive it."""
-        places = {name: part.ctypes.data for name, part in {"status": status, **results}.items()}
-        request = Arrays(States(count=len(q), zone=zone, close=CLOSED, same=same, at_rest=at_rest, **places))
-        own = self._mechanism.iv_independent
-        along = None if mode is None else mode @ np.linalg.inv(mode[own])
-        given = {"q": q, "v": v, "tau": tau, "mode": along}
-        request.reals(**{name: part for name, part in given.items() if part is not None})
-        return request
+        return Pulled(rows, by_tau, by_stage, by_drive)

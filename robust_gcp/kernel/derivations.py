@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -51,9 +52,18 @@ def derivation(
 
 
 def own_derivation(
-    mechanism: Mechanism, q: Array, v: Array | None = None, mode: Array | None = None
+    mechanism: Mechanism,
+    q: Array,
+    v: Array | None = None,
+    mode: Array | None = None,
+    driven: Sequence[int] = (),
 ) -> Derivation | None:
     """The same for the caller alone, whose steps stay as they are whatever others take.
+
+    Parameters
+    ----------
+    driven : sequence of int
+        Which of y move as prescribed.
 
     Raises
     ------
@@ -68,7 +78,7 @@ def own_derivation(
     )
     try:
         if applied is None or applied.has_slopes:
-            return Derivation(kernel, mechanism, _begun(mechanism, q, v, mode).explicit.path)
+            return Derivation(kernel, mechanism, _begun(mechanism, q, v, mode).explicit.path, driven)
     except NotNativeError as error:
         reason = f"{error}; spell it as simple joints"
     warn(

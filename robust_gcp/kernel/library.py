@@ -128,7 +128,7 @@ class Library:
         self.take = library.rg_take
         self.take.argtypes, self.take.restype = [c_void_p, POINTER(States), c_void_p], None
         self.pull = library.rg_pull
-        self.pull.argtypes = [c_void_p, c_int64, c_int64, c_int32, *6 * [c_void_p]]
+        self.pull.argtypes = [c_void_p, c_int64, c_int64, c_int32, *7 * [c_void_p]]
         self.pull.restype = None
         self.step_each = library.rg_step_each
         self.step_each.argtypes = [c_void_p, POINTER(States), c_double, c_double]

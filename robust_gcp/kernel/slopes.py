@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,3 +100,24 @@ class Taken:
     q: Array
     v: Array
     stages: Stages | None
+
+
+class Pulled(NamedTuple):
+    """What multiplies changes before some steps, and what acts on them.
+
+    Attributes
+    ----------
+    rows : ndarray (k, 2m)
+        Of (η, u) before the first.
+    by_tau : ndarray (N, k, nv)
+        Of the torques held over each step.
+    by_stage : ndarray (N, k, 4, nv) or None
+        Of the torques at each stage.
+    by_drive : ndarray (N, k, 5, 3, driven) or None
+        Of y, ẏ and ÿ of driven ones at each stage, and at the end of the step.
+    """
+
+    rows: Array
+    by_tau: Array
+    by_stage: Array | None
+    by_drive: Array | None

@@ -150,6 +150,7 @@ class States(ctypes.Structure):
         *_fields("", "q v tau"),
         *_all(c_double, "zone close same at_rest"),
         *_fields("", "mode ydd rows G v_y a a_y a_u status"),
+        *_fields("drives", "prescribed"),
         ("torque", TorqueCallback),
         *_fields("", "torque_q torque_v torque_tau torque_stored q_out v_out A B"),
         *_fields("", "stage_q stage_v stage_a stage_G stage_v_y"),

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..dynamics.drive import Drive
 from ..dynamics.equations import Torque
 from ..dynamics.loads import Wrench
+from ..dynamics.motion import Motion
 from ..mechanism.tree import Array
 
 
@@ -27,6 +30,8 @@ class Acted:
         What was held over the step that begins at each output but the last; None where nothing was.
     drive : tuple of str
         Joints that moved as prescribed.
+    motions : mapping of str to Motion
+        How these move; files and pickles do not hold it.
     lost : bool
         Whether `torque` was a function and is not kept any more: files and pickles hold no code.
     """
@@ -36,6 +41,14 @@ class Acted:
     held: Array | None = None
     drive: tuple[str, ...] = ()
     lost: bool = False
+    motions: Mapping[str, Motion] = field(default_factory=dict)
+
+    @classmethod
+    def driven(cls, drive: Drive | None, torque: Any = None, wrenches: tuple[Wrench, ...] = ()) -> Acted:
+        """Torques and wrenches, beside prescribed motions."""
+        if drive is None:
+            return cls(torque, wrenches)
+        return cls(torque, wrenches, drive=drive.names, motions=drive.motions)
 
     def without_code(self) -> Acted:
         """What files and pickles hold of it."""

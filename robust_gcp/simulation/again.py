@@ -11,12 +11,14 @@ from numpy.typing import ArrayLike
 from ..dynamics.control import Actuated
 from ..dynamics.equations import CheckedTorque
 from ..dynamics.loads import one_torque
-from ..errors import OptionError
+from ..dynamics.problem import Problem, set_out
+from ..errors import OptionError, SimulationError
 from ..maps.start_check import checked_mode
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .acted import Acted
 from .cost import checked_torques
+from .drive_slopes import DriveSweep
 from .trajectory import Trajectory
 
 SAME_TIME = 1e-12
@@ -24,6 +26,9 @@ SAME_TIME = 1e-12
 
 SAME = 1e-7
 """How far a step that is taken again may end from the recorded state: rad or lengths, and relative for v."""
+
+REGULAR = 0.1
+"""Conditioning of K_d from which a stretch may begin at a state."""
 
 ALIKE = 1e-6
 """Relative difference of torques and of lengths of steps that rounding may make."""
@@ -60,10 +65,10 @@ def applied_again(run: Trajectory, torque: Any, steps: int) -> Applied:
             "gradient: actuators had power under controls that were held over steps, whose gradient is not "
             "known here; simulate with ctrl= as numbers, tables or functions, without hold"
         )
-    if acted.drive:
+    if set(acted.drive) - set(acted.motions):
         raise OptionError(
-            f"gradient: {', '.join(acted.drive)} moved as prescribed (drive=), and driven motions have no "
-            "gradient here; take differences of whole runs, or move the joints by torques"
+            f"gradient: {', '.join(acted.drive)} moved as prescribed (drive=), and the run's file or pickle "
+            "does not hold how; simulate again"
         )
     if torque is None and acted.lost:
         raise OptionError(
@@ -153,9 +158,44 @@ def coordinates_of(run: Trajectory) -> list[tuple[int, Mechanism]]:
     return found
 
 
+def begun(
+    run: Trajectory,
+    mechanism: Mechanism,
+    between: tuple[int, int],
+    mode: ArrayLike | None,
+    torque: Any,
+    drives: DriveSweep | None,
+) -> tuple[int, Problem]:
+    """The motion from the second of two outputs, or from a regular one before it, not before the first."""
+    first, begin = between
+    while True:
+        drive = None if drives is None else drives.of(mechanism, begin)
+        try:
+            own = mode if begin == 0 else None
+            motion = set_out(mechanism, run.q[begin], run.v[begin], own, torque, drive=drive)
+            if begin == first or motion.start.point.conditioning >= REGULAR:
+                return begin, motion
+        except SimulationError:
+            if begin == first:
+                raise
+        begin = max(first, begin - 5)
+
+
 def refined_until(run: Trajectory, end: int) -> int:
-    """The last output until `end` that a step with error control led to; 0 where there is none."""
+    """The last output until `end` that a step with error control led to; 0 where there is none.
+
+    Raises
+    ------
+    OptionError
+        Where there is one in a run with driven joints.
+    """
     times = run.t[: end + 1]
     stretches = [stretch for stretch in run.stats.refined if stretch[0] < times[-1] - SAME_TIME]
     ends = (min(int(np.searchsorted(times, stop - SAME_TIME)), end) for _, stop in stretches)
-    return max(ends, default=0)
+    last = max(ends, default=0)
+    if last and run.acted is not None and run.acted.motions:
+        raise OptionError(
+            f"gradient: the step to t = {times[last]:.6g} s was taken with error control (stats.refined), "
+            "and with drive= such steps have no gradient here; take smaller steps"
+        )
+    return last

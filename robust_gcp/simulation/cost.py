@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..checks import check_callable, real_array, shown
+from ..dynamics.motion import Motion
 from ..errors import NonFiniteError, OptionError
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from .drive_slopes import DriveSlopes
 
 NUDGE = 1e-3
 """Step of differences of order 4 without units: they err by 1e-13 of smooth costs."""
@@ -98,6 +100,8 @@ class Gradient:
         By torques added over each step.
     parameters : dict
         By each of the parameters that were named.
+    drive : DriveSlopes or None
+        By the motions of driven joints, whose entries of `dy` and `dv` are zero; see `by_drive`.
     """
 
     value: float
@@ -105,6 +109,24 @@ class Gradient:
     dv: Array
     dtau: Array
     parameters: dict[str, float]
+    drive: DriveSlopes | None = None
+
+    def by_drive(self, changes: Mapping[str, Motion]) -> float:
+        """dJ/dε where joints are driven along p + ε δp; their start follows, y and u of the others are held.
+
+        Parameters
+        ----------
+        changes : mapping of str to Motion
+            δp of driven joints; those that are not named move as they did.
+
+        Raises
+        ------
+        OptionError
+            For a run without driven joints, for other joints, and for what is no motion.
+        """
+        if self.drive is None:
+            raise OptionError("by_drive: no joint of this run was driven; simulate with drive=")
+        return self.drive.along(changes)
 
 
 def _differences(

@@ -106,7 +106,7 @@ def step_by_kernel(
     taken = kernel.take(np.array([0.0, h]), q, v, tau, np.inf if end is None else SAME)
     if not taken.good.all():
         return None
-    A, B, _ = kernel.pull(0, 1, np.eye(2 * kernel.m))
+    A, B, *_ = kernel.pull(0, 1, np.eye(2 * kernel.m))
     first, last = (Slope(taken.G[i], taken.dv_dy[i]) for i in (0, 1))
     ends = end or (taken.q[1], taken.v[1])
     return Moved(A, B[0], np.zeros((len(A), 0)), mechanism, mechanism, first, last, *ends)
@@ -134,7 +134,7 @@ def _parts_by_kernel(
         taken = kernel.take(np.linspace(0.0, h, count + 1), q, v, tau, SAME, SPARED)
         if not taken.good.all():
             continue
-        A, B, _ = kernel.pull(0, count, np.eye(2 * kernel.m))
+        A, B, *_ = kernel.pull(0, count, np.eye(2 * kernel.m))
         if before is not None and np.abs(A - before).max() < AGREE * np.abs(A).max():
             first, last = (Slope(taken.G[i], taken.dv_dy[i]) for i in (0, -1))
             none, ends = np.zeros((len(A), 0)), end or (taken.q[-1], taken.v[-1])
@@ -188,9 +188,11 @@ class Follower:
         last = Slope.of(slopes.at(self._t + h, now))
         self._t, self._x, self._now = self._t + h, x, now
         own = motion.mechanism
-        A, B, P = step.jacobians_by(by)
+        drive = self._acting.drive
+        told = () if drive is None else (drive.driven, motion.mechanism.iv_independent[drive.driven])
+        A, B, P, D = step.jacobians_by(by, *told)
         require_finite(A, "A")
-        return Moved(A, B, P, own, own, Slope.of(step.stages[0].slopes), last, now.point.q, now.v)
+        return Moved(A, B, P, own, own, Slope.of(step.stages[0].slopes), last, now.point.q, now.v, D)
 
     def by_parts(self, h: float) -> Moved:
         """Parts of a step, each halved until whole and halves agree."""

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from ..dynamics.control import Actuated
 from ..dynamics.derivatives import TorqueSlopes
 from ..dynamics.loads import one_torque
+from ..dynamics.motion import Motion
 from ..errors import OptionError, SimulationError
 from ..mechanism.closures import Closure
 from ..mechanism.mechanism import Mechanism
@@ -56,12 +57,15 @@ def by_geometry(
     with beside_singular(wide, "gradient"):
         found = ReverseSweep(run, _cost(wide, cost), given, rest, slopes, start).gradient()
     by = dict(zip(wide.names, found.dy[wide.more].tolist(), strict=True)) | found.parameters
+    if found.drive is not None:  # where what is held is one motion more that is prescribed
+        by |= {name: found.by_drive({name: Motion(1.0)}) for name in wide.names}
     return Gradient(
         found.value,
         found.dy[wide.own],
         found.dv[wide.own],
         found.dtau[:, wide.iv],
         {name: by[name] for name in parameters},
+        None if found.drive is None else found.drive.of(tuple(acted.motions)),
     )
 
 
@@ -87,6 +91,8 @@ def _run(wide: Varied, run: Trajectory, acted: Acted) -> Trajectory:
             "differences of whole runs"
         )
     held = None if acted.held is None else wide.v(acted.held)
+    still = {name: Motion(0.0) for name in wide.names}
+    motions = {**acted.motions, **still} if acted.motions else {}
     changes = [(t, (*names, *wide.names)) for t, names in run.stats.repartitions]
     return Trajectory(
         wide.mechanism,
@@ -95,7 +101,7 @@ def _run(wide: Varied, run: Trajectory, acted: Acted) -> Trajectory:
         wide.v(run.v),
         crossings=run.crossings,
         stats=replace(run.stats, repartitions=changes),
-        acted=replace(acted, torque=torque_of_all(wide, acted.torque), held=held),
+        acted=replace(acted, torque=torque_of_all(wide, acted.torque), held=held, motions=motions),
     )
 
 

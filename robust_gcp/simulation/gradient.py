@@ -76,7 +76,7 @@ def gradient(
     ------
     OptionError
         Where steps taken again do not end at the recorded states: another torque or mode; for runs of other
-        steppers, with other outputs than their steps, or with driven joints, and where a torque function is
+        steppers or with other outputs than their steps, and where a torque function or a prescribed motion is
         needed that a file does not hold; for `torque=` and `parameters=` of runs with `joints=`.
     SimulationError
         Where a state on the way has no certified derivatives; where the independent joints turn back at the

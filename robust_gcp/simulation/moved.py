@@ -12,6 +12,8 @@ from ..dynamics.change_of_coordinates import Slope
 from ..dynamics.continuation import circles_of
 from ..dynamics.derivatives import PointDerivatives, TorqueSlopes
 from ..dynamics.discrete import Stage
+from ..dynamics.drive import Drive
+from ..dynamics.driven_derivatives import DrivenDerivatives
 from ..dynamics.equations import CheckedTorque
 from ..dynamics.held_derivatives import HeldDerivatives
 from ..dynamics.problem import Problem
@@ -36,6 +38,8 @@ class Acting:
         ∂u̇ by parameters at a stage.
     held : ndarray (k, nv), optional
         Rows of v that are at rest, see `HeldDerivatives`.
+    drive : Drive, optional
+        Joints that move as prescribed, those that stand for a changing geometry among them.
     """
 
     torque: Any = None
@@ -43,10 +47,13 @@ class Acting:
     slopes: TorqueSlopes | None = None
     by_more: Parametric | None = None
     held: Array | None = None
+    drive: Drive | None = None
 
     def slopes_of(self, motion: Problem, sparing: bool = False) -> PointDerivatives:
         """The derivatives along a motion."""
         others = motion, self.function, self.slopes, circles_of(motion.mechanism), sparing
+        if self.drive is not None:
+            return DrivenDerivatives(self.drive, *others)
         return PointDerivatives(*others) if self.held is None else HeldDerivatives(self.held, *others)
 
 
@@ -66,6 +73,8 @@ class Moved:
         There, in these coordinates.
     q, v : ndarray (nq,), (nv,)
         Its end.
+    D : ndarray (2m, 15 driven) or None
+        By prescribed motions, see `Step.jacobians_by`; where the coordinates stay the same.
     """
 
     A: Array
@@ -77,6 +86,7 @@ class Moved:
     last: Slope
     q: Array
     v: Array
+    D: Array | None = None
 
     def then(self, more: Moved) -> Moved:
         """One step after this one, which may begin in other coordinates."""

@@ -15,11 +15,12 @@ from numpy.typing import ArrayLike
 
 from ..dynamics.derivatives import AppliedSlopes, TorqueSlopes
 from ..dynamics.discrete import Stage
+from ..dynamics.drive import Drive
 from ..dynamics.equations import TorqueFunction, torque_function
 from ..dynamics.following import followed
 from ..dynamics.held import HeldTorque
 from ..dynamics.parameters import Parameters
-from ..dynamics.problem import Problem, set_out
+from ..dynamics.problem import Problem
 from ..errors import SimulationError
 from ..kernel.derivation import Derivation
 from ..kernel.derivations import left_to_python
@@ -27,20 +28,18 @@ from ..kernel.parametric import by_parameters
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..mechanism.varied import still_rows
-from .again import applied_again, coordinates_of, refined_until, require_answers, require_same
+from .again import applied_again, begun, coordinates_of, refined_until, require_answers, require_same
 from .backwards import Backwards, backwards, kernel_of
 from .cost import Cost, Gradient, Slopes, reduced
 from .derivatives import derivatives
 from .differentiated import WHAT, Follower, differentiated
+from .drive_slopes import DriveSweep
 from .moved import Acting, Moved
 from .running_cost import Along, running_along
 from .trajectory import Trajectory
 
 STRETCH = 25
 """Steps that are kept at once."""
-
-REGULAR = 0.1
-"""Conditioning of K_d from which a stretch may begin at a state."""
 
 
 class ReverseSweep:
@@ -65,6 +64,8 @@ class ReverseSweep:
             require_answers(trajectory, self._function, self._table)
         self._held = HeldTorque(self._mechanism, self._mechanism.tree.zero)
         self._slopes_of = AppliedSlopes(self._mechanism, self._function, torque_slopes)
+        motions = {} if trajectory.acted is None else trajectory.acted.motions
+        self._drives = DriveSweep(trajectory.t, motions) if motions else None
         self._begun_with_end, self._value = False, 0.0
         self._adjoint: Array = np.zeros(2 * self._mechanism.m)
         self._by_torque: Array = np.zeros((steps, self._mechanism.nv))
@@ -77,7 +78,8 @@ class ReverseSweep:
             if self._begun_with_end:
                 self._change_to(mechanism, end)
             self._mechanism = mechanism
-            kernel = kernel_of(mechanism, run)
+            drive = None if self._drives is None else self._drives.of(mechanism)
+            kernel = kernel_of(mechanism, run, () if drive is None else drive.driven.tolist())
             while not self._begun_with_end or end > first:
                 since = max(first, refined_until(run, end))
                 if since == end > first:
@@ -85,20 +87,24 @@ class ReverseSweep:
                     continue
                 stretch = None
                 if kernel is not None:
-                    stretch = self._taken(kernel, since, end)
+                    stretch = self._taken(kernel, since, end, drive)
                     if stretch is None and self._learned(kernel, end, since):
-                        stretch = self._taken(kernel, since, end)
+                        stretch = self._taken(kernel, since, end, drive)
                 end = self._by_reference(end, since) if stretch is None else self._by_kernel(stretch)
         if self._mechanism.independent != run.mechanism.independent:
             self._change_to(run.mechanism, 0)
         found = dict(zip(self._parameters.names, self._by_parameters.tolist(), strict=True))
-        return Gradient(float(self._value), self._adjoint[:m], self._adjoint[m:], self._by_torque, found)
+        if self._drives is not None:
+            self._drives.begin(self._adjoint, run.mechanism)
+        by_drive = None if self._drives is None else self._drives.found()
+        by_start = self._adjoint[:m], self._adjoint[m:]
+        return Gradient(float(self._value), *by_start, self._by_torque, found, by_drive)
 
-    def _taken(self, kernel: Derivation, since: int, end: int) -> Backwards | None:
+    def _taken(self, kernel: Derivation, since: int, end: int, drive: Drive | None) -> Backwards | None:
         """The last steps up to an output, taken again by the kernel."""
         within = self._function if self._table is None else None
         staged = within is not None or len(self._parameters.names) > 0
-        return backwards(kernel, self._run, (self._table, within), staged, since, end)
+        return backwards(kernel, self._run, (self._table, within), staged, since, end, drive)
 
     def _learned(self, kernel: Derivation, end: int, first: int) -> bool:
         """Whether the kernel is told of a mode at the last step before an output, that was new to it."""
@@ -144,7 +150,10 @@ class ReverseSweep:
             after = half[:, None] * np.hstack([last.by_y, last.by_u])
             if feedback is not None:
                 before += np.einsum("sn,snk->sk", self._by_torque[begin:end], feedback)
-        self._adjoint, by_torque, by_stage = stretch.sweep(self._adjoint, after, before, feedback)
+        swept = stretch.sweep(self._adjoint, after, before, feedback)
+        self._adjoint, by_torque, by_stage, by_drive = swept
+        if by_drive is not None and self._drives is not None:
+            self._drives.add(begin, by_drive)
         self._by_torque[begin:end] += by_torque
         if by_stage is not None and self._parameters.names:
             assert stretch.stages is not None  # by_stage is of these
@@ -200,16 +209,23 @@ class ReverseSweep:
         self._pull(i, moved)
         return i
 
+    def _begun(self, begin: int, torque: Any, first: int) -> tuple[int, Problem]:
+        return begun(self._run, self._mechanism, (first, begin), self._mode, torque, self._drives)
+
     def _acting(self, torque: Any) -> Acting:
         """What acts, with its slopes within steps and those by the parameters."""
         by_more = None if not self._parameters.names else self._by_parameter
         still = still_rows(self._mechanism)
+        drive = None if self._drives is None else self._drives.of(self._mechanism)
         if self._table is not None:  # held over each step
-            return Acting(torque, by_more=by_more, held=still)
-        return Acting(torque, self._function, self._torque_slopes, by_more, still)
+            return Acting(torque, by_more=by_more, held=still, drive=drive)
+        return Acting(torque, self._function, self._torque_slopes, by_more, still, drive)
 
     def _by_parameter(self, stage: Stage) -> Array:
-        return self._parameters.slopes(stage.now, stage.slopes)
+        slopes = stage.slopes
+        if self._drives is not None:
+            slopes = self._drives.by_torques(self._mechanism, slopes)
+        return self._parameters.slopes(stage.now, slopes)
 
     def _pull(self, i: int, moved: Moved) -> None:
         """Take the adjoint from after step i to before it."""
@@ -220,6 +236,8 @@ class ReverseSweep:
         adjoint = self._adjoint + half * reduced(after[1], last.G, last.dv_dy)
         by_torque = moved.B.T @ adjoint + half * (after[1][2] + before[1][2])
         self._by_parameters += moved.P.T @ adjoint
+        if self._drives is not None and moved.D is not None:
+            self._drives.add(i, (moved.D.T @ adjoint).reshape(1, 5, 3, -1))
         self._adjoint = moved.A.T @ adjoint + half * reduced(before[1], first.G, first.dv_dy)
         if self._function is not None and self._table is not None:  # asked at the state before the step
             by_q, by_v = self._slopes_of(float(self._run.t[i]), self._run.q[i], self._run.v[i])
@@ -270,20 +288,6 @@ class ReverseSweep:
         outputs = slice(stretch.begin + which.start, stretch.begin + which.stop)
         states = run.t[outputs], run.q[outputs], run.v[outputs], tau
         return running_along(self._cost, self._mechanism, states, stretch.G[which], stretch.dv_dy[which])
-
-    def _begun(self, begin: int, torque: Any, first: int) -> tuple[int, Problem]:
-        """The motion from this output, or from an earlier one that is regular, not before `first`."""
-        run = self._run
-        while True:
-            mode = self._mode if begin == 0 else None
-            try:
-                motion = set_out(self._mechanism, run.q[begin], run.v[begin], mode, torque)
-                if begin == first or motion.start.point.conditioning >= REGULAR:
-                    return begin, motion
-            except SimulationError:
-                if begin == first:
-                    raise
-            begin = max(first, begin - 5)
 
 
 def _function(mechanism: Mechanism, torque: Any) -> TorqueFunction | None:

@@ -201,7 +201,7 @@ def simulate(
     held = HeldTorque.of(mechanism, applied, ctrl, schedule.times) if hold else None
     applied = with_control(mechanism, applied, None if hold else ctrl, schedule.times)
     solver = None if fixed else (str(stepper), rtol, atol)
-    acted = Acted(applied, tuple(wrenches), drive=() if drives is None else drives.names)
+    acted = Acted.driven(drives, applied, tuple(wrenches))
     asked = record, checked_events(events)
     parts = mechanism.parts if joints is None else parts_given(joints)
     course = Course(

@@ -105,7 +105,7 @@ class StepwisePlan:
             held, rk4_step, native, problem, choice, held, Schedule.every(self.clock(0, ROOM)), self.record,
             counters, toggle, events=self.events, named=mechanism, keep=self.keep,
         )  # fmt: skip
-        run.acted = Acted(wrenches=tuple(self.wrenches), drive=() if drives is None else drives.names)
+        run.acted = Acted.driven(drives, wrenches=tuple(self.wrenches))
         return mechanism, run
 
     def _phased(self, start: Given) -> tuple[Mechanism, PhasedRun]:

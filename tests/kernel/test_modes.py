@@ -101,7 +101,7 @@ def test_gradients_over_crossings(name: str, monkeypatch: pytest.MonkeyPatch) ->
             reverse_sweep.ReverseSweep, "_by_reference", lambda *_: pytest.fail("left to the reference")
         )
         found = rg.gradient(run, cost)
-    monkeypatch.setattr(reverse_sweep, "kernel_of", lambda mechanism, run: None)
+    monkeypatch.setattr(reverse_sweep, "kernel_of", lambda *_: None)
     exact = rg.gradient(run, cost)
     for part in ("dy", "dv", "dtau"):
         one, other = getattr(found, part), getattr(exact, part)

@@ -9,6 +9,7 @@
 
 #include "abi.h"
 #include "derivatives/adjoint.h"
+#include "derivatives/apart.h"
 #include "dynamics/motion.h"
 #include "path/path.h"
 #include "derivatives/slopes.h"
@@ -31,8 +32,9 @@ class Derivation {
         for (std::int64_t i = 0; i < s.count; ++i) {
             Point& point = points_[0];
             Reason reason = set_out(s, i, point);
+            still_.tell(nullptr, 0, point.y());
             if (reason == DONE) reason = evaluate(s, i, 0.0, point);
-            if (reason == DONE && s.rows != nullptr && !differentiated(point, s.rows + i * m_ * width_)) reason = NON_FINITE;
+            if (reason == DONE && s.rows != nullptr && !differentiated(s, point, s.rows + i * m_ * width_)) reason = NON_FINITE;
             if (reason == DONE) write(s, i, point);
             s.status[i] = reason;
         }
@@ -44,13 +46,15 @@ class Derivation {
         if (path_.charted) return std::fill(s.status, s.status + s.count, CHART);
         const auto steps = static_cast<std::size_t>(s.count - 1);
         adjoint_.resize(steps);
+        adjoint_.drive(still_.which(), static_cast<std::size_t>(s.drives));
         bool ready = false;
         for (std::int64_t i = 0; i < s.count; ++i) {
             // the torque of the last step serves at its end, where no more than G is asked for
             const std::int64_t held = std::min<std::int64_t>(i, s.count - 2);
             Reason reason = ready ? DONE : set_out(s, i, *begin_);
+            tell(s, i, 0, begin_->y());
             if (reason == DONE) reason = evaluate(s, held, times[i], *begin_);
-            if (reason == DONE && !differentiated(*begin_, adjoint_.stage(static_cast<std::size_t>(i), 0))) reason = NON_FINITE;
+            if (reason == DONE && !differentiated(s, *begin_, adjoint_.stage(static_cast<std::size_t>(i), 0))) reason = NON_FINITE;
             s.status[i] = reason;
             ready = false;
             if (reason == TORQUE) return std::fill(s.status + i, s.status + s.count, TORQUE);
@@ -62,7 +66,7 @@ class Derivation {
             adjoint_.h[number] = times[i + 1] - times[i];
             record(s, number, 0, *begin_);
             reason = step(s, i, times[i], number, [&](std::size_t stage, Point& point) {
-                if (!differentiated(point, adjoint_.stage(number, stage))) return NON_FINITE;
+                if (!differentiated(s, point, adjoint_.stage(number, stage))) return NON_FINITE;
                 record(s, number, stage, point);
                 return DONE;
             });
@@ -84,11 +88,12 @@ class Derivation {
         adjoint_.h[0] = h;
         for (std::int64_t i = 0; i < s.count; ++i) {
             Reason reason = set_out(s, i, *begin_);
+            still_.tell(nullptr, 0, begin_->y());
             if (reason == DONE) reason = evaluate(s, i, t, *begin_);
             if (reason == DONE) {
                 write(s, i, *begin_);
                 const auto differentiate = [&](std::size_t stage, Point& point) {
-                    return s.A == nullptr || differentiated(point, adjoint_.stage(0, stage)) ? DONE : NON_FINITE;
+                    return s.A == nullptr || differentiated(s, point, adjoint_.stage(0, stage)) ? DONE : NON_FINITE;
                 };
                 reason = differentiate(0, *begin_);
                 if (reason == DONE) reason = step(s, i, t, 0, differentiate);
@@ -167,9 +172,15 @@ class Derivation {
                    : NON_FINITE;
     }
 
-    bool differentiated(Point& point, double* rows) {
+    // What driven inputs do at a stage of step i.
+    void tell(const States& s, std::int64_t i, std::size_t stage, const double* y) {
+        const auto n = static_cast<std::size_t>(s.drives);
+        still_.tell(s.prescribed == nullptr ? nullptr : s.prescribed + (4 * static_cast<std::size_t>(i) + stage) * 3 * n, n, y);
+    }
+
+    bool differentiated(const States& s, Point& point, double* rows) {
         if (!slopes_.at(point, rows)) return false;
-        still_.hold(rows);
+        still_.hold(rows, static_cast<std::size_t>(s.drives));
         return true;
     }
 
@@ -201,32 +212,8 @@ class Derivation {
         std::copy(moved.v_y.begin(), moved.v_y.end(), s.stage_v_y + row * tall);
     }
 
-    // Largest difference between a point and a state: of numbers in q, dimensionless, and of v relative to the
-    // largest one.
     double apart(const States& s, std::int64_t i, Point& point) {
-        const double *q = s.q + i * nq_, *v = s.v + i * nv_;
-        double worst = 0.0, fastest = 0.0, off = 0.0;
-        for (int j : path_.chain.all) {
-            const Body& b = path_.chain.bodies[j];
-            const bool ball = b.kind == SPHERICAL || b.kind == FREE_FLYER;
-            const int end = b.q + NUMBERS[b.kind].q, turns = ball ? end - 4 : end;
-            const bool flat = NUMBERS[b.kind].q == b.count;
-            for (int k = b.q; k < turns; ++k)
-                keep(worst, (point.q()[k] - q[k]) * (flat ? size_[b.first + k - b.q] : 1.0));
-            double same = 0.0, opposite = 0.0;  // ± q is one rotation
-            for (int k = turns; k < end; ++k) {
-                keep(same, point.q()[k] - q[k]);
-                keep(opposite, point.q()[k] + q[k]);
-            }
-            keep(worst, std::min(same, opposite));
-        }
-        path_.product(point, point.ydot(), motion_.v.data());
-        for (int k = 0; k < nv_; ++k) {
-            keep(fastest, v[k] * size_[k]);
-            keep(off, (motion_.v[k] - v[k]) * size_[k]);
-        }
-        keep(worst, off > 0.0 ? off / (s.at_rest + fastest) : 0.0);
-        return worst;
+        return rg::apart(s.q + i * nq_, s.v + i * nv_, s.at_rest, path_, motion_, size_, point);
     }
 
     // One step from the evaluated point at its start to `end_`; a reason of the later stages other than DONE ends it.
@@ -240,6 +227,7 @@ class Derivation {
         for (std::size_t stage = 0; stage < 4; ++stage) {
             if (stage > 0) {
                 for (int k = 0; k < 2 * m_; ++k) state_[k] = x_[k] + h * Adjoint::SHARE[stage] * rate_[k];
+                lead(s, i, stage);
                 Reason reason = move(s, *anchor, *spare);
                 if (reason == DONE) reason = evaluate(s, i, t + h * Adjoint::SHARE[stage], *spare);
                 if (reason == DONE) reason = at_stage(stage, *spare);
@@ -254,11 +242,19 @@ class Derivation {
             for (int k = 0; k < 2 * m_; ++k) sum_[k] += Adjoint::WEIGHT[stage] * rate_[k];
         }
         for (int k = 0; k < 2 * m_; ++k) state_[k] = x_[k] + h * sum_[k];
+        lead(s, i, 3);
         const Reason reason = move(s, *anchor, *spare);
         if (reason != DONE) return reason;
         end_ = spare;
         middle_ = anchor;
         return adjoint_.chart(*end_, number, 4) ? DONE : CHART;
+    }
+
+    // Driven inputs of the state at a stage are as prescribed.
+    void lead(const States& s, std::int64_t i, std::size_t stage) {
+        if (!motion_.driven) return;
+        tell(s, i, stage, x_.data());
+        still_.lead(state_.data());
     }
 
     // The point at `state_`, if the path is good enough; see RegularGround in ground.py.
@@ -290,7 +286,7 @@ class Derivation {
     Adjoint adjoint_;
     int m_, nq_, nv_, width_;
     std::vector<int> independent_, independent_q_;
-    Still still_;  // what `Description` calls driven
+    Still still_;
     Cells<double> size_;
     std::vector<Point> points_;
     Point *begin_ = &points_[0], *middle_ = &points_[1], *end_ = &points_[2], *told_ = &points_[3];

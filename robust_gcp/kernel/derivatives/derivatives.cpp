@@ -34,7 +34,7 @@ RG_EXPORT void rg_feed(void* derivation, std::int64_t first, std::int64_t count,
 
 RG_EXPORT void rg_pull(void* derivation, std::int64_t first, std::int64_t last, std::int32_t count, double* rows,
                        const double* after, const double* before, const double* feedback, double* by_tau,
-                       double* by_stage) {
+                       double* by_stage, double* by_drive) {
     static_cast<rg::Derivation*>(derivation)->adjoint().pull(first, last, count, rows, after, before, feedback, by_tau,
-                                                             by_stage);
+                                                             by_stage, by_drive);
 }

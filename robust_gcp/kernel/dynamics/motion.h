@@ -62,7 +62,7 @@ class Motion {
             eliminated(sweep_, chain, point, point.g());
             ydd = present;
         }
-        if (!by_virtual_power()) return sweep_.solve_more(rows, width);
+        if (driven || !by_virtual_power()) return sweep_.solve_more(rows, width);
         for (int i = 0; i < 3; ++i) rows[i] /= mass_;
     }
 

@@ -149,7 +149,7 @@ class Chain:
         size[good] = np.linalg.norm(without_units, axis=(1, 2))
         bad = np.flatnonzero(~(size <= WORSE * size[0]))
         for k in range(int(bad[0]) - 1 if len(bad) else len(t) - 1):
-            A, B, _ = kernel.pull(k, k + 1, np.eye(2 * kernel.m))
+            A, B, *_ = kernel.pull(k, k + 1, np.eye(2 * kernel.m))
             found.append((A, B[0], Slope(G[k + 1].copy(), dv_dy[k + 1].copy())))
         return found
 
