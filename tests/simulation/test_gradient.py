@@ -197,6 +197,33 @@ def test_slopes_of_the_cost_that_are_given() -> None:
         np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-10, atol=1e-12)
 
 
+def test_through_nine_crossings() -> None:
+    """As differences of the same steps say, and of fourth order beside runs of the closed form."""
+    mech = rg.load("rhombus")
+
+    def ends(q: Array, v: Array) -> float:
+        return float(np.sin(q).sum() + 0.1 * v @ v)
+
+    def run(du: float, **how: Any) -> rg.Trajectory:
+        q = np.array([0.2, -0.2, 0.2])
+        return rg.simulate(mech, q, mech.lift(q, [0.5 + du]), duration=5.5, **how)
+
+    def differences(**how: Any) -> float:
+        def value(s: float) -> float:
+            end = run(s, **how)
+            return ends(end.q[-1], end.v[-1])
+
+        return slope(value, 2e-3)
+
+    base = run(0.0, step=2e-3)
+    assert len(base.crossings) == 9
+    found = [rg.gradient(run(0.0, step=h), rg.Cost(ends)).dv[0] for h in (8e-3, 4e-3, 2e-3)]
+    assert found[-1] == pytest.approx(differences(step=2e-3), rel=1e-10)
+    exact = differences(step=2e-3, method="closed_form", stepper="DOP853", rtol=1e-13, atol=1e-13)
+    errors = [abs(x - exact) for x in found]
+    assert 3.8 < np.log2(errors[0] / errors[1]) < 4.4
+
+
 def test_through_changes_of_the_independent_joints(monkeypatch: pytest.MonkeyPatch) -> None:
     """A rocker turns back, another takes over and gives back; by differences of runs, and the reference."""
     import robust_gcp.simulation.reverse_sweep as module
