@@ -67,6 +67,11 @@ REPORTS = (
         "score derivatives of closed-loop mechanisms against seventy-digit references",
         ".reports.gradients.scores",
     ),
+    Command(
+        "benchmarks",
+        "published benchmarks with their own numbers: IFToMM A01 to A05, another suite, a test set",
+        ".reports.published.command",
+    ),
     Command("a02", "N four-bars in a row (IFToMM A02) against the closed form", ".reports.a02"),
 )
 """What measures the project."""

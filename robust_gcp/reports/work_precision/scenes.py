@@ -53,7 +53,8 @@ def _four_bar(name: str) -> Motion:
     return Motion(scene, title, crosses, system.start(y, ydot), solve)
 
 
-def _pendulum(title: str, scene: Scene, A: float, B: float, turns: Array, **more: Any) -> Motion:
+def of_pendulum(title: str, scene: Scene, A: float, B: float, turns: Array, **more: Any) -> Motion:
+    """A ÿ = −B cos y, the joints turning alike."""
     start = float(scene.q0[0]), float(scene.v0[0])
     floor = reduced.cranks(A, B, turns).start(*start)
 
@@ -66,7 +67,7 @@ def _pendulum(title: str, scene: Scene, A: float, B: float, turns: Array, **more
 def _parallelogram(name: str) -> Motion:
     crank = PARALLELOGRAMS[name]
     A, B = parallelogram_pendulum(crank, crank, 1.0, 1.0, 1.0)
-    return _pendulum(name, _scene(name, load(name), 0.0, 5.0), A, B, np.array([1.0, -1.0, 1.0]))
+    return of_pendulum(name, _scene(name, load(name), 0.0, 5.0), A, B, np.array([1.0, -1.0, 1.0]))
 
 
 def n_bars(n: int, duration: float, steps: tuple[int, ...] = STEPS, cap: float = 0.5) -> Motion:
@@ -76,14 +77,14 @@ def n_bars(n: int, duration: float, steps: tuple[int, ...] = STEPS, cap: float =
     turns = np.array([1.0, -1.0] * n + [1.0])
     A, B = (4 * n + 1) / 3.0, (3 * n + 1) / 2.0 * GRAVITY
     title = f"{n} four-bar{'s in a row' if n > 1 else ''} (A02)"
-    return _pendulum(title, scene, A, B, turns, steps=steps, cap=cap)
+    return of_pendulum(title, scene, A, B, turns, steps=steps, cap=cap)
 
 
-def andrews() -> Motion:
-    """IFToMM A03: 0.03 s, fast and regular."""
+def andrews(duration: float = 0.03) -> Motion:
+    """IFToMM A03: fast and regular."""
     mechanism = load("andrews")
     order = np.array([mechanism.joint_names.index(name) for name in benchmarks.ANDREWS_JOINTS])
-    scene = _scene("andrews", mechanism, 0.0, 0.03)
+    scene = _scene("andrews", mechanism, 0.0, duration)
     first, second = benchmarks.andrews_implicit(order), benchmarks.andrews_reduced(order)
     source = (
         "test set's seven angles and index-1 equations by hand, DOP853 at rtol = 3e-14; against "
@@ -108,14 +109,14 @@ def bricard() -> Motion:
     return Motion(scene, "Bricard (A04)", False, system.start(0.0, 0.0), solve, SLOW_STEPS, SLOW_CAP)
 
 
-def flyball() -> Motion:
+def flyball(duration: float = 0.5, steps: tuple[int, ...] = (2, 3, 4, 5, 6, 8, 12, 16, 32, 64)) -> Motion:
     """IFToMM A05: a stiff tree (−8117/s), no loop; the shaft starts at 2π rad/s."""
     mechanism = load("flyball")
     names = ("shaft", "alpha1", "alpha2", "s")
     order = np.array([mechanism.joint_names.index(name) for name in names])
     v0 = np.zeros(4)
     v0[order[0]] = benchmarks.OMEGA
-    scene = Scene("flyball", mechanism, mechanism.home, v0, times_of(0.5))
+    scene = Scene("flyball", mechanism, mechanism.home, v0, times_of(duration))
     scale = np.ones(4)
     scale[order[3]] = mechanism.length
     first, second = benchmarks.flyball(order, conserving=True), benchmarks.flyball(order, conserving=False)
@@ -127,7 +128,6 @@ def flyball() -> Motion:
     def solve() -> Reference:
         return references.from_two(scene.times, first, second, "Radau", 1e-11, scale, source)
 
-    steps = (2, 3, 4, 5, 6, 8, 12, 16, 32, 64)
     return Motion(scene, "flyball governor (A05, stiff, no loop)", False, second, solve, steps)
 
 
