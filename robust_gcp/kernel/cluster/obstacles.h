@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <utility>
+#include <vector>
 
 #include "cluster/singular.h"
 
@@ -62,5 +63,23 @@ inline Obstacle approaching(const Jet& here, double largest_gap) {
     }
     return made;
 }
+
+// What singular places ahead were found to be, at points that a motion may pass again, also whole turns of hinges later.
+class Seen {
+  public:
+    const Obstacle& at(const Jet& here, double largest_gap) {
+        for (const Obstacle& one : ahead_) {
+            const Vector apart = here.x - one.x;
+            if ((apart - here.space->whole_turns(apart)).norm() <= one.radius) return one;
+        }
+        if (ahead_.size() >= std::size_t{MOST}) ahead_.erase(ahead_.begin());
+        return ahead_.emplace_back(approaching(here, largest_gap));
+    }
+
+  private:
+    static constexpr int MOST = 8;
+
+    std::vector<Obstacle> ahead_;
+};
 
 }  // namespace rg

@@ -174,8 +174,8 @@ class Tracker {
     // Stop before a step that would pass too fast by modes that veer away from each other.
     void look_ahead(const Jet& here, double size) {
         if (options_->careful) return;
-        if (!seen_ || !seen_->covers(here.x)) seen_ = approaching(here, options_->largest_gap());
-        if (seen_->kind != Obstacle::CROSSING && seen_->approach < STAGES_AHEAD * size) throw Stop{};
+        const Obstacle& ahead = seen_.at(here, options_->largest_gap());
+        if (ahead.kind != Obstacle::CROSSING && ahead.approach < STAGES_AHEAD * size) throw Stop{};
     }
 
     // Take φ relative to the apex of a cone that is near; a stop where it is too near.
@@ -286,7 +286,7 @@ class Tracker {
     Space* space_;
     const BridgeOptions* options_;
     Tally* tally_;
-    std::optional<Obstacle> seen_;
+    Seen seen_;
     std::vector<Obstacle> obstacles_;  // passed with error control
     std::shared_ptr<Patch> beside_;  // built last where the motion had not reached it
     std::shared_ptr<Patch> left_;    // in use before the tracker was put elsewhere
