@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <limits>
 #include <utility>
 #include <vector>
@@ -64,7 +65,7 @@ inline Obstacle approaching(const Jet& here, double largest_gap) {
     return made;
 }
 
-// What singular places ahead were found to be, at points that a motion may pass again, also whole turns of hinges later.
+// What singular places ahead were found to be, where a motion may pass again, also whole turns of hinges later.
 class Seen {
   public:
     const Obstacle& at(const Jet& here, double largest_gap) {
@@ -72,12 +73,12 @@ class Seen {
             const Vector apart = here.x - one.x;
             if ((apart - here.space->whole_turns(apart)).norm() <= one.radius) return one;
         }
-        if (ahead_.size() >= std::size_t{MOST}) ahead_.erase(ahead_.begin());
+        if (ahead_.size() >= MOST) ahead_.erase(ahead_.begin());
         return ahead_.emplace_back(approaching(here, largest_gap));
     }
 
   private:
-    static constexpr int MOST = 8;
+    static constexpr std::size_t MOST = 8;
 
     std::vector<Obstacle> ahead_;
 };

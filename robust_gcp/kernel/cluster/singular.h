@@ -121,9 +121,9 @@ inline Place place(const Jet& here) {
             if (largest > 1e-12) rows.row(i) /= largest, residual[i] /= largest;
         }
         const Vector dx = -space.balance.cwiseProduct(least_squares(rows, residual, 1e-6));
-        const double size = found.correction = dx.norm();
+        const double size = dx.norm(), before = std::exchange(found.correction, size);
         found.x += dx * std::min(1.0, size > 0.0 ? 0.5 / size : 1.0);
-        if (size < 1e-14) break;
+        if (size < 1e-14 || (found.found() && size > 0.1 * before)) break;  // the rest is rounding
     }
     space.linear(found.x, phi, K);
     const Svd svd(K);

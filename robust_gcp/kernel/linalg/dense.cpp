@@ -100,6 +100,10 @@ Svd::Svd(const Matrix& A) {
 
 Matrix left_vectors(const Matrix& A) {
     const Eigen::Index n = A.rows();
+    if (std::max(n, A.cols()) > SMALL && n <= A.cols()) {
+        const Eigen::BDCSVD<Matrix> svd(A, Eigen::ComputeFullU);
+        if (svd.info() == Eigen::Success) return svd.matrixU();
+    }
     if (n > A.cols() || A.cols() > SMALL) return Svd(A).U;
     Matrix W = A.transpose(), R = Matrix::Identity(n, n);
     orthogonalise(W, R);

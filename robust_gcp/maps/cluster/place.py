@@ -9,6 +9,9 @@ import numpy as np
 from ...mechanism.tree import Array
 from .jet import Jet
 
+FOUND = 1e-9
+"""Newton's step from which it has converged."""
+
 CONE = 0.02
 """|λ₃/λ₁| of the form Q beyond which it has more than two directions: an isolated cone or point."""
 
@@ -36,7 +39,7 @@ class Place:
     @property
     def found(self) -> bool:
         """Whether Newton converged."""
-        return self.correction < 1e-9
+        return self.correction < FOUND
 
     @property
     def is_cone(self) -> bool:
@@ -68,9 +71,9 @@ def place(near: Jet, iterations: int = 15) -> Place:
         sizes = np.abs(rows).max(axis=1)  # some are small between links of very different lengths
         weights = 1.0 / np.where(sizes > 1e-12, sizes, 1.0)
         dx = -balance * np.linalg.lstsq(weights[:, None] * rows, weights * residual, rcond=1e-6)[0]
-        size = float(np.linalg.norm(dx))
+        size, before = float(np.linalg.norm(dx)), size
         x = x + dx * min(1.0, 0.5 / size if size > 0.0 else 1.0)
-        if size < 1e-14:
+        if size < 1e-14 or (size < FOUND and size > 0.1 * before):  # the rest is rounding
             break
     phi, K = space.linear(x)
     U, _, Vt = np.linalg.svd(K)
