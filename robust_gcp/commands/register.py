@@ -72,6 +72,11 @@ REPORTS = (
         "published benchmarks with their own numbers: IFToMM A01 to A05, another suite, a test set",
         ".reports.published.command",
     ),
+    Command(
+        "singular",
+        "score tools by motions through singular configurations, against 25-digit references",
+        ".reports.singular.scores",
+    ),
     Command("a02", "N four-bars in a row (IFToMM A02) against the closed form", ".reports.a02"),
 )
 """What measures the project."""

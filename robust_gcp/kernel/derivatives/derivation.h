@@ -85,6 +85,7 @@ class Derivation {
     void step_each(const States& s, double t, double h) {
         if (path_.charted) return std::fill(s.status, s.status + s.count, CHART);
         adjoint_.resize(1);
+        adjoint_.drive(still_.which(), 0);
         adjoint_.h[0] = h;
         for (std::int64_t i = 0; i < s.count; ++i) {
             Reason reason = set_out(s, i, *begin_);

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from ...mechanism.closures import PointClosure
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
+from ..linkages import mechanism_of, model_of
 from . import PROBLEMS
 
 
@@ -19,18 +19,14 @@ from . import PROBLEMS
 class Problem:
     """A linkage at a state, and the derivatives there.
 
-    Bodies move on hinges (`RX`, `RY`, `RZ`) and slides (`PX`, `PY`, `PZ`) about and along an axis of the
-    joint's frame; each closure holds two points of bodies together, −1 the ground; torques act on all
-    joints. In the y-z plane points have two numbers, inertia and gravity (along z) one; in space three,
-    three by three and three, and a joint's frame is turned in its parent's by `turn`.
+    Torques act on all joints.
 
     Attributes
     ----------
     name, kind : str
         "regular", "near" (0.1 to 1e-4 rad from a singular configuration) or "at" one.
     linkage : dict
-        `joints` (name, parent, kind, place, turn, mass, centre, inertia about the centre), `closures`,
-        `gravity`, `independent`; m, kg, kg m².
+        See `reports.linkages`.
     q, u, tau : ndarray (nv,), (m,), (nv,)
         q to the last digit of a double; its independent entries are meant exactly.
     mode : ndarray (nv, m) or None
@@ -53,28 +49,11 @@ class Problem:
 
     def model(self) -> pin.Model:
         """The spanning tree, with a frame at each end of a closure."""
-        model = pin.Model()
-        gravity = self.linkage["gravity"]
-        model.gravity.linear = _vector(gravity if isinstance(gravity, list) else [0.0, gravity])
-        for joint in self.linkage["joints"]:
-            made = getattr(pin, f"JointModel{joint['kind']}")()
-            frame = pin.SE3(np.array(joint.get("turn", np.eye(3))), _vector(joint["place"]))
-            index = model.addJoint(joint["parent"] + 1, made, frame, joint["name"])
-            inertia = np.array(joint["inertia"]) * (np.eye(3) if np.ndim(joint["inertia"]) == 0 else 1.0)
-            body = pin.Inertia(joint["mass"], _vector(joint["centre"]), inertia)
-            model.appendBodyToJoint(index, body, pin.SE3.Identity())
-        for k, pair in enumerate(self.linkage["closures"]):
-            for end, (body, place) in enumerate(pair, start=1):
-                kind = pin.FrameType.OP_FRAME
-                at = pin.SE3(np.eye(3), _vector(place))
-                model.addFrame(pin.Frame(f"closure {k} end {end}", body + 1, at, kind))
-        return model
+        return model_of(self.linkage)
 
     def mechanism(self) -> Mechanism:
         """The same, with its loops closed."""
-        count = len(self.linkage["closures"])
-        closures = [PointClosure(f"closure {k} end 1", f"closure {k} end 2") for k in range(count)]
-        return Mechanism.from_pinocchio(self.model(), closures, self.linkage["independent"], self.q)
+        return mechanism_of(self.linkage, self.q)
 
 
 def problems() -> list[Problem]:
@@ -86,7 +65,3 @@ def problems() -> list[Problem]:
         mode = None if given["mode"] is None else np.array(given["mode"], dtype=float)
         found.append(Problem(given["name"], given["kind"], given["linkage"], mode=mode, **numbers))
     return found
-
-
-def _vector(numbers: list[float]) -> Array:
-    return np.array([0.0, *numbers] if len(numbers) == 2 else numbers)

@@ -1,0 +1,50 @@
+"""Linkages as data of test sets, made into a Pinocchio model and a mechanism.
+
+`joints` in their order (name, parent, −1 the ground, kind `RX` … `PZ`, place in the parent, turn, mass,
+centre, inertia about it), `closures` that hold two points of bodies together, `gravity`, `independent`;
+m, kg, kg m². In the y-z plane points have two numbers, inertia and gravity (along z) one; in space three,
+three by three and three, and a joint's frame is turned in its parent's by `turn`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from ..mechanism.closures import PointClosure
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree import Array
+
+
+def model_of(linkage: dict[str, Any]) -> pin.Model:
+    """The spanning tree, with a frame at each end of a closure."""
+    model = pin.Model()
+    gravity = linkage["gravity"]
+    model.gravity.linear = _vector(gravity if isinstance(gravity, list) else [0.0, gravity])
+    for joint in linkage["joints"]:
+        made = getattr(pin, f"JointModel{joint['kind']}")()
+        frame = pin.SE3(np.array(joint.get("turn", np.eye(3))), _vector(joint["place"]))
+        index = model.addJoint(joint["parent"] + 1, made, frame, joint["name"])
+        inertia = np.array(joint["inertia"]) * (np.eye(3) if np.ndim(joint["inertia"]) == 0 else 1.0)
+        body = pin.Inertia(joint["mass"], _vector(joint["centre"]), inertia)
+        model.appendBodyToJoint(index, body, pin.SE3.Identity())
+    for k, pair in enumerate(linkage["closures"]):
+        for end, (body, place) in enumerate(pair, start=1):
+            kind = pin.FrameType.OP_FRAME
+            at = pin.SE3(np.eye(3), _vector(place))
+            model.addFrame(pin.Frame(f"closure {k} end {end}", body + 1, at, kind))
+    return model
+
+
+def mechanism_of(linkage: dict[str, Any], home: ArrayLike) -> Mechanism:
+    """The same, with its loops closed."""
+    count = len(linkage["closures"])
+    closures = [PointClosure(f"closure {k} end 1", f"closure {k} end 2") for k in range(count)]
+    return Mechanism.from_pinocchio(model_of(linkage), closures, linkage["independent"], home)
+
+
+def _vector(numbers: list[float]) -> Array:
+    return np.array([0.0, *numbers] if len(numbers) == 2 else numbers)

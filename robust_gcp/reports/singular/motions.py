@@ -1,0 +1,53 @@
+"""The motions: reading them, and the mechanism of one."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree import Array
+from ..linkages import mechanism_of
+from . import MOTIONS
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A linkage that moves under gravity alone, through singular configurations, and does not turn back.
+
+    Attributes
+    ----------
+    name, singular : str
+        Which, and what is singular on its way.
+    linkage : dict
+        See `reports.linkages`; one coordinate.
+    times : ndarray (21,)
+        s, equally spaced from 0.
+    q, v : ndarray (21, nv)
+        Rounded from 25 digits; the first is the start, on the mode that is meant.
+    """
+
+    name: str
+    singular: str
+    linkage: dict[str, Any]
+    times: Array
+    q: Array
+    v: Array
+
+    @cached_property
+    def mechanism(self) -> Mechanism:
+        """At home at the start."""
+        return mechanism_of(self.linkage, self.q[0])
+
+
+def motions() -> list[Motion]:
+    """All of them."""
+    found = []
+    for given in json.loads(MOTIONS.read_text(encoding="utf-8")):
+        numbers = (np.array(given[key], dtype=float) for key in ("times", "q", "v"))
+        found.append(Motion(given["name"], given["singular"], given["linkage"], *numbers))
+    return found

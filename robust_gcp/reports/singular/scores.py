@@ -1,0 +1,147 @@
+"""`python -m robust_gcp reports singular`: which tool follows which motion through singular configurations.
+
+Each runs at ever finer settings; what counts is its least error at the 20 instants of a motion, and whether
+it is still on the mode that it started on.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from datetime import date
+
+import numpy as np
+
+from ...arguments import Arguments, existing_file, number, part, pathname, positive
+from ...mechanism.tree import Array
+from ...printing import along, table, write_json
+from ...simulation.simulate import simulate
+from .. import pages, peers
+from ..contender import Contender, Scene
+from ..machine import footer, machine
+from ..work_precision import ours
+from ..work_precision.measure import LOST, settings_of
+from ..work_precision.motion import Motion as Laddered
+from ..work_precision.motion import times_of
+from ..work_precision.references import Reference
+from .motions import Motion, motions
+
+STEPS = (1, 2, 5, 10, 20)
+"""In each of 400 intervals."""
+
+FINE = 20
+"""Of our own steps in each, for the gains that other tools are given: they are scanned by a motion."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """How a tool does on a motion.
+
+    Attributes
+    ----------
+    error : float
+        Least over its settings: largest difference of a joint at the 20 instants, rad.
+    lost : float
+        When it left the mode at its best setting, s; NaN where it did not.
+    refused : str
+        Why it was not run.
+    """
+
+    tool: str
+    motion: str
+    error: float = np.inf
+    lost: float = np.nan
+    refused: str = ""
+
+    @property
+    def cell(self) -> str:
+        """In the table."""
+        if self.refused:
+            return "refused"
+        return f"{self.error:.0e}" if np.isnan(self.lost) else f"lost at {self.lost:.3g} s"
+
+
+def scored(contender: Contender, motion: Motion, scene: Scene, cap: float) -> Score:
+    """A tool's best on a motion; settings are left once one takes longer than `cap` seconds."""
+    why = contender.refuses(scene)
+    if why:
+        return Score(contender.name, motion.name, refused=why)
+    ladder = Laddered(scene, motion.name, True, None, _nothing, STEPS)
+    every, best = (len(scene.times) - 1) // (len(motion.times) - 1), Score(contender.name, motion.name)
+    for setting in settings_of(contender, ladder):
+        outcome = contender.run(scene, setting)
+        found = outcome.q[::every]
+        with np.errstate(over="ignore", invalid="ignore"):
+            off = np.abs(found - motion.q[: len(found)]) / scene.mechanism.units
+        errors = np.nan_to_num(off.max(axis=1), nan=np.inf)
+        gone = np.flatnonzero(errors > LOST)
+        if len(found) < len(motion.q) and not len(gone):
+            gone = np.array([len(found)])
+        lost = float(motion.times[gone[0]]) if len(gone) else np.nan
+        error = float(errors.max()) if len(found) == len(motion.q) else np.inf
+        if error < best.error or (np.isinf(best.error) and not best.lost > lost):
+            best = Score(contender.name, motion.name, error, lost)
+        if outcome.seconds > cap:
+            break
+    return best
+
+
+def scene_of(motion: Motion) -> tuple[Scene, Array]:
+    """The motion as one that contenders run, and q of our own at its times."""
+    mechanism, times = motion.mechanism, times_of(float(motion.times[-1]))
+    run = simulate(
+        mechanism, motion.q[0], motion.v[0], duration=float(times[-1]), step=float(times[1]) / FINE
+    )
+    return Scene(motion.name, mechanism, motion.q[0], motion.v[0], times), run.q[::FINE]
+
+
+def arguments(add_to: Arguments) -> None:
+    """Name the arguments."""
+    text = "tools whose name or family contains it; default: all that are installed"
+    add_to.add("--method", part, nargs="+", default=[], metavar="PART", help=text)
+    text = "no finer settings of a tool once a run takes longer, s; default: 1"
+    add_to.add("--cap", positive, type=number, default=1.0, metavar="S", help=text)
+    add_to.add("--out", type=pathname, metavar="FILE", help="figures as JSON")
+    text = "renew the block of this name in a page"
+    add_to.add("--refresh", existing_file, type=pathname, metavar="PAGE", help=text)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Score, print the table, write the files; 1 where one of ours is not right."""
+    found: list[Score] = []
+    for motion in along(motions(), "singular"):
+        scene, exact = scene_of(motion)
+        found += [scored(tool, motion, scene, args.cap) for tool in _tools(args.method, exact)]
+    rows = cells(found)
+    print(table(rows[0], rows[1:], None))
+    last = footer(machine(), date.today().isoformat())
+    print(last)
+    if args.out is not None:
+        write_json(args.out, {"machine": machine(), "scores": [asdict(score) for score in found]})
+    if args.refresh is not None and pages.renew(
+        args.refresh, {"singular": pages.table(rows, range(1, len(rows[0]))) + f"\n\n*{last}*"}
+    ):
+        print(f"renewed {args.refresh}")
+    wrong = [s for s in found if s.tool.startswith("bridge") and not s.error < 1e-6]
+    return 1 if wrong else 0
+
+
+def cells(found: Sequence[Score]) -> list[list[str]]:
+    """A header, and a row for each tool."""
+    tools = list(dict.fromkeys(score.tool for score in found))
+    by = {(score.tool, score.motion): score for score in found}
+    names = list(dict.fromkeys(score.motion for score in found))
+    return [["tool", *names], *([tool, *(by[tool, name].cell for name in names)] for tool in tools)]
+
+
+def _tools(wanted: Sequence[str], exact: Array) -> list[Contender]:
+    own = [c for c in ours.contenders(lambda scene: exact) if c.name in ("bridge, RK4", ours.COMPILED)]
+    every = [*own, *peers.contenders(lambda scene: exact)]
+    if not wanted:
+        return every
+    return [c for c in every if any(w.lower() in f"{c.name} {c.family}".lower() for w in wanted)]
+
+
+def _nothing() -> Reference:
+    raise AssertionError("the exact motion is known")
