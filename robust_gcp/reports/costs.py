@@ -23,7 +23,6 @@ import numpy as np
 from ..analysis.local import analyse
 from ..arguments import Arguments, existing_file, folder, pathname
 from ..dynamics.equations import Evaluation, constraint_forces
-from ..errors import OptionError
 from ..examples.linkages import n_four_bar
 from ..io.loader import load
 from ..kernel import backends
@@ -204,8 +203,7 @@ def arguments(add_to: Arguments) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the tables, and write what was asked for."""
-    if args.refresh is not None and not pages.marked(args.refresh, ["costs"]):
-        raise OptionError(f"--refresh {args.refresh}: there are no marks of a block named costs")
+    pages.require_marks(args.refresh, ["costs"])
     rounds = 1 if args.quick else 5
     load("crank_rocker")  # what is loaded late is loaded now
     costs = [measure(scene, rounds) for scene in along(SCENES, "costs")]

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ..dynamics.equations import Torque
-from ..errors import ModelWarning, OptionError, RobustGcpError
+from ..errors import ModelWarning, RobustGcpError
 from ..examples.legged import legged
 from ..io.loader import load
 from ..kernel import backends
@@ -131,8 +131,7 @@ def tell(folder: Path | None, base: str | None, rounds: int, out: Path | None, p
         When the page has no marks of the block.
     """
     block = "derivatives" if folder is None else "derivatives of robots"
-    if page is not None and not pages.marked(page, [block]):
-        raise OptionError(f"--refresh {page}: there are no marks of a block named {block}")
+    pages.require_marks(page, [block])
     if not backends()["native"].available:
         print(f"no compiled kernel: {backends()['native'].reason}")
         return

@@ -52,6 +52,12 @@ def marked(page: Path, names: Iterable[str]) -> list[str]:
     return found
 
 
+def require_marks(page: Path | None, names: Sequence[str]) -> None:
+    """Refuse a page to refresh that has no marks of any of these names."""
+    if page is not None and not marked(page, names):
+        raise OptionError(f"--refresh {page}: there are no marks of a block named {' or '.join(names)}")
+
+
 def _marks(name: str) -> tuple[str, str]:
     return f"<!-- begin: {name} -->\n", f"<!-- end: {name} -->"
 

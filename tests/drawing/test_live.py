@@ -175,8 +175,8 @@ def test_a_port_that_is_none_is_refused_and_leaves_no_thread(port: object) -> No
     assert "live viewer" not in {thread.name for thread in threading.enumerate()}
 
 
-async def dragged(url: str, moves: list[str]) -> list[dict]:
-    """What a page is told that opens, sends these messages and reads what it is answered."""
+async def dragged(url: str, moves: list[str], quiet: float = 1.5) -> list[dict]:
+    """What a page is told that opens, sends these messages and reads until nothing comes for `quiet` s."""
     from tornado.websocket import websocket_connect
 
     connection = await websocket_connect(url)
@@ -184,7 +184,7 @@ async def dragged(url: str, moves: list[str]) -> list[dict]:
 
     async def drain() -> None:
         while True:
-            message = await asyncio.wait_for(connection.read_message(), 1.5)
+            message = await asyncio.wait_for(connection.read_message(), quiet)
             assert isinstance(message, bytes)
             found.append(umsgpack.unpackb(message))
 
@@ -246,10 +246,10 @@ def test_a_slider_stops_at_a_dead_point_and_says_so() -> None:
 def test_nothing_else_is_taken_from_a_page(message: str | bytes) -> None:
     with rg.live(rg.load("rhombus"), sliders=True) as viewer:
         url = f"ws://127.0.0.1:{port_of(viewer.url)}/"
-        asyncio.run(dragged(url, [message] if isinstance(message, str) else []))
+        asyncio.run(dragged(url, [message] if isinstance(message, str) else [], 0.4))
         np.testing.assert_allclose(viewer.q, rg.load("rhombus").home)
     with rg.live(rg.load("rhombus")) as viewer:  # without sliders nothing at all
-        asyncio.run(dragged(f"ws://127.0.0.1:{port_of(viewer.url)}/", [slide("q1", 1.0)]))
+        asyncio.run(dragged(f"ws://127.0.0.1:{port_of(viewer.url)}/", [slide("q1", 1.0)], 0.4))
         np.testing.assert_array_equal(viewer.q, rg.load("rhombus").home)
 
 

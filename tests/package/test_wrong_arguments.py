@@ -226,6 +226,7 @@ GOOD = {
     "benchmark --starts": "2",
     "gradients --engine": "robust_gcp",
     "gradients --out": "new.json",
+    "singular --out": "new.json",
 }
 """Words that an option takes, where they are not those of its type."""
 

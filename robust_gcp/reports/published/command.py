@@ -47,6 +47,7 @@ def arguments(add_to: Arguments) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Measure, print both tables, write the files."""
+    pages.require_marks(args.refresh, ["published values", "published benchmarks"])
     values = [value() for value in VALUES]
     print(table(PUBLISHED, [value_row(value) for value in values], None))
     best: list[Reached] = []

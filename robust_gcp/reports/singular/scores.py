@@ -13,7 +13,7 @@ from datetime import date
 
 import numpy as np
 
-from ...arguments import Arguments, existing_file, number, part, pathname, positive
+from ...arguments import Arguments, existing_file, file, number, part, pathname, positive
 from ...mechanism.tree import Array
 from ...printing import along, table, write_json
 from ...simulation.simulate import simulate
@@ -102,13 +102,15 @@ def arguments(add_to: Arguments) -> None:
     add_to.add("--method", part, nargs="+", default=[], metavar="PART", help=text)
     text = "no finer settings of a tool once a run takes longer, s; default: 1"
     add_to.add("--cap", positive, type=number, default=1.0, metavar="S", help=text)
-    add_to.add("--out", type=pathname, metavar="FILE", help="figures as JSON")
+    kind = file((".json",), "a record of scores")
+    add_to.add("--out", kind, type=pathname, metavar="FILE", help="figures as JSON")
     text = "renew the block of this name in a page"
     add_to.add("--refresh", existing_file, type=pathname, metavar="PAGE", help=text)
 
 
 def run(args: argparse.Namespace) -> int:
     """Score, print the table, write the files; 1 where one of ours is not right."""
+    pages.require_marks(args.refresh, ["singular"])
     found: list[Score] = []
     for motion in along(motions(), "singular"):
         scene, exact = scene_of(motion)
