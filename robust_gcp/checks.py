@@ -194,14 +194,22 @@ def real_array(value: Any) -> Array:
         For anything but integers and floats, and for what NumPy makes no array of.
     """
     given = value
-    if type(value) is not np.ndarray:  # an array needs no conversion, and a signal's exception stays itself
+    if type(value) is not np.ndarray:  # an array needs no conversion
+        raised = ValueError if _is_plain(value) else Exception  # conversions of others raise what they like
         try:
             given = np.asarray(value)
-        except Exception as error:  # conversions of others raise what they like
+        except raised as error:
             raise TypeError(f"no array: {error}") from error
     if given.dtype.kind not in "iuf" or np.ma.isMaskedArray(value):
         raise TypeError(f"numbers of kind {given.dtype}")
     return given.astype(float, order="C")
+
+
+def _is_plain(value: Any, depth: int = 3) -> bool:
+    """Whether these are numbers, or lists of such: what else their conversion raises is a signal's own."""
+    if type(value) in (list, tuple):
+        return depth > 0 and all(_is_plain(one, depth - 1) for one in value)
+    return type(value) in (float, int)
 
 
 def checked_vector(value: ArrayLike, size: int, what: str, letter: str) -> Array:

@@ -22,6 +22,7 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
+from robust_gcp.checks import real_array
 from robust_gcp.kernel import library, structures
 from robust_gcp.kernel.workspace import Workspace
 
@@ -78,6 +79,20 @@ def test_signals_are_answered(wanted: type[BaseException], stepper: str) -> None
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, usual)
+
+
+def test_numbers_in_lists_leave_signals_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What arrives while they are made an array is not taken for what is wrong with them."""
+
+    def interrupted(*args: Any, **named: Any) -> Any:
+        raise AlarmError
+
+    monkeypatch.setattr("robust_gcp.checks.np.asarray", interrupted)
+    for given in ([0.2, -0.2, 1], (1.0,), [[1.0, 2.0], [3.0, 4.0]]):
+        with pytest.raises(AlarmError):
+            real_array(given)
+    with pytest.raises(TypeError, match="no array"):
+        real_array([object()])
 
 
 @pytest.mark.parametrize(
