@@ -201,7 +201,7 @@ def arguments(add_to: Arguments) -> None:
     add_to.add("--starts", whole(2, 100_000), type=int, metavar="N", help=text)
     text = "what derivatives cost: of some models, of the robots where they are given"
     add_to.add("--derivatives", action="store_true", help=text)
-    text = "every way to derivatives and single steps beside the compiled one, and whether it is warned of"
+    text = "every way to derivatives, single steps and runs beside the plain one, and why it takes longer"
     add_to.add("--paths", action="store_true", help=text)
     text = "with --derivatives: renew the table in this document"
     add_to.add("--refresh", existing_file, type=pathname, metavar="FILE", help=text)

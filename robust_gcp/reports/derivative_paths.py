@@ -1,4 +1,4 @@
-"""Every way to derivatives and single steps: its time over the compiled one, and whether it is warned of."""
+"""Every way to derivatives, single steps and runs: its time over the plain one, and what is told of it."""
 
 from __future__ import annotations
 
@@ -29,12 +29,13 @@ from ..simulation.one_step import step, step_jacobians
 from ..simulation.parameter_slopes import by_parameters
 from ..simulation.second_derivatives import second_derivatives
 from ..simulation.simulate import simulate
+from . import run_paths
 from .contender import clock
 
 BOUND = 20.0
 """Ratio from which a path has to warn of its price."""
 
-HEADER = ("what", "where", "µs", "ratio", "warned")
+HEADER = ("what", "where", "µs", "ratio", "why")
 
 Call = Callable[[], object]
 
@@ -51,34 +52,42 @@ CALLS: dict[str, Callable[..., object]] = {
 
 @dataclass(frozen=True)
 class Way:
-    """A call's µs at a place, over those of the same call at a regular state, and whether it warned."""
+    """A call's µs, over those of the plain one; whether it warned, or why it takes as long as it does."""
 
     what: str
     where: str
     micro: float
     ratio: float
     warned: bool
+    why: str = ""
 
     @property
     def cells(self) -> list[str]:
         """A row of the table."""
-        return [self.what, self.where, f"{self.micro:.0f}", f"{self.ratio:.1f}", "yes" if self.warned else ""]
+        return [
+            self.what,
+            self.where,
+            f"{self.micro:.0f}",
+            f"{self.ratio:.1f}",
+            "warned" if self.warned else self.why,
+        ]
 
     @property
     def good(self) -> bool:
-        """Whether it is fast, or says that it is not."""
-        return self.ratio <= BOUND or self.warned
+        """Whether it is fast, or it is said why not."""
+        return self.ratio <= BOUND or self.warned or bool(self.why)
 
 
 def ways(rounds: int) -> list[Way]:
     """All that are known, each after its compiled one."""
     found = list[Way]()
-    for what, usual, others in along(list(_groups()), "benchmark"):
+    for what, usual, others in along([*_groups(), *run_paths.groups()], "benchmark"):
         base, _ = _timed(usual, rounds)
         found.append(Way(what, "regular", 1e6 * base, 1.0, False))
         for where, call in others.items():
             time, warned = _timed(call, rounds)
-            found.append(Way(what, where, 1e6 * time, time / base, warned))
+            why = run_paths.REASONS.get(where, "")
+            found.append(Way(what, where, 1e6 * time, time / base, warned, why))
     return found
 
 
@@ -88,10 +97,10 @@ def tell(rounds: int, out: Path | None) -> int:
         print(f"no compiled kernel: {backends()['native'].reason}")
         return 0
     found = ways(rounds)
-    print("Least times of single calls, over those of the same call at a regular state:")
+    print("Least times, over those of the same call at a regular state, of the plain run:")
     print(table(HEADER, [row.cells for row in found], None))
     bad = [row for row in found if not row.good]
-    print(f"{len(bad)} paths above {BOUND:g} times the compiled one without a warning")
+    print(f"{len(bad)} paths above {BOUND:g} times the plain one without a warning or a reason")
     if out:
         write_json(out, [asdict(row) for row in found])
     return 1 if bad else 0
