@@ -14,6 +14,7 @@ from ..errors import NonFiniteError, OptionError, StateError
 from ..mechanism.frames import place_of
 from ..mechanism.joints import support
 from ..mechanism.mechanism import Mechanism
+from ..mechanism.motions import cross
 from ..mechanism.named_numbers import places_of
 from ..mechanism.tree import Array
 from .equations import Torque
@@ -160,7 +161,7 @@ class _FrameLoad:
 
     def __call__(self, t: float, q: Array, v: Array, tau: Array) -> None:
         _, point, force, moment = self.at(t, q, v)
-        about_origin = np.concatenate([force, moment + np.cross(point, force)])
+        about_origin = np.concatenate([force, moment + cross(point, force)])
         tau[self._columns] += self._tree.J[self._columns] @ about_origin
 
     def at(self, t: float, q: Array, v: Array) -> tuple[int, Array, Array, Array]:
