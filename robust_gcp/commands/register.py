@@ -88,6 +88,7 @@ COMMANDS = (
     Command("analyse", "rank, kernel and operation modes at a configuration", ".commands.analyse"),
     Command("assemble", "close the loops of a model from a guess", ".commands.assemble"),
     Command("convert", "read a robot's file and write it as another format", ".commands.convert"),
+    Command("export", "write a mechanism for programs without Python: C, FMU", ".commands.export"),
     Command(
         "modes",
         "trace the operation modes of a mechanism with one degree of freedom, and draw them",

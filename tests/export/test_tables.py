@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import robust_gcp as rg
+from robust_gcp.__main__ import main
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
@@ -70,3 +71,15 @@ def test_what_has_no_table(name: str, why: str, tmp_path: Path) -> None:
     with pytest.raises(rg.ModelError, match=why):
         rg.load(name).export(tmp_path / "robot.c")
     assert not list(tmp_path.iterdir())
+
+
+def test_the_command_writes_what_the_method_does(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    places = [tmp_path / folder / "rhombus.c" for folder in ("one", "two")]
+    for place in places:
+        place.parent.mkdir()
+    assert main(["export", "rhombus", str(places[0])]) == 0
+    assert "wrote" in capsys.readouterr().out
+    rg.load("rhombus").export(places[1])
+    assert places[0].read_text() == places[1].read_text()
+    assert main(["export", "rhombus", str(tmp_path / "one.step")]) == 2
+    assert "the suffix .step is unknown" in capsys.readouterr().err

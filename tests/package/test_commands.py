@@ -344,7 +344,8 @@ def test_help_lists_what_users_call_first_on_one_page(capsys: Capture) -> None:
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) < 40
     listed = [line.split()[0] for line in lines if line.startswith("    ") and line[4] != " "]
-    assert listed == ["simulate", "analyse", "assemble", "convert", "modes", "live", "models", "reports"]
+    users = ["simulate", "analyse", "assemble", "convert", "export", "modes", "live", "models", "reports"]
+    assert listed == users
     with pytest.raises(SystemExit):
         main(["reports", "--help"])
     told = capsys.readouterr().out

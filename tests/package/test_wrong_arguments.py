@@ -83,8 +83,8 @@ def called(name: str) -> list[str]:
         return [name, "rhombus"]
     if name == "models":
         return [name]
-    if name == "convert":
-        return [name, "rhombus", "robot.xml"]
+    if name in ("convert", "export"):
+        return [name, "rhombus", "robot.xml" if name == "convert" else "rhombus.rgcp"]
     if name == "robots":
         return ["reports", name, "."]
     return ["reports", name, *(["--out", "out"] if name in ("work-precision", "stability") else [])]

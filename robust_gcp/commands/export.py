@@ -1,0 +1,25 @@
+"""The command `export`: a mechanism for programs without Python."""
+
+from __future__ import annotations
+
+import argparse
+
+from ..arguments import Arguments, number, positive
+from ..printing import say
+from .model import add_model, loaded
+
+
+def arguments(add_to: Arguments) -> None:
+    """Name the arguments."""
+    add_model(add_to)
+    add_to.add("to", metavar="FILE", help=".rgcp (the C library), .fmu (co-simulation) or .c (tables in C99)")
+    text = "of RK4 within a unit for co-simulation, s; default: 1e-3"
+    add_to.add("--step", positive, type=number, default=1e-3, metavar="S", help=text)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Read, write, and say what is there."""
+    mechanism = loaded(args)
+    path = mechanism.export(args.to, step=args.step)
+    say(f"{mechanism!r}\nwrote {path} ({path.stat().st_size / 1000:.1f} kB)")
+    return 0
