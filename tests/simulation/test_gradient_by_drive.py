@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 import robust_gcp as rg
 from robust_gcp.simulation import reverse_sweep
 
+from ..compiled import some
 from ..dynamics.test_derivatives import floating
+from ..kernel.test_kernel import random_mechanism
 from .test_gradient import slope
 from .test_gradient_by_geometry import moved
 from .test_gradient_by_parameters import changed, feedback, thick
@@ -220,3 +222,31 @@ def test_refusals() -> None:
     free = rg.simulate(scene.mech, duration=0.01, step=1e-3)
     with pytest.raises(rg.OptionError, match="no joint of this run was driven"):
         rg.gradient(free, cost).by_drive({"q1": rg.Motion(1.0)})
+
+
+@pytest.mark.parametrize("seed", some(range(60), 8))
+def test_of_random_mechanisms(seed: int) -> None:
+    """Loops in space, on floating bases too, one of their joints driven."""
+    mech = random_mechanism(seed)
+    single = [] if mech is None else [n for n in mech.independent if mech.joint(n.split(".")[0]).single]
+    if mech is None or not single:
+        return
+    rng = np.random.default_rng(seed)
+    name = str(rng.choice(single))
+    start, own = float(mech.home[mech.joint(name).idx_q]), mech.joint(name).idx_v
+    u, tau = 0.7 * rng.normal(size=mech.m), rng.normal(size=mech.nv)
+
+    def run(by: float) -> rg.Trajectory:
+        motion = rg.Motion(lambda t: start + 0.5 * t + 0.2 * t * t + by * np.sin(5.0 * t))
+        u[mech.iv_independent.tolist().index(own)] = motion.at(0.0)[1]
+        v0, drive = mech.lift(mech.home, u), {name: motion}
+        return rg.simulate(mech, mech.home, v0, duration=0.03, step=3e-3, drive=drive, torque=tau)
+
+    def end(by: float) -> float:
+        last = run(by)
+        return terminal(last.q[-1], last.v[-1])
+
+    found = rg.gradient(run(0.0), rg.Cost(terminal)).by_drive({name: rg.Motion(lambda t: np.sin(5.0 * t))})
+    exact = [slope(end, h) for h in (2e-3, 5e-4)]
+    error = min(abs(found - one) for one in exact)
+    assert error < 1e-8 * max(1.0, abs(exact[1])) + 2.0 * abs(exact[1] - exact[0])
