@@ -234,4 +234,5 @@ if __name__ == "__main__":
             print(scene[0], found[-1]["q"][-1], flush=True)
     assert DIGITS == 70
     if not wanted:
-        Path(MOTIONS).write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+        lines = ",\n".join(json.dumps(one, separators=(",", ":")) for one in found)
+        Path(MOTIONS).write_text(f"[\n{lines}\n]\n", encoding="utf-8")
