@@ -11,20 +11,17 @@ from pathlib import Path
 import numpy as np
 
 from ...arguments import Arguments, existing_file, folder, number, part, pathname, positive
-from ...mechanism.tree import Array
 from ...printing import along, table, write, write_json
-from .. import pages, peers
+from .. import pages
 from ..contender import Contender
 from ..machine import footer, machine
+from ..tools import tools
 from ..work_precision import ours
 from ..work_precision.motion import Motion
 from ..work_precision.references import Reference
 from .ladder import REPEATED, Reached, fastest, measured
 from .problems import PROBLEMS, Problem
 from .values import VALUES, Value
-
-OURS = ours.COMPILED, "bridge, RK4"
-"""The contender of ours that takes part: the first that there is."""
 
 REACHED = ("problem", "allowed", "tool", "reached", "energy, J", "step or tolerance", "time, s")
 PUBLISHED = ("published by", "what", "theirs", "ours", "apart", "why")
@@ -50,46 +47,40 @@ def run(args: argparse.Namespace) -> int:
     pages.require_marks(args.refresh, ["published values", "published benchmarks"])
     values = [value() for value in VALUES]
     print(table(PUBLISHED, [value_row(value) for value in values], None))
+    own = ours.COMPILED if "native" in ours.backend_names() else "bridge, RK4"
+    where, today = machine(), date.today().isoformat()
     best: list[Reached] = []
+    known = {problem.name: problem for problem in PROBLEMS}
     for name in along(args.problem, "benchmarks"):
-        problem = next(p for p in PROBLEMS if p.name == name)
-        motion = problem.motion()
-        exact = motion.solve()
-        found = [
-            reached
-            for contender in contenders(args.method, exact.q)
-            if not contender.refuses(motion.scene)
-            for reached in measured(problem, motion, exact, contender, args.cap)
-        ]
-        best += fastest(found)
-        if args.out is not None:
-            args.out.mkdir(parents=True, exist_ok=True)
-            _deliver(args.out, problem, motion, exact, found)
+        best += _measured(known[name], args, own, where)
     print(table(REACHED, [reached_row(one) for one in best], None))
-    where = machine()
-    print(footer(where, date.today().isoformat()))
+    print(footer(where, today))
     if args.out is not None:
         write_json(args.out / "benchmarks.json", {
-            "machine": where, "date": date.today().isoformat(),
+            "machine": where, "date": today,
             "values": [asdict(value) for value in values], "reached": [asdict(one) for one in best],
         })  # fmt: skip
         print(f"wrote {args.out}")
     if args.refresh is not None:
-        _refresh(args.refresh, values, best, footer(where, date.today().isoformat()))
+        _refresh(args.refresh, values, best, footer(where, today))
     return 0
 
 
-def contenders(wanted: Sequence[str], exact: Array) -> list[Contender]:
-    """Ours and the tools that are installed; gains are scanned by the exact q."""
-    own = sorted((c for c in ours.contenders(lambda scene: exact) if c.name in OURS), key=_rank)
-    every = [*own[:1], *peers.contenders(lambda scene: exact)]
-    if not wanted:
-        return every
-    return [c for c in every if any(w.lower() in (c.name + " " + c.family).lower() for w in wanted)]
-
-
-def _rank(contender: Contender) -> int:
-    return OURS.index(contender.name)
+def _measured(problem: Problem, args: argparse.Namespace, own: str, where: dict[str, str]) -> list[Reached]:
+    """The fastest of each family, and the files where they are wanted."""
+    motion = problem.motion()
+    exact = motion.solve()
+    found: list[Reached] = []
+    for tool in tools(lambda scene: exact.q, args.method, [own]):
+        if tool.refuses(motion.scene):
+            continue
+        reached = list(measured(problem, motion, exact, tool, args.cap))
+        found += reached
+        good = [one for one in reached if np.isfinite(one.error)]
+        if args.out is not None and tool.name == own and good:
+            args.out.mkdir(parents=True, exist_ok=True)
+            _deliver(args.out, problem, motion, exact, tool, good[-1], where)
+    return fastest(found)
 
 
 def reached_row(one: Reached) -> list[str]:
@@ -107,19 +98,16 @@ def value_row(value: Value) -> list[str]:
     return [value.source, value.what, *numbers, value.why]
 
 
-def _deliver(out: Path, problem: Problem, motion: Motion, exact: Reference, found: Sequence[Reached]) -> None:
+def _deliver(
+    out: Path, problem: Problem, motion: Motion, exact: Reference, tool: Contender, best: Reached,
+    where: dict[str, str],
+) -> None:  # fmt: skip
     """The results file of our most precise run, and what the library's form asks for."""
-    mine = [one for one in found if one.contender in OURS and np.isfinite(one.error)]
-    if not mine:
-        return
-    best = min(mine, key=lambda one: (one.allowed, one.seconds))
-    chosen = next(c for c in contenders([best.contender], exact.q) if c.name == best.contender)
-    outcome = chosen.run(motion.scene, best.setting)
+    outcome = tool.run(motion.scene, best.setting)
     columns = problem.delivered(motion.scene.mechanism, outcome.q, outcome.v)
     rows = np.column_stack([motion.scene.times, columns])
     lines = ["\t".join(f"{x:.12e}" for x in row) for row in rows]
     write(out / f"{problem.name}_solution.txt", "\n".join(lines) + "\n")
-    where = machine()
     energy = "" if np.isnan(best.energy) else f"Energy changes by at most {best.energy:.1e} J.\n"
     write(
         out / f"{problem.name}_submit.txt",

@@ -50,7 +50,7 @@ def measured(
 ) -> Iterator[Reached]:
     """Both precisions; settings are left once one takes longer than `cap` seconds."""
     wanted = problem.delivered(motion.scene.mechanism, exact.q, exact.v)
-    settings = settings_of(contender, motion)
+    settings = settings_of(contender, motion.scene, motion.steps)
     left = list(problem.allowed)
     contender.run(motion.scene, settings[0])  # what is prepared once
     for setting in settings:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from datetime import date
 
 import numpy as np
 
@@ -17,14 +16,13 @@ from ...arguments import Arguments, existing_file, file, number, part, pathname,
 from ...mechanism.tree import Array
 from ...printing import along, table, write_json
 from ...simulation.simulate import simulate
-from .. import pages, peers
+from .. import pages
 from ..contender import Contender, Scene
 from ..machine import footer, machine
+from ..tools import tools
 from ..work_precision import ours
 from ..work_precision.measure import LOST, settings_of
-from ..work_precision.motion import Motion as Laddered
 from ..work_precision.motion import times_of
-from ..work_precision.references import Reference
 from .motions import Motion, motions
 
 STEPS = (1, 2, 5, 10, 20)
@@ -67,9 +65,8 @@ def scored(contender: Contender, motion: Motion, scene: Scene, cap: float) -> Sc
     why = contender.refuses(scene)
     if why:
         return Score(contender.name, motion.name, refused=why)
-    ladder = Laddered(scene, motion.name, True, None, _nothing, STEPS)
     every, best = (len(scene.times) - 1) // (len(motion.times) - 1), Score(contender.name, motion.name)
-    for setting in settings_of(contender, ladder):
+    for setting in settings_of(contender, scene, STEPS):
         outcome = contender.run(scene, setting)
         found = outcome.q[::every]
         with np.errstate(over="ignore", invalid="ignore"):
@@ -114,13 +111,14 @@ def run(args: argparse.Namespace) -> int:
     found: list[Score] = []
     for motion in along(motions(), "singular"):
         scene, exact = scene_of(motion)
-        found += [scored(tool, motion, scene, args.cap) for tool in _tools(args.method, exact)]
+        found += [scored(tool, motion, scene, args.cap) for tool in _taking_part(args.method, exact)]
     rows = cells(found)
     print(table(rows[0], rows[1:], None))
-    last = footer(machine(), date.today().isoformat())
+    where = machine()
+    last = footer(where)
     print(last)
     if args.out is not None:
-        write_json(args.out, {"machine": machine(), "scores": [asdict(score) for score in found]})
+        write_json(args.out, {"machine": where, "scores": [asdict(score) for score in found]})
     if args.refresh is not None and pages.renew(
         args.refresh, {"singular": pages.table(rows, range(1, len(rows[0]))) + f"\n\n*{last}*"}
     ):
@@ -129,21 +127,13 @@ def run(args: argparse.Namespace) -> int:
     return 1 if wrong else 0
 
 
+def _taking_part(wanted: Sequence[str], exact: Array) -> list[Contender]:
+    return tools(lambda scene: exact, wanted, ["bridge, RK4", ours.COMPILED])
+
+
 def cells(found: Sequence[Score]) -> list[list[str]]:
     """A header, and a row for each tool."""
     tools = list(dict.fromkeys(score.tool for score in found))
     by = {(score.tool, score.motion): score for score in found}
     names = list(dict.fromkeys(score.motion for score in found))
     return [["tool", *names], *([tool, *(by[tool, name].cell for name in names)] for tool in tools)]
-
-
-def _tools(wanted: Sequence[str], exact: Array) -> list[Contender]:
-    own = [c for c in ours.contenders(lambda scene: exact) if c.name in ("bridge, RK4", ours.COMPILED)]
-    every = [*own, *peers.contenders(lambda scene: exact)]
-    if not wanted:
-        return every
-    return [c for c in every if any(w.lower() in f"{c.name} {c.family}".lower() for w in wanted)]
-
-
-def _nothing() -> Reference:
-    raise AssertionError("the exact motion is known")

@@ -7,19 +7,19 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ...arguments import Arguments, existing_folder, folder, number, part, pathname, positive, whole
 from ...drawing.figures import style as plots
-from ...errors import OptionError
 from ...mechanism.tree import Array
 from ...printing import progress_bar
 from .. import peers
 from ..contender import Contender, Scene
 from ..machine import THREADS
-from . import floor, ours, report
+from ..tools import tools
+from . import floor, report
 from .measure import Judge, Point, climb, settings_of
 from .motion import Motion
 from .references import Reference
@@ -47,11 +47,7 @@ class Study:
 
     def __post_init__(self) -> None:
         self.motions = {name: MOTIONS[name]() for name in self.scenes}
-        everyone = [*ours.contenders(self._exact), *peers.contenders(self._exact)]
-        self.contenders = [c for c in everyone if _wanted(c, self.wanted)]
-        if not self.contenders:
-            names = ", ".join(c.name for c in everyone)
-            raise OptionError(f"--method {' '.join(self.wanted)} fits none of {names}")
+        self.contenders = tools(self._exact, self.wanted)
 
     def _exact(self, scene: Scene) -> Array:
         return self.reference(scene.name).q
@@ -104,15 +100,10 @@ class Study:
 
     def _settings(self, contender: Contender, motion: Motion) -> list[float]:
         if not self.quick:
-            return settings_of(contender, motion)
+            return settings_of(contender, motion.scene, motion.steps)
         if contender.kind == "adaptive":
             return list(QUICK_TOLERANCES)
-        return settings_of(contender, replace(motion, steps=QUICK_STEPS))
-
-
-def _wanted(contender: Contender, wanted: Sequence[str]) -> bool:
-    names = contender.name.lower(), contender.family.lower()
-    return not wanted or any(part.lower() in name for part in wanted for name in names)
+        return settings_of(contender, motion.scene, QUICK_STEPS)
 
 
 def arguments(add_to: Arguments) -> None:

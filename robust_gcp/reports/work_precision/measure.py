@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
@@ -153,11 +153,11 @@ def _energy(mechanism: Mechanism, q: Array, v: Array) -> float:
         return np.inf
 
 
-def settings_of(contender: Contender, motion: Motion) -> list[float]:
-    """The contender's ladder, coarse to fine."""
+def settings_of(contender: Contender, scene: Scene, steps: Sequence[int]) -> list[float]:
+    """The contender's ladder, coarse to fine: so many steps in each output interval, or tolerances."""
     if contender.kind == "adaptive":
         return list(TOLERANCES)
-    return [float(motion.scene.times[1]) / k for k in motion.steps]
+    return [float(scene.times[1]) / k for k in steps]
 
 
 def climb(

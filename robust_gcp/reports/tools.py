@@ -1,0 +1,41 @@
+"""Who takes part in a report: methods of ours, and the other tools that are installed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from ..errors import OptionError
+from ..mechanism.tree import Array
+from . import peers
+from .contender import Contender, Scene
+from .work_precision import ours
+
+
+def tools(
+    exact: Callable[[Scene], Array], wanted: Sequence[str] = (), own: Sequence[str] | None = None
+) -> list[Contender]:
+    """Those whose name or family contains one of the words; all where there is none.
+
+    Parameters
+    ----------
+    exact : callable (Scene) -> ndarray (n, nq)
+        A scene's exact q, which gains are scanned by.
+    own : sequence of str, optional
+        Names of those of ours that take part; all when left out.
+
+    Raises
+    ------
+    OptionError
+        Where the words fit none.
+    """
+    mine = [c for c in ours.contenders(exact) if own is None or c.name in own]
+    everyone = [*mine, *peers.contenders(exact)]
+    found = [c for c in everyone if not wanted or any(map(_named(c).__contains__, map(str.lower, wanted)))]
+    if not found:
+        names = ", ".join(c.name for c in everyone)
+        raise OptionError(f"--method {' '.join(wanted)} fits none of {names}")
+    return found
+
+
+def _named(contender: Contender) -> str:
+    return f"{contender.name}\n{contender.family}".lower()
