@@ -17,6 +17,7 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .chart_slopes import ChartSlopes, chart_slopes
 from .derivatives import Derivatives, PointDerivatives
+from .driven_derivatives import ByDrive
 from .equations import Evaluation
 from .problem import set_out
 
@@ -72,7 +73,7 @@ class Step:
         return self.jacobians_by(none)[:2]
 
     def jacobians_by(
-        self, by_p: Sequence[Array], driven: NDArray[np.int64] = NOTHING, own: NDArray[np.int64] = NOTHING
+        self, by_p: Sequence[Array], driven: NDArray[np.int64] = NOTHING
     ) -> tuple[Array, Array, Array, Array]:
         """The same, by parameters p, (2m, k), and by prescribed motions, (2m, 15 driven).
 
@@ -80,16 +81,15 @@ class Step:
         ----------
         by_p : sequence of ndarray (m, k)
             By how much u̇ changes with parameters at each stage.
-        driven, own : ndarray of int (driven,)
-            Which of y are prescribed, and where their velocities are in v; slopes are those of
-            `DrivenDerivatives`. The last columns are (5, 3, driven), by y, ẏ and ÿ at each stage and the end.
+        driven : ndarray of int (driven,)
+            Which of y are prescribed; slopes are those of `DrivenDerivatives`. The last columns are
+            (5, 3, driven), by y, ẏ and ÿ at each stage and the end.
         """
         m, nv = self.stages[0].slopes.da_dtau.shape
         k = 2 * m + nv + by_p[0].shape[1]
         inputs = np.eye(k + 15 * len(driven))
-        eta, u, rest, told = inputs[:m], inputs[m : 2 * m].copy(), inputs[2 * m : k], inputs[k:]
+        eta, u, rest, told = inputs[:m], inputs[m : 2 * m], inputs[2 * m : k], inputs[k:]
         told = told.reshape(5, 3, len(driven), len(inputs))
-        rest[own] = 0.0  # torques that change nothing
         sum_y = sum_u = slope_y = slope_u = np.zeros_like(eta)
         stages = zip(self.stages, STAGES, WEIGHTS, by_p, told[:4], strict=True)
         for stage, share, weight, by, (at, fast, hard) in stages:
@@ -99,7 +99,8 @@ class Step:
             moved = chart.by_start @ eta + chart.by_y @ dy
             moved[driven], du[driven] = at, fast
             slope_u = d.da_dy @ moved + d.da_dv @ du + np.hstack([d.da_dtau, by]) @ rest
-            slope_u += d.da_dtau[:, own] @ hard
+            if isinstance(d, ByDrive):
+                slope_u += d.da_ddrive @ hard
             sum_y, sum_u = sum_y + weight * slope_y, sum_u + weight * slope_u
         end = self.chart.by_start @ eta + self.h * self.chart.by_y @ sum_y
         fast = u + self.h * sum_u

@@ -8,20 +8,32 @@ else changes, and a change of d̈ takes forces W_dd⁻¹ δd̈:
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from ..mechanism.tree import Array
 from .derivatives import Derivatives, PointDerivatives
 from .drive import Drive
 from .equations import Evaluation
 
 
-class DrivenDerivatives(PointDerivatives):
-    """`PointDerivatives` of the free coordinates; the rows of driven ones are zero.
+@dataclass(frozen=True)
+class ByDrive(Derivatives):
+    """`Derivatives` of the free coordinates, the rows of driven ones zero.
 
-    The torque on a driven joint changes nothing: its column of ∂u̇/∂τ holds ∂u̇/∂d̈.
+    Attributes
+    ----------
+    da_ddrive : ndarray (m, driven)
+        By prescribed accelerations.
+    """
+
+    da_ddrive: Array
+
+
+class DrivenDerivatives(PointDerivatives):
+    """`PointDerivatives` where joints are driven.
 
     Parameters
     ----------
@@ -34,7 +46,7 @@ class DrivenDerivatives(PointDerivatives):
         super().__init__(*others)
         self._drive = drive
 
-    def at(self, t: float, now: Evaluation) -> Derivatives:
+    def at(self, t: float, now: Evaluation) -> ByDrive:
         """At an evaluated point, what moves the driven joints in its τ."""
         found, driven, free = super().at(t, now), self._drive.driven, self._drive.free
         own = self.mechanism.iv_independent[driven]
@@ -43,7 +55,8 @@ class DrivenDerivatives(PointDerivatives):
         shares = np.linalg.solve(by_force[driven].T, by_force[free].T).T
         rows[free] -= shares @ rows[driven]
         rows[driven] = 0.0
-        m = self.mechanism.m
-        by_tau = rows[:, 2 * m :]
-        by_tau[np.ix_(free, own)] = shares
-        return replace(found, da_dy=rows[:, :m], da_dv=rows[:, m : 2 * m], da_dtau=by_tau)
+        by_y, by_u, by_tau = np.split(rows, [self.mechanism.m, 2 * self.mechanism.m], axis=1)
+        by_tau[:, own] = 0.0  # what drives a joint gives way to what else acts on it
+        by_drive = np.zeros_like(by_force)
+        by_drive[free] = shares
+        return ByDrive(found.udot, by_y, by_u, by_tau, found.G, found.dv_dy, by_drive)

@@ -189,8 +189,7 @@ class Follower:
         self._t, self._x, self._now = self._t + h, x, now
         own = motion.mechanism
         drive = self._acting.drive
-        told = () if drive is None else (drive.driven, motion.mechanism.iv_independent[drive.driven])
-        A, B, P, D = step.jacobians_by(by, *told)
+        A, B, P, D = step.jacobians_by(by, *([] if drive is None else [drive.driven]))
         require_finite(A, "A")
         return Moved(A, B, P, own, own, Slope.of(step.stages[0].slopes), last, now.point.q, now.v, D)
 

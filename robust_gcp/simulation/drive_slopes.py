@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ..checks import hint, shown
-from ..dynamics.derivatives import Derivatives
 from ..dynamics.discrete import STAGES
 from ..dynamics.drive import Drive
 from ..dynamics.motion import Motion
@@ -87,12 +86,6 @@ class DriveSweep:
     def add(self, first: int, by_drive: Array) -> None:
         """Of steps from `first` on, (N, 5, 3, driven)."""
         self._by[first : first + len(by_drive)] += by_drive
-
-    def by_torques(self, mechanism: Mechanism, slopes: Derivatives) -> Derivatives:
-        """`DrivenDerivatives` as what they say of torques, of which those on driven joints change nothing."""
-        by_tau = slopes.da_dtau.copy()
-        by_tau[:, mechanism.iv_independent[self.of(mechanism).driven]] = 0.0
-        return replace(slopes, da_dtau=by_tau)
 
     def begin(self, adjoint: Array, mechanism: Mechanism) -> None:
         """Take what multiplies (η, u) of driven joints at the start out of the adjoint (2m,)."""

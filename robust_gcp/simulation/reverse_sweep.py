@@ -222,10 +222,7 @@ class ReverseSweep:
         return Acting(torque, self._function, self._torque_slopes, by_more, still, drive)
 
     def _by_parameter(self, stage: Stage) -> Array:
-        slopes = stage.slopes
-        if self._drives is not None:
-            slopes = self._drives.by_torques(self._mechanism, slopes)
-        return self._parameters.slopes(stage.now, slopes)
+        return self._parameters.slopes(stage.now, stage.slopes)
 
     def _pull(self, i: int, moved: Moved) -> None:
         """Take the adjoint from after step i to before it."""

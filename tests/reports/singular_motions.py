@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp.examples.linkages import add_link, four_bar, n_four_bar
@@ -91,9 +90,9 @@ class Motion:
 
     def state(self, y: Decimal) -> tuple[Vector, Vector]:
         """q and v at y."""
-        _, _, G = self.at(y)
-        rate, q = self._rate(y), self.last
-        return q, [rate * x for x in G]
+        inertia, potential, G = self.at(y)
+        rate = self._speed(inertia, potential)
+        return self.last, [rate * x for x in G]
 
     def time(self, start: Decimal, end: Decimal) -> Decimal:
         """From y to y, s."""
@@ -121,6 +120,9 @@ class Motion:
 
     def _rate(self, y: Decimal) -> Decimal:
         inertia, potential, _ = self.at(y)
+        return self._speed(inertia, potential)
+
+    def _speed(self, inertia: Decimal, potential: Decimal) -> Decimal:
         return self.sign * (2 * (self.energy - potential) / inertia).sqrt()
 
     def _keep(self, y: Decimal, q: Vector) -> None:
@@ -145,32 +147,20 @@ def two_crossed() -> rg.Mechanism:
     """Two crossed parallelograms, the rocker of one the crank of the other: both fold flat at once."""
     model = pin.Model()
     model.gravity.linear = np.array([0.0, 0.0, -9.81])
-    for k, crank in enumerate((add_link(model, 0, 0.0, "q1", 1.0), None)):
-        if crank is None:
-            crank = model.getJointId("q3")
-        add_link(model, crank, 1.0, f"q{2 + 2 * k}", 2.0)
-        if k == 0:
-            add_link(model, 0, 2.0, "q3", 1.0)
+    add_link(model, add_link(model, 0, 0.0, "q1", 1.0), 1.0, "q2", 2.0)
+    rocker = add_link(model, 0, 2.0, "q3", 1.0)
+    add_link(model, rocker, 1.0, "q4", 2.0)
     add_link(model, 0, 4.0, "q5", 1.0)
     closures = [rg.PointClosure("q2_tip", "q3_tip"), rg.PointClosure("q4_tip", "q5_tip")]
-    y = 0.4
-    turns = [y, -2.0 * np.arctan(3.0 * np.tan(y / 2.0))]
-    turns.append(-2.0 * np.arctan(3.0 * np.tan(turns[1] / 2.0)))
-    home = np.zeros(5)
-    names = [str(name) for name in model.names][1:]
-    for name, turn in zip(("q1", "q3", "q5"), turns, strict=True):
-        home[names.index(name)] = turn
-    mech = rg.Mechanism.from_pinocchio(model, closures, ["q1"], home=_coupled(home, names))
-    return rg.Mechanism.from_pinocchio(model, closures, ["q1"], home=mech.assemble(mech.home))
-
-
-def _coupled(home: NDArray[np.float64], names: list[str]) -> NDArray[np.float64]:
-    """With the couplers' angles from their cranks, 2 m from tip to tip."""
-    turn = {name: home[names.index(name)] for name in ("q1", "q3", "q5")}
-    for coupler, one, two, at in (("q2", "q1", "q3", 2.0), ("q4", "q3", "q5", 2.0)):
-        tip = at + np.exp(1j * turn[two]) - np.exp(1j * turn[one])
-        home[names.index(coupler)] = np.angle(tip) - turn[one]
-    return home
+    turns = [0.4]
+    for _ in range(2):
+        turns.append(-2.0 * np.arctan(3.0 * np.tan(turns[-1] / 2.0)))
+    cranks = np.exp(1j * np.array(turns))
+    couplers = np.angle(2.0 + np.diff(cranks)) - turns[:2]
+    home = [turns[0], couplers[0], turns[1], couplers[1], turns[2]]
+    mech = rg.Mechanism.from_pinocchio(model, closures, ["q1"], home=home)
+    mech.home = mech.assemble(home)
+    return mech
 
 
 def beside(mech: rg.Mechanism, mode: int, y: float) -> rg.Mechanism:

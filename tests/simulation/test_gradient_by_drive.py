@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import pickle
 import warnings
 from collections.abc import Callable
@@ -22,6 +21,7 @@ from ..kernel.test_kernel import random_mechanism
 from .test_gradient import slope
 from .test_gradient_by_geometry import moved
 from .test_gradient_by_parameters import changed, feedback, thick
+from .test_gradient_by_parameters import value as cost_of
 
 Array = NDArray[np.float64]
 
@@ -40,14 +40,8 @@ COST = rg.Cost(terminal, running)
 
 
 def value(run: rg.Trajectory, held: bool) -> float:
-    """The cost of a run under `feedback`, by the trapezoidal rule as `rg.Cost` says."""
-    total = terminal(run.q[-1], run.v[-1])
-    for i in range(len(run.t) - 1):
-        for k in (i, i + 1):
-            at = i if held else k
-            tau = feedback(run.t[at], run.q[at], run.v[at])
-            total += 0.5 * (run.t[i + 1] - run.t[i]) * running(run.t[k], run.q[k], run.v[k], tau)
-    return total
+    """Its cost."""
+    return cost_of(run, held, COST)
 
 
 @dataclass(frozen=True)
@@ -109,9 +103,7 @@ class Scene:
 
 
 def change(k: int, t: float) -> float:
-    return (
-        0.4 * math.cos(3.0 * t + k) + 0.2 * t if isinstance(t, float) else 0.4 * np.cos(3.0 * t + k) + 0.2 * t
-    )
+    return 0.4 * np.cos(3.0 * t + k) + 0.2 * t
 
 
 def _delta(driven: tuple[str, ...]) -> Scene:

@@ -14,7 +14,7 @@ from robust_gcp.dynamics.regressor import OF_A_BODY
 from robust_gcp.simulation import reverse_sweep
 
 from ..dynamics.test_derivatives import floating
-from .test_gradient import COST, running, slope, terminal
+from .test_gradient import COST, slope
 
 Array = NDArray[np.float64]
 
@@ -62,14 +62,15 @@ def feedback(t: float, q: Array, v: Array) -> Array:
     return tau
 
 
-def value(run: rg.Trajectory, held: bool) -> float:
+def value(run: rg.Trajectory, held: bool, cost: rg.Cost = COST) -> float:
     """The cost of a run under `feedback`, by the trapezoidal rule as `rg.Cost` says."""
-    total = terminal(run.q[-1], run.v[-1])
+    assert cost.terminal is not None and cost.running is not None
+    total = float(cost.terminal(run.q[-1], run.v[-1]))
     for i in range(len(run.t) - 1):
         for k in (i, i + 1):
             at = i if held else k
             tau = feedback(run.t[at], run.q[at], run.v[at])
-            total += 0.5 * (run.t[i + 1] - run.t[i]) * running(run.t[k], run.q[k], run.v[k], tau)
+            total += 0.5 * (run.t[i + 1] - run.t[i]) * cost.running(run.t[k], run.q[k], run.v[k], tau)
     return total
 
 

@@ -69,10 +69,8 @@ inline Obstacle approaching(const Jet& here, double largest_gap) {
 class Seen {
   public:
     const Obstacle& at(const Jet& here, double largest_gap) {
-        for (const Obstacle& one : ahead_) {
-            const Vector apart = here.x - one.x;
-            if ((apart - here.space->whole_turns(apart)).norm() <= one.radius) return one;
-        }
+        for (const Obstacle& one : ahead_)
+            if (one.covers(here.x - here.space->whole_turns(here.x - one.x))) return one;
         if (ahead_.size() >= MOST) ahead_.erase(ahead_.begin());
         return ahead_.emplace_back(approaching(here, largest_gap));
     }

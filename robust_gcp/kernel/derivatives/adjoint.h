@@ -74,11 +74,13 @@ class Adjoint {
         double* rows = stages_.data() + first * m * static_cast<std::size_t>(width_);
         for (std::size_t s = 0; s < count; ++s, tau_y += nv * m, tau_u += nv * m)
             for (std::size_t k = 0; k < m; ++k, rows += width_)
-                for (std::size_t j = 0; j < nv; ++j)
-                    for (std::size_t a = 0; !is_driven(static_cast<int>(j)) && a < m; ++a) {
+                for (std::size_t j = 0; j < nv; ++j) {
+                    if (is_driven(static_cast<int>(j))) continue;
+                    for (std::size_t a = 0; a < m; ++a) {
                         rows[a] += rows[2 * m + j] * tau_y[j * m + a];
                         rows[m + a] += rows[2 * m + j] * tau_u[j * m + a];
                     }
+                }
     }
 
     // Derivatives of the first step by (η, u), (2m, 2m), and by torques held over it, (2m, nv).

@@ -100,7 +100,7 @@ Svd::Svd(const Matrix& A) {
 
 Matrix left_vectors(const Matrix& A) {
     const Eigen::Index n = A.rows();
-    if (std::max(n, A.cols()) > SMALL && n <= A.cols()) {
+    if (std::min(n, A.cols()) > SMALL) {
         const Eigen::BDCSVD<Matrix> svd(A, Eigen::ComputeFullU);
         if (svd.info() == Eigen::Success) return svd.matrixU();
     }
