@@ -58,8 +58,11 @@ def turned(angle: Decimal) -> tuple[Decimal, Decimal]:
 
 
 def solve(A: Matrix, B: Matrix) -> Matrix:
-    """A⁻¹ B by elimination with pivots."""
-    n = len(A)
+    """A⁻¹ B by elimination with pivots; of more rows than columns by their squares."""
+    n = len(A[0])
+    if len(A) > n:
+        across = list(zip(*A, strict=True))
+        A, B = ([[_dot(a, b) for b in zip(*other, strict=True)] for a in across] for other in (A, B))
     rows = [list(a) + list(b) for a, b in zip(A, B, strict=True)]
     for i in range(n):
         pivot = max(range(i, n), key=lambda r: abs(rows[r][i]))
@@ -78,7 +81,7 @@ class Exact:
     Parameters
     ----------
     mech : Mechanism
-        Planar, with point closures alone.
+        Planar, with point closures and couplings of two joints alone.
     """
 
     def __init__(self, mech: rg.Mechanism) -> None:
@@ -91,6 +94,12 @@ class Exact:
         self.parent = [int(p) - 1 for p in list(model.parents)[1:]]
         self.i, self.d = (list(map(int, part)) for part in (mech.iv_independent, mech.iv_dependent))
         self._read(model, closure_frames(model, mech.loops))
+        numbers = {str(model.names[j]): j - 1 for j in range(1, model.njoints)}
+        self.couplings = [
+            (numbers[c.joint1], numbers[str(c.joint2)], [Decimal(float(x)) for x in c.coefficients])
+            for c in mech.closures
+            if isinstance(c, rg.CouplingClosure)
+        ]
 
     def _read(self, model: pin.Model, frames: list[tuple[int, pin.SE3]]) -> None:
         """Placements, bodies, the closures' ends and gravity."""
@@ -143,6 +152,11 @@ class Exact:
             a, b = self.point(places, *one), self.point(places, *two)
             phi += [x - y for x, y in zip(a[0], b[0], strict=True)]
             K += [[x - y for x, y in zip(r, s, strict=True)] for r, s in zip(a[1:], b[1:], strict=True)]
+        for one, two, numbers in self.couplings:
+            row = [ZERO] * self.nv
+            row[one], row[two] = ONE, -sum(k * c * q[two] ** (k - 1) for k, c in enumerate(numbers) if k)
+            phi.append(q[one] - sum(c * q[two] ** k for k, c in enumerate(numbers)))
+            K.append(row)
         return phi, K
 
     def inertia(self, q: Vector) -> tuple[Matrix, Decimal]:

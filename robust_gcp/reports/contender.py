@@ -9,6 +9,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from ..mechanism.mechanism import Mechanism
+from ..mechanism.parts import JointFriction, Stop
 from ..mechanism.tree import Array
 
 Kind = Literal["fixed", "adaptive"]
@@ -27,6 +28,7 @@ class Scene:
     q0: Array
     v0: Array
     times: Array  # (401,): output times, equally spaced from 0, s. Fixed steps divide their spacing
+    joints: tuple[Stop | JointFriction, ...] = ()
 
 
 @dataclass

@@ -16,7 +16,7 @@ from ..dynamics.held import HeldTorque
 from ..dynamics.loads import Torques, Wrench, one_torque
 from ..dynamics.motion import Motion
 from ..dynamics.tableau import Tableau
-from ..errors import OptionError
+from ..errors import CuspError, OptionError
 from ..kernel.steps import BACKENDS, chosen_library
 from ..maps.choice import METHODS, MapChoice, Method
 from ..maps.classical import NewtonStart
@@ -209,15 +209,18 @@ def simulate(
         restitution=checked_cusp(on_cusp, parts),
     )  # fmt: skip
     acting = applied if held is None else held
-    if parts or course.restitution is not None:
-        refused = {
-            f"method={method!r}": method != "bridge", f"stepper={stepper!r}": not fixed,
-            "drive=": drive is not None,
-        }  # fmt: skip
-        return course.through_phases(
-            parts, (q0, v0, mode), acting, kernel, backend == "native", refused, progress
-        )
-    return course.run((q0, v0, mode), acting, kernel, backend == "native", again, progress)
+    refused = {
+        f"method={method!r}": method != "bridge", f"stepper={stepper!r}": not fixed,
+        "drive=": drive is not None,
+    }  # fmt: skip
+    given = (q0, v0, mode), acting, kernel, backend == "native"
+    if not parts and course.restitution is None:
+        try:
+            return course.run(*given, again, progress)
+        except CuspError as error:
+            if error.arrival is None or any(refused.values()):
+                raise
+    return course.through_phases(parts, *given, refused, progress)  # on a cusp's arc it has no plain steps
 
 
 def checked_cusp(on_cusp: Any, parts: Sequence[Part]) -> float | None:

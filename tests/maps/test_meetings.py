@@ -327,7 +327,26 @@ def test_a_cusp_ends_the_motion_with_all_that_is_known(step: float, backend: str
     came, other = error.branches
     assert mechanism.closure_residual(came) < 1e-13
     assert (came[3] > 0.0) and (other[3] < 0.0)
-    assert error.trajectory.t[-1] < error.time
+    assert 0.0 <= error.time - error.trajectory.t[-1] < 1e-15
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_motion_that_does_not_come_to_its_cusp_is_not_stopped(backend: str) -> None:
+    """By the end of its time, or by an event of the user's; the energy is kept until there."""
+    mechanism, q, v = _to_the_cusp()
+    begun = mechanism.energy(q, v)
+
+    def low(t: float, q: np.ndarray, v: np.ndarray) -> float:
+        return float(q[0] - 0.01)
+
+    low.terminal = True  # type: ignore[attr-defined]
+    run = rg.simulate(mechanism, q, v, duration=0.04, step=1e-3, backend=backend, record=["energy"])
+    assert run.t[-1] == 0.04 and len(run.t) == 41
+    assert run.energy == pytest.approx(begun, abs=1e-10)
+    how = {"backend": backend, "events": [low], "record": ["energy"]}
+    run = rg.simulate(mechanism, q, v, duration=0.1, step=1e-3, **how)
+    assert run.q[-1, 0] == pytest.approx(0.01, abs=1e-13)
+    assert run.energy == pytest.approx(begun, abs=1e-10)
 
 
 def test_round_a_cusp_and_back_at_full_order() -> None:

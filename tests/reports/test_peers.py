@@ -19,11 +19,13 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
+from robust_gcp.examples import meetings
 from robust_gcp.kernel import build
 from robust_gcp.kernel.build import BuildError
 from robust_gcp.reports import peers
 from robust_gcp.reports.contender import Contender, Outputs, Scene, division
 from robust_gcp.reports.peers import compiled, parts, pinocchio
+from robust_gcp.reports.work_precision.ours import nearest
 
 Array = NDArray[np.float64]
 States = Callable[[rg.Mechanism, int], list[tuple[Array, Array]]]
@@ -421,6 +423,40 @@ def test_mujoco_takes_floating_bases() -> None:
         assert np.abs(outcome.v[-1] - run.v[-1]).max() < 1e3 * found[-1] + 1e-6
     assert orders(np.array(found))[-1] > 1.6
     assert found[-1] < 1e-4
+
+
+STOPPED = rg.Stop("q1", upper=1.8, restitution=0.5), rg.JointFriction("q3", bound=0.5)
+
+
+@needs("mujoco")
+def test_mujoco_takes_stops_and_dry_friction() -> None:
+    """It tends to our motion, which has an impact, as softness goes; others say that they have neither."""
+    mechanism, times = rg.load("crank_rocker"), np.linspace(0.0, 0.6, 401)
+    v0 = mechanism.lift(mechanism.home, [5.0])
+    run = rg.simulate(mechanism, v0=v0, duration=0.6, step=1.5e-3, joints=list(STOPPED))
+    assert [x.kind for x in run.happenings][:1] == ["impact"]
+    q = run.q[nearest(run.t, times)]
+    scene = Scene("crank_rocker", mechanism, run.q[0], run.v[0], times, STOPPED)
+    tool = contender("MuJoCo connect, tuned")
+    errors = [np.abs(tool.run(scene, 1.5e-3 / parts).q - q).max() for parts in (10, 40, 160)]
+    assert errors[2] < 0.5 * errors[1] < 0.25 * errors[0] < 0.1
+    for other in peers.contenders():
+        assert (other.refuses(scene) == "") == (other.family == "MuJoCo")
+
+
+@needs("mujoco")
+def test_mujoco_takes_couplings_and_exudyns_adapter_does_not() -> None:
+    mechanism, times = meetings.cusp_cam(0.1), np.linspace(0.0, 0.02, 401)
+    v0 = mechanism.lift(mechanism.home, [-1.0])
+    run = rg.simulate(mechanism, v0=v0, duration=0.02, step=5e-5)
+    scene = Scene("cam", mechanism, run.q[0], run.v[0], times)
+    errors = [
+        np.abs(contender("MuJoCo connect, tuned").run(scene, 5e-5 / parts).q - run.q).max()
+        for parts in (1, 4)
+    ]
+    assert errors[1] < 0.3 * errors[0] < 1e-3
+    for other in peers.contenders():
+        assert (other.refuses(scene) == "") == (other.family == "MuJoCo")
 
 
 @needs("mujoco")

@@ -17,40 +17,59 @@ from robust_gcp.reports.singular.scores import cells, scene_of, scored
 from robust_gcp.reports.work_precision.reduced import GRAVITY
 
 from ..compiled import needs_kernel
-from ..exact import Exact
-from ..exact_in_space import ExactInSpace
-from .singular_motions import Motion as Quadrature
+from .singular_motions import quadrature
 
 SET = motions()
 
 
 @pytest.mark.parametrize("motion", SET, ids=lambda motion: motion.name)
 def test_states_are_those_of_one_motion(motion: Motion) -> None:
-    """Closed, of one energy, y on its way all the time, and what a run of ours passes through."""
-    mech = motion.mechanism
-    energies = [mech.energy(q, v) for q, v in zip(motion.q, motion.v, strict=True)]
-    assert np.ptp(energies) < 1e-12 * max(1.0, np.abs(energies).max())
+    """Closed, of one energy less what was lost, y on its way to a stop and back, and what a run passes."""
+    mech, own = motion.mechanism, motion.mechanism.iv_independent[0]
     for q, v in zip(motion.q, motion.v, strict=True):
         assert np.abs(mech.phi(q)).max() < 1e-14
         assert np.abs(mech.K(q) @ v).max() < 1e-13 * np.abs(v).max()
-    own = mech.iv_independent[0]
-    assert np.ptp(np.sign(np.append(motion.v[:, own], np.diff(motion.q[:, own])))) == 0.0
+    ways = np.sign(motion.v[:, own])
+    hits = np.flatnonzero(np.diff(ways))
+    assert len(hits) == len(motion.linkage.get("stops", []))
+    energies = np.array([mech.energy(q, v) for q, v in zip(motion.q, motion.v, strict=True)])
+    for joint, bound in motion.linkage.get("friction", {}).items():
+        energies += bound * np.abs(motion.q - motion.q[0])[:, mech.joint(joint).idx_q]
+    for part in np.split(energies, hits + 1):
+        assert np.ptp(part) < 1e-12 * max(1.0, np.abs(energies).max())
     scene, fine = scene_of(motion)
     assert np.abs(fine[:: (len(scene.times) - 1) // 20] - motion.q).max() < 5e-11
-    run = rg.simulate(
-        mech, scene.q0, scene.v0, duration=float(motion.times[-1]), step=float(motion.times[-1]) / 400
-    )
+
+
+@pytest.mark.parametrize("motion", SET, ids=lambda motion: motion.name)
+def test_each_passes_what_it_is_there_for(motion: Motion) -> None:
+    """One crossing at least; the cusp is told of with its time, and the stop is hit where energy says."""
+    duration = float(motion.times[-1])
+    given = motion.mechanism, motion.q[0], motion.v[0], duration, duration / 400
+    if np.isfinite(motion.end):
+        with pytest.raises(rg.CuspError) as caught:
+            rg.simulate(*given)
+        assert caught.value.time == pytest.approx(motion.end, abs=1e-12)
+        return
+    run = rg.simulate(*given, joints=list(motion.joints) or None)
     assert run.crossings
+    assert [x.kind for x in run.happenings] == ["impact"] * len(motion.linkage.get("stops", []))
+    if motion.name == "trammel":
+        assert [(x.kind, x.order) for x in run.crossings] == [("tangential", 2)]
+    assert motion.name != "collapsing cell" or run.crossings[0].corank == 2
 
 
-@pytest.mark.parametrize("name", ["rhombus", "in space 4, mode 1"])
+@pytest.mark.parametrize(
+    "name",
+    ["rhombus", "in space 4, mode 1", "flat-foldable vertex", "trammel", "cusp", "over centre, stop",
+     "kite, dry friction"],
+)  # fmt: skip
 def test_how_it_was_made(name: str) -> None:
     """Again from its start, to the last digit of a double."""
     kept = next(motion for motion in SET if motion.name == name)
-    mech = kept.mechanism
-    exact = (ExactInSpace if name.startswith("in space") else Exact)(mech)
-    rate = Decimal(float(kept.v[0, mech.iv_independent[0]]))
-    again = Quadrature(exact, [Decimal(float(x)) for x in kept.q[0]], rate)
+    rate = float(kept.v[0, kept.mechanism.iv_independent[0]])
+    again = quadrature(kept.linkage, kept.q[0], rate, bool(np.isfinite(kept.end)))
+    assert not again.cusp or float(again.end) == kept.end
     states = list(again.states(Decimal(float(kept.times[-1]))))
     np.testing.assert_array_equal([[float(x) for x in q] for q, _ in states], kept.q)
     np.testing.assert_array_equal([[float(x) for x in v] for _, v in states], kept.v)
@@ -77,7 +96,7 @@ class Replayed:
         return self._refusal
 
     def run(self, scene: Scene, setting: float) -> Outcome:
-        q = self._q[: self._keep] + self._off * (np.arange(self._keep) >= 200)[:, None]
+        q = self._q[: self._keep] + self._off * (np.arange(len(self._q)) >= 200)[: self._keep, None]
         return Outcome(q, np.zeros_like(q), 0.0, 0)
 
 
@@ -98,6 +117,17 @@ def test_scores() -> None:
         f"lost at {float(motion.times[11]):.3g} s",
         "refused",
     ]
+
+
+def test_who_goes_on_after_an_end_is_told() -> None:
+    motion = next(motion for motion in SET if np.isfinite(motion.end))
+    scene, exact = scene_of(motion)
+    assert len(exact) < len(scene.times)
+    on = np.concatenate([exact, np.tile(exact[-1], (len(scene.times) - len(exact), 1))])
+    tools = [Replayed("stops", exact), Replayed("goes on", on)]
+    found = [scored(tool, motion, scene, 1.0) for tool in tools]
+    assert [score.past for score in found] == [False, True]
+    assert cells(found)[2][1].endswith(", goes on")
 
 
 @needs_kernel

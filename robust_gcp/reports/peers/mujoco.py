@@ -1,10 +1,12 @@
 """MuJoCo on the same spanning tree, loops closed by `connect` between sites.
 
-Springs and dampers are MuJoCo's own (joints and spatial tendons); a constant drive is `qfrc_applied`.
+Springs and dampers are MuJoCo's own (joints and spatial tendons), as are stops (limits of joints), dry
+friction (`frictionloss`) and couplings; a constant drive is `qfrc_applied`.
 """
 
 from __future__ import annotations
 
+import copy
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,10 +18,12 @@ import pinocchio as pin
 from mujoco import rollout
 
 from ...io.mjcf_out import mjcf_text
+from ...io.mjcf_stops import solref_of
 from ...mechanism.joints import JointKind
 from ...mechanism.mechanism import Mechanism
+from ...mechanism.parts import JointFriction
 from ...mechanism.tree import Array
-from ..contender import Contender, Kind, Outcome, Outputs, Scene, clock, division
+from ..contender import BOUND, Contender, Kind, Outcome, Outputs, Scene, clock, division
 from .parts import has_simple_joints
 
 HARDEST = 0.9999
@@ -27,6 +31,9 @@ HARDEST = 0.9999
 
 SHORTEST = 2.0
 """Steps of the constraints' time constant; MuJoCo clips smaller ones (`refsafe`)."""
+
+REBOUND = 10.0
+"""Time constant of stops in that of closures: a rebound has to be resolved, and of 1 to 100 this erred least."""
 
 APPLIED = mujoco.mjtState.mjSTATE_QFRC_APPLIED
 
@@ -54,7 +61,7 @@ class Connect:
         """Why not: other joints, closures of whole frames, or what MuJoCo itself does not compile."""
         if not has_simple_joints(scene.mechanism, floating=True):
             return "the adapter knows hinges, sliders and floating bases only"
-        if any(c.kind not in ("3d", "revolute") for c in scene.mechanism.closures):
+        if any(c.kind not in ("3d", "revolute", "coupling") for c in scene.mechanism.closures):
             return "connect holds points together, and a closure here holds whole frames"
         massless = any(body.mass == 0.0 for body in list(scene.mechanism.own_model.inertias)[1:])
         return "MuJoCo takes no moving bodies without mass" if massless else ""
@@ -66,6 +73,7 @@ class Connect:
         model.opt.timestep = h
         if self.time_constant is not None:
             model.eq_solref[:] = (self.time_constant(h), 1.0)
+        model = _with_parts(model, scene, self.time_constant and self.time_constant(h))
         data = mujoco.MjData(model)
         bases = Bases(scene.mechanism)
         data.qpos[:], data.qvel[:] = bases.theirs(scene.q0, scene.v0)
@@ -125,6 +133,27 @@ class Bases:
             q[i + 3 : i + 7] = (turn * now).coeffs()
             v[j : j + 3] = now.matrix().T @ qvel[j : j + 3]
         return q, v
+
+
+def _with_parts(model: Any, scene: Scene, time_constant: float | None) -> Any:
+    """A copy with the scene's stops and friction, where it has any; restitution as the damping ratio."""
+    if not scene.joints:
+        return model
+    made = copy.copy(model)
+    for part in scene.joints:
+        k = made.joint(part.joint).id
+        if isinstance(part, JointFriction):
+            made.dof_frictionloss[made.jnt_dofadr[k]] = part.bound
+            continue
+        usual, ratio = solref_of(part.restitution)
+        made.jnt_limited[k] = True
+        made.jnt_range[k] = [
+            limit if limit is not None else far for limit, far in ((part.lower, -BOUND), (part.upper, BOUND))
+        ]
+        made.jnt_solref[k] = REBOUND * time_constant if time_constant else usual, ratio
+        if time_constant is not None:
+            made.jnt_solimp[k, :2] = HARDEST
+    return made
 
 
 def _state(model: Any, data: Any, kind: int) -> Array:

@@ -40,6 +40,8 @@ class ConstraintDynamics:
     def refuses(self, scene: Scene) -> str:
         """Why not: joints or closures that the loop has not, or a repetition without loops."""
         mechanism = scene.mechanism
+        if scene.joints:
+            return "Pinocchio has no stops and no dry friction"
         if not knows(mechanism):
             return "the adapter knows hinges, slides, balls and free-flyers"
         if any(closure.kind not in ADAPTED for closure in mechanism.closures):

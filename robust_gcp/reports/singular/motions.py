@@ -10,14 +10,15 @@ from typing import Any
 import numpy as np
 
 from ...mechanism.mechanism import Mechanism
+from ...mechanism.parts import JointFriction, Stop
 from ...mechanism.tree import Array
-from ..linkages import mechanism_of
+from ..linkages import mechanism_of, parts_of
 from . import MOTIONS
 
 
 @dataclass(frozen=True)
 class Motion:
-    """A linkage that moves under gravity alone, through singular configurations, and does not turn back.
+    """A linkage that moves under gravity, some with a stop or dry friction, through singular configurations.
 
     Attributes
     ----------
@@ -27,8 +28,10 @@ class Motion:
         See `reports.linkages`; one coordinate.
     times : ndarray (21,)
         s, equally spaced from 0.
-    q, v : ndarray (21, nv)
-        Rounded from 25 digits; the first is the start, on the mode that is meant.
+    q, v : ndarray (n, nv)
+        Rounded from 25 digits; the first is the start, on the mode that is meant. Less than 21 where it ends.
+    end : float
+        s, when the mode ends in a cusp; infinite for others.
     """
 
     name: str
@@ -37,6 +40,12 @@ class Motion:
     times: Array
     q: Array
     v: Array
+    end: float = np.inf
+
+    @property
+    def joints(self) -> tuple[Stop | JointFriction, ...]:
+        """Its stops and what rubs, as `simulate` takes them."""
+        return parts_of(self.linkage)
 
     @cached_property
     def mechanism(self) -> Mechanism:
@@ -48,6 +57,7 @@ def motions() -> list[Motion]:
     """All of them."""
     found = []
     for given in json.loads(MOTIONS.read_text(encoding="utf-8")):
-        numbers = (np.array(given[key], dtype=float) for key in ("times", "q", "v"))
-        found.append(Motion(given["name"], given["singular"], given["linkage"], *numbers))
+        times, q, v = (np.array(given[key], dtype=float) for key in ("times", "q", "v"))
+        end = float(given.get("end", np.inf))
+        found.append(Motion(given["name"], given["singular"], given["linkage"], times, q, v, end))
     return found

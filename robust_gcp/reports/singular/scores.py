@@ -9,13 +9,13 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from typing import Literal
 
 import numpy as np
 
 from ...arguments import Arguments, existing_file, file, number, part, pathname, positive
 from ...mechanism.tree import Array
 from ...printing import along, table, write_json
-from ...simulation.simulate import simulate
 from .. import pages
 from ..contender import Contender, Scene
 from ..machine import footer, machine
@@ -42,6 +42,8 @@ class Score:
         Least over its settings: largest difference of a joint at the 20 instants, rad.
     lost : float
         When it left the mode at its best setting, s; NaN where it did not.
+    past : bool
+        Whether it went on, without a word, where the motion ends.
     refused : str
         Why it was not run.
     """
@@ -51,13 +53,15 @@ class Score:
     error: float = np.inf
     lost: float = np.nan
     refused: str = ""
+    past: bool = False
 
     @property
     def cell(self) -> str:
         """In the table."""
         if self.refused:
             return "refused"
-        return f"{self.error:.0e}" if np.isnan(self.lost) else f"lost at {self.lost:.3g} s"
+        held = f"{self.error:.0e}" if np.isnan(self.lost) else f"lost at {self.lost:.3g} s"
+        return f"{held}, goes on" if self.past else held
 
 
 def scored(contender: Contender, motion: Motion, scene: Scene, cap: float) -> Score:
@@ -69,6 +73,8 @@ def scored(contender: Contender, motion: Motion, scene: Scene, cap: float) -> Sc
     for setting in settings_of(contender, scene, STEPS):
         outcome = contender.run(scene, setting)
         found = outcome.q[::every]
+        past = len(found) > len(motion.q)
+        found = found[: len(motion.q)]
         with np.errstate(over="ignore", invalid="ignore"):
             off = np.abs(found - motion.q[: len(found)]) / scene.mechanism.units
         errors = np.nan_to_num(off.max(axis=1), nan=np.inf)
@@ -78,19 +84,19 @@ def scored(contender: Contender, motion: Motion, scene: Scene, cap: float) -> Sc
         lost = float(motion.times[gone[0]]) if len(gone) else np.nan
         error = float(errors.max()) if len(found) == len(motion.q) else np.inf
         if error < best.error or (np.isinf(best.error) and not best.lost > lost):
-            best = Score(contender.name, motion.name, error, lost)
+            best = Score(contender.name, motion.name, error, lost, past=past)
         if outcome.seconds > cap:
             break
     return best
 
 
 def scene_of(motion: Motion) -> tuple[Scene, Array]:
-    """The motion as one that contenders run, and q of our own at its times."""
+    """The motion as one that contenders run, and q of our own at its times, as far as it goes."""
     mechanism, times = motion.mechanism, times_of(float(motion.times[-1]))
-    run = simulate(
-        mechanism, motion.q[0], motion.v[0], duration=float(times[-1]), step=float(times[1]) / FINE
-    )
-    return Scene(motion.name, mechanism, motion.q[0], motion.v[0], times), run.q[::FINE]
+    scene = Scene(motion.name, mechanism, motion.q[0], motion.v[0], times, motion.joints)
+    fastest: Literal["native", "python"] = "native" if "native" in ours.backend_names() else "python"
+    tool = ours.Ours("own", "bridge", "bridge", ours.FIXED, "", backend=fastest)
+    return scene, tool.run(scene, float(times[1]) / FINE).q
 
 
 def arguments(add_to: Arguments) -> None:

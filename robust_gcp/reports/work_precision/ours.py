@@ -14,6 +14,7 @@ from ...kernel import backends
 from ...maps.choice import Method
 from ...maps.classical import NewtonStart, SingularityWarning
 from ...maps.four_bar import draw_four_bar
+from ...mechanism.tree import Array
 from ...simulation.simulate import simulate
 from ..contender import Contender, Kind, Outcome, Scene, clock
 from .implicit import Implicit, TunedImplicit
@@ -42,6 +43,8 @@ class Ours:
         mechanism = scene.mechanism
         if mechanism.nc == 0 and self.method != "bridge":
             return "no loop: all explicit maps are the same"
+        if scene.joints and (self.method != "bridge" or self.kind != "fixed"):
+            return "stops and friction go with fixed steps and the bridge"
         if self.method == "closed_form":
             try:
                 draw_four_bar(mechanism)
@@ -62,6 +65,7 @@ class Ours:
         if self.kind == "fixed":
             every, step, options = round(step / setting), setting, {"stepper": FIXED}
         options |= {"method": self.method, "newton_start": self.newton_start, "backend": self.backend}
+        options["joints"] = list(scene.joints) or None
         stopped = ""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SingularityWarning)
@@ -73,8 +77,16 @@ class Ours:
                     raise
                 run, stopped = error.trajectory, f"{type(error).__name__}: {error}"
             seconds = clock() - begun
-        q, v = run.q[::every], run.v[::every]
-        return Outcome(q, v, seconds, run.stats.rhs, stopped)
+        at: slice | Array = slice(None, None, every)
+        if scene.joints or stopped:  # outputs around events too
+            at = nearest(run.t, outputs[outputs <= run.t[-1]])
+        return Outcome(run.q[at], run.v[at], seconds, run.stats.rhs, stopped)
+
+
+def nearest(t: Array, times: Array) -> Array:
+    """Which of the ascending t lie nearest to these times."""
+    after = np.clip(np.searchsorted(t, times), 1, len(t) - 1)
+    return np.asarray(after - (times - t[after - 1] < t[after] - times))
 
 
 def backend_names() -> tuple[str, ...]:

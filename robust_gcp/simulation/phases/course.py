@@ -158,7 +158,7 @@ class Phases(RoundCusps):
                 raise fault
             self._collect()
             steps, found, held = self._finer(machine, leg, fault)
-        if found is None and isinstance(fault, CuspError) and fault.arrival is not None and self._turns:
+        if found is None and isinstance(fault, CuspError) and fault.arrival is not None and self._free:
             self._keep(steps, held)
             self._round(fault)
             return

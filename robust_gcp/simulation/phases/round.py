@@ -1,4 +1,4 @@
-"""Round a cusp of the mode, onto its other branch."""
+"""To a cusp of the mode, and round it onto its other branch."""
 
 from __future__ import annotations
 
@@ -19,23 +19,32 @@ MOST = 4096
 
 
 class RoundCusps(Progress):
-    """A motion that turns at cusps, where it is asked to."""
+    """A motion that ends in cusps, or turns there where it is asked to."""
 
     def _stop_at_event(self) -> None:
         raise NotImplementedError
 
     @property
-    def _turns(self) -> bool:
-        return self._machines.course.restitution is not None
+    def _free(self) -> bool:
+        """Whether there are no stops, friction or locks, which the arc of a cusp knows nothing of."""
+        return not self._rows.rows
 
     def _round(self, fault: CuspError) -> None:
-        """To a cusp, and back from it on the other branch, v⁺ = −e v⁻, as far as its arc goes."""
+        """To a cusp, and back from it on the other branch, v⁺ = −e v⁻, as far as its arc goes.
+
+        Raises
+        ------
+        CuspError
+            At the cusp, where no e is given.
+        """
         arc, part = fault.arrival
         e, end = self._machines.course.restitution, self._grid.end
-        assert e is not None and self._leg is not None
+        assert self._leg is not None
         self._read = self._leg.at
         self._drop()
         while self._along(part):
+            if e is None:
+                raise fault
             loss = (1.0 - e**2) * self._rows.mechanism.tree.kinetic(self._q, self._v)
             self.joined.happenings.append(Happening(self._t, "cusp", fault.joints, float(loss)))
             part = arc.part(self._t, 0.0, -e * part.eta, end, -part.branch)
