@@ -100,7 +100,7 @@ if TYPE_CHECKING:
     from .sweeps.record import Failure, Records, RunRecord
     from .sweeps.runs import grid, sweep, sweep_as_completed
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _LATER = {
     "Batch": ".simulation.batch",

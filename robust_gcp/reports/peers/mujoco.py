@@ -33,7 +33,7 @@ SHORTEST = 2.0
 """Steps of the constraints' time constant; MuJoCo clips smaller ones (`refsafe`)."""
 
 REBOUND = 10.0
-"""Time constant of stops in that of closures: a rebound has to be resolved, and of 1 to 100 this erred least."""
+"""Time constant of stops in that of closures: a rebound has to be resolved; of 1 to 100 this erred least."""
 
 APPLIED = mujoco.mjtState.mjSTATE_QFRC_APPLIED
 
