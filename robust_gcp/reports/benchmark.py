@@ -201,9 +201,9 @@ def arguments(add_to: Arguments) -> None:
     add_to.add("--starts", whole(2, 100_000), type=int, metavar="N", help=text)
     text = "what derivatives cost: of some models, of the robots where they are given"
     add_to.add("--derivatives", action="store_true", help=text)
-    text = "every way to derivatives, single steps and runs beside the plain one, and why it takes longer"
+    text = "every way to calls beside the plain one, why it takes longer, and the largest errors"
     add_to.add("--paths", action="store_true", help=text)
-    text = "with --derivatives: renew the table in this document"
+    text = "with --derivatives or --paths: renew the tables in this document"
     add_to.add("--refresh", existing_file, type=pathname, metavar="FILE", help=text)
     text = "what robots stand on: fixed or free; as their files say when left out"
     add_to.add("--base", word(("fixed", "free")), metavar="BASE", help=text)
@@ -211,12 +211,12 @@ def arguments(add_to: Arguments) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the tables."""
-    if args.refresh is not None and not args.derivatives:
-        raise OptionError("--refresh: renews the table of --derivatives alone; give both, or neither")
+    if args.refresh is not None and not (args.derivatives or args.paths):
+        raise OptionError("--refresh: renews the tables of --derivatives or --paths; give one of them too")
     if args.starts is not None:
         return _starts(args)
     if args.paths:
-        return derivative_paths.tell(2 if args.quick else ROUNDS, args.out)
+        return derivative_paths.tell(2 if args.quick else ROUNDS, not args.quick, args.out, args.refresh)
     if args.derivatives:
         derivative_cost.tell(args.robots, args.base, 3 if args.quick else 4 * ROUNDS, args.out, args.refresh)
         return 0

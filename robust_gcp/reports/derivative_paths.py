@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -29,15 +29,18 @@ from ..simulation.one_step import step, step_jacobians
 from ..simulation.parameter_slopes import by_parameters
 from ..simulation.second_derivatives import second_derivatives
 from ..simulation.simulate import simulate
-from . import run_paths
+from . import pages, path_accuracy, run_paths
 from .contender import clock
+from .machine import footer, machine
+from .run_paths import MANY, Call, Each
+
+FEW = 16
+"""Each so many-th problem and motion, in a quick round."""
 
 BOUND = 20.0
 """Ratio from which a path has to warn of its price."""
 
 HEADER = ("what", "where", "µs", "ratio", "why")
-
-Call = Callable[[], object]
 
 CALLS: dict[str, Callable[..., object]] = {
     "forward_dynamics": forward_dynamics,
@@ -81,7 +84,7 @@ class Way:
 def ways(rounds: int) -> list[Way]:
     """All that are known, each after its compiled one."""
     found = list[Way]()
-    for what, usual, others in along([*_groups(), *run_paths.groups()], "benchmark"):
+    for what, usual, others in along([*_groups(), *run_paths.analyses(), *run_paths.groups()], "benchmark"):
         base, _ = _timed(usual, rounds)
         found.append(Way(what, "regular", 1e6 * base, 1.0, False))
         for where, call in others.items():
@@ -91,8 +94,20 @@ def ways(rounds: int) -> list[Way]:
     return found
 
 
-def tell(rounds: int, out: Path | None) -> int:
-    """Print the table; 1 where a path is slow without a warning."""
+def tell(rounds: int, full: bool, out: Path | None, refresh: Path | None) -> int:
+    """Print the tables; 1 where a path is slow without a warning or a reason.
+
+    Parameters
+    ----------
+    rounds : int
+        Timed calls of each way.
+    full : bool
+        Whether errors are those of all cases, or of a few.
+    out, refresh : Path, optional
+        Everything as JSON; a page whose blocks `worst paths` and `errors of paths` are renewed.
+    """
+    if refresh is not None:
+        pages.require_marks(refresh, ["worst paths", "errors of paths"])
     if not backends()["native"].available:
         print(f"no compiled kernel: {backends()['native'].reason}")
         return 0
@@ -101,9 +116,35 @@ def tell(rounds: int, out: Path | None) -> int:
     print(table(HEADER, [row.cells for row in found], None))
     bad = [row for row in found if not row.good]
     print(f"{len(bad)} paths above {BOUND:g} times the plain one without a warning or a reason")
+    print("Least and largest errors of calls, over all problems and motions of the reports' sets:")
+    off = list(path_accuracy.errors(1 if full else FEW))
+    print(table(path_accuracy.HEADER, [row.cells for row in off], None))
+    for row in off:
+        for why in row.refused:
+            print(f"refused: {row.what}: {why}")
+    where = machine()
     if out:
-        write_json(out, [asdict(row) for row in found])
+        told = {"ways": [asdict(row) for row in found], "errors": [asdict(row) for row in off]}
+        write_json(out, {"machine": where, **told})
+    if refresh is not None:
+        blocks = {
+            "worst paths": pages.table([HEADER, *(row.cells for row in worst(found))], (2, 3)),
+            "errors of paths": pages.table([path_accuracy.HEADER, *(row.cells for row in off)], (2, 4, 6, 7)),
+        }
+        last = f"\n\n*{footer(where)}*"
+        pages.renew(refresh, {name: block + last for name, block in blocks.items()})
+        print(f"renewed {refresh}")
     return 1 if bad else 0
+
+
+def worst(found: Sequence[Way]) -> list[Way]:
+    """Of each call the plain way, and its slowest and its fastest other one."""
+    rows = list[Way]()
+    for what in dict.fromkeys(way.what for way in found):
+        plain, *others = (way for way in found if way.what == what)
+        ends = sorted(others, key=lambda way: way.ratio)
+        rows += [plain, *ends[:1], *(ends[-1:] if len(ends) > 1 else [])]
+    return rows
 
 
 def _timed(call: Call, rounds: int) -> tuple[float, bool]:
@@ -117,7 +158,8 @@ def _timed(call: Call, rounds: int) -> tuple[float, bool]:
             begun = clock()
             call()
             times.append(clock() - begun)
-    return min(times), any(issubclass(w.category, PerformanceWarning) for w in told)
+    each = call.count if isinstance(call, Each) else 1
+    return min(times) / each, any(issubclass(w.category, PerformanceWarning) for w in told)
 
 
 def _groups() -> Iterator[tuple[str, Call, dict[str, Call]]]:
@@ -142,6 +184,9 @@ def _groups() -> Iterator[tuple[str, Call, dict[str, Call]]]:
             others[where] = partial(call, mech, q, fast, np.zeros(mech.nv), **options)
         several = five_bar_in_line()  # warned of once for each mechanism
         others["beside singular, two coordinates"] = partial(call, *several, np.zeros(several[0].nv))
+        if what != "linearise":  # of one state
+            rows = [np.tile(part, (MANY, 1)) for part in (rocker.home, v, tau)]
+            others[f"each of {MANY} states"] = Each(partial(call, rocker, *rows), MANY)
         if what in ("derivatives", "linearise"):
             others["a wrench"] = partial(call, rocker, rocker.home, v, tau, wrenches=push)
             others["a torque function"] = partial(call, rocker, rocker.home, v, follow)

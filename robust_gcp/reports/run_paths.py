@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
+from ..analysis.local import analyse
 from ..dynamics.loads import Wrench
 from ..dynamics.motion import Motion
+from ..examples.linkages import n_four_bar
 from ..io.loader import load
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.parts import JointFriction, Stop
@@ -23,16 +26,34 @@ STEPS, STEP = 500, 1e-3
 """Of each run; s."""
 
 REFERENCE = "the Python reference"
+FLAT, FOLDED = "where two modes cross", "corank 5"
 
 REASONS = {
     REFERENCE: "asked for: backend='python'",
     "DOP853": "SciPy's solver in Python, at rtol = 1e-9",
     "step by step": "a call of Python for each step",
     "a wrench": "bodies are placed in Python at each evaluation",
+    FLAT: "modes and their series are found there, in Python",
+    FOLDED: "five ranks are lost at once: 32 modes are told apart",
 }
 """Why ways take long that do not warn, as they were asked for."""
 
+MANY = 1024
+"""States in one call."""
+
 Call = Callable[[], object]
+
+
+@dataclass(frozen=True)
+class Each:
+    """A call for so many states, whose share is told."""
+
+    call: Call
+    count: int
+
+    def __call__(self) -> object:
+        """The whole call."""
+        return self.call()
 
 
 def groups() -> Iterator[tuple[str, Call, dict[str, Call]]]:
@@ -77,6 +98,26 @@ def groups() -> Iterator[tuple[str, Call, dict[str, Call]]]:
             "simulate_many": several,
             "simulate_many, a torque function": partial(several, torque=follow),
             "Batch": partial(_batched, rocker, many),
+        },
+    )
+
+
+def analyses() -> Iterator[tuple[str, Call, dict[str, Call]]]:
+    """Calls about configurations alone."""
+    bars, five = load("rhombus"), n_four_bar(5)
+    beside, flat = bars.assemble([0.4, -0.4, 0.4], hold=["q1"]), np.zeros(3)
+    folded = np.zeros(five.nq)
+    others: dict[str, Call] = {FLAT: partial(analyse, bars, flat), FOLDED: partial(analyse, five, folded)}
+    yield "analyse", partial(analyse, bars, beside), others
+    off = beside + [0.0, 0.01, -0.01]
+    near = bars.assemble([1e-3, -1e-3, 1e-3], hold=["q1"]) + [0.0, 1e-5, -1e-5]
+    closed = partial(bars.assemble, hold=["q1"])
+    yield (
+        "assemble",
+        partial(closed, off),
+        {
+            "beside a crossing of modes": partial(closed, near),
+            f"each of {MANY} states": Each(partial(closed, np.tile(off, (MANY, 1))), MANY),
         },
     )
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from robust_gcp.reports.derivative_paths import CALLS, ways
+import pytest
+
+from robust_gcp.reports import path_accuracy
+from robust_gcp.reports.derivative_paths import CALLS, ways, worst
 from tests.compiled import needs_kernel
 
 pytestmark = needs_kernel
@@ -12,7 +15,24 @@ def test_what_the_kernel_leaves_is_warned_of_and_nothing_else() -> None:
     found = ways(1)
     left = [way for way in found if way.warned]
     assert {way.what for way in left} == set(CALLS)
+    assert all(way.good for way in found if not way.what.startswith("simulate"))
+    assert {way.what for way in worst(found)} == {way.what for way in found}
     assert {way.where for way in left} == {"beside singular, two coordinates"}
     assert {"singular, moving", "singular, at rest with mode=", "beside a dead point"} <= {
         way.where for way in found
     }
+
+
+def test_the_largest_errors_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a few cases: nine digits in each, and an error of 1e-6 would be the largest."""
+    found = list(path_accuracy.errors(every=16))
+    assert {row.what for row in found} >= {"derivatives", "simulate", "Batch", "step after step", "lift"}
+    for row in found:
+        assert 0.0 <= row.least[0] <= row.largest[0] < 1e-9
+        assert not row.refused and row.cases
+    monkeypatch.setitem(path_accuracy.CLOSED, "lift", lambda motion: 1e-6 if motion.name == "RSSR" else 0.0)
+    for name in ("AT_STATES", "RUNS"):
+        monkeypatch.setattr(path_accuracy, name, {})
+    monkeypatch.setattr(path_accuracy, "SLOPED", ())
+    (last,) = [row for row in path_accuracy.errors() if row.what == "lift"]
+    assert last.largest == (1e-6, "RSSR") and last.least[0] == 0.0
