@@ -33,7 +33,6 @@ REASONS = {
     "DOP853": "SciPy's solver in Python, at rtol = 1e-9",
     "step by step": "a call of Python for each step",
     "a wrench": "bodies are placed in Python at each evaluation",
-    FLAT: "modes and their series are found there, in Python",
     FOLDED: "five ranks are lost at once: 32 modes are told apart",
 }
 """Why ways take long that do not warn, as they were asked for."""
