@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -64,3 +65,21 @@ def test_pinocchio_s_columns() -> None:
         np.testing.assert_allclose(
             da_dtau, problem.da_dtau, rtol=0, atol=1e-9 * np.abs(problem.da_dtau).max()
         )
+
+
+@pytest.mark.skipif(find_spec("mujoco") is None, reason="MuJoCo comes with the extra bench")
+def test_mujoco_is_right_to_its_softness(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At regular states its error falls as its closures are made harder, in each of the four matrices."""
+    from robust_gcp.reports.peers import mujoco
+
+    problem = problems()[0]
+    exact = problem.udot, problem.da_dy, problem.da_dv, problem.da_dtau
+    off = []
+    for hardness in (0.9, 0.99, 0.999):
+        monkeypatch.setattr(mujoco, "HARDEST", hardness)
+        mujoco.compiled.cache_clear()
+        found = scores.of_mujoco(problem)
+        off.append([float(np.abs(a - b).max() / np.abs(b).max()) for a, b in zip(found, exact, strict=True)])
+    mujoco.compiled.cache_clear()
+    assert np.all(np.array(off[1]) < 0.2 * np.array(off[0]))
+    assert np.all(np.array(off[2]) < 0.2 * np.array(off[1]))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from importlib.util import find_spec
 from statistics import median
 
 import numpy as np
@@ -73,7 +74,45 @@ def of_pinocchio(problem: Problem) -> Answer:
     return a[own], by_y[own], (np.asarray(by_v) @ G)[own], np.asarray(by_tau)[own]
 
 
-ENGINES: dict[str, Callable[[Problem], Answer]] = {"robust_gcp": of_robust_gcp, "pinocchio": of_pinocchio}
+def of_mujoco(problem: Problem) -> Answer:
+    """Differences of `mj_forward`, which is what MuJoCo's own `mjd_transitionFD` takes, along y, u and τ.
+
+    Its closures are as hard as they can be; G, which it has not, is that of K.
+    """
+    import mujoco  # an extra
+
+    from ..peers.mujoco import compiled
+
+    model, own, q, u = (
+        compiled(problem.mechanism(), "Euler", True),
+        _independent(problem),
+        problem.q,
+        problem.u,
+    )
+    data, tree = mujoco.MjData(model), problem.model()
+
+    def accelerations(q: Array, u: Array, tau: Array) -> Array:
+        data.qpos[:], data.qvel[:] = q, _map(problem, tree, q, own) @ u
+        data.qfrc_applied[:] = tau
+        mujoco.mj_forward(model, data)
+        return np.array(data.qacc[own])
+
+    def slopes(moved: Callable[[Array], Array], size: int, h: float) -> Array:
+        return np.array([(moved(h * e) - moved(-h * e)) / (2.0 * h) for e in np.eye(size)]).T
+
+    G = _map(problem, tree, q, own)
+    return (
+        accelerations(q, u, problem.tau),
+        slopes(lambda dy: accelerations(q + G @ dy, u, problem.tau), len(u), 1e-5),
+        slopes(lambda du: accelerations(q, u + du, problem.tau), len(u), 0.1),
+        slopes(lambda dtau: accelerations(q, u, problem.tau + dtau), len(q), 0.1),
+    )
+
+
+def engines() -> dict[str, Callable[[Problem], Answer]]:
+    """Those that are installed, by their names; Exudyn has no derivatives of accelerations."""
+    found: dict[str, Callable[[Problem], Answer]] = {"robust_gcp": of_robust_gcp, "pinocchio": of_pinocchio}
+    return {**found, "mujoco": of_mujoco} if find_spec("mujoco") is not None else found
 
 
 @dataclass(frozen=True)
@@ -104,7 +143,7 @@ def scored(
     engine: str, given: list[Problem], answer: Callable[[Problem], Answer] | None = None
 ) -> list[Score]:
     """Scores of an engine, or of an answer under its name, a row for each kind of problem."""
-    asked = ENGINES[engine] if answer is None else answer
+    asked = engines()[engine] if answer is None else answer
     errors: dict[str, list[float | None]] = {"regular": [], "near": [], "at": []}
     for problem in given:
         try:
@@ -124,8 +163,8 @@ def scored(
 
 def arguments(add_to: Arguments) -> None:
     """Name the arguments."""
-    text = "robust_gcp or pinocchio, several times for several; all unless given"
-    add_to.add("--engine", word(ENGINES), action="append", metavar="NAME", help=text)
+    text = "robust_gcp, pinocchio or mujoco, several times for several; all that are installed unless given"
+    add_to.add("--engine", word(engines()), action="append", metavar="NAME", help=text)
     text = "write the scores to this JSON file"
     add_to.add("--out", file((".json",), "a record of scores"), type=pathname, metavar="FILE", help=text)
 
@@ -133,7 +172,7 @@ def arguments(add_to: Arguments) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print the scores; exit code 1 where one of ours is wrong."""
     given, found = problems(), []
-    for engine in args.engine or ENGINES:
+    for engine in args.engine or engines():
         found += scored(engine, given)
     print(f"{len(given)} problems; right: to {RIGHT:g} of the largest entry, wrong: beyond {WRONG:g}")
     header = ("engine", "kind", "problems", "right", "inaccurate", "wrong", "refused", "median", "worst")
