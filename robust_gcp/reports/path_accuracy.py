@@ -166,7 +166,7 @@ Take = Callable[[Motion, float], Array]
 
 def _off(take: Take, motion: Motion) -> float:
     found = take(motion, float(motion.times[-1]) / STEPS)
-    return float(np.abs(found - motion.q[: len(found)]).max() / motion.mechanism.units.min())
+    return float((np.abs(found - motion.q[: len(found)]) / motion.mechanism.units).max())
 
 
 def _run(motion: Motion, h: float, backend: Literal["native", "python"] = "native") -> Array:
@@ -180,13 +180,9 @@ def _run(motion: Motion, h: float, backend: Literal["native", "python"] = "nativ
 
 
 def _stepped(motion: Motion, h: float) -> Array:
-    sim, each = (
-        Simulation(motion.mechanism, motion.q[0], motion.v[0], step=h),
-        STEPS // (len(motion.times) - 1),
-    )
-    found = [motion.q[0]]
+    sim, found = Simulation(motion.mechanism, motion.q[0], motion.v[0], step=h), [motion.q[0]]
     for _ in motion.times[1:]:
-        for _ in range(each):
+        for _ in range(STEPS // (len(motion.times) - 1)):
             sim.step()
         found.append(sim.q)
     return np.array(found)

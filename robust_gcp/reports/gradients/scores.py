@@ -83,13 +83,8 @@ def of_mujoco(problem: Problem) -> Answer:
 
     from ..peers.mujoco import compiled
 
-    model, own, q, u = (
-        compiled(problem.mechanism(), "Euler", True),
-        _independent(problem),
-        problem.q,
-        problem.u,
-    )
-    data, tree = mujoco.MjData(model), problem.model()
+    model, tree = compiled(problem.mechanism(), "Euler", True), problem.model()
+    data, own, q, u = mujoco.MjData(model), _independent(problem), problem.q, problem.u
 
     def accelerations(q: Array, u: Array, tau: Array) -> Array:
         data.qpos[:], data.qvel[:] = q, _map(problem, tree, q, own) @ u
