@@ -72,7 +72,7 @@ class Way:
             self.where,
             f"{self.micro:.0f}",
             f"{self.ratio:.1f}",
-            "warned" if self.warned else self.why,
+            self.why or ("warned" if self.warned else ""),
         ]
 
     @property
@@ -183,7 +183,7 @@ def _groups() -> Iterator[tuple[str, Call, dict[str, Call]]]:
         for where, (mech, q, fast, options) in places.items():
             others[where] = partial(call, mech, q, fast, np.zeros(mech.nv), **options)
         several = five_bar_in_line()  # warned of once for each mechanism
-        others["beside singular, two coordinates"] = partial(call, *several, np.zeros(several[0].nv))
+        others[run_paths.SEVERAL] = partial(call, *several, np.zeros(several[0].nv))
         if what != "linearise":  # of one state
             rows = [np.tile(part, (MANY, 1)) for part in (rocker.home, v, tau)]
             others[f"each of {MANY} states"] = Each(partial(call, rocker, *rows), MANY)

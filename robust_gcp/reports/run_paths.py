@@ -27,12 +27,14 @@ STEPS, STEP = 500, 1e-3
 
 REFERENCE = "the Python reference"
 FLAT, FOLDED = "where two modes cross", "corank 5"
+SEVERAL = "beside singular, two coordinates"
 
 REASONS = {
     REFERENCE: "asked for: backend='python'",
     "DOP853": "SciPy's solver in Python, at rtol = 1e-9",
     "step by step": "a call of Python for each step",
     "a wrench": "bodies are placed in Python at each evaluation",
+    SEVERAL: "warned of: derivatives in zones of clusters of several coordinates are the Python reference's",
     FOLDED: "five ranks are lost at once: 32 modes are told apart",
 }
 """Why ways take long that do not warn, as they were asked for."""
