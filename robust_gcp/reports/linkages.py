@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..mechanism.closures import PointClosure
 from ..mechanism.couplings import AnyClosure, CouplingClosure
@@ -64,19 +64,22 @@ def parts_of(linkage: dict[str, Any]) -> tuple[Stop | JointFriction, ...]:
     return (*stops, *(JointFriction(joint, bound=bound) for joint, bound in friction))
 
 
-def _turn(given: ArrayLike) -> Array:
-    numbers = np.array(given, dtype=float)
-    if numbers.ndim == 2:
-        return numbers
-    w, x, y, z = numbers
+def rotation(quaternion: NDArray[Any]) -> NDArray[Any]:
+    """Of w, x, y, z of any length, in their own kind of numbers."""
+    w, x, y, z = quaternion
     square = np.array(
         [
-            [w * w + x * x - y * y - z * z, 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-            [2.0 * (x * y + w * z), w * w - x * x + y * y - z * z, 2.0 * (y * z - w * x)],
-            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z],
+            [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
         ]
     )
-    return square / (numbers @ numbers)
+    return np.asarray(square / (quaternion @ quaternion))
+
+
+def _turn(given: ArrayLike) -> Array:
+    numbers = np.array(given, dtype=float)
+    return numbers if numbers.ndim == 2 else rotation(numbers)
 
 
 def _vector(numbers: list[float]) -> Array:

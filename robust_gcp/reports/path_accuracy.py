@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..errors import CuspError, RobustGcpError
+from ..errors import RobustGcpError
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..simulation.batch import Batch
@@ -24,12 +24,12 @@ from ..simulation.stepwise import Simulation
 from .gradients.problems import Problem, problems
 from .gradients.scores import error
 from .singular.motions import Motion, motions
-from .work_precision.ours import nearest
+from .singular.scores import FINE, followed
 
 HEADER = ("what", "against", "least", "where", "largest", "where", "cases", "refused")
 
-STEPS = 8000
-"""Of each motion: its truncation is below what is told of it."""
+STEPS = 20 * FINE
+"""Between a motion's instants: their truncation is below what is told of them."""
 
 STENCIL = (2100.0, -600.0, 150.0, -25.0, 2.0)
 """Of differences of order 10, at 1 to 5 widths; over 2520 widths."""
@@ -74,7 +74,7 @@ def errors(every: int = 1) -> Iterator[Errors]:
     places = "25 digits, rad and m, at 20 instants"
     for what, take in RUNS.items():
         yield _errors(what, places, {m.name: partial(_off, take, m) for m in runs if not m.joints})
-    parts = {m.name: partial(_off, partial(_run, backend="native"), m) for m in runs if m.joints}
+    parts = {m.name: partial(_off, _run, m) for m in runs if m.joints}
     if parts:
         yield _errors("simulate, joints=", places, parts)
     for what, close in CLOSED.items():
@@ -89,7 +89,8 @@ def _errors(what: str, against: str, cases: Mapping[str, Callable[[], float]]) -
     found, refused = list[tuple[float, str]](), list[str]()
     for where, ask in cases.items():
         try:
-            found.append((ask(), where))
+            off = ask()
+            found.append((off if np.isfinite(off) else np.inf, where))
         except RobustGcpError as why:
             refused.append(f"{where}: {why}")
     nothing = (float("nan"), "")
@@ -137,11 +138,9 @@ def _derivatives(problem: Problem, rows: int = 0) -> float:
     given = tuple(np.tile(part, (rows, 1)) if rows else part for part in (q, v, problem.tau))
     found = derivatives(mech, given[0], given[1], given[2], mode=problem.mode)
     answer = found.udot, found.da_dy, found.da_dv, found.da_dtau
-    return (
-        max(error(problem, tuple(p[k] for p in answer)) for k in range(rows))
-        if rows
-        else error(problem, answer)
-    )
+    if not rows:
+        return error(problem, answer)
+    return max(error(problem, tuple(part[k] for part in answer)) for k in range(rows))
 
 
 def _point(problem: Problem) -> float:
@@ -160,56 +159,55 @@ AT_STATES: dict[str, Callable[[Problem], float]] = {
 
 # --------------------------------------------------------------------------- runs
 
-Take = Callable[[Motion, float], Array]
-"""(motion, step) -> q at its instants as far as it goes."""
+Take = Callable[[Motion], Array]
+"""q at a motion's instants as far as it goes."""
+
+
+def _step(motion: Motion) -> float:
+    return float(motion.times[1]) / STEPS
 
 
 def _off(take: Take, motion: Motion) -> float:
-    found = take(motion, float(motion.times[-1]) / STEPS)
+    found = take(motion)
     return float((np.abs(found - motion.q[: len(found)]) / motion.mechanism.units).max())
 
 
-def _run(motion: Motion, h: float, backend: Literal["native", "python"] = "native") -> Array:
-    until = float(motion.times[-1])
-    given = motion.mechanism, motion.q[0], motion.v[0], until, h
-    try:
-        run = simulate(*given, backend=backend, joints=list(motion.joints) or None)
-    except CuspError as ended:
-        run = ended.trajectory
-    return run.q[nearest(run.t, motion.times[: len(motion.q)])]
+def _run(motion: Motion, backend: Literal["native", "python"] = "native") -> Array:
+    return followed(motion.scene, backend)[:: STEPS // FINE]
 
 
-def _stepped(motion: Motion, h: float) -> Array:
-    sim, found = Simulation(motion.mechanism, motion.q[0], motion.v[0], step=h), [motion.q[0]]
+def _stepped(motion: Motion) -> Array:
+    sim = Simulation(motion.mechanism, motion.q[0], motion.v[0], step=_step(motion))
+    found = [motion.q[0]]
     for _ in motion.times[1:]:
-        for _ in range(STEPS // (len(motion.times) - 1)):
+        for _ in range(STEPS):
             sim.step()
         found.append(sim.q)
     return np.array(found)
 
 
-def _batched(motion: Motion, h: float) -> Array:
+def _batched(motion: Motion) -> Array:
     q0, v0 = (np.tile(part, (3, 1)) for part in (motion.q[0], motion.v[0]))
-    batch, found = Batch(motion.mechanism, 3, q0, v0, step=h), [motion.q[0]]
+    batch, found = Batch(motion.mechanism, 3, q0, v0, step=_step(motion)), [motion.q[0]]
     for _ in motion.times[1:]:
-        batch.step(n=STEPS // (len(motion.times) - 1))
+        batch.step(n=STEPS)
         if 2 in batch.errors:
             raise batch.errors[2]
         found.append(batch.q[2].copy())
     return np.array(found)
 
 
-def _many(motion: Motion, h: float) -> Array:
+def _many(motion: Motion) -> Array:
     starts = [(motion.q[0], motion.v[0])] * 3
-    runs = simulate_many(motion.mechanism, starts, float(motion.times[-1]), h)
-    return runs[2].q[:: STEPS // (len(motion.times) - 1)]
+    runs = simulate_many(motion.mechanism, starts, float(motion.times[-1]), _step(motion))
+    return runs[2].q[::STEPS]
 
 
-def _single(motion: Motion, h: float) -> Array:
-    q, v = motion.q[0], motion.v[0]
+def _single(motion: Motion) -> Array:
+    q, v, h = motion.q[0], motion.v[0], _step(motion)
     found = [q]
     for _ in motion.times[1:]:
-        for _ in range(STEPS // (len(motion.times) - 1)):
+        for _ in range(STEPS):
             after = step(motion.mechanism, q, v, h=h)
             q, v = after.q, after.v
         found.append(q)

@@ -26,8 +26,7 @@ STEPS, STEP = 500, 1e-3
 """Of each run; s."""
 
 REFERENCE = "the Python reference"
-FLAT, FOLDED = "where two modes cross", "corank 5"
-SEVERAL = "beside singular, two coordinates"
+FOLDED, SEVERAL = "corank 5", "beside singular, two coordinates"
 
 REASONS = {
     REFERENCE: "asked for: backend='python'",
@@ -37,7 +36,7 @@ REASONS = {
     SEVERAL: "warned of: derivatives in zones of clusters of several coordinates are the Python reference's",
     FOLDED: "five ranks are lost at once: 32 modes are told apart",
 }
-"""Why ways take long that do not warn, as they were asked for."""
+"""Why ways take long, as they were asked for."""
 
 MANY = 1024
 """States in one call."""
@@ -106,9 +105,11 @@ def groups() -> Iterator[tuple[str, Call, dict[str, Call]]]:
 def analyses() -> Iterator[tuple[str, Call, dict[str, Call]]]:
     """Calls about configurations alone."""
     bars, five = load("rhombus"), n_four_bar(5)
-    beside, flat = bars.assemble([0.4, -0.4, 0.4], hold=["q1"]), np.zeros(3)
-    folded = np.zeros(five.nq)
-    others: dict[str, Call] = {FLAT: partial(analyse, bars, flat), FOLDED: partial(analyse, five, folded)}
+    beside = bars.assemble([0.4, -0.4, 0.4], hold=["q1"])
+    others: dict[str, Call] = {
+        "where two modes cross": partial(analyse, bars, np.zeros(3)),
+        FOLDED: partial(analyse, five, np.zeros(five.nq)),
+    }
     yield "analyse", partial(analyse, bars, beside), others
     off = beside + [0.0, 0.01, -0.01]
     near = bars.assemble([1e-3, -1e-3, 1e-3], hold=["q1"]) + [0.0, 1e-5, -1e-5]

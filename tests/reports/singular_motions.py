@@ -22,7 +22,7 @@ import pinocchio as pin
 
 import robust_gcp as rg
 from robust_gcp.examples.linkages import add_link, four_bar, n_four_bar
-from robust_gcp.reports.linkages import mechanism_of
+from robust_gcp.reports.linkages import mechanism_of, rotation
 from robust_gcp.reports.singular import MOTIONS
 
 from ..dynamics.gradient_problems import linkage, spatial
@@ -232,16 +232,8 @@ def beside(mech: rg.Mechanism, mode: int, y: float) -> rg.Mechanism:
 
 def planar(name: str, parent: int, kind: str, place: list[float], length: float, mass: float = 1.0) -> Any:
     """A uniform bar on a hinge, or a block on a slide."""
-    centre, inertia = [0.5 * length, 0.0], mass * length**2 / 12.0
-    return {
-        "name": name,
-        "parent": parent,
-        "kind": kind,
-        "place": place,
-        "mass": mass,
-        "centre": centre,
-        "inertia": inertia,
-    }
+    link = {"name": name, "parent": parent, "kind": kind, "place": place}
+    return {**link, "mass": mass, "centre": [0.5 * length, 0.0], "inertia": mass * length**2 / 12.0}
 
 
 def spatial_link(
@@ -408,14 +400,8 @@ def exactly(given: dict[str, Any], home: np.ndarray) -> Exact:
     exact = ExactInSpace(mech)
     for k, joint in enumerate(given["joints"]):
         if np.ndim(joint["turn"]) == 1:
-            w, x, y, z = map(Decimal, joint["turn"])
-            square = [
-                [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
-                [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
-            ]
-            turn = np.array(square, dtype=object) / (w * w + x * x + y * y + z * z)
-            exact.frames[k] = (turn, exact.frames[k][1])
+            turn = np.array([Decimal(x) for x in joint["turn"]])
+            exact.frames[k] = (rotation(turn), exact.frames[k][1])
     return exact
 
 

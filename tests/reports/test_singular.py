@@ -32,6 +32,8 @@ def test_states_are_those_of_one_motion(motion: Motion) -> None:
     ways = np.sign(motion.v[:, own])
     hits = np.flatnonzero(np.diff(ways))
     assert len(hits) == len(motion.linkage.get("stops", []))
+    for part, way in zip(np.split(motion.q[:, own], hits + 1), ways[[0, *(hits + 1)]], strict=True):
+        assert np.all(np.sign(np.diff(part)) == way)
     energies = np.array([mech.energy(q, v) for q, v in zip(motion.q, motion.v, strict=True)])
     for joint, bound in motion.linkage.get("friction", {}).items():
         energies += bound * np.abs(motion.q - motion.q[0])[:, mech.joint(joint).idx_q]

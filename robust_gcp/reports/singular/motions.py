@@ -12,7 +12,9 @@ import numpy as np
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.parts import JointFriction, Stop
 from ...mechanism.tree import Array
+from ..contender import Scene
 from ..linkages import mechanism_of, parts_of
+from ..work_precision.motion import times_of
 from . import MOTIONS
 
 
@@ -51,6 +53,12 @@ class Motion:
     def mechanism(self) -> Mechanism:
         """At home at the start."""
         return mechanism_of(self.linkage, self.q[0])
+
+    @cached_property
+    def scene(self) -> Scene:
+        """As contenders run it."""
+        times = times_of(float(self.times[-1]))
+        return Scene(self.name, self.mechanism, self.q[0], self.v[0], times, self.joints)
 
 
 def motions() -> list[Motion]:

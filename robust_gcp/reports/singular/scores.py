@@ -22,7 +22,6 @@ from ..machine import footer, machine
 from ..tools import tools
 from ..work_precision import ours
 from ..work_precision.measure import LOST, settings_of
-from ..work_precision.motion import times_of
 from .motions import Motion, motions
 
 STEPS = (1, 2, 5, 10, 20)
@@ -92,11 +91,13 @@ def scored(contender: Contender, motion: Motion, scene: Scene, cap: float) -> Sc
 
 def scene_of(motion: Motion) -> tuple[Scene, Array]:
     """The motion as one that contenders run, and q of our own at its times, as far as it goes."""
-    mechanism, times = motion.mechanism, times_of(float(motion.times[-1]))
-    scene = Scene(motion.name, mechanism, motion.q[0], motion.v[0], times, motion.joints)
-    fastest: Literal["native", "python"] = "native" if "native" in ours.backend_names() else "python"
-    tool = ours.Ours("own", "bridge", "bridge", ours.FIXED, "", backend=fastest)
-    return scene, tool.run(scene, float(times[1]) / FINE).q
+    return motion.scene, followed(motion.scene)
+
+
+def followed(scene: Scene, backend: Literal["auto", "python", "native"] = "auto") -> Array:
+    """q of our own in `FINE` steps between a scene's times, as far as it goes."""
+    tool = ours.Ours("own", "bridge", "bridge", ours.FIXED, "", backend=backend)
+    return tool.run(scene, float(scene.times[1]) / FINE).q
 
 
 def arguments(add_to: Arguments) -> None:

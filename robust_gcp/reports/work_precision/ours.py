@@ -32,7 +32,7 @@ class Ours:
     stepper: str
     tuning: str
     newton_start: NewtonStart = "tangent"  # of the classical method
-    backend: Literal["python", "native"] = "python"  # of `simulate`
+    backend: Literal["auto", "python", "native"] = "python"  # of `simulate`
     kind: Kind = field(init=False)
 
     def __post_init__(self) -> None:
