@@ -32,8 +32,8 @@ BRIDGED = 0.9e-9
 APART = 1e4
 """Largest distance of the motions of two linkages over the difference of their lengths, rad/m."""
 
-ROUNDED = 1e-16
-"""Times length / gap: K is known to ε, and where modes pass each other at δ = √(gap / length) G to ε / δ²."""
+ROUNDED = 4e-16
+"""Times length / gap: where modes pass each other at δ = √(gap / length), G is known to 2 ε / δ², as the library tells."""
 
 TURNING = {"on_toggle": "repartition"}
 
