@@ -6,7 +6,7 @@ from contextlib import suppress
 
 import numpy as np
 
-from ..dynamics.continuation import INSIDE, Around, circles_of
+from ..dynamics.around import INSIDE, Around, circles_of
 from ..dynamics.mode_rates import ModeRates
 from ..dynamics.problem import set_out
 from ..errors import BranchError, SimulationError
@@ -72,7 +72,7 @@ class Followed:
             if around is None and self._learned(last, goal):
                 continue
             if around is not None:
-                there = y if around.covers(goal) else np.array([_inside(around, goal)])
+                there = y if around.covers(y) else np.array([_inside(around, goal)])
                 found = self._of(around, there, u)
                 self._on = around, found
             else:
@@ -87,7 +87,7 @@ class Followed:
         """The map, to go on from the last point or, where a series has it, from an end of its circle."""
         if self._on is not None:
             around, last = self._on
-            center, reach = float(around.circle.center[0]), _reach(around)
+            center, reach = float(around.center[0]), _reach(around)
             ends = [self._of(around, np.array([center + side * reach]), last.ydot) for side in (1.0, -1.0)]
             self._explicit.anchor = max(ends, key=self._conditioning)
             self._on = None
@@ -126,9 +126,10 @@ class Followed:
         if self._cluster is None:
             return None
         y = float(here.y[0])
-        if self._on is not None and self._on[0].covers(goal):
+        ahead = np.array([goal])
+        if self._on is not None and self._on[0].covers(ahead):
             return self._on[0]
-        leading = [a for a in self._circles() if a.covers(y) and (a.covers(goal) or _leads(a, y, goal))]
+        leading = [a for a in self._circles() if a.covers(here.y) and (a.covers(ahead) or _leads(a, y, goal))]
         for around in sorted(leading, key=lambda a: abs(_inside(a, goal) - goal)):
             if self._lies_on(here, around):
                 return around
@@ -139,18 +140,18 @@ class Followed:
         if self._on is not None and self._on[0] is around:
             return True
         assert self._cluster is not None  # it has circles
-        iq, iv, unit, y = self._cluster.iq, self._cluster.iv, self._mechanism.units, float(here.y[0])
-        off = np.abs(here.q[iq] - around.q - around.moved(y)) / unit[iv]
-        turned = np.abs(here.G[iv] - around.at(y, 1.0).G) / unit[iv, None]
+        iq, iv, unit = self._cluster.iq, self._cluster.iv, self._mechanism.units
+        off = np.abs(here.q[iq] - around.q - around.moved(here.y)) / unit[iv]
+        turned = np.abs(here.G[iv] - around.at(here.y, np.ones(1)).G) / unit[iv, None]
         return bool(off.max() < SAME_PLACE and turned.max() < SAME_WAY * np.abs(here.G / unit[:, None]).max())
 
     def _of(self, around: Around, y: Array, u: Array) -> Point:
         """A circle's point."""
         here, cluster, mechanism = self._explicit.anchor, self._cluster, self._mechanism
         assert cluster is not None  # it has circles
-        rates = around.at(float(y[0]), float(u[0]))
+        rates = around.at(y, u)
         q, g, G = here.q.copy(), here.g.copy(), here.G.copy()
-        q[cluster.iq], g[cluster.iv], G[cluster.iv] = around.q + around.moved(float(y[0])), rates.g, rates.G
+        q[cluster.iq], g[cluster.iv], G[cluster.iv] = around.q + around.moved(y), rates.g, rates.G
         q[mechanism.iq_independent] = y
         return Point(y.copy(), u.copy(), q, G, g, None, here.det, here.rcond)
 
@@ -159,7 +160,7 @@ class Followed:
         if self._cluster is None:
             return there
         y, goal = float(here[0]), float(there[0])
-        gates = [_inside(around, y) for around in self._circles() if not around.covers(y)]
+        gates = [_inside(around, y) for around in self._circles() if not around.covers(here)]
         ahead = [gate for gate in gates if min(y, goal) < gate < max(y, goal)]
         return np.array([min(ahead, key=lambda gate: abs(gate - y))]) if ahead else there
 
@@ -170,12 +171,12 @@ class Followed:
 
 def _reach(around: Around) -> float:
     """How far a circle serves, rad or m."""
-    return (1.0 - AHEAD) * INSIDE * abs(float(around.circle.radius[0]))
+    return (1.0 - AHEAD) * INSIDE * abs(float(around.ways[0, 0]))
 
 
 def _inside(around: Around, y: float) -> float:
     """The nearest to y that a circle covers."""
-    center, reach = float(around.circle.center[0]), _reach(around)
+    center, reach = float(around.center[0]), _reach(around)
     return min(max(y, center - reach), center + reach)
 
 

@@ -3,9 +3,9 @@
 Along a mode the map is analytic, also where K has lost rank; K shows it nowhere near there, but everywhere
 on a circle y + ρ e^{iθ} d around it. So the mode is followed along that circle in complex numbers, from a
 real regular point, and what is wanted at y is the mean over the circle (Cauchy); for mobility 1 the Fourier
-coefficients give it anywhere inside. The trapezoidal rule over N points errs by (ρ/R)^N, R the distance to
-the next place where the mode itself ends to be analytic. Source: Trefethen, Weideman, The exponentially
-convergent trapezoidal rule, SIAM Review 56, 2014.
+coefficients give it anywhere inside, see around.py. The trapezoidal rule over N points errs by (ρ/R)^N, R the
+distance to the next place where the mode itself ends to be analytic. Source: Trefethen, Weideman, The
+exponentially convergent trapezoidal rule, SIAM Review 56, 2014.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ import numpy as np
 
 from ..errors import NotCertifiedError
 from ..mechanism.closure_rates import Placement
-from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from .around import Around
 from .map_rates import ClusterRates, MapRates
 
 HALF = 16
@@ -28,13 +28,13 @@ HALF = 16
 CLOSED = 1e-13
 """max |φ| / length at which Newton stops on the circle."""
 
+ORDERS = 24
+"""Terms of a series from a circle: beyond them Fourier coefficients are those of negative orders too."""
+
 MAX_NEWTON = 8
 
 CORRECTION = 0.25
 """Newton's first correction against the step along the circle: more is another branch."""
-
-INSIDE = 0.5
-"""Share of its radius within which a circle of mobility 1 serves other points."""
 
 
 class Place:
@@ -126,12 +126,15 @@ class Circle:
     values: list[MapRates]
     far: Placement
 
-    def coefficients(self) -> Array:
-        """Taylor coefficients of all values by the share of the radius, (HALF, …)."""
-        angles = np.pi * np.arange(HALF + 1) / HALF
-        orders = np.exp(-1j * np.outer(np.arange(HALF), angles))
-        found: Array = ((_mirrored(HALF) * orders) @ self._samples).real
-        return found
+    def around(self, q: Array) -> Around:
+        """The series about the centre, where the cluster's configuration is q; for mobility 1."""
+        angles, radius = np.pi * np.arange(HALF + 1) / HALF, float(self.radius[0])
+        orders = np.arange(1, ORDERS)
+        G = np.array([value.G[:, 0] for value in self.values])
+        rates = ((_mirrored(HALF) * np.exp(-1j * np.outer(orders - 1, angles))) @ G).real
+        terms = np.zeros((ORDERS, 1, G.shape[1]))
+        terms[1:, 0] = radius * rates / orders[:, None]
+        return Around(self.center, self.radius[:, None], terms, q)
 
     def mean(self) -> MapRates:
         """The values at the centre."""
@@ -167,59 +170,6 @@ class Circle:
         return found
 
 
-@dataclass(frozen=True)
-class Around:
-    """A circle of a cluster of mobility 1 as a Taylor series about its centre, at u = 1.
-
-    Attributes
-    ----------
-    circle : Circle
-    coefficients : ndarray
-        Its own.
-    q : ndarray (nq,)
-        The cluster's at the centre.
-    """
-
-    circle: Circle
-    coefficients: Array
-    q: Array
-
-    def covers(self, y: float) -> bool:
-        """Whether it serves so far from its centre."""
-        return abs(y - self.circle.center[0]) <= INSIDE * abs(self.circle.radius[0])
-
-    def moved(self, y: float) -> Array:
-        """∫ G dy from the centre, (nv,)."""
-        share, orders = self._share(y), np.arange(1, len(self.coefficients) + 1)
-        G = self.coefficients[:, : len(self.circle.values[0].G)]
-        found: Array = self.circle.radius[0] * ((share**orders / orders) @ G)
-        return found
-
-    def at(self, y: float, u: float) -> MapRates:
-        """The rates at y."""
-        share = self._share(y)
-        one = self.circle.unflattened(share ** np.arange(len(self.coefficients)) @ self.coefficients)
-        return MapRates(one.G, one.g * u * u, one.bend, one.V_y * u, one.A_y * u * u, one.A_u * u)
-
-    def series(self) -> Array:
-        """Taylor coefficients of γ', γ'' and γ''' by the share of the radius, (orders, 3, nv)."""
-        rates = [self.circle.unflattened(row) for row in self.coefficients]
-        return np.array([(one.G[:, 0], one.g, one.A_y[:, 0]) for one in rates])
-
-    def _share(self, y: float) -> float:
-        return float((y - self.circle.center[0]) / self.circle.radius[0])
-
-
-Circles = dict[int, list[Around]]
-"""Those that were made, by cluster."""
-
-
-def circles_of(mechanism: Mechanism) -> Circles:
-    """Those that a mechanism's derivatives have in common, whatever the modes."""
-    made: Circles = mechanism.memo.once("circles around singular places", dict)
-    return made
-
-
 def _mirrored(half: int) -> Array:
     """Weights of the points from 0 to π in a mean over the whole circle."""
     weights = np.full(half + 1, 1.0 / half)
@@ -235,22 +185,32 @@ def circle(rates: ClusterRates, q: Array, center: Array, radius: Array, u: Array
     NotCertifiedError
         Where Newton leaves the mode.
     """
-    place, still = Place(rates, q), np.zeros(rates.cluster.loops.nv)
-    here = place.move(still)
-    values = [rates.at(here, u)]
+    place = Place(rates, q)
+    values = [rates.at(place.move(np.zeros(rates.cluster.loops.nv)), u)]
     turns = np.exp(1j * np.pi * np.arange(HALF + 1) / HALF)
     for before, after in pairwise(turns.tolist()):
         last, step = values[-1], (after - before) * radius
-        dv = last.G @ step + 0.5 * np.einsum("i,j,inj->n", step, step, last.bend)
-        size = float(np.abs(dv / rates.scale).max())
-        here = place.move(dv)
-        for iteration in range(MAX_NEWTON):
-            dv, residual = rates.correction(here)
-            first = float(np.abs(dv / rates.scale).max())
-            if iteration == 0 and not first < CORRECTION * size:
-                raise NotCertifiedError("derivatives: the mode cannot be followed around the singular place")
-            here = place.move(dv)
-            if residual < CLOSED or first < 1e-15:
-                break
+        here = led(rates, place, last.G @ step + 0.5 * np.einsum("i,j,inj->n", step, step, last.bend))
         values.append(rates.at(here, u))
     return Circle(center, radius, values, here)
+
+
+def led(rates: ClusterRates, place: Place, dv: Array) -> Placement:
+    """Move a place on by dv (nv,), as predicted, and close the loops there.
+
+    Raises
+    ------
+    NotCertifiedError
+        Where Newton leaves the mode.
+    """
+    size = float(np.abs(dv / rates.scale).max())
+    here = place.move(dv)
+    for iteration in range(MAX_NEWTON):
+        dv, residual = rates.correction(here)
+        first = float(np.abs(dv / rates.scale).max())
+        if iteration == 0 and not first < CORRECTION * size:
+            raise NotCertifiedError("derivatives: the mode cannot be followed around the singular place")
+        here = place.move(dv)
+        if residual < CLOSED or first < 1e-15:
+            break
+    return here

@@ -22,7 +22,7 @@ from ..mechanism.differences import torque_differences
 from ..mechanism.force_slopes import ForceSlopes
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from .continuation import Circles
+from .around import Circles
 from .equations import CheckedTorque, Evaluation, torque_function
 from .loads import Torques, Wrench, one_torque
 from .map_rates import MapRates

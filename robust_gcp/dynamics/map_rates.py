@@ -138,12 +138,26 @@ class ClusterRates:
         NotCertifiedError
             Where K_d is singular.
         """
-        rates, still, m = self.rates, self._still, len(self.independent)
-        K = rates.at(place, still, still).x_q
+        G, solved = self._slope(place)
+        return self.along(place, u, G, solved(self.rates.at(place, G @ u, self._still).dd))
+
+    def slope(self, place: Placement) -> Array:
+        """G at a closed placement.
+
+        Raises
+        ------
+        NotCertifiedError
+            Where K_d is singular.
+        """
+        return self._slope(place)[0]
+
+    def _slope(self, place: Placement) -> tuple[Array, Callable[[Array], Array]]:
+        """G, and `_solver` there."""
+        K = self.rates.at(place, self._still, self._still).x_q
         solved = self._solver(K)
         G = solved(K[:, self.independent])
-        G[self.independent] = np.eye(m)
-        return self.along(place, u, G, solved(rates.at(place, G @ u, still).dd))
+        G[self.independent] = np.eye(len(self.independent))
+        return G, solved
 
     def along(self, place: Placement, u: Array, G: Array, g: Array) -> MapRates:
         """The same where G and g are known.

@@ -9,28 +9,28 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import NotCertifiedError, SimulationError
-from ..maps.choice import MapChoice
-from ..maps.cluster.obstacles import ObstacleError
-from ..maps.explicit import ExplicitMap
 from ..maps.point import Point
 from ..maps.start import Start
 from ..mechanism.closure_rates import Placement
 from ..mechanism.clusters import LoopCluster
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from .continuation import Around, Circle, Circles, circle
+from .around import Around, Circles
+from .continuation import Circle, circle
 from .map_rates import ClusterRates, MapRates
 from .rate_rounding import rounding
+from .torus import torus, ways_about
+from .walk import Walk
 
 ZONE = 0.05
 """Conditioning of K_d, as `Point` has it, below which rounding is looked at."""
 
 SPARED = 5e-3
-"""The same for a motion that is followed in coordinates that serve, in short steps: of its rates rounding
-costs some 8 ε/σ² of their size, 7e-11."""
+"""The same for a motion that is followed in coordinates that serve, in short steps, and for clusters of
+several coordinates, of which a series takes a second to make: rounding costs their rates some 8 ε/σ² of their
+size, 7e-11."""
 
 STEADY, UNSTEADY = 2e-11, 2e-10
 """Change of a cluster's rates, where q and φ are rounded otherwise, up to which they are taken where they
@@ -39,6 +39,12 @@ four four-bars missed by 1e-4 to 1e-9 m the error was 1.6 times as large at most
 
 RADII = (0.8, 0.5, 0.3, 0.15, 0.1)
 """Of circles that are tried, dimensionless joint units along the mode."""
+
+TORI = (0.4, 0.25, 0.12)
+"""Of tori that are tried, across the singular curve; `ALONG` of it along the curve."""
+
+ALONG = 0.5
+"""Shares of a torus are sampled at half as many places along the curve as across it."""
 
 ACCURATE = 5e-12
 """Error of a circle at which no other is tried."""
@@ -51,12 +57,6 @@ SAME_MODE = 1e-7
 
 SAME_WAY = 1e-5
 """Agreement of its G with the map's, which K_d leaves uncertain by ε/δ² at a distance δ."""
-
-STRIDE = 0.1
-"""Step in which a map walks to a circle, dimensionless joint units."""
-
-FARTHEST = 1e3
-"""Strides to a place beyond which no map walks: no step that can be trusted goes as far."""
 
 
 class ModeRates:
@@ -105,7 +105,7 @@ class ModeRates:
         return MapRates(G, g, bend, V_y, A_y, A_u)
 
     def beside(self, places: Iterable[Array]) -> list[tuple[LoopCluster, Around]]:
-        """New circles about places of the mode, (nq,): of clusters of one coordinate that none covers there.
+        """New series about places of the mode, (nq,): of clusters of one or two coordinates that none covers.
 
         Raises
         ------
@@ -119,17 +119,22 @@ class ModeRates:
         mechanism, made = self._mechanism, list[tuple[LoopCluster, Around]]()
         place = self._start.point.y.copy()
         place[mechanism.numbers] = q[mechanism.iq_numbers]
-        point = _Walk(self._start, place, np.arange(0)).to(np.zeros(0))
+        point = Walk(self._start, place, np.arange(0)).to(np.zeros(0))
         for rates in self._clusters:
-            cluster = rates.cluster
-            if len(cluster.inputs) != 1 or not cluster.loops.tree.vector_space:
+            cluster, n = rates.cluster, len(rates.cluster.inputs)
+            if n not in (1, 2) or not cluster.loops.tree.vector_space:
                 continue
             G = point.G[np.ix_(cluster.iv, cluster.inputs)]
-            if self._remembered(rates, point, np.ones(1), G) is not None:
+            if n == 2 and point.conditioning >= SPARED:
+                continue
+            if self._remembered(rates, point, np.ones(n), G) is not None:
                 continue
             try:
-                self._around(rates, point, rates.rates.real(point.q[cluster.iq]), np.ones(1), G)
-            except NotCertifiedError:
+                if n == 2:
+                    self._torus(rates, point, G)
+                else:
+                    self._around(rates, point, rates.rates.real(point.q[cluster.iq]), np.ones(1), G)
+            except (NotCertifiedError, SimulationError):
                 continue
             made.append((cluster, self._known[cluster.index][-1]))
         return made
@@ -145,7 +150,7 @@ class ModeRates:
         if found is not None:
             return found
         q, change = rounding(rates, q)
-        if change < self._steady:
+        if change < (self._steady if len(u) == 1 else UNSTEADY):
             return rates.at(rates.rates.real(q), u)
         try:
             return self._around(rates, point, rates.rates.real(q), u, G)
@@ -155,15 +160,13 @@ class ModeRates:
             return rates.at(rates.rates.real(q), u)
 
     def _remembered(self, rates: ClusterRates, point: Point, u: Array, G: Array) -> MapRates | None:
-        """From a circle that was made before, for a cluster of mobility 1."""
+        """From a series that was made before, for a cluster of one or two coordinates."""
         cluster = rates.cluster
-        if len(cluster.inputs) != 1:
-            return None
-        y, q, tree = float(point.y[cluster.inputs[0]]), point.q[cluster.iq], cluster.loops.tree
+        y, q, tree = point.y[cluster.inputs], point.q[cluster.iq], cluster.loops.tree
         for around in self._known.get(cluster.index, []):
             if not around.covers(y):
                 continue
-            found = around.at(y, float(u[0]))
+            found = around.at(y, u)
             off = 0.0
             if tree.vector_space:
                 off = float(np.abs((q - around.q - around.moved(y)) / rates.scale).max())
@@ -183,16 +186,38 @@ class ModeRates:
             )
         if len(inputs) > 1:
             return self._circle(rates, point, place, u, G).mean()
-        made = self._circle(rates, point, place, np.ones(1), G)
-        kept = Around(made, made.coefficients(), point.q[cluster.iq])
+        kept = self._circle(rates, point, place, np.ones(1), G).around(point.q[cluster.iq])
         if self._alone or cluster.loops.tree.vector_space:  # else it does not tell whose mode it is
             self._known.setdefault(cluster.index, []).append(kept)
-        return kept.at(float(point.y[inputs[0]]), float(u[0]))
+        return kept.at(point.y[inputs], u)
+
+    def _torus(self, rates: ClusterRates, point: Point, G: Array) -> None:
+        """Keep a series from a new torus, for a cluster of two coordinates."""
+        cluster = rates.cluster
+        inputs, place = cluster.inputs, rates.rates.real(point.q[cluster.iq])
+        ways, best = ways_about(rates, place, G), None
+        walk = Walk(self._start, point.y, inputs)
+        for size in TORI:
+            reach = ways * (size * np.array([1.0, ALONG]))
+            try:
+                near = walk.to(reach.sum(axis=1))
+                made = torus(rates, near.q[cluster.iq], point.y[inputs], reach)
+            except SimulationError:
+                continue
+            if _apart(rates, made.around.at(point.y[inputs], np.zeros(2)).G, G) > SAME_WAY:
+                continue
+            if best is None or made.error < best.error:
+                best = made
+            if best.error < ACCURATE:
+                break
+        if best is None or best.error > LARGEST_ERROR:
+            raise NotCertifiedError(f"derivatives at y = {point.y}: no torus could be certified", point.y)
+        self._known.setdefault(cluster.index, []).append(best.around)
 
     def _circle(self, rates: ClusterRates, point: Point, place: Placement, u: Array, G: Array) -> Circle:
         """The best certified circle about a point; G is what the map has there."""
         inputs = rates.cluster.inputs
-        walks = [_Walk(self._start, point.y, inputs) for _ in range(2)]
+        walks = [Walk(self._start, point.y, inputs) for _ in range(2)]
         best: Circle | None = None
         reason = "none could be followed"
         for size in RADII:
@@ -221,57 +246,6 @@ class ModeRates:
                 point.y,
             )
         return best
-
-
-class _Walk:
-    """The mode's real points to one side of a place, by a map of its own from the start.
-
-    Parameters
-    ----------
-    start : Start
-    place : ndarray (m,)
-        y there, which it goes by.
-    inputs : ndarray of int
-        Those that change from there.
-    """
-
-    def __init__(self, start: Start, place: Array, inputs: NDArray[np.int64]) -> None:
-        self._start, self._place, self._inputs = start, place, inputs
-        self._choice = MapChoice()
-        self._explicit: ExplicitMap | None = None
-
-    def to(self, change: Array) -> Point:
-        """The point where the inputs have changed by so much."""
-        goal = self._place.copy()
-        goal[self._inputs] += change
-        try:
-            return self._led(goal)
-        except ObstacleError:  # no bridge, or coordinates that serve poorly: the true curve
-            if self._choice.error_controlled:
-                raise
-            self._choice = MapChoice(error_controlled=True)
-            return self._led(goal)
-
-    def _led(self, goal: Array) -> Point:
-        """The point at the goal, in small steps from where it was last."""
-        explicit, self._explicit = self._explicit, None  # none after a failure
-        goals = [goal] if explicit is not None else [self._place, goal]
-        if explicit is None:
-            explicit = self._choice.over(self._start)
-        mechanism, here, found = self._start.mechanism, explicit.anchor.y, explicit.anchor
-        unit = mechanism.units[mechanism.iv_independent]
-        for there in goals:
-            away = np.abs((there - here) / unit).max() / STRIDE
-            if not away < FARTHEST:
-                raise SimulationError(
-                    f"the mode is not followed to a place {away:.3g} strides of {STRIDE:g} joint units away"
-                )
-            count = max(1, int(np.ceil(away)))
-            for share in np.arange(1, count + 1) / count:
-                found = explicit.at(here + share * (there - here), np.zeros(mechanism.m))
-            here = there
-        self._explicit = explicit
-        return found
 
 
 def cluster_rates(mechanism: Mechanism) -> list[ClusterRates]:

@@ -264,11 +264,11 @@ struct Exported {
 
 // A mode of one coordinate about a place: see modes.h.
 struct ModeSeries {
-    std::int64_t count, orders;
+    std::int64_t count, inputs, first, second;
     const std::int32_t* velocities;  // (count,) in v
-    const double* q;                 // (count,) at the centre
-    const double* coefficients;      // (orders, 3, count): of γ', γ'' and γ'''
-    double center, radius;
+    const double* center;            // (inputs,)
+    const double* shares;            // (inputs, inputs): by y less the centre
+    const double* terms;             // (first, second, count): of γ by powers of the shares
 };
 
 // How loops are closed from afar: see constraint/assembly.h.

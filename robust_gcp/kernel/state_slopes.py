@@ -11,9 +11,9 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..dynamics.continuation import Around, circles_of
+from ..dynamics.around import Around, circles_of
 from ..dynamics.derivatives import Accelerations
-from ..dynamics.mode_rates import ZONE, ModeRates
+from ..dynamics.mode_rates import SPARED, ZONE, ModeRates
 from ..errors import ClosureError
 from ..maps.regular_path import RegularPath
 from ..maps.start import Start
@@ -62,6 +62,8 @@ class StateSlopes:
         self, library: Library, mechanism: Mechanism, path: RegularPath, driven: Sequence[int] = ()
     ) -> None:
         self._library, self._mechanism, self.m, self.nv = library, mechanism, mechanism.m, mechanism.nv
+        several = any(len(cluster.inputs) > 1 for cluster in mechanism.clusters)
+        self._zone = SPARED if several else ZONE  # a torus takes a second or two, a circle a third of one
         self._left_over = mechanism.nc > path.nd
         self._turns = any(row.axis == ROTATION for row in rows_of(mechanism.loops))
         still = still_inputs(mechanism)
@@ -104,7 +106,7 @@ class StateSlopes:
         """Which of N states are good, and u̇ (N, m); see `slopes`."""
         udot, status = np.empty((len(q), self.m)), np.empty(len(q), dtype=np.int32)
         G = np.empty((len(q), self.nv, self.m))
-        states = self._states(q, v, tau, status, mode=mode, ydd=udot, G=G)
+        states = self._states(q, v, tau, status, 0.0, 0.0, mode, None, ydd=udot, G=G)
         self._library.slopes(self._handle, ctypes.byref(states.structure))
         return status == 0 if known else self._sound(status, q, G, mode), udot
 
@@ -137,7 +139,7 @@ class StateSlopes:
         wanted: dict[str, Array] = {"ydd": udot, "rows": rows, "G": G, "v_y": v_y}
         if every is not None:
             wanted |= {"a": every.a, "a_y": every.by_y, "a_u": every.by_u}
-        states = self._states(q, v, tau, status, 0.0, 0.0, ZONE, mode, **wanted)
+        states = self._states(q, v, tau, status, 0.0, 0.0, mode, None, **wanted)
         self._library.slopes(self._handle, ctypes.byref(states.structure))
         good = status == 0 if known else self._sound(status, q, G, mode)
         return Slopes(good, udot, rows, G, v_y, every)
@@ -168,10 +170,11 @@ class StateSlopes:
 
     def _states(
         self, q: Array, v: Array, tau: Array | None, status: NDArray[np.int32], at_rest: float = 0.0,
-        same: float = 0.0, zone: float = ZONE, mode: Array | None = None, **results: Array,
+        same: float = 0.0, mode: Array | None = None, zone: float | None = None, **results: Array,
     ) -> Arrays:  # fmt: skip
         """A request, which keeps what is given, as rows in a row; the results must outlive it."""
         places = {name: part.ctypes.data for name, part in {"status": status, **results}.items()}
+        zone = self._zone if zone is None else zone
         request = Arrays(States(count=len(q), zone=zone, close=CLOSED, same=same, at_rest=at_rest, **places))
         own = self._mechanism.iv_independent
         along = None if mode is None else mode @ np.linalg.inv(mode[own])

@@ -186,12 +186,11 @@ class Exported(ctypes.Structure):
 
 
 class ModeSeries(ctypes.Structure):
-    """A mode of one coordinate about a place; see abi.h."""
+    """A mode of one or two coordinates about a place; see abi.h."""
 
     _fields_ = [
-        *_all(c_int64, "count orders"),
-        *_fields("", "velocities q coefficients"),
-        *_all(c_double, "center radius"),
+        *_all(c_int64, "count inputs first second"),
+        *_fields("", "velocities center shares terms"),
     ]
 
 

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from ..dynamics.continuation import Around
+from ..dynamics.around import Around
 from ..mechanism.clusters import LoopCluster
 from .structures import Arrays, ModeSeries
 
 
 def mode_series(cluster: LoopCluster, around: Around) -> Arrays:
     """For `rg_learn`."""
-    series = around.series()
-    center, radius = float(around.circle.center[0]), float(around.circle.radius[0])
-    told = Arrays(ModeSeries(count=len(cluster.iv), orders=len(series), center=center, radius=radius))
+    terms = around.terms.copy()
+    terms[0, 0] = around.q
+    sizes = dict(zip(("inputs", "first", "second"), (len(around.center), *terms.shape[:2]), strict=True))
+    told = Arrays(ModeSeries(count=len(cluster.iv), **sizes))
     told.integers(velocities=cluster.iv)
-    told.reals(q=around.q, coefficients=series)
+    told.reals(center=around.center, shares=around.inverse, terms=terms)
     return told

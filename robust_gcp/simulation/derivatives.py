@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..checks import check_callable, check_finite, check_mechanism
+from ..dynamics.around import circles_of
 from ..dynamics.change_of_coordinates import transformed
-from ..dynamics.continuation import circles_of
 from ..dynamics.derivatives import Derivatives, TorqueSlopes, slopes_of_all
 from ..dynamics.following import followed
 from ..dynamics.loads import Torques, Wrench

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from ..dynamics.around import circles_of
 from ..dynamics.change_of_coordinates import Slope
-from ..dynamics.continuation import circles_of
 from ..dynamics.derivatives import PointDerivatives, TorqueSlopes
 from ..dynamics.discrete import Stage
 from ..dynamics.drive import Drive

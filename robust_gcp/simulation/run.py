@@ -41,7 +41,7 @@ TOLD = 3e-9
 """Relative error of G by rounding that a warning tells."""
 
 AT_MOST = 8.0
-"""What rounding may cost over its usual share: of 500 motions that differ in their steps the worst has 6 times that."""
+"""What rounding may cost over its usual share: the worst of 500 motions, by their steps, has 6 times it."""
 
 
 class Run:
@@ -168,7 +168,7 @@ class Run:
         return explicit
 
     def _rounding(self, following: Following, wanted: float = 0.0) -> float:
-        """What rounding leaves uncertain of G there; told once, afterwards, where that shows in what is wanted."""
+        """What rounding leaves uncertain of G; told once, afterwards, where it shows in what is wanted."""
         lost, distance = following.rounding()
         if AT_MOST * lost > max(TOLD, wanted, self._lost[0]):
             self._lost = AT_MOST * lost, distance

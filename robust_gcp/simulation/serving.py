@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..checks import require_finite
+from ..dynamics.around import Circles, circles_of
 from ..dynamics.change_of_coordinates import transformed
-from ..dynamics.continuation import Circles, circles_of
 from ..dynamics.derivatives import Accelerations, Derivatives, PointDerivatives, TorqueSlopes
 from ..dynamics.held_derivatives import HeldDerivatives
 from ..dynamics.loads import Torques, Wrench, one_torque

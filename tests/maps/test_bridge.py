@@ -242,7 +242,7 @@ def test_near_miss_follows_the_true_curve(gap):
 
 @pytest.mark.parametrize("stepper", ["rk4", pytest.param("DOP853", marks=pytest.mark.campaign)])
 def test_what_rounding_costs_beside_a_near_miss_is_told(stepper):
-    """An error above 3e-9 of a motion that is followed to 1e-12 comes with a warning, and is no larger than it says."""
+    """An error above 3e-9 of a motion followed to 1e-12 comes with a warning, which bounds it."""
     linkage = linkages.four_bar(1.0, 2.0 + 1e-8, 1.0, 2.0, y=0.3, assembly=-1)
     v0 = linkage.lift(linkage.home, [-2.0])
     more = {} if stepper == "rk4" else {"stepper": stepper, "rtol": 1e-12, "atol": 1e-13}

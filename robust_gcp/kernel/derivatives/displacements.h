@@ -171,15 +171,18 @@ class Displacements {
         for (int j : part.joints) by_velocity(p, chain, j, G);
     }
 
-    // ∂v/∂y and ∂a/∂y of a part on a series: γ'' u and γ''' u² + γ'' u̇.
+    // ∂v/∂y and ∂a/∂y of a part on a series: γ_ab u_b and γ_abc u_b u_c + γ_ab u̇_b.
     void follow(const Part& part, Point& point) {
-        const int k = part.inputs[0], m = path_.layout.m;
-        const double u = point.ydot()[k], faster = motion_.ydd[k];
+        const int m = path_.layout.m;
         const Modes& modes = *path_.modes;
-        for (int i : part.velocities) {
-            v_y[i * m + k] = modes.bend[i] * u;
-            a_y[i * m + k] = modes.third[i] * u * u + modes.bend[i] * faster;
-        }
+        double u[2] = {}, faster[2] = {};
+        for (std::size_t a = 0; a < part.inputs.size(); ++a)
+            u[a] = point.ydot()[part.inputs[a]], faster[a] = motion_.ydd[part.inputs[a]];
+        for (int i : part.velocities)
+            for (std::size_t a = 0; a < part.inputs.size(); ++a) {
+                v_y[i * m + part.inputs[a]] = modes.by(i, a, u);
+                a_y[i * m + part.inputs[a]] = modes.third[2 * i + a] + modes.by(i, a, faster);
+            }
     }
 
     // ∂a/∂u of a joint in a loop: 2 ∂v/∂y, and where its velocities are no rates, [G, v]; less what brings inputs

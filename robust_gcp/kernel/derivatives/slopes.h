@@ -220,9 +220,12 @@ class Slopes {
 
     // (∂G/∂y)ᵀ f of a part on a series, where K_d gives no reactions.
     void bow(const Part& part, const Chain& chain) {
-        double sum = 0.0;
-        each_force(part, chain, [&](int i, double force) { sum += path_.modes->bend[i] * force; });
-        by_y(part.inputs[0], part.inputs[0]) -= sum;
+        const std::size_t n = part.inputs.size();
+        each_force(part, chain, [&](int i, double force) {
+            for (std::size_t a = 0; a < n; ++a)
+                for (std::size_t b = 0; b < n; ++b)
+                    by_y(part.inputs[a], part.inputs[b]) -= path_.modes->bend[4 * i + 2 * a + b] * force;
+        });
     }
 
     // Takes the closures' reactions off what the bodies take.

@@ -1,5 +1,5 @@
-// A part's mode of one coordinate as a series about a place, singular or not, where Newton's method on K_d finds no
-// good point; see `Around` in continuation.py, which makes them.
+// A part's mode of one or two coordinates as a series about a place, singular or not, where Newton's method on K_d
+// finds no good point; see `Around` in around.py.
 #pragma once
 
 #include <algorithm>
@@ -17,70 +17,116 @@
 
 namespace rg {
 
-// Σ_k c_k s^k, s = (y − centre) / radius, of γ', γ'' and γ''' of a part's velocities.
-class Series3 {
+// γ of a part's velocities by its one or two inputs: Σ c_jk z₁^j z₂^k, with z the shares of y less the centre.
+class Expansion {
   public:
-    Series3(const ModeSeries& given, const std::vector<int>& velocities)
-        : center_(given.center), radius_(given.radius), orders_(given.orders), velocities_(velocities),
-          q_(given.q, given.q + given.count), coefficients_(given.coefficients,
-                                                            given.coefficients + 3 * given.orders * given.count) {}
+    Expansion(const ModeSeries& given, const std::vector<int>& velocities)
+        : n_(static_cast<int>(given.inputs)), count_(given.count), orders_{given.first, given.second}, velocities_(velocities),
+          center_(given.center, given.center + n_), shares_(given.shares, given.shares + n_ * n_),
+          terms_(given.terms, given.terms + given.first * given.second * given.count) {}
 
-    double from(double y) const { return std::fabs(y - center_); }
-    bool covers(double y) const { return from(y) <= INSIDE * std::fabs(radius_); }
+    // Where it is asked for next, from a row of all inputs.
+    void look(const double* y, const std::vector<int>& inputs) {
+        far_ = 0.0;
+        for (int i = 0; i < 2; ++i) {
+            double z = 0.0;
+            for (int a = 0; i < n_ && a < n_; ++a) z += shares_[i * n_ + a] * (y[inputs[a]] - center_[a]);
+            far_ = std::max(far_, std::fabs(z));
+            raise(z, orders_[i], powers_[i]);
+        }
+    }
+    bool covers() const { return far_ <= INSIDE; }
 
-    // γ at y of a velocity by its place in the part: ∫ γ' dy from the centre.
-    double position(double y, std::size_t i) const {
-        const double s = (y - center_) / radius_;
-        double sum = 0.0;
-        for (std::int64_t k = orders_; k-- > 0;) sum = sum * s + at(k, 0, i) / static_cast<double>(k + 1);
-        return q_[i] + radius_ * s * sum;
+    // γ of a velocity by its place in the part.
+    double position(std::int64_t v) const { return sum(0, 0, v); }
+
+    // γ_a.
+    void slopes(std::int64_t v, double* by) const {
+        const double own[2] = {sum(1, 0, v), n_ > 1 ? sum(0, 1, v) : 0.0};
+        for (int a = 0; a < n_; ++a) {
+            by[a] = 0.0;
+            for (int i = 0; i < n_; ++i) by[a] += own[i] * shares_[i * n_ + a];
+        }
     }
 
-    // The derivative of order 1, 2 or 3.
-    double rate(double y, int order, std::size_t i) const {
-        const double s = (y - center_) / radius_;
-        double sum = 0.0;
-        for (std::int64_t k = orders_; k-- > 0;) sum = sum * s + at(k, order - 1, i);
-        return sum;
+    // γ_ab into `second` (2, 2), and γ_abc u_b u_c into `third` (2,), with ẏ = u.
+    void bends(std::int64_t v, const double* u, double* second, double* third) const {
+        double w[2] = {0.0, 0.0};
+        for (int i = 0; i < n_; ++i)
+            for (int a = 0; a < n_; ++a) w[i] += shares_[i * n_ + a] * u[a];
+        double twice[3] = {}, thrice[4] = {};  // by how many of the shares are the second one
+        for (int k = 0; k <= 2 * (n_ - 1); ++k) twice[k] = sum(2 - k, k, v);
+        for (int k = 0; k <= 3 * (n_ - 1); ++k) thrice[k] = sum(3 - k, k, v);
+        for (int a = 0; a < n_; ++a) {
+            third[a] = 0.0;
+            for (int b = 0; b < n_; ++b) second[2 * a + b] = 0.0;
+            for (int i = 0; i < n_; ++i) {
+                const double way = shares_[i * n_ + a];
+                for (int b = 0; b < n_; ++b)
+                    for (int j = 0; j < n_; ++j) second[2 * a + b] += twice[i + j] * way * shares_[j * n_ + b];
+                for (int j = 0; j < n_; ++j)
+                    for (int k = 0; k < n_; ++k) third[a] += thrice[i + j + k] * way * w[j] * w[k];
+            }
+        }
     }
 
     const std::vector<int>& velocities() const { return velocities_; }
 
   private:
-    static constexpr double INSIDE = 0.5;  // as in continuation.py
+    static constexpr double INSIDE = 0.5;  // as in around.py
 
-    double at(std::int64_t order, int which, std::size_t i) const {
-        return coefficients_[(static_cast<std::size_t>(order) * 3 + static_cast<std::size_t>(which)) * q_.size() + i];
+    // z^k and its derivatives of order 1, 2 and 3, one after the other.
+    static void raise(double z, std::int64_t count, std::vector<double>& powers) {
+        powers.assign(static_cast<std::size_t>(4 * count), 0.0);
+        powers[0] = 1.0;
+        for (std::int64_t k = 1; k < count; ++k) powers[k] = powers[k - 1] * z;
+        for (std::int64_t order = 1; order < 4; ++order)
+            for (std::int64_t k = 1; k < count; ++k)
+                powers[order * count + k] = static_cast<double>(k) * powers[(order - 1) * count + k - 1];
     }
 
-    double center_, radius_;
-    std::int64_t orders_;
+    double sum(int one, int two, std::int64_t v) const {
+        const double *first = powers_[0].data() + one * orders_[0], *second = powers_[1].data() + two * orders_[1];
+        double whole = 0.0;
+        for (std::int64_t j = orders_[0]; j-- > 0;) {
+            const double* row = terms_.data() + j * orders_[1] * count_ + v;
+            double part = 0.0;
+            for (std::int64_t k = orders_[1]; k-- > 0;) part += second[k] * row[k * count_];
+            whole += first[j] * part;
+        }
+        return whole;
+    }
+
+    int n_;
+    std::int64_t count_, orders_[2];
     std::vector<int> velocities_;
-    std::vector<double> q_, coefficients_;
+    std::vector<double> center_, shares_, terms_;
+    std::vector<double> powers_[2];
+    double far_ = 0.0;
 };
 
 // All that are known, and which of them are in use at the point placed last.
 class Modes {
   public:
     bool on = false;
-    Point* through = nullptr;        // where it is given, a series serves that the mode at this point lies on
-    std::vector<double> bend, third;  // γ'' and γ''' by velocity, of parts in use
+    Point* through = nullptr;         // where it is given, a series serves that the mode at this point lies on
+    std::vector<double> bend, third;  // γ_ab (2, 2) and γ_abc u_b u_c (2,) by velocity, of parts in use
 
     Modes(const Description& d, const Parts& parts)
-        : bend(d.nv), third(d.nv), parts_(parts), m_(d.m), size_(d.size, d.size + d.nv), known_(parts.list.size()),
+        : bend(4 * d.nv), third(2 * d.nv), parts_(parts), m_(d.m), size_(d.size, d.size + d.nv), known_(parts.list.size()),
           used_(parts.list.size()) {}
 
     bool some() const { return some_; }
-    const Series3* used(std::size_t part) const { return used_[part]; }
+    bool used(std::size_t part) const { return used_[part] != nullptr; }
 
-    // False where it is not one of a part of one coordinate.
+    // False where it is not one of a part with so many inputs.
     bool learn(const ModeSeries& given) {
         const std::vector<int> velocities(given.velocities, given.velocities + given.count);
         const int part = parts_.of_velocity[velocities[0]];
         std::vector<int> own = parts_.list[part].velocities, asked = velocities;
         std::sort(own.begin(), own.end());
         std::sort(asked.begin(), asked.end());
-        if (own != asked || parts_.list[part].count() != 1) return false;
+        if (own != asked || parts_.list[part].count() != given.inputs || given.inputs > 2) return false;
         known_[part].emplace_back(given, velocities);
         return some_ = true;
     }
@@ -89,66 +135,83 @@ class Modes {
     bool place(std::size_t part, Point& point, const Chain& chain) {
         used_[part] = nullptr;
         if (!on || known_[part].empty()) return false;
-        const double y = point.y()[parts_.list[part].inputs[0]];
+        const std::vector<int>& inputs = parts_.list[part].inputs;
         double nearest = TOLERANCE + SHARE * point.distance;
-        for (const Series3& series : known_[part]) {
-            if (!series.covers(y) || !passes(series, part, chain)) continue;
-            const double off = apart(series, y, point, chain);
+        for (Expansion& series : known_[part]) {
+            if (!passes(series, part, chain)) continue;
+            series.look(point.y(), inputs);
+            if (!series.covers()) continue;
+            const double off = apart(series, point, chain);
             if (off < nearest) nearest = off, used_[part] = &series;
         }
         if (used_[part] == nullptr) return false;
-        for (std::size_t i = 0; i < used_[part]->velocities().size(); ++i)
-            point.q()[chain.number_at[used_[part]->velocities()[i]]] = used_[part]->position(y, i);
+        const std::vector<int>& velocities = used_[part]->velocities();
+        for (std::size_t i = 0; i < velocities.size(); ++i)
+            point.q()[chain.number_at[velocities[i]]] = used_[part]->position(static_cast<std::int64_t>(i));
         return true;
     }
 
-    // γ' of a part into G (nv, m), γ'' and γ''' into `bend` and `third`.
-    void rates(std::size_t part, Point& point, int m) {
-        const Series3& series = *used_[part];
-        const int k = parts_.list[part].inputs[0];
-        const double y = point.y()[k];
+    // γ_a of a part into G (nv, m), its further derivatives into `bend` and `third`, and γ_ab u_a u_b into g (nv,).
+    void rates(std::size_t part, Point& point, int m, double* g) {
+        const Expansion& series = *used_[part];
+        const std::vector<int>& inputs = parts_.list[part].inputs;
+        const std::size_t n = inputs.size();
+        double slopes[2], u[2] = {};
+        for (std::size_t a = 0; a < n; ++a) u[a] = point.ydot()[inputs[a]];
         for (std::size_t i = 0; i < series.velocities().size(); ++i) {
             const int v = series.velocities()[i];
-            point.G()[v * m + k] = series.rate(y, 1, i);
-            bend[v] = series.rate(y, 2, i);
-            third[v] = series.rate(y, 3, i);
+            series.slopes(static_cast<std::int64_t>(i), slopes);
+            series.bends(static_cast<std::int64_t>(i), u, &bend[4 * v], &third[2 * v]);
+            g[v] = 0.0;
+            for (std::size_t a = 0; a < n; ++a) {
+                point.G()[v * m + inputs[a]] = slopes[a];
+                g[v] += by(v, a, u) * u[a];
+            }
         }
+    }
+
+    // Σ_b γ_ab x_b of a velocity, with x (2,).
+    double by(int v, std::size_t a, const double* x) const {
+        return bend[4 * v + 2 * a] * x[0] + bend[4 * v + 2 * a + 1] * x[1];
     }
 
   private:
     static constexpr double TOLERANCE = 1e-6, SHARE = 0.25;  // of q beside the mode: of a state, and of a prediction
     static constexpr double ALONG = 1e-4;                    // of γ', relative, where modes meet
 
-    double apart(const Series3& series, double y, Point& point, const Chain& chain) const {
+    // Where `series` looks.
+    double apart(const Expansion& series, Point& point, const Chain& chain) const {
         double off = 0.0;
         for (std::size_t i = 0; i < series.velocities().size(); ++i) {
             const int v = series.velocities()[i];
-            off = std::max(off, std::fabs(series.position(y, i) - point.q()[chain.number_at[v]]) * size_[v]);
+            const double at = series.position(static_cast<std::int64_t>(i));
+            off = std::max(off, std::fabs(at - point.q()[chain.number_at[v]]) * size_[v]);
         }
         return off;
     }
 
-    bool passes(const Series3& series, std::size_t part, const Chain& chain) const {
+    bool passes(Expansion& series, std::size_t part, const Chain& chain) const {
         if (through == nullptr) return true;
-        const int k = parts_.list[part].inputs[0], m = m_;
-        const double y = through->y()[k];
-        if (!series.covers(y) || !(apart(series, y, *through, chain) < TOLERANCE)) return false;
-        double off = 0.0, whole = 0.0;
+        const std::vector<int>& inputs = parts_.list[part].inputs;
+        series.look(through->y(), inputs);
+        if (!series.covers() || !(apart(series, *through, chain) < TOLERANCE)) return false;
+        double off = 0.0, whole = 0.0, slopes[2];
         for (std::size_t i = 0; i < series.velocities().size(); ++i) {
             const int v = series.velocities()[i];
-            const double slope = series.rate(y, 1, i);
-            off = std::max(off, std::fabs(slope - through->G()[v * m + k]) * size_[v]);
-            whole = std::max(whole, std::fabs(slope) * size_[v]);
+            series.slopes(static_cast<std::int64_t>(i), slopes);
+            for (std::size_t a = 0; a < inputs.size(); ++a) {
+                off = std::max(off, std::fabs(slopes[a] - through->G()[v * m_ + inputs[a]]) * size_[v]);
+                whole = std::max(whole, std::fabs(slopes[a]) * size_[v]);
+            }
         }
         return off < ALONG * whole;
     }
 
-
     const Parts& parts_;
     int m_;
     std::vector<double> size_;
-    std::vector<std::vector<Series3>> known_;  // by part
-    std::vector<const Series3*> used_;
+    std::vector<std::vector<Expansion>> known_;  // by part
+    std::vector<Expansion*> used_;
     bool some_ = false;
 };
 

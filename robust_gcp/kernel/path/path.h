@@ -177,7 +177,7 @@ class Path {
     }
 
     // Whether a part was put on a series that its mode follows.
-    bool on_mode(std::size_t part) const { return modes != nullptr && modes->used(part) != nullptr; }
+    bool on_mode(std::size_t part) const { return modes != nullptr && modes->used(part); }
 
     // Those of a part; none where nothing is tied.
     Loops* loops(std::size_t part) const { return loops_[part].get(); }
@@ -241,9 +241,7 @@ class Path {
             if (loops_[i] == nullptr) continue;
             const Part& part = parts.list[i];
             if (on_mode(i)) {
-                modes->rates(i, point, m);
-                const double u = point.ydot()[part.inputs[0]];
-                for (int v : part.velocities) g[v] = modes->bend[v] * u * u;
+                modes->rates(i, point, m, g);
                 continue;
             }
             Blocks& blocks = loops_[i]->blocks;
@@ -262,7 +260,7 @@ class Path {
         chain.move(chain.all, G);
         for (std::size_t i = 0; i < loops_.size(); ++i)
             if (on_mode(i))
-                for (int v : parts.list[i].velocities) curvature[v] = modes->bend[v];
+                for (int v : parts.list[i].velocities) curvature[v] = modes->bend[4 * v];
             else if (loops_[i] != nullptr)
                 loops_[i]->bend(G, curvature);
         const double square = point.ydot()[0] * point.ydot()[0];

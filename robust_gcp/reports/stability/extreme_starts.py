@@ -33,7 +33,7 @@ APART = 1e4
 """Largest distance of the motions of two linkages over the difference of their lengths, rad/m."""
 
 ROUNDED = 4e-16
-"""Times length / gap: where modes pass each other at δ = √(gap / length), G is known to 2 ε / δ², as the library tells."""
+"""Times length / gap: where modes pass each other at δ = √(gap / length), G is known to 2 ε / δ²."""
 
 TURNING = {"on_toggle": "repartition"}
 
