@@ -21,10 +21,10 @@ from .around import INSIDE, Around
 from .continuation import Place, led
 from .map_rates import ClusterRates
 
-POINTS = 32, 16
+POINTS = 24, 20
 """Points around each circle."""
 
-TERMS = 24, 12
+TERMS = 18, 15
 """Terms of the series by each share: further coefficients are those of negative orders too."""
 
 BACK = 1e-9

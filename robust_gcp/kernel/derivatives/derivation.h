@@ -135,14 +135,17 @@ class Derivation {
         double fastest = reason == ZONE ? point.conditioning() : 0.0;
         for (int k = 0; k < nv_; ++k) fastest = std::max(fastest, std::fabs(s.v[i * nv_ + k] * size_[k]));
         path_.modes->on = true;
-        if (s.mode == nullptr) return fastest > MEETING && settled(s, i, point) == DONE ? DONE : reason;
-        std::copy(point.y(), point.y() + m_, told_->y());
-        std::copy(s.q + i * nq_, s.q + (i + 1) * nq_, told_->q());
-        std::copy(s.mode, s.mode + nv_ * m_, told_->G());
-        path_.modes->through = told_;
-        const bool good = settled(s, i, point) == DONE;
-        path_.modes->through = nullptr;
-        return good ? DONE : reason;
+        if (s.mode == nullptr && !(fastest > MEETING)) return reason;
+        path_.modes->moving = s.mode == nullptr ? s.v + i * nv_ : nullptr;
+        if (s.mode != nullptr) {
+            std::copy(point.y(), point.y() + m_, told_->y());
+            std::copy(s.q + i * nq_, s.q + (i + 1) * nq_, told_->q());
+            std::copy(s.mode, s.mode + nv_ * m_, told_->G());
+            path_.modes->through = told_;
+        }
+        const Reason again = settled(s, i, point);
+        path_.modes->through = nullptr, path_.modes->moving = nullptr;
+        return again == DONE ? DONE : reason;
     }
 
     Reason settled(const States& s, std::int64_t i, Point& point) {

@@ -110,6 +110,7 @@ class Modes {
   public:
     bool on = false;
     Point* through = nullptr;         // where it is given, a series serves that the mode at this point lies on
+    const double* moving = nullptr;   // where it is given, one along which the part has these velocities (nv,)
     std::vector<double> bend, third;  // γ_ab (2, 2) and γ_abc u_b u_c (2,) by velocity, of parts in use
 
     Modes(const Description& d, const Parts& parts)
@@ -140,7 +141,7 @@ class Modes {
         for (Expansion& series : known_[part]) {
             if (!passes(series, part, chain)) continue;
             series.look(point.y(), inputs);
-            if (!series.covers()) continue;
+            if (!series.covers() || !moves(series, inputs, point)) continue;
             const double off = apart(series, point, chain);
             if (off < nearest) nearest = off, used_[part] = &series;
         }
@@ -188,6 +189,21 @@ class Modes {
             off = std::max(off, std::fabs(at - point.q()[chain.number_at[v]]) * size_[v]);
         }
         return off;
+    }
+
+    // Where `series` looks: modes that meet are told apart by v = γ_a u_a.
+    bool moves(const Expansion& series, const std::vector<int>& inputs, Point& point) const {
+        if (moving == nullptr) return true;
+        double off = 0.0, whole = 0.0, slopes[2];
+        for (std::size_t i = 0; i < series.velocities().size(); ++i) {
+            const int v = series.velocities()[i];
+            series.slopes(static_cast<std::int64_t>(i), slopes);
+            double rate = 0.0;
+            for (std::size_t a = 0; a < inputs.size(); ++a) rate += slopes[a] * point.ydot()[inputs[a]];
+            off = std::max(off, std::fabs(rate - moving[v]) * size_[v]);
+            whole = std::max(whole, std::fabs(moving[v]) * size_[v]);
+        }
+        return off <= ALONG * whole;
     }
 
     bool passes(Expansion& series, std::size_t part, const Chain& chain) const {
