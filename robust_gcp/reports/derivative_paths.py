@@ -15,6 +15,7 @@ from ..analysis.local import analyse
 from ..dynamics.loads import Wrench
 from ..errors import PerformanceWarning
 from ..examples.families import planar_linkage
+from ..examples.six_bars import joined_by_dyad
 from ..io.loader import load
 from ..kernel import backends
 from ..mechanism.mechanism import Mechanism
@@ -182,8 +183,12 @@ def _groups() -> Iterator[tuple[str, Call, dict[str, Call]]]:
         others: dict[str, Call] = {}
         for where, (mech, q, fast, options) in places.items():
             others[where] = partial(call, mech, q, fast, np.zeros(mech.nv), **options)
-        several = five_bar_in_line()  # warned of once for each mechanism
-        others[run_paths.SEVERAL] = partial(call, *several, np.zeros(several[0].nv))
+        for where, several in {
+            "beside a singular surface, two coordinates": at_a_surface(0.01),
+            "at a singular surface, two coordinates": at_a_surface(0.0),
+            run_paths.APEX: five_bar_in_line(),  # warned of once for each mechanism
+        }.items():
+            others[where] = partial(call, *several, np.zeros(several[0].nv))
         if what != "linearise":  # of one state
             rows = [np.tile(part, (MANY, 1)) for part in (rocker.home, v, tau)]
             others[f"each of {MANY} states"] = Each(partial(call, rocker, *rows), MANY)
@@ -258,8 +263,17 @@ def five_bar_in_line() -> tuple[Mechanism, Array, Array]:
         ("q5", "b", "d"),
     ]
     mech = planar_linkage(points, links, joints, ["q1", "q3"], cuts=["q5"])
-    q = mech.assemble([0.005, 0.01, -0.004, -0.01], hold=["q1", "q3"])
+    q = mech.assemble([0.0015, 0.003, -0.0012, -0.003], hold=["q1", "q3"])
     return mech, q, mech.lift(q, [1.0, -0.5])
+
+
+def at_a_surface(apart: float) -> tuple[Mechanism, Array, Array]:
+    """Two four-bars that a dyad joins, one of them so far from flat, rad, and moving across it."""
+    mech = joined_by_dyad((np.pi - apart, 2.5))
+    if apart:
+        return mech, mech.home, mech.lift(mech.home, [1.0, -0.5])
+    mode = np.array(analyse(mech, mech.home).modes[0])
+    return mech, mech.home, mode @ np.linalg.solve(mode[mech.iv_independent], [1.0, -0.5])
 
 
 def dead_point() -> tuple[Mechanism, Array, Array]:

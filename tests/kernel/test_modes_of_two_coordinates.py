@@ -1,4 +1,4 @@
-"""Derivatives on and beside singular surfaces of clusters of two coordinates: series, kernel and reference."""
+"""Derivatives on and beside singular surfaces of clusters of two coordinates, by all that have them."""
 
 from __future__ import annotations
 

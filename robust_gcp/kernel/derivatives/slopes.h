@@ -222,9 +222,8 @@ class Slopes {
     void bow(const Part& part, const Chain& chain) {
         const std::size_t n = part.inputs.size();
         each_force(part, chain, [&](int i, double force) {
-            for (std::size_t a = 0; a < n; ++a)
-                for (std::size_t b = 0; b < n; ++b)
-                    by_y(part.inputs[a], part.inputs[b]) -= path_.modes->bend[4 * i + 2 * a + b] * force;
+            for (std::size_t a = 0, b = 0; a < n; b + 1 < n ? ++b : (b = 0, ++a))
+                by_y(part.inputs[a], part.inputs[b]) -= path_.modes->bend[4 * i + 2 * a + b] * force;
         });
     }
 
@@ -271,11 +270,10 @@ class Slopes {
 
     // Share of a point spring, which may tie any two bodies.
     void pull(const Forces::Line& line, const Chain& chain, Point& point) {
-        const int m = path_.layout.m;
-        line_changed(line, chain, moved_, m, [&](int i, int k, double y, double u) {
+        line_changed(line, chain, moved_, path_.layout.m, [&](int i, int k, double y, double u) {
             for (int input : parts_[path_.parts.of_velocity[i]].inputs) {
-                by_y(input, k) -= point.G()[i * m + input] * y;
-                by_u(input, k) -= point.G()[i * m + input] * u;
+                by_y(input, k) -= point.G()[i * path_.layout.m + input] * y;
+                by_u(input, k) -= point.G()[i * path_.layout.m + input] * u;
             }
         });
     }
