@@ -41,10 +41,10 @@ RADII = (0.8, 0.5, 0.3, 0.15, 0.1)
 """Of circles that are tried, dimensionless joint units along the mode."""
 
 TORI = (0.4, 0.25, 0.12)
-"""Of tori that are tried, across the singular curve; `ALONG` of it along the curve."""
+"""Of tori that are tried, across the singular curve, as `RADII`."""
 
 ALONG = 0.5
-"""Shares of a torus are sampled at half as many places along the curve as across it."""
+"""The radius of a torus along the singular curve over that across it."""
 
 ACCURATE = 5e-12
 """Error of a circle at which no other is tried."""
@@ -125,7 +125,7 @@ class ModeRates:
             if n not in (1, 2) or not cluster.loops.tree.vector_space:
                 continue
             G = point.G[np.ix_(cluster.iv, cluster.inputs)]
-            if n == 2 and point.conditioning >= SPARED:
+            if n == 2 and not self._lost(rates, point):
                 continue
             if self._remembered(rates, point, np.ones(n), G) is not None:
                 continue
@@ -134,10 +134,14 @@ class ModeRates:
                     self._torus(rates, point, G)
                 else:
                     self._around(rates, point, rates.rates.real(point.q[cluster.iq]), np.ones(1), G)
-            except (NotCertifiedError, SimulationError):
+            except SimulationError:
                 continue
             made.append((cluster, self._known[cluster.index][-1]))
         return made
+
+    def _lost(self, rates: ClusterRates, point: Point) -> bool:
+        """Whether a cluster's rates are not found where they are."""
+        return point.conditioning < SPARED and rounding(rates, point.q[rates.cluster.iq])[1] >= UNSTEADY
 
     def _of(self, rates: ClusterRates, point: Point, u: Array) -> MapRates:
         """Those of one cluster."""
