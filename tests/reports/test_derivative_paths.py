@@ -16,7 +16,7 @@ def test_what_the_kernel_leaves_is_warned_of_and_nothing_else() -> None:
     left = [way for way in found if way.warned]
     assert {way.what for way in left} == set(CALLS)
     assert {way.what for way in worst(found)} == {way.what for way in found}
-    assert {way.where for way in left} == {"beside singular, two coordinates"}
+    assert {way.where for way in left} == {"beside an apex, two coordinates"}
     assert {"singular, moving", "singular, at rest with mode=", "beside a dead point"} <= {
         way.where for way in found
     }
