@@ -43,6 +43,9 @@ TOLD = 3e-9
 AT_MOST = 8.0
 """What rounding may cost over its usual share: the worst of 500 motions, by their steps, has 6 times it."""
 
+ASKED = 0.01
+"""Share of it below which no tolerance is asked for: with all, one motion in a hundred errs ten times it."""
+
 
 class Run:
     """One simulation in progress.
@@ -168,13 +171,15 @@ class Run:
         return explicit
 
     def _rounding(self, following: Following, wanted: float = 0.0) -> float:
-        """What rounding leaves uncertain of G; told once, afterwards, where it shows in what is wanted."""
+        """The least tolerance to ask for; what rounding costs of G is told once, afterwards, if it shows."""
         lost, distance = following.rounding()
-        if AT_MOST * lost > max(TOLD, wanted, self._lost[0]):
-            self._lost = AT_MOST * lost, distance
-        elif AT_MOST * lost < 0.5 * self._lost[0]:
+        # relative to an apex φ is known to ε δ, and what is lost is a bound; else ε / δ² is its usual share
+        bound, asked = (AT_MOST, ASKED) if lost * distance * distance > 0.9e-16 else (1.0, 1.0)
+        if bound * lost > max(TOLD, wanted, self._lost[0]):
+            self._lost = bound * lost, distance
+        elif bound * lost < 0.5 * self._lost[0]:
             self._tell_what_is_lost()
-        return lost
+        return asked * lost
 
     def _tell_what_is_lost(self) -> None:
         """Warn of the nearest that the motion came to a singular place without a bridge."""

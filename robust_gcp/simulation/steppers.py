@@ -138,7 +138,7 @@ def solver_steps(
     jacobian : callable (t, x) -> (n, n), optional
         ∂f/∂x for Radau, BDF and LSODA; by forward differences of f when left out.
     rounding : callable, optional
-        Asked before each step: the relative error of f; no tolerance below a hundredth of it is asked for.
+        Asked before each step: the tolerance below which none is asked for, as f has an error of its own.
 
     Yields
     ------
@@ -174,7 +174,7 @@ def solver_steps(
     i, mark, begun = 1, (float(times[0]), 0), None
     while i < len(times):
         if rounding is not None:
-            noise = 0.01 * rounding()  # with all of it, one motion in a hundred errs ten times as much
+            noise = rounding()
             solver.rtol, solver.atol = max(rtol, noise), np.maximum(atol, 0.01 * noise)
         with alone:
             message = solver.step() if solver.status == "running" else None
