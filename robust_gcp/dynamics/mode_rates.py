@@ -141,7 +141,7 @@ class ModeRates:
 
     def _lost(self, rates: ClusterRates, point: Point) -> bool:
         """Whether a cluster's rates are not found where they are."""
-        return point.conditioning < SPARED and rounding(rates, point.q[rates.cluster.iq])[1] >= UNSTEADY
+        return point.conditioning < ZONE and rounding(rates, point.q[rates.cluster.iq])[1] >= ACCURATE
 
     def _of(self, rates: ClusterRates, point: Point, u: Array) -> MapRates:
         """Those of one cluster."""

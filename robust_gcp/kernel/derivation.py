@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..dynamics.equations import CheckedTorque
+from ..dynamics.mode_rates import ZONE
 from ..mechanism.tree import Array
 from .answers import asking
 from .slopes import Pulled, Stages, Taken
@@ -29,7 +30,7 @@ class Derivation(StateSlopes):
         v: Array,
         tau: Array | None,
         same: float = SAME,
-        zone: float | None = None,
+        zone: float = ZONE,
         function: CheckedTorque | None = None,
         staged: bool = False,
         prescribed: Array | None = None,
@@ -46,8 +47,8 @@ class Derivation(StateSlopes):
             Held over each step.
         same : float
             How far a step may end from the next state.
-        zone : float, optional
-            Conditioning of K_d below which none is good; else that of states.
+        zone : float
+            Conditioning of K_d below which none is good: nearer, runs may take steps with error control.
         function : callable (t, q, v) -> (nv,), optional
             A torque besides, asked at each stage.
         staged : bool
@@ -94,7 +95,7 @@ class Derivation(StateSlopes):
         wanted: dict[str, Array] = {"q_out": ends[0], "v_out": ends[1], "G": G}
         if jacobians:
             wanted |= {"A": np.empty((n, 2 * m, 2 * m)), "B": np.empty((n, 2 * m, self.nv))}
-        states = self._states(q, v, tau, status, 1.0, np.inf, mode, None, **wanted)
+        states = self._states(q, v, tau, status, 1.0, np.inf, mode, ZONE, **wanted)
         with asking(self._mechanism, states, function):
             self._library.step_each(self._handle, ctypes.byref(states.structure), t, h)
         return self._sound(status, q, G, mode), *ends, wanted.get("A"), wanted.get("B")
