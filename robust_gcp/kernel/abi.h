@@ -212,7 +212,8 @@ struct Request {
     std::int32_t in_zone;     // whether the last accepted state is in a zone
     std::int32_t reason;
     std::int32_t met;         // whether singular places may have been passed that nobody was told of
-    double uncertain, nearest;  // of G, by rounding, beside singular places without a bridge, and their distance
+    double uncertain;         // of G at most, by rounding, beside singular places without a bridge,
+    double asked, nearest;    // the least tolerance to ask for there, and their distance
     std::int32_t plain;       // whether all was done and there is nothing to tell of it
 };
 
@@ -262,7 +263,7 @@ struct Exported {
     const char* actuators;
 };
 
-// A mode of one coordinate about a place: see modes.h.
+// A mode of one or two coordinates about a place: see modes.h.
 struct ModeSeries {
     std::int64_t count, inputs, first, second;
     const std::int32_t* velocities;  // (count,) in v

@@ -112,9 +112,10 @@ class Rates:
         self._library.keep(self._handle)
         return self._evaluation()
 
-    def rounding(self) -> tuple[float, float]:
-        """What rounding left uncertain of G where it was told last, and the distance to a singular place."""
-        return float(self._request.uncertain), float(self._request.nearest)
+    def rounding(self) -> tuple[float, float, float]:
+        """As `apex.rounding`, where the kernel told it last."""
+        request = self._request
+        return float(request.uncertain), float(request.asked), float(request.nearest)
 
     def looked(self, limit: float | None) -> None:
         """What was met so far was told of; the largest entry of J that is not told of."""

@@ -131,7 +131,7 @@ class Request(ctypes.Structure):
         ("log", c_void_p),
         ("power", c_double),
         *_fields("in_zone reason met", ""),
-        *_all(c_double, "uncertain nearest"),
+        *_all(c_double, "uncertain asked nearest"),
         ("plain", c_int32),
     ]
 

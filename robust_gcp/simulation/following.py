@@ -73,12 +73,12 @@ class Following:
         """Whether nothing was met on the way that the map in Python would have to tell of."""
         return self._rates is not None and self._rates.plain
 
-    def rounding(self) -> tuple[float, float]:
-        """What rounding leaves uncertain of G beside singular places without a bridge, and their distance."""
+    def rounding(self) -> tuple[float, float, float]:
+        """What rounding costs of G where there is no bridge, see `apex.rounding`."""
         if self._rates is not None:
             return self._rates.rounding()
         rest = map_of_rest(self._motion.explicit)
-        return rest.rounding() if isinstance(rest, ClusterMap) else (0.0, np.inf)
+        return rest.rounding() if isinstance(rest, ClusterMap) else (0.0, 0.0, np.inf)
 
     def share(self) -> None:
         """Put the map in Python where the kernel is, which stays there."""

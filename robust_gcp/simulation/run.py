@@ -40,12 +40,6 @@ COUNTED = tuple(field.name for field in fields(Counters))
 TOLD = 3e-9
 """Relative error of G by rounding that a warning tells."""
 
-AT_MOST = 8.0
-"""What rounding may cost over its usual share: the worst of 500 motions, by their steps, has 6 times it."""
-
-ASKED = 0.01
-"""Share of it below which no tolerance is asked for: with all, one motion in a hundred errs ten times it."""
-
 
 class Run:
     """One simulation in progress.
@@ -172,14 +166,12 @@ class Run:
 
     def _rounding(self, following: Following, wanted: float = 0.0) -> float:
         """The least tolerance to ask for; what rounding costs of G is told once, afterwards, if it shows."""
-        lost, distance = following.rounding()
-        # relative to an apex φ is known to ε δ, and what is lost is a bound; else ε / δ² is its usual share
-        bound, asked = (AT_MOST, ASKED) if lost * distance * distance > 0.9e-16 else (1.0, 1.0)
-        if bound * lost > max(TOLD, wanted, self._lost[0]):
-            self._lost = bound * lost, distance
-        elif bound * lost < 0.5 * self._lost[0]:
+        lost, asked, distance = following.rounding()
+        if lost > max(TOLD, wanted, self._lost[0]):
+            self._lost = lost, distance
+        elif lost < 0.5 * self._lost[0]:
             self._tell_what_is_lost()
-        return asked * lost
+        return asked
 
     def _tell_what_is_lost(self) -> None:
         """Warn of the nearest that the motion came to a singular place without a bridge."""

@@ -275,12 +275,13 @@ void Clusters::read(const double* numbers) {
     in_zone_ = true;
 }
 
-void Clusters::rounding(double& lost, double& nearest) const {
-    lost = 0.0, nearest = FAR;
+void Clusters::rounding(Request& r) const {
+    r.uncertain = r.asked = 0.0, r.nearest = FAR;
     if (!some_ || !in_zone_) return;
     for (const Tracker& tracker : inside_->trackers) {
-        const auto [share, near] = tracker.rounding();
-        lost = std::max(lost, share), nearest = std::min(nearest, near);
+        const auto [lost, asked, near] = tracker.rounding();
+        r.uncertain = std::max(r.uncertain, lost), r.asked = std::max(r.asked, asked);
+        r.nearest = std::min(r.nearest, near);
     }
 }
 

@@ -54,8 +54,8 @@ class Clusters {
     // The state of all trackers as plain numbers, and back; with what was counted since.
     std::vector<double> written() const;
     void read(const double* numbers);
-    // What rounding leaves uncertain of G beside singular places without a bridge, and their distance.
-    void rounding(double& lost, double& nearest) const;
+    // What rounding costs of G beside singular places without a bridge.
+    void rounding(Request& r) const;
     void count(Request& r) const;
     void count_anew();
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <memory>
@@ -72,11 +73,11 @@ class Tracker {
         space_->apex.reset();
     }
 
-    // What rounding leaves uncertain of G at a point without a bridge, and its distance to the singular set.
-    std::pair<double, double> rounding() const {
-        if (on_bridge()) return {0.0, FAR};
-        const double near = std::max(anchor->delta(), APEX);
-        return {space_->apex ? 2e-15 / near : 1e-16 / (near * near), near};
+    // At a point without a bridge: what rounding costs of G at most, the tolerance to ask for, δ; see maps/cluster/apex.py.
+    std::array<double, 3> rounding() const {
+        if (on_bridge()) return {0.0, 0.0, FAR};
+        const double near = std::max(anchor->delta(), APEX), apex = 2e-15 / near, usual = 1e-16 / (near * near);
+        return space_->apex ? std::array{apex, apex, near} : std::array{8.0 * usual, 0.01 * usual, near};
     }
 
     // Go on at a point of a bridge where K may tell nothing; whether there is one.

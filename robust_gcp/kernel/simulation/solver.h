@@ -74,7 +74,7 @@ class Solver : public Stepper {
         std::copy(motion_.tau.begin(), motion_.tau.end(), r.tau);
         r.power = motion_.power;
         if (motion_.driven) motion_.driven->write(r.effort);
-        clusters.rounding(r.uncertain, r.nearest);
+        clusters.rounding(r);
     }
 
     // Go back to the point evaluated last where that is nearer to a state than those after it.

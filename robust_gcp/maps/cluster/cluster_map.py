@@ -123,8 +123,8 @@ class ClusterMap(Charted):
         """Whether the point evaluated last lies on a bridge."""
         return self._in_zone and any(tracker.current is not None for tracker in self._trackers or [])
 
-    def rounding(self) -> tuple[float, float]:
-        """What rounding leaves uncertain of G beside singular places without a bridge, and their distance."""
+    def rounding(self) -> tuple[float, float, float]:
+        """What rounding costs of G where there is no bridge, see `apex.rounding`."""
         trackers = self._known_trackers() if self._in_zone else []
         return rounding(tracker.anchor for tracker in trackers if tracker.current is None)
 
