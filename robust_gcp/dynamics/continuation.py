@@ -138,7 +138,7 @@ class Circle:
 
     def mean(self) -> MapRates:
         """The values at the centre."""
-        return self.unflattened(self._mean)
+        return self._unflattened(self._mean)
 
     @cached_property
     def error(self) -> float:
@@ -150,10 +150,10 @@ class Circle:
         angles = np.pi * np.arange(HALF + 1) / HALF
         orders = np.exp(1j * np.outer(np.arange(1, 4), angles))
         left = np.abs(((_mirrored(HALF) * orders) @ self._samples).real).max(axis=0)
-        pairs = zip(vars(self.unflattened(left)).values(), vars(self.mean()).values(), strict=True)
+        pairs = zip(vars(self._unflattened(left)).values(), vars(self.mean()).values(), strict=True)
         return max(float(off.max(initial=0.0) / (1.0 + np.abs(of).max(initial=0.0))) for off, of in pairs)
 
-    def unflattened(self, flat: Array) -> MapRates:
+    def _unflattened(self, flat: Array) -> MapRates:
         """Values as they are from all their numbers in one row."""
         shapes = [part.shape for part in vars(self.values[0]).values()]
         ends = np.cumsum([int(np.prod(shape)) for shape in shapes])[:-1]

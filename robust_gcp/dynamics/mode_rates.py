@@ -6,7 +6,8 @@ differentiated where it is; near a singular place, from a circle around it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from typing import TypeVar
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from .around import Around, Circles
 from .continuation import Circle, circle
 from .map_rates import ClusterRates, MapRates
 from .rate_rounding import rounding
-from .torus import torus, ways_about
+from .torus import Torus, torus, ways_about
 from .walk import Walk
 
 ZONE = 0.05
@@ -57,6 +58,10 @@ SAME_MODE = 1e-7
 
 SAME_WAY = 1e-5
 """Agreement of its G with the map's, which K_d leaves uncertain by ε/δ² at a distance δ."""
+
+OTHER_MODE = "followed around the singular place in complex numbers, it is not the same mode"
+
+Sampled = TypeVar("Sampled", Circle, Torus)
 
 
 class ModeRates:
@@ -125,22 +130,22 @@ class ModeRates:
             if n not in (1, 2) or not cluster.loops.tree.vector_space:
                 continue
             G = point.G[np.ix_(cluster.iv, cluster.inputs)]
-            if n == 2 and not self._lost(rates, point):
-                continue
             if self._remembered(rates, point, np.ones(n), G) is not None:
+                continue
+            if n == 2 and not self._lost(rates, point):
                 continue
             try:
                 if n == 2:
                     self._torus(rates, point, G)
                 else:
                     self._around(rates, point, rates.rates.real(point.q[cluster.iq]), np.ones(1), G)
-            except SimulationError:
+            except NotCertifiedError:
                 continue
             made.append((cluster, self._known[cluster.index][-1]))
         return made
 
     def _lost(self, rates: ClusterRates, point: Point) -> bool:
-        """Whether a cluster's rates are not found where they are."""
+        """Whether rounding costs a cluster's rates there more than a series does."""
         return point.conditioning < ZONE and rounding(rates, point.q[rates.cluster.iq])[1] >= ACCURATE
 
     def _of(self, rates: ClusterRates, point: Point, u: Array) -> MapRates:
@@ -199,57 +204,37 @@ class ModeRates:
         """Keep a series from a new torus, for a cluster of two coordinates."""
         cluster = rates.cluster
         inputs, place = cluster.inputs, rates.rates.real(point.q[cluster.iq])
-        ways, best = ways_about(rates, place, G), None
-        walk = Walk(self._start, point.y, inputs)
-        for size in TORI:
+        ways, walk = ways_about(rates, place, G), Walk(self._start, point.y, inputs)
+
+        def attempt(size: float) -> Torus:
             reach = ways * (size * np.array([1.0, ALONG]))
-            try:
-                near = walk.to(reach.sum(axis=1))
-                made = torus(rates, near.q[cluster.iq], point.y[inputs], reach)
-            except SimulationError:
-                continue
+            near = walk.to(reach.sum(axis=1))
+            made = torus(rates, near.q[cluster.iq], point.y[inputs], reach)
             if _apart(rates, made.around.at(point.y[inputs], np.zeros(2)).G, G) > SAME_WAY:
-                continue
-            if best is None or made.error < best.error:
-                best = made
-            if best.error < ACCURATE:
-                break
-        if best is None or best.error > LARGEST_ERROR:
-            raise NotCertifiedError(f"derivatives at y = {point.y}: no torus could be certified", point.y)
-        self._known.setdefault(cluster.index, []).append(best.around)
+                raise NotCertifiedError(OTHER_MODE)
+            return made
+
+        self._known.setdefault(cluster.index, []).append(_best(point, TORI, attempt).around)
 
     def _circle(self, rates: ClusterRates, point: Point, place: Placement, u: Array, G: Array) -> Circle:
         """The best certified circle about a point; G is what the map has there."""
-        inputs = rates.cluster.inputs
+        inputs, across = rates.cluster.inputs, rates.across(place, G)
         walks = [Walk(self._start, point.y, inputs) for _ in range(2)]
-        best: Circle | None = None
-        reason = "none could be followed"
-        for size in RADII:
-            radius = size * rates.across(place, G)
-            try:
-                near, far = (walk.to(radius * side) for walk, side in zip(walks, (1.0, -1.0), strict=True))
-                made = circle(rates, near.q[rates.cluster.iq], point.y[inputs], radius, u)
-            except SimulationError as error:
-                reason = str(error)
-                continue
+
+        def attempt(size: float) -> Circle:
+            radius = size * across
+            near, far = (walk.to(radius * side) for walk, side in zip(walks, (1.0, -1.0), strict=True))
+            made = circle(rates, near.q[rates.cluster.iq], point.y[inputs], radius, u)
             there = rates.rates.real(far.q[rates.cluster.iq])
             off = max(
                 float(np.abs(made.far.p - there.p).max(initial=0.0)) / rates.cluster.loops.length,
                 float(np.abs(made.far.J[:, 3:] - there.J[:, 3:]).max(initial=0.0)),
             )
             if off > SAME_MODE or _apart(rates, made.mean().G, G) > SAME_WAY:
-                reason = "followed around the singular place in complex numbers, it is not the same mode"
-            elif best is None or made.error < best.error:
-                best = made
-                if best.error < ACCURATE:
-                    break
-        if best is None or best.error > LARGEST_ERROR:
-            raise NotCertifiedError(
-                f"derivatives at y = {point.y}: beside this singular configuration the mode has none that "
-                f"could be certified ({reason if best is None else f'error {best.error:.1e}'})",
-                point.y,
-            )
-        return best
+                raise NotCertifiedError(OTHER_MODE)
+            return made
+
+        return _best(point, RADII, attempt)
 
 
 def cluster_rates(mechanism: Mechanism) -> list[ClusterRates]:
@@ -258,6 +243,35 @@ def cluster_rates(mechanism: Mechanism) -> list[ClusterRates]:
         "cluster rates", lambda: [ClusterRates(cluster) for cluster in mechanism.clusters]
     )
     return made
+
+
+def _best(point: Point, sizes: Iterable[float], attempt: Callable[[float], Sampled]) -> Sampled:
+    """The circle or torus of the first size that is accurate, else that of the least error.
+
+    Raises
+    ------
+    NotCertifiedError
+        Where none is accurate enough; with the last reason.
+    """
+    best: Sampled | None = None
+    reason = "none could be followed"
+    for size in sizes:
+        try:
+            made = attempt(size)
+        except SimulationError as error:
+            reason = str(error)
+            continue
+        if best is None or made.error < best.error:
+            best = made
+        if best.error < ACCURATE:
+            break
+    if best is None or best.error > LARGEST_ERROR:
+        raise NotCertifiedError(
+            f"derivatives at y = {point.y}: beside this singular configuration the mode has none that "
+            f"could be certified ({reason if best is None else f'error {best.error:.1e}'})",
+            point.y,
+        )
+    return best
 
 
 def _apart(rates: ClusterRates, one: Array, other: Array) -> float:

@@ -5,8 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <limits>
-#include <utility>
 #include <vector>
 
 #include "abi.h"
@@ -25,17 +23,16 @@ class Expansion {
           center_(given.center, given.center + n_), shares_(given.shares, given.shares + n_ * n_),
           terms_(given.terms, given.terms + given.first * given.second * given.count) {}
 
-    // Where it is asked for next, from a row of all inputs.
-    void look(const double* y, const std::vector<int>& inputs) {
-        far_ = 0.0;
-        for (int i = 0; i < 2; ++i) {
-            double z = 0.0;
-            for (int a = 0; i < n_ && a < n_; ++a) z += shares_[i * n_ + a] * (y[inputs[a]] - center_[a]);
-            far_ = std::max(far_, std::fabs(z));
-            raise(z, orders_[i], powers_[i]);
+    // Whether it serves at y, a row of all inputs; where it does, that is where it is asked for next.
+    bool look(const double* y, const std::vector<int>& inputs) {
+        double z[2] = {};
+        for (int i = 0; i < n_; ++i) {
+            for (int a = 0; a < n_; ++a) z[i] += shares_[i * n_ + a] * (y[inputs[a]] - center_[a]);
+            if (!(std::fabs(z[i]) <= INSIDE)) return false;
         }
+        for (int i = 0; i < 2; ++i) raise(z[i], orders_[i], powers_[i]);
+        return true;
     }
-    bool covers() const { return far_ <= INSIDE; }
 
     // γ of a velocity by its place in the part.
     double position(std::int64_t v) const { return sum(0, 0, v); }
@@ -77,7 +74,7 @@ class Expansion {
 
     // z^k and its derivatives of order 1, 2 and 3, one after the other.
     static void raise(double z, std::int64_t count, std::vector<double>& powers) {
-        powers.assign(static_cast<std::size_t>(4 * count), 0.0);
+        powers.resize(static_cast<std::size_t>(4 * count));  // what is zero stays so
         powers[0] = 1.0;
         for (std::int64_t k = 1; k < count; ++k) powers[k] = powers[k - 1] * z;
         for (std::int64_t order = 1; order < 4; ++order)
@@ -102,7 +99,6 @@ class Expansion {
     std::vector<int> velocities_;
     std::vector<double> center_, shares_, terms_;
     std::vector<double> powers_[2];
-    double far_ = 0.0;
 };
 
 // All that are known, and which of them are in use at the point placed last.
@@ -139,9 +135,7 @@ class Modes {
         const std::vector<int>& inputs = parts_.list[part].inputs;
         double nearest = TOLERANCE + SHARE * point.distance;
         for (Expansion& series : known_[part]) {
-            if (!passes(series, part, chain)) continue;
-            series.look(point.y(), inputs);
-            if (!series.covers() || !moves(series, inputs, point)) continue;
+            if (!passes(series, inputs, chain) || !series.look(point.y(), inputs) || !moves(series, inputs, point)) continue;
             const double off = apart(series, point, chain);
             if (off < nearest) nearest = off, used_[part] = &series;
         }
@@ -153,7 +147,7 @@ class Modes {
     }
 
     // γ_a of a part into G (nv, m), its further derivatives into `bend` and `third`, and γ_ab u_a u_b into g (nv,).
-    void rates(std::size_t part, Point& point, int m, double* g) {
+    void rates(std::size_t part, Point& point, double* g) {
         const Expansion& series = *used_[part];
         const std::vector<int>& inputs = parts_.list[part].inputs;
         const std::size_t n = inputs.size();
@@ -165,7 +159,7 @@ class Modes {
             series.bends(static_cast<std::int64_t>(i), u, &bend[4 * v], &third[2 * v]);
             g[v] = 0.0;
             for (std::size_t a = 0; a < n; ++a) {
-                point.G()[v * m + inputs[a]] = slopes[a];
+                point.G()[v * m_ + inputs[a]] = slopes[a];
                 g[v] += by(v, a, u) * u[a];
             }
         }
@@ -194,33 +188,34 @@ class Modes {
     // Where `series` looks: modes that meet are told apart by v = γ_a u_a.
     bool moves(const Expansion& series, const std::vector<int>& inputs, Point& point) const {
         if (moving == nullptr) return true;
-        double off = 0.0, whole = 0.0, slopes[2];
-        for (std::size_t i = 0; i < series.velocities().size(); ++i) {
-            const int v = series.velocities()[i];
-            series.slopes(static_cast<std::int64_t>(i), slopes);
+        return agrees(series, [&](int v, const double* slopes, auto compare) {
             double rate = 0.0;
             for (std::size_t a = 0; a < inputs.size(); ++a) rate += slopes[a] * point.ydot()[inputs[a]];
-            off = std::max(off, std::fabs(rate - moving[v]) * size_[v]);
-            whole = std::max(whole, std::fabs(moving[v]) * size_[v]);
-        }
-        return off <= ALONG * whole;
+            compare(moving[v], rate);
+        });
     }
 
-    bool passes(Expansion& series, std::size_t part, const Chain& chain) const {
+    bool passes(Expansion& series, const std::vector<int>& inputs, const Chain& chain) const {
         if (through == nullptr) return true;
-        const std::vector<int>& inputs = parts_.list[part].inputs;
-        series.look(through->y(), inputs);
-        if (!series.covers() || !(apart(series, *through, chain) < TOLERANCE)) return false;
+        if (!series.look(through->y(), inputs) || !(apart(series, *through, chain) < TOLERANCE)) return false;
+        return agrees(series, [&](int v, const double* slopes, auto compare) {
+            for (std::size_t a = 0; a < inputs.size(); ++a) compare(slopes[a], through->G()[v * m_ + inputs[a]]);
+        });
+    }
+
+    // Whether what `each` compares for a velocity, by γ_a of it, is the same to `ALONG` of the largest.
+    template <typename Each>
+    bool agrees(const Expansion& series, Each each) const {
         double off = 0.0, whole = 0.0, slopes[2];
         for (std::size_t i = 0; i < series.velocities().size(); ++i) {
             const int v = series.velocities()[i];
             series.slopes(static_cast<std::int64_t>(i), slopes);
-            for (std::size_t a = 0; a < inputs.size(); ++a) {
-                off = std::max(off, std::fabs(slopes[a] - through->G()[v * m_ + inputs[a]]) * size_[v]);
-                whole = std::max(whole, std::fabs(slopes[a]) * size_[v]);
-            }
+            each(v, slopes, [&](double one, double other) {
+                off = std::max(off, std::fabs(one - other) * size_[v]);
+                whole = std::max(whole, std::fabs(one) * size_[v]);
+            });
         }
-        return off < ALONG * whole;
+        return off < ALONG * whole || off == 0.0;
     }
 
     const Parts& parts_;

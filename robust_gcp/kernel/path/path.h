@@ -241,7 +241,7 @@ class Path {
             if (loops_[i] == nullptr) continue;
             const Part& part = parts.list[i];
             if (on_mode(i)) {
-                modes->rates(i, point, m, g);
+                modes->rates(i, point, g);
                 continue;
             }
             Blocks& blocks = loops_[i]->blocks;
