@@ -157,7 +157,7 @@ def _to_second_order(mechanism: ClosedLoops, q: Array, rank_tolerance: float) ->
     forms = second_order_forms(mechanism, q, left, kernel)
     bent, flat = bending(forms, size)
     if bent.shape[1] == 0:
-        generic = rank_along(mechanism, q, kernel, rank_tolerance)
+        generic = rank_along(mechanism, q, kernel)
         if generic == rank:
             words = f"K keeps rank {rank} of {len(K)} rows nearby: redundant closures, one smooth mode"
             return answer("redundant", rank, (_direction(kernel),), words)
@@ -171,7 +171,7 @@ def _to_second_order(mechanism: ClosedLoops, q: Array, rank_tolerance: float) ->
     decoupled = rank_two_forms(forms)
     forms = forms if decoupled is None else decoupled
     if decoupled or len(forms) == 1:
-        moves = partial(_seen_to_move, mechanism, q, kernel, rank, rank_tolerance)
+        moves = partial(_seen_to_move, mechanism, q, kernel, rank)
         kind, modes, words = _factored(forms, kernel, moves)
     else:
         kind, modes, words = _coupled(forms, kernel)
@@ -179,7 +179,7 @@ def _to_second_order(mechanism: ClosedLoops, q: Array, rank_tolerance: float) ->
         generic = rank + kernel.shape[1] - min(_dimension(mode) for mode in modes)
     if modes and flat.shape[1]:
         # what second order leaves flat must be redundant along every mode
-        nearby = max(rank_along(mechanism, q, t.reshape(len(kernel), -1), rank_tolerance) for t in modes)
+        nearby = max(rank_along(mechanism, q, t.reshape(len(kernel), -1)) for t in modes)
         if nearby > generic:
             words = f"rank {nearby} nearby, of which second order explains {generic} only"
             return answer("not certified", nearby, (), words, tuple(forms))
@@ -262,12 +262,12 @@ def _told(undecided: LocalAnalysis, met: Contact) -> LocalAnalysis:
 
 
 def _seen_to_move(
-    mechanism: ClosedLoops, q: Array, kernel: Array, rank: int, tolerance: float, T: Array, conditions: int
+    mechanism: ClosedLoops, q: Array, kernel: Array, rank: int, T: Array, conditions: int
 ) -> bool:
     """Whether the loops close a little way along each column of N T, forth and back, with rank above K's."""
     ways, expected = kernel @ T, rank + conditions
     both = np.hstack([ways, -ways])
-    return all(rank_along(mechanism, q, way[:, None], tolerance) == expected for way in both.T)
+    return all(rank_along(mechanism, q, way[:, None]) == expected for way in both.T)
 
 
 def _dimension(mode: Array) -> int:

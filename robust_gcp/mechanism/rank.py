@@ -20,12 +20,10 @@ def beside(loops: ClosedLoops, q: Array, direction: Array) -> Array | None:
     return near if loops.closure_residual(near) <= CLOSED else None
 
 
-def rank_along(loops: ClosedLoops, q: Array, kernel: Array, tolerance: float = RANK) -> int:
+def rank_along(loops: ClosedLoops, q: Array, kernel: Array) -> int:
     """Largest rank of K a little way along the columns of `kernel` (nv, δ), back on the constraint."""
     found = [beside(loops, q, direction) for direction in kernel.T]
-    return max(
-        (_rank(loops, near, max(tolerance, RANK_NEARBY)) for near in found if near is not None), default=0
-    )
+    return max((_rank(loops, near, RANK_NEARBY) for near in found if near is not None), default=0)
 
 
 def singular_words(loops: ClosedLoops, q: Array) -> str:
