@@ -120,7 +120,7 @@ def begin(
             y,
             choices,
         )
-    if not picture.modes:
+    if not picture.modes or picture.kind == "cusp":
         raise NotCertifiedError(f"start at a singularity: {picture.message}", y)
     contact = contact_at(mechanism, q, 10.0 * SINGULAR_START) if _touching(mechanism, picture) else None
     number, tangent = _beside_place(contact, picture, options) or _picked(mechanism, picture, v, mode)

@@ -219,7 +219,8 @@ class Arc:
             rtol=TOLERANCE, atol=1e-14, dense_output=True, events=[event(name) for name in ends],
         )  # fmt: skip
         how = next((name for name, times in zip(ends, found.t_events, strict=True) if len(times)), "late")
-        return Part(t, float(found.y[0, -1]), how, branch, self, found.sol, float(found.t[-1]))
+        end = until if how == "late" else float(found.y[0, -1])
+        return Part(t, end, how, branch, self, found.sol, float(found.t[-1]))
 
 
 ON_ARC = 1e-8

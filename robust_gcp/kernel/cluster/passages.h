@@ -174,7 +174,8 @@ inline void on_curve(const Curve& curve, int cluster, const Step& step, const Pa
 // With several coordinates: Newton in time on the pencil along the velocity.
 inline void on_patch(Tracker& tracker, int cluster, const Step& step, const Path& path, std::vector<Passage>& found) {
     // Shares of a step: times that are one, and those between which the ends' first order does not tell.
-    constexpr double SAME = 1e-7, NEXT = 1e-2;
+    // Seconds by which what is passed where two steps meet belongs to the first: both find it, to rounding.
+    constexpr double SAME = 1e-7, NEXT = 1e-2, BORDER = 1e-10;
     Space& space = *tracker.anchor->space;
     const std::shared_ptr<Patch> bridge = tracker.touched_patch;
     const JetPtr anchor = tracker.anchor;
@@ -220,7 +221,7 @@ inline void on_patch(Tracker& tracker, int cluster, const Step& step, const Path
             }
             const bool known =
                 std::any_of(met.begin(), met.end(), [&](double one) { return std::fabs(t - one) < SAME * h; });
-            if (!(std::fabs(move) < 1e-8 * h && step.t0 < t && t <= step.t1) || known) continue;
+            if (!(std::fabs(move) < 1e-8 * h && step.t0 < t - BORDER && t - BORDER <= step.t1) || known) continue;
             met.push_back(t);
             int corank = 0;
             for (const double mu : roots(t)) {

@@ -15,6 +15,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from ...mechanism.tree import Array
+from .chebyshev_series import nodes
 from .jet import LostError
 from .mid_curve import MidCurve, Surface, mid_curve
 from .options import BridgeOptions
@@ -32,8 +33,17 @@ SLOW, WIDER = 3e-5, (0.6, 0.9)
 NEARBY = 0.8, 0.5
 """Zeros of g beyond these, along and off the real axis in units of R, belong to other places."""
 
+ROUNDING = 1e-15
+"""Of the last coefficients of g, which are cut: where many zeros are one, what is left of g magnifies it."""
+
 KNOWN, SAME = 0.8, 1e-9
 """Share of the mid curve within which a point is told by it, and how near to the surface a point is on it."""
+
+
+def half_width(order: int) -> float:
+    """10^(−4/(k + 2)), beyond which Newton's own errors ε/δᵏ, kε/δᵏ⁺¹, k²ε/δᵏ⁺² of q, G and g are small."""
+    return max(float(10.0 ** (-4.0 / (order + 2))), 0.1)
+
 
 MeetingKind = Literal["meets", "cusp", "isolated", "inside", "passes", "turns"]
 
@@ -50,7 +60,8 @@ class Meeting:
     places : tuple of (float, int)
         u and multiplicity of the zeros of g.
     gap : float
-        How far the linkage is from having exactly these zeros, in lengths: max |g mod Π(u − u_i)^p_i|.
+        How far the linkage is from having exactly these zeros, in lengths: max |g mod Π(u − u_i)^p_i| where
+        Newton needs the bridge (`half_width`).
     curve : MidCurve
     bridges : dict of float to Curve
         Those that were built through it, by the side of the mode.
@@ -154,22 +165,23 @@ def _judged(curve: MidCurve, closure_tolerance: float, largest_gap: float) -> Me
     if any(p > 1 and p % 2 for _, p in places):
         return Meeting("cusp", found, gap, curve)
     if any(p > 1 for _, p in places):
-        quotient = _divided(curve.g, places)[1]
+        quotient = _divided(curve.g, curve.R, places)[1]
         real = -float(chebyshev.chebval(next(s for s, p in places if p > 1), quotient)) * bent > 0.0
         return Meeting("meets" if real else "isolated", found, gap, curve)
     return Meeting("turns" if places else "passes", found, gap, curve)
 
 
 def divisor(curve: MidCurve, tolerance: float) -> tuple[list[tuple[float, int]], float]:
-    """The coarsest real places (s, multiplicity) that leave a gap of `tolerance` at most, and that gap.
+    """The coarsest real places (s, multiplicity) that leave a gap of `tolerance` or rounding, and that gap.
 
     The zeros of g are put together by single linkage, from coarse to fine. A place is the zero of the
-    derivative of order p − 1 next to the mean of p of them: a simple one, so that multiplicity costs no
-    digits.
+    derivative of order p − 1 next to the mean of p of them, a simple one, and for p > 2 the best one to all
+    of g.
     """
     zeros = _zeros(curve.g)
     if len(curve.g) < 2 or not len(zeros):
         return [], 0.0
+    last = np.append(np.zeros(len(curve.g) - 1), ROUNDING)
     for level in (2.0, *np.geomspace(1.0, 1e-9, 46)):
         places: list[tuple[float, int]] | None = []
         for group in linked(zeros, level):
@@ -184,8 +196,10 @@ def divisor(curve: MidCurve, tolerance: float) -> tuple[list[tuple[float, int]],
             places.append((s, p))
         if places is None:
             continue
-        gap = _divided(curve.g, places)[0] if places else 0.0
-        if gap <= tolerance:
+        if any(p > 2 for _, p in places):
+            places = _fitted(curve.g, places)
+        gap, rounding = (_divided(g, curve.R, places)[0] for g in (curve.g, last)) if places else (0.0, 0.0)
+        if gap <= max(tolerance, rounding):
             return sorted(places), gap
     return [], np.inf
 
@@ -208,16 +222,36 @@ def _zeros(g: Array) -> Array:
     return found[(np.abs(found.real) < NEARBY[0]) & (np.abs(found.imag) < NEARBY[1])]
 
 
-def _divided(g: Array, places: list[tuple[float, int]]) -> tuple[float, Array]:
-    """max |g mod Π(s − s_i)^p_i| for |s| ≤ 1, and the quotient."""
+def _fitted(g: Array, places: list[tuple[float, int]]) -> list[tuple[float, int]]:
+    """The places for which Π(s − s_i)^p_i q comes nearest to g, a polynomial q, by Gauss–Newton.
+
+    A derivative of order p − 1 holds the rounding of the last coefficients, to the p-th power of their order.
+    """
+    s = nodes(2 * len(g))
+    values, degree = chebyshev.chebval(s, g), len(g) - 1 - sum(p for _, p in places)
+    for _ in range(3 if degree >= 0 else 0):
+        product = np.prod([(s - place) ** p for place, p in places], axis=0)
+        powers = product[:, None] * chebyshev.chebvander(s, degree)
+        near = powers @ np.linalg.lstsq(powers, values, rcond=None)[0]
+        slopes = np.column_stack([-p * near / (s - place) for place, p in places])
+        found = np.linalg.lstsq(np.hstack([slopes, powers]), values, rcond=None)[0]
+        places = [(place + float(d), p) for (place, p), d in zip(places, found, strict=False)]
+    return places
+
+
+def _divided(g: Array, R: float, places: list[tuple[float, int]]) -> tuple[float, Array]:
+    """max |g mod Π(s − s_i)^p_i| within the half width about each place, in units of R, and the quotient."""
     product: Array = np.ones(1)
+    zone = []
     for s, p in places:
+        half = half_width(p // 2) / R
+        zone.append(np.linspace(max(s - half, -1.0), min(s + half, 1.0), 41))
         for _ in range(p):
             product = chebyshev.chebmul(product, [-s, 1.0])
     if len(product) > len(g):
         return float(np.abs(g).sum()), np.zeros(1)
     quotient, left = chebyshev.chebdiv(g, product)
-    return float(np.abs(chebyshev.chebval(np.linspace(-1.0, 1.0, 41), left)).max()), np.asarray(quotient)
+    return float(np.abs(chebyshev.chebval(np.array(zone), left)).max()), np.asarray(quotient)
 
 
 def _refined(g: Array, s: float, p: int) -> float:

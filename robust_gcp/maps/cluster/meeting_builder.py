@@ -16,11 +16,11 @@ from .chebyshev_series import Series, chopped, fitted, nodes, series
 from .curve import Curve
 from .hermite_curve import HermiteCurve
 from .jet import Jet, LostError, solved
-from .meeting import Meeting
+from .meeting import Meeting, half_width
 from .options import BridgeOptions, NoBridgeError
 
-POINTS, LEAST_POINTS, LARGEST_DEGREE = 36, 12, 24
-"""Points of the mode that z is fitted to, how few serve, and up to which degree."""
+POINTS, LEAST_POINTS, LARGEST_DEGREE, SERIES = 60, 12, 28, 48
+"""Points of the mode that z is fitted to, how few serve, up to which degree, and those of series."""
 
 KNOWN = 1e-9
 """|f_w Π| below which w says nothing of z."""
@@ -33,11 +33,6 @@ GOOD, BAD = 5e-12, 1e-11
 
 INNER, NODES = 0.62, (1.0, 1.25, 1.5)
 """Share of the fit that is used at most, and where the mode's own points lie, in units of what is used."""
-
-
-def half_width(order: int) -> float:
-    """10^(−4/(k + 2)), beyond which Newton's own errors ε/δᵏ, kε/δᵏ⁺¹, k²ε/δᵏ⁺² of q, G and g are small."""
-    return max(float(10.0 ** (-4.0 / (order + 2))), 0.1)
 
 
 def bridge_through(found: Meeting, anchor: Jet, options: BridgeOptions) -> Curve | None:
@@ -139,7 +134,7 @@ def round_cusp(found: Meeting, options: BridgeOptions) -> Series:
         Where it is not known well enough.
     """
     branch = _best(found, 1.0, _Round(found), options)
-    return series(branch.sampled, -0.9 * branch.R, 0.9 * branch.R, POINTS)
+    return series(branch.sampled, -0.9 * branch.R, 0.9 * branch.R, SERIES)
 
 
 class _Branch:
@@ -189,7 +184,7 @@ class _Branch:
 
     def _series(self) -> None:
         """w as one Chebyshev series, with its derivatives; cut where coefficients are rounding."""
-        s = nodes(48)
+        s = nodes(SERIES)
         us, pis = np.array([(self._way.u(p)[0], self._way.pi(p)) for p in self.R * s]).T
         w = chebyshev.chebval((us - self._mid.u0) / self._mid.R, self._mid.w) + pis * chebyshev.chebval(
             s, self._z
@@ -246,7 +241,7 @@ class _Branch:
             self.error,
             np.zeros(surface.space.nv),
             tuple(k for _, k in orders),
-            series(lambda u: self.sampled(u - center), left, right, POINTS),
+            series(lambda u: self.sampled(u - center), left, right, SERIES),
         )
 
 

@@ -22,6 +22,9 @@ from .tracker import Tracker
 SAME, NEXT = 1e-7, 1e-2
 """Shares of a step: times that are one, and those between which its ends' first order does not tell."""
 
+BORDER = 1e-10
+"""Seconds by which what is passed where two steps meet belongs to the first: both find it, to rounding."""
+
 
 def passages(
     trackers: Sequence[Tracker], before: Point, after: Point, stretch: Stretch, mechanism: Mechanism
@@ -187,7 +190,7 @@ def _on_patch(
                 continue
             t, step = _sharpened(roots, float(start), stretch)
             new = not any(abs(t - known) < SAME * h for known in met)
-            if abs(step) < 1e-8 * h and stretch.t0 < t <= stretch.t1 and new:
+            if abs(step) < 1e-8 * h and stretch.t0 < t - BORDER <= stretch.t1 and new:
                 met.append(t)
                 mu, x = roots(t)
                 away = np.abs(mu)
