@@ -13,14 +13,21 @@ from ..errors import OptionError
 from ..mechanism.mechanism import Mechanism
 from .families import planar_linkage
 
-CROSSED = {"6P": (), "4P2A": ("ab",), "2P4A": ("ab", "bc"), "6A": ("ab", "bc", "ac")}
+Mode = Literal["6P", "4P2A", "2P4A", "6A"]
+
+CROSSED: dict[Mode, tuple[str, ...]] = {
+    "6P": (),
+    "4P2A": ("ab",),
+    "2P4A": ("ab", "bc"),
+    "6A": ("ab", "bc", "ac"),
+}
 """The faces of Wunderlich's linkage that are antiparallelograms, by mode."""
 
 VERTICES = ["".join(v) for v in product("01", repeat=3)]
 
 
 def wunderlich(
-    mode: Literal["6P", "4P2A", "2P4A", "6A"] = "2P4A",
+    mode: Mode = "2P4A",
     angles: Sequence[float] = (0.7, 1.6),
     lengths: Sequence[float] = (0.9, 0.3, 0.6),
     **drawing: Any,
@@ -71,17 +78,21 @@ def wunderlich(
         sides[far_one], sides[far_two] = _across(face in CROSSED[mode], sides[one], sides[two])
     places = {v: _corner(v, sides) for v in VERTICES}
     points = {v: (float(p.real), float(p.imag)) for v, p in places.items()}
+    drawing.setdefault("cuts", ("a10b10", "c01b01", "a01b11", "a11b11", "c11b11"))
+    return planar_linkage(points, *_cube(), ["c00"] if mode == "2P4A" else ["a00", "c00"], **drawing)
+
+
+def _cube() -> tuple[dict[str, tuple[str, str]], list[tuple[str, str, str]]]:
+    """The bars, by their vertices, and the hinges: at each vertex a bar a and a bar c turn on a bar b."""
     edges = {f"a{j}{k}": (f"0{j}{k}", f"1{j}{k}") for j, k in product("01", repeat=2)}
     edges |= {f"b{i}{k}": (f"{i}0{k}", f"{i}1{k}") for i, k in product("01", repeat=2)}
     edges |= {f"c{i}{j}": (f"{i}{j}0", f"{i}{j}1") for i, j in product("01", repeat=2)}
     edges["ground"] = edges.pop("b00")
     joints = []
     for i, j, k in VERTICES:
-        middle = "ground" if (i, k) == ("0", "0") else f"b{i}{k}"
-        for bar in (f"a{j}{k}", f"c{i}{j}"):
-            joints.append((bar if middle == "ground" else f"{bar}{middle}", middle, bar))
-    drawing.setdefault("cuts", ("a10b10", "c01b01", "a01b11", "a11b11", "c11b11"))
-    return planar_linkage(points, edges, joints, ["c00"] if mode == "2P4A" else ["a00", "c00"], **drawing)
+        middle = "" if (i, k) == ("0", "0") else f"b{i}{k}"
+        joints += [(bar + middle, middle or "ground", bar) for bar in (f"a{j}{k}", f"c{i}{j}")]
+    return edges, joints
 
 
 def _follows(gamma: float, k1: float, k2: float) -> float:

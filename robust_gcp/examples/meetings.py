@@ -6,6 +6,7 @@ All are made of sliders and of uniform slender rods of 1 kg, hinge axes along +x
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -15,6 +16,7 @@ from ..errors import OptionError
 from ..mechanism.closures import PointClosure
 from ..mechanism.couplings import CouplingClosure
 from ..mechanism.mechanism import Mechanism
+from .families import planar_linkage
 from .linkages import add_link, rod
 
 RODS = 0.6, 0.4
@@ -141,6 +143,46 @@ def stretched_dyad(reach: float = 0.9, share: float = 0.6, angle: float = 0.7) -
     add_link(model, upper, share * reach, "lower", (1.0 - share) * reach)
     closures = [PointClosure("crank_tip", "lower_tip")]
     return Mechanism(model, closures, ["crank"], home=[angle, angle, 0.0])
+
+
+def double_watt(
+    mirrored: bool = True, arm: float = 1.0, coupler: float = 1.0, distance: float = 1.0, **drawing: Any
+) -> Mechanism:
+    """Two of Watt's straight-line linkages, the middles of their couplers joined by a bar; home is the place.
+
+    Middles that move up by s and s + d part from their line as s⁵. A bar at right angles to it asks that
+    d² = c s⁵ where one linkage is the other's mirror image: the mode ends in a cusp. Where it is its copy,
+    d (d + c s⁴ + …) = 0: two modes in contact of order 4. y = angle of joint `low0`.
+
+    Parameters
+    ----------
+    mirrored : bool
+    arm, coupler, distance : float
+        Each linkage's two cranks, its coupler, and the bar, m.
+    drawing
+        Goes to `planar_linkage` (cuts, rotation, unit).
+
+    References
+    ----------
+    Connelly and Servatius, "Higher-order rigidity: what is the proper definition?", Discrete & Computational
+    Geometry 11 (1994).
+    """
+    for name, length in (("arm", arm), ("coupler", coupler), ("distance", distance)):
+        check_positive(f"double_watt: {name}", length)
+    points, links, joints = {}, {"ground": ("A0", "D0", "A1", "D1")}, []
+    for i, x, way in ((0, 0.0, 1.0), (1, distance, -1.0 if mirrored else 1.0)):
+        points |= {
+            f"A{i}": (x - way * arm, -0.5 * coupler), f"B{i}": (x, -0.5 * coupler), f"M{i}": (x, 0.0),
+            f"C{i}": (x, 0.5 * coupler), f"D{i}": (x + way * arm, 0.5 * coupler),
+        }  # fmt: skip
+        links |= {f"low{i}": (f"A{i}", f"B{i}"), f"coupler{i}": (f"B{i}", f"M{i}", f"C{i}")}
+        links[f"up{i}"] = (f"D{i}", f"C{i}")
+        joints += [(f"low{i}", "ground", f"low{i}"), (f"up{i}", "ground", f"up{i}")]
+        joints += [(f"coupler{i}", f"low{i}", f"coupler{i}"), (f"cut{i}", f"up{i}", f"coupler{i}")]
+        joints.append((f"bar{i}", f"coupler{i}", "bar"))
+    links["bar"] = ("M0", "M1")
+    drawing.setdefault("cuts", ("cut0", "cut1", "bar1"))
+    return planar_linkage(points, links, joints, ["low0"], **drawing)
 
 
 def cranks_on_one_slide(
