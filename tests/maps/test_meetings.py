@@ -15,7 +15,7 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.examples import meetings
-from robust_gcp.maps.cluster.meeting import meeting
+from robust_gcp.maps.cluster.meeting import MANY, half_width, meeting
 from robust_gcp.maps.cluster.options import USUAL
 from robust_gcp.maps.cluster.space import ClusterSpace
 from robust_gcp.mechanism.clusters import loop_clusters
@@ -473,7 +473,7 @@ def false_certificates(rng: np.random.Generator, copies: int) -> list[str]:
     wrong = []
     poly = np.polynomial.polynomial
     for _ in range(copies):
-        n, c, x0 = int(rng.integers(2, 7)), rng.uniform(0.3, 1.2), rng.uniform(-0.5, 0.5)
+        n, c, x0 = int(rng.integers(2, 10)), rng.uniform(0.3, 1.2), rng.uniform(-0.5, 0.5)
         eta, kind = 10.0 ** rng.uniform(-16.0, -2.0), rng.integers(0, 4)
         P = c * poly.polyfromroots([0.0] * n)
         if kind == 0:  # any unfolding
@@ -498,7 +498,9 @@ def false_certificates(rng: np.random.Generator, copies: int) -> list[str]:
         if not many:
             continue
         places = [(float(found.curve.at(u)[0][0] * space.D[0]) - x0, p) for u, p in many]
-        half = 0.8 * found.curve.R * space.D[0] * abs(found.curve.surface.t[0])
+        most = max(p for _, p in many)
+        half = min(0.8 * found.curve.R, half_width(most // 2) if most >= MANY else np.inf)
+        half *= space.D[0] * abs(found.curve.surface.t[0])
         gap, allowed = _true_gap(P, places, half), 1e-12 if found.gap <= 1e-12 else 1e-9
         if gap > 3.0 * allowed:
             wrong.append(
