@@ -17,6 +17,7 @@ from .obstacles import Obstacle, ObstacleError, is_near_miss
 from .options import BridgeOptions, NoBridgeError
 from .patch import Follower, Patch
 from .place import place
+from .space import ClusterSpace
 from .within import OVERLAP, window
 
 F = TypeVar("F", bound=Follower)
@@ -30,6 +31,11 @@ MAX_CURVES = 16
 UPON, CLEAR = 0.1, 1.5
 """Distances to a singular surface, in zones: up to which a point is at it, and beyond which no line across
 it is asked for."""
+
+
+def known_to(space: ClusterSpace, options: BridgeOptions) -> KnownCurves:
+    """Curves through places where modes touch that other runs with these options have built."""
+    return KnownCurves([curve for given, curve in space.bridged if given == options])
 
 
 class KnownCurves:
@@ -103,6 +109,8 @@ class KnownCurves:
         if curve is None:
             return None
         self.keep(curve)
+        if curve.orders:
+            here.space.bridged = (*here.space.bridged[1 - MAX_CURVES :], (options, curve))
         return curve if curve.inside is None or curve.through.reaches(curve.u(here.x)) else None
 
     def _of_any_order(self, here: Jet, zone: float, options: BridgeOptions) -> Curve | None:

@@ -143,7 +143,9 @@ class Reader:
         tracker = Tracker(self._jet(space), self._options, zone, self._counters)
         count, used = int(self.number()), int(self.number())
         touched = [int(at) for at in self.array().ravel()]
-        tracker.u, tracker.known = u, KnownCurves([self._curve(space) for _ in range(count)])
+        tracker.u = u
+        if count:
+            tracker.known = KnownCurves([self._curve(space) for _ in range(count)])
         if used >= 0:
             tracker.current = tracker.known.curves[used]
         if self.number():

@@ -13,6 +13,7 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 
 if TYPE_CHECKING:
+    from .curve import Curve
     from .meeting import Meeting
     from .options import BridgeOptions
 
@@ -48,6 +49,8 @@ class ClusterSpace:
         column_scale / D, 1 but for very short links: K · balance has columns of size one.
     met : tuple of (BridgeOptions, Meeting)
         The last meetings of modes that were found, and cusps, and what they were judged by.
+    bridged : tuple of (BridgeOptions, Curve)
+        The last curves that were built through places where modes touch.
     """
 
     def __init__(self, cluster: LoopCluster, reference: Array) -> None:
@@ -61,6 +64,7 @@ class ClusterSpace:
         self.D = np.minimum(self.loops.column_scale, WIDEST * self.loops.units)
         self.balance = self.loops.column_scale / self.D
         self.met: tuple[tuple[BridgeOptions, Meeting], ...] = ()
+        self.bridged: tuple[tuple[BridgeOptions, Curve], ...] = ()
         self.implicit = self.loops.memo.once("dimensionless constraint", self._scaled)
         self.phi_size = self.loops.memo.once("size of the second derivative", self._curvature)
 

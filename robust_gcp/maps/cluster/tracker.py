@@ -9,7 +9,7 @@ from ..point import Counters
 from .apex import BESIDE, LEFT, BesideApex, apart, apex_near
 from .curve import Curve
 from .jet import Jet, LostError, jet, solve
-from .kept import KnownCurves, passes, stays_clear
+from .kept import KnownCurves, known_to, passes, stays_clear
 from .obstacles import APEX, CONE_WORDS, FARTHEST_LOOK, Obstacle, ObstacleError, approaching, judge
 from .options import BridgeOptions, NoBridgeError
 from .patch import Patch
@@ -58,7 +58,7 @@ class Tracker:
         self.space: ClusterSpace = anchor.space
         self.anchor, self.options, self.zone, self.counters = anchor, options, zone, counters
         self.C = anchor.C
-        self.known = KnownCurves()
+        self.known = known_to(self.space, options)
         self.current: Curve | Patch[Tracker] | None = None
         self.u = 0.0
         self.careful = False
