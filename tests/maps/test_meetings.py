@@ -463,6 +463,19 @@ def test_a_place_is_judged_by_the_options_of_each_run() -> None:
     assert "digits do not suffice" not in told[0][strict]
 
 
+@needs_kernel
+def test_what_one_run_built_serves_the_next() -> None:
+    """Which the kernel takes from its start on."""
+    mechanism = meetings.trammel()
+    (tangent, _) = rg.analyse(mechanism, mechanism.home).modes
+    q = mechanism.assemble(mechanism.home + 0.3 * tangent, hold=mechanism.independent)
+    v = mechanism.lift(q, -3.0 * tangent[mechanism.iv_independent])
+    first, second = (rg.simulate(mechanism, q, v, 0.3, 0.3 / 128, backend="native") for _ in range(2))
+    assert [(c.kind, c.order) for c in second.crossings] == [("tangential", 2)]
+    assert first.stats.native_steps < second.stats.native_steps == 128
+    assert second.q == pytest.approx(first.q, abs=1e-11)
+
+
 def test_perturbed_copies_are_never_certified_falsely(copies: int = 40) -> None:
     """Cams whose g is known: what is certified is there, to a gap of 1e-12."""
     assert false_certificates(np.random.default_rng(7), copies) == []

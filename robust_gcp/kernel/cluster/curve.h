@@ -113,7 +113,7 @@ class Curve {
 
     // Whether the singular place next to a point of the mode, which is not on the curve, is one of the curve's.
     bool is_beside(const JetPtr& here) const {
-        constexpr double FARTHEST = 2.0, SAME_ROOT = 0.3;
+        constexpr double FARTHEST = 4.0, SAME_ROOT = 0.3;
         const Roots mu = recharted(here, shape_->C)->roots(Vector::Ones(1));
         const double at = u(here->x);
         if (mu.empty() || std::fabs(at - center()) > FARTHEST * (shape_->right - shape_->left)) return false;

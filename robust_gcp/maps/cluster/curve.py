@@ -18,7 +18,7 @@ from .hermite_curve import HermiteCurve
 from .jet import Jet
 from .space import ClusterSpace
 
-FARTHEST, SAME_ROOT = 2.0, 0.3
+FARTHEST, SAME_ROOT = 4.0, 0.3
 """How far from a curve, in its widths, its places are recognised, and by which share of their distance."""
 
 SAME_PLACE = 1e-7
