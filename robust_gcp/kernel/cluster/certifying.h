@@ -24,21 +24,26 @@ inline Matrix rounded(const Matrix& numbers, double grid) {
 
 // The best bridge of several half widths: the first that is good, else that of the least error.
 template <typename Attempt>
-auto best_of(Attempt attempt, double zone, std::initializer_list<double> shrinks) {
+auto best_of(Attempt attempt, double zone, std::initializer_list<double> shrinks,
+             std::initializer_list<double> shorter = {}) {
     constexpr double GOOD = 1e-9;
     std::optional<decltype(attempt(zone))> best;
     NoBridge failure;
-    for (const double shrink : shrinks) {
+    const auto good = [&](double shrink) {
         try {
             auto made = attempt(zone * shrink);
-            const bool good = made.error <= GOOD && !made.near_miss;
+            const bool enough = made.error <= GOOD && !made.near_miss;
             if (!best || made.error < best->error) best = std::move(made);
-            if (good) break;
+            return enough;
         } catch (const NoBridge& now) {
             failure.tangential = failure.tangential || now.tangential;
         } catch (const Lost&) {
         }
-    }
+        return false;
+    };
+    if (std::none_of(shrinks.begin(), shrinks.end(), good) && !best)
+        for (const double shrink : shorter)
+            if (good(shrink) || best) break;
     if (!best) throw failure;
     return *std::move(best);
 }

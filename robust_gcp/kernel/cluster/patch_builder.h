@@ -26,7 +26,8 @@ class PatchBuilder {
                 mu.push_back(root.real());
         if (mu.empty()) throw NoBridge{};
         ahead_ = nearest_of(mu).real();
-        Bridged best = best_of([this](double half_width) { return attempt(half_width); }, zone_, {1.0, 0.6, 0.36});
+        Bridged best = best_of([this](double half_width) { return attempt(half_width); }, zone_, {1.0, 0.6, 0.36},
+                               {0.216, 0.13});
         return std::make_shared<Patch>(line_, origin_, std::move(best));
     }
 

@@ -41,8 +41,10 @@ def rounded(numbers: Array, grid: float) -> Array:
     return np.round(numbers / grid) * grid
 
 
-def best_of(attempt: Callable[[float], B], half_widths: Iterable[float]) -> B:
+def best_of(attempt: Callable[[float], B], half_widths: Sequence[float], shorter: Sequence[float] = ()) -> B:
     """The best bridge of several half widths: the first that is good, else that of the least error.
+
+    Shorter ones are tried where none of them serves.
 
     Raises
     ------
@@ -51,7 +53,9 @@ def best_of(attempt: Callable[[float], B], half_widths: Iterable[float]) -> B:
     """
     best: B | None = None
     failures: list[NoBridgeError] = []
-    for half_width in half_widths:
+    for half_width in (*half_widths, *shorter):
+        if best is not None and half_width in shorter:
+            break
         try:
             made = attempt(half_width)
         except NoBridgeError as failure:

@@ -14,8 +14,9 @@ from .obstacles import ObstacleError
 from .options import BridgeOptions, NoBridgeError
 from .patch import F, Patch
 
-SHRINKS = (1.0, 0.6, 0.36)
-"""Half widths tried, relative to the zone's: a mode with much curvature needs a shorter line."""
+SHRINKS, SHORTER = (1.0, 0.6, 0.36), (0.216, 0.13)
+"""Half widths tried, relative to the zone's, and those where none serves: a mode that is much curved needs a
+shorter line, on which rounding leaves more."""
 
 NODES = (1.0, 2.0, 3.0, 4.0)
 """Distances of the nodes in half widths. Γ across a line is interpolated by its values alone: one node a side
@@ -63,7 +64,8 @@ class PatchBuilder(Generic[F]):
         if not len(mu):
             raise NoBridgeError("no singular surface lies ahead")
         self._ahead = float(mu[np.argmin(np.abs(mu))])
-        return best_of(self._attempt, [self._zone * shrink for shrink in SHRINKS])
+        half_widths, shorter = ([self._zone * shrink for shrink in shrinks] for shrinks in (SHRINKS, SHORTER))
+        return best_of(self._attempt, half_widths, shorter)
 
     def _attempt(self, w: float) -> Patch[F]:
         """The line between nodes this far from the surface."""
@@ -143,7 +145,7 @@ class PatchBuilder(Generic[F]):
             raise NoBridgeError("the modes part at higher than second order", left, transversality)
         error = max(self._held_out(), left)
         if error > LARGEST_ERROR:
-            raise NoBridgeError("the line is too short for the rounding of its nodes", left)
+            raise NoBridgeError("the mode is too curved, or told too little, for a line across", left)
         return Patch(
             space,
             self._C,
