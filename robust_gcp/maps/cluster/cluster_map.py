@@ -239,7 +239,7 @@ class ClusterMap(Charted):
 
     def _stop(self, cluster: LoopCluster, obstacle: Obstacle) -> SimulationError:
         """What ends the motion there, or asks for error control."""
-        if self.error_controlled:
+        if self.error_controlled or (obstacle.kind == "tangential" and cluster.m > 1):
             return refusal(self.mechanism, cluster, obstacle, self.anchor)
         return ObstacleError(obstacle)
 

@@ -80,10 +80,10 @@ def through(found: Meeting, here: Jet, options: BridgeOptions) -> Curve | None:
     return bridge_through(found, here, options)
 
 
-def touches_ahead(here: Jet) -> bool:
-    """Whether the modes seem to touch at the place ahead, from how fast it comes nearer to first order."""
+def touches_ahead(here: Jet, order: float = TOUCHING) -> bool:
+    """Whether modes seem to touch at the place ahead, from how fast it comes nearer to first order."""
     try:
-        return _order_ahead(here)[1] > TOUCHING
+        return _order_ahead(here)[1] > order
     except (LostError, np.linalg.LinAlgError):
         return False
 
@@ -101,15 +101,16 @@ def _order_ahead(here: Jet) -> tuple[float, float]:
     1/k of what is gone towards it.
     """
     tangent = here.recharted(here.tangent())
-    first = _first_order(tangent)
+    way = np.ones(1) if here.space.m == 1 else tangent.nearest()[1]
+    first = _first_order(tangent, way)
     step = SEEN * first
-    near, _ = solved(here.space, tangent.predicted(np.array([step])), tangent.C, tangent.y + step, here.P)
-    return first, 1.0 / max((first - _first_order(near)) / step, 1.0 / MOST_CONTACT)
+    near, _ = solved(here.space, tangent.predicted(step * way), tangent.C, tangent.y + step * way, here.P)
+    return first, 1.0 / max((first - _first_order(near, way)) / step, 1.0 / MOST_CONTACT)
 
 
-def _first_order(jet: Jet) -> float:
-    """The singular place next to a point of a mode, to first order, in its chart."""
-    mu = jet.roots(np.ones(1))
+def _first_order(jet: Jet, way: Array) -> float:
+    """The singular place next to a point of a mode, to first order, this way in its chart."""
+    mu = jet.roots(way)
     if not len(mu):
         raise LostError("no singular place lies ahead")
     return float(mu[np.argmin(np.abs(mu))].real)

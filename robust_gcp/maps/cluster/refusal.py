@@ -12,8 +12,12 @@ from ...mechanism.tree import Array
 from ..march import POOR
 from ..point import Point
 from .chart import quality
+from .meeting_ahead import touches_ahead
 from .obstacles import Obstacle, ObstacleError
 from .tracker import Tracker
+
+CLEARLY_TOUCHING = 1.7
+"""Order of contact from which modes of several coordinates are taken to touch: 1 where they cross."""
 
 SMALLER = 'use a smaller step, or one with error control: stepper="DOP853"'
 """Where a motion is too fast for its steps in a short stretch, as one that whips past a dead point."""
@@ -35,6 +39,9 @@ def what_stopped(cluster: LoopCluster, tracker: Tracker, stop: Exception) -> Obs
     undecided = known.kind == "unknown" or not isinstance(stop, ObstacleError)
     if undecided and quality(tracker.anchor, cluster.chosen) < POOR:
         return Obstacle("toggle", here, 0.1, np.nan, reason)
+    if undecided and cluster.m > 1 and touches_ahead(tracker.anchor, CLEARLY_TOUCHING):
+        words = f"modes touch in a cluster of {cluster.m} coordinates"
+        return Obstacle("tangential", here, 0.1, np.nan, words)
     return known
 
 
