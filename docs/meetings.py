@@ -1,4 +1,4 @@
-"""The figure of docs/method.md on meetings of modes: g over the mid curve, and the modes themselves.
+"""The figures of docs/method.md on meetings of modes: g over the mid curve, and the modes themselves.
 
 Run from the checkout: python docs/meetings.py
 """
@@ -10,7 +10,9 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
+import robust_gcp as rg
 from robust_gcp.examples import meetings
+from robust_gcp.examples.kinematotropic import wunderlich
 from robust_gcp.maps.cluster.contact import contact_at
 
 CASES = {
@@ -21,8 +23,17 @@ CASES = {
 }
 
 
+FIGURES = Path(__file__).parent / "figures"
+
+
 def main() -> None:
     """Draw and save."""
+    draw_cams()
+    draw_linkages()
+
+
+def draw_cams() -> None:
+    """g, and the modes as curves."""
     figure, rows = plt.subplots(2, len(CASES), figsize=(11.0, 5.0), layout="constrained")
     x = np.linspace(-0.45, 0.45, 401)
     for (title, (mechanism, profile)), above, below in zip(CASES.items(), *rows, strict=True):
@@ -41,7 +52,45 @@ def main() -> None:
         below.set_xlabel("slide x [m]")
     rows[0, 0].set_ylabel("g [1e-3 lengths]")
     rows[1, 0].set_ylabel("bend of the rod [rad]")
-    figure.savefig(Path(__file__).parent / "figures" / "meetings.png", dpi=110)
+    figure.savefig(FIGURES / "meetings.png", dpi=110)
+
+
+def wrapped(angles: np.ndarray) -> np.ndarray:
+    """Within ±π."""
+    return (angles + np.pi) % (2.0 * np.pi) - np.pi
+
+
+def draw_linkages() -> None:
+    """Configuration spaces of the double Watt linkage, its copy, and Wunderlich's."""
+    figure, axes = plt.subplots(1, 3, figsize=(11.0, 3.6), layout="constrained")
+    for axis, mirrored in zip(axes, (True, False), strict=False):
+        mechanism = meetings.double_watt(mirrored)
+        bar = [mechanism.joint(name).idx_q for name in ("low0", "coupler0", "bar0")]
+        space = rg.trace_modes(mechanism, seeds=8)
+        for mode in space.modes:
+            near = wrapped(mode.q)
+            near = near[np.abs(near).max(axis=1) < 1.2]
+            axis.plot(near[:, bar[0]], wrapped(near[:, bar].sum(axis=1)), ".", markersize=3.0)
+        axis.plot(0.0, 0.0, "o", color="k", fillstyle="none")
+        axis.set(xlabel="crank [rad]", ylabel="lean of the bar [rad]", xlim=(-0.45, 0.45), ylim=(-0.12, 0.12))
+        axis.set_title("double Watt: cusp" if mirrored else "its copy: contact of order 4")
+    mechanism = wunderlich("2P4A", (0.0, 1.6))
+    space = rg.trace_modes(mechanism, seeds=4)
+    (mode,) = space.modes
+    model = mechanism.own_model
+    _, y, z = model.jointPlacements[model.getJointId("a00b10")].translation
+    start = np.array([np.arctan2(z, y), 1.6])
+    at = [mechanism.joint(name).idx_q for name in ("a00", "c00")]
+
+    def angles(q: np.ndarray) -> np.ndarray:
+        return wrapped(start + q[..., at] + 1e-9)
+
+    axes[2].plot(*angles(mode.q).T, ".", color="C2", markersize=2.0)
+    axes[2].plot(
+        *angles(np.array([point.q for point in space.singular_points])).T, "o", color="k", fillstyle="none"
+    )
+    axes[2].set(title="Wunderlich: mobility 1 meets 2", xlabel="α [rad]", ylabel="γ [rad]")
+    figure.savefig(FIGURES / "configuration_spaces.png", dpi=110)
 
 
 if __name__ == "__main__":

@@ -16,11 +16,12 @@ import numpy as np
 
 from ..errors import BranchError
 from ..mechanism.loops import ClosedLoops
-from ..mechanism.tolerances import BENDING, CLOSED, LOCATING
+from ..mechanism.tolerances import BENDING, CLOSED
 from ..mechanism.tree import Array
 from .beyond import touching_at
-from .local import LocalAnalysis
-from .second_order import full_svd, second_order_forms
+from .local import LocalAnalysis, analyse
+from .located import located
+from .second_order import full_svd
 from .torus import Torus
 
 if TYPE_CHECKING:
@@ -41,9 +42,6 @@ REACH = 4.0 * STEP
 
 PASSING = 1.5 * STEP
 """Distance from which a singular point is passed in one step, where K still has most of its digits."""
-
-LOCATED = 1e-11
-"""Residual of φ = 0, Kᵀ u = 0 at which a singular point is located."""
 
 MAX_LENGTH = 400.0
 """Dimensionless length after which a curve that does not close is left open."""
@@ -107,9 +105,9 @@ class Continuation:
         return t if t @ like >= 0.0 else -t
 
     def directions(self, picture: LocalAnalysis) -> list[Array]:
-        """The modes of a local analysis as dimensionless unit tangents."""
-        found = [mode / self.scale for mode in picture.modes]
-        return [u / np.linalg.norm(u) for u in found]
+        """The modes of a local analysis as dimensionless unit tangents; zero for larger ones."""
+        found = [mode / self.scale if mode.ndim == 1 else 0.0 * self.scale for mode in picture.modes]
+        return [u / max(float(np.linalg.norm(u)), 1e-300) for u in found]
 
     def moved(self, q: Array, u: Array) -> Array:
         """Integrate from q along u and close the loops again."""
@@ -154,29 +152,19 @@ class Continuation:
         return Vt[: self.rank][kept].T @ parts
 
     def singular_near(self, q: Array) -> Array | None:
-        """The singular configuration next to q, to rounding; None where there is none within reach.
+        """The singular configuration next to q, to rounding; None where there is none within reach."""
+        star = self._located(q, 1)
+        if star is None:
+            return None
+        picture = analyse(self.mechanism, star)
+        larger = picture.kind == "redundant"  # a point of a larger mode, on all of which K lacks a rank
+        corank = 2 if larger else self.rank - picture.rank
+        again = self._located(q, corank) if corank > 1 else None
+        return star if again is None and not larger else again
 
-        Gauss–Newton on φ = 0, Kᵀ u = 0, |u| = 1 for q and the left null vector u. Its Jacobian has
-        full column rank where the second-order form Q_u is regular on ker K.
-        """
-        m, r = self.mechanism, self.rank
-        U, _, _ = full_svd(m.scaled(m.K(q)))
-        rows = U[:, :r].T  # what the closures hold here; redundant rows stay out
-        u = np.eye(r)[-1]
-        here = q
-        basis = np.diag(self.scale)
-        for _ in range(25):
-            K = rows @ m.scaled(m.K(here))
-            F = np.concatenate([rows @ (m.phi(here) / m.row_scale), K.T @ u, [0.5 * (u @ u - 1.0)]])
-            if np.abs(F).max() < LOCATED:
-                return here
-            (H,) = second_order_forms(m, here, (u @ rows)[:, None], basis)
-            J = np.block([[K, np.zeros((r, r))], [H, K.T], [np.zeros((1, m.nv)), u[None, :]]])
-            move = np.linalg.lstsq(J, -F, rcond=LOCATING)[0]
-            here, u = m.tree.integrate(here, self.scale * move[: m.nv]), u + move[m.nv :]
-            if self.torus.distance(q, here) > 1.5 * REACH:
-                return None
-        return None
+    def _located(self, q: Array, corank: int) -> Array | None:
+        star = located(self.mechanism, q, self.rank, corank)
+        return None if star is None or self.torus.distance(q, star) > 1.5 * REACH else star
 
     def trace(self, curve: Curve) -> Curve:
         """Follow the curve from its last row until it closes, leaves or cannot be followed.

@@ -38,6 +38,8 @@ def trace_modes(mechanism: Mechanism, seeds: int = SEEDS) -> ConfigurationSpace:
     all over the joints' range, until it closes. A change-point linkage, whose one curve crosses
     itself, has one mode by this count, with two tangents at its singular point.
 
+    Modes of higher dimension that it meets are told at the singular points, and not followed.
+
     Modes that meet at singular points make up an assembly mode: what can be reached without taking the
     mechanism apart. No finite search proves that all were found; `ConfigurationSpace.search` says how far
     it went.
@@ -145,8 +147,8 @@ class _Search:
         for i in order:
             if self.points[i].kind == "cusp":  # which a curve ends in
                 continue
-            for k in range(len(self.points[i].modes)):
-                if (i, k) not in have:
+            for k, mode in enumerate(self.points[i].modes):
+                if mode.ndim == 1 and (i, k) not in have:
                     return i, k
         return None
 

@@ -119,22 +119,40 @@ def test_wunderlich_mobility(mode: Mode, mobility: int, closures: str) -> None:
     assert "".join("P" if same else "A" for same in alike) == closures
 
 
+def off_the_relation(mechanism: rg.Mechanism, q: np.ndarray) -> float:
+    """How far α and γ are from Wunderlich's relation, over rows of q; home is at γ = 1.6."""
+    a, b, c = LENGTHS.values()
+    k1, k2 = (a + b) / (a - b), (c + b) / (c - b)
+    model = mechanism.own_model
+    _, y, z = model.jointPlacements[model.getJointId("a00b10")].translation
+    alpha = np.arctan2(z, y) + q[:, mechanism.joint("a00").idx_q]
+    t, s = np.tan(0.5 * alpha), np.tan(0.5 * (1.6 + q[:, mechanism.joint("c00").idx_q]))
+    off = (1.0 - k1 * t**2) * (1.0 - k2 * s**2) + (1.0 + k1) * (1.0 + k2) * t * s
+    return float(np.abs(off / ((1.0 + t**2) * (1.0 + s**2))).max())
+
+
+def dimensions(mechanism: rg.Mechanism, here: rg.LocalAnalysis) -> list[int]:
+    return sorted(np.size(mode) // mechanism.nv for mode in here.modes)
+
+
 def test_wunderlich_input_and_output() -> None:
     """The relation of α and γ on the mode of mobility 1, all along a motion across changes of mobility."""
     mechanism = wunderlich("2P4A", (0.0, 1.6))
-    a, b, c = LENGTHS.values()
-    k1, k2 = (a + b) / (a - b), (c + b) / (c - b)
     run = rg.simulate(mechanism, v0=mechanism.lift(mechanism.home, [-6.0]), duration=0.8, step=1e-3)
     assert [crossing.corank for crossing in run.crossings] == [2, 2, 2, 2]
     for crossing in run.crossings:
-        here = rg.analyse(mechanism, crossing.q)
-        assert sorted(np.size(mode) // mechanism.nv for mode in here.modes) == [1, 2]
-    model = mechanism.own_model
-    _, y, z = model.jointPlacements[model.getJointId("a00b10")].translation
-    alpha = np.arctan2(z, y) + run.q[:, mechanism.joint("a00").idx_q]
-    t, s = np.tan(0.5 * alpha), np.tan(0.5 * (1.6 + run.y[:, 0]))
-    off = (1.0 - k1 * t**2) * (1.0 - k2 * s**2) + (1.0 + k1) * (1.0 + k2) * t * s
-    assert np.abs(off / ((1.0 + t**2) * (1.0 + s**2))).max() < 1e-12
+        assert dimensions(mechanism, rg.analyse(mechanism, crossing.q)) == [1, 2]
+    assert off_the_relation(mechanism, run.q) < 1e-12
+
+
+def test_wunderlichs_mode_of_mobility_one_traced() -> None:
+    """One closed curve, which meets a mode of mobility 2 where α or γ is 0 or π."""
+    mechanism = wunderlich("2P4A", (0.0, 1.6))
+    space = rg.trace_modes(mechanism, seeds=4)
+    (mode,) = space.modes
+    assert mode.closed and len(space.singular_points) == 4
+    assert all(dimensions(mechanism, point) == [1, 2] for point in space.singular_points)
+    assert off_the_relation(mechanism, mode.q) < 1e-12
 
 
 # --------------------------------------------------------------------------- six-bars
