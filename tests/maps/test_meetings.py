@@ -15,6 +15,7 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.examples import meetings
+from robust_gcp.maps.cluster import meeting_ahead
 from robust_gcp.maps.cluster.meeting import MANY, half_width, meeting
 from robust_gcp.maps.cluster.options import USUAL
 from robust_gcp.maps.cluster.space import ClusterSpace
@@ -474,6 +475,20 @@ def test_what_one_run_built_serves_the_next() -> None:
     assert [(c.kind, c.order) for c in second.crossings] == [("tangential", 2)]
     assert first.stats.native_steps < second.stats.native_steps == 128
     assert second.q == pytest.approx(first.q, abs=1e-11)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("name", ["rhombus", "parallelogram", "change_point"])
+def test_crossings_ask_for_nothing_of_this(name: str, backend: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run without a touching place looks for none: no mid curve, no extrapolated mode."""
+
+    def asked(*_: object) -> None:
+        raise AssertionError("a meeting was looked at")
+
+    for function in ("meeting", "extrapolated", "bridge_through"):
+        monkeypatch.setattr(meeting_ahead, function, asked)
+    run = rg.simulate(rg.load(name), duration=2.0, step=2e-3, backend=backend)
+    assert run.crossings and all(c.kind == "transversal" for c in run.crossings)
 
 
 def test_perturbed_copies_are_never_certified_falsely(copies: int = 40) -> None:
