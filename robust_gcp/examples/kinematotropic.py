@@ -23,8 +23,6 @@ CROSSED: dict[Mode, tuple[str, ...]] = {
 }
 """The faces of Wunderlich's linkage that are antiparallelograms, by mode."""
 
-VERTICES = ["".join(v) for v in product("01", repeat=3)]
-
 
 def wunderlich(
     mode: Mode = "2P4A",
@@ -76,8 +74,8 @@ def wunderlich(
         ("ac", "a10", "c01", "a11", "c11"),
     ):  # fmt: skip
         sides[far_one], sides[far_two] = _across(face in CROSSED[mode], sides[one], sides[two])
-    places = {v: _corner(v, sides) for v in VERTICES}
-    points = {v: (float(p.real), float(p.imag)) for v, p in places.items()}
+    places = {v: _corner(v, sides) for v in product("01", repeat=3)}
+    points = {"".join(v): (float(p.real), float(p.imag)) for v, p in places.items()}
     drawing.setdefault("cuts", ("a10b10", "c01b01", "a01b11", "a11b11", "c11b11"))
     return planar_linkage(points, *_cube(), ["c00"] if mode == "2P4A" else ["a00", "c00"], **drawing)
 
@@ -89,7 +87,7 @@ def _cube() -> tuple[dict[str, tuple[str, str]], list[tuple[str, str, str]]]:
     edges |= {f"c{i}{j}": (f"{i}{j}0", f"{i}{j}1") for i, j in product("01", repeat=2)}
     edges["ground"] = edges.pop("b00")
     joints = []
-    for i, j, k in VERTICES:
+    for i, j, k in product("01", repeat=3):
         middle = "" if (i, k) == ("0", "0") else f"b{i}{k}"
         joints += [(bar + middle, middle or "ground", bar) for bar in (f"a{j}{k}", f"c{i}{j}")]
     return edges, joints
@@ -114,8 +112,7 @@ def _across(crossed: bool, x: complex, y: complex) -> tuple[complex, complex]:
     return corner - y, corner - x
 
 
-def _corner(v: str, sides: dict[str, complex]) -> complex:
-    """Where a vertex lies: a first, then b, then c."""
-    i, j, _ = v
-    bars = [f"a{0}{0}", f"b{i}0", f"c{i}{j}"]
+def _corner(v: tuple[str, ...], sides: dict[str, complex]) -> complex:
+    """Where a vertex lies: along a, then b, then c."""
+    bars = ["a00", f"b{v[0]}0", f"c{v[0]}{v[1]}"]
     return sum((sides[bar] for bar, on in zip(bars, v, strict=True) if on == "1"), 0j)

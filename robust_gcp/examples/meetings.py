@@ -169,7 +169,9 @@ def double_watt(
     """
     for name, length in (("arm", arm), ("coupler", coupler), ("distance", distance)):
         check_positive(f"double_watt: {name}", length)
-    points, links, joints = {}, {"ground": ("A0", "D0", "A1", "D1")}, []
+    points: dict[str, tuple[float, float]] = {}
+    links: dict[str, tuple[str, ...]] = {"ground": ("A0", "D0", "A1", "D1")}
+    joints: list[tuple[str, str, str]] = []
     for i, x, way in ((0, 0.0, 1.0), (1, distance, -1.0 if mirrored else 1.0)):
         points |= {
             f"A{i}": (x - way * arm, -0.5 * coupler), f"B{i}": (x, -0.5 * coupler), f"M{i}": (x, 0.0),
