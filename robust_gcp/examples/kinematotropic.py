@@ -59,12 +59,12 @@ def wunderlich(
     linkages", Advances in Robot Kinematics (1996).
     """
     check_choice("wunderlich: mode", mode, tuple(CROSSED))
-    a, b, c = (float(x) for x in listed(lengths, "wunderlich: lengths", "numbers", OptionError, (int, float)))
+    a, b, c = _numbers("lengths", lengths, 3)
     for name, length in zip("abc", (a, b, c), strict=True):
         check_positive(f"wunderlich: lengths, {name}", length)
     if len({a, b, c}) < 3:
         raise OptionError(f"wunderlich: lengths = {a:g}, {b:g}, {c:g} m must be three different ones")
-    alpha, gamma = listed(angles, "wunderlich: angles", "numbers", OptionError, (int, float))
+    alpha, gamma = _numbers("angles", angles, 2)
     if mode == "2P4A":
         alpha = _follows(gamma, (a + b) / (a - b), (c + b) / (c - b))
     sides = {"a00": a * np.exp(1j * alpha), "b00": b + 0j, "c00": c * np.exp(1j * gamma)}
@@ -78,6 +78,14 @@ def wunderlich(
     points = {"".join(v): (float(p.real), float(p.imag)) for v, p in places.items()}
     drawing.setdefault("cuts", ("a10b10", "c01b01", "a01b11", "a11b11", "c11b11"))
     return planar_linkage(points, *_cube(), ["c00"] if mode == "2P4A" else ["a00", "c00"], **drawing)
+
+
+def _numbers(name: str, given: Sequence[float], count: int) -> list[float]:
+    """As many as are asked for."""
+    found = listed(given, f"wunderlich: {name}", "numbers", OptionError, (int, float))
+    if len(found) != count:
+        raise OptionError(f"wunderlich: {name} has {len(found)} entries; give {count}")
+    return [float(x) for x in found]
 
 
 def _cube() -> tuple[dict[str, tuple[str, str]], list[tuple[str, str, str]]]:

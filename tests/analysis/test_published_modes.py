@@ -155,6 +155,21 @@ def test_wunderlichs_mode_of_mobility_one_traced() -> None:
     assert off_the_relation(mechanism, mode.q) < 1e-12
 
 
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"mode": "5P1A"}, "6P, 4P2A"),
+        ({"lengths": (1.0, 1.0, 0.5)}, "different"),
+        ({"lengths": (0.9, 0.3)}, "give 3"),
+        ({"angles": (0.1, 0.2, 0.3)}, "give 2"),
+        ({"lengths": (0.3, 0.9, 0.6)}, "no mode 2P4A"),
+    ],
+)
+def test_wunderlichs_linkage_refuses_what_it_cannot_be(given: dict[str, object], words: str) -> None:
+    with pytest.raises(rg.OptionError, match=words):
+        wunderlich(**given)  # type: ignore[arg-type]
+
+
 # --------------------------------------------------------------------------- six-bars
 
 
