@@ -63,7 +63,7 @@ class alignas(CACHE_LINE) Stepper : public Evaluator {
                 r.safe_step = i + 1;
             }
             if ((i + 1) % r.every == 0) output(r, (i + 1) / r.every - 1);
-            if (watch_.exceeds(*accepted_)) r.reason = CHART;
+            if (watch_.exceeds(*accepted_, in_zone)) r.reason = CHART;
             if (guard_.met(path, *accepted_, motion_.v.data(), motion_.ydd.data(), r.times[i + 1] - r.times[i]))
                 r.reason = MET;
         }
@@ -77,7 +77,7 @@ class alignas(CACHE_LINE) Stepper : public Evaluator {
         r.in_zone = in_zone;
         r.log = log_.data();
         r.logged = static_cast<std::int64_t>(log_.size()) / (8 + path.layout.nq);
-        r.plain = r.reason == DONE && r.logged == 0;
+        r.plain = r.reason == DONE && r.logged == 0 && !(in_zone && watch_.exceeds(*accepted_));
     }
 
     // ÿ, τ and the power at the last accepted point, under the torque that is held now; false where they are

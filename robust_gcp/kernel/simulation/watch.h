@@ -34,11 +34,14 @@ class Watch {
     }
 
     // Whether an entry of G, times its size, is above the limit of its input, or max |g| / (max |v|)² of a part, in
-    // radians and lengths, above what its inputs were found to be good at.
-    bool exceeds(Point& point) const {
+    // radians and lengths, above what its inputs were found to be good at. In zones, which a part of one coordinate
+    // leaves soon, those of several alone.
+    bool exceeds(Point& point, bool in_zone = false) const {
         if (sizes_ == nullptr) return false;
         for (std::size_t p = 0; p < parts_.list.size(); ++p)
-            if (even_[p] >= 0.0 && exceeds(parts_.list[p], even_[p], point)) return true;
+            if (even_[p] >= 0.0 && !(in_zone && parts_.list[p].count() == 1) &&
+                exceeds(parts_.list[p], even_[p], point))
+                return true;
         return false;
     }
 
