@@ -37,6 +37,9 @@ MANY, ROUNDING = 8, 1e-15
 """Zeros in one place from which on what is left of g is looked at near it alone, and may be what rounding of
 g's last coefficients, which are cut, makes of it: 24⁷/7! times as much along all of the mid curve."""
 
+AROUND = 1.25
+"""Half widths within which that is looked at."""
+
 KNOWN, SAME = 0.8, 1e-9
 """Share of the mid curve within which a point is told by it, and how near to the surface a point is on it."""
 
@@ -246,7 +249,7 @@ def _divided(g: Array, R: float, places: list[tuple[float, int]]) -> tuple[float
     product: Array = np.ones(1)
     zone = []
     for s, p in places:
-        half = half_width(p // 2) / R if p >= MANY else 2.0
+        half = AROUND * half_width(p // 2) / R if p >= MANY else 2.0
         zone.append(np.linspace(max(s - half, -1.0), min(s + half, 1.0), 41))
         for _ in range(p):
             product = chebyshev.chebmul(product, [-s, 1.0])
