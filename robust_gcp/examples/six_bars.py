@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from ..checks import check_choice
 from ..maps.closed_form import FourBar
 from ..mechanism.mechanism import Mechanism
 from .families import Lengths, planar_linkage
@@ -34,6 +35,30 @@ FOUR_BAR_JOINTS = [
 ]
 
 
+def with_dyad(
+    points: Mapping[str, Point], carrier: str, independent: Sequence[str], **drawing: Any
+) -> Mechanism:
+    """A four-bar O P Q R with a dyad T U V from its rocker (Watt's) or coupler (Stephenson's) to the ground.
+
+    Joints A to D are the four-bar's, E to G at T, U and V.
+
+    Parameters
+    ----------
+    points : mapping of str to (float, float)
+        O, P, Q, R, T, U and V at home.
+    carrier : {"rocker", "coupler"}
+        The link with the point T.
+    """
+    check_choice("with_dyad: carrier", carrier, ("rocker", "coupler"))
+    links: dict[str, tuple[str, ...]] = {
+        "ground": ("O", "R", "V"), "crank": ("O", "P"), "coupler": ("P", "Q"), "rocker": ("R", "Q"),
+        "rod": ("T", "U"), "arm": ("V", "U"),
+    }  # fmt: skip
+    links[carrier] += ("T",)
+    joints = [*FOUR_BAR_JOINTS, ("E", carrier, "rod"), ("F", "rod", "arm"), ("G", "ground", "arm")]
+    return planar_linkage(points, links, joints, independent, **drawing)
+
+
 def watt(crank: float = 2.6, lengths: Lengths = CHANGE_POINT, **drawing: Any) -> Mechanism:
     """Watt's six-bar: the rocker of a four-bar is the crank of another one, y = the angle of joint A.
 
@@ -47,16 +72,7 @@ def watt(crank: float = 2.6, lengths: Lengths = CHANGE_POINT, **drawing: Any) ->
     T = (float(l0 + 0.5 * arm[0] + 0.6 * arm[1]), float(0.5 * arm[1] - 0.6 * arm[0]))
     U, V = (T[0] + 2.0, T[1] + 0.8), (l0 + 3.5, 0.0)
     points = {"O": (0.0, 0.0), "P": P, "Q": Q, "R": R, "T": T, "U": U, "V": V}
-    links = {
-        "ground": ("O", "R", "V"),
-        "crank": ("O", "P"),
-        "coupler": ("P", "Q"),
-        "rocker": ("R", "Q", "T"),
-        "rod": ("T", "U"),
-        "arm": ("V", "U"),
-    }
-    joints = [*FOUR_BAR_JOINTS, ("E", "rocker", "rod"), ("F", "rod", "arm"), ("G", "ground", "arm")]
-    return planar_linkage(points, links, joints, ["A"], **drawing)
+    return with_dyad(points, "rocker", ["A"], **drawing)
 
 
 def stephenson(crank: float = 2.6, lengths: Lengths = CHANGE_POINT, **drawing: Any) -> Mechanism:
@@ -66,16 +82,7 @@ def stephenson(crank: float = 2.6, lengths: Lengths = CHANGE_POINT, **drawing: A
     T = (float(P[0] + 0.5 * along[0] - 0.4 * along[1]), float(P[1] + 0.5 * along[1] + 0.4 * along[0]))
     U, V = (T[0] + 1.5, T[1] + 2.2), (lengths[0] + 2.5, 3.0)
     points = {"O": (0.0, 0.0), "P": P, "Q": Q, "R": (lengths[0], 0.0), "T": T, "U": U, "V": V}
-    links = {
-        "ground": ("O", "R", "V"),
-        "crank": ("O", "P"),
-        "coupler": ("P", "Q", "T"),
-        "rocker": ("R", "Q"),
-        "rod": ("T", "U"),
-        "arm": ("V", "U"),
-    }
-    joints = [*FOUR_BAR_JOINTS, ("E", "coupler", "rod"), ("F", "rod", "arm"), ("G", "ground", "arm")]
-    return planar_linkage(points, links, joints, ["A"], **drawing)
+    return with_dyad(points, "coupler", ["A"], **drawing)
 
 
 def joined_by_dyad(cranks: tuple[float, float] = (2.6, 2.65), **drawing: Any) -> Mechanism:

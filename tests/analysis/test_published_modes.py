@@ -15,9 +15,9 @@ import pytest
 import scipy
 
 import robust_gcp as rg
-from robust_gcp.examples.families import planar_linkage
 from robust_gcp.examples.kinematotropic import Mode, wunderlich
 from robust_gcp.examples.meetings import double_watt
+from robust_gcp.examples.six_bars import with_dyad
 
 Faces = dict[str, tuple[str, str, str, str]]
 LENGTHS = {"a": 0.9, "b": 0.3, "c": 0.6}
@@ -202,17 +202,8 @@ def test_six_bars_laid_flat(kind: str) -> None:
     start = {"rocker": CRANK + COUPLER - ROCKER, "coupler": CRANK}[carrier]
     line = {"O": 0.0, "P": CRANK, "Q": CRANK + COUPLER, "R": CRANK + COUPLER - ROCKER}
     line |= {"T": start + at, "U": start + at + ROD, "V": start + at + ROD - arm}
-    links = {
-        "ground": ("O", "R", "V"), "crank": ("O", "P"), "coupler": ("P", "Q"), "rocker": ("R", "Q"),
-        "rod": ("T", "U"), "arm": ("V", "U"),
-    }  # fmt: skip
-    links[carrier] += ("T",)
-    joints = [
-        ("A", "ground", "crank"), ("B", "crank", "coupler"), ("C", "coupler", "rocker"),
-        ("D", "ground", "rocker"), ("E", carrier, "rod"), ("F", "rod", "arm"), ("G", "ground", "arm"),
-    ]  # fmt: skip
     points = {name: (x, 0.0) for name, x in line.items()}
-    mechanism = planar_linkage(points, links, joints, ["A"], cuts=("C", "F"))
+    mechanism = with_dyad(points, carrier, ["A"], cuts=("C", "F"))
     expected = []
     for coupler, rocker in four_bar_rates(CRANK, COUPLER, ROCKER):
         turning, base = (rocker, 0.0) if carrier == "rocker" else (coupler, CRANK)
@@ -251,15 +242,7 @@ def test_stephensons_assemblies() -> None:
     U = T + rod * (center - T) / abs(center - T)
     corners = zip("ORPQTUV", (0j, l0 + 0j, P, Q, T, U, center + 2.0), strict=True)
     points = {name: (float(z.real), float(z.imag)) for name, z in corners}
-    links = {
-        "ground": ("O", "R", "V"), "crank": ("O", "P"), "coupler": ("P", "Q", "T"), "rocker": ("R", "Q"),
-        "rod": ("T", "U"), "arm": ("V", "U"),
-    }  # fmt: skip
-    joints = [
-        ("A", "ground", "crank"), ("B", "crank", "coupler"), ("C", "coupler", "rocker"),
-        ("D", "ground", "rocker"), ("E", "coupler", "rod"), ("F", "rod", "arm"), ("G", "ground", "arm"),
-    ]  # fmt: skip
-    mechanism = planar_linkage(points, links, joints, ["G"], cuts=("C", "F"))
+    mechanism = with_dyad(points, "coupler", ["G"], cuts=("C", "F"))
     ways = mechanism.assemblies(hold=["G"])
     assert ways.complete and len(ways.q) == 6
     assert len(mechanism.assemblies(hold=["A"]).q) == 2 * sum(

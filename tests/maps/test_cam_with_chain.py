@@ -38,8 +38,7 @@ def cam_with_chain(order: int) -> rg.Mechanism:
     pin.updateFramePlacements(joined, data)
     pivot = data.oMf[joined.getFrameId("c3_tip")].translation
     joined.addFrame(_fixed("pivot", 0, pivot))
-    follows = rg.CouplingClosure("z", "x", 0.0, 1.0, (0.0,) * (2 * order - 2) + (-0.8,))
-    closures = [rg.PointClosure("rod_tip", "z_tip"), follows, rg.PointClosure("c3_tip", "pivot")]
+    closures = [*cam.closures, rg.PointClosure("c3_tip", "pivot")]
     return rg.Mechanism(joined, closures, ["x", "c1"], home=q)
 
 

@@ -77,14 +77,19 @@ def test_a_mode_of_two_freedoms_through_the_place_where_one_of_one_meets_it(back
 # --------------------------------------------------------------------------- the double Watt linkage
 
 
+def before_the_cusp(mechanism: rg.Mechanism) -> np.ndarray:
+    """Where the first crank is 0.4 rad below it."""
+    own = rg.analyse(mechanism, mechanism.home).modes[0]
+    return mechanism.assemble(mechanism.home - 0.4 * own / own[mechanism.iv_independent], hold=["low0"])
+
+
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_to_the_double_watt_linkages_cusp(backend: str) -> None:
     """When and how fast it arrives, in other trees and coordinates; energy, and the other branch after it."""
     arrivals = []
     for cuts in (("cut0", "cut1", "bar1"), ("low1", "cut0", "bar0")):
         first = double_watt(cuts=cuts)
-        own = rg.analyse(first, first.home).modes[0]
-        q = first.assemble(first.home - 0.4 * own / own[first.iv_independent], hold=["low0"])
+        q = before_the_cusp(first)
         for joint in ("low0", "coupler0"):
             mechanism = rg.Mechanism(first.own_model, first.loops, [joint], home=q)
             v = mechanism.lift(q, first.lift(q, [6.0])[mechanism.iv_independent])
@@ -101,8 +106,7 @@ def test_to_the_double_watt_linkages_cusp(backend: str) -> None:
 def test_back_from_the_double_watt_linkages_cusp(backend: str) -> None:
     """On the other branch, on which the bar leans to the other side; energy kept."""
     mechanism = double_watt()
-    own = rg.analyse(mechanism, mechanism.home).modes[0]
-    q = mechanism.assemble(mechanism.home - 0.4 * own / own[mechanism.iv_independent], hold=["low0"])
+    q = before_the_cusp(mechanism)
     run = rg.simulate(mechanism, q, mechanism.lift(q, [6.0]), 0.2, 1e-3, on_cusp="turn", backend=backend)
     leaning = run.q[:, [mechanism.joint(name).idx_q for name in ("low0", "coupler0", "bar0")]].sum(axis=1)
     low = run.q[:, mechanism.joint("low0").idx_q]

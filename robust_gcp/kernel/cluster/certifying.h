@@ -41,9 +41,10 @@ auto best_of(Attempt attempt, double zone, std::initializer_list<double> shrinks
         }
         return false;
     };
-    if (std::none_of(shrinks.begin(), shrinks.end(), good) && !best)
-        for (const double shrink : shorter)
-            if (good(shrink) || best) break;
+    for (const double shrink : shrinks)
+        if (good(shrink)) break;
+    for (const double shrink : shorter)
+        if (!best) good(shrink);
     if (!best) throw failure;
     return *std::move(best);
 }
