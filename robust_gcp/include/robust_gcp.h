@@ -21,7 +21,8 @@ typedef enum {
     RGCP_BAD_ARGUMENT = 1,
     RGCP_NO_START = 2,      /* not closed, or at or beside a singular configuration */
     RGCP_STOPPED = 3,       /* the motion is where its last good step ended */
-    RGCP_NO_DERIVATIVES = 4
+    RGCP_NO_DERIVATIVES = 4,
+    RGCP_NO_MEMORY = 5      /* begin again, or restore */
 } rgcp_status;
 
 typedef struct {
@@ -47,12 +48,19 @@ const int32_t* rgcp_independent(const rgcp_mechanism*, int32_t chart);  /* (m,) 
 
 /* A motion of a mechanism, which has to stay open; all memory that regular steps need is taken here. */
 rgcp_motion* rgcp_new(const rgcp_mechanism*, char* why, size_t length);
+/* The same in one block of `bytes`, beside which no call asks the system for memory; used up, it is RGCP_NO_MEMORY.
+ * rgcp_used tells how many were taken so far at most: what one motion needs is measured once, with plenty. */
+rgcp_motion* rgcp_new_within(const rgcp_mechanism*, size_t bytes, char* why, size_t length);
+size_t rgcp_used(const rgcp_motion*);
 void rgcp_free(rgcp_motion*);
 const char* rgcp_why(const rgcp_motion*);
 
 /* Begin at q (nq,), closed by Newton at its own y, with independent velocities u (m,) of the first chart; at home and at
  * rest where NULL. */
 rgcp_status rgcp_begin(rgcp_motion*, const double* q, const double* u, double t);
+/* After rgcp_begin: builds the bridges of loops of one coordinate on both sides, as far as the coordinate goes or two
+ * turns, so that no later step does while the chart is kept. Motions differ in rounding by it. */
+rgcp_status rgcp_prepare(rgcp_motion*);
 /* n steps of RK4 of h seconds under torques tau (nv,) and controls (controls,), held; none where NULL. */
 rgcp_status rgcp_step(rgcp_motion*, double h, int64_t n, const double* tau, const double* control);
 

@@ -29,6 +29,7 @@ SOURCES = (
     "public/fmu.cpp",
     "simulation/simulation.cpp",
     "dynamics/dynamics.cpp",
+    "linalg/memory.cpp",
 )
 SWITCH = "ROBUST_GCP_NATIVE"
 KEPT = "ROBUST_GCP_COMPILE"

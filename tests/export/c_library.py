@@ -31,7 +31,7 @@ def library() -> Any:
     lib = ctypes.CDLL(str(_installed(NAME)))
     for name, arguments in {
         "open": [c_char_p, c_char_p, c_size_t], "open_bytes": [c_char_p, c_size_t, c_char_p, c_size_t],
-        "new": [c_void_p, c_char_p, c_size_t],
+        "new_within": [c_void_p, c_size_t, c_char_p, c_size_t],
     }.items():  # fmt: skip
         function = getattr(lib, f"rgcp_{name}")
         function.restype, function.argtypes = c_void_p, arguments
@@ -47,6 +47,8 @@ def library() -> Any:
         function.restype, function.argtypes = POINTER(c_double), [c_void_p]
     lib.rgcp_independent.restype, lib.rgcp_independent.argtypes = POINTER(c_int32), [c_void_p, c_int32]
     lib.rgcp_begin.argtypes = [c_void_p, c_void_p, c_void_p, c_double]
+    lib.rgcp_used.restype, lib.rgcp_used.argtypes = c_size_t, [c_void_p]
+    lib.rgcp_prepare.argtypes = [c_void_p]
     lib.rgcp_step.argtypes = [c_void_p, c_double, c_int64, c_void_p, c_void_p]
     lib.rgcp_time.restype, lib.rgcp_time.argtypes = c_double, [c_void_p]
     lib.rgcp_crossings.restype, lib.rgcp_crossings.argtypes = c_int64, [c_void_p]
@@ -83,15 +85,17 @@ def _place(array: Any) -> Any:
 
 
 class CMotion:
-    """A motion of it."""
+    """A motion of it, in `size` bytes of its own, or in the system's memory."""
 
-    def __init__(self, of: Exported) -> None:
+    def __init__(self, of: Exported, size: int = 0) -> None:
         why = ctypes.create_string_buffer(300)
-        self.of, self.handle = of, LIB.rgcp_new(of.handle, why, len(why))
-        assert self.handle, why.value
+        self.of, self.handle = of, LIB.rgcp_new_within(of.handle, size, why, len(why))
+        if not self.handle:
+            raise ValueError(why.value.decode())
 
     def __del__(self) -> None:
-        LIB.rgcp_free(self.handle)
+        if self.handle:
+            LIB.rgcp_free(self.handle)
 
     def _require(self, status: int) -> None:
         if status:
@@ -102,13 +106,17 @@ class CMotion:
         self._require(LIB.rgcp_begin(self.handle, _place(q), _place(u), t))
         return self
 
+    def prepare(self) -> CMotion:
+        self._require(LIB.rgcp_prepare(self.handle))
+        return self
+
     def step(self, h: float, n: int, tau: Any = None, control: Any = None) -> CMotion:
         tau, control = (None if x is None else np.ascontiguousarray(x, float) for x in (tau, control))
         self._require(LIB.rgcp_step(self.handle, h, n, _place(tau), _place(control)))
         return self
 
     def __getattr__(self, name: str) -> Any:
-        if name in ("crossings", "chart", "time"):
+        if name in ("crossings", "chart", "time", "used"):
             return getattr(LIB, f"rgcp_{name}")(self.handle)
         c = self.of.counts
         shapes = {

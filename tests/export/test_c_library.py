@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import platform
 import random
 import shutil
 import subprocess
@@ -131,6 +132,55 @@ def test_threads_with_a_motion_each() -> None:
         np.testing.assert_array_equal(found[k], found[k % 4])
 
 
+class TestMemory:
+    """Motions in a block of their own."""
+
+    EXPORTED = Exported(described(rg.load("rhombus")))
+    ROOM = 1 << 20
+
+    def test_the_same_bits_and_saved_ones(self) -> None:
+        within, free = (CMotion(self.EXPORTED, size).begin(None, [3.0]) for size in (self.ROOM, 0))
+        for _ in range(8):
+            np.testing.assert_array_equal(within.step(1e-3, 100).q, free.step(1e-3, 100).q)
+            saved = within.save()  # within a zone, too
+            assert saved == free.save()
+            within.restore(saved), free.restore(saved)
+        assert within.crossings == free.crossings == 1 and free.used == 0
+        used = within.used
+        assert within.step(1e-3, 20000).crossings > 20
+        assert 0 < used <= within.used < 200_000  # does not grow with time
+        once = within.used
+        assert within.step(1e-3, 20000).used == once
+
+    def test_too_few_bytes(self) -> None:
+        with pytest.raises(ValueError, match="too few bytes"):
+            CMotion(self.EXPORTED, 1000)
+        regular = CMotion(self.EXPORTED, self.ROOM).begin(None, [3.0]).step(1e-3, 10)
+        small = CMotion(self.EXPORTED, regular.used + 256).begin(None, [3.0]).step(1e-3, 10)
+        np.testing.assert_array_equal(small.q, regular.q)
+        with pytest.raises(StoppedError, match="used up") as stop:
+            small.step(1e-3, 1000)
+        assert stop.value.status == 5
+        with pytest.raises(StoppedError, match="begun"):
+            small.step(1e-3, 1)
+        np.testing.assert_array_equal(small.begin(None, [3.0]).step(1e-3, 10).q, regular.q)
+
+    @pytest.mark.parametrize("name", ["rhombus", "change_point", "crank_rocker", "delta", "walker"])
+    def test_prepared_motions_are_the_same_to_rounding(self, name: str) -> None:
+        exported = Exported(described(rg.load(name)))
+        one, other = CMotion(exported).begin(), CMotion(exported, 4 * self.ROOM).begin().prepare()
+        assert other.crossings == 0
+        np.testing.assert_allclose(other.step(1e-3, 1000).q, one.step(1e-3, 1000).q, rtol=0.0, atol=1e-11)
+        assert one.crossings == other.crossings
+
+    def test_preparing_within_a_zone(self) -> None:
+        one, other = (CMotion(self.EXPORTED).begin(None, [3.0]).step(1e-3, 640) for _ in range(2))
+        np.testing.assert_allclose(other.prepare().step(1e-3, 1000).q, one.step(1e-3, 1000).q, rtol=0.0, atol=1e-11)
+        assert one.crossings == other.crossings > 1
+        with pytest.raises(StoppedError, match="begun"):
+            CMotion(self.EXPORTED).prepare()
+
+
 @pytest.mark.parametrize("signed", [False, True])
 def test_spoilt_files_are_refused_or_stop(signed: bool) -> None:
     rng = random.Random(5)
@@ -213,6 +263,25 @@ def test_the_example_in_c(tmp_path: Path) -> None:
     _swings(tmp_path / "swing", tmp_path)
 
 
+@pytest.mark.skipif(COMPILER is None, reason="no C compiler")
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="counted by names of glibc")
+@pytest.mark.parametrize("name", ["change_point", "rhombus", "walker"])
+def test_steps_ask_the_system_for_no_memory(name: str, tmp_path: Path) -> None:
+    program, source = tmp_path / "counting", Path(__file__).with_name("counting.c")
+    words = [str(COMPILER), "-rdynamic", f"-I{PACKAGE / 'include'}", str(source), str(_installed(NAME))]
+    subprocess.run([*words, "-o", str(program)], check=True, timeout=60)
+    file = str(rg.load(name).export(tmp_path / f"{name}.rgcp"))
+
+    def run(size: int) -> list[int]:
+        line = [str(program), file, str(size)]
+        out = subprocess.run(line, check=True, timeout=60, capture_output=True, text=True)
+        return [int(word) for word in out.stdout.split()]
+
+    counted, crossings = run(1 << 22)
+    assert counted == 0 and (crossings > 0 or name == "walker")
+    assert run(0)[0] > 0  # it counts
+
+
 @pytest.mark.skipif(COMPILER is None or shutil.which("cmake") is None, reason="no CMake")
 @pytest.mark.skipif(not (PACKAGE / "kernel" / NAME).is_file(), reason="the kernel is in another folder")
 def test_the_example_by_cmake(tmp_path: Path) -> None:
@@ -223,6 +292,9 @@ def test_the_example_by_cmake(tmp_path: Path) -> None:
     line = [str(tmp_path / "build" / "loop"), str(tmp_path / "change_point.rgcp"), "0.5"]
     out = subprocess.run(line, check=True, timeout=60, capture_output=True, text=True).stdout
     assert "500 steps" in out and "latest start" in out
+    line = [str(tmp_path / "build" / "latency"), str(tmp_path / "change_point.rgcp"), "3000"]
+    out = subprocess.run(line, check=True, timeout=60, capture_output=True, text=True).stdout
+    assert "3000 steps through 2 crossings" in out and "worst" in out
 
 
 @pytest.mark.skipif(COMPILER is None or shutil.which("pkg-config") is None, reason="no pkg-config")

@@ -16,6 +16,7 @@ namespace rg {
 // As in cluster_map.py, where it says why.
 constexpr double ONE_TURN = 6.283185307179586;
 constexpr double LOOK_AGAIN = 1.5;  // growth of σ
+constexpr double EXPLORED = 2.0 * ONE_TURN;  // a mode may need two turns to close
 
 struct Clusters::Inside {
     explicit Inside(const Description& d) : clusters(d.cluster, d.cluster + d.clusters), home(d.home, d.home + d.nq), det(d.blocks), rcond(d.blocks) {
@@ -214,6 +215,15 @@ void Clusters::enter(Point& anchor, const double* origin) {
     inside_->enter(anchor, origin);
     inside_->looked = 0.0;
     in_zone_ = true;
+}
+
+void Clusters::explore(Point& anchor, const double* origin) {
+    if (!some_) return;
+    const bool before = in_zone_;
+    if (!before) enter(anchor, origin);
+    for (Tracker& tracker : inside_->trackers)
+        if (tracker.anchor->space->m == 1) tracker.explore(EXPLORED);
+    in_zone_ = before;
 }
 
 void Clusters::forget() {

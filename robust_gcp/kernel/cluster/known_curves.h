@@ -56,6 +56,26 @@ class KnownCurves {
         });
     }
 
+    // Whether the singular place next to a point, to first order, is a crossing on a kept curve.
+    bool crosses(const Jet& here) const {
+        constexpr double SHARE = 0.3;  // of the distance, that first order may err by
+        const Roots mu = curves.empty() ? Roots() : here.roots(Vector::Ones(1));
+        if (mu.empty()) return false;
+        const Vector place = here.x + nearest_of(mu).real() * here.J.col(0);
+        return std::any_of(curves.begin(), curves.end(), [&](const CurvePtr& known) {
+            const CurvePtr candidate = turned(known, here.x, *here.space);
+            const CurveShape& shape = candidate->shape();
+            if (shape.near_miss || !shape.orders.empty()) return false;
+            Vector x, slope, bend;
+            for (std::size_t k = 0; k < shape.roots.size(); ++k) {
+                if (shape.corank[k] == 0) continue;
+                candidate->point(shape.roots[k], x, slope, bend);
+                if ((x - place).norm() <= SHARE * (x - here.x).norm()) return true;
+            }
+            return false;
+        });
+    }
+
     void keep(const CurvePtr& found) {
         if (curves.size() >= std::size_t{MOST}) curves.erase(curves.begin());
         curves.push_back(found);

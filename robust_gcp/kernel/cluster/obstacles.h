@@ -68,11 +68,14 @@ inline Obstacle approaching(const Jet& here, double largest_gap) {
 // What singular places ahead were found to be, where a motion may pass again, also whole turns of hinges later.
 class Seen {
   public:
-    const Obstacle& at(const Jet& here, double largest_gap) {
+    // Those that `crossed` knows are looked at no further.
+    template <typename Crossed>
+    const Obstacle& at(const Jet& here, double largest_gap, Crossed crossed) {
         for (const Obstacle& one : ahead_)
             if (one.covers(here.x - here.space->whole_turns(here.x - one.x))) return one;
         if (ahead_.size() >= MOST) ahead_.erase(ahead_.begin());
-        return ahead_.emplace_back(approaching(here, largest_gap));
+        if (!crossed()) return ahead_.emplace_back(approaching(here, largest_gap));
+        return ahead_.emplace_back(Obstacle{Obstacle::CROSSING, here.x, 0.5 * std::min(here.delta(), 1.0)});
     }
 
   private:

@@ -7,9 +7,9 @@
 #include <new>
 #include <vector>
 
-namespace rg {
+#include "linalg/memory.h"
 
-constexpr std::size_t CACHE_LINE = 64;
+namespace rg {
 
 template <typename T>
 struct OwnLines {

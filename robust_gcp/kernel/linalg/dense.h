@@ -5,7 +5,7 @@
 #include <complex>
 #include <vector>
 
-#include <Eigen/Core>
+#include "linalg/eigen.h"
 
 namespace rg {
 

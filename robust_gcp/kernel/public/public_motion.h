@@ -63,8 +63,11 @@ class PublicMotion {
         if (h != step_) t0_ = time(), at_ = 0, step_ = h;
         std::int64_t left = n;
         do {
-            const int reason = run(left);
-            if (reason == DONE) return RGCP_OK;
+            std::int64_t part = std::min(left, AT_ONCE);
+            left -= part;
+            const int reason = run(part);
+            left += part;
+            if (reason == DONE) continue;
             if (reason == CHART) {
                 if (!change(false)) patience();
             } else if (!change(true)) {
@@ -74,6 +77,19 @@ class PublicMotion {
         } while (left > 0);
         return RGCP_OK;
     }
+
+    // Builds the bridges that lie ahead and behind.
+    rgcp_status prepare() {
+        if (!begun_) return fail(RGCP_BAD_ARGUMENT, "nothing has begun: call rgcp_begin");
+        std::int64_t none = 0;
+        const int reason = run(none);
+        if (reason != DONE) return fail(RGCP_STOPPED, words(reason));
+        charts_[chart_]->solver.explore();
+        return RGCP_OK;
+    }
+
+    // After what left it in the middle of a step.
+    void give_up() { begun_ = false; }
 
     rgcp_status reduced(double* M, double* b) {
         if (!begun_) return fail(RGCP_BAD_ARGUMENT, "nothing has begun: call rgcp_begin");
@@ -163,6 +179,7 @@ class PublicMotion {
   private:
     static constexpr double PATIENCE = 1.2;  // as in simulation/coordinates.py
     static constexpr double STEEPER = 0.8;
+    static constexpr std::int64_t AT_ONCE = 1024;  // steps, whose times take memory
     static constexpr std::int32_t CONTROL_ROWS = 4;  // as in dynamics/held.py
 
     const Layout& layout() const { return charts_[chart_]->layout; }

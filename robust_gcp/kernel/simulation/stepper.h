@@ -100,6 +100,9 @@ class alignas(CACHE_LINE) Stepper : public Evaluator {
         return true;
     }
 
+    // Builds the bridges that lie ahead and behind of the last accepted point.
+    void explore() { clusters.explore(*accepted_, origin_); }
+
     // v at the last accepted point.
     void velocity(double* v) const { path.velocity(*accepted_, v); }
 
