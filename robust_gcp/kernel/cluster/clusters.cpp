@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "cluster/chart.h"
+#include "cluster/explore.h"
 #include "cluster/passages.h"
 #include "cluster/passing.h"
 #include "cluster/patch_builder.h"
@@ -16,7 +17,6 @@ namespace rg {
 // As in cluster_map.py, where it says why.
 constexpr double ONE_TURN = 6.283185307179586;
 constexpr double LOOK_AGAIN = 1.5;  // growth of σ
-constexpr double EXPLORED = 2.0 * ONE_TURN;  // a mode may need two turns to close
 
 struct Clusters::Inside {
     explicit Inside(const Description& d) : clusters(d.cluster, d.cluster + d.clusters), home(d.home, d.home + d.nq), det(d.blocks), rcond(d.blocks) {
@@ -61,10 +61,7 @@ struct Clusters::Inside {
         }
     }
 
-    JetPtr at(std::size_t i, Point& anchor) {
-        ++tally.svds;
-        return jet_at(*spaces[i], spaces[i]->x(anchor.q()), spaces[i]->chart);
-    }
+    JetPtr at(std::size_t i, Point& anchor) { return ++tally.svds, jet_at(*spaces[i], spaces[i]->x(anchor.q()), spaces[i]->chart); }
 
     Tracker tracker(const JetPtr& here) {
         return Tracker(here, options, here->space->m == 1 ? options.reach : options.reach_of_several, tally);
@@ -217,14 +214,7 @@ void Clusters::enter(Point& anchor, const double* origin) {
     in_zone_ = true;
 }
 
-void Clusters::explore(Point& anchor, const double* origin) {
-    if (!some_) return;
-    const bool before = in_zone_;
-    if (!before) enter(anchor, origin);
-    for (Tracker& tracker : inside_->trackers)
-        if (tracker.anchor->space->m == 1) tracker.explore(EXPLORED);
-    in_zone_ = before;
-}
+void Clusters::explore() { rg::explore(inside_->trackers); }
 
 void Clusters::forget() {
     if (!some_) return;

@@ -38,9 +38,8 @@ class Clusters {
     void enter(Point& anchor, const double* origin);
     // What was met so far was told of.
     void forget();
-    // Builds the bridges of clusters of one coordinate, both ways from a point of the mode, as far as the coordinate goes
-    // or two turns.
-    void explore(Point& anchor, const double* origin);
+    // Builds bridges that lie both ways of where every cluster is by itself; see explore.h.
+    void explore();
     // Whether a cluster with joints on groups is on a bridge, whose coordinates are not renewed.
     bool turning_on_bridge() const;
     // At an output, where charts are about it now: coordinates anew of clusters that are in charts, or whose joints

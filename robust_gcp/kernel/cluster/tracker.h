@@ -96,21 +96,6 @@ class Tracker {
         throw Lost{};
     }
 
-    // Come to know the bridges of one coordinate that lie both ways, up to a distance in y.
-    void explore(double distance) {
-        constexpr double STEP = 0.1;
-        const double y = anchor->y()[0], unit = space_->D[space_->chosen[0]];
-        for (const double step : {STEP / unit, -STEP / unit}) {
-            Tracker scout = copy();
-            try {
-                for (int i = 1; i * STEP < distance; ++i) scout.at(Vector::Constant(1, y + i * step));
-            } catch (const Lost&) {  // y goes no farther
-            } catch (const Stop&) {
-            }
-            known_curves = scout.known_curves;
-        }
-    }
-
     void forget_touched() {
         crossed = false;
         touched.clear();

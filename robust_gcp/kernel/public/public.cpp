@@ -60,7 +60,6 @@ rgcp_status guarded(rgcp_motion* motion, Do what) {
     try {
         return what(*motion->motion);
     } catch (const std::bad_alloc&) {
-        motion->motion->give_up();
         return motion->motion->fail(RGCP_NO_MEMORY, motion->budget ? "the bytes given to rgcp_new_within are used up" : "no memory is left");
     } catch (const std::exception& error) {
         return motion->motion->fail(RGCP_STOPPED, error.what());

@@ -63,10 +63,9 @@ class PublicMotion {
         if (h != step_) t0_ = time(), at_ = 0, step_ = h;
         std::int64_t left = n;
         do {
-            std::int64_t part = std::min(left, AT_ONCE);
-            left -= part;
+            std::int64_t part = std::min(left, AT_ONCE), rest = left - part;
             const int reason = run(part);
-            left += part;
+            left = rest + part;
             if (reason == DONE) continue;
             if (reason == CHART) {
                 if (!change(false)) patience();
@@ -82,14 +81,10 @@ class PublicMotion {
     rgcp_status prepare() {
         if (!begun_) return fail(RGCP_BAD_ARGUMENT, "nothing has begun: call rgcp_begin");
         std::int64_t none = 0;
-        const int reason = run(none);
-        if (reason != DONE) return fail(RGCP_STOPPED, words(reason));
+        if (const int reason = run(none)) return fail(RGCP_STOPPED, words(reason));
         charts_[chart_]->solver.explore();
         return RGCP_OK;
     }
-
-    // After what left it in the middle of a step.
-    void give_up() { begun_ = false; }
 
     rgcp_status reduced(double* M, double* b) {
         if (!begun_) return fail(RGCP_BAD_ARGUMENT, "nothing has begun: call rgcp_begin");
@@ -169,6 +164,7 @@ class PublicMotion {
     }
 
     rgcp_status fail(rgcp_status status, const char* what, const char* more = "") {
+        if (status == RGCP_NO_MEMORY) begun_ = false;  // left in the middle of a step
         std::snprintf(why_, sizeof why_, "%s%s", what, more);
         return status;
     }

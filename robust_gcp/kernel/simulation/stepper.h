@@ -101,7 +101,13 @@ class alignas(CACHE_LINE) Stepper : public Evaluator {
     }
 
     // Builds the bridges that lie ahead and behind of the last accepted point.
-    void explore() { clusters.explore(*accepted_, origin_); }
+    void explore() {
+        if (!clusters.some()) return;
+        const bool before = clusters.in_zone();
+        if (!before) clusters.enter(*accepted_, origin_);
+        clusters.explore();
+        if (!before) clusters.leave();
+    }
 
     // v at the last accepted point.
     void velocity(double* v) const { path.velocity(*accepted_, v); }
