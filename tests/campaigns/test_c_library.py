@@ -1,0 +1,36 @@
+"""A million steps of each scene in C and in Python: the same bits, through all crossings.
+
+Those of several coordinates begin at rest: where Python looks for other coordinates and keeps its own, it goes on from
+numbers that differ in their last bit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import robust_gcp as rg
+
+if not rg.backends()["native"].available:
+    pytest.skip("no compiled kernel", allow_module_level=True)
+
+from robust_gcp.export.description import described
+
+from ..export.c_library import CMotion, Exported
+
+SCENES = [name for name in rg.model_names() if name not in ("andrews", "flyball", "five_bar", "kite")]
+AT_ONCE = 1000
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("name", SCENES)
+def test_a_million_steps(name: str) -> None:
+    mech = rg.load(name)
+    speed = np.full(mech.m, 0.5 if mech.m == 1 else 0.0)
+    there = CMotion(Exported(described(mech)), 1 << 24).begin(mech.home, speed)
+    here = rg.Simulation(mech, mech.home, mech.lift(mech.home, speed), keep="last")
+    for _ in range(1_000_000 // AT_ONCE):
+        there.step(1e-3, AT_ONCE)
+        here.step(None, AT_ONCE)
+        np.testing.assert_array_equal(there.q, here.q)
+        np.testing.assert_array_equal(there.v, here.v)
+        assert there.crossings == len(here.crossings)
