@@ -20,6 +20,8 @@ class Block(NamedTuple):
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """Blocks and seeds as they are asked for, else by SEED and COUNT of the campaign's file."""
     option = metafunc.config.option
+    if not {"seed", "block"} & set(metafunc.fixturenames):
+        return
     seed = metafunc.module.SEED if option.seed is None else option.seed
     if "seed" in metafunc.fixturenames:
         metafunc.parametrize("seed", [seed], ids=[f"seed{seed}"])

@@ -1,7 +1,7 @@
 """A million steps of each scene in C and in Python: the same bits, through all crossings.
 
-Those of several coordinates begin at rest: where Python looks for other coordinates and keeps its own, it goes
-on from numbers that differ in their last bit."""
+Those of several coordinates begin at rest: where Python looks for other coordinates and keeps its own, it
+goes on from numbers that differ in their last bit."""
 
 from __future__ import annotations
 
