@@ -1,7 +1,7 @@
 """A million steps of each scene in C and in Python: the same bits, through all crossings.
 
-Not here: what is too stiff for the step, and motions that come to where Python looks for other coordinates;
-where it keeps its own, it goes on from numbers that differ in their last bit (delta and Stewart platform)."""
+Not here: what is too stiff for the step or changes coordinates, and the delta robot and the Stewart platform,
+whose motions part by a last bit after a hundred steps or more: why is not known."""
 
 from __future__ import annotations
 
