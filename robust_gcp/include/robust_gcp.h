@@ -46,9 +46,9 @@ const char* rgcp_actuators(const rgcp_mechanism*);                      /* the s
 const double* rgcp_home(const rgcp_mechanism*);                         /* (nq,) */
 const int32_t* rgcp_independent(const rgcp_mechanism*, int32_t chart);  /* (m,) in v; NULL for none */
 
-/* A motion of a mechanism, which has to stay open; all memory that regular steps need is taken here. */
+/* A motion of a mechanism, which has to stay open. Steps take memory of the system's, for as long as they last. */
 rgcp_motion* rgcp_new(const rgcp_mechanism*, char* why, size_t length);
-/* The same in one block of `bytes`, beside which no call asks the system for memory; used up, it is RGCP_NO_MEMORY.
+/* The same within one block of `bytes`, beside which no call asks the system for memory; used up, it is RGCP_NO_MEMORY.
  * rgcp_used tells how many were taken so far at most: what one motion needs is measured once, with plenty. */
 rgcp_motion* rgcp_new_within(const rgcp_mechanism*, size_t bytes, char* why, size_t length);
 size_t rgcp_used(const rgcp_motion*);

@@ -175,7 +175,7 @@ class Tracker {
     // Stop before a step that would pass too fast by modes that veer away from each other.
     void look_ahead(const Jet& here, double size) {
         if (options_->careful) return;
-        const Obstacle& ahead = seen_.at(here, options_->largest_gap(), [&] { return space_->m == 1 && known_curves.crosses(here); });
+        const Obstacle& ahead = seen_.at(here, options_->largest_gap(), [&] { return known_curves.crosses(here); });
         if (ahead.kind != Obstacle::CROSSING && ahead.approach < STAGES_AHEAD * size) throw Stop{};
     }
 

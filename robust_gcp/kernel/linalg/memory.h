@@ -78,7 +78,7 @@ class Budget {
     const std::size_t size_;
     const std::unique_ptr<unsigned char, Freed> block_;
     std::size_t used_ = 0;
-    std::array<Head*, KINDS + 1> free_{};
+    std::array<Head*, KINDS> free_{};
 };
 
 inline thread_local Budget* budget = nullptr;  // that this thread takes from at present

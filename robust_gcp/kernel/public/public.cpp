@@ -60,6 +60,7 @@ rgcp_status guarded(rgcp_motion* motion, Do what) {
     try {
         return what(*motion->motion);
     } catch (const std::bad_alloc&) {
+        motion->motion->give_up();
         return motion->motion->fail(RGCP_NO_MEMORY, motion->budget ? "the bytes given to rgcp_new_within are used up" : "no memory is left");
     } catch (const std::exception& error) {
         return motion->motion->fail(RGCP_STOPPED, error.what());
@@ -104,7 +105,7 @@ RGCP rgcp_motion* rgcp_new_within(const rgcp_mechanism* mechanism, size_t bytes,
         try {
             return new rgcp_motion(*mechanism, bytes);
         } catch (const std::bad_alloc&) {
-            throw std::runtime_error("too few bytes for the motion itself");
+            throw std::runtime_error("no memory for the motion: too few bytes, or the system has none");
         }
     });
 }

@@ -164,11 +164,11 @@ class PublicMotion {
     }
 
     rgcp_status fail(rgcp_status status, const char* what, const char* more = "") {
-        if (status == RGCP_NO_MEMORY) begun_ = false;  // left in the middle of a step
         std::snprintf(why_, sizeof why_, "%s%s", what, more);
         return status;
     }
     const char* why() const { return why_; }
+    void give_up() { begun_ = false; }  // left in the middle of a step
 
     std::vector<double> x, anchor, origin, ydd, q, v;
 
