@@ -200,7 +200,11 @@ class alignas(CACHE_LINE) Stepper : public Evaluator {
         if (reason != DONE) return reason;
         stage_ = sum_;
         const bool finite = std::all_of(sum_.begin(), sum_.end(), [](double x) { return std::isfinite(x); });
-        return finite ? evaluate(r, end, i + 1, 0) : NON_FINITE;
+        if (!finite) return NON_FINITE;
+        path.chain.anew = true;  // a state that is taken up from its numbers goes on to the same bits
+        const Reason ended = evaluate(r, end, i + 1, 0);
+        path.chain.anew = false;
+        return ended;
     }
 
     Reason classical(const Request& r, std::int64_t i) {

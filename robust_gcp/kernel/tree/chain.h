@@ -41,6 +41,7 @@ struct Chain {
     Cells<Axes> axes;
     Cells<Vec> p, r;                // origins, and those seen from the parent's origin
     Cells<double> cosine, sine;     // of hinges
+    bool anew = false;              // whether `place_after` takes them from the angle, as `place` does
     Cells<Vec> omega, u, alpha, a;  // u: velocity of the origin
 
     explicit Chain(const Description& d)
@@ -137,7 +138,7 @@ struct Chain {
 
     // By the sums of the angle before and a step, whose series end below the last place where it is small.
     void turn_by(int j, double angle, double step) {
-        if (!(std::fabs(step) < 1e-3)) {
+        if (anew || !(std::fabs(step) < 1e-3)) {
             turn_to(j, angle);
             return;
         }
