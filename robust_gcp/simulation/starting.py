@@ -134,6 +134,21 @@ def _plain(
         require_finite_energy(mechanism, v)
     rest = rest_of(mechanism)
     path = RegularPath(rest, np.arange(rest.nc), counters)
+    return _evaluated(native, mechanism, path, q, v, torque, choice, drives, t0)
+
+
+def _evaluated(
+    native: NativeSteps,
+    mechanism: Mechanism,
+    path: RegularPath,
+    q: Array,
+    v: Array | None,
+    torque: Torque | ArrayLike | None,
+    choice: MapChoice,
+    drives: Drive | None,
+    t0: float,
+) -> Problem | None:
+    """The motion from a start that `closed_by_kernel` finds; None where it finds none."""
     workspace = native.prepare(mechanism, path)
     if workspace is None:
         return None
@@ -187,6 +202,15 @@ def started(
         motion = set_out(mechanism, q0, v0, mode, torque, choice, counters, drives)
     else:
         motion = set_out_well(mechanism, q0, v0, mode, torque, choice, counters)
-    if native is not None:
-        native.prepare(motion.mechanism, motion.start.path)
-    return motion
+    if native is None:
+        return motion
+    start = motion.start
+    found = None
+    if drives is None and not start.trackers:  # on regular ground: with the kernel's own digits
+        found = _evaluated(
+            native, motion.mechanism, start.path, start.point.q, start.point.G.dot(start.ydot), torque, choice, None, t0
+        )  # fmt: skip
+    if found is None:
+        native.prepare(motion.mechanism, start.path)
+        return motion
+    return found

@@ -17,7 +17,7 @@ from robust_gcp.export.description import described
 
 from ..export.c_library import CMotion, Exported
 
-ELSEWHERE = ("andrews", "flyball", "five_bar", "kite", "delta", "stewart")
+ELSEWHERE = ("andrews", "flyball", "five_bar", "kite")
 SCENES = [name for name in rg.model_names() if name not in ELSEWHERE]
 AT_ONCE = 1000
 
