@@ -5,7 +5,7 @@ from __future__ import annotations
 import weakref
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -100,6 +100,15 @@ class Batch:
         for name, count in self.counts.items():
             if count:
                 setattr(counters, name, getattr(counters, name) + count)
+
+
+class Begun(NamedTuple):
+    """A start: the state, its evaluation, and in a zone the trackers, with what they took."""
+
+    x: Array
+    now: Evaluation
+    trackers: Trackers | None
+    counts: dict[str, int]
 
 
 class Trackers:

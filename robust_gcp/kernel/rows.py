@@ -16,6 +16,7 @@ from ..maps.point import Point
 from ..maps.regular_path import RegularPath
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from .batch import Begun
 from .description import describe
 from .handles import Handle
 from .layout import Layout
@@ -135,6 +136,10 @@ class MotionRows:
         return Standing(
             x[:size].copy(), anchor, self.layout.origin(now.point), now.ydd.copy(), trackers, None
         )
+
+    def begun(self, start: Begun) -> Standing:
+        """The same for a start of the workspace's."""
+        return self.at(start.x, start.now, None if start.trackers is None else start.trackers())
 
     def where(self, i: int) -> Standing:
         """Where a row is."""

@@ -18,7 +18,7 @@ from ..mechanism.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .answers import Acting
-from .batch import Batch, Outputs
+from .batch import Batch, Begun, Outputs
 from .choices import Choices
 from .driving import Driving
 from .guard import Guard
@@ -136,8 +136,7 @@ class Workspace:
         times = np.ascontiguousarray(times, dtype=float)
         self._acting.prescribe_over(times, self.shares)
         r.steps, r.every, r.first, r.times = len(times) - 1, every, 0, address(times)
-        r.power = now.power
-        r.best = best
+        r.power, r.best = now.power, best
         self._choices.make(zone, options, watch)
         self._shared.x[:], self._shared.ydd[:] = x, now.ydd
         self._shared.tau[:] = 0.0 if now.tau is None else now.tau
@@ -187,8 +186,7 @@ class Workspace:
             As for `run`.
         """
         r, self._packed = self._request, None
-        r.best = best
-        r.every, r.times, r.steps, r.first = 1, address(times), 0, 0
+        r.every, r.times, r.steps, r.first, r.best = 1, address(times), 0, 0, best
         self._choices.make(zone, options, watch)
         outputs.between(1, len(times)).written_by(r)
         self._handed.secure()
@@ -244,18 +242,19 @@ class Workspace:
             return None
         return self._evaluation(now.point)
 
-    def begin(self, q: Array, u: Array, zone: float, t: float = 0.0) -> tuple[Array, Evaluation] | None:
+    def begin(self, q: Array, u: Array, zone: float, t: float, options: BridgeOptions | None) -> Begun | None:
         """The state and its evaluation at q, closed by Newton's method at its own y, with velocities u.
 
-        None where the regular path has no such point, or K_d is conditioned below `zone` there.
+        None where it finds no point, or K_d is conditioned below `zone` there and no cluster is followed.
         """
-        r, self._latest, self._shared.time[0] = self._request, None, t
-        r.times, r.zone, r.power = self._shared.at_time, zone, 0.0
+        r, self._shared.time[0] = self._request, t
+        r.times, r.power, self._latest, self._packed = self._shared.at_time, 0.0, None, None
+        self._choices.make(zone, options, None)
+        self._handed.secure()
         if not self._acting.asks:
             self._acting.listen()
         self._acting.prescribe(t)
-        self._packed = None
-        self._shared.x[:], self._shared.anchor[:] = 0.0, 0.0
+        self._shared.x[:] = self._shared.anchor[:] = 0.0
         self._shared.x[self._numbers] = q[self._numbers_in_q]
         self._shared.x[self._m : 2 * self._m] = u
         self._shared.anchor[self._layout.q] = q
@@ -264,7 +263,8 @@ class Workspace:
         if r.reason != Reason.DONE:
             return None
         point = self._packed = self._layout.point(self._shared.anchor)
-        return self._shared.x.copy(), self._evaluation(point)
+        trackers, counts = (self._handed.new(), counted(r)) if r.in_zone else (None, dict[str, int]())
+        return Begun(self._shared.x.copy(), self._evaluation(point), trackers, counts)
 
     def _batch(self, begun: int, steps: int, outputs: Outputs) -> Batch:
         r = self._request

@@ -122,8 +122,8 @@ class BatchCharts:
         named, chart = self._named, self._charts[0]
         q = named.home if q0 is None else named.configuration(q0, "q0")
         v = named.tree.zero if v0 is None else named.velocity(v0, "v0")
-        begun = closed_by_kernel(chart.workspace, chart.mechanism, q, v, chart.zone)
-        return None if begun is None else (0, chart.at(*begun))
+        begun = closed_by_kernel(chart.workspace, chart.mechanism, q, v, chart.zone, options=chart.options)
+        return None if begun is None else (0, chart.begun(begun))
 
     def at(self, explicit: KernelMap, x: Array, now: Evaluation) -> Place | None:
         """Where a map is; None where the kernel does not take its coordinates."""
@@ -176,7 +176,7 @@ class BatchCharts:
         begun = closed_by_kernel(chart.workspace, mechanism, state.q[i], state.v[i], chart.zone)
         if begun is None:
             return False
-        self.put(i, (c, chart.at(*begun)))
+        self.put(i, (c, chart.begun(begun)))
         return True
 
     def _chart(

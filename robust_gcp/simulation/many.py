@@ -216,10 +216,11 @@ class _Plain(threading.local):
         q = mechanism.home if q0 is None else mechanism.configuration(q0, "q0")
         v0 = mechanism.recommended.velocity(q0, None) if v0 is None else v0
         v = np.zeros(mechanism.nv) if v0 is None else mechanism.velocity(v0, "v0")
-        begun = closed_by_kernel(self._workspace, mechanism, q, v, self._options.zone)
+        options, zone = self._options, self._options.zone
+        begun = closed_by_kernel(self._workspace, mechanism, q, v, zone, options=options)
         if begun is None:
             return None
-        x, now = begun
+        x, now, trackers = begun[:3]
         outputs = Outputs.room(len(times), mechanism.nq, mechanism.nv, self._wanted)
         outputs.q[0], outputs.v[0] = now.point.q, now.v
         if outputs.a is not None:
@@ -230,7 +231,7 @@ class _Plain(threading.local):
         for i in range(0, len(times) - 1, stride):
             ends = times[i : i + stride + 1]
             room = outputs.between(i + 1, i + len(ends))
-            batch = self._workspace.run(ends, x, now, room, self._options.zone, self._options)
+            batch = self._workspace.run(ends, x, now, room, zone, options, trackers)
             plain = batch.reason is Reason.DONE and batch.trackers is None and not batch.crossings
             if not plain or self._given_up.is_set():
                 return None

@@ -9,13 +9,15 @@ from numpy.typing import ArrayLike
 
 from ..dynamics.drive import Drive
 from ..dynamics.driven import driven_start
-from ..dynamics.equations import Evaluation, Torque
+from ..dynamics.equations import Torque
 from ..dynamics.problem import Problem, over, set_out
 from ..errors import BranchError
+from ..kernel.batch import Begun
 from ..kernel.rates import Rates
 from ..kernel.steps import KernelMap, NativeSteps
 from ..kernel.workspace import Workspace
 from ..maps.choice import MapChoice
+from ..maps.cluster.options import BridgeOptions
 from ..maps.grouped import GroupPoint
 from ..maps.grouped_start import start_on_groups
 from ..maps.point import Counters, Point
@@ -27,6 +29,9 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tolerances import COMPATIBLE, NEARLY_CLOSED
 from ..mechanism.tree import Array
 from .turned_start import set_out_well
+
+BEGINS = 1e-4
+"""Conditioning of K_d from which a start in a zone needs no look at what modes meet there."""
 
 Given = tuple[ArrayLike | None, ArrayLike | None, ArrayLike | None]
 """q0, v0 and mode, as `simulate` takes them."""
@@ -50,19 +55,25 @@ def rest_of(mechanism: Mechanism) -> Mechanism:
 
 
 def closed_by_kernel(
-    workspace: Workspace, mechanism: Mechanism, q: Array, v: Array | None, zone: float, t: float = 0.0
-) -> tuple[Array, Evaluation] | None:
+    workspace: Workspace,
+    mechanism: Mechanism,
+    q: Array,
+    v: Array | None,
+    zone: float,
+    t: float = 0.0,
+    options: BridgeOptions | None = None,
+) -> Begun | None:
     """The state and its evaluation at a start that is closed, with a velocity that the loops allow.
 
-    None where it is not on regular ground (K_d conditioned to `zone`), or is no such start. Without a
-    velocity what is not prescribed rests.
+    None where it is not on regular ground (K_d conditioned to `zone`, or with `options` to 1e-4), or is no
+    such start. Without a velocity what is not prescribed rests.
     """
     mechanism.require_proper(q)
     u = np.zeros(mechanism.m) if v is None else v[mechanism.iv_independent]
-    begun = workspace.begin(q, u, zone, t)
+    begun = workspace.begin(q, u, zone, t, options)
     if begun is None:
         return None
-    _, now = begun
+    now = begun.now
     units = mechanism.units
     moved = np.abs(mechanism.tree.difference(q, now.point.q) / units).max()
     if v is None:
@@ -152,11 +163,17 @@ def _evaluated(
     workspace = native.prepare(mechanism, path)
     if workspace is None:
         return None
-    begun = closed_by_kernel(workspace, mechanism, q, v, choice.options.zone, t0)
+    options = choice.options if choice.method == "bridge" and drives is None else None
+    begun = closed_by_kernel(workspace, mechanism, q, v, choice.options.zone, t0, options)
     if begun is None:
         return None
-    _, now = begun
+    now = begun.now
     motion = over(start_at(mechanism, path, now.point), torque, choice, drives)
+    if begun.trackers is not None:
+        assert isinstance(motion.explicit, KernelMap)  # bridges are followed by no other
+        motion.explicit.resume(now.point, begun.trackers)
+        for name, count in begun.counts.items():
+            setattr(path.counters, name, getattr(path.counters, name) + count)
     return motion if native.asks else replace(motion, first=now)
 
 
@@ -202,15 +219,11 @@ def started(
         motion = set_out(mechanism, q0, v0, mode, torque, choice, counters, drives)
     else:
         motion = set_out_well(mechanism, q0, v0, mode, torque, choice, counters)
-    if native is None:
-        return motion
-    start = motion.start
-    found = None
-    if drives is None and not start.trackers:  # on regular ground: with the kernel's own digits
-        found = _evaluated(
-            native, motion.mechanism, start.path, start.point.q, start.point.G.dot(start.ydot), torque, choice, None, t0
-        )  # fmt: skip
-    if found is None:
-        native.prepare(motion.mechanism, start.path)
-        return motion
-    return found
+    found, begun = None, motion.start
+    if native is not None:
+        if drives is None and not begun.trackers:  # with the kernel's own digits
+            q, v = begun.point.q, begun.point.G.dot(begun.ydot)
+            found = _evaluated(native, motion.mechanism, begun.path, q, v, torque, choice, None, t0)
+        if found is None:
+            native.prepare(motion.mechanism, begun.path)
+    return motion if found is None else found

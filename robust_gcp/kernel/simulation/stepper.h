@@ -14,6 +14,8 @@
 namespace rg {
 
 // Conditioning from which an output is one to return to, of a run that came to `best`: see simulation/recovery.py.
+constexpr double BEGINS = 1e-4;  // as in simulation/starting.py
+
 inline double good_from(double best) { return best >= POOR ? POOR : std::max(0.05, 0.8 * best); }
 
 class alignas(CACHE_LINE) Stepper : public Evaluator {
@@ -125,9 +127,10 @@ class alignas(CACHE_LINE) Stepper : public Evaluator {
         return trackers_.data();
     }
 
-    // The point with the anchor's q, closed, at the state x and times[0], and ÿ there.
+    // The point with the anchor's q, closed, at the state x and times[0], and ÿ there; with bridges in zones too.
     void set_out(Request& r) {
         path.enough = std::max(POOR, r.zone);
+        r.in_zone = 0;
         Point& point = slots_[0];
         point.read(r.anchor);
         std::copy(r.x, r.x + path.layout.m, point.y());
@@ -135,7 +138,7 @@ class alignas(CACHE_LINE) Stepper : public Evaluator {
         if (motion_.driven) prescribe(r, 0, 0, point.y(), point.ydot());
         for (std::size_t k = 0; k < numbers_.size(); ++k)
             if (numbers_[k] >= 0) point.q()[numbers_[k]] = point.y()[k];
-        r.reason = !path.settle(point, r.anchor + path.layout.q) ? NEWTON : !(point.conditioning() >= r.zone) ? ZONE : DONE;
+        r.reason = !path.settle(point, r.anchor + path.layout.q) ? NEWTON : point.conditioning() >= r.zone ? DONE : beside(r);
         control(r, r.first, 0);
         if (r.reason == DONE) r.reason = motion_.evaluate(r.times[0], point, r);
         point.write(r.anchor);
@@ -146,6 +149,21 @@ class alignas(CACHE_LINE) Stepper : public Evaluator {
     }
 
   protected:
+    // Whether a start that is closed has a point cluster by cluster, which takes its place.
+    Reason beside(Request& r) {
+        if (r.bridging == nullptr || !clusters.some() || !(slots_[0].conditioning() >= BEGINS)) return ZONE;
+        Point& closed = slots_[1] = slots_[0];
+        std::copy(closed.q(), closed.q() + home_.size(), home_.begin());
+        count_anew(r);
+        clusters.use(*r.bridging);
+        clusters.renew();
+        if (!clusters.at(closed, home_.data(), closed.y(), closed.ydot(), slots_[0], r.zone)) return ZONE;
+        clusters.forget();  // that it is there is nothing to tell of
+        r.in_zone = clusters.in_zone();
+        count(r);
+        return DONE;
+    }
+
     void count_anew(Request& r) {
         path.newton_iterations = path.evaluations = motion_.force_evaluations = rhs_ = 0;
         clusters.count_anew();

@@ -70,7 +70,7 @@ class Partial:
         begun = closed_by_kernel(workspace, mechanism, start.q, start.v, options.zone, start.t)
         if begun is None:
             return None
-        x, now = begun
+        x, now = begun.x, begun.now
         if self._native.asks:
             motion = over(start_at(mechanism, self._path, now.point), self._torque, self._choice)
             now = motion.equations.at_point(start.t, now.point)
