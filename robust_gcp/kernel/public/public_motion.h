@@ -39,8 +39,7 @@ class PublicMotion {
 
     rgcp_status begin(const double* from, const double* u, double t) {
         if (!std::isfinite(t)) return fail(RGCP_BAD_ARGUMENT, "t must be finite");
-        t0_ = t, step_ = 0.0, at_ = passed_ = 0, begun_ = false;
-        hold(nullptr, nullptr);
+        t0_ = t, step_ = 0.0, at_ = passed_ = 0, begun_ = false, hold(nullptr, nullptr);
         for (const auto& chart : charts_) chart->solver.renew();
         std::vector<double> speeds(m_);
         if (u != nullptr) std::copy(u, u + m_, speeds.begin());
@@ -243,7 +242,8 @@ class PublicMotion {
             for (int k = 0; k < m_; ++k) v[i] += anchor[chart.layout.G + i * m_ + k] * u[k];
         limit_ = chart.watch.limit;
         std::copy(chart.watch.uneven, chart.watch.uneven + m_, uneven_.begin());
-        going_ = in_zone_ = 0;
+        going_ = 0, in_zone_ = r.in_zone;
+        if (in_zone_) trackers_ = chart.other.clusters.written();
         return DONE;
     }
 
