@@ -128,14 +128,15 @@ class MotionRows:
             self._alone(i)
             self.in_zone[i] = True
 
-    def at(self, x: Array, now: Evaluation, trackers: Array | None = None) -> Standing:
+    def at(
+        self, x: Array, now: Evaluation, trackers: Array | None = None, watch: Watch | None = None
+    ) -> Standing:
         """A place for `put`."""
         anchor = np.zeros(self.layout.size)
         self.layout.pack(now.point, anchor)
         size = 2 * self.mechanism.m
-        return Standing(
-            x[:size].copy(), anchor, self.layout.origin(now.point), now.ydd.copy(), trackers, None
-        )
+        origin = self.layout.origin(now.point)
+        return Standing(x[:size].copy(), anchor, origin, now.ydd.copy(), trackers, watch)
 
     def begun(self, start: Begun) -> Standing:
         """The same for a start of the workspace's."""

@@ -16,6 +16,7 @@ from ..kernel.row_state import RowState, Standing
 from ..kernel.rows import MotionRows
 from ..kernel.steps import KernelMap, limits_of, whole_of
 from ..kernel.structures import Reason
+from ..kernel.watch import Watch
 from ..maps.classical import ClassicalMap
 from ..maps.cluster.cluster_map import ClusterMap
 from ..maps.cluster.options import BridgeOptions
@@ -31,10 +32,6 @@ Which = NDArray[np.int64]
 
 NOWHERE = -1
 """In place of the number of a choice of coordinates."""
-
-PATIENCE = 1.3
-"""By how much more than in a run by itself a row becomes uneven until others are looked for again: each look
-takes as long as a thousand steps of all rows side by side."""
 
 Place = tuple[int, Standing]
 """The number of a choice of coordinates, and where a row is in them."""
@@ -125,8 +122,11 @@ class BatchCharts:
         begun = closed_by_kernel(chart.workspace, chart.mechanism, q, v, chart.zone, options=chart.options)
         return None if begun is None else (0, chart.begun(begun))
 
-    def at(self, explicit: KernelMap, x: Array, now: Evaluation) -> Place | None:
-        """Where a map is; None where the kernel does not take its coordinates."""
+    def at(self, explicit: KernelMap, x: Array, watch: Watch | None, now: Evaluation) -> Place | None:
+        """Where a map is; None where the kernel does not take its coordinates.
+
+        `watch` tells up to where these serve.
+        """
         c = self._chart(whole_of(explicit), explicit.path, *limits_of(explicit))
         if c is None:
             return None
@@ -135,7 +135,7 @@ class BatchCharts:
         )
         in_zone = isinstance(followed, ClusterMap) and followed.in_zone
         trackers = followed.written() if isinstance(followed, ClusterMap) and in_zone else None
-        return c, self._charts[c].at(x, now, trackers)
+        return c, self._charts[c].at(x, now, trackers, watch)
 
     # --------------------------------------------------------------------- coordinates
 
@@ -159,7 +159,7 @@ class BatchCharts:
         look.watch = watch
         names = look.better(chart.point(i))
         if names is None:
-            chart.set_watch(i, look.watch._replace(uneven=PATIENCE * look.watch.uneven))
+            chart.set_watch(i, look.watch)
             return True
         return self._recharted(i, in_coordinates(self._named, names), chart)
 

@@ -78,14 +78,14 @@ class FixedRun(RefinedRun):
         """Whether an event ended it."""
         return self._ended
 
-    def standing(self, now: Evaluation) -> tuple[KernelMap, Array] | None:
-        """The map and the state where the kernel could go on alone from now; else None."""
+    def standing(self, now: Evaluation) -> tuple[KernelMap, Array, Watch | None] | None:
+        """Map, state, and the watch on its coordinates, where the kernel could go on alone from now."""
         explicit = self._motion.explicit
         if self._native is None or self.asks or self._ended:
             return None
         if self._recovery.careful or self._events or self._suspicious(now.point):
             return None
-        return (explicit, self._x) if isinstance(explicit, KernelMap) else None
+        return (explicit, self._x, self._watch_coordinates()) if isinstance(explicit, KernelMap) else None
 
     @property
     def asks(self) -> bool:

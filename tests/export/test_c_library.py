@@ -62,6 +62,39 @@ def test_the_same_bits_as_python(name: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(again.q, end, rtol=0.0, atol=1e-12 if there.crossings else 0.0)
 
 
+@pytest.mark.parametrize("name", SCENES)
+def test_motions_hang_on_the_state_alone(name: str) -> None:
+    """However the steps are told, and from bytes: what was done on the way leaves no trace."""
+    mech = rg.load(name)
+    exported, u = Exported(described(mech)), np.full(mech.m, 0.5)
+    once = CMotion(exported).begin(mech.home, u).step(1e-3, 600)
+    here = rg.Simulation(mech, mech.home, mech.lift(mech.home, u), keep="last")
+    batch = rg.Batch(mech, 1, mech.home, mech.lift(mech.home, u), specialise=False)
+    one, again = CMotion(exported).begin(mech.home, u), CMotion(exported).begin(mech.home, u)
+    for _ in range(12):
+        one.step(1e-3, 50)
+        again = CMotion(exported).restore(again.save()).step(1e-3, 50)
+        here.step(None, 50), batch.step(None, 50)
+    for found in (one.q, again.q, here.q, batch.q[0]):
+        np.testing.assert_array_equal(found, once.q)
+
+
+@pytest.mark.parametrize("name", ["rhombus", "parallelogram", "change_point"])
+@pytest.mark.parametrize("beside", [-6, -1, 0, 3])
+def test_beginning_beside_a_singular_place(name: str, beside: int) -> None:
+    mech = rg.load(name)
+    run = rg.simulate(mech, mech.home, mech.lift(mech.home, [3.0]), duration=3.0, step=1e-3)
+    k = int(np.searchsorted(run.t, run.crossings[0].time)) + beside
+    u = run.v[k, mech.iv_independent]
+    here = rg.Simulation(rg.load(name), run.q[k], run.v[k], keep="last").step(None, 400)
+    there = CMotion(Exported(described(mech))).begin(run.q[k], u)
+    again = CMotion(there.of).restore(there.save()).step(1e-3, 400)
+    there.step(1e-3, 400)
+    np.testing.assert_array_equal(there.q, here.q)
+    np.testing.assert_array_equal(again.q, here.q)
+    assert there.crossings == len(here.crossings) == (beside < 0)
+
+
 def test_crossings_are_passed(tmp_path: Path) -> None:
     mech = rg.load("rhombus")
     motion = CMotion(Exported(mech.export(tmp_path / "rhombus.rgcp"))).begin(mech.home, [3.0])

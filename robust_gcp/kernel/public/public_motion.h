@@ -130,7 +130,7 @@ class PublicMotion {
             count = static_cast<std::int64_t>(trackers_.size());
         std::size_t size = 0;
         const auto put = [&](const void* from, std::size_t bytes) {
-            if (to != nullptr && size + bytes <= room) std::memcpy(to + size, from, bytes);
+            if (to != nullptr && bytes > 0 && size + bytes <= room) std::memcpy(to + size, from, bytes);
             size += bytes;
         };
         const std::uint64_t kind = identity();
