@@ -53,9 +53,8 @@ struct Hermite {
     }
 
     void component(int c, double u, double& x, double& slope) const {
-        Vector all, slopes, bend;
-        evaluate(u, all, slopes, bend);
-        x = all[c], slope = slopes[c];
+        form_.component(c, (u - middle_) / half_, x, slope);
+        slope /= half_;
     }
 
   private:

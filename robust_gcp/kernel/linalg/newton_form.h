@@ -47,6 +47,17 @@ class NewtonForm {
         bend *= 2.0;
     }
 
+    // f and f′ of one of the functions.
+    void component(int c, double x, double& value, double& slope) const {
+        const int n = static_cast<int>(nodes_.size());
+        value = newton_(c, n - 1), slope = 0.0;
+        for (int i = n - 2; i >= 0; --i) {
+            const double step = x - at(i);
+            slope = slope * step + value;
+            value = value * step + newton_(c, i);
+        }
+    }
+
   private:
     double at(int i) const { return nodes_[static_cast<std::size_t>(i)]; }
 
