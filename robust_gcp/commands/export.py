@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ..arguments import Arguments, number, positive
+from ..arguments import Arguments, number, positive, whole
 from ..printing import say
 from .model import add_model, loaded
 
@@ -15,11 +15,13 @@ def arguments(add_to: Arguments) -> None:
     add_to.add("to", metavar="FILE", help=".rgcp (the C library), .fmu (co-simulation) or .c (tables in C99)")
     text = "of RK4 within a unit for co-simulation, s; default: 1e-3"
     add_to.add("--step", positive, type=number, default=1e-3, metavar="S", help=text)
+    text = "version of the standard that a unit for co-simulation is of; default: 2"
+    add_to.add("--fmi", whole(2, 3), type=int, default=2, metavar="N", help=text)
 
 
 def run(args: argparse.Namespace) -> int:
     """Read, write, and say what is there."""
     mechanism = loaded(args)
-    path = mechanism.export(args.to, step=args.step)
+    path = mechanism.export(args.to, step=args.step, fmi=args.fmi)
     say(f"{mechanism!r}\nwrote {path} ({path.stat().st_size / 1000:.1f} kB)")
     return 0

@@ -1,4 +1,4 @@
-"""A mechanism as a unit for co-simulation, FMI 2.0: the kernel is its binary; see kernel/public/fmu.cpp."""
+"""A mechanism as a unit for co-simulation, FMI 2.0 or 3.0: the kernel is its binary, see fmu_unit.h."""
 
 from __future__ import annotations
 
@@ -17,12 +17,15 @@ from ..kernel.library import kernel_file
 from ..mechanism.mechanism import Mechanism
 from .description import described
 
-INPUT, CONTROL, Q, V, CROSSINGS = 0, 100_000, 200_000, 300_000, 400_000
-"""Where the numbers of variables begin, as in fmu.cpp."""
+INPUT, CONTROL, Q, V, CROSSINGS, TIME = 0, 100_000, 200_000, 300_000, 400_000, 500_000
+"""Where the numbers of variables begin, as in fmu_unit.h."""
 
-FOLDERS = {("linux", "x86_64"): ("linux64", ".so"), ("darwin", "x86_64"): ("darwin64", ".dylib"),
-           ("darwin", "arm64"): ("darwin64", ".dylib")}  # fmt: skip
-"""By system and processor: the standard's name of its folder."""
+FOLDERS = {
+    2: {("linux", "x86_64"): "linux64", ("darwin", "x86_64"): "darwin64", ("darwin", "arm64"): "darwin64"},
+    3: {("linux", "x86_64"): "x86_64-linux", ("linux", "aarch64"): "aarch64-linux",
+        ("darwin", "x86_64"): "x86_64-darwin", ("darwin", "arm64"): "aarch64-darwin"},
+}  # fmt: skip
+"""By version, system and processor: the standard's name of its folder."""
 
 
 @dataclass(frozen=True)
@@ -35,17 +38,20 @@ class Variable:
     unit: str
     kind: str = "Real"
 
-    def xml(self) -> str:
+    def xml(self, version: int) -> str:
         """As a line of modelDescription.xml."""
         how = 'causality="output" initial="calculated"' if self.output else 'causality="input"'
         how += ' variability="discrete"' if self.kind == "Integer" else ""
         value = "" if self.output else ' start="0"'
         unit = f" unit={quoteattr(self.unit)}" if self.unit else ""
         head = f"name={quoteattr(self.name)} valueReference={quoteattr(str(self.number))} {how}"
+        if version == 3:
+            kind = {"Real": "Float64", "Integer": "Int32"}[self.kind]
+            return f"  <{kind} {head}{value}{unit}/>"
         return f"  <ScalarVariable {head}><{self.kind}{value}{unit}/></ScalarVariable>"
 
 
-def unit(mechanism: Mechanism, charts: Sequence[Sequence[str]], step: float) -> bytes:
+def unit(mechanism: Mechanism, charts: Sequence[Sequence[str]], step: float, version: int) -> bytes:
     """The bytes of an .fmu file.
 
     Raises
@@ -55,16 +61,16 @@ def unit(mechanism: Mechanism, charts: Sequence[Sequence[str]], step: float) -> 
     """
     mechanism_file = described(mechanism, charts)
     system = sys.platform, platform.machine()
-    if system not in FOLDERS:
+    if system not in FOLDERS[version]:
         raise ModelError(
-            f"export: FMI 2.0 has no folder for {system[1]} under {system[0]}; export .rgcp there"
+            f"export: FMI {version}.0 has no folder for {system[1]} under {system[0]}; export .rgcp there"
         )
-    folder, ending = FOLDERS[system]
+    folder, ending = FOLDERS[version][system], kernel_file().suffix
     name = re.sub(r"\W", "_", mechanism.name or "mechanism")
     name = name if name[:1].isalpha() else f"m{name}"
     digest = hashlib.sha256(mechanism_file).hexdigest()[:32]
     files: dict[str, bytes] = {
-        "modelDescription.xml": _description(mechanism, name, digest, step).encode(),
+        "modelDescription.xml": _description(mechanism, name, digest, step, version).encode(),
         f"binaries/{folder}/{name}{ending}": kernel_file().read_bytes(),
         "resources/mechanism.rgcp": mechanism_file,
         "resources/step.txt": f"{step!r}\n".encode(),
@@ -95,23 +101,34 @@ def variables(mechanism: Mechanism) -> Iterator[Variable]:
     yield Variable("crossings", CROSSINGS, True, "", "Integer")
 
 
-def _description(mechanism: Mechanism, name: str, digest: str, step: float) -> str:
+def _description(mechanism: Mechanism, name: str, digest: str, step: float, version: int) -> str:
     """The text of modelDescription.xml."""
     listed = list(variables(mechanism))
     units = "".join(f"<Unit name={quoteattr(text)}/>" for text in sorted({v.unit for v in listed} - {""}))
-    unknown = "".join(f'<Unknown index="{i}"/>' for i, v in enumerate(listed, 1) if v.output)
     words = quoteattr(mechanism.name or name)
-    lines = "\n".join(variable.xml() for variable in listed)
+    lines = "\n".join(variable.xml(version) for variable in listed)
+    token, state = ("guid", "FMUstate") if version == 2 else ("instantiationToken", "FMUState")
+    can = f'canGetAndSet{state}="true" canSerialize{state}="true"'
+    if version == 2:
+        unknown = "".join(f'<Unknown index="{i}"/>' for i, v in enumerate(listed, 1) if v.output)
+        structure = f"<Outputs>{unknown}</Outputs><InitialUnknowns>{unknown}</InitialUnknowns>"
+    else:
+        lines += f'\n  <Float64 name="time" valueReference="{TIME}" causality="independent"/>'
+        structure = "".join(
+            f'<{what} valueReference="{v.number}"/>'
+            for what in ("Output", "InitialUnknown")
+            for v in listed
+            if v.output
+        )
     return f"""<?xml version="1.0" encoding="UTF-8"?>
-<fmiModelDescription fmiVersion="2.0" modelName={words} guid="{{{digest}}}" generationTool="robust_gcp" \
-variableNamingConvention="flat">
- <CoSimulation modelIdentifier="{name}" canHandleVariableCommunicationStepSize="true" \
-canGetAndSetFMUstate="true" canSerializeFMUstate="true"/>
+<fmiModelDescription fmiVersion="{version}.0" modelName={words} {token}="{{{digest}}}" \
+generationTool="robust_gcp" variableNamingConvention="flat">
+ <CoSimulation modelIdentifier="{name}" canHandleVariableCommunicationStepSize="true" {can}/>
  <UnitDefinitions>{units}</UnitDefinitions>
  <DefaultExperiment startTime="0" stopTime="5" stepSize="{step!r}"/>
  <ModelVariables>
 {lines}
  </ModelVariables>
- <ModelStructure><Outputs>{unknown}</Outputs><InitialUnknowns>{unknown}</InitialUnknowns></ModelStructure>
+ <ModelStructure>{structure}</ModelStructure>
 </fmiModelDescription>
 """

@@ -5,22 +5,26 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..checks import check_positive, path_given
-from ..errors import ModelError
+from ..checks import check_positive, path_given, shown
+from ..errors import ModelError, OptionError
 from ..mechanism.mechanism import Mechanism
 from .description import described
 
 
-def export(mechanism: Mechanism, path: str | Path, charts: Sequence[Sequence[str]], step: float) -> Path:
+def export(
+    mechanism: Mechanism, path: str | Path, charts: Sequence[Sequence[str]], step: float, fmi: int
+) -> Path:
     """See `Mechanism.export`."""
     place = path_given("path", path)
     check_positive("step", step)
+    if fmi not in (2, 3):
+        raise OptionError(f"fmi = {shown(fmi)}: units for co-simulation are of version 2 or 3")
     if place.suffix == ".rgcp":
         data = described(mechanism, charts)
     elif place.suffix == ".fmu":
         from .fmu import unit
 
-        data = unit(mechanism, charts, float(step))
+        data = unit(mechanism, charts, float(step), fmi)
     elif place.suffix in (".c", ".h"):
         from .tables import header_and_code
 

@@ -26,7 +26,8 @@ SOURCES = (
     "cluster/clusters.cpp",
     "derivatives/derivatives.cpp",
     "public/public.cpp",
-    "public/fmu.cpp",
+    "public/fmu2.cpp",
+    "public/fmu3.cpp",
     "simulation/simulation.cpp",
     "dynamics/dynamics.cpp",
     "linalg/memory.cpp",
@@ -47,7 +48,7 @@ SANITIZED = (
 )
 EIGEN = ("Eigen/Core", "cmeel-eigen", "eigen3")
 """A header, the wheel that carries it, and the folder of headers that it lies in."""
-EXPORTED = "{ global: rg_*; rgcp_*; fmi2*; local: *; };\n"
+EXPORTED = "{ global: rg_*; rgcp_*; fmi2*; fmi3*; local: *; };\n"
 """A version script: the C interface, and none of the C++ that its functions are made of."""
 
 
@@ -132,7 +133,7 @@ def build(into: Path, log: list[str], sanitize: bool = False) -> Path:
             list(pool.map(lambda job: call(job, log), jobs))
         linked, script = Path(scratch) / library.name, Path(scratch) / "exported.map"
         script.write_text(EXPORTED, encoding="utf-8")
-        names = "-Wl,-exported_symbol,_rg_*,-exported_symbol,_rgcp_*,-exported_symbol,_fmi2*"
+        names = "-Wl" + "".join(f",-exported_symbol,_{name}*" for name in ("rg_", "rgcp_", "fmi2", "fmi3"))
         export = names if mac else f"-Wl,--version-script={script}"
         strip = [] if mac or sanitize else ["-s"]
         call([*command, "-shared", export, *strip, *objects, "-o", str(linked)], log)

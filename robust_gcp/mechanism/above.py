@@ -50,13 +50,15 @@ class Above(Coordinates):
 
         return write(self, path)  # type: ignore[arg-type]  # every one of them is a Mechanism
 
-    def export(self, path: str | Path, charts: Sequence[Sequence[str]] = (), step: float = 1e-3) -> Path:
+    def export(
+        self, path: str | Path, charts: Sequence[Sequence[str]] = (), step: float = 1e-3, fmi: int = 2
+    ) -> Path:
         """Write it for programs without Python, by the path's suffix.
 
         - `.rgcp`: a file that the C library opens (`robust_gcp.h`): motions, G, g, the reduced equation and
           derivatives, the same bits as from here;
-        - `.fmu`: a unit for co-simulation, FMI 2.0, of this system and processor: inputs `tau.JOINT` and
-          `ctrl.ACTUATOR`, outputs `q.JOINT`, `v.JOINT` and `crossings`;
+        - `.fmu`: a unit for co-simulation, FMI 2.0 or 3.0, of this system and processor: inputs
+          `tau.JOINT` and `ctrl.ACTUATOR`, outputs `q.JOINT`, `v.JOINT` and `crossings`;
         - `.c`: for one coordinate that goes all the way round, C99 tables of the reduced equation along the
           mode of home, with their header beside it.
 
@@ -67,6 +69,8 @@ class Above(Coordinates):
             Further choices of independent joints, which a motion changes to where those named turn back.
         step : float
             Of RK4 within a unit for co-simulation, s.
+        fmi : {2, 3}
+            Version of the standard that such a unit is of.
 
         Returns
         -------
@@ -81,7 +85,7 @@ class Above(Coordinates):
         """
         from ..export.write import export
 
-        return export(self, path, charts, step)  # type: ignore[arg-type]  # every one of them is a Mechanism
+        return export(self, path, charts, step, fmi)  # type: ignore[arg-type]  # every one of them is a Mechanism
 
     def assemble(self, q_guess: ArrayLike | Named, hold: Sequence[str] | None = None) -> Array:
         """Close the loops from a rough guess, or from many.

@@ -213,6 +213,7 @@ GOOD = {
     "--animate": "new.gif",
     "--torque": "q1=-0.5",
     "--ctrl": "q1=0.5",
+    "--fmi": "3",
     "--drive-speed": "q1=pi",
     "--drive": "q1=file.txt",
     "--refresh": "file.txt",
