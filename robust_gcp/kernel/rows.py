@@ -32,6 +32,10 @@ MANY = 100_000
 """Steps of all rows together from which on they are compiled: the kernel takes some 0.2 s for these."""
 
 
+STRETCH = 16
+"""Steps that the kernel takes in or beside a zone until code compiled for the mechanism is tried again."""
+
+
 class _RowSpace(Workspace):
     """A workspace that takes steps of many motions."""
 
@@ -182,14 +186,24 @@ class MotionRows:
         state.left[which], state.status[which] = steps, Reason.DONE
         if self._straight is None and self._worth(len(which) * steps):
             self._straight = straight_steps(self.mechanism, self._described())
-        if callable(self._straight):
+        if not callable(self._straight):
+            self._by_kernel(which, pool)
+            return
+        while len(which):
             regular = which[self.in_zone[which] == 0]
             before = state.at[regular]
             self._on_threads(self._ahead, regular, pool)
             self._going[regular[state.at[regular] != before]] = False
             which = which[(state.left[which] > 0) & (state.status[which] != Reason.CHART)]
-            if not len(which):
-                return
+            state.status[which], later = Reason.DONE, np.maximum(state.left[which] - STRETCH, 0)
+            state.left[which] -= later
+            self._by_kernel(which, pool)
+            state.left[which] += later
+            which = which[(later > 0) & (state.status[which] == Reason.DONE)]
+
+    def _by_kernel(self, which: Which, pool: ThreadPoolExecutor | None) -> None:
+        """The steps that are left of some rows, or as many as the kernel takes."""
+        state = self._state
         self._trackers[which[self.in_zone[which] == 0]] = 0  # of a zone that was left
         self._on_threads(self._advance, which, pool)
         alone = which[state.status[which] == ALONE]

@@ -188,9 +188,10 @@ static void take(const Motions& all, const std::int64_t* rows) {
     for (int b = 0; b < BLOCKS; ++b) now.rcond[b] = next.rcond[b];
     now.conditioning = next.conditioning;
     std::int64_t taken[LANES] = {};
-    std::int64_t steps = 0;
-    for (int l = 0; l < LANES; ++l) steps = steps > all.left[rows[l]] ? steps : all.left[rows[l]];
-    for (std::int64_t n = 0; n < steps && some(going); ++n) {
+    mask left;
+    for (int l = 0; l < LANES; ++l) left[l] = all.left[rows[l]];
+    going &= left > 0;
+    for (std::int64_t n = 0; some(going); ++n) {
         real h, y[M], u[M], sum_y[M], sum_u[M], rate_y[M], rate_u[M];
         for (int l = 0; l < LANES; ++l) {
             const double begin = static_cast<double>(all.at[rows[l]] + n);
@@ -218,7 +219,7 @@ static void take(const Motions& all, const std::int64_t* rows) {
         for (int l = 0; l < LANES; ++l) taken[l] += good[l] != 0;
         const mask turned_back = good & exceeds(next, all.sizes, limit, uneven);
         charts |= turned_back;
-        going = good & ~turned_back;
+        going = good & ~turned_back & (left > n + 1);
     }
     for (int l = 0; l < LANES; ++l) {
         const std::int64_t i = rows[l];
