@@ -111,6 +111,7 @@ class MotionRows:
         self._going, self.in_zone = np.zeros(count, np.int32), np.zeros(count, np.int32)
         self._first, self._limit, self._uneven = watch, np.zeros(count), np.zeros((count, m))
         self._straight: Any = None  # a function, or the reason why there is none
+        self._recording: tuple[Array, Array] | None = None
         self.compiles, self._taken = True, 0
         self._handles: dict[int, Handle] = {}
         self._numbers: dict[int, Array] = {}
@@ -212,6 +213,19 @@ class MotionRows:
         if len(alone):
             self._on_threads(self._advance, alone, pool)
 
+    def recorded(self, which: Which, steps: int, pool: ThreadPoolExecutor) -> tuple[Array, Array]:
+        """q and v (N, steps + 1, n) of some rows by compiled steps; `RowState.at` tells how far they came."""
+        state, mechanism = self._state, self.mechanism
+        q, v = (np.empty((len(state.at), steps + 1, n)) for n in (mechanism.nq, mechanism.nv))
+        for i in which.tolist():
+            q[i, 0], v[i, 0] = self.state_of(i)
+        state.left[which], state.status[which], self._recording = steps, Reason.DONE, (q, v)
+        try:
+            self._on_threads(self._ahead, which, pool)
+        finally:
+            self._recording = None
+        return q, v
+
     def specialise(self) -> str | None:
         """Have the steps compiled for this mechanism; the reason where that cannot be."""
         self._straight = straight_steps(self.mechanism, self._described())
@@ -255,6 +269,9 @@ class MotionRows:
             count=len(which), step=self._state.step, zone=self.zone, width=self._state.held.shape[1]
         )
         rows.sizes = None if self._first is None else address(self._first.sizes)
+        if self._recording is not None:
+            q, v = self._recording
+            rows.room, rows.all_q, rows.all_v = q.shape[1], address(q), address(v)
         self._point_at(rows, which)
         self._straight(ctypes.byref(rows))
 

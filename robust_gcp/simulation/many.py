@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from typing import Any
@@ -24,6 +24,7 @@ from ..kernel.steps import chosen_library
 from ..kernel.structures import Reason
 from ..kernel.workspace import Workspace
 from ..maps.cluster.options import USUAL
+from ..maps.explicit import Crossing
 from ..maps.regular_path import RegularPath
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tolerances import NEARLY_CLOSED
@@ -35,6 +36,7 @@ from .schedule import planned
 from .simulate import checked_record, simulate
 from .starting import closed_by_kernel
 from .stats import Stats
+from .together import together
 from .trajectory import Trajectory
 
 Start = tuple[ArrayLike | None, ArrayLike | None]
@@ -67,9 +69,10 @@ def simulate_many(
     """Simulate a mechanism from many starts by RK4, the same motions as `simulate` gives one by one.
 
     In the compiled kernel each start is closed, checked and stepped to its end without Python, on as many
-    threads as there are processors. A start that is not plain (singular, on no regular ground, passing a
-    singular configuration, or with a velocity that the loops do not allow) is left to `simulate`, and so are
-    all where there is no kernel or `torque` is a function.
+    threads as there are processors; many that stay on regular ground go side by side, by steps compiled for
+    the mechanism where there is a compiler (equal to 1e-13). A start that is not plain (singular, in
+    coordinates that do not serve to the end, or with a velocity that the loops do not allow) is left to
+    `simulate`, and so are all where there is no kernel or `torque` is a function.
 
     Parameters
     ----------
@@ -139,9 +142,14 @@ def simulate_many(
             runs.errors[i], trajectories[i] = error, error.trajectory
 
     one(0)
+    left = set(range(1, len(given)))
     pool = ThreadPoolExecutor(min(count, len(given)), "robust_gcp simulate_many")
     try:
-        for future in [pool.submit(one, i) for i in range(1, len(given))]:
+        if plain is not None:
+            for i, run in plain.together([(i, *given[i]) for i in sorted(left)], count, given_up):
+                trajectories[i] = run
+                left.discard(i)
+        for future in [pool.submit(one, i) for i in sorted(left)]:
             future.result()
     finally:
         given_up.set()
@@ -202,12 +210,12 @@ class _Plain(threading.local):
         step: float,
         given_up: threading.Event,
     ) -> None:
-        self._mechanism, self._times, self._given_up = mechanism, times, given_up
+        self._mechanism, self._times, self._given_up, self._library = mechanism, times, given_up, library
         works = does_work(mechanism, torque)
         self._workspace = Workspace(library, mechanism, path, torque, works)
         self._wanted = (*record, "work") if works else tuple(record)
         self._redundant = mechanism.nc > path.nd
-        self._options = USUAL
+        self._options, self._torque = USUAL, torque
         self._coarse, self._acted = Coarse(mechanism, step), Acted(torque)
 
     def run(self, q0: ArrayLike | None, v0: ArrayLike | None) -> Trajectory | None:
@@ -228,13 +236,14 @@ class _Plain(threading.local):
         if outputs.energy is not None:
             outputs.energy[0] = mechanism.energy(now.point.q, now.v)
         stats, stride = Stats(rhs=1), max(1, STRETCH // mechanism.nv)
+        crossings: list[Crossing] = []
         for i in range(0, len(times) - 1, stride):
             ends = times[i : i + stride + 1]
             room = outputs.between(i + 1, i + len(ends))
             batch = self._workspace.run(ends, x, now, room, zone, options, trackers)
-            plain = batch.reason is Reason.DONE and batch.trackers is None and not batch.crossings
-            if not plain or self._given_up.is_set():
+            if batch.reason is not Reason.DONE or self._given_up.is_set():
                 return None
+            crossings += batch.crossings
             x, now = batch.x, batch.now
             stats.rhs += batch.rhs
             batch.add_to(stats)
@@ -248,11 +257,26 @@ class _Plain(threading.local):
             outputs.a,
             outputs.energy,
             work=outputs.work,
+            crossings=crossings,
             stats=stats,
             acted=self._acted,
         )
         self._coarse.judge(run)
         return run
+
+    def together(
+        self, starts: Sequence[Any], threads: int, given_up: threading.Event
+    ) -> Iterator[tuple[int, Trajectory]]:
+        """Those of (number, q0, v0) that come to their end side by side, where there is nothing to record."""
+        mechanism, times, last = self._mechanism, self._times, len(self._times) - 1
+        if self._redundant or self._wanted:
+            return
+        path, torque = self._workspace.path, self._torque
+        for i, q, v in together(mechanism, self._library, path, starts, torque, times, threads, given_up):
+            stats = Stats(rhs=1 + 4 * last, native_steps=last)
+            run = Trajectory(mechanism, times.copy(), q, v, stats=stats, acted=self._acted)
+            self._coarse.judge(run)
+            yield i, run
 
     def _all_closed(self, q: Array) -> bool:
         rows = np.unique(np.linspace(0, len(q) - 1, LOOKS).astype(int))

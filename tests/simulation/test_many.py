@@ -45,6 +45,27 @@ def test_each_start_moves_as_if_alone(name: str, threads: int) -> None:
     require_same(rg.simulate_many(mech, starts, threads=threads, **options), mech, starts, **options)
 
 
+@pytest.mark.parametrize("threads", [1, 3])
+@pytest.mark.parametrize("name", ["crank_rocker", "five_bar", "rhombus"])
+def test_many_go_side_by_side(name: str, threads: int) -> None:
+    """As many as pay for steps that are compiled; the rhombus's pass singular places, one by one."""
+    mech = rg.load(name)
+    starts, torque = starts_of(mech, 260), {mech.independent[0]: 0.02}
+    runs = rg.simulate_many(mech, starts, 0.4, 1e-3, threads=threads, torque=torque)
+    assert not runs.errors and len(runs) == 260
+    some = [0, 1, 2, 5, 77, 128, 258, 259]
+    require_same(
+        rg.Runs([runs[i] for i in some]),
+        mech,
+        [starts[i] for i in some],
+        duration=0.4,
+        step=1e-3,
+        torque=torque,
+    )
+    if name == "rhombus":
+        assert any(run.crossings for run in runs)
+
+
 def test_floating_legs() -> None:
     mech = legged(3, floating=True)
     options: dict[str, Any] = {"duration": 0.05, "step": 1e-3}

@@ -38,6 +38,8 @@ class Motions(ctypes.Structure):
         *((name, c_void_p) for name in ["t0", "at", "left", "status", "limit", "uneven", "sizes"]),
         ("width", c_int64),
         *((name, c_void_p) for name in ["held", "x", "anchor", "ydd", "q", "v"]),
+        ("room", c_int64),
+        *((name, c_void_p) for name in ["all_q", "all_v"]),
     ]
 
 

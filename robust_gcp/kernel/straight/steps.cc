@@ -140,7 +140,8 @@ inline mask exceeds(const Point& point, const double* sizes, const real& limit, 
 
 extern "C" {
 
-// As `Rows` of abi.h, with as many steps left of each; `sizes` as in Request.
+// As `Rows` of abi.h; `sizes` as in Request. Where there is room for so many outputs of each row, `all_q` and `all_v`
+// (rows, room, NV) take them by the number of steps.
 struct Motions {
     std::int64_t count;
     const std::int64_t* which;
@@ -152,6 +153,8 @@ struct Motions {
     std::int64_t width;
     const double* held;
     double *x, *anchor, *ydd, *q, *v;
+    std::int64_t room;
+    double *all_q, *all_v;
 };
 
 enum { DONE = 0, CHART = 8, LEFT_TO_KERNEL = -2 };
@@ -216,7 +219,12 @@ static void take(const Motions& all, const std::int64_t* rows) {
         for (int k = 0; k < M; ++k) y[k] = now.y[k] + h / 6.0 * sum_y[k], u[k] = now.u[k] + h / 6.0 * sum_u[k];
         good &= evaluate(*last, y, u, acts, all.zone, next);
         choose(good, next, now);
-        for (int l = 0; l < LANES; ++l) taken[l] += good[l] != 0;
+        for (int l = 0; l < LANES; ++l) {
+            taken[l] += good[l] != 0;
+            if (all.room == 0 || good[l] == 0) continue;
+            const std::int64_t to = NV * (all.room * rows[l] + all.at[rows[l]] + taken[l]);
+            for (int j = 0; j < NV; ++j) all.all_q[to + j] = now.q[j][l], all.all_v[to + j] = now.v[j][l];
+        }
         const mask turned_back = good & exceeds(next, all.sizes, limit, uneven);
         charts |= turned_back;
         going = good & ~turned_back & (left > n + 1);
