@@ -2,6 +2,7 @@
 
 Along its mode a mechanism is analytic in y, through singular configurations too: what was a linkage is three
 functions of one number there. They are sampled over a period of the mode, and become polynomials on cells.
+Where y turns back the number is the mode's arc length s, and τ is multiplied by W = dy/ds.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from ..errors import ModelError, RobustGcpError
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..simulation.simulate import simulate
+from .arc import by_arc_length
 from .description import require_compiled
 
 DEGREE = 7
@@ -32,51 +34,69 @@ CLOSED, EXACT = 1e-9, 1e-11
 
 
 def header_and_code(mechanism: Mechanism, stem: str) -> dict[str, str]:
-    """The texts of stem.h and stem.c, by suffix.
+    """The texts of stem.h and stem.c, by suffix; along y where it goes all the way round, else by arc length.
 
     Raises
     ------
     ModelError
-        For more than one coordinate, one that is no hinge's, modes that do not close or on which y turns
-        back, and what the compiled kernel does not do alone.
+        For more than one coordinate, modes that do not close, and what the compiled kernel does not do alone.
     """
     require_compiled(mechanism)
     called = mechanism.name or "the mechanism"
-    hinge = mechanism.tree.periodic[mechanism.iv_independent[0]]
-    if mechanism.m != 1 or len(mechanism.numbers) != 1 or not hinge:
+    if mechanism.m != 1 or len(mechanism.numbers) != 1:
         told = f"{called} has y = {', '.join(mechanism.independent)}"
-        raise ModelError(f"export: tables are of one coordinate that is a hinge's; {told}")
-    period, samples = _along(mechanism, called)
-    table, error = _fitted(samples, called)
+        raise ModelError(f"export: tables are of one coordinate that is a joint's of one freedom; {told}")
     name = re.sub(r"\W", "_", stem)
     name = name if name[:1].isalpha() else f"m{name}"
-    home = float(mechanism.home[mechanism.iq_independent[0]])
-    fill = {"NAME": name, "UPPER": name.upper(), "CELLS": str(len(table)), "DEGREE": str(DEGREE)}
-    fill |= {"JOINT": mechanism.independent[0], "CALLED": called, "ERROR": f"{error:.0e}"}
-    fill |= {"PERIOD": repr(period), "HOME": repr(home), "TABLE": ",\n".join(map(_row, table))}
+    fill = {"NAME": name, "UPPER": name.upper(), "DEGREE": str(DEGREE), "CALLED": called}
+    fill |= {"JOINT": mechanism.independent[0], "HOME": repr(_home(mechanism))}
+    found = _along(mechanism)
+    if found is None:
+        period, samples, more = _by_arc(mechanism)
+        fill |= more | BY_ARC
+    else:
+        period, samples = found
+        fill |= BY_ANGLE
+    table, error = _fitted(samples, called)
+    fill |= {"CELLS": str(len(table)), "ROWS": str(samples.shape[1]), "ERROR": f"{error:.0e}"}
+    fill |= {"PERIOD": repr(period), "TABLE": ",\n".join(map(_row, table))}
     return {suffix: _filled(text, fill) for suffix, text in ((".h", HEADER), (".c", CODE))}
 
 
-def _along(mechanism: Mechanism, called: str) -> tuple[float, Array]:
-    """The mode's period, and M, D and Q at equal steps of it, (POINTS, 3)."""
-    joint, y0 = mechanism.independent[0], float(mechanism.home[mechanism.iq_independent[0]])
+def _home(mechanism: Mechanism) -> float:
+    return float(mechanism.home[mechanism.iq_independent[0]])
+
+
+def _along(mechanism: Mechanism) -> tuple[float, Array] | None:
+    """The mode's period, and M, D and Q at equal steps of y, (POINTS, 3); None where y does not go round."""
+    if not mechanism.tree.periodic[mechanism.iv_independent[0]]:
+        return None
+    joint, y0 = mechanism.independent[0], _home(mechanism)
     for turns in TURNS:
         period = 2.0 * np.pi * turns
         drive = {joint: Motion(lambda t: y0 + t)}
         try:
             run = simulate(mechanism, duration=period, step=period / POINTS, drive=drive)
-        except RobustGcpError as error:
-            raise ModelError(
-                f"export: {called} has no table by {joint}: on the way round {error}; another independent "
-                "joint may go all the way round, or export .rgcp"
-            ) from error
+        except RobustGcpError:
+            return None
         apart = run.q[-1] - run.q[0]
         turned = 2.0 * np.pi * np.round(apart / (2.0 * np.pi))
         apart = np.where(mechanism.tree.periodic, apart - turned, apart)
         off = np.abs(run.v[-1] - run.v[0]).max() / np.abs(run.v).max()
         if np.abs(apart).max() <= CLOSED and off <= CLOSED:
             return period, np.array(list(_terms(mechanism, run.q[:-1], run.v[:-1])))
-    raise ModelError(f"export: the mode of {called} does not close after {TURNS[-1]} turns of {joint}")
+    return None
+
+
+def _by_arc(mechanism: Mechanism) -> tuple[float, Array, dict[str, str]]:
+    """The mode's length, M, D, Q, W = dy/ds and y without whole turns, (POINTS, 5); and what fills texts."""
+    length, q, way = by_arc_length(mechanism, POINTS)
+    y = q[:, mechanism.iq_independent[0]] - _home(mechanism)
+    turned, share = float(y[-1]), np.arange(POINTS + 1) / POINTS
+    pace = way[:, mechanism.iv_independent[0]]
+    terms = np.array(list(_terms(mechanism, q[:-1], way[:-1])))
+    samples = np.column_stack([terms, pace[:-1], (y - turned * share)[:-1]])
+    return length, samples, {"TURNED": repr(2.0 * np.pi * round(turned / (2.0 * np.pi)))}
 
 
 def _terms(mechanism: Mechanism, q: Array, G: Array) -> Iterator[tuple[float, float, float]]:
@@ -92,7 +112,7 @@ def _terms(mechanism: Mechanism, q: Array, G: Array) -> Iterator[tuple[float, fl
 
 
 def _fitted(samples: Array, called: str) -> tuple[Array, float]:
-    """Polynomials on cells, (cells, 3, DEGREE + 1) by rising power of −1 … 1; and their error."""
+    """Polynomials on cells, (cells, rows, DEGREE + 1) by rising power of −1 … 1; and their error."""
     size = np.maximum(np.abs(samples).max(axis=0), 1e-300)
     wave = np.fft.rfft(samples, axis=0) / len(samples)
     wave[1:] *= 2.0
@@ -106,14 +126,14 @@ def _fitted(samples: Array, called: str) -> tuple[Array, float]:
     nodes = np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))
     between = np.linspace(-1.0, 1.0, 5)
     for cells in CELLS:
-        table, worst = np.zeros((cells, 3, DEGREE + 1)), 0.0
+        table, worst = np.zeros((cells, samples.shape[1], DEGREE + 1)), 0.0
         for cell in range(cells):
             values = _series(wave, (cell + 0.5 + 0.5 * nodes) / cells)
             fit = np.polynomial.chebyshev.chebfit(nodes, values, DEGREE)
-            for k in range(3):
+            for k in range(samples.shape[1]):
                 power = np.polynomial.chebyshev.cheb2poly(fit[:, k])
                 table[cell, k, : len(power)] = power
-            found = np.array([np.polynomial.polynomial.polyval(between, table[cell, k]) for k in range(3)]).T
+            found = np.array([np.polynomial.polynomial.polyval(between, row) for row in table[cell]]).T
             off = np.abs(found - _series(wave, (cell + 0.5 + 0.5 * between) / cells)) / size
             worst = max(worst, float(off.max()))
         if worst <= EXACT:
@@ -134,22 +154,22 @@ def _row(cell: Array) -> str:
 
 
 def _filled(text: str, fill: dict[str, str]) -> str:
-    for name, value in fill.items():
-        text = text.replace(f"@{name}@", value)
+    for _ in range(2):  # what fills it has places of its own
+        for name, value in fill.items():
+            text = text.replace(f"@{name}@", value)
     return text
 
 
-HEADER = """/* @CALLED@ in one coordinate: M(y) u' + M'(y) u^2 / 2 + D(y) u = Q(y) + tau.
- * y is @JOINT@ (rad), tau its torque (N m). Tables of M, D and Q along the mode of home, right to @ERROR@
- * of the largest value in each, through singular configurations; a period is @PERIOD@ rad. */
+HEADER = """/* @WHAT@ Tables along the mode of home, right to @ERROR@
+ * of the largest value in each, through singular configurations; the period is @PERIOD@. */
 #ifndef @UPPER@_H
 #define @UPPER@_H
 
 #define @UPPER@_HOME @HOME@
 
-double @NAME@_acceleration(double y, double u, double tau);            /* u' */
-void @NAME@_step(double* y, double* u, double h, double tau);          /* RK4, the torque held */
-
+double @NAME@_acceleration(double @S@, double u, double tau);            /* u' */
+void @NAME@_step(double* @S@, double* u, double h, double tau);          /* RK4, the torque held */
+@DECLARED@
 #endif
 """
 
@@ -157,32 +177,70 @@ CODE = """#include <math.h>
 
 #include "@NAME@.h"
 
-enum { CELLS = @CELLS@, DEGREE = @DEGREE@ };
+enum { CELLS = @CELLS@, ROWS = @ROWS@, DEGREE = @DEGREE@ };
 static const double PERIOD = @PERIOD@;
-static const double TABLE[CELLS][3][DEGREE + 1] = {
+static const double TABLE[CELLS][ROWS][DEGREE + 1] = {
 @TABLE@
 };
 
-double @NAME@_acceleration(double y, double u, double tau) {
-    const double turns = (y - @UPPER@_HOME) / PERIOD, at = (turns - floor(turns)) * CELLS;
-    const int cell = at < CELLS ? (int)at : CELLS - 1;
-    const double s = 2.0 * (at - cell) - 1.0, *m = TABLE[cell][0], *d = TABLE[cell][1], *f = TABLE[cell][2];
-    double M = m[DEGREE], slope = 0.0, D = d[DEGREE], Q = f[DEGREE];
-    for (int i = DEGREE - 1; i >= 0; --i) {
-        slope = slope * s + M;
-        M = M * s + m[i];
-        D = D * s + d[i];
-        Q = Q * s + f[i];
-    }
-    return (Q + tau - D * u - slope * (CELLS / PERIOD) * u * u) / M;
+/* The cell of a place, and where in it, -1 to 1. */
+static int cell_of(double @S@, double* at) {
+    const double turns = @TURNS@, all = (turns - floor(turns)) * CELLS;
+    const int cell = all < CELLS ? (int)all : CELLS - 1;
+    *at = 2.0 * (all - cell) - 1.0;
+    return cell;
 }
 
-void @NAME@_step(double* y, double* u, double h, double tau) {
-    const double v = *u, a = @NAME@_acceleration(*y, v, tau), v2 = v + 0.5 * h * a;
-    const double b = @NAME@_acceleration(*y + 0.5 * h * v, v2, tau), v3 = v + 0.5 * h * b;
-    const double c = @NAME@_acceleration(*y + 0.5 * h * v2, v3, tau), v4 = v + h * c;
-    const double e = @NAME@_acceleration(*y + h * v3, v4, tau);
-    *y += h / 6.0 * (v + 2.0 * (v2 + v3) + v4);
+double @NAME@_acceleration(double @S@, double u, double tau) {
+    double at;
+    const int cell = cell_of(@S@, &at);
+    const double *m = TABLE[cell][0], *d = TABLE[cell][1], *f = TABLE[cell][2];
+    double M = m[DEGREE], slope = 0.0, D = d[DEGREE], Q = f[DEGREE];
+    for (int i = DEGREE - 1; i >= 0; --i) {
+        slope = slope * at + M;
+        M = M * at + m[i];
+        D = D * at + d[i];
+        Q = Q * at + f[i];
+    }
+    return (Q + @PULL@ - D * u - slope * (CELLS / PERIOD) * u * u) / M;
+}
+
+void @NAME@_step(double* @S@, double* u, double h, double tau) {
+    const double v = *u, a = @NAME@_acceleration(*@S@, v, tau), v2 = v + 0.5 * h * a;
+    const double b = @NAME@_acceleration(*@S@ + 0.5 * h * v, v2, tau), v3 = v + 0.5 * h * b;
+    const double c = @NAME@_acceleration(*@S@ + 0.5 * h * v2, v3, tau), v4 = v + h * c;
+    const double e = @NAME@_acceleration(*@S@ + h * v3, v4, tau);
+    *@S@ += h / 6.0 * (v + 2.0 * (v2 + v3) + v4);
     *u += h / 6.0 * (a + 2.0 * (b + c) + e);
 }
-"""
+@DEFINED@"""
+
+BY_ANGLE = {
+    "WHAT": "@CALLED@ in one coordinate: M(y) u' + M'(y) u^2 / 2 + D(y) u = Q(y) + tau.\n"
+    " * y is @JOINT@ (rad), tau its torque (N m).",
+    **{"S": "y", "TURNS": "(y - @UPPER@_HOME) / PERIOD", "PULL": "tau", "DECLARED": "", "DEFINED": ""},
+}
+"""Of the texts where y goes all the way round."""
+
+BY_ARC = {
+    "WHAT": "@CALLED@ along its mode: M(s) u' + M'(s) u^2 / 2 + D(s) u = Q(s) + W(s) tau.\n"
+    " * s is the way from home, all joints' together in rad and lengths, u = s'; W = dy/ds, where y is\n"
+    " * @JOINT@, which turns back on the mode, and tau its torque or force (N m, N).",
+    **{"S": "s", "TURNS": "s / PERIOD", "PULL": "@NAME@_rate(s) * tau"},
+    "DECLARED": "double @NAME@_joint(double s);                                       /* y */\n"
+    "double @NAME@_rate(double s);                                        /* W, of which y' = W u */\n",
+    "DEFINED": """
+static double row_at(double s, int row) {
+    double at;
+    const int cell = cell_of(s, &at);
+    double value = TABLE[cell][row][DEGREE];
+    for (int i = DEGREE - 1; i >= 0; --i) value = value * at + TABLE[cell][row][i];
+    return value;
+}
+
+double @NAME@_joint(double s) { return @UPPER@_HOME + @TURNED@ * (s / PERIOD) + row_at(s, 4); }
+
+double @NAME@_rate(double s) { return row_at(s, 3); }
+""",
+}
+"""Of the texts where it turns back."""

@@ -59,8 +59,8 @@ class Above(Coordinates):
           derivatives, the same bits as from here;
         - `.fmu`: a unit for co-simulation, FMI 2.0 or 3.0, of this system and processor: inputs
           `tau.JOINT` and `ctrl.ACTUATOR`, outputs `q.JOINT`, `v.JOINT` and `crossings`;
-        - `.c`: for one coordinate that goes all the way round, C99 tables of the reduced equation along the
-          mode of home, with their header beside it.
+        - `.c`: for one coordinate, C99 tables of the reduced equation along the mode of home, with their
+          header beside it: by y where it goes all the way round, else by the mode's arc length.
 
         Parameters
         ----------

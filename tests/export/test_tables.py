@@ -64,9 +64,33 @@ def test_springs_and_dampers(tmp_path: Path) -> None:
         assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("name", "why"), [("kite", "turn back"), ("five_bar", "one coordinate"), ("delta", "one coordinate")]
-)
+TURNING_BACK = {"kite": "q1", "crank_rocker": "q3", "slider_crank": "q3", "bricard": "hinge1"}
+
+
+@needs_compiler
+@pytest.mark.parametrize("name", TURNING_BACK)
+def test_by_arc_length_where_the_joint_turns_back(name: str, tmp_path: Path) -> None:
+    """Both by steps so short that their errors, which differ, do not show."""
+    joint = TURNING_BACK[name]
+    mech, h, tau = rg.load(name).with_independent([joint]), 2e-4, 0.02
+    table = _compiled(mech, tmp_path)
+    for function in (table.robot_joint, table.robot_rate):
+        function.restype, function.argtypes = ctypes.c_double, [ctypes.c_double]
+    own, pace = mech.iq_independent[0], mech.iv_independent[0]
+    assert table.robot_joint(0.0) == pytest.approx(mech.home[own], abs=1e-10)
+    fine = rg.simulate(
+        mech, mech.home, mech.lift(mech.home, [0.5]), duration=4.0, step=h, torque={joint: tau}
+    )
+    s, u = ctypes.c_double(0.0), ctypes.c_double(0.5 / table.robot_rate(0.0))
+    worst = 0.0
+    for k in range(1, len(fine.t)):
+        table.robot_step(s, u, h, tau)
+        worst = max(worst, abs(table.robot_joint(s.value) - float(fine.q[k][own])))
+    assert worst < 2e-9
+    assert u.value * table.robot_rate(s.value) == pytest.approx(float(fine.v[-1][pace]), abs=1e-8)
+
+
+@pytest.mark.parametrize(("name", "why"), [("five_bar", "one coordinate"), ("delta", "one coordinate")])
 def test_what_has_no_table(name: str, why: str, tmp_path: Path) -> None:
     with pytest.raises(rg.ModelError, match=why):
         rg.load(name).export(tmp_path / "robot.c")
