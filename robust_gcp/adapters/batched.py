@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ..checks import check_positive, check_whole
+from ..kernel.rows import MANY
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
+from ..simulation.batch import Batch
 from ..simulation.derivatives import derivatives, forward_dynamics
 from ..simulation.one_step import step
 from .exact import Arrays, Exact
@@ -51,7 +53,17 @@ class Rollout(Exact):
         self.kept = (*self.results, (steps, 2 * m, 2 * m), (steps, 2 * m, nv))
 
     def _evaluated(self, q: Array, v: Array, tau: Array) -> Arrays:
-        return self._run(q, v, tau, False)
+        if len(q) * self.steps < MANY:
+            return self._run(q, v, tau, False)
+        q, v = closed_states(self.mechanism, q, v)
+        batch = Batch(self.mechanism, len(q), q, v, self.h, joints=[])
+        found = [np.empty((len(q), *shape)) for shape in self.results]
+        found[0][:, 0], found[1][:, 0] = q, v
+        for k in range(self.steps):
+            found[0][:, k + 1], found[1][:, k + 1], *_ = batch.step(tau[:, k])
+            for error in batch.errors.values():
+                raise error
+        return tuple(found)
 
     def _linearised(self, q: Array, v: Array, tau: Array) -> Arrays:
         Q, V, A, B = self._run(q, v, tau, True)

@@ -23,7 +23,7 @@ from .layout import Layout
 from .library import Library
 from .results import tracker_numbers
 from .row_state import RowState, Standing, Which
-from .straight.program import Motions, straight_steps
+from .straight.program import Motions, known_steps, straight_steps
 from .structures import ALONE, Arrays, Reason, Rows, address
 from .watch import Watch
 from .workspace import Workspace
@@ -113,6 +113,7 @@ class MotionRows:
         self._straight: Any = None  # a function, or the reason why there is none
         self._recording: tuple[Array, Array] | None = None
         self.compiles, self._taken = True, 0
+        self._structures: dict[Any, Any] = {}
         self._handles: dict[int, Handle] = {}
         self._numbers: dict[int, Array] = {}
 
@@ -204,6 +205,8 @@ class MotionRows:
 
     def _by_kernel(self, which: Which, pool: ThreadPoolExecutor | None) -> None:
         """The steps that are left of some rows, or as many as the kernel takes."""
+        if not len(which):
+            return
         state = self._state
         self._trackers[which[self.in_zone[which] == 0]] = 0  # of a zone that was left
         self._on_threads(self._advance, which, pool)
@@ -232,9 +235,9 @@ class MotionRows:
         return None if callable(self._straight) else str(self._straight)
 
     def _worth(self, steps: int) -> bool:
-        """Whether so many steps have come together that compiling them pays."""
+        """Whether so many steps have come together that compiling them pays, or they are compiled."""
         self._taken += steps
-        return self.compiles and self._taken >= MANY
+        return self.compiles and (self._taken >= MANY or known_steps(self.mechanism))
 
     def _described(self) -> Arrays:
         return describe(self.mechanism, self.path, False)
@@ -258,31 +261,38 @@ class MotionRows:
     def _advance(self, space: _RowSpace, which: Which) -> None:
         """Steps by the kernel, as many as are left of each."""
         which = np.ascontiguousarray(which, dtype=np.int64)
-        rows = Rows(count=len(which), step=self._state.step, width=self._state.held.shape[1])
-        self._point_at(rows, which, self._own, self._going, self._trackers, self.in_zone)
-        space.many(ctypes.byref(rows), *self._limits)
+        space.many(ctypes.byref(self._told(Rows, which)), *self._limits)
 
     def _ahead(self, space: _RowSpace, which: Which) -> None:
         """The same by code compiled for this mechanism, on regular ground; it leaves what it cannot take."""
         which = np.ascontiguousarray(which, dtype=np.int64)
-        rows = Motions(
-            count=len(which), step=self._state.step, zone=self.zone, width=self._state.held.shape[1]
-        )
-        rows.sizes = None if self._first is None else address(self._first.sizes)
+        rows = self._told(Motions, which)
         if self._recording is not None:
             q, v = self._recording
             rows.room, rows.all_q, rows.all_v = q.shape[1], address(q), address(v)
-        self._point_at(rows, which)
         self._straight(ctypes.byref(rows))
 
-    def _point_at(self, rows: Any, which: Which, *kernel_s: Any) -> None:
-        """Have a structure point to the rows' numbers."""
+    def _told(self, kind: Any, which: Which) -> Any:
+        """A structure that points to the numbers of some rows."""
+        if kind not in self._structures:
+            self._structures[kind] = self._pointing(kind())
+        rows = kind.from_buffer_copy(self._structures[kind])
+        rows.count, rows.which = len(which), which.ctypes.data
+        return rows
+
+    def _pointing(self, rows: Any) -> Any:
+        """That of all of them, whose arrays stay where they are."""
         state = self._state
+        rows.step, rows.width = state.step, state.held.shape[1]
         arrays = {
             name: getattr(state, name) for name in ("t0", "at", "left", "passed", "status", "held", "q", "v")
         }
-        arrays |= {"which": which, "limit": self._limit, "uneven": self._uneven}
-        arrays |= {"x": self._x, "anchor": self._anchor, "origin": self._origin, "ydd": self._ydd}
-        arrays |= dict(zip(("own", "going", "trackers", "in_zone"), kernel_s, strict=False))
+        arrays |= {"limit": self._limit, "uneven": self._uneven, "x": self._x, "anchor": self._anchor}
+        arrays |= {"origin": self._origin, "ydd": self._ydd, "own": self._own, "going": self._going}
+        arrays |= {"trackers": self._trackers, "in_zone": self.in_zone}
+        if isinstance(rows, Motions):
+            rows.zone = self.zone
+            arrays["sizes"] = None if self._first is None else self._first.sizes
         for name in (name for name, _ in rows._fields_ if name in arrays):
             setattr(rows, name, address(arrays[name]))
+        return rows

@@ -28,6 +28,10 @@ class Memo:
         found: T = self._known[key]
         return found
 
+    def __contains__(self, key: Hashable) -> bool:
+        """Whether it is known already."""
+        return key in self._known
+
     def __reduce__(self) -> tuple[type[Memo], tuple[()]]:
         """An empty one."""
         return Memo, ()

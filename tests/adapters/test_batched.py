@@ -97,6 +97,26 @@ def test_a_rollout_is_the_run_of_simulate_and_takes_any_leading_axes() -> None:
     np.testing.assert_allclose(V[0, 1], run.v, rtol=0.0, atol=1e-11)
 
 
+@pytest.mark.parametrize("name", ["crank_rocker", "rhombus"])
+def test_many_long_rollouts_are_those_of_single_steps(name: str) -> None:
+    """As motions of a batch, through singular places too, and as steps that know their state alone."""
+    mech, count, steps = rg.load(name), 520, 200
+    rng = np.random.default_rng(4)
+    tau = np.zeros((count, steps, mech.nv))
+    tau[:, :, mech.iv_independent] = 0.02 * rng.normal(size=(count, steps, mech.m))
+    q = np.tile(mech.home, (count, 1))
+    v = np.array([mech.lift(mech.home, 0.8 * rng.normal(size=mech.m)) for _ in range(count)])
+    Q, V = Rollout(mech, 1e-3, steps).evaluated(q, v, tau)
+    for i in (0, 7, 519):
+        alone, fast = Rollout(mech, 1e-3, steps).evaluated(q[i : i + 1], v[i : i + 1], tau[i : i + 1])
+        np.testing.assert_allclose(Q[i], alone[0], rtol=0.0, atol=1e-12)
+        np.testing.assert_allclose(V[i], fast[0], rtol=0.0, atol=1e-11)
+    lost = np.array(tau)
+    lost[3, 150] = np.nan
+    with pytest.raises(rg.RobustGcpError):
+        Rollout(mech, 1e-3, steps).evaluated(q, v, lost)
+
+
 def test_the_gradient_of_a_rollout_is_that_of_a_run() -> None:
     mech, q, v = scene("crossing")
     exact = Rollout(mech, 2e-3, 40)

@@ -24,6 +24,9 @@ FLAGS = ("-std=c++17", "-O3", "-march=native", "-fno-math-errno", "-fPIC", "-sha
 SWITCH = "ROBUST_GCP_COMPILE"
 """Environment variable: 0 leaves all steps to the kernel; a folder is where compiled code is kept."""
 
+KEY = "straight-line code"
+"""Under which a mechanism keeps it."""
+
 LONGEST = 120.0
 """s that a compiler may take."""
 
@@ -65,7 +68,12 @@ def straight_steps(mechanism: Mechanism, arrays: Arrays) -> Any:
         function.argtypes, function.restype = [c_void_p], None
         return function
 
-    return mechanism.memo.once("straight-line code", made)
+    return mechanism.memo.once(KEY, made)
+
+
+def known_steps(mechanism: Mechanism) -> bool:
+    """Whether that was made, or found not to be possible, before."""
+    return KEY in mechanism.memo
 
 
 def header(numbers: Numbers) -> str:
