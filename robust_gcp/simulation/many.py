@@ -215,6 +215,8 @@ class _Plain(threading.local):
         self._workspace = Workspace(library, mechanism, path, torque, works)
         self._wanted = (*record, "work") if works else tuple(record)
         self._redundant = mechanism.nc > path.nd
+        # in zones of several coordinates these are looked at, which `simulate` does
+        self._single = all(cluster.m == 1 for cluster in path.mechanism.clusters)
         self._options, self._torque = USUAL, torque
         self._coarse, self._acted = Coarse(mechanism, step), Acted(torque)
 
@@ -225,7 +227,8 @@ class _Plain(threading.local):
         v0 = mechanism.recommended.velocity(q0, None) if v0 is None else v0
         v = np.zeros(mechanism.nv) if v0 is None else mechanism.velocity(v0, "v0")
         options, zone = self._options, self._options.zone
-        begun = closed_by_kernel(self._workspace, mechanism, q, v, zone, options=options)
+        beside = options if self._single else None
+        begun = closed_by_kernel(self._workspace, mechanism, q, v, zone, options=beside)
         if begun is None:
             return None
         x, now, trackers = begun[:3]
@@ -241,7 +244,8 @@ class _Plain(threading.local):
             ends = times[i : i + stride + 1]
             room = outputs.between(i + 1, i + len(ends))
             batch = self._workspace.run(ends, x, now, room, zone, options, trackers)
-            if batch.reason is not Reason.DONE or self._given_up.is_set():
+            regular = batch.trackers is None and not batch.crossings
+            if batch.reason is not Reason.DONE or not (regular or self._single) or self._given_up.is_set():
                 return None
             crossings += batch.crossings
             x, now = batch.x, batch.now
