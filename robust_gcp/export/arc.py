@@ -13,7 +13,7 @@ from ..simulation.simulate import simulate
 FIRST, LONGEST = 0.01, 200.0
 """Steps by which the way round is found, and how long it may be: rad, or lengths of the mechanism."""
 
-FINER = 4
+FINER = 8
 """Steps taken for each sample."""
 
 CLOSED = 1e-9

@@ -22,8 +22,8 @@ from .arc import by_arc_length
 from .description import require_compiled
 
 DEGREE = 7
-CELLS = (32, 64, 128, 256)
-POINTS = 2048
+CELLS = (32, 64, 128, 256, 512)
+POINTS = 4096
 """Samples of a period; half of them have to tell the others."""
 
 TURNS = (1, 2, 3, 4)
