@@ -1,18 +1,12 @@
 /* Each step's time, the least of some runs of one motion, in memory taken beforehand: latency FILE.rgcp [STEPS]. POSIX. */
-#define _POSIX_C_SOURCE 200809L
+#include "seconds.h"
+
 #include <stdio.h>
 #include <stdlib.h>
-#include <time.h>
 
 #include "robust_gcp.h"
 
 enum { RUNS = 10 };
-
-static double seconds(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
 
 int main(int count, char** words) {
     char why[300] = "";

@@ -1,16 +1,10 @@
 /* A loop of 1 kHz with a linkage in it, and its jitter: loop FILE.rgcp [SECONDS]. POSIX. */
-#define _POSIX_C_SOURCE 200809L
+#include "seconds.h"
+
 #include <stdio.h>
 #include <stdlib.h>
-#include <time.h>
 
 #include "robust_gcp.h"
-
-static double seconds(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
 
 int main(int count, char** words) {
     char why[300] = "";

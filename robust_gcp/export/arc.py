@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import ModelError, RobustGcpError
+from ..mechanism.assemblies import way_between
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..simulation.simulate import simulate
@@ -23,26 +24,27 @@ CLOSED = 1e-9
 def by_arc_length(mechanism: Mechanism, count: int) -> tuple[float, Array, Array]:
     """The length of the mode of home, and q and dq/ds (count + 1, n) evenly along it, home again at the end.
 
-    A point of unit inertia along each joint, √Σ(dq_i / D_i)² being its way, keeps its speed on the mode: K
-    alone leads it, M and forces have no part. So a run of it is the mode by its arc length.
+    A point of unit inertia along each joint keeps its speed on the mode, √Σ(dq_i / L_i)² being its way with
+    L = 1 rad or the mechanism's length: K alone leads it, M and forces have no part. So a run of it is the
+    mode by its arc length.
 
     Raises
     ------
     ModelError
         Where the mode does not close, or leads where it cannot be followed.
     """
-    point, unit = _point(mechanism), mechanism.column_scale
-    called = mechanism.name or "the mechanism"
+    point, called = _point(mechanism), mechanism.name or "the mechanism"
     v = point.lift(point.home, [1.0])
-    v /= np.linalg.norm(v / unit)
-    way = v / unit
+    v /= np.linalg.norm(v / point.units)
+    way = v / point.units
     try:
-        length = _first(point, v, way, unit)
+        length = _first(point, v, way)
         for _ in range(3):
             step = length / (FINER * count)
             run = simulate(point, point.home, v, duration=length, step=step)
-            missing = float(way @ _apart(mechanism, run.q[-1]))
-            if abs(missing) <= CLOSED and np.abs(_apart(mechanism, run.q[-1])).max() <= CLOSED:
+            apart = way_between(point, point.home, run.q[-1])
+            missing = float(way @ apart)
+            if abs(missing) <= CLOSED and np.abs(apart).max() <= CLOSED:
                 return length, run.q[::FINER], run.v[::FINER]
             length -= missing
     except RobustGcpError as error:
@@ -55,26 +57,18 @@ def _point(mechanism: Mechanism) -> Mechanism:
     model = mechanism.model.copy()
     for j in range(1, model.njoints):
         model.inertias[j] = pin.Inertia.Zero()
-    model.armature = 1.0 / mechanism.column_scale**2
+    model.armature = 1.0 / mechanism.units**2
     model.gravity.linear = np.zeros(3)
     return Mechanism(model, mechanism.closures, mechanism.independent, mechanism.home, mechanism.name)
 
 
-def _first(point: Mechanism, v: Array, way: Array, unit: Array) -> float:
+def _first(point: Mechanism, v: Array, way: Array) -> float:
     """Where the mode comes back to home on the same way, to some digits."""
     run = simulate(point, point.home, v, duration=LONGEST, step=FIRST)
-    apart = np.array([_apart(point, q) for q in run.q])
+    apart = np.array([way_between(point, point.home, q) for q in run.q])
     near = np.linalg.norm(apart, axis=1) < 2.0 * FIRST
-    again = np.flatnonzero(near & ((run.v / unit) @ way > 0.9) & (run.t > 10.0 * FIRST))
+    again = np.flatnonzero(near & ((run.v / point.units) @ way > 0.9) & (run.t > 10.0 * FIRST))
     if not len(again):
         raise ModelError("it does not come back to home")
     k = int(again[0])
     return float(run.t[k] - way @ apart[k])
-
-
-def _apart(mechanism: Mechanism, q: Array) -> Array:
-    """From home to q, dimensionless and without whole turns."""
-    apart = q - mechanism.home
-    turns = np.where(mechanism.tree.periodic, np.round(apart / (2.0 * np.pi)), 0.0)
-    found: Array = (apart - 2.0 * np.pi * turns) / mechanism.column_scale
-    return found

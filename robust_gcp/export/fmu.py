@@ -65,13 +65,13 @@ def unit(mechanism: Mechanism, charts: Sequence[Sequence[str]], step: float, ver
         raise ModelError(
             f"export: FMI {version}.0 has no folder for {system[1]} under {system[0]}; export .rgcp there"
         )
-    folder, ending = FOLDERS[version][system], kernel_file().suffix
+    folder, binary = FOLDERS[version][system], kernel_file()
     name = re.sub(r"\W", "_", mechanism.name or "mechanism")
     name = name if name[:1].isalpha() else f"m{name}"
     digest = hashlib.sha256(mechanism_file).hexdigest()[:32]
     files: dict[str, bytes] = {
         "modelDescription.xml": _description(mechanism, name, digest, step, version).encode(),
-        f"binaries/{folder}/{name}{ending}": kernel_file().read_bytes(),
+        f"binaries/{folder}/{name}{binary.suffix}": binary.read_bytes(),
         "resources/mechanism.rgcp": mechanism_file,
         "resources/step.txt": f"{step!r}\n".encode(),
     }

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..dynamics.motion import Motion
 from ..errors import ModelError, RobustGcpError
+from ..mechanism.assemblies import way_between
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..simulation.simulate import simulate
@@ -79,9 +80,7 @@ def _along(mechanism: Mechanism) -> tuple[float, Array] | None:
             run = simulate(mechanism, duration=period, step=period / POINTS, drive=drive)
         except RobustGcpError:
             return None
-        apart = run.q[-1] - run.q[0]
-        turned = 2.0 * np.pi * np.round(apart / (2.0 * np.pi))
-        apart = np.where(mechanism.tree.periodic, apart - turned, apart)
+        apart = way_between(mechanism, run.q[0], run.q[-1]) * mechanism.units
         off = np.abs(run.v[-1] - run.v[0]).max() / np.abs(run.v).max()
         if np.abs(apart).max() <= CLOSED and off <= CLOSED:
             return period, np.array(list(_terms(mechanism, run.q[:-1], run.v[:-1])))

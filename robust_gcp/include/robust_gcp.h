@@ -19,7 +19,7 @@ extern "C" {
 typedef enum {
     RGCP_OK = 0,
     RGCP_BAD_ARGUMENT = 1,
-    RGCP_NO_START = 2,      /* not closed, or at or beside a singular configuration */
+    RGCP_NO_START = 2,      /* not closed, or at a singular configuration */
     RGCP_STOPPED = 3,       /* the motion is where its last good step ended */
     RGCP_NO_DERIVATIVES = 4,
     RGCP_NO_MEMORY = 5      /* begin again, or restore */

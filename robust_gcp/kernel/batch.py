@@ -97,9 +97,14 @@ class Batch:
 
     def add_to(self, counters: Any) -> None:
         """Count what the completed steps took, right-hand sides apart."""
-        for name, count in self.counts.items():
-            if count:
-                setattr(counters, name, getattr(counters, name) + count)
+        count_in(counters, self.counts)
+
+
+def count_in(counters: Any, counts: dict[str, int]) -> None:
+    """Add what was computed to counters."""
+    for name, count in counts.items():
+        if count:
+            setattr(counters, name, getattr(counters, name) + count)
 
 
 class Begun(NamedTuple):

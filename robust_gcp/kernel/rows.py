@@ -31,7 +31,6 @@ from .workspace import Workspace
 MANY = 100_000
 """Steps of all rows together from which on they are compiled: the kernel takes some 0.2 s for these."""
 
-
 STRETCH = 16
 """Steps that the kernel takes in or beside a zone until code compiled for the mechanism is tried again."""
 

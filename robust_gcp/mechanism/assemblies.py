@@ -86,7 +86,7 @@ def assemblies(mechanism: Coordinates, q: Array, held: Index) -> Assemblies:
         for cluster, part in zip(mechanism.clusters, choice, strict=True):
             one[cluster.iq] = part
         every.append(one)
-    apart = [float(np.abs(_apart(mechanism, q, one)).max(initial=0.0)) for one in every]
+    apart = [float(np.abs(way_between(mechanism, q, one)).max(initial=0.0)) for one in every]
     order = np.argsort(apart, kind="stable")
     ranges = ranges_of(mechanism)
     table = np.array([every[i] for i in order]).reshape(-1, mechanism.nq)
@@ -147,8 +147,8 @@ def _closer(loops: ClosedLoops, free: Index) -> Callable[[Array], Array]:
     return close
 
 
-def _apart(loops: ClosedLoops, one: Array, other: Array) -> Array:
-    """v from one to the other, dimensionless; whole turns do not count."""
+def way_between(loops: ClosedLoops, one: Array, other: Array) -> Array:
+    """v (nv,) from one configuration to the other, dimensionless; whole turns do not count."""
     step = loops.tree.difference(one, other)
     turns = loops.tree.periodic
     step[turns] -= 2.0 * np.pi * np.round(step[turns] / (2.0 * np.pi))

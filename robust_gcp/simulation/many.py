@@ -34,7 +34,7 @@ from .coarse import Coarse
 from .runs import Runs
 from .schedule import planned
 from .simulate import checked_record, simulate
-from .starting import closed_by_kernel
+from .starting import closed_by_kernel, state_given
 from .stats import Stats
 from .together import together
 from .trajectory import Trajectory
@@ -146,7 +146,7 @@ def simulate_many(
     pool = ThreadPoolExecutor(min(count, len(given)), "robust_gcp simulate_many")
     try:
         if plain is not None:
-            for i, run in plain.together([(i, *given[i]) for i in sorted(left)], count, given_up):
+            for i, run in plain.together([(i, *given[i]) for i in sorted(left)], count, pool):
                 trajectories[i] = run
                 left.discard(i)
         for future in [pool.submit(one, i) for i in sorted(left)]:
@@ -223,9 +223,7 @@ class _Plain(threading.local):
     def run(self, q0: ArrayLike | None, v0: ArrayLike | None) -> Trajectory | None:
         """The motion from a start, or None where `simulate` has to look at it."""
         mechanism, times = self._mechanism, self._times
-        q = mechanism.home if q0 is None else mechanism.configuration(q0, "q0")
-        v0 = mechanism.recommended.velocity(q0, None) if v0 is None else v0
-        v = np.zeros(mechanism.nv) if v0 is None else mechanism.velocity(v0, "v0")
+        q, v = state_given(mechanism, q0, v0)
         options, zone = self._options, self._options.zone
         beside = options if self._single else None
         begun = closed_by_kernel(self._workspace, mechanism, q, v, zone, options=beside)
@@ -269,14 +267,14 @@ class _Plain(threading.local):
         return run
 
     def together(
-        self, starts: Sequence[Any], threads: int, given_up: threading.Event
+        self, starts: Sequence[Any], threads: int, pool: ThreadPoolExecutor
     ) -> Iterator[tuple[int, Trajectory]]:
         """Those of (number, q0, v0) that come to their end side by side, where there is nothing to record."""
         mechanism, times, last = self._mechanism, self._times, len(self._times) - 1
         if self._redundant or self._wanted:
             return
         path, torque = self._workspace.path, self._torque
-        for i, q, v in together(mechanism, self._library, path, starts, torque, times, threads, given_up):
+        for i, q, v in together(mechanism, self._library, path, starts, torque, times, threads, pool):
             stats = Stats(rhs=1 + 4 * last, native_steps=last)
             run = Trajectory(mechanism, times.copy(), q, v, stats=stats, acted=self._acted)
             self._coarse.judge(run)

@@ -12,7 +12,7 @@ from ..dynamics.driven import driven_start
 from ..dynamics.equations import Torque
 from ..dynamics.problem import Problem, over, set_out
 from ..errors import BranchError
-from ..kernel.batch import Begun
+from ..kernel.batch import Begun, count_in
 from ..kernel.rates import Rates
 from ..kernel.steps import KernelMap, NativeSteps
 from ..kernel.workspace import Workspace
@@ -29,9 +29,6 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tolerances import COMPATIBLE, NEARLY_CLOSED
 from ..mechanism.tree import Array
 from .turned_start import set_out_well
-
-BEGINS = 1e-4
-"""Conditioning of K_d from which a start in a zone needs no look at what modes meet there."""
 
 Given = tuple[ArrayLike | None, ArrayLike | None, ArrayLike | None]
 """q0, v0 and mode, as `simulate` takes them."""
@@ -80,6 +77,13 @@ def closed_by_kernel(
         return begun if moved <= NEARLY_CLOSED else None
     apart, size = np.abs((now.v - v) / units).max(), np.abs(v / units).max()
     return begun if moved <= NEARLY_CLOSED and apart <= COMPATIBLE * max(size, 1.0) else None
+
+
+def state_given(mechanism: Mechanism, q0: ArrayLike | None, v0: ArrayLike | None) -> tuple[Array, Array]:
+    """q and v of a start as `simulate` takes it: home, and at rest but as the mechanism recommends."""
+    q = mechanism.home if q0 is None else mechanism.configuration(q0, "q0")
+    v0 = mechanism.recommended.velocity(q0, None) if v0 is None else v0
+    return q, mechanism.tree.zero if v0 is None else mechanism.velocity(v0, "v0")
 
 
 class StartRates:
@@ -172,8 +176,7 @@ def _evaluated(
     if begun.trackers is not None:
         assert isinstance(motion.explicit, KernelMap)  # bridges are followed by no other
         motion.explicit.resume(now.point, begun.trackers)
-        for name, count in begun.counts.items():
-            setattr(path.counters, name, getattr(path.counters, name) + count)
+        count_in(path.counters, begun.counts)
     return motion if native.asks else replace(motion, first=now)
 
 

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,7 +18,7 @@ from ..maps.cluster.options import USUAL
 from ..maps.regular_path import RegularPath
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from .starting import closed_by_kernel
+from .starting import closed_by_kernel, state_given
 
 AT_ONCE = 50_000_000
 """Numbers of outputs that are taken at once: below half a second, so that an interrupt is answered."""
@@ -36,7 +34,7 @@ def together(
     torque: ArrayLike | None,
     times: Array,
     threads: int,
-    given_up: threading.Event,
+    pool: ThreadPoolExecutor,
 ) -> Iterator[Found]:
     """Number, q and v of each start that stays on regular ground; nothing where no steps are compiled.
 
@@ -49,9 +47,8 @@ def together(
         Held over all steps.
     times : ndarray (n + 1,)
         s, evenly apart.
-    threads : int
-    given_up : threading.Event
-        Set where nobody waits any more.
+    threads, pool : int, ThreadPoolExecutor
+        Of so many.
     """
     steps, held = len(times) - 1, HeldTorque(mechanism)
     if len(starts) * steps < MANY or held.stride:
@@ -63,26 +60,20 @@ def together(
     rows = MotionRows(library, mechanism, path, held, state, USUAL, USUAL.zone, None, threads)
     if rows.specialise() is not None:
         return
-    with ThreadPoolExecutor(threads, "robust_gcp simulate_many") as pool:
-        for first in range(0, len(starts), count):
-            given: list[Any] = list(starts[first : first + count])
-            begun = np.array([_begins(rows, k, *start[1:]) for k, start in enumerate(given)])
-            state.t0[:], state.at[:] = times[0], 0
-            q, v = rows.recorded(np.flatnonzero(begun), steps, pool)
-            for k in np.flatnonzero(begun & (state.at[: len(given)] == steps)).tolist():
-                if given_up.is_set():
-                    return
-                yield given[k][0], q[k].copy(), v[k].copy()
+    for first in range(0, len(starts), count):
+        given = starts[first : first + count]
+        begun = np.array([_begins(rows, k, *start[1:]) for k, start in enumerate(given)])
+        state.t0[:], state.at[:] = times[0], 0
+        q, v = rows.recorded(np.flatnonzero(begun), steps, pool)
+        for k in np.flatnonzero(begun & (state.at[: len(given)] == steps)).tolist():
+            yield given[k][0], q[k].copy(), v[k].copy()
 
 
 def _begins(rows: MotionRows, k: int, q0: ArrayLike | None, v0: ArrayLike | None) -> bool:
     """Whether a row is at a start on regular ground now."""
     mechanism = rows.mechanism
     with suppress(RobustGcpError):
-        q = mechanism.home if q0 is None else mechanism.configuration(q0, "q0")
-        v0 = mechanism.recommended.velocity(q0, None) if v0 is None else v0
-        v = mechanism.tree.zero if v0 is None else mechanism.velocity(v0, "v0")
-        begun = closed_by_kernel(rows.workspace, mechanism, q, v, rows.zone)
+        begun = closed_by_kernel(rows.workspace, mechanism, *state_given(mechanism, q0, v0), rows.zone)
         if begun is not None:
             rows.put(k, rows.begun(begun))
             return True

@@ -5,7 +5,7 @@
 
 namespace {
 
-using fmu::Reference, fmu::Unit, fmu::OK, fmu::DISCARD, fmu::ERROR;
+using fmu::of, fmu::Reference, fmu::Unit, fmu::OK, fmu::DISCARD, fmu::ERROR;
 
 // As the standard has them.
 using Logger = void (*)(void*, const char*, int, const char*, const char*, ...);
@@ -32,13 +32,7 @@ std::string folder(const char* address) {
     return found;
 }
 
-// Where the experiment begins is told before the motion does.
-struct Placed {
-    Unit* unit;
-    double start = 0.0;
-};
-Unit& unit(void* component) { return *static_cast<Placed*>(component)->unit; }
-int none(void* component, std::size_t count, const char* what) { return count == 0 ? OK : unit(component).fail(ERROR, what); }
+int none(void* component, std::size_t count, const char* what) { return count == 0 ? OK : of(component).fail(ERROR, what); }
 
 }  // namespace
 
@@ -55,49 +49,39 @@ FMI void* fmi2Instantiate(const char* name, int type, const char*, const char* r
                 callbacks->logger(callbacks->environment, own.c_str(), status, "error", "%s", what);
         };
         if (type != 1) return log(ERROR, "it is a unit for co-simulation"), nullptr;
-        std::unique_ptr<Unit> made(Unit::made(folder(resources), log));
-        if (made == nullptr) return nullptr;
-        Placed* placed = new Placed{made.get()};
-        made.release();
-        return placed;
+        return Unit::made(folder(resources), log);
     } catch (const std::exception&) {
         return nullptr;
     }
 }
-FMI void fmi2FreeInstance(void* component) {
-    if (component == nullptr) return;
-    delete &unit(component);
-    delete static_cast<Placed*>(component);
-}
+FMI void fmi2FreeInstance(void* component) { delete static_cast<Unit*>(component); }
 FMI int fmi2SetupExperiment(void* component, int, double, double start, int, double) {
-    static_cast<Placed*>(component)->start = start;
+    of(component).start = start;
     return OK;
 }
-FMI int fmi2EnterInitializationMode(void* component) {
-    return unit(component).begin(static_cast<Placed*>(component)->start);
-}
+FMI int fmi2EnterInitializationMode(void* component) { return of(component).begin(of(component).start); }
 FMI int fmi2ExitInitializationMode(void*) { return OK; }
 FMI int fmi2Terminate(void*) { return OK; }
-FMI int fmi2Reset(void* component) { return unit(component).reset(); }
+FMI int fmi2Reset(void* component) { return of(component).reset(); }
 
 FMI int fmi2GetReal(void* c, const Reference* which, std::size_t count, double* values) {
-    return unit(c).get(which, count, values);
+    return of(c).get(which, count, values);
 }
 FMI int fmi2GetInteger(void* c, const Reference* which, std::size_t count, int* values) {
-    return unit(c).get(which, count, values);
+    return of(c).get(which, count, values);
 }
 FMI int fmi2SetReal(void* c, const Reference* which, std::size_t count, const double* values) {
-    return unit(c).set(which, count, values);
+    return of(c).set(which, count, values);
 }
-FMI int fmi2DoStep(void* c, double, double size, int) { return unit(c).step(size); }
+FMI int fmi2DoStep(void* c, double, double size, int) { return of(c).step(size); }
 
-FMI int fmi2GetFMUstate(void* c, void** state) { return unit(c).take(state); }
-FMI int fmi2SetFMUstate(void* c, void* state) { return unit(c).put(state); }
+FMI int fmi2GetFMUstate(void* c, void** state) { return of(c).take(state); }
+FMI int fmi2SetFMUstate(void* c, void* state) { return of(c).put(state); }
 FMI int fmi2FreeFMUstate(void*, void** state) { return Unit::release(state); }
 FMI int fmi2SerializedFMUstateSize(void*, void* state, std::size_t* size) { return Unit::measure(state, size); }
-FMI int fmi2SerializeFMUstate(void* c, void* state, char* bytes, std::size_t size) { return unit(c).write(state, bytes, size); }
+FMI int fmi2SerializeFMUstate(void* c, void* state, char* bytes, std::size_t size) { return of(c).write(state, bytes, size); }
 FMI int fmi2DeSerializeFMUstate(void* c, const char* bytes, std::size_t size, void** state) {
-    return unit(c).read(bytes, size, state);
+    return of(c).read(bytes, size, state);
 }
 
 // What the unit has none of.
@@ -118,17 +102,17 @@ FMI int fmi2SetString(void* c, const Reference*, std::size_t count, const char* 
 }
 FMI int fmi2GetDirectionalDerivative(void* c, const Reference*, std::size_t, const Reference*, std::size_t, const double*,
                                      double*) {
-    return unit(c).fail(ERROR, "it gives no directional derivatives");
+    return of(c).fail(ERROR, "it gives no directional derivatives");
 }
 FMI int fmi2SetRealInputDerivatives(void* c, const Reference*, std::size_t, const int*, const double*) {
-    return unit(c).fail(ERROR, "inputs are held over a step");
+    return of(c).fail(ERROR, "inputs are held over a step");
 }
 FMI int fmi2GetRealOutputDerivatives(void* c, const Reference*, std::size_t, const int*, double*) {
-    return unit(c).fail(ERROR, "it gives no derivatives of outputs");
+    return of(c).fail(ERROR, "it gives no derivatives of outputs");
 }
-FMI int fmi2CancelStep(void* c) { return unit(c).fail(ERROR, "steps are not asynchronous"); }
+FMI int fmi2CancelStep(void* c) { return of(c).fail(ERROR, "steps are not asynchronous"); }
 FMI int fmi2GetStatus(void*, int, int* value) { return *value = OK, DISCARD; }
-FMI int fmi2GetRealStatus(void* c, int, double* value) { return *value = unit(c).time(), OK; }
+FMI int fmi2GetRealStatus(void* c, int, double* value) { return *value = of(c).time(), OK; }
 FMI int fmi2GetIntegerStatus(void*, int, int*) { return DISCARD; }
 FMI int fmi2GetBooleanStatus(void*, int, int* value) { return *value = 0, OK; }
 FMI int fmi2GetStringStatus(void*, int, const char** value) { return *value = "", OK; }

@@ -67,6 +67,7 @@ class Unit {
         controlled_ = false;
         return OK;
     }
+    double start = 0.0;  // where the experiment begins, which FMI 2.0 tells before the motion does
     double time() const { return rgcp_time(motion_); }
 
     int get(const Reference* which, std::size_t count, double* values) {
