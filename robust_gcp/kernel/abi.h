@@ -110,6 +110,7 @@ struct States {  // where derivatives are asked for
     const double* v;        // (count, nv)
     const double* tau;      // (count, nv), or null
     double zone;            // conditioning below which K_d is too poor
+    double steady;          // change of a state's G and its derivatives by rounding up to which it serves below; 0: none does
     double close, same;     // how far q and v may be from closed ones, and a step's end from the next state
     double at_rest;         // what is added to the largest |v| where differences of v are relative to it
     const double* mode;     // (nv, m): G of the mode that states where modes meet are on, or null: as v tells

@@ -34,6 +34,7 @@ class Derivation(StateSlopes):
         function: CheckedTorque | None = None,
         staged: bool = False,
         prescribed: Array | None = None,
+        steady: float = 0.0,
     ) -> Taken:
         """Take the N steps between states again, for `pull`.
 
@@ -55,6 +56,8 @@ class Derivation(StateSlopes):
             Whether what the stages are is wanted.
         prescribed : ndarray (N + 1, 4, 3, driven), optional
             y, ẏ and ÿ of the driven ones at each stage of the steps from each state.
+        steady : float
+            Change of G and its derivatives by rounding up to which a stage is good nearer than `zone` too.
         """
         n, nv, m, nq = len(times), self.nv, self.m, q.shape[1]
         G, v_y, status = np.empty((n, nv, m)), np.empty((n, nv, m)), np.empty(n, dtype=np.int32)
@@ -64,7 +67,7 @@ class Derivation(StateSlopes):
         stages = Stages.room(times, nq, nv, m) if staged else None
         if stages is not None:
             wanted |= stages.arrays()
-        states = self._states(q, v, tau, status, 1.0, same, None, zone, **wanted)
+        states = self._states(q, v, tau, status, 1.0, same, None, zone, steady, **wanted)
         self._drives = 0
         if prescribed is not None:
             self._drives = states.structure.drives = prescribed.shape[3]
@@ -95,7 +98,7 @@ class Derivation(StateSlopes):
         wanted: dict[str, Array] = {"q_out": ends[0], "v_out": ends[1], "G": G}
         if jacobians:
             wanted |= {"A": np.empty((n, 2 * m, 2 * m)), "B": np.empty((n, 2 * m, self.nv))}
-        states = self._states(q, v, tau, status, 1.0, np.inf, mode, ZONE, **wanted)
+        states = self._states(q, v, tau, status, 1.0, np.inf, mode, ZONE, 0.0, **wanted)
         with asking(self._mechanism, states, function):
             self._library.step_each(self._handle, ctypes.byref(states.structure), t, h)
         return self._sound(status, q, G, mode), *ends, wanted.get("A"), wanted.get("B")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..dynamics.around import Around, circles_of
 from ..dynamics.derivatives import Accelerations
-from ..dynamics.mode_rates import SPARED, ZONE, ModeRates
+from ..dynamics.mode_rates import SPARED, STEADY, UNSTEADY, ZONE, ModeRates
 from ..errors import ClosureError
 from ..maps.regular_path import RegularPath
 from ..maps.start import Start
@@ -63,7 +63,8 @@ class StateSlopes:
     ) -> None:
         self._library, self._mechanism, self.m, self.nv = library, mechanism, mechanism.m, mechanism.nv
         several = any(len(cluster.inputs) > 1 for cluster in mechanism.clusters)
-        self._zone = SPARED if several else ZONE  # a torus takes a second or two, a circle a third of one
+        # a torus takes a second or two, a circle a third of one
+        self._zone, self._steady = (SPARED, UNSTEADY) if several else (ZONE, STEADY)
         self._left_over = mechanism.nc > path.nd
         self._turns = any(row.axis == ROTATION for row in rows_of(mechanism.loops))
         still = still_inputs(mechanism)
@@ -106,9 +107,20 @@ class StateSlopes:
         """Which of N states are good, and u̇ (N, m); see `slopes`."""
         udot, status = np.empty((len(q), self.m)), np.empty(len(q), dtype=np.int32)
         G = np.empty((len(q), self.nv, self.m))
-        states = self._states(q, v, tau, status, 0.0, 0.0, mode, None, ydd=udot, G=G)
+        wanted = {"ydd": udot, "G": G}
+        states = self._states(q, v, tau, status, 0.0, 0.0, mode, None, self._steady, **wanted)
         self._library.slopes(self._handle, ctypes.byref(states.structure))
         return status == 0 if known else self._sound(status, q, G, mode), udot
+
+    def slopes_where_poor(self, q: Array, v: Array) -> Array | None:
+        """G (nv, m) at a state that is good because rounding was looked at; None at others."""
+        found: list[Array | None] = []
+        for steady in (0.0, self._steady):
+            G, status = np.empty((1, self.nv, self.m)), np.empty(1, dtype=np.int32)
+            states = self._states(q[None], v[None], None, status, 0.0, 0.0, None, None, steady, G=G)
+            self._library.slopes(self._handle, ctypes.byref(states.structure))
+            found.append(G[0] if status[0] == 0 else None)
+        return found[1] if found[0] is None else None
 
     def slopes(
         self,
@@ -139,7 +151,7 @@ class StateSlopes:
         wanted: dict[str, Array] = {"ydd": udot, "rows": rows, "G": G, "v_y": v_y}
         if every is not None:
             wanted |= {"a": every.a, "a_y": every.by_y, "a_u": every.by_u}
-        states = self._states(q, v, tau, status, 0.0, 0.0, mode, None, **wanted)
+        states = self._states(q, v, tau, status, 0.0, 0.0, mode, None, self._steady, **wanted)
         self._library.slopes(self._handle, ctypes.byref(states.structure))
         good = status == 0 if known else self._sound(status, q, G, mode)
         return Slopes(good, udot, rows, G, v_y, every)
@@ -170,12 +182,14 @@ class StateSlopes:
 
     def _states(
         self, q: Array, v: Array, tau: Array | None, status: NDArray[np.int32], at_rest: float = 0.0,
-        same: float = 0.0, mode: Array | None = None, zone: float | None = None, **results: Array,
+        same: float = 0.0, mode: Array | None = None, zone: float | None = None, steady: float = 0.0,
+        **results: Array,
     ) -> Arrays:  # fmt: skip
         """A request, which keeps what is given, as rows in a row; the results must outlive it."""
         places = {name: part.ctypes.data for name, part in {"status": status, **results}.items()}
         zone = self._zone if zone is None else zone
-        request = Arrays(States(count=len(q), zone=zone, close=CLOSED, same=same, at_rest=at_rest, **places))
+        limits = {"zone": zone, "steady": steady, "close": CLOSED, "same": same, "at_rest": at_rest}
+        request = Arrays(States(count=len(q), **limits, **places))
         own = self._mechanism.iv_independent
         along = None if mode is None else mode @ np.linalg.inv(mode[own])
         given = {"q": q, "v": v, "tau": tau, "mode": along}

@@ -148,7 +148,7 @@ class States(ctypes.Structure):
     _fields_ = [
         ("count", c_int64),
         *_fields("", "q v tau"),
-        *_all(c_double, "zone close same at_rest"),
+        *_all(c_double, "zone steady close same at_rest"),
         *_fields("", "mode ydd rows G v_y a a_y a_u status"),
         *_fields("drives", "prescribed"),
         ("torque", TorqueCallback),

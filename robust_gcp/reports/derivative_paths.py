@@ -186,7 +186,7 @@ def _groups() -> Iterator[tuple[str, Call, dict[str, Call]]]:
         for where, several in {
             "beside a singular surface, two coordinates": at_a_surface(0.01),
             "at a singular surface, two coordinates": at_a_surface(0.0),
-            run_paths.APEX: five_bar_in_line(),  # warned of once for each mechanism
+            "beside an apex, two coordinates": five_bar_in_line(),
         }.items():
             others[where] = partial(call, *several, np.zeros(several[0].nv))
         if what != "linearise":  # of one state

@@ -26,14 +26,13 @@ STEPS, STEP = 500, 1e-3
 """Of each run; s."""
 
 REFERENCE = "the Python reference"
-FOLDED, APEX = "corank 5", "beside an apex, two coordinates"
+FOLDED = "corank 5"
 
 REASONS = {
     REFERENCE: "asked for: backend='python'",
     "DOP853": "SciPy's solver in Python, at rtol = 1e-9",
     "step by step": "a call of Python for each step",
     "a wrench": "bodies are placed in Python at each evaluation",
-    APEX: "warned of: derivatives right beside a point where surfaces end are the Python reference's",
     FOLDED: "five ranks are lost at once: 32 modes are told apart",
 }
 """Why ways take long, as they were asked for."""

@@ -21,7 +21,6 @@ from ..dynamics.loads import Torques, Wrench
 from ..dynamics.problem import set_out
 from ..errors import NonFiniteError, RobustGcpError
 from ..kernel.derivation import Derivation
-from ..maps.point import Point
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from . import serving
@@ -227,9 +226,14 @@ def learned(
 ) -> bool:
     """Whether the kernel is told of the mode at a state, that was new to it."""
     failed: list[tuple[Array, Array]] = mechanism.memo.once("no circles beside", list)
+    G = kernel.slopes_where_poor(q, v) if failed else None
+    if G is not None and _is_near(mechanism, q, G, failed):
+        return False
     try:
         start = set_out(mechanism, q, v, mode).start
-        if serving.serving(mechanism, start.point) is not None or _is_near(mechanism, start.point, failed):
+        if serving.serving(mechanism, start.point) is not None:
+            return False
+        if _is_near(mechanism, start.point.q, start.point.G, failed):
             return False
         places = [q] if ahead == 0.0 else [q, mechanism.tree.integrate(q, ahead * v)]
         if kernel.learn_beside(start, places):
@@ -240,11 +244,11 @@ def learned(
     return False
 
 
-def _is_near(mechanism: Mechanism, point: Point, others: list[tuple[Array, Array]]) -> bool:
-    """Whether a point is beside another one, on the same way."""
+def _is_near(mechanism: Mechanism, at: Array, along: Array, others: list[tuple[Array, Array]]) -> bool:
+    """Whether a point, with its G, is beside another one, on the same way."""
     for q, G in others:
-        off = np.abs(mechanism.tree.difference(q, point.q) / mechanism.units).max()
-        if off < NEAR and np.abs(G - point.G).max() < NEAR * np.abs(G).max():
+        off = np.abs(mechanism.tree.difference(q, at) / mechanism.units).max()
+        if off < NEAR and np.abs(G - along).max() < NEAR * np.abs(G).max():
             return True
     return False
 

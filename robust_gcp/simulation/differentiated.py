@@ -7,13 +7,15 @@ halves agree in their end and in their derivatives.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..checks import require_finite
 from ..dynamics.change_of_coordinates import Slope
 from ..dynamics.discrete import differentiated_step
-from ..dynamics.mode_rates import SPARED
+from ..dynamics.mode_rates import SPARED, UNSTEADY
 from ..dynamics.problem import Problem, set_out
 from ..errors import SimulationError
 from ..kernel.derivation import SAME, Derivation
@@ -29,7 +31,7 @@ AGREE = 1e-8
 """Difference of whole and halves, relative, at which the halves are kept: theirs is a fifteenth of it."""
 
 MOST_DOUBLINGS = 11
-"""Of the kernel's parts of a step, from four on."""
+"""Of the kernel's parts of a step, from six on."""
 
 SMALLEST = 2.0**-12
 """Share of the step below which no part is tried."""
@@ -112,6 +114,19 @@ def step_by_kernel(
     return Moved(A, B[0], np.zeros((len(A), 0)), mechanism, mechanism, first, last, *ends)
 
 
+def parts_where_poor(
+    mechanism: Mechanism, state: tuple[Array, Array], acting: Acting, h: float
+) -> Moved | None:
+    """The motion over a step by parts by the kernel, where K_d is poor and no series of the mode is known.
+
+    There `simulate` takes the step with error control.
+    """
+    kernel = _kernel_of(mechanism, state, None, acting)
+    if kernel is None or kernel.slopes_where_poor(*state) is None:
+        return None
+    return _parts_by_kernel(mechanism, state, None, acting, h, None)
+
+
 def _parts_by_kernel(
     mechanism: Mechanism,
     state: tuple[Array, Array],
@@ -120,27 +135,47 @@ def _parts_by_kernel(
     h: float,
     end: tuple[Array, Array] | None,
 ) -> Moved | None:
-    """Ever more equal parts by the kernel, until twice as many agree; None where it does not take them."""
+    """Ever more equal parts by the kernel, until they agree; None where it does not take them.
+
+    What each and twice as many lead to, without the error that they differ by (Richardson).
+    """
     kernel = _kernel_of(mechanism, state, mode, acting)
     if kernel is None:
         return None
-    before: Array | None = None
-    for count in (4 << k for k in range(MOST_DOUBLINGS)):
+    before: Moved | None = None
+    best: Array | None = None
+    for count in (6 << k for k in range(MOST_DOUBLINGS)):
         q, v = (np.full((count + 1, len(part)), np.nan) for part in state)
         q[0], v[0] = state
         if end is not None:
             q[-1], v[-1] = end
         tau = None if acting.torque is None else np.tile(np.asarray(acting.torque, float), (count, 1))
-        taken = kernel.take(np.linspace(0.0, h, count + 1), q, v, tau, SAME, SPARED)
+        taken = kernel.take(np.linspace(0.0, h, count + 1), q, v, tau, SAME, SPARED, steady=UNSTEADY)
         if not taken.good.all():
             continue
         A, B, *_ = kernel.pull(0, count, np.eye(2 * kernel.m))
-        if before is not None and np.abs(A - before).max() < AGREE * np.abs(A).max():
-            first, last = (Slope(taken.G[i], taken.dv_dy[i]) for i in (0, -1))
-            none, ends = np.zeros((len(A), 0)), end or (taken.q[-1], taken.v[-1])
-            return Moved(A, B.sum(axis=0), none, mechanism, mechanism, first, last, *ends)
-        before = A
+        first, last = (Slope(taken.G[i], taken.dv_dy[i]) for i in (0, -1))
+        none, ends = np.zeros((len(A), 0)), end or (taken.q[-1], taken.v[-1])
+        now = Moved(A, B.sum(axis=0), none, mechanism, mechanism, first, last, *ends)
+        if before is not None:
+            found = _extrapolated(before, now)
+            if best is not None and np.abs(found.A - best).max() < AGREE * np.abs(best).max():
+                return found
+            best = found.A
+        before = now
     return None
+
+
+def _extrapolated(whole: Moved, halves: Moved) -> Moved:
+    """What parts of half the length lead to without their error of fourth order."""
+    tree = halves.begun.tree
+
+    def beyond(one: Array, other: Array) -> Array:
+        return np.asarray(other + (other - one) / 15.0)
+
+    q = tree.integrate(halves.q, tree.difference(whole.q, halves.q) / 15.0)
+    A, B = beyond(whole.A, halves.A), beyond(whole.B, halves.B)
+    return replace(halves, A=A, B=B, q=q, v=beyond(whole.v, halves.v))
 
 
 def _kernel_of(

@@ -17,7 +17,7 @@ from ..mechanism.tree import Array
 from ..mechanism.varied import still_rows
 from .at_states import AtStates, on_threads
 from .derivatives import answered
-from .differentiated import differentiated, step_by_kernel
+from .differentiated import differentiated, parts_where_poor, step_by_kernel
 from .moved import Acting, Moved
 from .serving import parametrises, those_that_served
 from .simulate import simulate
@@ -175,7 +175,8 @@ def _stepped(states: AtStates, h: float, jacobians: bool, mode: ArrayLike | None
     missing = np.arange(n) if kernel is None else answered(kernel, states, ask, by_others, h)
     for i in missing.tolist():
         with states.at(i):
-            _by_reference(states, i, h, mode, t, after)
+            if kernel is None or not _in_parts(states, i, h, after):
+                _by_reference(states, i, h, mode, t, after)
     return after
 
 
@@ -189,6 +190,18 @@ def _by_others(states: AtStates, i: int, h: float, after: Stepped) -> bool:
             _write(moved.told_in(mechanism), i, after)
             return True
     return False
+
+
+def _in_parts(states: AtStates, i: int, h: float, after: Stepped) -> bool:
+    """Whether the kernel took the step from a state by parts, where K_d is poor and it knows no series."""
+    if states.function is not None or states.mode is not None:
+        return False
+    held = None if states.tau is None else states.tau[i]
+    acting = Acting(held, held=still_rows(states.mechanism))
+    moved = parts_where_poor(states.mechanism, (states.q[i], states.v[i]), acting, h)
+    if moved is not None:
+        _write(moved, i, after)
+    return moved is not None
 
 
 def _write(moved: Moved, i: int, after: Stepped) -> None:

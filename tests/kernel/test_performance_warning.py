@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,11 +70,14 @@ def test_a_joint_that_the_kernel_does_not_know_is_told_but_to_who_asks_for_pytho
 
 
 def test_states_that_the_kernel_leaves_are_told_once_for_each_thing_that_is_asked() -> None:
-    mech, q, v = five_bar_in_line()
+    mech, q, _ = five_bar_in_line()
+    q = mech.assemble(0.01 * q, hold=["q1", "q3"])  # where derivatives hang on rounding
+    v = mech.lift(q, [1.0, -0.5])
     for call, what in ((rg.derivatives, "derivatives"), (rg.forward_dynamics, "accelerations")):
         with pytest.warns(rg.PerformanceWarning, match=f"{what} of planar_linkage everywhere") as told:
-            call(mech, q, v)
-            call(mech, q, v)
+            for _ in range(2):
+                with suppress(rg.SimulationError):
+                    call(mech, q, v)
         assert len(told) == 1
         assert told[0].filename == __file__
 

@@ -1,4 +1,4 @@
-"""The list of all ways to derivatives, and which of them warn."""
+"""The list of all ways to derivatives: which of them warn."""
 
 from __future__ import annotations
 
@@ -11,15 +11,17 @@ from tests.compiled import needs_kernel
 pytestmark = needs_kernel
 
 
-def test_what_the_kernel_leaves_is_warned_of_and_nothing_else() -> None:
+def test_the_kernel_leaves_none_of_them() -> None:
     found = ways(1)
-    left = [way for way in found if way.warned]
-    assert {way.what for way in left} == set(CALLS)
+    assert {way.what for way in found} >= set(CALLS)
+    assert not [way for way in found if way.warned]
     assert {way.what for way in worst(found)} == {way.what for way in found}
-    assert {way.where for way in left} == {"beside an apex, two coordinates"}
-    assert {"singular, moving", "singular, at rest with mode=", "beside a dead point"} <= {
-        way.where for way in found
-    }
+    assert {
+        "beside an apex, two coordinates",
+        "singular, moving",
+        "singular, at rest with mode=",
+        "beside a dead point",
+    } <= {way.where for way in found}
 
 
 def test_the_largest_errors_are_found(monkeypatch: pytest.MonkeyPatch) -> None:

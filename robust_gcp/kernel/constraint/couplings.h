@@ -42,22 +42,23 @@ class Couplings {
     }
 
     // φ of its rows at q; returns max |φ| of these, NaN where φ is not finite.
-    double residual(const double* q, double* phi) {
-        double size = 0.0;
+    template <typename T>
+    T residual(const T* q, T* phi) {
+        T size = 0;
         for (Tie& tie : ties_) {
-            const double x = q[tie.q2];
-            double value = 0.0, slope = 0.0, bend = 0.0;  // of P, by Horner's rule
+            const T x = q[tie.q2];
+            T value = 0, slope = 0, bend = 0;  // of P, by Horner's rule
             for (std::size_t i = tie.curve.size(); i-- > 0;) {
-                bend = bend * x + 2.0 * slope;
+                bend = bend * x + 2 * slope;
                 slope = slope * x + value;
                 value = value * x + tie.curve[i];
             }
-            tie.slope = slope;
-            tie.bend = bend;
+            tie.slope = static_cast<double>(slope);
+            tie.bend = static_cast<double>(bend);
             value = q[tie.q1] - value;
             for (const Arm& arm : tie.further) value -= arm.length * q[arm.q];
             phi[tie.row] = tie.weight * value;
-            const double magnitude = std::fabs(phi[tie.row]);
+            const T magnitude = std::fabs(phi[tie.row]);
             if (!(magnitude <= size)) size = magnitude;
             if (std::isnan(size)) return size;
         }

@@ -12,6 +12,8 @@
 #include "derivatives/apart.h"
 #include "dynamics/motion.h"
 #include "path/path.h"
+#include "derivatives/results.h"
+#include "derivatives/rounding.h"
 #include "derivatives/slopes.h"
 #include "derivatives/still.h"
 
@@ -20,7 +22,7 @@ namespace rg {
 class Derivation {
   public:
     explicit Derivation(const Description& d)
-        : path_(d), motion_(d, path_), slopes_(d, path_, motion_), adjoint_(d, path_), m_(d.m), nq_(d.nq),
+        : path_(d), motion_(d, path_), slopes_(d, path_, motion_), adjoint_(d, path_), rounding_(d, path_, motion_), results_(path_.layout, motion_, slopes_.moved()), m_(d.m), nq_(d.nq),
           nv_(d.nv), width_(2 * d.m + d.nv), independent_(d.independent, d.independent + d.m),
           independent_q_(d.independent_q, d.independent_q + d.m), still_(d), size_(d.size, d.size + d.nv),
           points_(4, Point(path_.layout)), x_(2 * d.m), state_(2 * d.m), sum_(2 * d.m), rate_(2 * d.m) {
@@ -35,7 +37,7 @@ class Derivation {
             still_.tell(nullptr, 0, point.y());
             if (reason == DONE) reason = evaluate(s, i, 0.0, point);
             if (reason == DONE && s.rows != nullptr && !differentiated(s, point, s.rows + i * m_ * width_)) reason = NON_FINITE;
-            if (reason == DONE) write(s, i, point);
+            if (reason == DONE) results_.write(s, i, point);
             s.status[i] = reason;
         }
     }
@@ -59,15 +61,15 @@ class Derivation {
             ready = false;
             if (reason == TORQUE) return std::fill(s.status + i, s.status + s.count, TORQUE);
             if (reason != DONE) continue;
-            write(s, i, *begin_);
-            reached(s, i, *begin_);
+            results_.write(s, i, *begin_);
+            results_.reached(s, i, *begin_);
             if (i == s.count - 1) return;
             const auto number = static_cast<std::size_t>(i);
             adjoint_.h[number] = times[i + 1] - times[i];
-            record(s, number, 0, *begin_);
+            results_.record(s, number, 0, *begin_);
             reason = step(s, i, times[i], number, [&](std::size_t stage, Point& point) {
                 if (!differentiated(s, point, adjoint_.stage(number, stage))) return NON_FINITE;
-                record(s, number, stage, point);
+                results_.record(s, number, stage, point);
                 return DONE;
             });
             const bool known = !std::isnan(s.q[(i + 1) * nq_]);
@@ -92,7 +94,7 @@ class Derivation {
             still_.tell(nullptr, 0, begin_->y());
             if (reason == DONE) reason = evaluate(s, i, t, *begin_);
             if (reason == DONE) {
-                write(s, i, *begin_);
+                results_.write(s, i, *begin_);
                 const auto differentiate = [&](std::size_t stage, Point& point) {
                     return s.A == nullptr || differentiated(s, point, adjoint_.stage(0, stage)) ? DONE : NON_FINITE;
                 };
@@ -103,7 +105,7 @@ class Derivation {
             if (reason == TORQUE) return std::fill(s.status + i, s.status + s.count, TORQUE);
             if (reason != DONE) continue;
             path_.velocity(*end_, motion_.v.data());
-            reached(s, i, *end_);
+            results_.reached(s, i, *end_);
             if (s.A != nullptr) adjoint_.matrices(s.A + i * 4 * m_ * m_, s.B + i * 2 * m_ * nv_);
         }
     }
@@ -125,9 +127,24 @@ class Derivation {
         path_.modes->through = std::isfinite(s.same) ? nullptr : &anchor;
     }
 
-    // The point at a state, if it is one of the mechanism's: on regular ground, else with the parts on series that
-    // these serve. Where modes meet, one that rests does not tell which is its own; `mode` does.
+    // The point at a state, if it is one of the mechanism's: on regular ground, on a series, or where K_d is poor and
+    // rounding costs little.
     Reason set_out(const States& s, std::int64_t i, Point& point) {
+        const Reason reason = by_series(s, i, point);
+        if (reason != ZONE || !(s.steady > 0.0)) return reason;
+        path_.modes->on = false;
+        rounding_.renew();
+        if (settled(s, i, point) != ZONE || !steady(s, point)) return ZONE;
+        return apart(s, i, point) <= s.close ? DONE : BRANCH;
+    }
+
+    bool steady(const States& s, Point& point) {
+        return s.steady > 0.0 && !path_.charted && !motion_.driven && rounding_.steady(point, s.steady);
+    }
+
+    // On regular ground, else with the parts on series that these serve. Where modes meet, one that rests does not
+    // tell which is its own; `mode` does.
+    Reason by_series(const States& s, std::int64_t i, Point& point) {
         path_.modes->on = false;
         const Reason reason = settled(s, i, point);
         path_.modes->through = nullptr;
@@ -186,34 +203,6 @@ class Derivation {
         if (!slopes_.at(point, rows)) return false;
         still_.hold(rows, static_cast<std::size_t>(s.drives));
         return true;
-    }
-
-    void write(const States& s, std::int64_t i, Point& point) {
-        if (s.ydd != nullptr) std::copy(motion_.ydd.begin(), motion_.ydd.end(), s.ydd + i * m_);
-        if (s.G != nullptr) std::copy(point.G(), point.G() + nv_ * m_, s.G + i * nv_ * m_);
-        const Displacements& moved = slopes_.moved();
-        if (s.v_y != nullptr) std::copy(moved.v_y.begin(), moved.v_y.end(), s.v_y + i * nv_ * m_);
-        if (s.a == nullptr) return;
-        std::copy(moved.a.begin(), moved.a.end(), s.a + i * nv_);
-        std::copy(moved.a_y.begin(), moved.a_y.end(), s.a_y + i * nv_ * m_);
-        std::copy(moved.a_u.begin(), moved.a_u.end(), s.a_u + i * nv_ * m_);
-    }
-
-    void reached(const States& s, std::int64_t i, Point& point) {
-        if (s.q_out == nullptr) return;
-        std::copy(point.q(), point.q() + nq_, s.q_out + i * nq_);
-        std::copy(motion_.v.begin(), motion_.v.end(), s.v_out + i * nv_);
-    }
-
-    void record(const States& s, std::size_t step, std::size_t stage, Point& point) {
-        if (s.stage_q == nullptr) return;
-        const std::size_t row = 4 * step + stage, nv = static_cast<std::size_t>(nv_), tall = nv * static_cast<std::size_t>(m_);
-        const Displacements& moved = slopes_.moved();
-        std::copy(point.q(), point.q() + nq_, s.stage_q + row * static_cast<std::size_t>(nq_));
-        std::copy(motion_.v.begin(), motion_.v.end(), s.stage_v + row * nv);
-        std::copy(moved.a.begin(), moved.a.end(), s.stage_a + row * nv);
-        std::copy(point.G(), point.G() + tall, s.stage_G + row * tall);
-        std::copy(moved.v_y.begin(), moved.v_y.end(), s.stage_v_y + row * tall);
     }
 
     double apart(const States& s, std::int64_t i, Point& point) {
@@ -276,8 +265,8 @@ class Derivation {
 
     Reason stepped(const States& s, Point& anchor, Point& point) {
         if (Reason reason = path_.step(anchor, begin_->q(), state_.data(), state_.data() + m_, point)) return reason;
-        const double needed = std::max(s.zone, std::min(POOR, PACE * point.turn));
-        if (!(point.conditioning() >= needed)) return ZONE;
+        if (!(point.conditioning() >= std::min(POOR, PACE * point.turn))) return ZONE;
+        if (!(point.conditioning() >= s.zone) && !steady(s, point)) return ZONE;
         // on which side of a singular place K_d is, a series does not tell: the end of the step will
         const bool same = anchor.by_modes || point.by_modes ? near_prediction(point, path_.layout.blocks)
                                                             : same_branch(anchor, point, path_.layout.blocks);
@@ -288,6 +277,8 @@ class Derivation {
     Motion motion_;
     Slopes slopes_;
     Adjoint adjoint_;
+    Rounding rounding_;
+    Results results_;
     int m_, nq_, nv_, width_;
     std::vector<int> independent_, independent_q_;
     Still still_;

@@ -13,6 +13,7 @@
 #include "tree/chain.h"
 #include "path/charts.h"
 #include "constraint/closures.h"
+#include "constraint/extended.h"
 #include "tree/groups.h"
 #include "tree/parts.h"
 #include "path/point.h"
@@ -101,6 +102,19 @@ class Loops {
         closures.residual(q);
         closures.jacobian();
         blocks.factor();
+    }
+
+    // Newton's step to where q is closed to its own rounding, by what is known of φ in more digits, where K_d is
+    // factorised: a second one would be rounding.
+    void refine(Extended& known, double* q) {
+        known.residual(q, chain_.numbers, closures.phi.data());
+        reopen(closures.phi.data(), q);
+    }
+
+    // q where φ is less by so much, by row, where K_d is factorised.
+    void reopen(const double* errors, double* q) {
+        blocks.solve(errors, scratch_.u.data());
+        correct(q, scratch_.step.data(), scratch_.u.data());
     }
 
     // −K_d⁻¹ K_i, the dependent rows of G, where `close` has ended and K_d is factorised.

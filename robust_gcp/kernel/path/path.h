@@ -97,6 +97,16 @@ class Path {
         return true;
     }
 
+    // K at the point's own q, closed or not, and G and g there.
+    void look(Point& point) {
+        for (std::size_t i = 0; i < loops_.size(); ++i) {
+            chain.place(parts.list[i].joints, point.q());
+            if (loops_[i] != nullptr) loops_[i]->prime(point.q());
+        }
+        point.conditioning() = 1.0;
+        derivatives(point);
+    }
+
     // ẏ of what is in charts, into that of all; of other joints it is u.
     void rate(Point& point, const double* origin, double* rate) const {
         groups.rate(point, rate);

@@ -36,6 +36,7 @@ struct Chain {
     std::vector<Freedom> freedoms;   // by index in v
     std::vector<int> number_at;      // by index in v, in q; of use where v is the rate of q
     std::vector<int> all;            // joints, parents first
+    std::size_t numbers = 0;         // in q
     Vec gravity, ground;
     // state
     Cells<Axes> axes;
@@ -72,6 +73,7 @@ struct Chain {
             b.count = numbers.v;
             freedoms.insert(freedoms.end(), numbers.freedoms, numbers.freedoms + numbers.v);
         }
+        numbers = static_cast<std::size_t>(q);
         const std::size_t n = bodies.size();
         axes.resize(n);
         for (auto* vectors : {&p, &r, &omega, &u, &alpha, &a}) vectors->resize(n);

@@ -39,18 +39,19 @@ constexpr Numbers NUMBERS[] = {
 inline bool is_hinge(int kind) { return kind == HINGE || kind == UNBOUNDED_HINGE; }
 
 // The joint's axes, from those of its place on the parent, `base`; its origin r is shifted from there.
-inline Axes moved(int kind, const double* q, const Axes& base, Vec& r) {
+template <typename T>
+AxesOf<T> moved(int kind, const T* q, const AxesOf<T>& base, VecOf<T>& r) {
     switch (kind) {
         case HINGE: return base.about_z(std::cos(q[0]), std::sin(q[0]));
         case SLIDE: r += q[0] * base.z; return base;
         case UNBOUNDED_HINGE: return base.about_z(q[0], q[1]);
         case SPHERICAL: return base.turn(axes_of_quaternion(q));
-        case TRANSLATION: r += base.turn(Vec{q[0], q[1], q[2]}); return base;
+        case TRANSLATION: r += base.turn(VecOf<T>{q[0], q[1], q[2]}); return base;
         case FREE_FLYER:
-            r += base.turn(Vec{q[0], q[1], q[2]});
+            r += base.turn(VecOf<T>{q[0], q[1], q[2]});
             return base.turn(axes_of_quaternion(q + 3));
         default:  // PLANAR
-            r += base.turn(Vec{q[0], q[1], 0.0});
+            r += base.turn(VecOf<T>{q[0], q[1], 0});
             return base.about_z(q[2], q[3]);
     }
 }
