@@ -22,7 +22,7 @@ namespace rg {
 class Derivation {
   public:
     explicit Derivation(const Description& d)
-        : path_(d), motion_(d, path_), slopes_(d, path_, motion_), adjoint_(d, path_), rounding_(d, path_, motion_), results_(path_.layout, motion_, slopes_.moved()), m_(d.m), nq_(d.nq),
+        : path_(d), motion_(d, path_), slopes_(d, path_, motion_), adjoint_(d, path_), rounding_(d, path_, motion_, slopes_), results_(path_.layout, motion_, slopes_.moved()), m_(d.m), nq_(d.nq),
           nv_(d.nv), width_(2 * d.m + d.nv), independent_(d.independent, d.independent + d.m),
           independent_q_(d.independent_q, d.independent_q + d.m), still_(d), size_(d.size, d.size + d.nv),
           points_(4, Point(path_.layout)), x_(2 * d.m), state_(2 * d.m), sum_(2 * d.m), rate_(2 * d.m) {

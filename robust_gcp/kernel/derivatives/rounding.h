@@ -1,5 +1,5 @@
 // Points where K_d is poor, closed as well as the rounding of q itself lets them, and what rounding leaves uncertain
-// of G and its derivatives there. The same as rate_rounding.py.
+// of G and its derivatives there, as rate_rounding.py has it, and of those of u̇.
 #pragma once
 
 #include <algorithm>
@@ -11,7 +11,7 @@
 
 #include "abi.h"
 #include "constraint/extended.h"
-#include "derivatives/displacements.h"
+#include "derivatives/slopes.h"
 #include "dynamics/motion.h"
 #include "path/path.h"
 
@@ -19,17 +19,18 @@ namespace rg {
 
 class Rounding {
   public:
-    Rounding(const Description& d, Path& path, Motion& motion)
-        : path_(path), motion_(motion), moved_(d, path, motion), m_(d.m), nv_(d.nv),
-          independent_(d.independent, d.independent + d.m), step_(d.nv), errors_(d.rows), sample_(path.layout) {
+    Rounding(const Description& d, Path& path, Motion& motion, Slopes& slopes)
+        : path_(path), motion_(motion), slopes_(slopes), m_(d.m), nv_(d.nv), width_(2 * d.m + d.nv),
+          independent_(d.independent, d.independent + d.m), step_(d.nv), errors_(d.rows), rows_(d.m * width_),
+          sample_(path.layout) {
         for (std::size_t p = 0; p < path.parts.list.size(); ++p) {
             const Loops* loops = path.loops(p);
             known_.emplace_back(loops == nullptr ? nullptr : new Extended(path.chain, path.parts.list[p], loops->closures));
         }
     }
 
-    // Closes a point; whether G and its derivatives there change by no more than `most` where q, and what φ is known
-    // to be, are rounded otherwise.
+    // Closes a point; whether G, its derivatives and those of u̇ there change by no more than `most` where q, and what
+    // φ is known to be, are rounded otherwise.
     bool steady(Point& point, double most) {
         for (std::size_t p = 0; p < known_.size(); ++p)
             if (known_[p] != nullptr) path_.loops(p)->refine(*known_[p], point.q());
@@ -43,10 +44,8 @@ class Rounding {
             for (int k = 0; k < m_; ++k) sample_.ydot()[k] = path_.scale(independent_[k]);
             if (sample > 0) round(sample, sample_.q());
             path_.look(sample_);
-            good = motion_.evaluate(0.0, sample_, Request{}) == DONE;
-            if (!good) break;
-            moved_.at(motion_.placed(sample_), sample_);
-            good = sample > 0 ? change() <= most : note();
+            good = motion_.evaluate(0.0, sample_, Request{}) == DONE && slopes_.at(sample_, rows_.data());
+            if (good) good = sample > 0 ? change() <= most : note();
         }
         if (good) known_at_ = poor;
         path_.look(point);
@@ -84,12 +83,16 @@ class Rounding {
     // What the change that was found comes to, at most, where K_d is poorer: it grows as 1/σ².
     double change_at(double poor) const { return 2.0 * std::max(worst_, LEAST) * (known_at_ / poor) * (known_at_ / poor); }
 
-    // Visits G, ∂v/∂y and ∂a/∂y of the sample, dimensionless.
+    // Visits G, ∂v/∂y and ∂a/∂y of the sample, and ∂u̇ by y and u, which the reduced inertia may err in; dimensionless.
     template <typename Visit>
     void each(Visit visit) {
-        for (const double* part : {sample_.G(), moved_.v_y.data(), moved_.a_y.data()})
+        const Displacements& moved = slopes_.moved();
+        const auto scaled = [&](double x, int v, int k) { visit(x / path_.scale(v) * path_.scale(independent_[k])); };
+        for (const double* part : {static_cast<const double*>(sample_.G()), moved.v_y.data(), moved.a_y.data()})
             for (int v = 0; v < nv_; ++v)
-                for (int k = 0; k < m_; ++k) visit(part[v * m_ + k] / path_.scale(v) * path_.scale(independent_[k]));
+                for (int k = 0; k < m_; ++k) scaled(part[v * m_ + k], v, k);
+        for (int j = 0; j < m_; ++j)
+            for (int k = 0; k < 2 * m_; ++k) scaled(rows_[j * width_ + k], independent_[j], k % m_);
     }
 
     bool note() {
@@ -108,11 +111,11 @@ class Rounding {
 
     Path& path_;
     Motion& motion_;
-    Displacements moved_;
-    int m_, nv_;
+    Slopes& slopes_;
+    int m_, nv_, width_;
     std::vector<int> independent_;
     std::vector<std::unique_ptr<Extended>> known_;  // by part; none where nothing is tied
-    std::vector<double> step_, errors_, here_;
+    std::vector<double> step_, errors_, rows_, here_;
     Point sample_;
     double known_at_ = 0.0, worst_ = 0.0, most_ = 0.0;  // conditioning where the change was found last, and what it was
 };
