@@ -13,7 +13,7 @@ import numpy as np
 import robust_gcp as rg
 from robust_gcp.examples import meetings
 from robust_gcp.examples.kinematotropic import wunderlich
-from robust_gcp.maps.cluster.contact import contact_at
+from robust_gcp.maps.cluster.touching.contact import contact_at
 
 CASES = {
     "crossing, k = 1": (meetings.touching_cams(1), [0.0, 0.0, 0.8]),

@@ -11,7 +11,7 @@ from .dynamics.equations import implicit_dynamics
 from .dynamics.inverse import inverse_dynamics
 from .dynamics.linearise import Linearisation
 from .dynamics.loads import Wrench
-from .dynamics.motion import Motion
+from .dynamics.prescribed.motion import Motion
 from .dynamics.regressor import Regressor, regressor
 from .dynamics.tableau import Tableau
 from .errors import (
@@ -46,8 +46,7 @@ from .mechanism.actuation.paths import FixedTendon, TurningJoint
 from .mechanism.actuation.site_paths import SiteForce, SliderCrank
 from .mechanism.actuation.spatial_tendon import Pulley, SpatialTendon, Wrap
 from .mechanism.actuation.tendon_springs import TendonSpring
-from .mechanism.ball_springs import BallSpring
-from .mechanism.closures import (
+from .mechanism.constraint.closures import (
     Closure,
     FrameClosure,
     PointClosure,
@@ -55,78 +54,79 @@ from .mechanism.closures import (
     RevoluteClosure,
     UniversalClosure,
 )
-from .mechanism.couplings import CouplingClosure
-from .mechanism.forces import Force, JointDamper, JointSpring, JointTorque, PointSpring
-from .mechanism.lifted_weights import GravityCompensation
+from .mechanism.constraint.couplings import CouplingClosure
+from .mechanism.forces.ball_springs import BallSpring
+from .mechanism.forces.forces import Force, JointDamper, JointSpring, JointTorque, PointSpring
+from .mechanism.forces.lifted_weights import GravityCompensation
 from .mechanism.linkage import Linkage
 from .mechanism.mechanism import Mechanism
 from .mechanism.recommended import Recommended
-from .simulation.access import FrameMotion, Sample
-from .simulation.acted import Acted
-from .simulation.coarse import CoarseStepWarning
-from .simulation.cost import Cost, Gradient
-from .simulation.derivatives import derivatives, forward_dynamics
+from .simulation.derivatives.accelerations import derivatives, forward_dynamics
+from .simulation.derivatives.cost import Cost, Gradient
+from .simulation.derivatives.gradient import gradient
+from .simulation.derivatives.linearised import linearise
+from .simulation.derivatives.motion_point import MotionPoint, motion_point
+from .simulation.derivatives.one_step import Stepped, step, step_jacobians
 from .simulation.events import Event
-from .simulation.gradient import gradient
-from .simulation.kinked import KinkedDriveWarning
-from .simulation.linearised import linearise
-from .simulation.load import load_trajectory
-from .simulation.motion_point import MotionPoint, motion_point
-from .simulation.one_step import Stepped, step, step_jacobians
-from .simulation.reactions import Reaction
+from .simulation.runs.stability import StabilityWarning
+from .simulation.runs.stats import Stats
+from .simulation.runs.too_long_steps import CoarseStepWarning
+from .simulation.runs.velocity_jumps import KinkedDriveWarning
 from .simulation.simulate import simulate
-from .simulation.stability import StabilityWarning
-from .simulation.stats import Stats
 from .simulation.stepwise import Simulation
-from .simulation.trajectory import Trajectory
+from .simulation.trajectories.access import FrameMotion, Sample
+from .simulation.trajectories.acted import Acted
+from .simulation.trajectories.load import load_trajectory
+from .simulation.trajectories.reactions import Reaction
+from .simulation.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from .drawing.figures.draw import draw
     from .drawing.figures.modes import plot_modes
     from .drawing.replay.live import live
     from .drawing.replay.replay import ReplayPage, replay
-    from .mechanism.keyframes import Keyframe
+    from .mechanism.assembly.keyframes import Keyframe
     from .mechanism.lengths import along
     from .mechanism.parts import JointFriction, Lock, Stop
     from .mechanism.sensors import Sensor
-    from .simulation.batch import Batch
-    from .simulation.many import simulate_many
-    from .simulation.parameter_slopes import by_parameters
+    from .simulation.batches.batch import Batch
+    from .simulation.batches.many import simulate_many
+    from .simulation.batches.runs import Runs
+    from .simulation.derivatives.parameter_slopes import by_parameters
+    from .simulation.derivatives.second_derivatives import second_derivatives
+    from .simulation.derivatives.sensitivity import Sensitivity, sensitivity
     from .simulation.phases.happening import Happening
     from .simulation.phases.impact import Impact
-    from .simulation.runs import Runs
-    from .simulation.second_derivatives import second_derivatives
-    from .simulation.sensitivity import Sensitivity, sensitivity
     from .sweeps.record import Failure, Records, RunRecord
     from .sweeps.runs import grid, sweep, sweep_as_completed
 
 __version__ = "0.2.0"
 
 _LATER = {
-    "Batch": ".simulation.batch",
+    "Batch": ".simulation.batches.batch",
     "Failure": ".sweeps.record",
     "Happening": ".simulation.phases.happening",
     "Impact": ".simulation.phases.impact",
     "JointFriction": ".mechanism.parts",
-    "Keyframe": ".mechanism.keyframes",
+    "Keyframe": ".mechanism.assembly.keyframes",
     "Lock": ".mechanism.parts",
     "ReplayPage": ".drawing.replay.replay",
     "Records": ".sweeps.record",
     "RunRecord": ".sweeps.record",
-    "Runs": ".simulation.runs",
-    "Sensitivity": ".simulation.sensitivity",
+    "Runs": ".simulation.batches.runs",
+    "Sensitivity": ".simulation.derivatives.sensitivity",
     "Sensor": ".mechanism.sensors",
     "Stop": ".mechanism.parts",
     "along": ".mechanism.lengths",
-    "by_parameters": ".simulation.parameter_slopes",
+    "by_parameters": ".simulation.derivatives.parameter_slopes",
     "draw": ".drawing.figures.draw",
     "grid": ".sweeps.runs",
     "live": ".drawing.replay.live",
     "plot_modes": ".drawing.figures.modes",
     "replay": ".drawing.replay.replay",
-    "second_derivatives": ".simulation.second_derivatives",
-    "sensitivity": ".simulation.sensitivity",
-    "simulate_many": ".simulation.many",
+    "second_derivatives": ".simulation.derivatives.second_derivatives",
+    "sensitivity": ".simulation.derivatives.sensitivity",
+    "simulate_many": ".simulation.batches.many",
     "sweep": ".sweeps.runs",
     "sweep_as_completed": ".sweeps.runs",
 }

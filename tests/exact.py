@@ -14,7 +14,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 import robust_gcp as rg
-from robust_gcp.mechanism.closures import closure_frames
+from robust_gcp.mechanism.constraint.closures import closure_frames
 
 Vector = list[Decimal]
 Matrix = list[Vector]

@@ -8,9 +8,9 @@ from ..checks import check_positive, check_whole
 from ..kernel.rows import MANY
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from ..simulation.batch import Batch
-from ..simulation.derivatives import derivatives, forward_dynamics
-from ..simulation.one_step import step
+from ..simulation.batches.batch import Batch
+from ..simulation.derivatives.accelerations import derivatives, forward_dynamics
+from ..simulation.derivatives.one_step import step
 from .exact import Arrays, Exact
 from .states import closed_states, times, to_independent, to_state
 

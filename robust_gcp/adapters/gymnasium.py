@@ -15,7 +15,7 @@ from ..errors import OptionError, missing_extra
 from ..mechanism.joints import JointKind
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from ..simulation.batch import Batch
+from ..simulation.batches.batch import Batch
 
 try:
     import gymnasium
@@ -106,7 +106,7 @@ class MechanismVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         q0, v0 = (None, None) if start is None else start(np.random.default_rng(0), num_envs)
         self.batch = Batch(mechanism, num_envs, q0, v0, step, threads=threads)
         self._turning = np.zeros(mechanism.nq, bool)
-        self._turning[[joint.idx_q for joint in mechanism.joints if joint.kind == JointKind.HINGE]] = True
+        self._turning[[joint.idx_q for joint in mechanism.joints if joint.kind == JointKind.REVOLUTE]] = True
         self.num_envs, self._age = num_envs, np.zeros(num_envs, np.int64)
         self._over = np.zeros(num_envs, bool)
         size = np.asarray(self._observe(self.batch.q, self.batch.v)).shape[1]

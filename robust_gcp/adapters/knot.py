@@ -13,11 +13,11 @@ from ..dynamics.problem import Problem, set_out
 from ..kernel.derivations import derivation, left_to_python
 from ..maps.grouped import GroupMap, joined
 from ..maps.point import Point
-from ..mechanism.groups import groups_of
+from ..mechanism.coordinates.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from ..simulation.derivatives import learned
-from ..simulation.steppers import rk4_step
+from ..simulation.derivatives.accelerations import learned
+from ..simulation.runs.steppers import rk4_step
 from .following import Followed
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from ..kernel.assembling import closed, lifted
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from ..simulation.derivatives import derivatives
+from ..simulation.derivatives.accelerations import derivatives
 from .turning import normalised, rates
 
 

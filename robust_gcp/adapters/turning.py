@@ -16,7 +16,7 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 
 POSITIONS = {
-    JointKind.UNBOUNDED_HINGE: 0,
+    JointKind.CONTINUOUS: 0,
     JointKind.SPHERICAL: 0,
     JointKind.FREE_FLYER: 3,
     JointKind.PLANAR: 2,

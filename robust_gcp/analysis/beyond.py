@@ -11,19 +11,19 @@ from ..mechanism.loops import ClosedLoops
 from ..mechanism.tree import Array
 
 if TYPE_CHECKING:
-    from ..maps.cluster.contact import Contact, Touching
+    from ..maps.cluster.touching.contact import Contact, Touching
 
 
 def contact_at(loops: ClosedLoops, q: Array) -> Contact | None:
     """See `maps.cluster.contact.contact_at`."""
-    from ..maps.cluster import contact
+    from ..maps.cluster.touching import contact
 
     return contact.contact_at(loops, q)
 
 
 def touching_at(loops: ClosedLoops, q: Array) -> Touching:
     """The two modes that touch at q."""
-    from ..maps.cluster import contact
+    from ..maps.cluster.touching import contact
 
     found = contact.contact_at(loops, q)
     assert found is not None  # `analyse` told of it

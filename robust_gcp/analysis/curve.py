@@ -25,7 +25,7 @@ from .second_order import full_svd
 from .torus import Torus
 
 if TYPE_CHECKING:
-    from ..maps.cluster.contact import Touching
+    from ..maps.cluster.touching.contact import Touching
 
 STEP = 0.04
 """Longest step, dimensionless: some 300 points for a joint's full turn."""

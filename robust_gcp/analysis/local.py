@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..checks import check_between, check_mechanism
+from ..mechanism.constraint.rank import rank_along
+from ..mechanism.coordinates.partition import numerical_rank
 from ..mechanism.loops import ClosedLoops
-from ..mechanism.partition import numerical_rank
-from ..mechanism.rank import rank_along
 from ..mechanism.tolerances import FORM, NEARLY_CLOSED, RANK
 from ..mechanism.tree import Array
 from .beyond import contact_at
@@ -22,7 +22,7 @@ from .second_order import bending, bending_along, curvature, full_svd, orthonorm
 from .tangent_cone import is_definite, linear_modes, polished, rank_two_forms
 
 if TYPE_CHECKING:
-    from ..maps.cluster.contact import Contact
+    from ..maps.cluster.touching.contact import Contact
 
 Kind = Literal["regular", "redundant", "singular", "cusp", "isolated", "inside", "not certified"]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..checks import check_mechanism, check_number
 from ..errors import ClosureError, OptionError
-from ..mechanism.assembly import assembled
+from ..mechanism.assembly.assembly import assembled
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tolerances import CLOSED, SINGULAR_HOME
 from ..mechanism.tree import Array

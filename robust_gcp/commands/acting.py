@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ..arguments import NUMBERS, Arguments, finite, known_file, number, pathname
-from ..dynamics.motion import Motion
+from ..dynamics.prescribed.motion import Motion
 from ..errors import OptionError
 from ..mechanism.mechanism import Mechanism
 

@@ -30,16 +30,16 @@ from ..errors import OptionError, SimulationError
 from ..kernel.library import NativeBuildWarning
 from ..maps.choice import METHODS
 from ..maps.classical import SingularityWarning
-from ..mechanism.closures import frame_of
+from ..mechanism.constraint.closures import frame_of
 from ..mechanism.mechanism import Mechanism
 from ..printing import clean_warnings, complain, progress_bar, say, telling
-from ..simulation.coarse import CoarseStepWarning
-from ..simulation.kinked import KinkedDriveWarning
-from ..simulation.schedule import last_output
+from ..simulation.runs.schedule import last_output
+from ..simulation.runs.stability import StabilityWarning
+from ..simulation.runs.steppers import SCIPY_STEPPERS
+from ..simulation.runs.too_long_steps import CoarseStepWarning
+from ..simulation.runs.velocity_jumps import KinkedDriveWarning
 from ..simulation.simulate import RECORDS, simulate
-from ..simulation.stability import StabilityWarning
-from ..simulation.steppers import SCIPY_STEPPERS
-from ..simulation.trajectory import Trajectory
+from ..simulation.trajectories.trajectory import Trajectory
 from .acting import add_acting, ctrl_of, drive_of, torque_of
 from .model import add_model, loaded
 from .summary import as_json, summary

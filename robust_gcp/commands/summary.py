@@ -13,7 +13,7 @@ import numpy as np
 
 from ..mechanism.joints import Component, components_of, in_q, in_v
 from ..printing import fixed, table
-from ..simulation.trajectory import Trajectory
+from ..simulation.trajectories.trajectory import Trajectory
 
 
 def summary(trajectory: Trajectory) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from ..mechanism.closures import closure_frames
+from ..mechanism.constraint.closures import closure_frames
 from ..mechanism.loops import ClosedLoops
 from ..mechanism.tree import Array
 

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from ..maps.grouped import GroupPoint
 from ..maps.point import Point
-from ..mechanism.groups import groups_of
-from ..mechanism.joint_charts import JointCharts, loop_charts
+from ..mechanism.coordinates.groups import groups_of
+from ..mechanism.coordinates.joint_charts import JointCharts, loop_charts
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 

@@ -19,14 +19,14 @@ from numpy.typing import ArrayLike
 from ..checks import check_callable, real_array, require_finite, shown
 from ..errors import NonFiniteError, OptionError
 from ..mechanism.differences import torque_differences
-from ..mechanism.force_slopes import ForceSlopes
+from ..mechanism.forces.force_slopes import ForceSlopes
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from .around import Circles
 from .equations import CheckedTorque, Evaluation, torque_function
 from .loads import Torques, Wrench, one_torque
-from .map_rates import MapRates
-from .mode_rates import ModeRates
+from .modes.around import Circles
+from .modes.map_rates import MapRates
+from .modes.mode_rates import ModeRates
 from .problem import Problem, set_out
 from .reduced_inertia import ReducedInertia
 from .rigid_slopes import RigidSlopes

@@ -17,8 +17,8 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .chart_slopes import ChartSlopes, chart_slopes
 from .derivatives import Derivatives, PointDerivatives
-from .driven_derivatives import ByDrive
 from .equations import Evaluation
+from .prescribed.driven_derivatives import ByDrive
 from .problem import set_out
 
 STAGES = (0.0, 0.5, 0.5, 1.0)

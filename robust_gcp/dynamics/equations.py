@@ -15,8 +15,8 @@ from ..errors import NonFiniteError, OptionError
 from ..maps.classical import SingularityWarning
 from ..maps.explicit import ExplicitMap
 from ..maps.point import Point
+from ..mechanism.coordinates.partition import numerical_rank
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.partition import numerical_rank
 from ..mechanism.tolerances import STRUCTURAL
 from ..mechanism.tree import Array
 from ..warning import warn

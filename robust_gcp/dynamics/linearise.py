@@ -26,11 +26,11 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .chart_slopes import chart_slopes
 from .derivatives import PointDerivatives
-from .drive import Drive, checked_motions
-from .driven import driving
 from .equations import EquationsOfMotion
 from .loads import Torques, Wrench, one_torque
-from .motion import Motion
+from .prescribed.drive import Drive, checked_motions
+from .prescribed.driven import driving
+from .prescribed.motion import Motion
 from .problem import Problem, set_out
 
 log = logging.getLogger(__name__)

@@ -9,10 +9,10 @@ import pinocchio as pin
 
 from ..checks import hint, listed, shown
 from ..errors import OptionError
-from ..mechanism.forces import JointDamper, JointSpring, PointSpring
+from ..mechanism.forces.forces import JointDamper, JointSpring, PointSpring
+from ..mechanism.forces.point_springs import Lines
 from ..mechanism.joints import OF_MOMENTS, in_v
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.point_springs import Lines
 from ..mechanism.tree import Array
 from ..mechanism.workspace import workspace
 from .derivatives import Derivatives

@@ -15,9 +15,9 @@ from ..maps.start import Start
 from ..maps.start_check import require_freedom
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from .drive import Drive
-from .driven import DrivenEquations, driven_start
 from .equations import EquationsOfMotion, Evaluation, Torque
+from .prescribed.drive import Drive
+from .prescribed.driven import DrivenEquations, driven_start
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..maps.closed_form import FourBar
-from ..mechanism.closures import PointClosure
+from ..mechanism.constraint.closures import PointClosure
 from ..mechanism.mechanism import Mechanism
 from .linkages import add_link, rod
 

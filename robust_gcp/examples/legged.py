@@ -8,7 +8,7 @@ import pinocchio as pin
 from ..checks import check_number
 from ..errors import OptionError
 from ..maps.closed_form import FourBar
-from ..mechanism.closures import PointClosure
+from ..mechanism.constraint.closures import PointClosure
 from ..mechanism.mechanism import Mechanism
 from .linkages import add_link
 

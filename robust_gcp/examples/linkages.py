@@ -13,7 +13,7 @@ import pinocchio as pin
 from ..checks import check_between, check_number
 from ..errors import OptionError
 from ..maps.closed_form import FourBar
-from ..mechanism.closures import PointClosure
+from ..mechanism.constraint.closures import PointClosure
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.model_check import OVERFLOWING
 from ..mechanism.recommended import Recommended

@@ -13,8 +13,8 @@ import pinocchio as pin
 
 from ..checks import check_between, check_positive, check_whole, listed
 from ..errors import OptionError
-from ..mechanism.closures import PointClosure
-from ..mechanism.couplings import CouplingClosure
+from ..mechanism.constraint.closures import PointClosure
+from ..mechanism.constraint.couplings import CouplingClosure
 from ..mechanism.mechanism import Mechanism
 from .families import planar_linkage
 from .linkages import add_link, rod

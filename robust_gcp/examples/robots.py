@@ -12,8 +12,8 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import MissingExtraError, OptionError, missing_extra
-from ..mechanism.closures import FrameClosure, PointClosure
-from ..mechanism.forces import Force, JointSpring
+from ..mechanism.constraint.closures import FrameClosure, PointClosure
+from ..mechanism.forces.forces import Force, JointSpring
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..mechanism.workspace import workspace

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from ..mechanism.closures import PointClosure, RevoluteClosure
+from ..mechanism.constraint.closures import PointClosure, RevoluteClosure
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import ModelError, RobustGcpError
-from ..mechanism.assemblies import way_between
+from ..mechanism.assembly.assemblies import way_between
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..simulation.simulate import simulate

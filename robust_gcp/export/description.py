@@ -18,8 +18,8 @@ from ..maps.cluster.options import LAST_RESORT, USUAL
 from ..maps.point import Counters
 from ..maps.regular_path import RegularPath
 from ..mechanism.mechanism import Mechanism
-from ..simulation.coordinates import Coordinates
-from ..simulation.starting import rest_of
+from ..simulation.runs.coordinates import Coordinates
+from ..simulation.runs.starting import rest_of
 from .image import Image
 
 

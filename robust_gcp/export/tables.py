@@ -13,9 +13,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ..dynamics.motion import Motion
+from ..dynamics.prescribed.motion import Motion
 from ..errors import ModelError, RobustGcpError
-from ..mechanism.assemblies import way_between
+from ..mechanism.assembly.assemblies import way_between
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..simulation.simulate import simulate

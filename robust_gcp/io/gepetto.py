@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from ..checks import hint, shown
 from ..errors import ModelError
-from ..mechanism.forces import Force, JointDamper
+from ..mechanism.forces.forces import Force, JointDamper
 
 UNIVERSAL = {f"UJOINT_{a}{b}": (a, b) for a, b in itertools.permutations("XYZ", 2)}
 """Universal joints by type: first axis, then second, of the URDF joint's frame."""

@@ -9,14 +9,14 @@ from typing import Literal
 import numpy as np
 
 from ..errors import ClosureError, PartitionError
-from ..mechanism.assembly import assembled
+from ..mechanism.assembly.assembly import assembled
+from ..mechanism.assembly.ranges import assembled_within
+from ..mechanism.constraint.rank import singular_words
+from ..mechanism.constraint.rounding import ROUNDED, without_rounded_rows
 from ..mechanism.contents import FileContents
-from ..mechanism.independent import completed, regular_near
+from ..mechanism.coordinates.independent import completed, regular_near
 from ..mechanism.loops import ClosedLoops
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.ranges import assembled_within
-from ..mechanism.rank import singular_words
-from ..mechanism.rounding import ROUNDED, without_rounded_rows
 from ..mechanism.tolerances import NEARLY_CLOSED
 from ..mechanism.tree import Array
 

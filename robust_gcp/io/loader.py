@@ -12,19 +12,19 @@ import pinocchio as pin
 from ..checks import hint, shown
 from ..errors import ModelError, OptionError, RobustGcpError, missing_file
 from ..mechanism.actuation.actuators import Actuator
-from ..mechanism.assembly import FEW_STARTS, MANY_STARTS
+from ..mechanism.assembly.assembly import FEW_STARTS, MANY_STARTS
+from ..mechanism.assembly.ranges import tell_outside
+from ..mechanism.constraint.rounding import IMPLIED, ROUNDED, without_rounded_rows, without_unmoved_rows
 from ..mechanism.contents import FileContents, check_base, named, tell_left_out
-from ..mechanism.independent import regular_near
+from ..mechanism.coordinates.independent import regular_near
 from ..mechanism.loops import ClosedLoops
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.parts import parts_of_file
-from ..mechanism.ranges import tell_outside
-from ..mechanism.rounding import IMPLIED, ROUNDED, without_rounded_rows, without_unmoved_rows
 from ..mechanism.tolerances import NEARLY_CLOSED
 from .by_name import named_path
 from .gepetto import joint_changes, with_changed_forces, with_joint_changes
 from .home import closed_home, with_coordinates
-from .mjcf import read_mjcf
+from .mjcf.reader import read_mjcf
 from .own_block import (
     couplings_of,
     forces_of,
@@ -38,7 +38,7 @@ from .own_block import (
 from .robot_file import READERS, UNREAD, has_yaml, is_mjcf, others_beside, require_read, robot_file
 from .robot_yaml import closures_of, is_list_of_str, settings_of
 from .text_file import files_in, inside, is_file, is_link, path_of
-from .urdf import read_urdf
+from .urdf.reader import read_urdf
 
 log = logging.getLogger(__name__)
 

@@ -13,9 +13,9 @@ import pinocchio as pin
 
 from ..checks import LARGEST, hint, shown
 from ..errors import ModelError, RobustGcpError
-from ..mechanism.closures import AxisClosure, Closure
-from ..mechanism.couplings import CouplingClosure
-from ..mechanism.forces import Force, JointDamper, JointSpring, JointTorque, PointSpring
+from ..mechanism.constraint.closures import AxisClosure, Closure
+from ..mechanism.constraint.couplings import CouplingClosure
+from ..mechanism.forces.forces import Force, JointDamper, JointSpring, JointTorque, PointSpring
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.recommended import Recommended
 from ..mechanism.tree import Array

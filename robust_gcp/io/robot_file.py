@@ -7,12 +7,12 @@ from pathlib import Path
 
 from ..errors import ModelError
 from ..mechanism.contents import FileContents
-from .mjcf import read_mjcf
-from .sdf import read_sdf
+from .mjcf.reader import read_mjcf
+from .sdf.reader import read_sdf
 from .text_file import files_in, is_file, is_link
-from .urdf import read_urdf
-from .urdf_loops import open_ends
-from .usd import read_usd
+from .urdf.loops import open_ends
+from .urdf.reader import read_urdf
+from .usd.reader import read_usd
 from .xml_text import parsed_xml
 
 UNREAD = {

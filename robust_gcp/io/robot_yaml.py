@@ -8,7 +8,7 @@ from typing import Any
 
 from ..checks import shown
 from ..errors import ModelError
-from ..mechanism.closures import Closure, closure_kinds
+from ..mechanism.constraint.closures import Closure, closure_kinds
 from .yaml_text import parsed_yaml
 
 KEYS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type", "robust_gcp")

@@ -13,13 +13,13 @@ import pinocchio as pin
 from ..errors import ModelError, ModelWarning
 from ..mechanism.actuation.actuators import Actuator
 from ..mechanism.actuation.tendon_springs import TendonSpring
-from ..mechanism.forces import JointTorque
-from ..mechanism.known_forces import is_known
+from ..mechanism.forces.forces import JointTorque
+from ..mechanism.forces.known_forces import is_known
 from ..mechanism.mechanism import Mechanism
 from ..warning import warn
-from .mjcf_out import mjcf_text
+from .mjcf.out import mjcf_text
 from .text_file import path_of
-from .urdf_out import urdf_text
+from .urdf.out import urdf_text
 from .written import Lost, links_of, note, plain_numbers
 
 SUFFIXES = (".xml", ".mjcf", ".urdf", "")

@@ -9,12 +9,12 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import ModelError
-from ..mechanism.couplings import AnyClosure
-from ..mechanism.forces import JointDamper, JointSpring
+from ..mechanism.assembly.ranges import WIDE
+from ..mechanism.constraint.couplings import AnyClosure
+from ..mechanism.constraint.partial_closure import PartialClosure
+from ..mechanism.forces.forces import JointDamper, JointSpring
 from ..mechanism.joints import Joint, JointKind
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.partial_closure import PartialClosure
-from ..mechanism.ranges import WIDE
 from ..mechanism.tree import Array
 
 X, Y, Z = np.eye(3)
@@ -122,7 +122,7 @@ def quaternion(rotation: Array) -> str:
 def links_of(model: pin.Model, joint: Joint, what: str) -> list[tuple[str, str, Array]]:
     """The plain joints that a joint amounts to."""
     if joint.axis is not None and joint.kind is not JointKind.SCREW:
-        return [(joint.name, "slide" if joint.kind is JointKind.SLIDE else "hinge", joint.axis)]
+        return [(joint.name, "slide" if joint.kind is JointKind.PRISMATIC else "hinge", joint.axis)]
     if joint.kind is JointKind.UNIVERSAL:
         made = model.joints[joint.index].extract()
         chain = [("hinge", np.asarray(made.axis1)), ("hinge", np.asarray(made.axis2))]
@@ -145,7 +145,7 @@ def whole_closures(mechanism: Mechanism) -> list[AnyClosure]:
 def plain_numbers(joint: Joint, q: Array) -> Array:
     """The numbers in q of the plain joints: angles in place of cosines and sines."""
     numbers = q[joint.idx_q : joint.idx_q + joint.nq]
-    if joint.kind in (JointKind.UNBOUNDED_HINGE, JointKind.PLANAR):
+    if joint.kind in (JointKind.CONTINUOUS, JointKind.PLANAR):
         return np.append(numbers[:-2], np.arctan2(numbers[-1], numbers[-2]))
     return numbers
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..mechanism.assembly import Index
-from ..mechanism.closures import WELDED, Closure, RevoluteClosure, closure_frames
+from ..mechanism.assembly.assembly import Index
+from ..mechanism.constraint.closures import WELDED, Closure, RevoluteClosure, closure_frames
+from ..mechanism.constraint.separation import Separation
 from ..mechanism.loops import ClosedLoops
-from ..mechanism.separation import Separation
 from ..mechanism.tolerances import CLOSED, RANK
 from ..mechanism.tree import Array
 from .library import Library, library

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..dynamics.equations import CheckedTorque
-from ..dynamics.mode_rates import ZONE
+from ..dynamics.modes.mode_rates import ZONE
 from ..mechanism.tree import Array
-from .answers import asking
+from .acting import asking
 from .slopes import Pulled, Stages, Taken
 from .state_slopes import StateSlopes
 

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from ..maps.cluster.space import space_of
 from ..maps.regular_path import RegularPath
 from ..mechanism.actuation.tendon_springs import TendonSpring
-from ..mechanism.closures import frame_of
-from ..mechanism.clusters import LoopCluster
-from ..mechanism.forces import JointDamper, JointSpring, JointTorque, PointSpring
-from ..mechanism.groups import groups_of
+from ..mechanism.constraint.closures import frame_of
+from ..mechanism.coordinates.clusters import LoopCluster
+from ..mechanism.coordinates.groups import groups_of
+from ..mechanism.forces.forces import JointDamper, JointSpring, JointTorque, PointSpring
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..mechanism.workspace import memory_left, workspace_bytes

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..dynamics.drive import Drive
+from ..dynamics.prescribed.drive import Drive
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .structures import Request, address, side_by_side

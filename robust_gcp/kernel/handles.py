@@ -6,7 +6,7 @@ import ctypes
 from functools import partial
 
 from ..maps.regular_path import RegularPath
-from ..mechanism.couplings import MovingCoupling
+from ..mechanism.constraint.couplings import MovingCoupling
 from ..mechanism.mechanism import Mechanism
 from .batch import Handed
 from .description import describe

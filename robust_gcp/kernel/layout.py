@@ -9,8 +9,8 @@ import numpy as np
 from ..maps.grouped import GroupPoint, taken_apart
 from ..maps.point import Point
 from ..maps.regular_path import RegularPath
-from ..mechanism.groups import Groups
-from ..mechanism.joint_charts import loop_charts
+from ..mechanism.coordinates.groups import Groups
+from ..mechanism.coordinates.joint_charts import loop_charts
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 

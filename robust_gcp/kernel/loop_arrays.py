@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..maps.meeting_points import moved
-from ..mechanism.closures import closure_frames
-from ..mechanism.couplings import CouplingClosure, Couplings
+from ..mechanism.constraint.closures import closure_frames
+from ..mechanism.constraint.couplings import CouplingClosure, Couplings
+from ..mechanism.constraint.rows import ROTATION, Row, rows_of
 from ..mechanism.joints import OF_MOMENTS, Joint
 from ..mechanism.loops import ClosedLoops
-from ..mechanism.rows import ROTATION, Row, rows_of
 from ..mechanism.tree import Array
 from .structures import Arrays, Description
 

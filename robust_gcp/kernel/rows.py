@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..dynamics.equations import Evaluation
-from ..dynamics.held import HeldTorque
+from ..dynamics.prescribed.zero_order_hold import HeldTorque
 from ..maps.cluster.options import BridgeOptions
 from ..maps.point import Point
 from ..maps.regular_path import RegularPath

@@ -11,25 +11,25 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..dynamics.around import Around, circles_of
 from ..dynamics.derivatives import Accelerations
-from ..dynamics.mode_rates import SPARED, STEADY, UNSTEADY, ZONE, ModeRates
+from ..dynamics.modes.around import Around, circles_of
+from ..dynamics.modes.mode_rates import SPARED, STEADY, UNSTEADY, ZONE, ModeRates
 from ..errors import ClosureError
 from ..maps.regular_path import RegularPath
 from ..maps.start import Start
 from ..maps.start_check import apart
-from ..mechanism.clusters import LoopCluster
+from ..mechanism.constraint.rows import ROTATION, rows_of
+from ..mechanism.coordinates.clusters import LoopCluster
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.rows import ROTATION, rows_of
 from ..mechanism.tolerances import NEARLY_CLOSED, RANK, SAME_MODE
 from ..mechanism.tree import Array
 from ..mechanism.varied import still_inputs
 from .description import describe
 from .library import Library
 from .loop_arrays import NotNativeError
+from .mode_series import mode_series
 from .slopes import Slopes
 from .structures import Arrays, States
-from .told import mode_series
 
 CLOSED = 1e-8
 """How far q may be from a closed one, dimensionless, and v from G u, relative to its largest entry; beyond it

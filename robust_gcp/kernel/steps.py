@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..dynamics.control import is_asked
-from ..dynamics.drive import Drive
 from ..dynamics.equations import Evaluation, Torque, does_work, torque_function
-from ..dynamics.held import HeldTorque
+from ..dynamics.prescribed.control import is_asked
+from ..dynamics.prescribed.drive import Drive
+from ..dynamics.prescribed.zero_order_hold import HeldTorque
 from ..dynamics.tableau import Tableau
 from ..errors import OptionError, PerformanceWarning
 from ..maps.classical import DIGITS_LOST, ClassicalMap

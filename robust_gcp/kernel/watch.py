@@ -8,7 +8,7 @@ from ..mechanism.tree import Array
 
 
 class Watch(NamedTuple):
-    """Up to where steps go on in the same coordinates; see `simulation/coordinates.py`.
+    """Up to where steps go on in the same coordinates; see `simulation/runs/coordinates.py`.
 
     Attributes
     ----------

@@ -8,16 +8,16 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..dynamics.drive import Drive
 from ..dynamics.equations import CheckedTorque, Evaluation
+from ..dynamics.prescribed.drive import Drive
 from ..dynamics.tableau import Tableau
 from ..maps.cluster.options import LAST_RESORT, PRESCRIBED, BridgeOptions
 from ..maps.point import Point
 from ..maps.regular_path import RegularPath
-from ..mechanism.groups import groups_of
+from ..mechanism.coordinates.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from .answers import Acting
+from .acting import Acting
 from .batch import Batch, Begun, Outputs
 from .choices import Choices
 from .driving import Driving

@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..mechanism.partition import Block
+from ..mechanism.coordinates.partition import Block
 from ..mechanism.tree import Array
 
 Index = NDArray[np.int64]

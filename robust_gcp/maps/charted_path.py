@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..mechanism.joint_charts import loop_charts
+from ..mechanism.coordinates.joint_charts import loop_charts
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .point import Closed, Counters, Point

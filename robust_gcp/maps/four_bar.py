@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import OptionError, ToggleError
-from ..mechanism.closures import PointClosure, frame_of
+from ..mechanism.constraint.closures import PointClosure, frame_of
 from ..mechanism.joints import JointKind
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
@@ -62,7 +62,7 @@ def draw_four_bar(mechanism: Mechanism) -> Drawing:
     )
     if (
         mechanism.nv != 3
-        or any(joint.kind is not JointKind.HINGE for joint in mechanism.joints)
+        or any(joint.kind is not JointKind.REVOLUTE for joint in mechanism.joints)
         or len(mechanism.closures) != 1
         or not isinstance(mechanism.closures[0], PointClosure)
         or list(model.parents) != [0, 0, 1, 0]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..mechanism.groups import Groups
+from ..mechanism.coordinates.groups import Groups
 from ..mechanism.tree import Array
 from .classical import ClassicalMap
 from .cluster.cluster_map import ClusterMap

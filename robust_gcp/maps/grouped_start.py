@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mechanism.groups import Groups, groups_of
+from ..mechanism.coordinates.groups import Groups, groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from .cluster.options import BridgeOptions

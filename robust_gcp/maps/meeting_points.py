@@ -12,9 +12,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from ..mechanism.closures import FrameClosure, closure_frames
+from ..mechanism.constraint.closures import FrameClosure, closure_frames
+from ..mechanism.constraint.rows import rows_of
 from ..mechanism.loops import ClosedLoops
-from ..mechanism.rows import rows_of
 from ..mechanism.tree import Array, Tree
 
 STILL = 1e-9

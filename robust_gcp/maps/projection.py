@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import BranchError, NonFiniteError
-from ..mechanism.partition import numerical_rank
+from ..mechanism.coordinates.partition import numerical_rank
 from ..mechanism.tree import Array
 from .explicit import Charted, Passage, Stretch, sign_changes
 from .point import Counters, Point

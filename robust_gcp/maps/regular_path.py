@@ -11,9 +11,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ..mechanism.constraint import ImplicitConstraint
+from ..mechanism.constraint.constraint import ImplicitConstraint
+from ..mechanism.coordinates.partition import Block
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.partition import Block
 from ..mechanism.tree import Array, Tree
 from .blocks import BlockFactor
 from .meeting_points import tree_at_points

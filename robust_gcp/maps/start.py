@@ -11,19 +11,19 @@ from numpy.typing import ArrayLike
 
 from ..analysis.local import LocalAnalysis, analyse
 from ..errors import NotCertifiedError, OptionError, SingularStartError, ToggleError
+from ..mechanism.coordinates.partition import spelled
 from ..mechanism.joints import in_v
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.partition import spelled
 from ..mechanism.tolerances import DETERMINES, SAME_MODE, SINGULAR_START
 from ..mechanism.tree import Array
 from .charted_path import regular_path
 from .cluster.chart import CHANGE, best, smallest
 from .cluster.cluster_map import ClusterMap
-from .cluster.contact import Contact, contact_at
-from .cluster.kept import KnownCurves
+from .cluster.known_curves import KnownCurves
+from .cluster.leaving import started
 from .cluster.options import BridgeOptions, NoBridgeError
-from .cluster.outward import started
 from .cluster.space import space_of
+from .cluster.touching.contact import Contact, contact_at
 from .cluster.tracker import Tracker
 from .point import Counters, Point
 from .regular_path import RegularPath

@@ -7,9 +7,9 @@ from numpy.typing import ArrayLike
 
 from ..checks import real_array, shown
 from ..errors import NonFiniteError, OptionError, PartitionError, StateError
-from ..mechanism.independent import motions, regular_near
+from ..mechanism.coordinates.independent import motions, regular_near
+from ..mechanism.coordinates.partition import numerical_rank, spelled
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.partition import numerical_rank, spelled
 from ..mechanism.tolerances import COMPATIBLE, NEARLY_CLOSED, RANK, SAME_MODE
 from ..mechanism.tree import Array
 from .point import Point

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..mechanism.partition import Block, triangular_blocks
+from ..mechanism.coordinates.partition import Block, triangular_blocks
 from ..mechanism.tolerances import STRUCTURAL
 from ..mechanism.tree import Array
 from .blocks import BlockFactor

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..checks import at_row, checked_rows, checked_vector, is_table, listed
-from .assemblies import Assemblies, assemblies
-from .coordinates import Coordinates
+from .assembly.assemblies import Assemblies, assemblies
+from .assembly.ranges import assembled_all, assembled_near
+from .coordinates.coordinates import Coordinates
 from .named_numbers import Named
-from .ranges import assembled_all, assembled_near
 from .tree import Array
 
 if TYPE_CHECKING:
@@ -248,7 +248,7 @@ class Above(Coordinates):
         StateError, SimulationError
             Where an acceleration is asked for, as `simulate` does for a start.
         """
-        from ..simulation.sensing import sense
+        from ..simulation.trajectories.sensing import sense
 
         return sense(self, name, q, v, a, tau, t, ctrl)  # type: ignore[arg-type]
 

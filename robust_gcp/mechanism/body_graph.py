@@ -17,11 +17,17 @@ import pinocchio as pin
 
 from ..errors import ModelError
 from .bodies import WORLD, Body, BodyJoint
-from .closures import FrameClosure, PointClosure, PrismaticClosure, RevoluteClosure, UniversalClosure
+from .constraint.closures import (
+    FrameClosure,
+    PointClosure,
+    PrismaticClosure,
+    RevoluteClosure,
+    UniversalClosure,
+)
+from .constraint.pin_constraints import close_between
 from .contents import STAYS, FileContents, named
-from .forces import Force, JointDamper, JointSpring
+from .forces.forces import Force, JointDamper, JointSpring
 from .joints import along
-from .pin_constraints import close_between
 from .tree import Array
 from .workspace import require_memory
 

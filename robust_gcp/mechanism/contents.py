@@ -13,8 +13,8 @@ from ..errors import ModelError, ModelWarning, OptionError
 from ..warning import warn
 from .actuation.actuators import Actuator
 from .actuation.paths import Path
-from .couplings import AnyClosure, CouplingClosure
-from .forces import Force
+from .constraint.couplings import AnyClosure, CouplingClosure
+from .forces.forces import Force
 from .parts import Part
 from .sensors import Sensor
 from .tree import Array

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pinocchio as pin
 
 from ..checks import check_text
-from .closures import frame_of
+from .constraint.closures import frame_of
 
 
 def place_of(model: pin.Model, name: str, owner: str = "frame") -> tuple[int, pin.SE3]:

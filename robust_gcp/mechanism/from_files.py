@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, Literal
 from numpy.typing import ArrayLike
 
 from .above import Above
+from .constraint.couplings import closures_given
 from .contents import tell_left_out
-from .couplings import closures_given
-from .forces import Force, forces_given
+from .forces.forces import Force, forces_given
 
 if TYPE_CHECKING:
     from .mechanism import Mechanism
@@ -49,7 +49,7 @@ class FromFiles(Above):
         strict : bool
             Refuse a file with parts that are not simulated instead of warning of them.
         """
-        from ..io.urdf import read_urdf  # readers stand above the mechanisms that they make
+        from ..io.urdf.reader import read_urdf  # readers stand above the mechanisms that they make
 
         contents = read_urdf(urdf, base)
         tell_left_out(contents.left_out, _called(urdf, "URDF"), strict)
@@ -75,7 +75,7 @@ class FromFiles(Above):
         the file's own, whose files it may include; `base` and `strict` are those of `from_urdf`, `moving` is
         that of `load`.
         """
-        from ..io.mjcf import read_mjcf
+        from ..io.mjcf.reader import read_mjcf
 
         contents = read_mjcf(mjcf, base, root, moving)
         tell_left_out(contents.left_out, _called(mjcf, "MJCF"), strict)

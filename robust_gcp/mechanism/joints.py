@@ -27,9 +27,9 @@ OF_MOMENTS = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
 class JointKind(IntEnum):
     """Kinds of joints; the kernel knows the first seven by these numbers, see kernel/tree/joints.h."""
 
-    HINGE = 0
-    SLIDE = 1
-    UNBOUNDED_HINGE = 2
+    REVOLUTE = 0
+    PRISMATIC = 1
+    CONTINUOUS = 2
     SPHERICAL = 3
     TRANSLATION = 4
     FREE_FLYER = 5
@@ -51,9 +51,9 @@ MOVING_SUBSPACE = frozenset(
 
 _XYZ = ("X", "Y", "Z")
 _KINDS = {
-    **dict.fromkeys([*(f"R{a}" for a in _XYZ), "RevoluteUnaligned"], JointKind.HINGE),
-    **dict.fromkeys([*(f"P{a}" for a in _XYZ), "PrismaticUnaligned"], JointKind.SLIDE),
-    **dict.fromkeys([*(f"RUB{a}" for a in _XYZ), "RevoluteUnboundedUnaligned"], JointKind.UNBOUNDED_HINGE),
+    **dict.fromkeys([*(f"R{a}" for a in _XYZ), "RevoluteUnaligned"], JointKind.REVOLUTE),
+    **dict.fromkeys([*(f"P{a}" for a in _XYZ), "PrismaticUnaligned"], JointKind.PRISMATIC),
+    **dict.fromkeys([*(f"RUB{a}" for a in _XYZ), "RevoluteUnboundedUnaligned"], JointKind.CONTINUOUS),
     **dict.fromkeys([*(f"H{a}" for a in _XYZ), "HelicalUnaligned"], JointKind.SCREW),
     "Spherical": JointKind.SPHERICAL,
     "Translation": JointKind.TRANSLATION,
@@ -99,10 +99,10 @@ _POSITION: tuple[_Spec, ...] = tuple((a, "qv", "m", False) for a in "xyz")
 _COSINE: tuple[_Spec, ...] = (("cos", "q", "", False), ("sin", "q", "", False))
 
 _NUMBERS: dict[JointKind, tuple[_Spec, ...]] = {
-    JointKind.HINGE: (("", "qv", "rad", True),),
-    JointKind.SLIDE: (("", "qv", "m", False),),
+    JointKind.REVOLUTE: (("", "qv", "rad", True),),
+    JointKind.PRISMATIC: (("", "qv", "m", False),),
     JointKind.SCREW: (("", "qv", "rad", False),),
-    JointKind.UNBOUNDED_HINGE: (*_COSINE, ("", "v", "rad", False)),
+    JointKind.CONTINUOUS: (*_COSINE, ("", "v", "rad", False)),
     JointKind.SPHERICAL: (*_QUATERNION, *_ROTATION),
     JointKind.TRANSLATION: _POSITION,
     JointKind.FREE_FLYER: (*_POSITION, *_QUATERNION, *_ROTATION),
@@ -117,7 +117,7 @@ Of a free or planar joint, x, y and z in q are the position in the parent's axes
 the joint's own; of a ball or free joint, rx, ry and rz are the angular velocity in its own axes.
 """
 
-_WITH_AXIS = (JointKind.HINGE, JointKind.SLIDE, JointKind.UNBOUNDED_HINGE, JointKind.SCREW)
+_WITH_AXIS = (JointKind.REVOLUTE, JointKind.PRISMATIC, JointKind.CONTINUOUS, JointKind.SCREW)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,15 +11,15 @@ from numpy.typing import ArrayLike
 
 from ..checks import check_finite, check_positive, check_text, hint, shown
 from ..errors import ModelError
-from .assembly import FEW_STARTS, MANY_STARTS
+from .assembly.assembly import FEW_STARTS, MANY_STARTS
+from .assembly.ranges import assembled_within
 from .bodies import WORLD, Body, BodyJoint
 from .body_graph import spanned
-from .forces import Force
-from .independent import completed, regular_near
+from .coordinates.independent import completed, regular_near
+from .forces.forces import Force
 from .loops import ClosedLoops
 from .mechanism import Mechanism
 from .named_numbers import with_numbers
-from .ranges import assembled_within
 from .rods import direction, required, rod, vector
 from .tree import Array
 

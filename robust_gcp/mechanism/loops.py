@@ -13,17 +13,17 @@ from numpy.typing import ArrayLike, NDArray
 from ..checks import checked_rows, checked_vector, require_finite
 from ..errors import ModelError, StateError
 from .at_each import at_each
-from .closed import require_closed, require_proper
-from .closures import closure_frames
-from .constraint import without_zero_rows
-from .couplings import AnyClosure, CouplingClosure, Couplings, closures_given
+from .constraint.closed import require_closed, require_proper
+from .constraint.closures import closure_frames
+from .constraint.constraint import without_zero_rows
+from .constraint.couplings import AnyClosure, CouplingClosure, Couplings, closures_given
+from .coordinates.loop_graph import characteristic_length
+from .coordinates.partition import numerical_rank, ranked_choices
 from .joints import Joint, in_v, joint_named, joints_of
-from .loop_graph import characteristic_length
 from .memo import Memo
 from .model_check import check_model
 from .named_numbers import Named, with_numbers
 from .near import seen_from, standpoint
-from .partition import numerical_rank, ranked_choices
 from .tolerances import CLOSED, POLISHED, ROUNDED, STRUCTURAL
 from .tree import Array, Tree, require_depth_first
 from .unchanged import require_equal

@@ -17,19 +17,19 @@ from .actuation.actuation import Actuation
 from .actuation.actuators import Actuator, actuators_given
 from .actuation.paths import Path as TendonPath
 from .actuation.paths import tendons_given
-from .applied_forces import AppliedForces
+from .assembly.keyframes import Keyframes, keyframes_of
+from .constraint.couplings import AnyClosure, closures_given
+from .constraint.pin_constraints import with_named_frames
+from .constraint.rounding import IMPLIED, without_unmoved_rows
 from .contents import FileContents, named, tell_left_out
-from .couplings import AnyClosure, closures_given
-from .forces import Force, forces_given, require_length
+from .coordinates.independent import best_at_home, require_determined
+from .forces.applied_forces import AppliedForces
+from .forces.forces import Force, forces_given, require_length
 from .from_files import FromFiles
-from .independent import best_at_home, require_determined
-from .keyframes import Keyframes, keyframes_of
 from .loops import ClosedLoops
 from .model_check import check_model
 from .parts import Part
-from .pin_constraints import with_named_frames
 from .recommended import Recommended
-from .rounding import IMPLIED, without_unmoved_rows
 from .sensors import Sensors
 from .tree import Array
 

@@ -13,8 +13,8 @@ from typing import Any
 
 from ..checks import check_callable, check_finite, check_number, check_text, listed, shown
 from ..errors import ModelError, OptionError
+from .assembly.ranges import ranges_of
 from .loops import ClosedLoops
-from .ranges import ranges_of
 
 
 @dataclass(frozen=True)

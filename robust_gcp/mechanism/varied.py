@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from ..checks import hint, shown
 from ..errors import OptionError, PartitionError
-from .closures import Closure
-from .forces import JointDamper, JointSpring, JointTorque, PointSpring
+from .constraint.closures import Closure
+from .forces.forces import JointDamper, JointSpring, JointTorque, PointSpring
 from .joints import Joint
 from .mechanism import Mechanism
 from .tolerances import RANK

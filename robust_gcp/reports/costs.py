@@ -28,12 +28,12 @@ from ..io.loader import load
 from ..kernel import backends
 from ..maps.choice import Method
 from ..maps.cluster.jet import null_pairing
-from ..mechanism.applied_forces import AppliedForces
+from ..mechanism.forces.applied_forces import AppliedForces
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Tree
 from ..printing import along, write, write_json
+from ..simulation.runs.stats import Stats
 from ..simulation.simulate import simulate
-from ..simulation.stats import Stats
 from . import pages
 from .contender import clock
 from .costs_scenes import SCENES, Scene

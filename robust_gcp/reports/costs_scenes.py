@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from ..examples import linkages
 from ..io.loader import load
-from ..mechanism.forces import JointDamper, JointSpring
+from ..mechanism.forces.forces import JointDamper, JointSpring
 from ..mechanism.mechanism import Mechanism
 from .stability.truth import with_forces
 

@@ -19,10 +19,10 @@ from ..kernel.derivations import derivation
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..printing import along, table, write_json
-from ..simulation.cost import Cost
-from ..simulation.gradient import gradient
+from ..simulation.derivatives.cost import Cost
+from ..simulation.derivatives.gradient import gradient
 from ..simulation.simulate import simulate
-from ..simulation.trajectory import Trajectory
+from ..simulation.trajectories.trajectory import Trajectory
 from . import pages
 from .contender import clock
 from .robot_speed import robots_in

@@ -21,14 +21,14 @@ from ..kernel import backends
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..printing import along, table, write_json
-from ..simulation.cost import Cost
-from ..simulation.derivatives import derivatives, forward_dynamics
-from ..simulation.gradient import gradient
-from ..simulation.linearised import linearise
-from ..simulation.motion_point import motion_point
-from ..simulation.one_step import step, step_jacobians
-from ..simulation.parameter_slopes import by_parameters
-from ..simulation.second_derivatives import second_derivatives
+from ..simulation.derivatives.accelerations import derivatives, forward_dynamics
+from ..simulation.derivatives.cost import Cost
+from ..simulation.derivatives.gradient import gradient
+from ..simulation.derivatives.linearised import linearise
+from ..simulation.derivatives.motion_point import motion_point
+from ..simulation.derivatives.one_step import step, step_jacobians
+from ..simulation.derivatives.parameter_slopes import by_parameters
+from ..simulation.derivatives.second_derivatives import second_derivatives
 from ..simulation.simulate import simulate
 from . import pages, path_accuracy, run_paths
 from .contender import clock

@@ -24,7 +24,7 @@ from ..examples.families import four_bars
 from ..examples.linkages import add_link, n_four_bar
 from ..io.loader import load
 from ..kernel import backends
-from ..mechanism.closures import PointClosure
+from ..mechanism.constraint.closures import PointClosure
 from ..mechanism.mechanism import Mechanism
 from ..printing import along, write_json
 from ..simulation.simulate import simulate

@@ -17,8 +17,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from ..mechanism.closures import PointClosure
-from ..mechanism.couplings import AnyClosure, CouplingClosure
+from ..mechanism.constraint.closures import PointClosure
+from ..mechanism.constraint.couplings import AnyClosure, CouplingClosure
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.parts import JointFriction, Stop
 from ..mechanism.tree import Array

@@ -31,7 +31,7 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
 from ..printing import progress_bar, table, write_json
 from ..simulation.simulate import simulate
-from ..simulation.trajectory import Trajectory
+from ..simulation.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,13 +12,13 @@ import numpy as np
 from ..errors import RobustGcpError
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from ..simulation.batch import Batch
-from ..simulation.cost import Cost
-from ..simulation.derivatives import derivatives, forward_dynamics
-from ..simulation.gradient import gradient
-from ..simulation.many import simulate_many
-from ..simulation.motion_point import motion_point
-from ..simulation.one_step import step
+from ..simulation.batches.batch import Batch
+from ..simulation.batches.many import simulate_many
+from ..simulation.derivatives.accelerations import derivatives, forward_dynamics
+from ..simulation.derivatives.cost import Cost
+from ..simulation.derivatives.gradient import gradient
+from ..simulation.derivatives.motion_point import motion_point
+from ..simulation.derivatives.one_step import step
 from ..simulation.simulate import simulate
 from ..simulation.stepwise import Simulation
 from .gradients.problems import Problem, problems

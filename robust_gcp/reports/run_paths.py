@@ -10,15 +10,15 @@ import numpy as np
 
 from ..analysis.local import analyse
 from ..dynamics.loads import Wrench
-from ..dynamics.motion import Motion
+from ..dynamics.prescribed.motion import Motion
 from ..examples.linkages import n_four_bar
 from ..io.loader import load
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.parts import JointFriction, Stop
 from ..mechanism.tree import Array
-from ..simulation.batch import Batch
+from ..simulation.batches.batch import Batch
+from ..simulation.batches.many import simulate_many
 from ..simulation.events import Event
-from ..simulation.many import simulate_many
 from ..simulation.simulate import simulate
 from ..simulation.stepwise import Simulation
 

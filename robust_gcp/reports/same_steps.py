@@ -8,9 +8,9 @@ import numpy as np
 
 from ..dynamics.equations import EquationsOfMotion
 from ..mechanism.tree import Array
-from ..simulation.refined import REFINED_ATOL, REFINED_RTOL
-from ..simulation.stats import Stats
-from ..simulation.steppers import adaptive, rk4_step
+from ..simulation.runs.refined import REFINED_ATOL, REFINED_RTOL
+from ..simulation.runs.stats import Stats
+from ..simulation.runs.steppers import adaptive, rk4_step
 
 LATE = 1e-9
 """Steps before the end of one within which a change of coordinates belongs to the next."""

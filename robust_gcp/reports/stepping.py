@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import SimulationError
 from ..mechanism.tree import Array
-from ..simulation.steppers import adaptive, rk4_step
+from ..simulation.runs.steppers import adaptive, rk4_step
 from .contender import clock
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from ..checks import real_array
 from ..mechanism.mechanism import Mechanism
-from ..simulation.batch import Batch
-from ..simulation.many import Start, simulate_many
+from ..simulation.batches.batch import Batch
+from ..simulation.batches.many import Start, simulate_many
 
 HEADER = ("mechanism", " threads", " simulate_many", " Batch", " mujoco.rollout", " ratio", "note")
 

@@ -8,20 +8,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..dynamics.held import HeldTorque
 from ..dynamics.loads import Wrench
+from ..dynamics.prescribed.zero_order_hold import HeldTorque
 from ..maps.explicit import Crossing
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree import Array
-from .access import SENSOR, FrameMotion, Sample, as_name, force_columns
-from .powered import powered_columns
-from .reactions import Loaded, Reaction, multipliers_of, row_names
-from .sensing import sensed
+from .trajectories.access import SENSOR, FrameMotion, Sample, as_name, force_columns
+from .trajectories.powered import powered_columns
+from .trajectories.reactions import Loaded, Reaction, multipliers_of, row_names
+from .trajectories.sensing import sensed
 
 if TYPE_CHECKING:
     from .phases.happening import Happening
     from .phases.stepwise import PhasedRun
-    from .stepped import SteppedRun
+    from .runs.stepped import SteppedRun
 
 
 @dataclass(frozen=True)

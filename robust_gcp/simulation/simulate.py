@@ -9,12 +9,12 @@ from typing import Any, Literal
 from numpy.typing import ArrayLike
 
 from ..checks import check_between, check_choice, check_mechanism, check_positive, listed, shown
-from ..dynamics.control import Controls, with_control
-from ..dynamics.driven import prescribed, with_still_ground
 from ..dynamics.equations import Torque
-from ..dynamics.held import HeldTorque
 from ..dynamics.loads import Torques, Wrench, one_torque
-from ..dynamics.motion import Motion
+from ..dynamics.prescribed.control import Controls, with_control
+from ..dynamics.prescribed.driven import prescribed, with_still_ground
+from ..dynamics.prescribed.motion import Motion
+from ..dynamics.prescribed.zero_order_hold import HeldTorque
 from ..dynamics.tableau import Tableau
 from ..errors import CuspError, OptionError
 from ..kernel.steps import BACKENDS, chosen_library
@@ -24,13 +24,13 @@ from ..maps.cluster.options import USUAL, BridgeOptions
 from ..maps.projection import PROJECTION_THRESHOLD
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.parts import Part, parts_given
-from .acted import Acted
-from .course import Course
 from .events import EventFunction, checked_events
-from .schedule import last_output, planned
-from .steppers import check_stepper
-from .trajectory import Trajectory
-from .unnamed import is_guarded
+from .runs.automatic_step import is_guarded
+from .runs.course import Course
+from .runs.schedule import last_output, planned
+from .runs.steppers import check_stepper
+from .trajectories.acted import Acted
+from .trajectories.trajectory import Trajectory
 
 Toggle = Literal["repartition", "error"]
 

@@ -11,27 +11,27 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..checks import check_choice, check_finite, check_mechanism, check_positive, check_whole, shown
-from ..dynamics.control import Controls, held_controls
-from ..dynamics.held import HeldTorque
 from ..dynamics.loads import Wrench, one_torque, wrenches_given
-from ..dynamics.motion import Motion
+from ..dynamics.prescribed.control import Controls, held_controls
+from ..dynamics.prescribed.motion import Motion
+from ..dynamics.prescribed.zero_order_hold import HeldTorque
 from ..errors import ClosureError, NonFiniteError, OptionError, SimulationError, SingularStartError
 from ..kernel.steps import BACKENDS, chosen_library
 from ..maps.choice import METHODS, MapChoice, Method
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.parts import Part, parts_given
 from ..mechanism.tree import Array
-from .coarse import Coarse
-from .course import OVERFLOWN
 from .events import EventFunction, checked_events
-from .files import ARRAYS
-from .keep import Keep
 from .present import Present
+from .runs.course import OVERFLOWN
+from .runs.keep import Keep
+from .runs.starting import Given
+from .runs.too_long_steps import Coarse
 from .saved import SavedState, StartState
 from .simulate import checked_record
-from .starting import Given
 from .stepwise_plan import ROOM, StepwisePlan
-from .trajectory import Trajectory
+from .trajectories.files import ARRAYS
+from .trajectories.trajectory import Trajectory
 
 
 class Simulation(Present):

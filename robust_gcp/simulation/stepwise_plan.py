@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..dynamics.driven import prescribed
-from ..dynamics.held import HeldTorque
 from ..dynamics.loads import Wrench
-from ..dynamics.motion import Motion
+from ..dynamics.prescribed.driven import prescribed
+from ..dynamics.prescribed.motion import Motion
+from ..dynamics.prescribed.zero_order_hold import HeldTorque
 from ..errors import OptionError
 from ..kernel.library import Library
 from ..kernel.steps import NativeSteps
@@ -20,16 +20,16 @@ from ..maps.point import Counters
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.parts import Part
 from ..mechanism.tree import Array
-from .acted import Acted
-from .course import Course
 from .events import Event
-from .keep import Keep
-from .schedule import Schedule
+from .runs.course import Course
+from .runs.keep import Keep
+from .runs.schedule import Schedule
+from .runs.stability import StabilityCheck
+from .runs.starting import Given, rates_at, started
+from .runs.stepped import SteppedRun
+from .runs.steppers import rk4_step
 from .simulate import checked_toggle
-from .stability import StabilityCheck
-from .starting import Given, rates_at, started
-from .stepped import SteppedRun
-from .steppers import rk4_step
+from .trajectories.acted import Acted
 
 if TYPE_CHECKING:
     from .phases.stepwise import PhasedRun

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..checks import shown
-from ..dynamics.motion import Motion
+from ..dynamics.prescribed.motion import Motion
 from ..errors import OptionError, RobustGcpError
 from ..kernel.measures import measured
 from ..mechanism.tree import Array
-from ..simulation.files import data_frame, write_csv
-from ..simulation.trajectory import Trajectory, energy_drift
+from ..simulation.trajectories.files import data_frame, write_csv
+from ..simulation.trajectories.trajectory import Trajectory, energy_drift
 
 if TYPE_CHECKING:
     from pandas import DataFrame

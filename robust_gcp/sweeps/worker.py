@@ -17,7 +17,7 @@ from ..errors import OptionError, RobustGcpError
 from ..io.loader import load
 from ..mechanism.mechanism import Mechanism
 from ..simulation.simulate import simulate
-from ..simulation.trajectory import Trajectory
+from ..simulation.trajectories.trajectory import Trajectory
 from .record import Failure, failure_of, summary, words_of
 
 Build = str | Path | Mechanism | Callable[..., Mechanism]

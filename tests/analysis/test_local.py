@@ -16,7 +16,7 @@ from robust_gcp.examples import linkages, six_bars, spatial
 from robust_gcp.maps.closed_form import FourBar
 from robust_gcp.maps.cluster.jet import null_pairing
 from robust_gcp.maps.cluster.space import ClusterSpace
-from robust_gcp.mechanism.closures import Closure
+from robust_gcp.mechanism.constraint.closures import Closure
 
 Array = NDArray[np.float64]
 PI = np.pi

@@ -14,7 +14,7 @@ from robust_gcp.maps.closed_form import FourBar
 from robust_gcp.mechanism.mechanism import Mechanism
 from robust_gcp.mechanism.tree import Array
 from robust_gcp.simulation.simulate import simulate
-from robust_gcp.simulation.trajectory import Trajectory
+from robust_gcp.simulation.trajectories.trajectory import Trajectory
 
 from .random_cases import RandomCase, passed
 

@@ -14,7 +14,7 @@ import pinocchio as pin
 import pytest
 
 import robust_gcp as rg
-from robust_gcp.io.mjcf import read_mjcf
+from robust_gcp.io.mjcf.reader import read_mjcf
 from tests.io.drives import Beside
 from tests.io.drives import differences as driven
 

@@ -21,8 +21,8 @@ from robust_gcp.examples.families import Lengths, four_bars
 from robust_gcp.mechanism.mechanism import Mechanism
 from robust_gcp.mechanism.tree import Array
 from robust_gcp.reports.same_steps import same_steps
+from robust_gcp.simulation.runs.stats import Stats
 from robust_gcp.simulation.simulate import simulate
-from robust_gcp.simulation.stats import Stats
 
 from .loops_in_closed_form import LoopsInClosedForm
 from .random_cases import RandomCase, passed

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 import robust_gcp as rg
 from robust_gcp.examples.families import four_bars, scissor_lift
 from robust_gcp.examples.linkages import four_bar
-from robust_gcp.mechanism.closures import closure_frames
+from robust_gcp.mechanism.constraint.closures import closure_frames
 from robust_gcp.reports import gradients
 
 from ..exact import Exact, Matrix, Vector

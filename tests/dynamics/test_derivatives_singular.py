@@ -11,12 +11,12 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
-from robust_gcp.dynamics.map_rates import ClusterRates
+from robust_gcp.dynamics.modes.map_rates import ClusterRates
 from robust_gcp.dynamics.problem import set_out
 from robust_gcp.examples.families import four_bars, scissor_lift
 from robust_gcp.examples.linkages import four_bar, swinging_four_bar
 from robust_gcp.maps.closed_form import parallelogram_pendulum
-from robust_gcp.mechanism.extended import EPS
+from robust_gcp.mechanism.constraint.extended import EPS
 
 from ..exact import ONE, Exact, pi
 from ..simulation.test_floating import CHANGE_POINT

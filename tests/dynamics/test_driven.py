@@ -12,8 +12,8 @@ import scipy
 from numpy.typing import NDArray
 
 import robust_gcp as rg
-from robust_gcp.dynamics.drive import Drive
-from robust_gcp.dynamics.jet import rates
+from robust_gcp.dynamics.prescribed.drive import Drive
+from robust_gcp.dynamics.prescribed.time_rates import rates
 from robust_gcp.examples.linkages import add_link
 
 Array = NDArray[np.float64]

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import robust_gcp as rg
-from robust_gcp.io.mjcf import read_mjcf
-from robust_gcp.io.mjcf_actuators import CompiledActuators, is_constant
-from robust_gcp.io.mjcf_compiled import compiled
-from robust_gcp.io.mjcf_document import Document
-from robust_gcp.io.mjcf_tendons import CompiledTendons
-from robust_gcp.io.mjcf_tree import FREE, CompiledTree
+from robust_gcp.io.mjcf.actuators import CompiledActuators, is_constant
+from robust_gcp.io.mjcf.compiled import compiled
+from robust_gcp.io.mjcf.document import Document
+from robust_gcp.io.mjcf.reader import read_mjcf
+from robust_gcp.io.mjcf.tendons import CompiledTendons
+from robust_gcp.io.mjcf.tree import FREE, CompiledTree
 from robust_gcp.io.xml_text import is_xml_text, parsed_xml
 
 Array = NDArray[np.float64]

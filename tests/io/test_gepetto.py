@@ -12,7 +12,7 @@ import yaml
 
 import robust_gcp as rg
 from robust_gcp.io.gepetto import with_joint_changes
-from robust_gcp.io.urdf import read_urdf
+from robust_gcp.io.urdf.reader import read_urdf
 
 pytestmark = pytest.mark.filterwarnings("ignore::robust_gcp.ModelWarning")
 """Limits of joints are not what these tests are about."""

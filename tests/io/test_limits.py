@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 
 import robust_gcp as rg
 from robust_gcp.__main__ import main
-from robust_gcp.io.mjcf_stops import restitution_of, solref_of
+from robust_gcp.io.mjcf.stops import restitution_of, solref_of
 
 Array = NDArray[np.float64]
 

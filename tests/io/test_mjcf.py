@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import subspace_angles
 
 import robust_gcp as rg
-from robust_gcp.io.mjcf import read_mjcf
+from robust_gcp.io.mjcf.reader import read_mjcf
 from robust_gcp.mechanism.contents import FileContents
 from robust_gcp.mechanism.loops import ClosedLoops
 

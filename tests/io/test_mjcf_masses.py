@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 
 import robust_gcp as rg
-from robust_gcp.io.mjcf import read_mjcf
+from robust_gcp.io.mjcf.reader import read_mjcf
 
 GEOMS = """
 <geom type="box" size="0.1 0.2 0.3" pos="0.1 0.2 0.3" euler="10 20 30"/>

@@ -15,7 +15,7 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
-from robust_gcp.io.mjcf import read_mjcf
+from robust_gcp.io.mjcf.reader import read_mjcf
 from robust_gcp.mechanism.contents import FileContents
 from robust_gcp.mechanism.loops import ClosedLoops
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import subspace_angles
 
 import robust_gcp as rg
-from robust_gcp.io.mjcf import read_mjcf
+from robust_gcp.io.mjcf.reader import read_mjcf
 
 BODIES = """<body name="a" pos="0 0 1"><freejoint name="free_a"/><geom size="0.1" pos="0 1 0"/>
   <body name="b" pos="0 1 0.2"><joint name="hinge" axis="0 1 0"/><joint name="slide" type="slide"/>

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import robust_gcp as rg
-from robust_gcp.io.mjcf import read_mjcf
+from robust_gcp.io.mjcf.reader import read_mjcf
 
 TABLE = """<mujoco><option><flag contact="disable"/></option><worldbody>
 <body name="table" pos="0 0 1"><geom type="box" size="0.5 0.5 0.05"/><site name="corner" pos="0.5 0.5 0"/>

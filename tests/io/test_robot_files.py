@@ -19,7 +19,7 @@ import pinocchio as pin
 import pytest
 
 import robust_gcp as rg
-from robust_gcp.io.mjcf import read_mjcf
+from robust_gcp.io.mjcf.reader import read_mjcf
 from robust_gcp.mechanism.loops import ClosedLoops
 from robust_gcp.reports.robots import files_below, tried
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import robust_gcp as rg
-from robust_gcp.io.sdf import read_sdf
+from robust_gcp.io.sdf.reader import read_sdf
 
 ROBOTS = Path(os.environ.get("ROBUST_GCP_ROBOTS", Path(__file__).parents[3] / "shared" / "robots"))
 LENGTHS = {"crank": 1.0, "coupler": 3.0, "rocker": 2.5}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import robust_gcp as rg
-from robust_gcp.io.urdf import read_urdf
+from robust_gcp.io.urdf.reader import read_urdf
 
 ROD = """<inertial><origin xyz="0 0.5 0"/><mass value="1"/>
   <inertia ixx="0.0833" ixy="0" ixz="0" iyy="0" iyz="0" izz="0.0833"/></inertial>"""

@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 
 import robust_gcp as rg
-from robust_gcp.io.usd import read_usd
+from robust_gcp.io.usd.reader import read_usd
 
 pytest.importorskip("pxr")
 

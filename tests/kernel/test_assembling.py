@@ -7,7 +7,7 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.kernel.assembling import closed, lifted
-from robust_gcp.mechanism import assembly
+from robust_gcp.mechanism.assembly import assembly
 
 NAMES = [name for name in rg.model_names() if rg.load(name).closures]
 

@@ -18,14 +18,14 @@ import robust_gcp as rg
 from robust_gcp.dynamics import derivatives as reference
 from robust_gcp.dynamics import discrete
 from robust_gcp.dynamics import linearise as by_reference
-from robust_gcp.dynamics.mode_rates import ZONE
+from robust_gcp.dynamics.modes.mode_rates import ZONE
 from robust_gcp.dynamics.problem import set_out
 from robust_gcp.examples.legged import legged
 from robust_gcp.examples.linkages import four_bar, n_four_bar
 from robust_gcp.kernel.derivations import derivation
 from robust_gcp.mechanism.joints import JointKind
 from robust_gcp.reports.stability.truth import with_forces
-from robust_gcp.simulation import reverse_sweep
+from robust_gcp.simulation.derivatives import reverse_sweep
 
 from ..compiled import needs_kernel, stepped
 from ..dynamics.test_derivatives import FLOATING, floating, geared
@@ -418,7 +418,7 @@ class TestSteps:
             rg.gradient(run, rg.Cost(terminal=lambda q, v: q[0]), torque=np.zeros(3))
 
     def test_long_runs_in_several_stretches(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        from robust_gcp.simulation import backwards
+        from robust_gcp.simulation.derivatives import backwards
 
         run = rg.simulate(rg.load("crank_rocker"), duration=0.3, step=1e-3)
         cost = rg.Cost(terminal=lambda q, v: v[0], running=lambda t, q, v, tau: 0.1 * v[1] ** 2)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import robust_gcp as rg
-from robust_gcp.dynamics.driven import DrivenEquations
+from robust_gcp.dynamics.prescribed.driven import DrivenEquations
 
 from ..compiled import needs_kernel, some
 from .test_random_floating import made

@@ -25,7 +25,7 @@ from robust_gcp.maps.point import Counters
 from robust_gcp.maps.regular_path import RegularPath
 from robust_gcp.maps.start import begin
 from robust_gcp.reports.robot_speed import Steps
-from robust_gcp.simulation.record import Outputs
+from robust_gcp.simulation.runs.record import Outputs
 
 from ..compiled import needs_kernel
 

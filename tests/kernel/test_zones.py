@@ -13,10 +13,10 @@ import robust_gcp as rg
 from robust_gcp.examples import families, linkages
 from robust_gcp.maps.cluster.cluster_map import ClusterMap
 from robust_gcp.maps.cluster.patch_builder import NODES
-from robust_gcp.maps.cluster.plain import read, written
 from robust_gcp.maps.cluster.space import space_of
+from robust_gcp.maps.cluster.tracker_numbers import read, written
 from robust_gcp.maps.four_bar import FourBar
-from robust_gcp.simulation.charts import map_of_rest, point_of_rest
+from robust_gcp.simulation.runs.charts import map_of_rest, point_of_rest
 
 from ..compiled import needs_kernel
 

@@ -15,11 +15,11 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.examples import meetings
-from robust_gcp.maps.cluster import meeting_ahead
-from robust_gcp.maps.cluster.meeting import MANY, half_width, meeting
 from robust_gcp.maps.cluster.options import USUAL
 from robust_gcp.maps.cluster.space import ClusterSpace
-from robust_gcp.mechanism.clusters import loop_clusters
+from robust_gcp.maps.cluster.touching import meeting_ahead
+from robust_gcp.maps.cluster.touching.meeting import MANY, half_width, meeting
+from robust_gcp.mechanism.coordinates.clusters import loop_clusters
 from robust_gcp.mechanism.loops import ClosedLoops
 from tests.compiled import needs_kernel
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp.examples.linkages import add_link
-from robust_gcp.mechanism.closures import Closure, closure_frames
-from robust_gcp.mechanism.constraint import ImplicitConstraint
+from robust_gcp.mechanism.constraint.closures import Closure, closure_frames
+from robust_gcp.mechanism.constraint.constraint import ImplicitConstraint
 from robust_gcp.mechanism.tree import Tree
 
 Array = NDArray[np.float64]

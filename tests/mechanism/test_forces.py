@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp.examples import linkages
-from robust_gcp.mechanism.forces import Force
+from robust_gcp.mechanism.forces.forces import Force
 
 Array = NDArray[np.float64]
 PI = np.pi

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import robust_gcp as rg
-from robust_gcp.mechanism.ranges import ranges_of
+from robust_gcp.mechanism.assembly.ranges import ranges_of
 
 ROBOTS = Path(os.environ.get("ROBUST_GCP_ROBOTS", Path(__file__).parents[3] / "shared" / "robots"))
 FLAT = [(1.5, 1, 2.5, 2), (1, 2, 3, 4), (2, 1, 2, 1), (1, 1, 1, 1), (1, 2, 1, 2), (4, 2, 5, 3)]

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp.maps.closed_form import pendulum
-from robust_gcp.mechanism.closures import closure_frames
-from robust_gcp.mechanism.constraint import ImplicitConstraint
+from robust_gcp.mechanism.constraint.closures import closure_frames
+from robust_gcp.mechanism.constraint.constraint import ImplicitConstraint
 from robust_gcp.mechanism.tree import Tree
 
 Array = NDArray[np.float64]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 import robust_gcp as rg
 from robust_gcp.dynamics import derivatives as reference
 from robust_gcp.dynamics import discrete
-from robust_gcp.mechanism.applied_forces import AppliedForces
+from robust_gcp.mechanism.forces.applied_forces import AppliedForces
 from tests.compiled import KERNEL, needs_kernel
 
 Array = NDArray[np.float64]

@@ -12,8 +12,8 @@ import robust_gcp as rg
 from robust_gcp.examples import linkages
 from robust_gcp.maps.blocks import BlockFactor
 from robust_gcp.maps.regular_path import RegularPath
-from robust_gcp.mechanism.independent import is_determined
-from robust_gcp.mechanism.partition import (
+from robust_gcp.mechanism.coordinates.independent import is_determined
+from robust_gcp.mechanism.coordinates.partition import (
     MAX_ENUMERATED,
     Block,
     independent_rows,

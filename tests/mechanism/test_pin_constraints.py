@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
-from robust_gcp.mechanism.pin_constraints import with_named_frames
+from robust_gcp.mechanism.constraint.pin_constraints import with_named_frames
 
 Array = NDArray[np.float64]
 States = Callable[[rg.Mechanism, int], list[tuple[Array, Array]]]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp.drawing.figures.mechanism import face_on, pose
-from robust_gcp.simulation.reactions import row_names
+from robust_gcp.simulation.trajectories.reactions import row_names
 
 Array = NDArray[np.float64]
 

@@ -12,8 +12,8 @@ import pytest
 import robust_gcp as rg
 from robust_gcp.examples.linkages import add_link
 from robust_gcp.mechanism import tolerances
+from robust_gcp.mechanism.constraint.rank import singular_words
 from robust_gcp.mechanism.loops import ClosedLoops
-from robust_gcp.mechanism.rank import singular_words
 
 PACKAGE = Path(rg.__file__).parent
 

@@ -10,8 +10,8 @@ import pinocchio as pin
 import pytest
 
 import robust_gcp as rg
+from robust_gcp.mechanism.constraint.partial_closure import PartialClosure
 from robust_gcp.mechanism.loops import ClosedLoops
-from robust_gcp.mechanism.partial_closure import PartialClosure
 
 RIGHT = "1.570796326794897 0 0"
 

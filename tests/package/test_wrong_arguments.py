@@ -198,7 +198,7 @@ def test_what_stands_against_the_model_or_the_disk_is_told_before_the_work(
     def work(*args: Any, **named: Any) -> Any:
         raise AssertionError("work has begun")
 
-    monkeypatch.setattr("robust_gcp.simulation.course.FixedRun", work)
+    monkeypatch.setattr("robust_gcp.simulation.runs.course.FixedRun", work)
     monkeypatch.setattr("robust_gcp.analysis.space._Search", work)
     monkeypatch.setattr("robust_gcp.reports.costs.measure", work)
     err = refused(line.split(), here, capsys)

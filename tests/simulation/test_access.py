@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
-from robust_gcp.simulation.reactions import row_names
+from robust_gcp.simulation.trajectories.reactions import row_names
 
 Array = NDArray[np.float64]
 

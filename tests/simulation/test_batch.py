@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp.kernel import rows as kernel_rows
-from robust_gcp.simulation import batch as batch_module
+from robust_gcp.simulation.batches import batch as batch_module
 
 Array = NDArray[np.float64]
 

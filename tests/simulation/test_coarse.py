@@ -7,7 +7,7 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.examples.linkages import four_bar
-from robust_gcp.simulation.coarse import CoarseStepWarning
+from robust_gcp.simulation.runs.too_long_steps import CoarseStepWarning
 
 
 def thrown(step: float, speed: float = 10.0) -> rg.Trajectory:

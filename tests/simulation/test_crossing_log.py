@@ -13,7 +13,7 @@ from robust_gcp.examples.families import planar_linkage
 from robust_gcp.examples.six_bars import joined_by_dyad
 from robust_gcp.examples.spatial import sarrus
 from robust_gcp.maps.explicit import Crossing
-from robust_gcp.simulation.crossings import AT_ONCE, together
+from robust_gcp.simulation.runs.crossings import AT_ONCE, together
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from scipy.optimize import brentq
 import robust_gcp as rg
 from robust_gcp.examples.linkages import four_bar
 from robust_gcp.maps.closed_form import parallelogram_pendulum, pendulum
-from robust_gcp.simulation.crossings import hermite
+from robust_gcp.simulation.runs.crossings import hermite
 
 PI = np.pi
 

@@ -9,7 +9,7 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.examples import linkages
-from robust_gcp.simulation.evenness import GAIN, UNEVEN, evenest, kept_rates, unevenness
+from robust_gcp.simulation.runs.evenness import GAIN, UNEVEN, evenest, kept_rates, unevenness
 
 BACKENDS = ["python", pytest.param("native", marks=pytest.mark.skipif(
     not rg.backends()["native"].available, reason="no compiled kernel"))]  # fmt: skip

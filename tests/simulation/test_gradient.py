@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp.examples.linkages import four_bar
-from robust_gcp.simulation.reverse_sweep import STRETCH
+from robust_gcp.simulation.derivatives.reverse_sweep import STRETCH
 
 from ..dynamics.test_derivatives import TENTH, floating, moved
 
@@ -226,7 +226,7 @@ def test_through_nine_crossings() -> None:
 
 def test_through_changes_of_the_independent_joints(monkeypatch: pytest.MonkeyPatch) -> None:
     """A rocker turns back, another takes over and gives back; by differences of runs, and the reference."""
-    import robust_gcp.simulation.reverse_sweep as module
+    import robust_gcp.simulation.derivatives.reverse_sweep as module
 
     case = Case(four_bar(1.0, 1.2, 1.4, 0.7, y=1.0), [-1.0], 120, 4e-3)
     case.tau *= 0.1
@@ -281,7 +281,7 @@ def test_through_steps_that_were_taken_with_error_control() -> None:
 
 def test_memory_is_that_of_one_stretch(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever the run's length, and the same gradient by stretches of another length (the reference)."""
-    import robust_gcp.simulation.reverse_sweep as module
+    import robust_gcp.simulation.derivatives.reverse_sweep as module
 
     monkeypatch.setattr(module, "kernel_of", lambda *_: None)
     case = Case(rg.load("rhombus"), [1.0], 3 * STRETCH + 7, 1e-3)

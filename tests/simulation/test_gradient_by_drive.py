@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
-from robust_gcp.simulation import reverse_sweep
+from robust_gcp.simulation.derivatives import reverse_sweep
 
 from ..compiled import some
 from ..dynamics.test_derivatives import floating

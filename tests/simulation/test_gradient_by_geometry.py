@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp.examples.linkages import four_bar
-from robust_gcp.simulation import reverse_sweep
-from robust_gcp.simulation.at_states import AtStates
+from robust_gcp.simulation.derivatives import reverse_sweep
+from robust_gcp.simulation.derivatives.at_states import AtStates
 
 from ..dynamics.test_derivatives import TENTH, floating
 from .test_gradient import COST, Case, slope

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp.dynamics.regressor import OF_A_BODY
-from robust_gcp.simulation import reverse_sweep
+from robust_gcp.simulation.derivatives import reverse_sweep
 
 from ..dynamics.test_derivatives import floating
 from .test_gradient import COST, slope

@@ -10,7 +10,7 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.examples.legged import legged
-from robust_gcp.simulation.many import Start
+from robust_gcp.simulation.batches.many import Start
 
 SAME = 1e-12
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp import printing
-from robust_gcp.simulation.schedule import SAME, Schedule
+from robust_gcp.simulation.runs.schedule import SAME, Schedule
 
 Array = NDArray[np.float64]
 START = [0.1, -0.1, 0.1], [-1.0, 1.0, -1.0]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import robust_gcp as rg
-from robust_gcp.simulation.stepped import SteppedRun
+from robust_gcp.simulation.runs.stepped import SteppedRun
 
 from ..compiled import needs_kernel
 

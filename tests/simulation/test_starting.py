@@ -18,7 +18,7 @@ from robust_gcp.kernel.library import library
 from robust_gcp.kernel.steps import NativeSteps
 from robust_gcp.maps.choice import MapChoice
 from robust_gcp.maps.point import Counters
-from robust_gcp.simulation.starting import StartRates, rates_at, started
+from robust_gcp.simulation.runs.starting import StartRates, rates_at, started
 
 from ..compiled import needs_kernel
 from .test_floating import REGULAR, floating

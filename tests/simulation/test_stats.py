@@ -10,7 +10,7 @@ import robust_gcp as rg
 from robust_gcp.examples.six_bars import watt
 from robust_gcp.maps.march import POOR
 from robust_gcp.mechanism.tree import Tree
-from robust_gcp.simulation.recovery import Recovery
+from robust_gcp.simulation.runs.recovery import Recovery
 
 
 class Counted:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp.maps.closed_form import parallelogram_pendulum, pendulum
-from robust_gcp.simulation.steppers import SCIPY_STEPPERS, adaptive, check_stepper, rk4_step
+from robust_gcp.simulation.runs.steppers import SCIPY_STEPPERS, adaptive, check_stepper, rk4_step
 
 Array = NDArray[np.float64]
 Rhs = Callable[[float, Array], Array]

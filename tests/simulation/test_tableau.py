@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import robust_gcp as rg
-from robust_gcp.simulation.steppers import rk4_step
+from robust_gcp.simulation.runs.steppers import rk4_step
 
 MIDPOINT = rg.Tableau(((0.5,),), (0.0, 1.0))
 RALSTON = rg.Tableau(((0.5,), (0.0, 0.75)), (2.0 / 9.0, 1.0 / 3.0, 4.0 / 9.0))

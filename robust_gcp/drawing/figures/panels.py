@@ -10,8 +10,8 @@ from ...errors import OptionError
 from ...mechanism.joints import Component, components_of
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
-from ...simulation.access import SENSOR
-from ...simulation.reactions import row_names
+from ...simulation.trajectories.access import SENSOR
+from ...simulation.trajectories.reactions import row_names
 from .moments import Eventful
 
 RECORDED = {

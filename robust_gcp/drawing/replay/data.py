@@ -11,7 +11,7 @@ import numpy as np
 from ...maps.explicit import Crossing
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
-from ...simulation.trajectory import Trajectory
+from ...simulation.trajectories.trajectory import Trajectory
 from ..skeleton import PARALLEL, placements, plane_normal, upward
 from .frames import frame_times, resample
 from .geometry import Sticks, face_on, layers, sticks

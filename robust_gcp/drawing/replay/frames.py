@@ -8,7 +8,7 @@ import numpy as np
 
 from ...errors import OptionError, StateError
 from ...mechanism.tree import Array
-from ...simulation.trajectory import Trajectory
+from ...simulation.trajectories.trajectory import Trajectory
 
 FPS = 30
 """Pictures a second of play."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...checks import listed
-from ...mechanism.closures import frame_of
+from ...mechanism.constraint.closures import frame_of
 from ...mechanism.joints import JointKind
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
@@ -103,7 +103,7 @@ def sticks(mechanism: Mechanism, R: Array, p: Array, trails: Sequence[str] | Non
 def _tip(made: Sticks, mechanism: Mechanism, seat: Seat) -> int:
     """A second point on a hinge's axis; the first where it has none."""
     joint = mechanism.joints[seat.joint - 1]
-    if joint.axis is None or joint.kind is JointKind.SLIDE:
+    if joint.axis is None or joint.kind is JointKind.PRISMATIC:
         return seat.point
     made.points.append((seat.joint, 0.04 * made.size * joint.axis))  # never shared: it is no end of a link
     return len(made.points) - 1

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from ...checks import check_whole
 from ...errors import OptionError, missing_extra
 from ...mechanism.mechanism import Mechanism
-from ...simulation.trajectory import Trajectory
+from ...simulation.trajectories.trajectory import Trajectory
 from .replay import meshcat_folder
 
 if TYPE_CHECKING:

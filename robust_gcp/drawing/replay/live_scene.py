@@ -12,7 +12,7 @@ from meshcat.path import Path
 
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
-from ...simulation.trajectory import Trajectory
+from ...simulation.trajectories.trajectory import Trajectory
 from ..skeleton import placements
 from .data import link_radius, scene_data
 from .frames import frame_times, resample

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from ...errors import OptionError, RobustGcpError
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
-from ...simulation.trajectory import Trajectory
+from ...simulation.trajectories.trajectory import Trajectory
 from .frames import FPS, frame_times, resample
 from .live_scene import LiveScene
 from .live_server import LoopbackServer

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from ...checks import check_choice, check_positive, check_text, path_given, real_array, shown
 from ...errors import MissingExtraError, OptionError, missing_extra
-from ...simulation.trajectory import Trajectory
+from ...simulation.trajectories.trajectory import Trajectory
 from .data import run_data, scene_data
 from .frames import playing_speed
 

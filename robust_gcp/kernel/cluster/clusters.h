@@ -17,7 +17,7 @@ struct Step {
     const double *ydd0, *ydd1;
 };
 
-constexpr double SAME_PLACE = 1e-6;  // as in ground.py
+constexpr double SAME_PLACE = 1e-6;  // as in regular_ground.py
 
 class Clusters {
   public:

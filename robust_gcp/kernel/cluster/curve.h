@@ -108,7 +108,7 @@ class Curve {
         return made;
     }
 
-    // Whether it is a window of a mode that lies in the singular set; see maps/cluster/within.py.
+    // Whether it is a window of a mode that lies in the singular set; see maps/cluster/touching/singular_mode.py.
     bool within() const { return shape_->roots.empty(); }
 
     // Whether the singular place next to a point of the mode, which is not on the curve, is one of the curve's.

@@ -1,4 +1,4 @@
-// Bridges of one coordinate that were built, to be met again; see maps/cluster/kept.py.
+// Bridges of one coordinate that were built, to be met again; see maps/cluster/known_curves.py.
 #pragma once
 
 #include <algorithm>

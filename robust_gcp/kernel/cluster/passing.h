@@ -1,4 +1,4 @@
-// The state of a tracker as plain numbers, for Python to go on from, and back; see kernel/passing.py. An array is
+// The state of a tracker as plain numbers, for Python to go on from, and back; see maps/cluster/tracker_numbers.py. An array is
 // its rows, its columns, and its numbers column by column.
 #pragma once
 

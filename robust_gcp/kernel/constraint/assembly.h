@@ -1,5 +1,5 @@
 // Closing the loops from afar: Levenberg–Marquardt on points first, then on points and rotations, then Newton on φ.
-// The same steps as mechanism/assembly.py, whose docstrings say why; constants come from there.
+// The same steps as mechanism/assembly/assembly.py, whose docstrings say why; constants come from there.
 #pragma once
 
 #include <algorithm>

@@ -1,5 +1,5 @@
 // φ of a part in extended precision: where K_d is nearly singular q is closed by it to its own rounding; see
-// mechanism/extended.py.
+// mechanism/constraint/extended.py.
 #pragma once
 
 #include <algorithm>
@@ -68,7 +68,7 @@ class Extended {
         VecOf<Wide> r = parent.turn(wide(body.at));
         Wide* q = &q_[static_cast<std::size_t>(body.q)];
         switch (body.kind) {  // numbers that are on a circle or a sphere but for their rounding
-            case UNBOUNDED_HINGE: normalise(q, 2); break;
+            case CONTINUOUS: normalise(q, 2); break;
             case SPHERICAL: normalise(q, 4); break;
             case FREE_FLYER: normalise(q + 3, 4); break;
             case PLANAR: normalise(q + 2, 2); break;

@@ -250,7 +250,7 @@ class Derivation {
         still_.lead(state_.data());
     }
 
-    // The point at `state_`, if the path is good enough; see RegularGround in ground.py.
+    // The point at `state_`, if the path is good enough; see RegularGround in regular_ground.py.
     Reason move(const States& s, Point& anchor, Point& point) {
         path_.modes->on = false;
         if (anchor.by_modes && !std::isfinite(s.same)) {

@@ -1,4 +1,4 @@
-// Inputs that move as prescribed, and what that takes; see dynamics/driven.py.
+// Inputs that move as prescribed, and what that takes; see dynamics/prescribed/driven.py.
 #pragma once
 
 #include <algorithm>

@@ -157,7 +157,7 @@ class Checked {
         within("coupling_further", d.coupling_further, 0, MOST);
         array("parent", d.parent, d.joints);
         for (std::int32_t j = 0; j < d.joints; ++j) within("parent", d.parent[j], 0, j);
-        indices("kind", d.kind, d.joints, HINGE, PLANAR);
+        indices("kind", d.kind, d.joints, REVOLUTE, PLANAR);
         std::int64_t nq = 0, nv = 0;
         for (std::int32_t j = 0; j < d.joints; ++j) nq += NUMBERS[d.kind[j]].q, nv += NUMBERS[d.kind[j]].v;
         if (nq != d.nq || nv != d.nv) bad("numbers of joints");

@@ -172,10 +172,10 @@ class PublicMotion {
     std::vector<double> x, anchor, origin, ydd, q, v;
 
   private:
-    static constexpr double PATIENCE = 1.2;  // as in simulation/coordinates.py
+    static constexpr double PATIENCE = 1.2;  // as in simulation/runs/coordinates.py
     static constexpr double STEEPER = 0.8;
     static constexpr std::int64_t AT_ONCE = 1024;  // steps, whose times take memory
-    static constexpr std::int32_t CONTROL_ROWS = 4;  // as in dynamics/held.py
+    static constexpr std::int32_t CONTROL_ROWS = 4;  // as in dynamics/prescribed/zero_order_hold.py
 
     const Layout& layout() const { return charts_[chart_]->layout; }
     std::uint64_t identity() const {

@@ -68,7 +68,7 @@ class Evaluator {
         return motion_.evaluate(t, point, r);
     }
 
-    // One step of the regular path, if it is good enough; see RegularGround in ground.py.
+    // One step of the regular path, if it is good enough; see RegularGround in regular_ground.py.
     Reason by_regular_path(const Request& r, const double* y, const double* ydot, Point& point) {
         if (Reason reason = path.step(*anchor_, origin_, y, ydot, point)) return reason;
         if (r.bridging == nullptr) return point.conditioning() >= r.zone ? DONE : ZONE;

@@ -13,7 +13,7 @@
 
 namespace rg {
 
-// Conditioning from which an output is one to return to, of a run that came to `best`: see simulation/recovery.py.
+// Conditioning from which an output is one to return to, of a run that came to `best`: see simulation/runs/recovery.py.
 constexpr double BEGINS = 1e-4;  // conditioning of K_d from which a start needs no look at what modes meet there
 
 inline double good_from(double best) { return best >= POOR ? POOR : std::max(0.05, 0.8 * best); }

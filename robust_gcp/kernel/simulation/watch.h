@@ -1,4 +1,4 @@
-// Whether other coordinates may serve better: see simulation/coordinates.py and evenness.py.
+// Whether other coordinates may serve better: see simulation/runs/coordinates.py and evenness.py.
 #pragma once
 
 #include <algorithm>

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from .blocks import HINGE, Numbers
+from .blocks import REVOLUTE, Numbers
 from .tracing import Tape, Traced, Vector, cross, plus, times
 
 Twists = tuple[list[Vector], list[Vector], list[Vector], list[Vector]]
@@ -37,7 +37,7 @@ class Kinematics:
     def correct(self, j: int, x: Traced) -> None:
         """Move a dependent joint, and its sine and cosine by the first terms of their series."""
         self.q[j] = self.q[j] + x
-        if self.k["kind"][j] != HINGE:
+        if self.k["kind"][j] != REVOLUTE:
             return
         c, s, square = self.c[j], self.s[j], x * x
         sine = x * (self.tape.constant(1.0) - square * (1.0 / 6.0))
@@ -52,7 +52,7 @@ class Kinematics:
             place, parent = self.place[j - 1], int(self.k["parent"][j - 1])
             x, y, z = (self.turned(parent, place[[i, 3 + i, 6 + i]]) for i in range(3))
             r = self.turned(parent, place[9:12])
-            if self.k["kind"][j - 1] == HINGE:
+            if self.k["kind"][j - 1] == REVOLUTE:
                 c, s = self.c[j - 1], self.s[j - 1]
                 x, y = plus(times(c, x), times(s, y)), plus(times(c, y), times(-s, x))
             else:
@@ -78,7 +78,7 @@ class Kinematics:
             vz, az = times(v[j - 1], z), times(rate[j - 1], z)
             w, u = W[i], plus(U[i], cross(W[i], r))
             a, b = A[i], plus(B[i], cross(A[i], r), cross(w, cross(w, r)))
-            turns = self.k["kind"][j - 1] == HINGE
+            turns = self.k["kind"][j - 1] == REVOLUTE
             W.append(plus(w, vz) if turns else w)
             U.append(u if turns else plus(u, vz))
             A.append(plus(a, az, cross(w, vz)) if turns else a)
@@ -115,7 +115,7 @@ class Kinematics:
                     if j in chains[1 - side]:
                         continue  # it moves the loop as a whole
                     z = self.R[j][2]
-                    turns = self.k["kind"][j - 1] == HINGE
+                    turns = self.k["kind"][j - 1] == REVOLUTE
                     way = cross(z, [a - b for a, b in zip(at, self.p[j], strict=True)]) if turns else z
                     weight = sign * float(self.k["row_weight"][row]) * float(self.k["scale"][j - 1])
                     K[row][j - 1] = K[row][j - 1] + way[axis] * weight

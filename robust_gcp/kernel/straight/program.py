@@ -85,7 +85,7 @@ def header(numbers: Numbers) -> str:
         f"constexpr int NV = {d.nv}, M = {d.m}, BLOCKS = {blocks}, BLOCKS_OF_KERNEL = {d.blocks};",
         f"constexpr int PARTS = {max(part) + 1}, CONTROLS = {len(stage.ctrl)};",
         _array("int", "FREE", numbers["independent"].tolist()),
-        _array("bool", "HINGE", [str(kind == 0).lower() for kind in numbers["kind"].tolist()]),
+        _array("bool", "REVOLUTE", [str(kind == 0).lower() for kind in numbers["kind"].tolist()]),
         _array("int", "PART", part),
         _array("int", "PART_OF_INPUT", inputs),
         _array("double", "SIZE", [repr(x) for x in numbers["size"].tolist()]),

@@ -54,7 +54,7 @@ inline void turned(real x, real& sine, real& cosine) {
     cosine = ((quarter + 1) & 2) != 0 ? -cosine : cosine;
 }
 
-#include "mechanism.h"  // NV, M, BLOCKS, FREE, HINGE, SIZE, TURN, and the macro STAGE: the lines of the stage
+#include "mechanism.h"  // NV, M, BLOCKS, FREE, REVOLUTE, SIZE, TURN, and the macro STAGE: the lines of the stage
 
 constexpr double POOR = 0.3, PACE = 3.0, FARTHEST = 0.5, CORRECTION = 0.25, ROUNDING = 1e-12, RATIO = 2.5;  // branch.h
 constexpr double SERIES = 1e-3, LEFT = 1e-16;  // a first correction that stage.py's series hold for; what Newton leaves
@@ -89,7 +89,7 @@ inline mask evaluate(const Point& from, const real* y, const real* u, const Acti
     }
     for (int k = 0; k < M; ++k) q[FREE[k]] = y[k];
     for (int i = 0; i < NV; ++i)
-        if (HINGE[i]) far = larger(far, absolute(q[i])), turned(q[i], s[i], c[i]);
+        if (REVOLUTE[i]) far = larger(far, absolute(q[i])), turned(q[i], s[i], c[i]);
     const real *tau = acts.tau, *ctrl = acts.ctrl, power = acts.power;
     STAGE
     for (int k = 0; k < M; ++k) out.y[k] = y[k], out.u[k] = u[k];

@@ -14,7 +14,7 @@
 namespace rg {
 
 struct Body {
-    int parent = 0, kind = HINGE, q = 0, first = 0, count = 1;  // first, count: its freedoms
+    int parent = 0, kind = REVOLUTE, q = 0, first = 0, count = 1;  // first, count: its freedoms
     bool aligned = false;                                       // placed without a rotation
     bool held = false;                                          // in its neutral position
     bool upright = false;                                       // turns about its own z only, seen from the ground
@@ -64,7 +64,7 @@ struct Chain {
             for (int k = 0; k < 6; ++k) b.inertia[k] = i[4 + k];
             b.heavy = std::any_of(i, i + 10, [](double x) { return x != 0.0; });
             const bool along = m[2] == 0.0 && m[5] == 0.0 && m[8] == 1.0;
-            b.upright = (is_hinge(b.kind) || b.kind == SLIDE) && (b.parent == 0 || (along && bodies[b.parent].upright));
+            b.upright = (is_revolute(b.kind) || b.kind == PRISMATIC) && (b.parent == 0 || (along && bodies[b.parent].upright));
             b.q = q;
             for (int i = 0; i < NUMBERS[b.kind].v; ++i) number_at.push_back(q + i);
             b.first = static_cast<int>(freedoms.size());
@@ -83,7 +83,7 @@ struct Chain {
 
     void place(const std::vector<int>& joints, const double* q) {
         for (int j : joints) {
-            if (bodies[j].kind == HINGE) turn_to(j, q[bodies[j].q]);
+            if (bodies[j].kind == REVOLUTE) turn_to(j, q[bodies[j].q]);
             put(j, q);
         }
     }
@@ -91,7 +91,7 @@ struct Chain {
     // The same after `place`, since when q was changed by `step` (nv).
     void place_after(const std::vector<int>& joints, const double* q, const double* step) {
         for (int j : joints) {
-            if (bodies[j].kind == HINGE) turn_by(j, q[bodies[j].q], step[bodies[j].first]);
+            if (bodies[j].kind == REVOLUTE) turn_by(j, q[bodies[j].q], step[bodies[j].first]);
             put(j, q);
         }
     }
@@ -114,7 +114,7 @@ struct Chain {
             u[j] = u[b.parent] + cross(w, arm);
             a[j] = a[b.parent] + centripetal(w, arm);
             if (!b.upright) a[j] += cross(turning, arm);  // 0 where all turn about one axis
-            if (is_hinge(b.kind)) {
+            if (is_revolute(b.kind)) {
                 const Vec turn = v[b.first] * axes[j].z;
                 omega[j] = w + turn;
                 alpha[j] = b.upright ? none : turning + cross(w, turn);
@@ -155,7 +155,7 @@ struct Chain {
         const Axes& parent = axes[b.parent];
         const Axes base = b.aligned ? parent : parent.turn(b.placed);
         r[j] = parent.turn(b.at);
-        if (b.kind == HINGE)
+        if (b.kind == REVOLUTE)
             axes[j] = base.about_z(cosine[j], sine[j]);
         else
             axes[j] = b.held ? base : moved(b.kind, q + b.q, base, r[j]);

@@ -127,9 +127,9 @@ inline void turn_circle(const double* q, double angle, double* moved) {
 // q ⊕ w of one joint; `moved` may be q.
 inline void integrate_joint(int kind, const double* q, const double* w, double* moved) {
     switch (kind) {
-        case HINGE:
-        case SLIDE: moved[0] = q[0] + w[0]; return;
-        case UNBOUNDED_HINGE: turn_circle(q, w[0], moved); return;
+        case REVOLUTE:
+        case PRISMATIC: moved[0] = q[0] + w[0]; return;
+        case CONTINUOUS: turn_circle(q, w[0], moved); return;
         case SPHERICAL: turn_quaternion(q, {w[0], w[1], w[2]}, moved); return;
         case TRANSLATION:
             for (int i = 0; i < 3; ++i) moved[i] = q[i] + w[i];
@@ -173,9 +173,9 @@ inline void joint_difference(int kind, const double* q, const double* other, dou
     };
     Twist apart;
     switch (kind) {
-        case HINGE:
-        case SLIDE: w[0] = other[0] - q[0]; return;
-        case UNBOUNDED_HINGE: w[0] = turn_of_circle(0); return;
+        case REVOLUTE:
+        case PRISMATIC: w[0] = other[0] - q[0]; return;
+        case CONTINUOUS: w[0] = turn_of_circle(0); return;
         case TRANSLATION:
             for (int i = 0; i < 3; ++i) w[i] = other[i] - q[i];
             return;

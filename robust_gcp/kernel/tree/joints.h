@@ -11,7 +11,7 @@ namespace rg {
 
 // Joints whose motion subspace is constant in their own frame. Hinges and slides are about or along z:
 // the caller turns the frames.
-enum Kind : std::int32_t { HINGE, SLIDE, UNBOUNDED_HINGE, SPHERICAL, TRANSLATION, FREE_FLYER, PLANAR };
+enum Kind : std::int32_t { REVOLUTE, PRISMATIC, CONTINUOUS, SPHERICAL, TRANSLATION, FREE_FLYER, PLANAR };
 
 // One velocity of a joint: a column of the joint's axes, turning about it or sliding along it.
 struct Freedom {
@@ -36,15 +36,15 @@ constexpr Numbers NUMBERS[] = {
     {4, 3, {{0, SLIDES}, {1, SLIDES}, {2, TURNS}}},
 };
 
-inline bool is_hinge(int kind) { return kind == HINGE || kind == UNBOUNDED_HINGE; }
+inline bool is_revolute(int kind) { return kind == REVOLUTE || kind == CONTINUOUS; }
 
 // The joint's axes, from those of its place on the parent, `base`; its origin r is shifted from there.
 template <typename T>
 AxesOf<T> moved(int kind, const T* q, const AxesOf<T>& base, VecOf<T>& r) {
     switch (kind) {
-        case HINGE: return base.about_z(std::cos(q[0]), std::sin(q[0]));
-        case SLIDE: r += q[0] * base.z; return base;
-        case UNBOUNDED_HINGE: return base.about_z(q[0], q[1]);
+        case REVOLUTE: return base.about_z(std::cos(q[0]), std::sin(q[0]));
+        case PRISMATIC: r += q[0] * base.z; return base;
+        case CONTINUOUS: return base.about_z(q[0], q[1]);
         case SPHERICAL: return base.turn(axes_of_quaternion(q));
         case TRANSLATION: r += base.turn(VecOf<T>{q[0], q[1], q[2]}); return base;
         case FREE_FLYER:

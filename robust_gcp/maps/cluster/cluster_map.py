@@ -8,7 +8,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from ...errors import SimulationError
-from ...mechanism.clusters import LoopCluster
+from ...mechanism.coordinates.clusters import LoopCluster
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ..explicit import Charted, Passage, Stretch
@@ -16,18 +16,18 @@ from ..point import Counters, Point
 from ..regular_path import RegularPath
 from .apex import rounding
 from .chart import CHANGE, quality
-from .ground import RegularGround
 from .jet import Jet, LostError
 from .obstacles import Obstacle, ObstacleError
 from .options import LAST_RESORT, BridgeOptions
 from .passages import passages
-from .plain import read, written
 from .product import chart_coordinates, product
 from .reference import in_charts, is_far
 from .refusal import not_followed, obstacle_at, refusal, too_large, what_stopped
+from .regular_ground import RegularGround
 from .renewal import jet_at, recharted, tracker_at, whole_point
 from .space import space_of
 from .tracker import Tracker
+from .tracker_numbers import read, written
 
 ONE_TURN = 2.0 * np.pi
 """Largest rotation between evaluations, rad, or slide in lengths, that is followed in small steps."""

@@ -10,9 +10,9 @@ import numpy as np
 from ...errors import SimulationError
 from ...mechanism.tree import Array
 from .jet import Jet
-from .meeting import Meeting
 from .options import BridgeOptions, NoBridgeError
 from .place import Place, place
+from .touching.meeting import Meeting
 
 DEEP = 0.3
 """Share of the zone within which an undecided place stops a motion that is followed with error control."""

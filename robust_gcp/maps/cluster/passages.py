@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from ...errors import SimulationError
-from ...mechanism.clusters import LoopCluster
+from ...mechanism.coordinates.clusters import LoopCluster
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ..explicit import CrossingKind, Passage, Stretch

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...mechanism.clusters import LoopCluster
-from ...mechanism.joint_charts import loop_charts
+from ...mechanism.coordinates.clusters import LoopCluster
+from ...mechanism.coordinates.joint_charts import loop_charts
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ..explicit import OUTGROWN

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from ...errors import BranchError, CuspError, NotCertifiedError, SimulationError, ToggleError
-from ...mechanism.clusters import LoopCluster
+from ...mechanism.coordinates.clusters import LoopCluster
+from ...mechanism.coordinates.partition import spelled
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.partition import spelled
 from ...mechanism.tree import Array
 from ..march import POOR
 from ..point import Point
 from .chart import quality
-from .meeting_ahead import touches_ahead
 from .obstacles import Obstacle, ObstacleError
+from .touching.meeting_ahead import touches_ahead
 from .tracker import Tracker
 
 CLEARLY_TOUCHING = 1.7

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...mechanism.clusters import LoopCluster
+from ...mechanism.coordinates.clusters import LoopCluster
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ..point import Counters, Point

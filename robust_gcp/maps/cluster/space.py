@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ...mechanism.clusters import LoopCluster
-from ...mechanism.constraint import ImplicitConstraint
+from ...mechanism.constraint.constraint import ImplicitConstraint
+from ...mechanism.coordinates.clusters import LoopCluster
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 
 if TYPE_CHECKING:
     from .curve import Curve
-    from .meeting import Meeting
     from .options import BridgeOptions
+    from .touching.meeting import Meeting
 
 WIDEST = 10.0
 """Largest unit of a joint, in radians or characteristic lengths: K changes with the angle of any joint."""

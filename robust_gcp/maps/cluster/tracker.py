@@ -9,7 +9,7 @@ from ..point import Counters
 from .apex import BESIDE, LEFT, BesideApex, apart, apex_near
 from .curve import Curve
 from .jet import Jet, LostError, jet, solve
-from .kept import KnownCurves, known_to, passes, stays_clear
+from .known_curves import KnownCurves, known_to, passes, stays_clear
 from .obstacles import APEX, CONE_WORDS, FARTHEST_LOOK, Obstacle, ObstacleError, approaching, judge
 from .options import BridgeOptions, NoBridgeError
 from .patch import Patch

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...checks import check_finite, shown
 from ...errors import ModelError
-from ..forces import Force
+from ..forces.forces import Force
 from ..tree import Array
 from .paths import BoundPath, Path, SumOfJoints
 

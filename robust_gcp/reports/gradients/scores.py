@@ -15,7 +15,7 @@ from ...arguments import Arguments, file, pathname, word
 from ...errors import RobustGcpError
 from ...mechanism.tree import Array
 from ...printing import table, write_json
-from ...simulation.derivatives import derivatives
+from ...simulation.derivatives.accelerations import derivatives
 from .problems import Problem, problems
 
 RIGHT = 1e-9

@@ -21,8 +21,8 @@ import numpy as np
 import pinocchio as pin
 
 from ...kernel import build
-from ...mechanism.closures import closure_frames, frame_of
-from ...mechanism.forces import JointDamper, JointSpring, JointTorque, PointSpring
+from ...mechanism.constraint.closures import closure_frames, frame_of
+from ...mechanism.forces.forces import JointDamper, JointSpring, JointTorque, PointSpring
 from ...mechanism.joints import JointKind
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
@@ -178,7 +178,7 @@ def knows(mechanism: Mechanism) -> bool:
     return all(joint.kind in _KINDS for joint in mechanism.joints)
 
 
-_KINDS = {JointKind.HINGE: 0, JointKind.SLIDE: 4, JointKind.SPHERICAL: 8, JointKind.FREE_FLYER: 9}
+_KINDS = {JointKind.REVOLUTE: 0, JointKind.PRISMATIC: 4, JointKind.SPHERICAL: 8, JointKind.FREE_FLYER: 9}
 _OTHER_AXIS = 3
 
 

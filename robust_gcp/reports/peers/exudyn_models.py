@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from ...mechanism.closures import RevoluteClosure
-from ...mechanism.forces import PointSpring
+from ...mechanism.constraint.closures import RevoluteClosure
+from ...mechanism.forces.forces import PointSpring
 from ...mechanism.tree import Array
 from ..contender import Scene
 from .parts import Joint, Place, closure_places, constant_torques, frame_place, joints

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from ...mechanism.closures import RevoluteClosure, closure_frames, frame_of
-from ...mechanism.forces import JointTorque
+from ...mechanism.constraint.closures import RevoluteClosure, closure_frames, frame_of
+from ...mechanism.forces.forces import JointTorque
 from ...mechanism.joints import JointKind
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
@@ -31,13 +31,13 @@ class Joint:
     @property
     def hinge(self) -> bool:
         """Whether it turns about its axis."""
-        return self.kind is JointKind.HINGE
+        return self.kind is JointKind.REVOLUTE
 
 
 def has_simple_joints(mechanism: Mechanism, floating: bool = False) -> bool:
     """Whether all joints are hinges and sliders with one number in q; or free-flyers on the ground."""
     return all(
-        joint.kind in (JointKind.HINGE, JointKind.SLIDE)
+        joint.kind in (JointKind.REVOLUTE, JointKind.PRISMATIC)
         or (floating and joint.kind is JointKind.FREE_FLYER and mechanism.own_model.parents[joint.index] == 0)
         for joint in mechanism.joints
     )

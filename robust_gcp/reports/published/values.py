@@ -12,8 +12,8 @@ import pinocchio as pin
 
 from ...examples.linkages import n_four_bar
 from ...io.loader import load
-from ...mechanism.closures import PointClosure
-from ...mechanism.forces import PointSpring
+from ...mechanism.constraint.closures import PointClosure
+from ...mechanism.forces.forces import PointSpring
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ...simulation.simulate import simulate

@@ -11,10 +11,10 @@ from scipy.optimize import root
 
 from ...errors import SimulationError
 from ...examples.linkages import four_bar
-from ...mechanism.forces import JointDamper, JointSpring
+from ...mechanism.forces.forces import JointDamper, JointSpring
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
-from ...simulation.linearised import linearise
+from ...simulation.derivatives.linearised import linearise
 from ...simulation.simulate import simulate
 from .case import Start, at_rest
 from .truth import SHAFT, A, B, governor, with_forces

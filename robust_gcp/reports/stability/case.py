@@ -17,7 +17,7 @@ from ...dynamics.equations import Torque
 from ...maps.choice import Method
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
-from ...simulation.stats import Stats
+from ...simulation.runs.stats import Stats
 
 Verdict = Literal["right", "coarse", "stopped", "wrong"]
 Start = tuple[Mechanism, Array, Array]

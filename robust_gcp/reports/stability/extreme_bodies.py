@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...examples.linkages import four_bar, swinging_four_bar
-from ...simulation.stats import Stats
+from ...simulation.runs.stats import Stats
 from .case import Case, Families, Start, at_rest, family, row
 from .extreme_tools import (
     ANTIPARALLELOGRAM,

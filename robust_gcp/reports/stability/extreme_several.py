@@ -11,10 +11,10 @@ import pinocchio as pin
 
 from ...errors import SimulationError
 from ...examples.families import four_bars
-from ...mechanism.couplings import CouplingClosure
+from ...mechanism.constraint.couplings import CouplingClosure
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
-from ...simulation.stats import Stats
+from ...simulation.runs.stats import Stats
 from ..stepping import stepped
 from ..work_precision.reduced import Reduced
 from ..work_precision.references import integrate

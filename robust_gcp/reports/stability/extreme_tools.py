@@ -19,9 +19,9 @@ from ...maps.choice import MapChoice
 from ...maps.closed_form import FourBar
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
+from ...simulation.runs.stats import Stats
 from ...simulation.simulate import simulate
-from ...simulation.stats import Stats
-from ...simulation.trajectory import Trajectory
+from ...simulation.trajectories.trajectory import Trajectory
 from ..same_steps import same_steps
 from .case import Case, Setting, Start, row
 

@@ -12,10 +12,10 @@ import numpy as np
 from ...errors import RobustGcpError, StateError
 from ...maps.classical import SingularityWarning
 from ...printing import along
-from ...simulation.coarse import CoarseStepWarning
+from ...simulation.runs.stability import StabilityWarning
+from ...simulation.runs.too_long_steps import CoarseStepWarning
 from ...simulation.simulate import simulate
-from ...simulation.stability import StabilityWarning
-from ...simulation.trajectory import Trajectory
+from ...simulation.trajectories.trajectory import Trajectory
 from .case import Case, Cell, Setting, Start
 
 MOST_CHECKED = 2000

@@ -13,8 +13,8 @@ from ...dynamics.problem import set_out
 from ...maps.choice import MapChoice
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
-from ...simulation.linearised import linearise
-from ...simulation.steppers import IMPLICIT
+from ...simulation.derivatives.linearised import linearise
+from ...simulation.runs.steppers import IMPLICIT
 from .stiff import drive, driven
 from .truth import SHAFT, A, B, Servo, governor, of_run
 

@@ -9,12 +9,12 @@ import numpy as np
 
 from ...dynamics.equations import Torque
 from ...examples.linkages import four_bar
-from ...mechanism.forces import Force, JointDamper, JointSpring
+from ...mechanism.forces.forces import Force, JointDamper, JointSpring
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
-from ...simulation.linearised import linearise
+from ...simulation.derivatives.linearised import linearise
+from ...simulation.runs.stats import Stats
 from ...simulation.simulate import simulate
-from ...simulation.stats import Stats
 from .bound import KICK, System, systems
 from .case import Case, Families, Setting, Start, at_rest, family, row
 from .extreme_tools import EXACT

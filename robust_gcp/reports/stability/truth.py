@@ -14,7 +14,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from ...io.loader import load
 from ...maps.pendulum import parallelogram_pendulum
-from ...mechanism.forces import Force, PointSpring
+from ...mechanism.forces.forces import Force, PointSpring
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ...simulation.simulate import simulate

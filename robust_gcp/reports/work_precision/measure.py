@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import StateError
-from ...mechanism.forces import JointTorque
+from ...mechanism.forces.forces import JointTorque
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from .. import pages

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...maps.pendulum import pendulum
 from ...mechanism.tree import Array
-from ...simulation.steppers import adaptive
+from ...simulation.runs.steppers import adaptive
 from .reduced import OneDof, Reduced
 
 TIGHT, TIGHTEST = 3e-14, 1e-15

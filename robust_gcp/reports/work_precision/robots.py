@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...io.loader import load
-from ...mechanism.forces import JointSpring
+from ...mechanism.forces.forces import JointSpring
 from ...mechanism.joints import JointKind
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array

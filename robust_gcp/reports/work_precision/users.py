@@ -10,7 +10,7 @@ import pinocchio as pin
 from ...examples.families import Lengths, four_bars, scissor_lift
 from ...examples.linkages import four_bar
 from ...maps.closed_form import FourBar
-from ...mechanism.closures import RevoluteClosure
+from ...mechanism.constraint.closures import RevoluteClosure
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ..contender import Scene

@@ -15,13 +15,13 @@ import pinocchio as pin
 from ...dynamics.equations import Split
 from ...dynamics.loads import Wrench
 from ...errors import ModelError, OptionError, SimulationError
-from ...mechanism.closures import PointClosure, PrismaticClosure, RevoluteClosure
+from ...mechanism.constraint.closures import PointClosure, PrismaticClosure, RevoluteClosure
 from ...mechanism.joints import JointKind, joint_named
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.parts import JointFriction
 from ...mechanism.tree import Array
 from ...mechanism.workspace import workspace
-from ..reactions import Loaded, closure_number
+from ..trajectories.reactions import Loaded, closure_number
 
 if TYPE_CHECKING:
     from .decision import Phase
@@ -155,8 +155,8 @@ def _share_and_bearing(mechanism: Mechanism, part: JointFriction) -> tuple[float
 
 def _in_tree(mechanism: Mechanism, name: str, label: str) -> tuple[bool, Bearing]:
     joint, model = joint_named(mechanism.joints, name, label), mechanism.own_model
-    prismatic = joint.kind is JointKind.SLIDE
-    if not prismatic and joint.kind not in (JointKind.HINGE, JointKind.UNBOUNDED_HINGE):
+    prismatic = joint.kind is JointKind.PRISMATIC
+    if not prismatic and joint.kind not in (JointKind.REVOLUTE, JointKind.CONTINUOUS):
         raise ModelError(f"{label}: coefficient goes with revolute and prismatic joints; give its bound")
     # in the joint's own frame, in which its axis is the same everywhere
     number = model.getJointId(name)

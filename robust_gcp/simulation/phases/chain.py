@@ -10,19 +10,19 @@ import numpy as np
 from ...dynamics.change_of_coordinates import Slope
 from ...dynamics.derivatives import TorqueSlopes
 from ...dynamics.equations import Evaluation, torque_function
-from ...dynamics.held_derivatives import HeldDerivatives
+from ...dynamics.prescribed.held_derivatives import HeldDerivatives
 from ...dynamics.problem import Problem, set_out
 from ...errors import NotDifferentiableError, OptionError, SingularStartError, ToggleError
 from ...kernel.derivations import derivation
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
-from ..again import require_end
-from ..coordinates import in_coordinates
-from ..derivatives import derivatives
-from ..differentiated import differentiated
-from ..moved import Acting
-from ..serving import serving
-from ..trajectory import Trajectory
+from ..derivatives.accelerations import derivatives
+from ..derivatives.moved import Acting
+from ..derivatives.serving import serving
+from ..derivatives.step_derivatives import differentiated
+from ..runs.again import require_end
+from ..runs.coordinates import in_coordinates
+from ..trajectories.trajectory import Trajectory
 from .decision import Phase
 from .links import Link, Turned, whole
 from .rows import Kind

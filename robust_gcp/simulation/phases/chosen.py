@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...mechanism.tree import Array
-from ..keep import ALL, Keep
+from ..runs.keep import ALL, Keep
 
 SAME = 1e-9
 """Share of a step within which times are the same."""

@@ -15,11 +15,11 @@ import numpy as np
 from ...maps.explicit import Crossing
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
-from ..crossings import AT_ONCE, together
 from ..events import Events
-from ..reactions import multipliers_of
-from ..stats import Stats
-from ..trajectory import Trajectory
+from ..runs.crossings import AT_ONCE, together
+from ..runs.stats import Stats
+from ..trajectories.reactions import multipliers_of
+from ..trajectories.trajectory import Trajectory
 from .chosen import Chosen
 from .decision import Phase
 from .happening import Happening

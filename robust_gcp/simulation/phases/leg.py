@@ -11,23 +11,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...dynamics.equations import Torque
-from ...dynamics.held import HeldTorque
+from ...dynamics.prescribed.zero_order_hold import HeldTorque
 from ...errors import ClosureError, PartitionError, SimulationError
 from ...kernel.steps import NativeSteps
 from ...maps.point import Counters
 from ...mechanism.tree import Array, Tree
-from ..coordinates import Coordinates
-from ..dense import Interpolant
-from ..held_run import HeldRun
-from ..schedule import Schedule
-from ..stability import StabilityCheck
-from ..starting import rates_at, started
+from ..runs.coordinates import Coordinates
+from ..runs.schedule import Schedule
+from ..runs.stability import StabilityCheck
+from ..runs.starting import rates_at, started
+from ..runs.zero_order_hold import HeldRun
+from ..trajectories.dense import Interpolant
 
 if TYPE_CHECKING:
     from ...dynamics.problem import Problem
-    from ..course import Course
-    from ..fixed import FixedRun
-    from ..trajectory import Trajectory
+    from ..runs.course import Course
+    from ..runs.fixed import FixedRun
+    from ..trajectories.trajectory import Trajectory
     from .machine import Machines
 
 Fault = SimulationError | ClosureError
@@ -142,7 +142,7 @@ class Leg:
         native: NativeSteps | None,
         counters: Counters,
     ) -> FixedRun:
-        from ..fixed import FixedRun
+        from ..runs.fixed import FixedRun
 
         run = self._plan.made(motion, torque, native, counters, None)
         assert isinstance(run, FixedRun)  # no solver goes with phases

@@ -15,17 +15,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...dynamics.control import Actuated
 from ...dynamics.equations import Torque, torque_function
-from ...dynamics.held import HeldTorque
+from ...dynamics.prescribed.control import Actuated
+from ...dynamics.prescribed.zero_order_hold import HeldTorque
 from ...errors import OptionError, SingularStartError
 from ...kernel.guard import Guard
 from ...kernel.library import Library
-from ...mechanism.couplings import MovingCoupling
+from ...mechanism.constraint.couplings import MovingCoupling
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ..events import Events
-from ..powered import controls_along
+from ..trajectories.powered import controls_along
 from .bearings import FrictionBounds
 from .decision import Acting, Phase, State
 from .leg import Leg, Steps
@@ -33,7 +33,7 @@ from .rows import Rows
 from .sliding import Sliding
 
 if TYPE_CHECKING:
-    from ..course import Course
+    from ..runs.course import Course
 
 
 Held = tuple[tuple[MovingCoupling, ...], Mechanism]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...dynamics.equations import Torque
-from ...dynamics.held import HeldTorque
+from ...dynamics.prescribed.zero_order_hold import HeldTorque
 from ...dynamics.problem import over
 from ...dynamics.tableau import Tableau
 from ...errors import SimulationError
@@ -17,10 +17,10 @@ from ...kernel.steps import NativeSteps
 from ...kernel.structures import Reason
 from ...maps.point import Counters
 from ...maps.regular_path import RegularPath
-from ...mechanism.groups import groups_of
+from ...mechanism.coordinates.groups import groups_of
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
-from ..starting import closed_by_kernel, is_plain, start_at
+from ..runs.starting import closed_by_kernel, is_plain, start_at
 from .decision import State
 from .leg import Steps
 

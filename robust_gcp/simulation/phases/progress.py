@@ -12,7 +12,7 @@ from ...maps.explicit import Crossing
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ..events import Event, Events, checked_events
-from ..trajectory import Trajectory
+from ..trajectories.trajectory import Trajectory
 from .chosen import Chosen
 from .decision import Phase, State
 from .frame import Seen

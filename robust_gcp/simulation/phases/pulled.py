@@ -16,8 +16,8 @@ from ...dynamics.derivatives import AppliedSlopes, TorqueSlopes
 from ...dynamics.equations import torque_function
 from ...errors import OptionError
 from ...mechanism.tree import Array
-from ..cost import Cost
-from ..trajectory import Trajectory
+from ..derivatives.cost import Cost
+from ..trajectories.trajectory import Trajectory
 from .chain import Chain
 from .links import Turned, whole
 

@@ -12,7 +12,7 @@ from .happening import Happening
 from .progress import Progress
 
 if TYPE_CHECKING:
-    from ..cusp import Part
+    from ..runs.cusp import Part
 
 MOST = 4096
 """Outputs of a part of a cusp's arc."""

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import StateError
-from ...mechanism.couplings import MovingCoupling
+from ...mechanism.constraint.couplings import MovingCoupling
 from ...mechanism.joints import single_joint
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.parts import JointFriction, Lock, Part, Stop

@@ -19,7 +19,7 @@ from ...dynamics.change_of_coordinates import Slope
 from ...errors import NotDifferentiableError
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
-from ..derivatives import derivatives
+from ..derivatives.accelerations import derivatives
 from .frame import Seen
 from .impact import Impulse, impulses
 from .rows import Kind, Rows

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from ...maps.start_check import checked_state, require_freedom
 from ...mechanism.tree import Array
-from ..crossings import together
 from ..present import Here
+from ..runs.crossings import together
 from .chosen import Chosen
 from .course import Phases
 from .grid import Grid
@@ -18,13 +18,13 @@ from .rows import Rows
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from ...dynamics.held import HeldTorque
+    from ...dynamics.prescribed.zero_order_hold import HeldTorque
     from ...maps.explicit import Crossing
     from ...mechanism.parts import Part
-    from ..course import Course
     from ..events import Events
-    from ..keep import Keep
-    from ..trajectory import Trajectory
+    from ..runs.course import Course
+    from ..runs.keep import Keep
+    from ..trajectories.trajectory import Trajectory
 
 
 class PhasedRun:

@@ -17,7 +17,7 @@ from ...kernel.guard import Bounds, Guard
 from ...kernel.measures import reactions
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
-from ..crossings import quintic
+from ..runs.crossings import quintic
 from .bearings import ALIKE as SAME
 from .bearings import MOST, REMEDY, FrictionBounds
 from .box import Load

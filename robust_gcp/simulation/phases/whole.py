@@ -6,11 +6,11 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from ...dynamics.held import HeldTorque
+from ...dynamics.prescribed.zero_order_hold import HeldTorque
 from ...errors import OptionError, SimulationError
 from ...maps.start_check import checked_state, require_freedom
 from ...mechanism.parts import Part
-from ..coarse import Coarse
+from ..runs.too_long_steps import Coarse
 from .chosen import Chosen
 from .course import Phases
 from .grid import Grid
@@ -18,8 +18,8 @@ from .machine import Machines
 from .rows import Rows
 
 if TYPE_CHECKING:
-    from ..course import Course, Progress
-    from ..trajectory import Trajectory
+    from ..runs.course import Course, Progress
+    from ..trajectories.trajectory import Trajectory
 
 
 def run_phases(

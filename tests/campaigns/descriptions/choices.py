@@ -10,8 +10,8 @@ from math import comb
 import numpy as np
 
 from robust_gcp.errors import RobustGcpError
+from robust_gcp.mechanism.coordinates.partition import numerical_rank
 from robust_gcp.mechanism.mechanism import Mechanism
-from robust_gcp.mechanism.partition import numerical_rank
 from robust_gcp.mechanism.tree import Array
 
 from .drawing import Drawing, View

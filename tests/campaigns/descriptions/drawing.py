@@ -9,8 +9,8 @@ import pinocchio as pin
 
 from robust_gcp.checks import shown
 from robust_gcp.errors import ModelError
-from robust_gcp.mechanism.closures import Closure, PointClosure, PrismaticClosure, RevoluteClosure
-from robust_gcp.mechanism.forces import Force, JointDamper, JointSpring, JointTorque, PointSpring
+from robust_gcp.mechanism.constraint.closures import Closure, PointClosure, PrismaticClosure, RevoluteClosure
+from robust_gcp.mechanism.forces.forces import Force, JointDamper, JointSpring, JointTorque, PointSpring
 from robust_gcp.mechanism.mechanism import Mechanism
 from robust_gcp.mechanism.tree import Array
 

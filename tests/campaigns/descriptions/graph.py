@@ -14,15 +14,15 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from robust_gcp.errors import OptionError
-from robust_gcp.mechanism.closures import (
+from robust_gcp.mechanism.constraint.closures import (
     AxisClosure,
     PointClosure,
     PrismaticClosure,
     RevoluteClosure,
     frame_of,
 )
-from robust_gcp.mechanism.couplings import AnyClosure, CouplingClosure
-from robust_gcp.mechanism.forces import PointSpring
+from robust_gcp.mechanism.constraint.couplings import AnyClosure, CouplingClosure
+from robust_gcp.mechanism.forces.forces import PointSpring
 from robust_gcp.mechanism.joints import JointKind
 from robust_gcp.mechanism.mechanism import Mechanism
 from robust_gcp.mechanism.tree import Array
@@ -90,7 +90,7 @@ class Graph:
         self._poses = [data.oMi[i].copy() for i in range(model.njoints)]
         self._twists = [self._poses[i].act(data.v[i]) for i in range(model.njoints)]
         self._frames = {f.name: (int(f.parentJoint), data.oMf[i].copy()) for i, f in enumerate(model.frames)}
-        hinges = [j for j in mechanism.joints if j.kind is JointKind.HINGE]
+        hinges = [j for j in mechanism.joints if j.kind is JointKind.REVOLUTE]
         axes = [self._poses[j.index].rotation @ np.asarray(j.axis) for j in hinges]
         self.normal = axes[0] if axes else X
         self.planar = bool(axes) and all(
@@ -104,8 +104,8 @@ class Graph:
 
     def _of_joint(self, name: str, kind: JointKind, index: int, axis: Array | None) -> Edge:
         kinds = {
-            JointKind.HINGE: Link.HINGE,
-            JointKind.SLIDE: Link.SLIDE,
+            JointKind.REVOLUTE: Link.HINGE,
+            JointKind.PRISMATIC: Link.SLIDE,
             JointKind.SPHERICAL: Link.BALL,
             JointKind.FREE_FLYER: Link.NOTHING,
         }

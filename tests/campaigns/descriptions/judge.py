@@ -15,7 +15,7 @@ from robust_gcp.errors import RobustGcpError
 from robust_gcp.mechanism.mechanism import Mechanism
 from robust_gcp.mechanism.tree import Array
 from robust_gcp.simulation.simulate import simulate
-from robust_gcp.simulation.trajectory import Trajectory
+from robust_gcp.simulation.trajectories.trajectory import Trajectory
 
 from .choices import Description, Refused, descriptions
 from .drawing import Drawing, View

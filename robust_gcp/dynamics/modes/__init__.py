@@ -1,0 +1,1 @@
+"""How the explicit map bends along a mode, at singular configurations too."""

@@ -1,0 +1,69 @@
+"""Derivatives of u̇ where rows of v are held at rest: E v = 0, by forces f on them.
+
+In the coordinates of the mechanism without them, which may be moved along what is held: its place is a
+parameter of the motion. With Y = ∂u̇/∂τ Eᵀ and S = E G Y,
+
+    f = −S⁻¹ E a,   δu̇ = δu̇|f − Y S⁻¹ E δa|f,   a = G u̇ + g.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ...mechanism.tree import Array
+from ..derivatives import Derivatives, PointDerivatives
+from ..equations import Evaluation
+
+
+class HeldDerivatives(PointDerivatives):
+    """`PointDerivatives` with rows held.
+
+    Parameters
+    ----------
+    rows : ndarray (k, nv)
+        E, independent on the motions of the mechanism.
+    others
+        As of `PointDerivatives`.
+    """
+
+    def __init__(self, rows: Array, *others: Any) -> None:
+        super().__init__(*others)
+        self._E = rows
+
+    def at(self, t: float, now: Evaluation) -> Derivatives:
+        """At an evaluated point, whose u̇ is that without f."""
+        return self.stage(t, now)[1]
+
+    def stage(self, t: float, now: Evaluation) -> tuple[Evaluation, Derivatives]:
+        """With f in τ and in u̇."""
+        held, found, _, by_f = self._held(t, now)
+        Y = found.da_dtau @ self._E.T
+        m = self.mechanism.m
+        by_y, by_u, by_tau = by_f[:, :m], by_f[:, m : 2 * m], by_f[:, 2 * m :]
+        return held, replace(
+            found,
+            da_dy=found.da_dy + Y @ by_y,
+            da_dv=found.da_dv + Y @ by_u,
+            da_dtau=found.da_dtau + Y @ by_tau,
+        )
+
+    def forces(self, t: float, now: Evaluation) -> tuple[Array, Array]:
+        """f (k,), and how it changes with (η, u, τ), (k, 2m + nv)."""
+        _, _, f, by_f = self._held(t, now)
+        return f, by_f
+
+    def _held(self, t: float, now: Evaluation) -> tuple[Evaluation, Derivatives, Array, Array]:
+        """The evaluation with f, derivatives with f as it is, f and how it changes."""
+        E, free = self._E, super().at(t, now)
+        Y = free.da_dtau @ E.T
+        S = E @ free.G @ Y
+        f = np.linalg.solve(S, -E @ now.a)
+        tau = E.T @ f if now.tau is None else now.tau + E.T @ f
+        held = replace(now, ydd=now.ydd + Y @ f, tau=tau)
+        found, whole = super().whole(t, held)
+        by = np.hstack([found.da_dy, found.da_dv, found.da_dtau])
+        rates = np.hstack([whole.by_y, whole.by_u, np.zeros_like(whole.by_y[:, :1]).repeat(len(E.T), axis=1)])
+        return held, found, f, -np.linalg.solve(S, E @ (found.G @ by + rates))

@@ -1,0 +1,1 @@
+"""MJCF (MuJoCo XML), in and out."""

@@ -1,0 +1,1 @@
+"""SDF (Gazebo, Drake)."""

@@ -1,0 +1,72 @@
+"""Parts of a URDF that the simulation leaves out, in words."""
+
+from __future__ import annotations
+
+from xml.etree.ElementTree import Element
+
+from ...mechanism.assembly.ranges import WIDE
+from ...mechanism.contents import named
+from .check import MOVING
+from .loops import LOOP_TAGS, SPRING
+from .numbers import number_in
+
+JOINT_PARTS = ("parent", "child", "origin", "axis", "limit", "dynamics", "mimic", "calibration")
+DYNAMICS = {"damping", "friction", "armature", "spring_stiffness", "spring_reference"}
+PLAIN = (*LOOP_TAGS, SPRING, "link", "joint", "material", "frame", "fixed_frame")
+"""Elements below <robot> that are read, or have no bearing on the motion."""
+
+
+def left_out_of(root: Element, name: str) -> list[str]:
+    """What is there and is not simulated, one entry a kind."""
+    joints = [j for j in root.findall("joint") if j.get("type") != "fixed"]
+    moving = [j for j in joints if j.get("type") in MOVING]
+    links = [link for link in root.findall("link") if link.find("collision") is not None]
+    found = named("dry friction of joints", (_label(j) for j in moving if _friction(j, name) > 0.0))
+    found += named("limits of joints", (_label(j) for j in moving if _limited(j, name)))
+    found += named(
+        "soft limits of joints", (_label(j) for j in joints if j.find("safety_controller") is not None)
+    )
+    found += named("contacts of links", map(_label, links))
+    kinds: dict[str, list[str]] = {}
+    for joint in joints:
+        for part in joint:
+            if part.tag not in (*JOINT_PARTS, "safety_controller"):
+                kinds.setdefault(f"<{part.tag}> of joints", []).append(_label(joint))
+        for dynamics in joint.findall("dynamics"):
+            for key in dynamics.attrib.keys() - DYNAMICS:
+                kinds.setdefault(f"{key} of joints", []).append(_label(joint))
+    for element in root:
+        if element.tag not in PLAIN and not _is_read(element):
+            label = element.get("name") or element.get("reference") or "unnamed"
+            kinds.setdefault(f"<{element.tag}>", []).append(label)
+    for kind in sorted(kinds):
+        found += named(kind, kinds[kind])
+    return found
+
+
+def _is_read(element: Element) -> bool:
+    """Whether nothing is left of it: joints that <gazebo> adds, a transmission straight to a joint."""
+    if element.tag == "transmission":
+        kind = element.get("type") or element.findtext("type") or ""
+        reductions = {(r.text or "").strip() for r in element.iter("mechanicalReduction")}
+        return "Simple" in kind and reductions <= {"1", "1.0"} and element.find("joint") is not None
+    return element.tag == "gazebo" and len(element) > 0 and all(part.tag == "joint" for part in element)
+
+
+def _label(element: Element) -> str:
+    return element.get("name", "")
+
+
+def _friction(joint: Element, name: str) -> float:
+    given = [d for d in joint.findall("dynamics") if d.get("friction") is not None]
+    return number_in(given[0], "friction", name) if given else 0.0
+
+
+def _limited(joint: Element, name: str) -> bool:
+    if joint.get("type") not in ("revolute", "prismatic"):
+        return False
+    given = [limit for limit in joint.findall("limit") if limit.attrib.keys() & {"lower", "upper"}]
+    bounds = [
+        abs(number_in(e, key, name)) for e in given for key in ("lower", "upper") if e.get(key) is not None
+    ]
+    return bool(bounds) and min(bounds) < WIDE

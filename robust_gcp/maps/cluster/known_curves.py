@@ -1,0 +1,185 @@
+"""Bridges that were built before, taken again at points that lie on them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeVar
+
+import numpy as np
+
+from ...errors import SimulationError
+from ...mechanism.tree import Array
+from .curve import Curve
+from .curve_builder import CurveBuilder
+from .jet import Jet
+from .obstacles import Obstacle, ObstacleError, is_near_miss
+from .options import BridgeOptions, NoBridgeError
+from .patch import Follower, Patch
+from .place import place
+from .space import ClusterSpace
+from .touching.meeting_ahead import TOLD, MeetingAhead, met_before, through, through_meeting, touches_ahead
+from .touching.singular_mode import OVERLAP, window
+
+F = TypeVar("F", bound=Follower)
+
+SAME = 1e-8
+"""Distance, dimensionless, within which a point lies on a line: lines are certified to less."""
+
+MAX_CURVES = 16
+"""Curves kept for reuse; a mechanism that turns over meets a new one each half turn."""
+
+UPON, CLEAR = 0.1, 1.5
+"""Distances to a singular surface, in zones: up to which a point is at it, and beyond which no line across
+it is asked for."""
+
+
+def known_to(space: ClusterSpace, options: BridgeOptions) -> KnownCurves:
+    """Curves through places where modes touch that other runs with these options have built."""
+    return KnownCurves([curve for given, curve in space.bridged if given == options])
+
+
+class KnownCurves:
+    """Curves that were built, to be met again, and what is known of places without one.
+
+    Attributes
+    ----------
+    curves : list of Curve
+        The last ones; those through modes that touch in the order of their use.
+    ahead : MeetingAhead or None
+        Where modes seemed to touch farther ahead.
+    """
+
+    def __init__(self, curves: Sequence[Curve] = ()) -> None:
+        self.curves = list(curves)
+        self.ahead: MeetingAhead | None = None
+
+    def through(self, here: Jet, zone: float) -> tuple[Curve, float] | None:
+        """The last curve through a point and its u there, if the nearest singular place is one of its own.
+
+        Each stands for itself after any whole turns of its hinges too.
+        """
+        for curve in reversed(self.curves):
+            turned = turned_to(curve, here.x)
+            u = turned.passes(here.x)
+            if u is None:
+                continue
+            mu = here.recharted(turned.C).roots(np.ones(1))
+            first = float(mu[np.argmin(np.abs(mu))].real)  # of modes in contact, some times as far
+            off = [abs(u + turned.times_as_far(i) * first - root) for i, root in enumerate(turned.roots)]
+            if turned.contains(u) or min(off, default=np.inf) < 0.5 * zone:
+                if turned is not curve:
+                    self.keep(turned)
+                return turned, u
+        return None
+
+    def at(self, x: Array) -> tuple[Curve, float] | None:
+        """The curve that was used last at a point, where K may tell nothing, and u there.
+
+        Of modes that touch, and such as lie in the singular set.
+        """
+        for curve in reversed(self.curves):
+            u = curve.passes(x) if curve.inside is not None else None
+            if u is not None and curve.contains(u):
+                return curve, u
+        return None
+
+    def keep(self, curve: Curve) -> None:
+        """Remember a curve."""
+        self.curves = [*self.curves[-MAX_CURVES + 1 :], curve]
+
+    def used(self, curve: Curve) -> None:
+        """Remember that it was used."""
+        if curve.inside is not None and curve in self.curves:
+            self.curves = [*(known for known in self.curves if known is not curve), curve]
+
+    def built(self, here: Jet, zone: float, options: BridgeOptions) -> Curve | None:
+        """A new curve; None where the next place is one of a curve's beside, or too far ahead to be told.
+
+        Raises
+        ------
+        NoBridgeError
+        """
+        if self.ahead is not None and self.ahead.covers(here.x):
+            return None
+        if any(known.is_beside(here) for known in self.curves if known.orders):
+            return None
+        curve = None if (met := met_before(here, options)) is None else through(met, here, options)
+        if curve is None:
+            curve = self._of_any_order(here, zone, options)
+        if curve is None:
+            return None
+        self.keep(curve)
+        if curve.orders:
+            here.space.bridged = (*here.space.bridged[1 - MAX_CURVES :], (options, curve))
+        return curve if curve.inside is None or curve.through.reaches(curve.u(here.x)) else None
+
+    def _of_any_order(self, here: Jet, zone: float, options: BridgeOptions) -> Curve | None:
+        """A new curve by second order, or else by the meeting ahead; None where that is too far away yet."""
+        distance, before = here.nearest()[0], self.ahead
+        if before is not None and touches_ahead(here):
+            failure = before.failure
+        else:
+            try:
+                return CurveBuilder(here, options, zone).build()
+            except NoBridgeError as found:
+                if is_near_miss(place(here), options) or (distance > TOLD and not touches_ahead(here)):
+                    raise
+                failure = found
+        if distance <= TOLD:
+            touching = through_meeting(here, options, failure)
+            if touching is not None:
+                return touching
+        self.ahead = MeetingAhead(here.x, max(distance - TOLD, 0.05), failure)
+        return None
+
+    def next_window(self, last: Curve, u: float, options: BridgeOptions) -> tuple[Curve, float]:
+        """The window in which a mode in the singular set goes on where it leaves the last one at u.
+
+        Raises
+        ------
+        ObstacleError
+            Where the mode leaves it.
+        """
+        edge = min(max(u, last.left), last.right)
+        x = last.point(edge)[0]
+        for curve in reversed(self.curves):
+            at = curve.passes(x) if curve is not last and curve.kind == "within" else None
+            if at is not None and abs(at - curve.center) < OVERLAP * 0.5 * (curve.right - curve.left):
+                return curve, at
+        try:
+            made = window(last.space, x, last.through.nodes[0].P, options)
+        except NoBridgeError as failure:
+            raise ObstacleError(Obstacle("unknown", x, 0.1, np.nan, str(failure))) from failure
+        self.keep(made)
+        return made, made.u(x)
+
+
+def turned_to(curve: Curve, x: Array) -> Curve:
+    """The curve after the whole turns of the hinges that bring it next to x."""
+    space = curve.space
+    if not space.flat:
+        return curve
+    away = (x - curve.point(curve.center)[0]) * space.D
+    turns = np.where(space.tree.periodic, np.round(away / (2.0 * np.pi)), 0.0)
+    return curve.turned(2.0 * np.pi * turns / space.D) if np.any(turns) else curve
+
+
+def stays_clear(here: Jet, y: Array, zone: float) -> bool:
+    """Whether y is so far on a point's side of the singular surface that no line across it would reach it."""
+    distance, way = here.nearest()  # σ grows that way, of unit arc length
+    return distance + float((here.J @ (y - here.y)) @ (here.J @ way)) > CLEAR * zone
+
+
+def passes(patch: Patch[F], here: Jet, zone: float) -> bool:
+    """Whether a line, moved there, goes through a point.
+
+    For a point at a singular place, where it does not tell its mode, and no line can be begun.
+    """
+    eta = patch.C.T @ here.x
+    if here.nearest()[0] > UPON * zone or patch.space is not here.space or not patch.contains(patch.s(eta)):
+        return False
+    try:
+        point = patch.point(eta)
+    except (SimulationError, np.linalg.LinAlgError):
+        return False
+    return point is not None and float(np.linalg.norm(point.x - here.x)) < SAME

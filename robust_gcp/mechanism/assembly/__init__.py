@@ -1,0 +1,1 @@
+"""Closing loops: from a guess, in all ways, within ranges."""

@@ -1,0 +1,1 @@
+"""Closures and couplings: φ, K, k, their rates and their rank."""

@@ -1,0 +1,53 @@
+"""The rank of K at a configuration and beside it on the constraint."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..coordinates.partition import numerical_rank
+from ..loops import ClosedLoops
+from ..tolerances import CLOSED, RANK, RANK_NEARBY
+from ..tree import Array
+
+NEARBY = 1e-2
+"""How far, in dimensionless velocity units, the rank is looked up along a direction."""
+
+
+def beside(loops: ClosedLoops, q: Array, direction: Array) -> Array | None:
+    """The closed configuration a little way along a direction (nv,); None where the loops do not close."""
+    size = np.abs(direction / loops.column_scale).max()
+    near = loops.polish(loops.tree.integrate(q, direction * (NEARBY / size)), np.arange(loops.nv))
+    return near if loops.closure_residual(near) <= CLOSED else None
+
+
+def rank_along(loops: ClosedLoops, q: Array, kernel: Array) -> int:
+    """Largest rank of K a little way along the columns of `kernel` (nv, δ), back on the constraint."""
+    found = [beside(loops, q, direction) for direction in kernel.T]
+    return max((_rank(loops, near, RANK_NEARBY) for near in found if near is not None), default=0)
+
+
+def singular_words(loops: ClosedLoops, q: Array) -> str:
+    """Why a closed q is no regular configuration, in words; empty where it is one.
+
+    Regular: K keeps its rank, and every direction of its kernel leads on along the constraint.
+    """
+    _, s, Vt = np.linalg.svd(loops.scaled(loops.K(q)))
+    rank = numerical_rank(s, RANK)
+    if rank == loops.nc:
+        return ""
+    for direction in Vt[rank:]:
+        way = loops.column_scale * direction
+        near = beside(loops, q, way)
+        if near is None:
+            return f"rank {rank}, and a direction in which K v = 0 leads nowhere"
+        moved = loops.tree.difference(q, near) / loops.column_scale
+        if moved @ direction < 0.5 * NEARBY * float(direction @ direction) / np.abs(direction).max():
+            return f"rank {rank}, and a direction in which K v = 0 leads nowhere"
+        there = _rank(loops, near, RANK_NEARBY)
+        if there != rank:
+            return f"rank {rank} against {there} nearby"
+    return ""
+
+
+def _rank(loops: ClosedLoops, q: Array, tolerance: float) -> int:
+    return numerical_rank(np.linalg.svd(loops.scaled(loops.K(q)), compute_uv=False), tolerance)

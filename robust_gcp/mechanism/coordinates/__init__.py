@@ -1,0 +1,1 @@
+"""Which velocities are independent, loop clusters, coordinates on groups."""

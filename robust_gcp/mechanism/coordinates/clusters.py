@@ -1,0 +1,102 @@
+"""Loop clusters: the closures that share joints, each group as a small mechanism of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from ..constraint.closures import frame_of
+from ..constraint.couplings import AnyClosure, CouplingClosure
+from ..loops import ClosedLoops
+from .loop_graph import LoopGroup, loop_groups
+
+
+@dataclass(frozen=True, eq=False)
+class LoopCluster:
+    """Closures that share joints, with these joints alone, rooted at their lowest common ancestor.
+
+    In the frame of that ancestor φ depends on these joints and on no other: not on a floating base, not on
+    joints that carry the loops, on the constraint or off it.
+
+    Attributes
+    ----------
+    index : int
+        Position in `Mechanism.clusters`.
+    joints : tuple of str
+    closures : tuple of closures
+    independent : tuple of str
+        Those of the mechanism's independent joints that are in the cluster.
+    iq, iv : ndarray of int
+        Where the cluster's q and v are in those of the mechanism.
+    chosen : ndarray (m,) of int
+        Positions among the cluster's v of its independent components.
+    inputs : ndarray (m,) of int
+        Positions of the same in the mechanism's y.
+    loops : ClosedLoops
+    """
+
+    index: int
+    joints: tuple[str, ...]
+    closures: tuple[AnyClosure, ...]
+    independent: tuple[str, ...]
+    iq: NDArray[np.int64]
+    iv: NDArray[np.int64]
+    chosen: NDArray[np.int64]
+    inputs: NDArray[np.int64]
+    loops: ClosedLoops
+
+    @property
+    def m(self) -> int:
+        """Mobility: how many independent components the cluster has."""
+        return len(self.chosen)
+
+    def __repr__(self) -> str:
+        return (
+            f"LoopCluster({', '.join(self.joints)}: {len(self.closures)} closures, "
+            f"y = {', '.join(self.independent) or 'none'})"
+        )
+
+
+def loop_clusters(
+    loops: ClosedLoops, independent: Sequence[str], iv_independent: NDArray[np.int64]
+) -> tuple[LoopCluster, ...]:
+    """The clusters of a mechanism, in the order of their first joint."""
+    model = loops.own_model
+    clusters: list[LoopCluster] = []
+    for group in loop_groups(model, loops.closures):
+        members = [model.joints[j] for j in group.joints]
+        iq = np.concatenate([np.arange(j.idx_q, j.idx_q + j.nq) for j in members])
+        iv = np.concatenate([np.arange(j.idx_v, j.idx_v + j.nv) for j in members])
+        inputs = np.flatnonzero(np.isin(iv_independent, iv))
+        names = tuple(str(model.names[j]) for j in group.joints)
+        closures = tuple(loops.closures[i] for i in group.closures)
+        own = tuple(n for n in independent if n in names or n.rpartition(".")[0] in names)
+        chosen = np.searchsorted(iv, iv_independent[inputs])
+        part = ClosedLoops(rooted_model(model, closures, group), closures)
+        clusters.append(
+            LoopCluster(len(clusters), names, closures, own, iq, iv, chosen, inputs, part)
+        )  # fmt: skip
+    return tuple(clusters)
+
+
+def rooted_model(model: pin.Model, closures: Sequence[AnyClosure], group: LoopGroup) -> pin.Model:
+    """The group's joints as a model of their own on a fixed ground, with the closures' frames."""
+    part = pin.Model()
+    part.name = model.name
+    part.gravity = model.gravity
+    index = dict.fromkeys(group.roots, 0)
+    for joint in group.joints:
+        parent = index[model.parents[joint]]
+        placed = part.addJoint(parent, model.joints[joint], model.jointPlacements[joint], model.names[joint])
+        part.appendBodyToJoint(placed, model.inertias[joint], pin.SE3.Identity())
+        index[joint] = int(placed)
+    cut = [c for c in closures if not isinstance(c, CouplingClosure)]
+    for name in dict.fromkeys(name for c in cut for name in (c.frame1, c.frame2)):
+        frame = frame_of(model, name, "closure")
+        kind = pin.FrameType.OP_FRAME
+        part.addFrame(pin.Frame(name, index[frame.parentJoint], frame.placement, kind))
+    return part

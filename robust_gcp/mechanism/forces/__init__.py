@@ -1,0 +1,1 @@
+"""Forces: springs, dampers, torques of one's own."""

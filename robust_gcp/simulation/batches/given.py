@@ -1,0 +1,97 @@
+"""What a batch is given: numbers of rows, starts, torques, and where results are to be written."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...checks import checked_rows, is_table, shown
+from ...dynamics.prescribed.control import Controls, held_controls
+from ...errors import OptionError, RobustGcpError
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree import Array
+from ..derivatives.one_step import step_jacobians
+
+Rows = NDArray[np.int64]
+
+
+def rows_given(rows: ArrayLike | None, count: int) -> Rows:
+    """The numbers of rows."""
+    if rows is None:
+        return np.arange(count)
+    given = np.atleast_1d(np.asarray(rows))
+    if given.dtype == bool and given.shape == (count,):
+        return np.flatnonzero(given)
+    whole = given.ndim == 1 and (given.dtype.kind in "iu" or not len(given))
+    if not whole or np.any((given < 0) | (given >= count)):
+        raise OptionError(
+            f"rows = {shown(rows)} must be numbers from 0 to {count - 1}, or {count} times bool"
+        )
+    found: Rows = given.astype(np.int64)
+    return found
+
+
+def torques_given(mechanism: Mechanism, tau: ArrayLike | Mapping[str, Any] | None, count: int) -> Array:
+    """τ of all rows."""
+    nv = mechanism.nv
+    if tau is None:
+        return np.zeros(nv)
+    if not isinstance(tau, Mapping) and is_table(tau):
+        return checked_rows(tau, count, nv, "tau", "nv")
+    given = tau.values() if isinstance(tau, Mapping) else (tau,)
+    if any(map(callable, given)):
+        raise OptionError(f"tau = {shown(tau)}: a step holds numbers, those of each row: (N, nv)")
+    return mechanism.velocity(tau, "tau")
+
+
+def controls_given(
+    mechanism: Mechanism, ctrl: Controls | ArrayLike, before: Array | None, count: int
+) -> tuple[Array, Array]:
+    """Controls of all rows, (count, n_u), and what the actuators make of them."""
+    actuators = mechanism.actuators
+    if not isinstance(ctrl, Mapping) and is_table(ctrl):
+        given = checked_rows(ctrl, count, len(actuators), "ctrl", "n_u")
+    elif before is None or not isinstance(ctrl, Mapping):
+        given = np.tile(held_controls(mechanism, ctrl), (count, 1))
+    else:
+        given = np.stack([held_controls(mechanism, ctrl, row) for row in before])
+    ranges = np.array([a.ctrl_range or (-np.inf, np.inf) for a in actuators], dtype=float)
+    return given, np.clip(given, ranges[:, 0], ranges[:, 1])
+
+
+def spread(value: ArrayLike | None, count: int, size: int, what: str) -> Array | None:
+    """A row for each, of one or as many."""
+    if value is None or isinstance(value, Mapping) or not is_table(value):
+        return None if value is None else [value] * count  # type: ignore[return-value]
+    return checked_rows(value, count, size, what, "nq" if what == "q0" else "nv")
+
+
+def require_room(out: Any, q: Array, v: Array) -> None:
+    """Refuse what q and v cannot be written to; None is none."""
+    if out is None:
+        return
+    pair: Any = out if isinstance(out, tuple) and len(out) == 2 else (None, None)
+    for name, array, values in (("q", pair[0], q), ("v", pair[1], v)):
+        sound = isinstance(array, np.ndarray) and array.shape == values.shape and array.dtype.kind == "f"
+        if not sound or not array.flags.writeable:
+            raise OptionError(
+                f"out: {name} must be an array of floats, {values.shape}, that can be written to"
+            )
+
+
+def slopes_of_step(mechanism: Mechanism, q: Array, v: Array, tau: Array, step: float) -> tuple[Array, Array]:
+    """A and B of a step from each state, as `step_jacobians`; NaN where there are none."""
+    try:
+        return step_jacobians(mechanism, q, v, tau, step)
+    except RobustGcpError:
+        if len(q) > 1:
+            rows = [
+                slopes_of_step(mechanism, q[i : i + 1], v[i : i + 1], tau[i : i + 1], step)
+                for i in range(len(q))
+            ]
+            return np.concatenate([A for A, _ in rows]), np.concatenate([B for _, B in rows])
+    m = mechanism.m
+    return np.full((1, 2 * m, 2 * m), np.nan), np.full((1, 2 * m, mechanism.nv), np.nan)

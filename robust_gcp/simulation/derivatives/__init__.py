@@ -1,0 +1,1 @@
+"""Derivatives: of accelerations, of steps, and of costs along runs."""

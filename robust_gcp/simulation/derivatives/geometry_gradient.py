@@ -1,0 +1,172 @@
+"""The gradient by parameters that change the geometry: the sweep in coordinates that hold these still."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...dynamics.derivatives import TorqueSlopes
+from ...dynamics.loads import one_torque
+from ...dynamics.prescribed.control import Actuated
+from ...dynamics.prescribed.motion import Motion
+from ...errors import OptionError, SimulationError
+from ...mechanism.constraint.closures import Closure
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree import Array
+from ...mechanism.varied import MARK, Varied, is_geometry, varied
+from ..trajectories.acted import Acted
+from ..trajectories.trajectory import Trajectory
+from .cost import Cost, Gradient
+from .reverse_sweep import ReverseSweep
+
+
+def by_geometry(
+    trajectory: Trajectory,
+    cost: Cost,
+    torque: Any,
+    parameters: Sequence[str],
+    torque_slopes: TorqueSlopes | None,
+    mode: ArrayLike | None,
+) -> Gradient:
+    """`gradient` where some of the parameters are placements; y and u of the start are held.
+
+    Raises
+    ------
+    OptionError
+        As `gradient`; where loops do not stay closed, or modes that the run went through do not cross, when a
+        placement changes; for actuators, and for wrenches where `torque` is left out.
+    """
+    mech = trajectory.mechanism
+    wide = varied(mech, [name for name in parameters if is_geometry(name)])
+    wide.require_closed(trajectory.q[[0, len(trajectory.t) // 2, -1]])
+    _require_no_crossing(wide, trajectory)
+    acted = Acted() if trajectory.acted is None else trajectory.acted
+    run = _run(wide, trajectory, acted)
+    given = None
+    if torque is not None:
+        one = torque if np.ndim(torque) == 2 else one_torque(mech, torque)
+        given = torque_of_all(wide, one)
+    slopes = None if torque_slopes is None else _torque_slopes(wide, torque_slopes)
+    start = None if mode is None else wide.v(mech.velocity(mode, "mode"))
+    rest = [name for name in parameters if not is_geometry(name)]
+    with beside_singular(wide, "gradient"):
+        found = ReverseSweep(run, _cost(wide, cost), given, rest, slopes, start).gradient()
+    by = dict(zip(wide.names, found.dy[wide.more].tolist(), strict=True)) | found.parameters
+    if found.drive is not None:  # where what is held is one motion more that is prescribed
+        by |= {name: found.by_drive({name: Motion(1.0)}) for name in wide.names}
+    return Gradient(
+        found.value,
+        found.dy[wide.own],
+        found.dv[wide.own],
+        found.dtau[:, wide.iv],
+        {name: by[name] for name in parameters},
+        None if found.drive is None else found.drive.of(tuple(acted.motions)),
+    )
+
+
+@contextmanager
+def beside_singular(wide: Varied, what: str) -> Iterator[None]:
+    """Errors of motions in this context say what a change of geometry has to do with it."""
+    try:
+        yield
+    except SimulationError as error:
+        error.args = (
+            f"{what}: no derivative by {', '.join(wide.names)} is known beside singular configurations, "
+            f"whose modes come apart when these change ({error.args[0]})",
+            *error.args[1:],
+        )
+        raise
+
+
+def _run(wide: Varied, run: Trajectory, acted: Acted) -> Trajectory:
+    """The run in the coordinates of the mechanism that can change."""
+    if isinstance(acted.torque, Actuated) or run.u is not None:
+        raise OptionError(
+            "gradient: by placements is not known for runs with ctrl=; drive the joints by torque=, or take "
+            "differences of whole runs"
+        )
+    held = None if acted.held is None else wide.v(acted.held)
+    still = {name: Motion(0.0) for name in wide.names}
+    motions = {**acted.motions, **still} if acted.motions else {}
+    changes = [(t, (*names, *wide.names)) for t, names in run.stats.repartitions]
+    return Trajectory(
+        wide.mechanism,
+        run.t,
+        wide.q(run.q),
+        wide.v(run.v),
+        crossings=run.crossings,
+        stats=replace(run.stats, repartitions=changes),
+        acted=replace(acted, torque=torque_of_all(wide, acted.torque), held=held, motions=motions),
+    )
+
+
+def torque_of_all(wide: Varied, torque: Any) -> Any:
+    """A torque of the mechanism as it is: a constant, a function or None."""
+    if not callable(torque):
+        return None if torque is None else wide.v(np.asarray(torque, dtype=float))
+
+    def of_all(t: float, q: Array, v: Array) -> Array:
+        return wide.v(np.asarray(torque(t, q[wide.iq], v[wide.iv]), dtype=float))
+
+    return of_all
+
+
+def _torque_slopes(wide: Varied, slopes: TorqueSlopes) -> TorqueSlopes:
+    def of_all(t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        by_q, by_v = (np.asarray(part, dtype=float) for part in slopes(t, q[wide.iq], v[wide.iv]))
+        return wide.v(wide.v(by_q).T).T, wide.v(wide.v(by_v).T).T
+
+    return of_all
+
+
+def _cost(wide: Varied, cost: Cost) -> Cost:
+    """The same cost; its functions may be handed many states, whose number is last."""
+
+    def of_end(given: Callable[..., Any] | None, parts: int) -> Callable[..., Any] | None:
+        if given is None:
+            return None
+        return lambda q, v: _spread(wide, given(q[wide.iq], v[wide.iv]), parts)
+
+    def along(given: Callable[..., Any] | None, parts: int) -> Callable[..., Any] | None:
+        if given is None:
+            return None
+        return lambda t, q, v, tau: _spread(wide, given(t, q[wide.iq], v[wide.iv], tau[wide.iv]), parts)
+
+    return Cost(
+        of_end(cost.terminal, 0),
+        along(cost.running, 0),
+        of_end(cost.terminal_slopes, 2),
+        along(cost.running_slopes, 3),
+    )
+
+
+def _spread(wide: Varied, given: Any, parts: int) -> Any:
+    """Slopes of a cost, by the velocities of all joints; 0 parts: its value as it is."""
+    return given if parts == 0 else tuple(wide.v(np.asarray(part, dtype=float)) for part in given)
+
+
+def _require_no_crossing(wide: Varied, run: Trajectory) -> None:
+    """An OptionError where modes cross that a change of geometry takes apart."""
+    mech: Mechanism = run.mechanism
+    for crossing in run.crossings:
+        cluster = None if crossing.cluster is None else mech.clusters[crossing.cluster]
+        for name in wide.names:
+            target = name.rpartition(MARK)[0]
+            if cluster is None or _is_in(target, cluster, mech):
+                raise OptionError(
+                    f"gradient: the run passes a singular configuration at t = {crossing.time:.6g} s, where "
+                    f"modes that cross come apart when {name} changes: motions beyond it have no derivative "
+                    "by it; end the run before, or leave it out"
+                )
+
+
+def _is_in(target: str, cluster: Any, mech: Mechanism) -> bool:
+    """Whether a joint or a frame of a closure belongs to a loop cluster."""
+    if target in cluster.joints:
+        return True
+    return any(target in (c.frame1, c.frame2) for c in cluster.closures if isinstance(c, Closure))

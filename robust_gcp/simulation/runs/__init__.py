@@ -1,0 +1,1 @@
+"""One run: how it begins, steps, recovers and is recorded."""

@@ -1,0 +1,103 @@
+"""When a motion passed the singular surfaces that its map tells of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import scipy
+
+from ...maps.explicit import Crossing, Passage, Stretch
+from ...mechanism.tree import Array
+
+AT_ONCE = 1e-9
+"""Seconds between singular places that are one crossing of a cluster. By time, which is the same in all
+coordinates: a distance would be another one for each spanning tree."""
+
+
+def together(crossings: Sequence[Crossing]) -> list[Crossing]:
+    """What a cluster passes within `AT_ONCE` as one crossing, the first with the sum of the coranks.
+
+    Parameters
+    ----------
+    crossings : sequence of Crossing
+        In the order of time.
+    """
+    found: list[Crossing] = []
+    for new in crossings:
+        at = _met_before(found, new)
+        if at is None:
+            found.append(new)
+            continue
+        one = found[at]
+        found[at] = replace(
+            one,
+            kind=next(
+                (kind for kind in ("near miss", "tangential") if kind in (one.kind, new.kind)), one.kind
+            ),
+            certificate=max(one.certificate, new.certificate),
+            transversality=min(one.transversality, new.transversality),
+            corank=one.corank + new.corank,
+            order=max(one.order, new.order),
+        )
+    return found
+
+
+def _met_before(found: Sequence[Crossing], new: Crossing) -> int | None:
+    """Which of those found the new one is."""
+    for i in range(len(found) - 1, -1, -1):
+        if new.time - found[i].time > AT_ONCE:
+            break
+        if new.cluster is not None and found[i].cluster == new.cluster:
+            return i
+    return None
+
+
+def hermite(t0: float, t1: float, before: Sequence[Array], after: Sequence[Array]) -> Stretch:
+    """The stretch whose y is the quintic through (y, ẏ, ÿ) at both ends."""
+    h = t1 - t0
+    c0, c1, c2, c3, c4, c5 = quintic(h, before, after)
+
+    def y(t: float) -> Array:
+        u = (t - t0) / h
+        value: Array = c0 + u * (c1 + u * (c2 + u * (c3 + u * (c4 + u * c5))))
+        return value
+
+    return Stretch(t0, t1, y)
+
+
+def quintic(h: float, before: Sequence[Array], after: Sequence[Array]) -> tuple[Array, ...]:
+    """Coefficients in u = (t − t₀)/h, lowest first, through (p, ṗ, p̈) at both ends of a step h."""
+    (p0, v0, a0), (p1, v1, a1) = before, after
+    v0, v1, a0, a1 = h * v0, h * v1, h * h * a0, h * h * a1
+    jump = p1 - p0 - v0 - 0.5 * a0
+    turn, bend = v1 - v0 - a0, a1 - a0
+    c3 = 10.0 * jump - 4.0 * turn + 0.5 * bend
+    c4 = -15.0 * jump + 7.0 * turn - bend
+    c5 = 6.0 * jump - 3.0 * turn + 0.5 * bend
+    return p0, v0, 0.5 * a0, c3, c4, c5
+
+
+def located(passages: Sequence[Passage], stretch: Stretch) -> list[Crossing]:
+    """Each passage at its time on the stretch, in their order."""
+    start, end = stretch.y(stretch.t0), stretch.y(stretch.t1)
+    found = []
+    for p in passages:
+        time = _time(p, stretch, start, end) if p.time is None else p.time
+        certificates = p.certificate, p.transversality
+        found.append(Crossing(time, p.y, p.q, p.kind, *certificates, p.cluster, p.corank, p.order))
+    return sorted(found, key=lambda crossing: crossing.time)
+
+
+def _time(passage: Passage, stretch: Stretch, start: Array, end: Array) -> float:
+    """When y meets the surface: its component along the step does."""
+    towards = end - start
+
+    def ahead(t: float) -> float:
+        return float((stretch.y(t) - passage.y) @ towards)
+
+    t0, t1 = stretch.t0, stretch.t1
+    if not ahead(t0) * ahead(t1) < 0.0:
+        return t1 if abs(ahead(t1)) <= abs(ahead(t0)) else t0
+    return float(scipy.optimize.brentq(ahead, t0, t1, xtol=4.0 * np.spacing(t1)))

@@ -1,0 +1,285 @@
+"""A run of fixed steps, in Python and in the compiled kernel."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import Any
+
+from ...dynamics.equations import Evaluation
+from ...errors import BranchError, NonFiniteError, ToggleError
+from ...kernel.batch import Batch
+from ...kernel.guard import Guard
+from ...kernel.steps import KernelMap, NativeSteps
+from ...kernel.structures import Reason
+from ...kernel.watch import Watch
+from ...maps.cluster.obstacles import ObstacleError
+from ...maps.point import Point
+from ...mechanism.tree import Array
+from .charts import in_new_chart
+from .record import Record
+from .recovery import Checkpoint
+from .refined import RefinedRun
+from .stats import until
+from .steppers import FixedStep as Take
+from .steppers import rk4_step
+from .within import FixedStep, SolverSteps
+
+WATCHED = 20
+"""Outputs of a batch at which all rows of φ are looked at."""
+
+FEW = 16
+"""Steps of a batch after one with an event, so that little is taken twice; then doubled."""
+
+
+class FixedRun(RefinedRun):
+    """A run of fixed steps.
+
+    Parameters
+    ----------
+    take : callable
+        One step of the method.
+    native : NativeSteps or None
+        Takes the regular steps.
+    more, options
+        As for `Run`.
+    """
+
+    def __init__(self, take: Take, native: NativeSteps | None, *more: Any, **options: Any) -> None:
+        super().__init__(*more, **options)
+        self._take, self._native = take, native
+        self.stepper = "rk4" if take is rk4_step else "tableau"
+        self._stride = len(self.times)
+        self._first = self._motion.first  # told already at the start
+        self.guard: Guard | None = None  # after a step in which it is met the run pauses
+        self.paused = False
+        self.lowest = len(self.times)  # output that was gone back to, for whoever looks at them on the way
+
+    def go(self) -> None:
+        """From output to output, except where `Recovery` says otherwise."""
+        self.advance(0, len(self.times) - 1)
+
+    def further(self, n: int) -> None:
+        """n steps more, from the start or from where it came to."""
+        i, self.paused = self._record.at, False
+        self.advance(max(i, 0), max(i, 0) + n, None if i < 0 else self._last)
+
+    @property
+    def record(self) -> Record:
+        """What is recorded so far."""
+        return self._record
+
+    @property
+    def zone_evaluations(self) -> int:
+        """Right-hand sides so far that were not on regular ground."""
+        return self._counters.zone_evaluations
+
+    @property
+    def ended(self) -> bool:
+        """Whether an event ended it."""
+        return self._ended
+
+    def standing(self, now: Evaluation) -> tuple[KernelMap, Array, Watch | None] | None:
+        """Map, state, and the watch on its coordinates, where the kernel could go on alone from now."""
+        explicit = self._motion.explicit
+        if self._native is None or self.asks or self._ended:
+            return None
+        if self._recovery.careful or self._events or self._suspicious(now.point):
+            return None
+        return (explicit, self._x, self._watch_coordinates()) if isinstance(explicit, KernelMap) else None
+
+    @property
+    def asks(self) -> bool:
+        """Whether functions of the user's say what acts."""
+        forces, native = self._motion.mechanism.applied, self._native
+        return (native is not None and native.asks) or (forces is not None and forces.own is not None)
+
+    def advance(self, i: int, last: int, known: Evaluation | None = None) -> None:
+        """The steps from time i to time `last`; `known` is the evaluation at i where it was accepted."""
+        recovery = self._recovery
+        while True:
+            try:
+                now = self._evaluated(i) if known is None else known
+                if known is None:
+                    if self._last is not None:
+                        self._cross(i, float(self.times[i]), now)
+                        self._look_within(i, self._last, now)
+                        if self._ended:
+                            return
+                    elif self._events:
+                        self._events.begin(float(self.times[i]), now.point.q, now.v)
+                    now, self._x = in_new_chart(self._motion.explicit, now, self._x)
+                    before = self._last
+                    self._accept(i, now)
+                    recovery.accept(i, self._x, now.point)
+                    self._look_out(i, before, now)
+                known = None
+                if i == last or self.paused:
+                    return
+                if self._changed(i, now.point):
+                    continue
+                if not recovery.careful:
+                    self._leave()
+                    if self._native is not None:
+                        i, going = self._natively(self._native, i, last, now)
+                        if i == last or self._ended or self.paused:
+                            return
+                        if going is None:
+                            continue
+                        now = going
+                self._behind, self._refinement, self._renewed_at = self._x, None, None
+                self._x = (self._refined if recovery.careful else self._stepped)(i, now)
+                i += 1
+            except (ObstacleError, BranchError, ToggleError) as stop:
+                change = recovery.meet(i, stop)
+                i = self._back_to(recovery.safe)
+                if change:
+                    names = self._others(self._motion.explicit.anchor)
+                    recovery.changed(self._repartition(i, float(self.times[i]), names))
+
+    def _changed(self, i: int, point: Point) -> bool:
+        """Whether the step from time i is to begin in better coordinates, which are taken."""
+        names = self._others(point) if self._recovery.changing else self._better(point)
+        if names is None:
+            return False
+        self._recovery.changed(self._repartition(i, float(self.times[i]), names))
+        return True
+
+    def _look_out(self, i: int, before: Evaluation | None, now: Evaluation) -> None:
+        """Pause where the step to time i is to be looked at."""
+        if self.guard is not None and before is not None:
+            h = float(self.times[i] - self.times[i - 1])
+            self.paused = self.guard.met(h, before.v, before.a, now.point.q, now.v, now.a)
+
+    def _evaluated(self, i: int) -> Evaluation:
+        """The equations at the present state."""
+        known, self._first = self._first, None
+        if known is not None:
+            self._motion.equations.calls += 1
+            return known
+        if self._following is not None and self._following.kept is not None:
+            return self._following.kept  # at the end of a step with error control
+        with self._accuracy():
+            return self._motion.equations.evaluate(float(self.times[i]), self._x)
+
+    def _natively(
+        self, native: NativeSteps, i: int, last: int, now: Evaluation
+    ) -> tuple[int, Evaluation | None]:
+        """As many steps after output i, up to output `last`, as the kernel can take.
+
+        Returns the output that was reached, and the evaluation there; none where other coordinates were
+        taken.
+        """
+        while i < last:
+            batch = self._batch(native, i, last, now)
+            if batch is None:
+                break
+            before, self._behind, self._refinement = now, self._x, None
+            if batch.steps:
+                self._record.extend(i, batch.outputs, batch.x)
+                now = batch.now
+            self._take_over(i, batch)
+            if self._redundant:
+                self._watch_rows(i, batch.outputs.q)
+            i += batch.steps
+            if batch.failure is not None:
+                raise batch.failure
+            if batch.steps == 1:
+                self._look_within(i, before, now)
+            if self._ended:
+                break
+            self.paused = batch.reason is Reason.MET
+            if i < last and not self.paused and self._suspicious(now.point) and self._changed(i, now.point):
+                return i, None
+            if batch.reason not in (Reason.DONE, Reason.CHART):
+                break
+        return i, now
+
+    def _take_over(self, i: int, batch: Batch) -> None:
+        """Go on from where steps of the kernel's after time i ended; their outputs are recorded."""
+        self._motion.equations.calls += batch.rhs
+        batch.add_to(self._counters)
+        self._recovery.best = batch.best
+        if batch.safe is not None:
+            self._recovery.safe = Checkpoint(i + batch.safe[0], *batch.safe[1:])
+        if batch.steps:
+            self._kernel_map().resume(batch.now.point, batch.trackers)
+            self._x, self._last = batch.x, batch.now
+            if self._progress is not None:
+                for j in range(i + 1, i + 1 + batch.steps):
+                    self._report(j)
+        self._record.cross(batch.crossings)
+
+    def _watch_rows(self, i: int, q: Array) -> None:
+        """Refuse to go on where rows of φ are left open at some of the outputs after time i."""
+        for j in range(len(q) - 1, -1, -max(1, len(q) // WATCHED)):
+            self._watch(q[j], i + 1 + j)
+
+    def _watch_coordinates(self) -> Watch | None:
+        """What tells the kernel that other coordinates may serve better."""
+        return None if self._coordinates is None else self._coordinates.watch
+
+    def _batch(self, native: NativeSteps, i: int, last: int, now: Evaluation) -> Batch | None:
+        """Steps from i on, up to one that has an output or an event within; that one is taken alone.
+
+        A torque function of the user's is not called for a step once more: beside events each is taken alone.
+        """
+
+        def take(end: int) -> Batch | None:
+            times, wanted = self.times[i : end + 1], self._record.wanted
+            watch, best = self._watch_coordinates(), self._recovery.best
+            return native.take(self._kernel_map(), now, self._x, times, wanted, watch, best)
+
+        until = min(last, max(self._schedule.free_until(i), i + 1))
+        if not self._events:
+            return take(until)
+        stride, self._stride = self._stride, max(2 * self._stride, FEW)
+        batch = take(i + 1 if callable(self._torque) else min(until, i + stride))
+        if batch is None or batch.steps < 2:
+            return batch
+        ends = self.times[i + 1 : i + 1 + batch.steps]
+        j = self._events.first_met(ends, batch.outputs.q, batch.outputs.v)
+        if j is None:
+            return batch
+        self._stride = 1
+        return take(i + max(j, 1))
+
+    def _look_within(self, i: int, before: Evaluation, now: Evaluation) -> None:
+        """Keep outputs and events within the step that ends at time i, which the map is put back to."""
+        if not self._looked_for(i):
+            return
+        times = float(self.times[i - 1]), float(self.times[i])
+        explicit, mechanism = self._motion.explicit, self._motion.mechanism
+        step: FixedStep | SolverSteps | None = self._refinement
+        if step is None:
+            step = FixedStep(mechanism, explicit, times, before, now, self._behind, self._x)
+        with self._accuracy():
+            zeros = self._events.zeros(now.point.q, now.v, step) if self._events else []
+            self._keep_within(i, step, zeros)
+            if not self._ended:
+                explicit.at(now.point.y, now.point.ydot)
+
+    def _kernel_map(self) -> KernelMap:
+        explicit = self._motion.explicit
+        assert isinstance(explicit, KernelMap)  # the kernel knows no other map
+        return explicit
+
+    def _stepped(self, i: int, now: Evaluation) -> Array:
+        f, t, end = self._motion.equations, float(self.times[i]), float(self.times[i + 1])
+        x = self._take(f, t, self._x, end - t, f.derivative(now))
+        if not all(map(isfinite, x.tolist())):
+            raise NonFiniteError(
+                f"the state left the finite numbers between t = {t:.6g} and {end:.6g} s; use a "
+                "smaller step, or an implicit stepper (Radau, BDF) if the mechanism is stiff"
+            )
+        return x
+
+    def _back_to(self, safe: Checkpoint) -> int:
+        """Forget what came after the checkpoint."""
+        self._leave()
+        self._x, self._motion.explicit.anchor, self._last = safe.x, safe.point, None
+        self._record.rewind(safe.i)
+        self.lowest = min(self.lowest, safe.i)
+        back = float(self.times[safe.i])
+        self._events.forget(back)
+        self._stretches = until(self._stretches, back)
+        return safe.i

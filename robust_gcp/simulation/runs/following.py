@@ -1,0 +1,160 @@
+"""ẋ of a motion for a solver that takes trials back, by the kernel where it can."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...dynamics.equations import Evaluation
+from ...dynamics.problem import Problem
+from ...errors import SimulationError
+from ...kernel.rates import Rates
+from ...kernel.steps import KernelMap, NativeSteps
+from ...maps.cluster.cluster_map import ClusterMap
+from ...mechanism.tree import Array
+from .charts import map_of_rest, numbers, point_of_rest
+from .coordinates import Coordinates
+
+
+class Following:
+    """Follows a motion's mode to the states that a solver asks for, which may be refused far ahead.
+
+    The kernel goes by itself from where Python was until it meets what it does not know; Python evaluates
+    that, and hands over again.
+
+    Parameters
+    ----------
+    motion : Problem
+    native : NativeSteps or None
+    coordinates : Coordinates or None
+        What looks after the independent joints.
+    returns : bool
+        Whether the map in Python goes back to what was kept wherever that is nearer, not on a refusal alone.
+
+    Attributes
+    ----------
+    kept : Evaluation or None
+        Gone back to where it is nearer than what was evaluated last.
+    """
+
+    def __init__(
+        self,
+        motion: Problem,
+        native: NativeSteps | None,
+        coordinates: Coordinates | None,
+        returns: bool = True,
+    ) -> None:
+        self._returns = returns
+        self._motion, self._native, self._coordinates = motion, native, coordinates
+        self._rates: Rates | None = None
+        self.kept: Evaluation | None = None
+
+    def __call__(self, t: float, x: Array) -> Array:
+        """ẋ, (n,), for a solver."""
+        rate = self._by_kernel(t, x)
+        if rate is not None:
+            return rate
+        return self._motion.equations.derivative(self._in_python(t, x))
+
+    def keep(self, t: float, x: Array) -> Evaluation:
+        """The evaluation at an output, which is gone back to where that is nearer than what comes after."""
+        if self._by_kernel(t, x) is not None and self._rates is not None:
+            self.kept = self._rates.keep()
+        else:
+            self.kept = self._in_python(t, x)
+        return self.kept
+
+    def begin(self, now: Evaluation, x: Array) -> None:
+        """Go on from an output that Python evaluated."""
+        self.kept = now
+        self._hand_over(now, x)
+
+    @property
+    def plain(self) -> bool:
+        """Whether nothing was met on the way that the map in Python would have to tell of."""
+        return self._rates is not None and self._rates.plain
+
+    def rounding(self) -> tuple[float, float, float]:
+        """What rounding costs of G where there is no bridge, see `apex.rounding`."""
+        if self._rates is not None:
+            return self._rates.rounding()
+        rest = map_of_rest(self._motion.explicit)
+        return rest.rounding() if isinstance(rest, ClusterMap) else (0.0, 0.0, np.inf)
+
+    def share(self) -> None:
+        """Put the map in Python where the kernel is, which stays there."""
+        if self._rates is None:
+            return
+        now, trackers, in_zone, met = self._rates.told()
+        explicit = self._motion.explicit
+        assert isinstance(explicit, KernelMap)  # the kernel knows no other map
+        explicit.resume(now.point, trackers, in_zone, met)
+
+    def looked(self) -> None:
+        """What was met on the way was told of, and the limit of the coordinates may be another."""
+        if self._rates is not None:
+            self._rates.looked(None if self._coordinates is None else self._coordinates.watch.limit)
+
+    def drop(self) -> None:
+        """The kernel is not to go on; what it took is counted."""
+        if self._rates is None:
+            return
+        self._motion.equations.calls += self._rates.calls
+        counters = self._motion.explicit.counters
+        for name, count in self._rates.taken.items():
+            setattr(counters, name, getattr(counters, name) + count)
+        self._rates = None
+
+    def near(self, x: Array) -> None:
+        """Follow the mode, in Python, from what was kept if that is nearer to x than the last evaluation."""
+        if self.kept is None:
+            return
+        explicit, y = self._motion.explicit, x[: self._motion.mechanism.m]
+        rest, last = map_of_rest(explicit), point_of_rest(self.kept.point)
+        y = numbers(explicit, y)
+        if last.origin is rest.anchor.origin and _apart(y, last.y) < _apart(y, rest.anchor.y):
+            rest.anchor = last
+
+    def _by_kernel(self, t: float, x: Array) -> Array | None:
+        if self._rates is None:
+            return None
+        try:
+            rate = self._rates(t, x)
+        except BaseException:  # of a torque function
+            self._fall_back()
+            raise
+        if rate is None:
+            self._fall_back()
+        return rate
+
+    def _in_python(self, t: float, x: Array) -> Evaluation:
+        if self._returns:
+            self.near(x)
+        try:
+            now = self._motion.equations.evaluate(t, x)
+        except SimulationError:  # at a trial: the map goes back to where the step began
+            if self.kept is not None:
+                map_of_rest(self._motion.explicit).anchor = point_of_rest(self.kept.point)
+            raise
+        if self.kept is None:  # where the solver begins
+            self.kept = now
+        self._hand_over(now, x)
+        return now
+
+    def _fall_back(self) -> None:
+        self.share()
+        self.drop()
+
+    def _hand_over(self, now: Evaluation, x: Array) -> None:
+        """Let the kernel go on from an evaluation of Python's, on regular ground."""
+        explicit = self._motion.explicit
+        if self._native is None or not isinstance(explicit, KernelMap) or not np.isfinite(now.ydd).all():
+            return
+        rest = map_of_rest(explicit)
+        if isinstance(rest, ClusterMap) and rest.met:  # what was met is looked at first
+            return
+        watch = None if self._coordinates is None else self._coordinates.watch
+        self._rates = self._native.rates(explicit, now, x, watch)
+
+
+def _apart(a: Array, b: Array) -> float:
+    return float(np.abs(a - b).max(initial=0.0))

@@ -1,0 +1,108 @@
+"""What a run of fixed steps does at the rare places where it cannot simply go on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from ...errors import SimulationError, ToggleError
+from ...maps.cluster.obstacles import ObstacleError
+from ...maps.march import POOR
+from ...maps.point import Point
+from ...mechanism.tree import Array
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A well-conditioned state to return to: step, state and point."""
+
+    i: int
+    x: Array
+    point: Point
+
+
+GOOD = 0.8
+"""Share of the best conditioning so far that is a good one, where none was above `POOR`."""
+
+LEAST = 0.05
+"""Conditioning below which none is."""
+
+
+class Recovery:
+    """Remembers where it is safe to return to, and decides how to go on from there.
+
+    In a zone without a certified bridge γ bends sharply, and a fixed step loses its accuracy before the
+    zone is met. So the run goes back to the last well-conditioned state and takes the steps from there to
+    the next well-conditioned one with error control (`careful`), or changes coordinates as soon as others
+    serve better (`changing`). Coordinates that are about to turn back are changed before (`Coordinates`);
+    steps so long that they jump there end here.
+
+    Parameters
+    ----------
+    on_toggle : {"error", "repartition"}
+    safe : Checkpoint
+        The start.
+
+    Attributes
+    ----------
+    safe : Checkpoint
+        The last well-conditioned state.
+    best : float
+        The largest conditioning of an output in the present coordinates: links that are never conditioned
+        above `POOR` are not taken with error control all the way.
+    careful, changing : bool
+    """
+
+    def __init__(self, on_toggle: str, safe: Checkpoint) -> None:
+        self._may_change = on_toggle == "repartition"
+        self.safe = safe
+        self.best = safe.point.conditioning
+        self.careful = self.changing = False
+        self._met_at = self._changed_at = -1
+
+    def accept(self, i: int, x: Array, point: Point) -> None:
+        """Take note of an output."""
+        self.best = max(self.best, point.conditioning)
+        good = point.conditioning >= (POOR if self.best >= POOR else max(LEAST, GOOD * self.best))
+        self.careful = self.careful and not (good and i > self._met_at)
+        self.changing = self.changing and self.careful
+        if good and not self.careful:
+            self.safe = Checkpoint(i, x, point)
+
+    def meet(self, i: int, stop: SimulationError) -> bool:
+        """Decide what to do about an obstacle met on the way to output i, from the checkpoint.
+
+        Returns
+        -------
+        bool
+            Whether to change coordinates there; else the run goes on carefully.
+
+        Raises
+        ------
+        SimulationError
+            `stop` itself, where neither helps.
+        """
+        if isinstance(stop, ObstacleError):
+            self._met_at, self.careful = i, True
+            self.changing = stop.obstacle.kind == "toggle" and self._may_change
+            return False
+        # the true curve is lost in these coordinates; others may hold it
+        known = self.changing or not isinstance(stop, ToggleError)  # else told only now what it is
+        if not self.careful or not self._may_change or (known and self.safe.i <= self._changed_at):
+            raise stop
+        self.careful = self.changing = not known
+        return known
+
+    def shift(self, n: int) -> None:
+        """The numbers of all outputs are smaller by n from now on."""
+        self.safe = replace(self.safe, i=self.safe.i - n)
+        self._met_at, self._changed_at = self._met_at - n, self._changed_at - n
+
+    def renewed(self, safe: Checkpoint) -> None:
+        """Within a step, that goes on in other coordinates: what was good in those before is nothing here."""
+        self.safe, self.best = safe, safe.point.conditioning
+
+    def changed(self, safe: Checkpoint) -> None:
+        """Go on in other coordinates from here."""
+        self.renewed(safe)
+        self._changed_at = safe.i
+        self.careful = self.changing = False

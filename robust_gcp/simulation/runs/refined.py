@@ -1,0 +1,189 @@
+"""A run's steps through zones without a bridge: with error control, on the true curve."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ...dynamics.equations import Evaluation
+from ...dynamics.problem import set_out
+from ...errors import SimulationError
+from ...kernel.steps import NativeSteps
+from ...maps.cluster.cluster_map import ClusterMap
+from ...maps.cluster.product import turned
+from ...mechanism.tree import Array
+from ..trajectories.trajectory import Trajectory
+from .charts import motion_at, placed_between, stretch_between
+from .coordinates import in_coordinates
+from .crossings import located
+from .following import Following
+from .recovery import Checkpoint, Recovery
+from .run import Run
+from .stats import extended
+from .steppers import NoProgressError, SolverStep, solver_steps
+from .within import SolverSteps
+
+REFINED_RTOL, REFINED_ATOL = 1e-10, 1e-12
+"""Tolerances of the error-controlled steps through a zone without a bridge."""
+
+REFINED_EFFORT = 5_000
+"""Right-hand sides that one such step may take."""
+
+MANY = 5
+"""Steps with error control within one of the run's, after which the rounding of ẋ is measured."""
+
+
+def _noise(f: Callable[[float, Array], Array], t: float, x: Array) -> Array:
+    """How much ẋ differs between states that differ in the last digit, (2m,)."""
+    here = f(t, x)
+    beside = [f(t, x * (1.0 + ulps * np.finfo(float).eps)) for ulps in (-2.0, 1.0, 2.0)]
+    return np.asarray(np.max(np.abs(np.array(beside) - here), axis=0))
+
+
+class RefinedRun(Run):
+    """A run that can take a step of its own with error control.
+
+    Parameters
+    ----------
+    parts, options
+        As for `Run`.
+    """
+
+    def __init__(self, *parts: Any, **options: Any) -> None:
+        super().__init__(*parts, **options)
+        self._native: NativeSteps | None = None
+        self._following: Following | None = None  # while steps are taken with error control
+        self._behind: Array = self._x  # the state before the last step
+        self._refinement: SolverSteps | None = None
+        self._renewed_at: float | None = None  # when the present step went on in other coordinates
+        self._recovery = Recovery(self._on_toggle, Checkpoint(0, self._x, self._motion.explicit.anchor))
+
+    def _looked_for(self, i: int) -> bool:
+        """Whether outputs or events may lie within the step that ends at time i."""
+        return bool(self._events) or bool(self._schedule.within(i))
+
+    def _accuracy(self) -> AbstractContextManager[None]:
+        """What evaluations are made in: carefully, on the true curve of an uncertified zone."""
+        return self._cluster_map().following_true_curve() if self._recovery.careful else nullcontext()
+
+    def _refined(self, i: int, begun: Evaluation) -> Array:
+        """One step through an uncertified zone by an error-controlled method."""
+        bridged, x, t, end = self._cluster_map(), self._x, float(self.times[i]), float(self.times[i + 1])
+        ends, dense = [t], []
+        looks = self._looked_for(i + 1)
+        if self._following is None or self._following.kept is not begun:
+            self._follow_from(begun)
+        while t < end:
+            with bridged.following_true_curve():
+                try:
+                    for step in self._refinements(x, np.array([t, end])):
+                        x, t = step.x, step.t1
+                        if looks:
+                            ends.append(t)
+                            dense.append(step.dense())
+                        elif t < end and self._renewed_within(i, begun, t, x):
+                            break
+                except NoProgressError as error:
+                    raise bridged.refusal() from error
+            if t < end:
+                bridged, x = self._cluster_map(), self._x
+                self._follow_from(None)
+        if looks:
+            self._refinement = SolverSteps(self._motion.explicit, self._motion.mechanism.m, ends, dense)
+        self._counters.refined_steps += 1
+        self._stretches = extended(self._stretches, float(self.times[i]), end)
+        return x
+
+    def _refinements(self, x: Array, times: Array) -> Iterator[SolverStep]:
+        """Steps with error control; a trial that is refused leaves the map where the step began.
+
+        Where they become many, the rounding of ẋ is measured, and no error below what it makes of the whole
+        span is asked for any more: light bodies that turn idly beside heavy ones have it 1e6 times as large.
+        """
+        following = self._following
+        assert following is not None
+        absolute: Array | float = REFINED_ATOL
+        measured, span = False, float(times[-1] - times[0])
+        while times[0] < times[-1]:
+            tolerances = REFINED_RTOL, absolute, REFINED_EFFORT
+            rounding = partial(self._rounding, following)
+            steps = solver_steps("DOP853", following, x, times, *tolerances, rounding=rounding)
+            for number, step in enumerate(steps):
+                following.keep(step.t1, step.x)
+                following.share()
+                yield step
+                x, times = step.x, np.array([step.t1, times[-1]])
+                if number == MANY and not measured:
+                    measured, absolute = True, np.maximum(absolute, span * _noise(following, step.t1, x))
+                    if np.any(absolute > REFINED_ATOL):
+                        break
+            else:
+                return
+
+    def _follow_from(self, now: Evaluation | None) -> None:
+        """Follow the mode anew from an evaluation at the present state, or from the map's anchor."""
+        self._leave()
+        self._following = Following(self._motion, self._native, self._coordinates, returns=False)
+        if now is not None:
+            self._following.begin(now, self._x)
+
+    def _repartition(self, i: int, t: float, names: tuple[str, ...] | None) -> Checkpoint:
+        self._leave()
+        return super()._repartition(i, t, names)
+
+    def trajectory(self, begun: float) -> Trajectory:
+        """What was recorded so far."""
+        self._leave()
+        return super().trajectory(begun)
+
+    def _leave(self) -> None:
+        """No more steps with error control, for now."""
+        if self._following is not None:
+            self._following.drop()
+        self._following = None
+
+    def _renewed_within(self, i: int, begun: Evaluation, t: float, x: Array) -> bool:
+        """Whether a step from time i, begun there, goes on at t in better coordinates, which are taken."""
+        if not self._turns_back(self._motion.explicit.anchor):
+            return False
+        here = self._motion.equations.evaluate(t, x)
+        names = self._better(here.point)
+        if names is None:
+            return False
+        self._cross(i + 1, t, here)  # in all clusters: the map that met their bridges is left
+        self._last, self._renewed_at = here, t
+        m, mechanism = self._motion.mechanism.m, in_coordinates(self._named, names)
+        explicit = self._motion.explicit
+        try:
+            if isinstance(explicit, ClusterMap) and explicit.beside_apex(mechanism) is not None:
+                first = turned(begun.point, mechanism)
+                first_x = np.concatenate([first.y, first.ydot])
+            else:
+                start = set_out(mechanism, begun.point.q, begun.v, choice=self._choice)
+                first, first_x = start.start.point, start.x[: 2 * m]
+            self._x = x
+            new = self._repartition(i, t, names).point
+        except SimulationError:
+            return False
+        self._last = replace(here, point=new, ydd=here.a[self._motion.mechanism.iv_independent])
+        state = np.concatenate([first_x, self._behind[2 * m :]])
+        self._recovery.renewed(Checkpoint(i, state, first))
+        return True
+
+    def _cross(self, i: int, t: float, now: Evaluation) -> None:
+        """Log what was passed until t in the step that ends at time i, or since coordinates changed in it."""
+        explicit, mechanism, before = self._motion.explicit, self._motion.mechanism, self._last
+        if before is None or not explicit.met:
+            return
+        since = self._renewed_at
+        times = float(self.times[i - 1]) if since is None else since, t
+        ends = (before.point, before.ydd), (now.point, now.ydd)
+        stretch = stretch_between(explicit, mechanism, times, *ends)
+        crossings = located(explicit.passed(before.point, now.point, stretch), stretch)
+        states = (motion_at(*end) for end in ends)
+        self._record.cross(placed_between(mechanism, crossings, times, *states))

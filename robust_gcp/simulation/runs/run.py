@@ -1,0 +1,278 @@
+"""One simulation in progress: what steps of all kinds have in common."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import fields
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...dynamics.equations import Evaluation, Torque
+from ...dynamics.problem import Problem, over, set_out
+from ...errors import CuspError, SimulationError
+from ...maps.choice import MapChoice
+from ...maps.classical import SingularityWarning
+from ...maps.cluster.cluster_map import ClusterMap
+from ...maps.point import Counters, Point
+from ...maps.start import Start
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree import Array
+from ...warning import warn
+from ..events import Event, Events, Zero
+from ..trajectories.acted import Acted
+from ..trajectories.powered import controls_along
+from ..trajectories.trajectory import Trajectory
+from .charts import map_of_rest, q_of_rest
+from .coordinates import Coordinates, in_coordinates
+from .following import Following
+from .keep import ALL, Keep
+from .record import Record
+from .recovery import Checkpoint
+from .schedule import Schedule
+from .stats import Stats, Stretches
+from .within import FixedStep, SolverSteps
+
+COUNTED = tuple(field.name for field in fields(Counters))
+
+TOLD = 3e-9
+"""Relative error of G by rounding that a warning tells."""
+
+
+class Run:
+    """One simulation in progress.
+
+    Parameters
+    ----------
+    motion : Problem
+        What the run begins with; a change of coordinates replaces it.
+    choice : MapChoice
+        Its explicit map, for the next ones.
+    torque : callable, array_like or None
+    schedule : Schedule
+        Steps and outputs.
+    record : sequence of {"a", "energy", "multipliers", "tau"}
+    counters : Counters
+    on_toggle : {"error", "repartition"}
+    progress : callable (fraction) or None
+    events : sequence of Event, or Events
+        Those of a longer run, of which this one is a part.
+    named : Mechanism, optional
+        In the coordinates that the user named, where the motion begins in others.
+    keep : Keep
+        Which outputs stay where there is no more room for them.
+
+    Attributes
+    ----------
+    stepper : str
+        As in `Stats`.
+    fixed : bool
+        Whether its steps have one length.
+    acted : Acted or None
+        What its trajectory is to remember.
+    """
+
+    stepper = "rk4"
+    fixed = True
+
+    def __init__(
+        self,
+        motion: Problem,
+        choice: MapChoice,
+        torque: Torque | ArrayLike | None,
+        schedule: Schedule,
+        record: Sequence[str],
+        counters: Counters,
+        on_toggle: str,
+        progress: Callable[[float], None] | None = None,
+        events: Sequence[Event] | Events = (),
+        named: Mechanism | None = None,
+        keep: Keep = ALL,
+    ) -> None:
+        self._motion, self._x, self._choice = motion, motion.x, choice
+        self._torque, self._schedule, self._counters = torque, schedule, counters
+        self._on_toggle, self._progress = on_toggle, progress
+        self._named = motion.mechanism if named is None else named
+        self._record = Record(self._named, schedule, record, motion.equations, keep)
+        times = schedule.times
+        begin, first = float(times[0]), float(times[1] - times[0])
+        self._events = events if isinstance(events, Events) else Events(events, begin, first)
+        self._ended = False
+        self._repartitions: list[tuple[float, tuple[str, ...]]] = []
+        if motion.mechanism is not self._named:
+            self._repartitions.append((float(times[0]), motion.mechanism.independent))
+        self._stretches: Stretches = []  # taken with error control
+        self.acted: Acted | None = None
+        self._lost, self._told = (0.0, np.inf), False
+        self._coordinates = self._looked_after()
+        self._calls = 0
+        self._last: Evaluation | None = None
+
+    def go(self) -> None:
+        """Take all steps."""
+        raise NotImplementedError
+
+    @property
+    def times(self) -> Array:
+        """The start and the ends of the steps, s."""
+        return self._schedule.times
+
+    def arrive(self, error: CuspError) -> None:
+        """Tell a cusp when and how the motion arrives there from the last output."""
+        from .cusp import arrive  # a run without one need not load it
+
+        motion, record = self._motion, self._record
+        state = record.time, *record.state()
+        end, options = float(self.times[-1]), self._choice.options
+        with suppress(SimulationError, np.linalg.LinAlgError):  # the cusp is told of without it
+            arrive(error, motion.mechanism, motion.equations.acting, state, end, options)
+
+    # --------------------------------------------------------------------- within a step
+
+    def _keep_within(self, i: int, step: FixedStep | SolverSteps, zeros: Sequence[Zero]) -> None:
+        """Keep what lies between the ends i − 1 and i: outputs and events, up to one that ends the run."""
+        waiting = list(zeros)
+        for row in self._schedule.within(i):
+            t = float(self._schedule.outputs[row])
+            while waiting and waiting[0].t < t:
+                self._keep_zero(waiting.pop(0), step)
+            if self._ended:
+                return
+            x = step.x(t)
+            self._record.keep(row, self._motion.equations.evaluate(t, x), x)
+        for zero in waiting:
+            self._keep_zero(zero, step)
+
+    def _keep_zero(self, zero: Zero, step: FixedStep | SolverSteps) -> None:
+        """Keep an event; where it ends the run, the state there too."""
+        x, m = step.x(zero.t), self._motion.mechanism.m
+        if zero.ends:
+            now = self._motion.equations.evaluate(zero.t, x)
+            self._events.add(zero, now.point.q, now.v)
+            self._record.end(zero.t, now, x)
+            self._last, self._ended = now, True
+        else:
+            point = self._motion.explicit.at(x[:m], x[m : 2 * m])
+            self._events.add(zero, point.q, point.G.dot(point.ydot))
+
+    # --------------------------------------------------------------------- changes of coordinates
+
+    def _cluster_map(self) -> ClusterMap:
+        explicit = map_of_rest(self._motion.explicit)
+        assert isinstance(explicit, ClusterMap)  # no other map knows uncertified zones
+        return explicit
+
+    def _rounding(self, following: Following, wanted: float = 0.0) -> float:
+        """The least tolerance to ask for; what rounding costs of G is told once, afterwards, if it shows."""
+        lost, asked, distance = following.rounding()
+        if lost > max(TOLD, wanted, self._lost[0]):
+            self._lost = lost, distance
+        elif lost < 0.5 * self._lost[0]:
+            self._tell_what_is_lost()
+        return asked
+
+    def _tell_what_is_lost(self) -> None:
+        """Warn of the nearest that the motion came to a singular place without a bridge."""
+        (lost, distance), told = self._lost, self._told
+        self._lost, self._told = (0.0, np.inf), told or lost > 0.0
+        if lost > 0.0 and not told:
+            warn(
+                f"the motion passed a singular place without a bridge at a distance of {distance:.1g}: "
+                f"rounding leaves it right to {lost:.1e} there, whatever the step",
+                SingularityWarning,
+            )
+
+    def _looked_after(self) -> Coordinates | None:
+        """What looks after the present coordinates, where they may be changed."""
+        if self._on_toggle == "error":
+            return None
+        return Coordinates(self._motion.mechanism, self._named.independent, self._counters, self.fixed)
+
+    def _suspicious(self, point: Point) -> bool:
+        """Whether the independent joints are to be looked at."""
+        return self._coordinates is not None and self._coordinates.suspicious(point)
+
+    def _turns_back(self, point: Point) -> bool:
+        """Whether the independent joints are about to turn back, however evenly the others move."""
+        return self._coordinates is not None and self._coordinates.turns_back(point)
+
+    def _better(self, point: Point) -> tuple[str, ...] | None:
+        """Joints that serve better than the independent ones beside bridges; None where these do well."""
+        if self._coordinates is None or self._cluster_map().on_bridge:
+            return None
+        return self._coordinates.better(point)
+
+    def _others(self, point: Point) -> tuple[str, ...] | None:
+        """Joints that see more of the motion at a regular point than the independent ones do."""
+        assert self._coordinates is not None  # asked for where coordinates may change
+        return self._coordinates.best(point)
+
+    def _repartition(self, i: int, t: float, names: tuple[str, ...] | None) -> Checkpoint:
+        """Go on in other coordinates from the present state, at time i or later, which is returned."""
+        if names is None:
+            raise self._cluster_map().refusal()
+        old, x = self._motion, self._x
+        here, m = old.explicit.anchor, old.mechanism.m
+        mechanism = in_coordinates(self._named, names)
+        self._motion = self._set_out(mechanism, here, here.G @ x[m : 2 * m])
+        self._coordinates = self._looked_after()
+        self._x = np.concatenate([self._motion.x[: 2 * m], x[2 * m :]])
+        self._calls += old.equations.calls
+        self._last = None
+        self._repartitions = [(when, what) for when, what in self._repartitions if when < t]
+        self._repartitions.append((t, names))
+        return Checkpoint(i, self._x, self._motion.start.point)
+
+    def _set_out(self, mechanism: Mechanism, here: Point, v: Array) -> Problem:
+        """The motion from here on in the coordinates of `mechanism`."""
+        explicit = self._motion.explicit
+        apart = explicit.beside_apex(mechanism) if isinstance(explicit, ClusterMap) else None
+        if apart is not None:
+            path, point, trackers = apart
+            return over(Start(path, point, v[mechanism.iv_independent], trackers), self._torque, self._choice)
+        torque, choice, counters = self._torque, self._choice, self._counters
+        return set_out(mechanism, here.q, v, torque=torque, choice=choice, counters=counters)
+
+    # --------------------------------------------------------------------- record
+
+    def _accept(self, i: int, now: Evaluation) -> None:
+        """Record the evaluation at time i."""
+        self._watch(now.point.q, i)
+        self._record.add(i, now, self._x)
+        self._last = now
+        self._report(i)
+
+    @property
+    def _redundant(self) -> bool:
+        """Whether rows of φ may be left open that do not determine the dependent joints."""
+        path = map_of_rest(self._motion.explicit).path
+        return path.mechanism.nc > path.nd
+
+    def _watch(self, q: Array, i: int) -> None:
+        """Refuse to go on where rows of φ are left open."""
+        explicit, rest = self._motion.explicit, map_of_rest(self._motion.explicit)
+        if isinstance(rest, ClusterMap):
+            rest.require_closed(q_of_rest(explicit, q), f"at t = {self.times[i]:.6g} s")
+
+    def _report(self, i: int) -> None:
+        if self._progress is not None:
+            self._progress(i / (len(self.times) - 1))
+
+    def trajectory(self, begun: float) -> Trajectory:
+        """What was recorded so far."""
+        self._tell_what_is_lost()
+        stats = Stats(
+            **{name: getattr(self._counters, name) for name in COUNTED},
+            rhs=self._calls + self._motion.equations.calls,
+            repartitions=self._repartitions,
+            refined=self._stretches,
+            wall_seconds=time.perf_counter() - begun,
+            stepper=self.stepper,
+            step=float(self.times[1] - self.times[0]) if self.fixed else None,
+        )
+        found = self._record.trajectory(stats, self._events)
+        found.acted = self.acted
+        found.u = controls_along(None if self.acted is None else self.acted.torque, found.t, found.q, found.v)
+        return found

@@ -1,0 +1,161 @@
+"""When a run steps, and which times it tells of."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...checks import check_number, check_positive, real_array, shown
+from ...errors import OptionError
+from ...mechanism.tree import Array
+
+MAX_OUTPUTS = 100_000_000
+"""Most steps of a run: q and v of a four-bar alone then take 5 GB."""
+
+NONE = range(0)
+
+SAME = 1e-9
+"""Share of a step within which an output is at the end of one."""
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """Steps and outputs of a run.
+
+    Attributes
+    ----------
+    times : ndarray (N + 1,)
+        The start and the ends of the steps, s.
+    outputs : ndarray (n,)
+        Increasing, within the steps, s.
+    row : ndarray of int (N + 1,)
+        Which output each of `times` is, -1 where it is none.
+    first : ndarray of int (N + 1,)
+        How many outputs come before each of `times`.
+    """
+
+    times: Array
+    outputs: Array
+    row: NDArray[np.int64]
+    first: NDArray[np.int64]
+
+    @classmethod
+    def every(cls, times: Array) -> Schedule:
+        """An output at the end of each step, and at the start."""
+        all_rows = np.arange(len(times))
+        return cls(times, times, all_rows, all_rows)
+
+    @classmethod
+    def at(cls, times: Array, outputs: Array) -> Schedule:
+        """These outputs, each at the end of a step or within one."""
+        width = SAME * np.diff(times, prepend=2.0 * times[0] - times[1])
+        # looked up by output, of which there may be few to millions of steps
+        reached = np.searchsorted(times + width, outputs)
+        passed = np.searchsorted(times - width, outputs, side="right")
+        first = np.cumsum(np.bincount(passed, minlength=len(times) + 1)[:-1])
+        row = np.full(len(times), -1)
+        for k in np.flatnonzero(passed > reached + 1):  # at the ends of several steps
+            row[reached[k] : passed[k]] = k
+        at_ends = np.flatnonzero(passed > reached)[::-1]  # of several outputs at one end the first counts
+        row[reached[at_ends]] = at_ends
+        return cls(times, outputs, row, first)
+
+    @property
+    def plain(self) -> bool:
+        """Whether the outputs are the ends of the steps."""
+        return self.outputs is self.times
+
+    @cached_property
+    def _interrupted(self) -> NDArray[np.int64]:
+        """The numbers of the steps, by their ends, that have outputs within."""
+        taken = self.first + (self.row >= 0)
+        return np.flatnonzero(self.first[1:] > taken[:-1]) + 1
+
+    def within(self, i: int) -> range:
+        """The outputs between the step's ends i − 1 and i."""
+        if self.plain or not len(self._interrupted):
+            return NONE
+        return range(int(self.first[i - 1] + (self.row[i - 1] >= 0)), int(self.first[i]))
+
+    def free_until(self, i: int) -> int:
+        """The last end of a step after i before one that has outputs within; i itself where that is next."""
+        if self.plain or not len(self._interrupted):
+            return len(self.times) - 1
+        k = np.searchsorted(self._interrupted, i, side="right")
+        return int(self._interrupted[k]) - 1 if k < len(self._interrupted) else len(self.times) - 1
+
+
+def planned(
+    t0: float, duration: float, step: float, outputs: ArrayLike | None, fixed: bool
+) -> tuple[Schedule, float]:
+    """The schedule that `simulate` was asked for, and the step.
+
+    Parameters
+    ----------
+    fixed : bool
+        Whether steps have this length; else a solver chooses its own, and only outputs matter.
+
+    Raises
+    ------
+    OptionError
+    """
+    check_number("t0", t0)
+    if not math.isfinite(t0):
+        raise OptionError(f"t0 = {t0} must be finite")
+    check_positive("duration", duration)
+    check_positive("step", step)
+    if step > duration * (1.0 + 1e-12):
+        raise OptionError(f"step = {step} s is longer than the duration = {duration} s")
+    if duration / step > MAX_OUTPUTS:
+        raise OptionError(
+            f"step = {step} s and duration = {duration} s make {duration / step:.3g} outputs, more than "
+            f"{MAX_OUTPUTS:.0e}; use a larger step, or several runs one after the other"
+        )
+    end = t0 + duration
+    if not t0 + step > t0 or not end - step < end:
+        raise OptionError(f"t0 = {t0} s is so large that a step of {step} s after it is lost in rounding")
+    count = max(1, math.ceil(duration / step - 1e-9))
+    times = t0 + step * np.arange(count + 1)
+    times[-1] = end
+    if outputs is None:
+        return Schedule.every(times), step
+    asked = _checked(outputs, t0, end)
+    if not fixed:  # a change of coordinates goes back to the last of the times: not too far
+        k, last = np.searchsorted(asked, times), len(asked) - 1
+        before, after = asked[np.clip(k - 1, 0, last)], asked[np.clip(k, 0, last)]
+        gap = np.minimum(np.abs(times - before), np.abs(times - after))
+        times = np.unique(np.concatenate([times[gap > SAME * step], asked]))
+    return Schedule.at(times, asked), step
+
+
+def last_output(outputs: ArrayLike | None, t0: float) -> float | None:
+    """The duration that outputs ask for, s; None where they say nothing."""
+    if outputs is None:
+        return None
+    last = float(_times(outputs)[-1]) - t0
+    return last if last > 0.0 else None
+
+
+def _times(outputs: ArrayLike) -> Array:
+    try:
+        times = real_array(outputs)
+    except TypeError:
+        times = np.full(1, np.nan)
+    increasing = times.ndim == 1 and len(times) > 0 and np.all(np.isfinite(times))
+    if not increasing or not np.all(np.diff(times) > 0.0):
+        raise OptionError(f"outputs = {shown(outputs)}: give increasing times, s, at least one")
+    return times
+
+
+def _checked(outputs: ArrayLike, t0: float, end: float) -> Array:
+    times = _times(outputs)
+    slack = SAME * (end - t0)
+    if times[0] < t0 - slack or times[-1] > end + slack:
+        raise OptionError(
+            f"outputs from {times[0]:g} to {times[-1]:g} s lie outside the run, from {t0:g} to {end:g} s"
+        )
+    return np.clip(times, t0, end)

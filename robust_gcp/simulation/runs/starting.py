@@ -1,0 +1,232 @@
+"""How a motion begins: the usual start is closed, checked and evaluated by the kernel, others in Python."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...dynamics.equations import Torque
+from ...dynamics.prescribed.drive import Drive
+from ...dynamics.prescribed.driven import driven_start
+from ...dynamics.problem import Problem, over, set_out
+from ...errors import BranchError
+from ...kernel.batch import Begun, count_in
+from ...kernel.rates import Rates
+from ...kernel.steps import KernelMap, NativeSteps
+from ...kernel.workspace import Workspace
+from ...maps.choice import MapChoice
+from ...maps.cluster.options import BridgeOptions
+from ...maps.grouped import GroupPoint
+from ...maps.grouped_start import start_on_groups
+from ...maps.point import Counters, Point
+from ...maps.regular_path import RegularPath
+from ...maps.start import Start
+from ...maps.start_check import require_finite_energy
+from ...mechanism.coordinates.groups import groups_of
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tolerances import COMPATIBLE, NEARLY_CLOSED
+from ...mechanism.tree import Array
+from .turned_start import set_out_well
+
+Given = tuple[ArrayLike | None, ArrayLike | None, ArrayLike | None]
+"""q0, v0 and mode, as `simulate` takes them."""
+
+
+def is_plain(mechanism: Mechanism) -> bool:
+    """Whether the rows of each cluster are as many as its dependent velocities, and y are numbers in q.
+
+    But for joints on groups, such as a floating base.
+    """
+    rest = rest_of(mechanism)
+    determined = rest.nc == len(rest.iv_dependent)
+    determined = determined and all(c.loops.nc == len(c.iv) - c.m for c in rest.clusters)
+    return determined and len(rest.numbers) == rest.m and mechanism.m > 0
+
+
+def rest_of(mechanism: Mechanism) -> Mechanism:
+    """Without joints on groups."""
+    groups = groups_of(mechanism)
+    return mechanism if groups is None else groups.rest
+
+
+def closed_by_kernel(
+    workspace: Workspace,
+    mechanism: Mechanism,
+    q: Array,
+    v: Array | None,
+    zone: float,
+    t: float = 0.0,
+    options: BridgeOptions | None = None,
+) -> Begun | None:
+    """The state and its evaluation at a start that is closed, with a velocity that the loops allow.
+
+    None where it is not on regular ground (K_d conditioned to `zone`, or with `options` to 1e-4), or is no
+    such start. Without a velocity what is not prescribed rests.
+    """
+    mechanism.require_proper(q)
+    u = np.zeros(mechanism.m) if v is None else v[mechanism.iv_independent]
+    begun = workspace.begin(q, u, zone, t, options)
+    if begun is None:
+        return None
+    now = begun.now
+    units = mechanism.units
+    moved = np.abs(mechanism.tree.difference(q, now.point.q) / units).max()
+    if v is None:
+        return begun if moved <= NEARLY_CLOSED else None
+    apart, size = np.abs((now.v - v) / units).max(), np.abs(v / units).max()
+    return begun if moved <= NEARLY_CLOSED and apart <= COMPATIBLE * max(size, 1.0) else None
+
+
+def state_given(mechanism: Mechanism, q0: ArrayLike | None, v0: ArrayLike | None) -> tuple[Array, Array]:
+    """q and v of a start as `simulate` takes it: home, and at rest but as the mechanism recommends."""
+    q = mechanism.home if q0 is None else mechanism.configuration(q0, "q0")
+    v0 = mechanism.recommended.velocity(q0, None) if v0 is None else v0
+    return q, mechanism.tree.zero if v0 is None else mechanism.velocity(v0, "v0")
+
+
+class StartRates:
+    """ẋ about a start that the kernel has evaluated, beside the run.
+
+    Parameters
+    ----------
+    motion : Problem
+    rates : Rates
+        From its start on.
+    """
+
+    def __init__(self, motion: Problem, rates: Rates) -> None:
+        self._mechanism, self._rates = motion.mechanism, rates
+
+    def __call__(self, t: float, x: Array) -> Array:
+        """ẋ, or a BranchError."""
+        return self._told(self._rates(t, x), x)
+
+    def slopes(self, t: float, x: Array) -> Array:
+        """A = ∂ẋ/∂x without the work done, (2m, 2m), or a BranchError; see `dynamics.linearise`."""
+        mechanism = self._mechanism
+        return self._told(self._rates.slopes(t, x, mechanism.units[mechanism.iv_independent]), x)
+
+    def _told(self, found: Array | None, x: Array) -> Array:
+        if found is None:
+            raise BranchError(f"the kernel cannot evaluate the motion at y = {x[: self._mechanism.m]}", x)
+        return found
+
+
+def rates_at(native: NativeSteps | None, motion: Problem) -> StartRates | None:
+    """ẋ about a start that the kernel has evaluated, beside the run; None where it has not."""
+    explicit = motion.explicit
+    if native is None or motion.first is None or not isinstance(explicit, KernelMap):
+        return None
+    rates = native.rates(explicit, motion.first, motion.x, None)
+    return None if rates is None else StartRates(motion, rates)
+
+
+def _plain(
+    native: NativeSteps | None,
+    mechanism: Mechanism,
+    q0: ArrayLike | None,
+    v0: ArrayLike | None,
+    torque: Torque | ArrayLike | None,
+    choice: MapChoice,
+    counters: Counters,
+    drives: Drive | None,
+    t0: float,
+) -> Problem | None:
+    """What `set_out` gives, with the evaluation there where no function has to be asked for a torque.
+
+    None where `set_out` has to look, and to say what is wrong.
+    """
+    if native is None or not is_plain(mechanism):
+        return None
+    q = mechanism.home if q0 is None else mechanism.configuration(q0, "q0")
+    if drives is not None:
+        q = driven_start(mechanism, drives, q0, v0, None, choice, counters)
+    at_rest = None if drives is not None else mechanism.tree.zero
+    v = at_rest if v0 is None else mechanism.velocity(v0, "v0")
+    if v is not None:
+        require_finite_energy(mechanism, v)
+    rest = rest_of(mechanism)
+    path = RegularPath(rest, np.arange(rest.nc), counters)
+    return _evaluated(native, mechanism, path, q, v, torque, choice, drives, t0)
+
+
+def _evaluated(
+    native: NativeSteps,
+    mechanism: Mechanism,
+    path: RegularPath,
+    q: Array,
+    v: Array | None,
+    torque: Torque | ArrayLike | None,
+    choice: MapChoice,
+    drives: Drive | None,
+    t0: float,
+) -> Problem | None:
+    """The motion from a start that `closed_by_kernel` finds; None where it finds none."""
+    workspace = native.prepare(mechanism, path)
+    if workspace is None:
+        return None
+    options = choice.options if choice.method == "bridge" and drives is None else None
+    begun = closed_by_kernel(workspace, mechanism, q, v, choice.options.zone, t0, options)
+    if begun is None:
+        return None
+    now = begun.now
+    motion = over(start_at(mechanism, path, now.point), torque, choice, drives)
+    if begun.trackers is not None:
+        assert isinstance(motion.explicit, KernelMap)  # bridges are followed by no other
+        motion.explicit.resume(now.point, begun.trackers)
+        count_in(path.counters, begun.counts)
+    return motion if native.asks else replace(motion, first=now)
+
+
+def start_at(mechanism: Mechanism, path: RegularPath, point: Point) -> Start:
+    """At a point on regular ground."""
+    groups = groups_of(mechanism)
+    if groups is None:
+        return Start(path, point, point.ydot)
+    assert isinstance(point, GroupPoint)
+    return start_on_groups(groups, Start(path, point.rest, point.rest.ydot), point)
+
+
+def started(
+    native: NativeSteps | None,
+    mechanism: Mechanism,
+    start: Given,
+    torque: Torque | ArrayLike | None,
+    choice: MapChoice,
+    counters: Counters,
+    on_toggle: str,
+    drives: Drive | None,
+    t0: float,
+) -> Problem:
+    """The motion from a start, by the kernel where it is a plain one.
+
+    Parameters
+    ----------
+    native : NativeSteps or None
+    start : (q0, v0, mode)
+        As `simulate` takes them; so are the others.
+
+    Raises
+    ------
+    StateError, ClosureError, OptionError, SimulationError
+        As `dynamics.problem.set_out` does.
+    """
+    q0, v0, mode = start
+    if mode is None:
+        motion = _plain(native, mechanism, q0, v0, torque, choice, counters, drives, t0)
+        if motion is not None:
+            return motion
+    if on_toggle == "error":
+        motion = set_out(mechanism, q0, v0, mode, torque, choice, counters, drives)
+    else:
+        motion = set_out_well(mechanism, q0, v0, mode, torque, choice, counters)
+    found, begun = None, motion.start
+    if native is not None:
+        if drives is None and not begun.trackers:  # with the kernel's own digits
+            q, v = begun.point.q, begun.point.G.dot(begun.ydot)
+            found = _evaluated(native, motion.mechanism, begun.path, q, v, torque, choice, None, t0)
+        if found is None:
+            native.prepare(motion.mechanism, begun.path)
+    return motion if found is None else found

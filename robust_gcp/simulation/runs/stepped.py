@@ -1,0 +1,300 @@
+"""A run that is taken a few steps at a time, and can be put back to where it was."""
+
+from __future__ import annotations
+
+import copy
+from bisect import bisect_right
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ...dynamics.equations import Evaluation
+from ...dynamics.prescribed.zero_order_hold import HeldTorque
+from ...kernel.prepared import Prepared
+from ...kernel.steps import KernelMap, NativeSteps, most_steps
+from ...kernel.structures import Reason
+from ...maps.explicit import Crossing
+from ...mechanism.tree import Array
+from ..events import Events
+from ..present import Here
+from ..saved import unchanging
+from ..trajectories.trajectory import Trajectory
+from .fixed import FixedRun
+from .schedule import Schedule
+
+FIXED = (
+    "_choice", "_torque", "_held", "_take", "_native", "_progress", "_counters", "_on_toggle", "_named",
+    "_lean", "acted",
+)  # fmt: skip
+"""What of a run no step changes, or what counts on."""
+
+
+class SteppedRun(FixedRun):
+    """A run that goes on when asked to, under a torque that is held.
+
+    It has no stops, friction or locks: see `phases.stepwise`.
+
+    Where it has to go back over steps that were taken, the torques held then act again.
+
+    Parameters
+    ----------
+    held : HeldTorque
+        The torque of the run.
+    more
+        As for `FixedRun`.
+    """
+
+    happenings: tuple[Any, ...] = ()
+    dissipated = 0.0
+
+    def __init__(self, held: HeldTorque, *more: Any, **options: Any) -> None:
+        super().__init__(*more, **options)
+        self._held = held
+        self._changes, self._torques = [0], [held.value]
+        self._bits = held.value.tobytes()
+        self._lean: Prepared | None = None
+        self._begun = 0  # where the steps began that the kernel has not told of
+        self._watching: Array | None = None  # q of all outputs, where rows of φ are to be looked at
+        self._gone = 0  # outputs since the start that this run numbers no more
+        self._most = most_steps(self._motion.mechanism)
+
+    def begin(self) -> None:
+        """Accept the start."""
+        self._go_on(0, 0, None)
+
+    def trajectory(self, begun: float) -> Trajectory:
+        """What was recorded so far."""
+        self.settle()
+        found = super().trajectory(begun)
+        if found.acted is not None and not self._record.keeps.all:
+            found.acted = replace(found.acted, lost=True)  # the torques of steps that were let go
+        elif found.acted is not None:
+            found.acted = replace(found.acted, held=self._held_from(found.t[:-1])[:, : found.v.shape[1]])
+        found.u = self._held.driven(self._held_from(found.t), found.t)
+        return found
+
+    def take(self, torque: Array, n: int) -> None:
+        """n steps under a torque (nv,) that is held, from the last output on.
+
+        Where the kernel went the way here it goes on by itself, into the record's own rows, and all that
+        follows from a step waits until someone asks (`settle`).
+        """
+        i, bits, lean = self._record.at, torque.tobytes(), self._lean
+        self.paused = False
+        turned = bits != self._bits
+        if lean is not None and n <= self._most:
+            plain = lean(i, n, torque if turned else None)
+            completed = n if plain else lean.completed
+            if turned and completed >= 0:
+                self._note(i, torque, bits)
+                turned = False
+            if completed > 0:
+                self._record.reach(i + completed)
+            if plain:
+                if self._watching is not None:
+                    self._watch_rows(i, self._watching[i + 1 : i + 1 + n])
+                return
+            self.settle()
+            if self.paused:
+                self._lean = self._prepared()
+                return
+        if turned:
+            self._hold(i, torque, bits)
+        self._go_on(self.at, i + n, self.last)
+
+    def _go_on(self, i: int, last: int, known: Evaluation | None) -> None:
+        """The steps from time i to time `last` with all that may happen, and then the kernel by itself."""
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite ends in an error of ours
+            self.advance(i, last, known)
+        self._lean = self._prepared()
+
+    def settle(self) -> None:
+        """Take over what the kernel's own steps left behind."""
+        lean, self._lean = self._lean, None
+        if lean is None or not lean.used or self._native is None:
+            return
+        i, at = self._begun, self._record.at
+        batch = self._native.settled(i, at)
+        self._take_over(i, batch)
+        self._last = batch.now
+        self._record.last_state = self._x
+        self.paused = batch.reason is Reason.MET
+        if batch.failure is not None:
+            raise batch.failure
+
+    def _prepared(self) -> Prepared | None:
+        """Steps of the kernel's alone from the last output on; None where more is to be looked at."""
+        rows, last = self._record.rows, self._last
+        if self._native is None or self._native.asks or rows is None or last is None:
+            return None
+        if self._recovery.careful or self._events or self._progress or self._suspicious(last.point):
+            return None
+        self._begun = self._record.at
+        self._watching = rows.q if self._redundant else None
+        watch, best = self._watch_coordinates(), self._recovery.best
+        return self._native.prepared(self._kernel_map(), last, self.times, rows, watch, best)
+
+    @property
+    def zone_evaluations(self) -> int:
+        """Right-hand sides so far that were not on regular ground."""
+        self.settle()
+        return super().zone_evaluations
+
+    @property
+    def last(self) -> Evaluation:
+        """The evaluation accepted last."""
+        self.settle()
+        assert self._last is not None  # output 0 is accepted before anyone asks
+        return self._last
+
+    @property
+    def here(self) -> Here:
+        """The same by name."""
+        now = self.last
+        return Here(now.point.q, now.v, now.a, now.tau, now.drive)
+
+    @property
+    def toward(self) -> Array:
+        """The tangent of the mode, (nv, m)."""
+        return self.last.point.G.copy()
+
+    def remembered(self) -> None:
+        """What another run goes on from besides the state: nothing."""
+
+    def recall(self, phase: Any) -> None:
+        """Nothing is to be recalled."""
+
+    @property
+    def at(self) -> int:
+        """The number of the last output."""
+        return self._record.at
+
+    @property
+    def state(self) -> tuple[Array, Array]:
+        """q and v where the run is."""
+        if self._lean is None and not self._ended:
+            return self.last.point.q, self.last.v
+        return self._record.state()
+
+    @property
+    def time(self) -> float:
+        """Where the run is, s."""
+        return self._record.time if self._ended else float(self.times[self.at])
+
+    @property
+    def events(self) -> Events:
+        """What is looked for, and what was found of it."""
+        return self._events
+
+    @property
+    def crossings(self) -> list[Crossing]:
+        """Those passed so far."""
+        return self._record.crossings
+
+    def _note(self, i: int, torque: Array, bits: bytes) -> None:
+        """A torque is held from time i on."""
+        self._changes.append(i)
+        self._torques.append(torque)
+        self._held.value, self._bits = torque, bits
+
+    def _hold(self, i: int, torque: Array, bits: bytes) -> None:
+        """Hold a torque from output i, the last one, on, and look at the state there again."""
+        last = self.last
+        self._note(i, torque, bits)
+        t = float(self.times[i])
+        native, explicit = self._native, self._motion.explicit
+        known = None
+        if native is not None and isinstance(explicit, KernelMap):
+            known = native.look(explicit, last, self._x, t)
+        if known is None:
+            self._last = self._motion.equations.at_point(t, last.point)
+        else:
+            self._last = known
+            self._motion.equations.calls += 1
+            self._counters.force_evaluations += 1
+        self._record.add(i, self._last, self._x)
+
+    def _held_from(self, t: Array) -> Array:
+        """What was held from each of these times on, (len(t), nv)."""
+        steps = np.searchsorted(self.times, t, side="right") - 1
+        held = np.array(self._torques)
+        return held[np.searchsorted(self._changes, steps, side="right") - 1]
+
+    def _torque_from(self, i: int) -> Array:
+        """What is held from time i on."""
+        return self._torques[bisect_right(self._changes, i) - 1]
+
+    def _evaluated(self, i: int) -> Evaluation:
+        torque = self._torque_from(i)
+        if torque is not self._held.value:
+            self._leave()  # what is known at the end of a step was found under the torque before
+        self._held.value = torque
+        return super()._evaluated(i)
+
+    def _look_within(self, i: int, before: Evaluation, now: Evaluation) -> None:
+        """As ever, under the torque of the step before time i, not of the one after it."""
+        after, self._held.value = self._held.value, self._torque_from(i - 1)
+        if self._looked_for(i) and not np.array_equal(after, self._held.value, equal_nan=True):
+            now = self._motion.equations.at_point(float(self.times[i]), now.point)
+        super()._look_within(i, before, now)
+        self._held.value = after
+
+    def _natively(
+        self, native: NativeSteps, i: int, last: int, now: Evaluation
+    ) -> tuple[int, Evaluation | None]:
+        if self._changes[-1] > i:  # over steps taken once more, one by one
+            return i, now
+        return super()._natively(native, i, last, now)
+
+    def room_for(self, n: int, clock: Callable[[int, int], Array]) -> None:
+        """Make room for n more outputs, by letting go of those that are not kept or by growing.
+
+        Parameters
+        ----------
+        clock : callable (first, count) -> ndarray
+            Times of outputs, numbered since the start.
+        """
+        if self.at + n < len(self.times):
+            return
+        self.settle()
+        if not self._record.keeps.all:
+            self._slide(self._recovery.safe.i, clock)
+        room = len(self.times)
+        if self.at + n >= room:
+            self._schedule = Schedule.every(clock(self._gone, max(2 * room, self.at + n + 1)))
+            self._record.grow(self._schedule)
+
+    def _slide(self, n: int, clock: Callable[[int, int], Array]) -> None:
+        """Number outputs from the n-th on, before which the run never goes back."""
+        self._gone += n
+        self._schedule = Schedule.every(clock(self._gone, len(self.times)))
+        self._record.forget(n, self._schedule)
+        self._recovery.shift(n)
+        first = bisect_right(self._changes, n) - 1
+        self._changes = [max(0, i - n) for i in self._changes[first:]]
+        self._torques = self._torques[first:]
+
+    def parts(self) -> dict[str, Any]:
+        """What steps change, by name."""
+        return {name: value for name, value in vars(self).items() if name not in FIXED}
+
+    def copied(self, parts: dict[str, Any] | None = None) -> dict[str, Any]:
+        """A copy of all that steps change, or of such a copy; what they do not change is shared."""
+        if parts is None:
+            self.settle()
+            self._leave()
+            parts = self.parts()
+        shared: list[Any] = [self._counters, parts["_schedule"], *self._events.asked]
+        for mechanism in {id(m): m for m in (self._record.mechanism, parts["_motion"].mechanism)}.values():
+            shared += unchanging(mechanism)
+        return copy.deepcopy(parts, {id(part): part for part in shared})
+
+    def put_back(self, parts: dict[str, Any]) -> None:
+        """Go back to where these parts were copied."""
+        self._lean = None
+        self._leave()
+        for name, value in self.copied(parts).items():
+            setattr(self, name, value)
+        self._held.value = self._torques[-1]

@@ -1,0 +1,105 @@
+"""The motion within a step, to the order of the stepper: for outputs and events between its ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ...dynamics.equations import Evaluation
+from ...maps.explicit import ExplicitMap
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree import Array
+from ..trajectories.dense import Interpolant
+from .charts import coordinates
+
+Dense = Callable[[float], Array]
+"""A solver's dense output: the state x by time."""
+
+
+class FixedStep:
+    """A step of RK4 or a tableau: the polynomials through q, v and a at its ends.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    explicit : ExplicitMap
+    times : (float, float)
+    before, after : Evaluation
+    x0, x1 : ndarray
+        States at the ends, in the present chart.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        explicit: ExplicitMap,
+        times: tuple[float, float],
+        before: Evaluation,
+        after: Evaluation,
+        x0: Array,
+        x1: Array,
+    ) -> None:
+        self._mechanism, self._explicit = mechanism, explicit
+        self.t0, self.t1 = times
+        q, v, a = (
+            np.array(pair)
+            for pair in ((before.point.q, after.point.q), (before.v, after.v), (before.a, after.a))
+        )
+        self._motion = Interpolant(mechanism.tree, np.array(times), q, v, a)
+        self._work = (x0[2 * mechanism.m :], before.power), (x1[2 * mechanism.m :], after.power)
+
+    def state(self, t: float) -> tuple[Array, Array]:
+        """q and v; the loops are closed to the order of the stepper."""
+        q, v, _ = self._motion(np.array([t]))
+        return q[0], v[0]
+
+    def x(self, t: float) -> Array:
+        """The state at a time of the step: y and u, and the work done by the cubic through its power."""
+        (w0, p0), (w1, p1) = self._work
+        h = self.t1 - self.t0
+        s = (t - self.t0) / h
+        work = w0 + s * (
+            h * p0 + s * (3.0 * (w1 - w0) - h * (2.0 * p0 + p1) + s * (h * (p0 + p1) - 2.0 * (w1 - w0)))
+        )
+        return np.concatenate([*coordinates(self._explicit, self._mechanism, *self.state(t)), work])
+
+
+class SolverSteps:
+    """One or more steps of a solver of scipy's.
+
+    Parameters
+    ----------
+    explicit : ExplicitMap
+        Gives q and v, on the mode that it follows.
+    m : int
+    ends : sequence of float (n + 1,)
+        Ascending, s.
+    dense : sequence of callable (n,)
+    near : callable (x)
+        Told of each state before the map is asked for it.
+    """
+
+    def __init__(
+        self,
+        explicit: ExplicitMap,
+        m: int,
+        ends: Sequence[float],
+        dense: Sequence[Dense],
+        near: Callable[[Array], None] = lambda x: None,
+    ) -> None:
+        self._explicit, self._m, self._ends, self._dense, self._near = explicit, m, list(ends), dense, near
+        self.t0, self.t1 = ends[0], ends[-1]
+
+    def state(self, t: float) -> tuple[Array, Array]:
+        """q and v, loops closed."""
+        x = self.x(t)
+        point = self._explicit.at(x[: self._m], x[self._m : 2 * self._m])
+        return point.q, point.G.dot(point.ydot)
+
+    def x(self, t: float) -> Array:
+        """The state at a time of the steps."""
+        k = int(np.searchsorted(self._ends[1:-1], t))
+        x = np.asarray(self._dense[k](t))
+        self._near(x)
+        return x

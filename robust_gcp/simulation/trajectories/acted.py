@@ -1,0 +1,76 @@
+"""What acted on a run besides gravity and the mechanism's own forces, as its trajectory remembers it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...dynamics.equations import Torque
+from ...dynamics.loads import Wrench
+from ...dynamics.prescribed.drive import Drive
+from ...dynamics.prescribed.motion import Motion
+from ...mechanism.tree import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Acted:
+    """What acted on a run.
+
+    Attributes
+    ----------
+    torque : callable (t, q, v), ndarray (nv,) or None
+        Torques and wrenches as one.
+    wrenches : tuple of Wrench
+        Those that are part of it.
+    held : ndarray (N, nv) or None
+        What was held over the step that begins at each output but the last; None where nothing was.
+    drive : tuple of str
+        Joints that moved as prescribed.
+    motions : mapping of str to Motion
+        How these move; files and pickles do not hold it.
+    lost : bool
+        Whether `torque` was a function and is not kept any more: files and pickles hold no code.
+    """
+
+    torque: Torque | ArrayLike | None = None
+    wrenches: tuple[Wrench, ...] = ()
+    held: Array | None = None
+    drive: tuple[str, ...] = ()
+    lost: bool = False
+    motions: Mapping[str, Motion] = field(default_factory=dict)
+
+    @classmethod
+    def driven(cls, drive: Drive | None, torque: Any = None, wrenches: tuple[Wrench, ...] = ()) -> Acted:
+        """Torques and wrenches, beside prescribed motions."""
+        if drive is None:
+            return cls(torque, wrenches)
+        return cls(torque, wrenches, drive=drive.names, motions=drive.motions)
+
+    def without_code(self) -> Acted:
+        """What files and pickles hold of it."""
+        if not callable(self.torque):
+            return self
+        return replace(self, torque=None, wrenches=(), lost=True)
+
+    def arrays(self) -> dict[str, Array | None]:
+        """Its numbers by name, for a file; the rest is in `drive` and `lost`."""
+        kept = self.without_code()
+        torque = None if kept.torque is None else np.asarray(kept.torque, dtype=float)
+        return {"acted_torque": torque, "acted_held": kept.held}
+
+    def __reduce__(self) -> tuple[type[Acted], tuple[Any, ...]]:
+        """Pickle without code."""
+        kept = self.without_code()
+        return Acted, (kept.torque, kept.wrenches, kept.held, kept.drive, kept.lost)
+
+    def __copy__(self) -> Acted:
+        """Itself: nothing changes it."""
+        return self
+
+    def __deepcopy__(self, memo: object) -> Acted:
+        """Itself."""
+        return self
