@@ -183,6 +183,9 @@ def listed(
         raise error_type(f"{what} must be a list of {items}, not {shown(value)}") from error
 
 
+_FLOAT = np.dtype(float)
+
+
 def real_array(value: Any) -> Array:
     """A new float array of the real numbers given, row by row.
 
@@ -193,6 +196,8 @@ def real_array(value: Any) -> Array:
     TypeError
         For anything but integers and floats, and for what NumPy makes no array of.
     """
+    if type(value) is np.ndarray and value.dtype == _FLOAT:
+        return np.array(value, order="C")
     given = value
     if type(value) is not np.ndarray:  # an array needs no conversion
         raised = ValueError if _is_plain(value) else Exception  # conversions of others raise what they like

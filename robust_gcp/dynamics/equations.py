@@ -179,7 +179,7 @@ class TorqueFunction:
             ) from error
         if tau.shape != (self._nv,):
             raise OptionError(f"torque(t, q, v) returned shape {tau.shape}, expected (nv,) = ({self._nv},)")
-        if not np.all(np.isfinite(tau)):
+        if not np.isfinite(tau).all():
             raise NonFiniteError(f"torque(t, q, v) returned {tau} at t = {t:.6g} s")
         return tau
 

@@ -14,7 +14,6 @@ from ..errors import NonFiniteError, OptionError, StateError
 from ..mechanism.frames import place_of
 from ..mechanism.joints import support
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.motions import cross
 from ..mechanism.named_numbers import places_of
 from ..mechanism.tree import Array
 from .equations import Torque
@@ -155,28 +154,32 @@ class _FrameLoad:
         self._joint, place = place_of(model, wrench.frame, "Wrench")
         self._offset = np.array(place.translation)
         self._turn = np.array(place.rotation) if wrench.reference == "local" else None
-        self._columns = support(model, self._joint)
+        self._carries = np.zeros(model.nv)
+        self._carries[support(model, self._joint)] = 1.0
         self._supplied = wrench.force if callable(wrench.force) else None
-        self._constant = np.zeros(6) if callable(wrench.force) else real_array(wrench.force)
+        self._constant = np.split(np.zeros(6) if callable(wrench.force) else real_array(wrench.force), 2)
 
     def __call__(self, t: float, q: Array, v: Array, tau: Array) -> None:
         _, point, force, moment = self.at(t, q, v)
-        about_origin = np.concatenate([force, moment + cross(point, force)])
-        tau[self._columns] += self._tree.J[self._columns] @ about_origin
+        (x, y, z), (fx, fy, fz), (mx, my, mz) = point.tolist(), force.tolist(), moment.tolist()
+        about_origin = np.array(
+            (fx, fy, fz, mx + (y * fz - z * fy), my + (z * fx - x * fz), mz + (x * fy - y * fx))
+        )
+        tau += self._carries * self._tree.J.dot(about_origin)
 
     def at(self, t: float, q: Array, v: Array) -> tuple[int, Array, Array, Array]:
         """The joint that carries the frame, its origin, force and moment there, in world axes."""
-        F = self._constant
+        force, moment = self._constant
         if self._supplied is not None:
             given = self._supplied(t, q.copy(), v.copy())
-            F = _returned(given, 6, f"{self._label}: force(t, q, v)", t)
+            force, moment = np.split(_returned(given, 6, f"{self._label}: force(t, q, v)", t), 2)
         tree = self._tree
         tree.jacobians(q)  # after the user's function, which may have used the mechanism
-        R, force, moment = tree.R[self._joint], F[:3], F[3:]
+        R = tree.R[self._joint]
         if self._turn is not None:
             axes = R @ self._turn
             force, moment = axes @ force, axes @ moment
-        return self._joint, tree.p[self._joint] + R @ self._offset, force, moment
+        return self._joint, tree.p[self._joint] + R.dot(self._offset), force, moment
 
 
 def wrench_of(

@@ -94,3 +94,22 @@ def test_steps_beside_an_apex_are_followed_by_parts_as_runs_are() -> None:
         A[:, k] = (4.0 * near - far) / 3.0
     assert found.A is not None
     np.testing.assert_allclose(found.A, A, atol=1e-7 * np.abs(A).max())
+
+
+def test_gradients_of_runs_that_begin_beside_an_apex_are_those_of_differences() -> None:
+    mech, q, v = five_bar_in_line()
+    own, h, d = mech.iv_independent, 5e-3, 2e-6
+    cost = rg.Cost(terminal=lambda q, v: q[0] + v[0])
+
+    def value(y: Array) -> float:
+        at = q.copy()
+        at[own] = y
+        at = mech.assemble(at, hold=list(mech.independent))
+        run = rg.simulate(mech, at, mech.lift(at, v[own]), h, h, stepper="DOP853", rtol=1e-13, atol=1e-14)
+        return float(run.q[-1][0] + run.v[-1][0])
+
+    found, dy = rg.gradient(rg.simulate(mech, q, v, h, 1e-3), cost), np.empty(2)
+    for k, way in enumerate(d * np.eye(2)):
+        near, far = ((value(q[own] + s * way) - value(q[own] - s * way)) / (2.0 * s * d) for s in (1.0, 2.0))
+        dy[k] = (4.0 * near - far) / 3.0
+    np.testing.assert_allclose(found.dy, dy, rtol=1e-8)

@@ -19,6 +19,8 @@ def test_each_file_of_the_walk_is_there() -> None:
             assert (folder / Path(name).name).is_file(), name
         for name in re.findall(r"`([\w/]+\.h)`", kernel):
             assert (ROOT / "robust_gcp" / "kernel" / name).is_file(), name
+    for name in re.findall(r"`(\w+/[\w/]*)`", text.partition("Large rooms")[2].partition("Where to look")[0]):
+        assert (ROOT / "robust_gcp" / name / "__init__.py").is_file(), name
     for name in re.findall(r"\(`(\w+)`\)", text):
         sources = [*(ROOT / "robust_gcp").rglob("*.py"), *(ROOT / "robust_gcp").rglob("*.h")]
         assert any(name in each.read_text(encoding="utf-8") for each in sources), name

@@ -50,6 +50,11 @@ def test_a_file_is_read_in_one_sitting() -> None:
             assert len(file.read_text(encoding="utf-8").splitlines()) <= 300, file
 
 
+def test_a_folder_has_a_few_dozen_files() -> None:
+    for folder in (PACKAGE, *(each for each in PACKAGE.rglob("*") if each.is_dir())):
+        assert len([*folder.glob("*.py")]) <= 32, folder
+
+
 def test_a_function_is_read_at_a_glance() -> None:
     """At most 60 lines of statements."""
     for file in PACKAGE.rglob("*.py"):
