@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -105,7 +105,13 @@ class KnownCurves:
             return None
         curve = None if (met := met_before(here, options)) is None else through(met, here, options)
         if curve is None:
-            curve = self._of_any_order(here, zone, options)
+            distance = here.nearest()[0]
+            _require_new(here, distance, options)
+            try:
+                curve = self._of_any_order(here, zone, options)
+            except NoBridgeError as failure:
+                _remember(here, distance, options, failure)
+                raise
         if curve is None:
             return None
         self.keep(curve)
@@ -154,14 +160,60 @@ class KnownCurves:
         return made, made.u(x)
 
 
+class NearMiss(NamedTuple):
+    """A singular place that modes pass without a bridge, as it was judged with some options.
+
+    Attributes
+    ----------
+    options : BridgeOptions
+    x : ndarray (nv,)
+        The place.
+    since : float
+        Half how far from it a bridge was tried: nearer, one is tried again; 0 where no look decides more.
+    words : str
+    residual : float
+        Of the `NoBridgeError`.
+    """
+
+    options: BridgeOptions
+    x: Array
+    since: float
+    words: str
+    residual: float
+
+
+def _require_new(here: Jet, distance: float, options: BridgeOptions) -> None:
+    """The error that was raised beside a near miss before, where it would be again."""
+    known = [miss for miss in here.space.near_misses if miss.options == options]
+    at = place(here).x if known else here.x
+    for miss in known:
+        off = at - miss.x
+        if np.abs(off - _whole_turns(here.space, off)).max() < SAME and distance > miss.since:
+            raise NoBridgeError(miss.words, miss.residual)
+
+
+def _remember(here: Jet, distance: float, options: BridgeOptions, failure: NoBridgeError) -> None:
+    """That there is no bridge where modes pass each other."""
+    at, space = place(here), here.space
+    if at.found and at.gap > options.largest_gap and failure.met is None and np.isnan(failure.separation):
+        since = 0.0 if distance <= TOLD else 0.5 * distance
+        miss = NearMiss(options, at.x, since, str(failure), failure.residual)
+        space.near_misses = (*space.near_misses[1 - MAX_CURVES :], miss)
+
+
 def turned_to(curve: Curve, x: Array) -> Curve:
     """The curve after the whole turns of the hinges that bring it next to x."""
     space = curve.space
+    turns = _whole_turns(space, x - curve.point(curve.center)[0])
+    return curve.turned(turns) if np.any(turns) else curve
+
+
+def _whole_turns(space: ClusterSpace, away: Array) -> Array:
+    """Those of hinges in a difference of two points."""
     if not space.flat:
-        return curve
-    away = (x - curve.point(curve.center)[0]) * space.D
-    turns = np.where(space.tree.periodic, np.round(away / (2.0 * np.pi)), 0.0)
-    return curve.turned(2.0 * np.pi * turns / space.D) if np.any(turns) else curve
+        return np.zeros(len(away))
+    turns = np.where(space.tree.periodic, np.round(away * space.D / (2.0 * np.pi)), 0.0)
+    return np.asarray(2.0 * np.pi * turns / space.D)
 
 
 def stays_clear(here: Jet, y: Array, zone: float) -> bool:

@@ -14,6 +14,7 @@ from ...mechanism.tree import Array
 
 if TYPE_CHECKING:
     from .curve import Curve
+    from .known_curves import NearMiss
     from .options import BridgeOptions
     from .touching.meeting import Meeting
 
@@ -51,6 +52,8 @@ class ClusterSpace:
         The last meetings of modes that were found, and cusps, and what they were judged by.
     bridged : tuple of (BridgeOptions, Curve)
         The last curves that were built through places where modes touch.
+    near_misses : tuple of NearMiss
+        The last places that modes pass without a bridge.
     """
 
     def __init__(self, cluster: LoopCluster, reference: Array) -> None:
@@ -65,6 +68,7 @@ class ClusterSpace:
         self.balance = self.loops.column_scale / self.D
         self.met: tuple[tuple[BridgeOptions, Meeting], ...] = ()
         self.bridged: tuple[tuple[BridgeOptions, Curve], ...] = ()
+        self.near_misses: tuple[NearMiss, ...] = ()
         self.implicit = self.loops.memo.once("dimensionless constraint", self._scaled)
         self.phi_size = self.loops.memo.once("size of the second derivative", self._curvature)
 
