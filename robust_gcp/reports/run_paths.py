@@ -11,7 +11,7 @@ import numpy as np
 from ..analysis.local import analyse
 from ..dynamics.loads import Wrench
 from ..dynamics.prescribed.motion import Motion
-from ..examples.linkages import n_four_bar
+from ..examples.linkages import four_bar, n_four_bar
 from ..io.loader import load
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.parts import JointFriction, Stop
@@ -32,7 +32,7 @@ REASONS = {
     REFERENCE: "asked for: backend='python'",
     "DOP853": "SciPy's solver in Python, at rtol = 1e-9",
     "step by step": "a call of Python for each step",
-    "a wrench": "bodies are placed in Python at each evaluation",
+    "past a near miss": "error control by SciPy's solver, for a third of the steps",
     FOLDED: "five ranks are lost at once: 32 modes are told apart",
 }
 """Why ways take long, as they were asked for."""
@@ -58,6 +58,7 @@ class Each:
 def groups() -> Iterator[tuple[str, Call, dict[str, Call]]]:
     """What is called, plainly and otherwise."""
     rocker, bars, walker = load("crank_rocker"), load("rhombus"), load("walker")
+    missing = four_bar(1.0, 2.0 + 1e-4, 1.5, 1.5, y=2.2)
     v, tau = rocker.lift(rocker.home, [6.0]), np.full(3, 0.1)
     plain = _of(rocker, v)
     push = [Wrench("q2", np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0]))]
@@ -83,6 +84,7 @@ def groups() -> Iterator[tuple[str, Call, dict[str, Call]]]:
             "dry friction": partial(plain, joints=[JointFriction("q1", 0.5)]),
             "stops that are not met": partial(plain, joints=[Stop("q1", lower=-50.0, upper=50.0)]),
             "DOP853": partial(plain, stepper="DOP853", rtol=1e-9, atol=1e-11),
+            "past a near miss": _of(missing, missing.lift(missing.home, [3.0])),
             REFERENCE: partial(plain, backend="python"),
             "step by step": partial(_stepped, rocker, v),
         },
