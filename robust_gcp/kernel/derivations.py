@@ -68,7 +68,7 @@ def own_derivation(
     Raises
     ------
     RobustGcpError
-        Where this is no state to begin with.
+        Where this is no state to begin with, and none was known before.
     """
     kernel, applied = library(), mechanism.applied
     if kernel is None:
@@ -78,7 +78,10 @@ def own_derivation(
     )
     try:
         if applied is None or applied.has_slopes:
-            return Derivation(kernel, mechanism, _begun(mechanism, q, v, mode).explicit.path, driven)
+            path = mechanism.memo.once(
+                "regular path of derivatives", lambda: _begun(mechanism, q, v, mode).explicit.path
+            )
+            return Derivation(kernel, mechanism, path, driven)
     except NotNativeError as error:
         reason = f"{error}; spell it as simple joints"
     warn(

@@ -14,6 +14,7 @@ from ..mechanism.constraint.rows import ROTATION, Row, rows_of
 from ..mechanism.joints import OF_MOMENTS, Joint
 from ..mechanism.loops import ClosedLoops
 from ..mechanism.tree import Array
+from ..mechanism.vectors import cross
 from .structures import Arrays, Description
 
 
@@ -99,9 +100,9 @@ def turn_to_axis(joint: Joint) -> Array:
 def _with_z_along(axis: Array) -> Array:
     """A rotation matrix whose last column is the axis; exact for a coordinate axis."""
     last = int(np.argmax(np.abs(axis)))
-    first = np.cross(np.eye(3)[(last + 2) % 3], axis)
+    first = cross(np.eye(3)[(last + 2) % 3], axis)
     first /= np.linalg.norm(first)
-    return np.column_stack([first, np.cross(axis, first), axis])
+    return np.column_stack([first, cross(axis, first), axis])
 
 
 def closure_arrays(

@@ -83,8 +83,15 @@ def weighed(mechanism: Mechanism, q: Array, v: Array, a: Array, weights: Array) 
     rows = [np.ascontiguousarray(part) for part in (q, v, a, weights)]
     sums = np.zeros(10 * len(mechanism.joints) + 3)
     found.weigh(structure, len(q), *map(address, (*rows, sums)))
-    turns = np.array([turn_to_axis(joint) for joint in mechanism.joints])
-    return _in_own_frames(turns, sums[:-3].reshape(-1, 10)), sums[-3:]
+    turned = mechanism.memo.once("sums by π in own frames", lambda: _turned(mechanism))
+    return np.einsum("jab,jb->ja", turned, sums[:-3].reshape(-1, 10)), sums[-3:]
+
+
+def _turned(mechanism: Mechanism) -> Array:
+    """What takes sums by π in the kernel's frames to those in the joints' own, (joints, 10, 10)."""
+    turns = np.array([turn_to_axis(joint) for joint in mechanism.joints]).reshape(-1, 3, 3)
+    units = (np.tile(unit, (len(turns), 1)) for unit in np.eye(10))
+    return np.stack([_in_own_frames(turns, each) for each in units], axis=-1)
 
 
 def _in_own_frames(turns: Array, sums: Array) -> Array:

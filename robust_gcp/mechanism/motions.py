@@ -22,15 +22,7 @@ from numpy.typing import NDArray
 
 from .columns import Columns
 from .tree import Array
-
-_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
-
-
-def cross(a: Array, b: Array) -> Array:
-    """a × b over the last axis."""
-    found: Array = a.take(_NEXT, -1) * b.take(_LAST, -1)
-    found -= a.take(_LAST, -1) * b.take(_NEXT, -1)
-    return found
+from .vectors import cross
 
 
 def motion_cross(a: Array, b: Array) -> Array:

@@ -31,5 +31,7 @@ _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Row by row a × b, (n, 3); `np.cross` costs several times as much on few rows."""
-    return np.asarray(a[:, _NEXT] * b[:, _LAST] - a[:, _LAST] * b[:, _NEXT])
+    """a × b over the last axis; `np.cross` costs several times as much on few rows."""
+    found: Array = a.take(_NEXT, -1) * b.take(_LAST, -1)
+    found -= a.take(_LAST, -1) * b.take(_NEXT, -1)
+    return found
