@@ -22,8 +22,9 @@ namespace rg {
 class Derivation {
   public:
     explicit Derivation(const Description& d)
-        : path_(d), motion_(d, path_), slopes_(d, path_, motion_), adjoint_(d, path_), rounding_(d, path_, motion_, slopes_), results_(path_.layout, motion_, slopes_.moved()), m_(d.m), nq_(d.nq),
-          nv_(d.nv), width_(2 * d.m + d.nv), independent_(d.independent, d.independent + d.m),
+        : path_(d), motion_(d, path_), slopes_(d, path_, motion_), adjoint_(d, path_),
+          rounding_(d, path_, motion_, slopes_), results_(path_.layout, motion_, slopes_.moved()), m_(d.m), nq_(d.nq), nv_(d.nv),
+          width_(2 * d.m + d.nv), independent_(d.independent, d.independent + d.m),
           independent_q_(d.independent_q, d.independent_q + d.m), still_(d), size_(d.size, d.size + d.nv),
           points_(4, Point(path_.layout)), x_(2 * d.m), state_(2 * d.m), sum_(2 * d.m), rate_(2 * d.m) {
         path_.modes = std::make_unique<Modes>(d, path_.parts);
@@ -130,10 +131,10 @@ class Derivation {
     // The point at a state, if it is one of the mechanism's: on regular ground, on a series, or where K_d is poor and
     // rounding costs little.
     Reason set_out(const States& s, std::int64_t i, Point& point) {
+        rounding_.renew();
         const Reason reason = by_series(s, i, point);
         if (reason != ZONE || !(s.steady > 0.0)) return reason;
         path_.modes->on = false;
-        rounding_.renew();
         if (settled(s, i, point) != ZONE || !steady(s, point)) return ZONE;
         return apart(s, i, point) <= s.close ? DONE : BRANCH;
     }

@@ -6,6 +6,7 @@ What it does not, `serving` and the reference do, which say what is wrong with a
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import fields
 from typing import Any
 
@@ -225,23 +226,36 @@ def learned(
     kernel: Derivation, mechanism: Mechanism, q: Array, v: Array, ahead: float, mode: Array | None = None
 ) -> bool:
     """Whether the kernel is told of the mode at a state, that was new to it."""
-    failed: list[tuple[Array, Array]] = mechanism.memo.once("no circles beside", list)
-    G = kernel.slopes_where_poor(q, v) if failed else None
-    if G is not None and _is_near(mechanism, q, G, failed):
+    failed = _failed(mechanism)
+    if is_alone(kernel, mechanism, q, v):
         return False
     try:
         start = set_out(mechanism, q, v, mode).start
         if serving.serving(mechanism, start.point) is not None:
             return False
-        if _is_near(mechanism, start.point.q, start.point.G, failed):
-            return False
-        places = [q] if ahead == 0.0 else [q, mechanism.tree.integrate(q, ahead * v)]
-        if kernel.learn_beside(start, places):
-            return True
     except RobustGcpError:  # the reference says what is wrong
         return False
+    if _is_near(mechanism, start.point.q, start.point.G, failed):
+        return False
+    places = [q] if ahead == 0.0 else [q, mechanism.tree.integrate(q, ahead * v)]
+    with suppress(RobustGcpError):  # the mode cannot be followed there
+        if kernel.learn_beside(start, places):
+            return True
     failed.append((start.point.q, start.point.G))
     return False
+
+
+def is_alone(kernel: Derivation, mechanism: Mechanism, q: Array, v: Array) -> bool:
+    """Whether K_d is poor at a state, and beside it neither a series nor other coordinates were found."""
+    failed = _failed(mechanism)
+    G = kernel.slopes_where_poor(q, v) if failed else None
+    return G is not None and _is_near(mechanism, q, G, failed)
+
+
+def _failed(mechanism: Mechanism) -> list[tuple[Array, Array]]:
+    """Places, with G there, beside which nothing was found."""
+    known: list[tuple[Array, Array]] = mechanism.memo.once("no circles beside", list)
+    return known
 
 
 def _is_near(mechanism: Mechanism, at: Array, along: Array, others: list[tuple[Array, Array]]) -> bool:

@@ -11,16 +11,17 @@ from numpy.typing import ArrayLike, NDArray
 from ...checks import check_finite, check_mechanism, check_positive
 from ...dynamics.loads import Torques
 from ...errors import OptionError
+from ...kernel.derivation import Derivation
 from ...kernel.derivations import left_to_python
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree import Array
 from ...mechanism.varied import still_rows
 from ..simulate import simulate
-from .accelerations import answered
+from .accelerations import answered, is_alone, learned
 from .at_states import AtStates, on_threads
 from .moved import Acting, Moved
 from .serving import parametrises, those_that_served
-from .step_derivatives import differentiated, parts_where_poor, step_by_kernel
+from .step_derivatives import differentiated, parts_by_kernel, step_by_kernel
 
 
 class Stepped(NamedTuple):
@@ -175,7 +176,7 @@ def _stepped(states: AtStates, h: float, jacobians: bool, mode: ArrayLike | None
     missing = np.arange(n) if kernel is None else answered(kernel, states, ask, by_others, h)
     for i in missing.tolist():
         with states.at(i):
-            if kernel is None or not _in_parts(states, i, h, after):
+            if kernel is None or not _where_poor(states, kernel, i, h, after):
                 _by_reference(states, i, h, mode, t, after)
     return after
 
@@ -192,13 +193,20 @@ def _by_others(states: AtStates, i: int, h: float, after: Stepped) -> bool:
     return False
 
 
-def _in_parts(states: AtStates, i: int, h: float, after: Stepped) -> bool:
-    """Whether the kernel took the step from a state by parts, where K_d is poor and it knows no series."""
+def _where_poor(states: AtStates, kernel: Derivation, i: int, h: float, after: Stepped) -> bool:
+    """Whether the kernel took the step from a state where K_d is poor: in other coordinates, or by parts.
+
+    By parts where neither these nor a series of the mode are known, and `simulate` controls its error.
+    """
+    mechanism, state = states.mechanism, (states.q[i], states.v[i])
     if states.function is not None or states.mode is not None:
         return False
-    held = None if states.tau is None else states.tau[i]
-    acting = Acting(held, held=still_rows(states.mechanism))
-    moved = parts_where_poor(states.mechanism, (states.q[i], states.v[i]), acting, h)
+    if not is_alone(kernel, mechanism, *state):
+        learned(kernel, mechanism, *state, h)
+    if not is_alone(kernel, mechanism, *state):
+        return _by_others(states, i, h, after)
+    acting = Acting(None if states.tau is None else states.tau[i], held=still_rows(mechanism))
+    moved = parts_by_kernel(mechanism, state, None, acting, h, None)
     if moved is not None:
         _write(moved, i, after)
     return moved is not None

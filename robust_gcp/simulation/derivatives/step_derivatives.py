@@ -82,7 +82,7 @@ def differentiated(
         except SimulationError:  # as `simulate`, which then goes on with error control
             pass
     own = mechanism if other is None else other
-    moved = _parts_by_kernel(own, at, mode, acting, h, end)
+    moved = parts_by_kernel(own, at, mode, acting, h, end)
     if moved is None or not by_parts:
         left_to_python(mechanism, WHAT, _why(acting))
     if moved is not None:
@@ -114,20 +114,7 @@ def step_by_kernel(
     return Moved(A, B[0], np.zeros((len(A), 0)), mechanism, mechanism, first, last, *ends)
 
 
-def parts_where_poor(
-    mechanism: Mechanism, state: tuple[Array, Array], acting: Acting, h: float
-) -> Moved | None:
-    """The motion over a step by parts by the kernel, where K_d is poor and no series of the mode is known.
-
-    There `simulate` takes the step with error control.
-    """
-    kernel = _kernel_of(mechanism, state, None, acting)
-    if kernel is None or kernel.slopes_where_poor(*state) is None:
-        return None
-    return _parts_by_kernel(mechanism, state, None, acting, h, None)
-
-
-def _parts_by_kernel(
+def parts_by_kernel(
     mechanism: Mechanism,
     state: tuple[Array, Array],
     mode: ArrayLike | None,
