@@ -61,8 +61,9 @@ def step(
 ) -> Stepped:
     """One step of RK4 on the explicit equations (3) from each state, the one that `simulate` takes.
 
-    Beside singular configurations, where the compiled kernel does not step, by `simulate` or, with
-    derivatives, by the reference, one state after the other.
+    Beside singular configurations that no series of the mode is known of, it is followed by parts, as
+    `simulate` follows it with error control there; where rounding leaves G uncertain, by `simulate` or, with
+    derivatives, by the reference.
 
     Parameters
     ----------
