@@ -112,7 +112,7 @@ class StateSlopes:
         self._library.slopes(self._handle, ctypes.byref(states.structure))
         return status == 0 if known else self._sound(status, q, G, mode), udot
 
-    def slopes_where_poor(self, q: Array, v: Array) -> Array | None:
+    def G_where_poor(self, q: Array, v: Array) -> Array | None:
         """G (nv, m) at a state that is good because rounding was looked at; None at others."""
         found: list[Array | None] = []
         for steady in (0.0, self._steady):

@@ -108,7 +108,7 @@ class KnownCurves:
             distance = here.nearest()[0]
             _require_new(here, distance, options)
             try:
-                curve = self._of_any_order(here, zone, options)
+                curve = self._of_any_order(here, distance, zone, options)
             except NoBridgeError as failure:
                 _remember(here, distance, options, failure)
                 raise
@@ -119,9 +119,9 @@ class KnownCurves:
             here.space.bridged = (*here.space.bridged[1 - MAX_CURVES :], (options, curve))
         return curve if curve.inside is None or curve.through.reaches(curve.u(here.x)) else None
 
-    def _of_any_order(self, here: Jet, zone: float, options: BridgeOptions) -> Curve | None:
+    def _of_any_order(self, here: Jet, distance: float, zone: float, options: BridgeOptions) -> Curve | None:
         """A new curve by second order, or else by the meeting ahead; None where that is too far away yet."""
-        distance, before = here.nearest()[0], self.ahead
+        before = self.ahead
         if before is not None and touches_ahead(here):
             failure = before.failure
         else:

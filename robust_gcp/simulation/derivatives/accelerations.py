@@ -248,7 +248,7 @@ def learned(
 def is_alone(kernel: Derivation, mechanism: Mechanism, q: Array, v: Array) -> bool:
     """Whether K_d is poor at a state, and beside it neither a series nor other coordinates were found."""
     failed = _failed(mechanism)
-    G = kernel.slopes_where_poor(q, v) if failed else None
+    G = kernel.G_where_poor(q, v) if failed else None
     return G is not None and _is_near(mechanism, q, G, failed)
 
 

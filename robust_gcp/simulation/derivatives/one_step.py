@@ -202,9 +202,11 @@ def _where_poor(states: AtStates, kernel: Derivation, i: int, h: float, after: S
     mechanism, state = states.mechanism, (states.q[i], states.v[i])
     if states.function is not None or states.mode is not None:
         return False
-    if not is_alone(kernel, mechanism, *state):
+    alone = is_alone(kernel, mechanism, *state)
+    if not alone:
         learned(kernel, mechanism, *state, h)
-    if not is_alone(kernel, mechanism, *state):
+        alone = is_alone(kernel, mechanism, *state)
+    if not alone:
         return _by_others(states, i, h, after)
     acting = Acting(None if states.tau is None else states.tau[i], held=still_rows(mechanism))
     moved = parts_by_kernel(mechanism, state, None, acting, h, None)
