@@ -11,6 +11,7 @@ from .dynamics.equations import implicit_dynamics
 from .dynamics.inverse import inverse_dynamics
 from .dynamics.linearise import Linearisation
 from .dynamics.loads import Wrench
+from .dynamics.prescribed.drive import KinkedDriveWarning
 from .dynamics.prescribed.motion import Motion
 from .dynamics.regressor import Regressor, regressor
 from .dynamics.tableau import Tableau
@@ -46,6 +47,7 @@ from .mechanism.actuation.paths import FixedTendon, TurningJoint
 from .mechanism.actuation.site_paths import SiteForce, SliderCrank
 from .mechanism.actuation.spatial_tendon import Pulley, SpatialTendon, Wrap
 from .mechanism.actuation.tendon_springs import TendonSpring
+from .mechanism.building.linkage import Linkage
 from .mechanism.constraint.closures import (
     Closure,
     FrameClosure,
@@ -58,7 +60,6 @@ from .mechanism.constraint.couplings import CouplingClosure
 from .mechanism.forces.ball_springs import BallSpring
 from .mechanism.forces.forces import Force, JointDamper, JointSpring, JointTorque, PointSpring
 from .mechanism.forces.lifted_weights import GravityCompensation
-from .mechanism.linkage import Linkage
 from .mechanism.mechanism import Mechanism
 from .mechanism.recommended import Recommended
 from .simulation.derivatives.accelerations import derivatives, forward_dynamics
@@ -71,7 +72,6 @@ from .simulation.events import Event
 from .simulation.runs.stability import StabilityWarning
 from .simulation.runs.stats import Stats
 from .simulation.runs.too_long_steps import CoarseStepWarning
-from .simulation.runs.velocity_jumps import KinkedDriveWarning
 from .simulation.simulate import simulate
 from .simulation.stepwise import Simulation
 from .simulation.trajectories.access import FrameMotion, Sample
@@ -86,9 +86,9 @@ if TYPE_CHECKING:
     from .drawing.replay.live import live
     from .drawing.replay.replay import ReplayPage, replay
     from .mechanism.assembly.keyframes import Keyframe
-    from .mechanism.lengths import along
+    from .mechanism.building.lengths import along
     from .mechanism.parts import JointFriction, Lock, Stop
-    from .mechanism.sensors import Sensor
+    from .mechanism.sensing.sensors import Sensor
     from .simulation.batches.batch import Batch
     from .simulation.batches.many import simulate_many
     from .simulation.batches.runs import Runs
@@ -115,9 +115,9 @@ _LATER = {
     "RunRecord": ".sweeps.record",
     "Runs": ".simulation.batches.runs",
     "Sensitivity": ".simulation.derivatives.sensitivity",
-    "Sensor": ".mechanism.sensors",
+    "Sensor": ".mechanism.sensing.sensors",
     "Stop": ".mechanism.parts",
-    "along": ".mechanism.lengths",
+    "along": ".mechanism.building.lengths",
     "by_parameters": ".simulation.derivatives.parameter_slopes",
     "draw": ".drawing.figures.draw",
     "grid": ".sweeps.runs",

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 import robust_gcp as rg
-from robust_gcp.kernel.derivation import Derivation
-from robust_gcp.mechanism.tree import Array
+from robust_gcp.kernel.derivatives.derivation import Derivation
+from robust_gcp.mechanism.tree.tree import Array
 
 KERNEL = rg.backends()["native"]
 

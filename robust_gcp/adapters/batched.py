@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ..checks import check_positive, check_whole
-from ..kernel.rows import MANY
+from ..kernel.simulation.rows import MANY
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from ..simulation.batches.batch import Batch
 from ..simulation.derivatives.accelerations import derivatives, forward_dynamics
 from ..simulation.derivatives.one_step import step

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from ..checks import check_mechanism, check_positive
 from ..errors import OptionError, SimulationError, missing_extra
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from .knot import Knot
 
 try:

@@ -17,7 +17,7 @@ import numpy as np
 from ..checks import check_mechanism, check_whole
 from ..errors import ModelError, StateError
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 
 Shapes = tuple[tuple[int, ...], ...]
 Arrays = tuple[Array, ...]

@@ -11,10 +11,9 @@ from ..dynamics.modes.mode_rates import ModeRates
 from ..dynamics.problem import set_out
 from ..errors import BranchError, SimulationError
 from ..maps.cluster.cluster_map import ClusterMap
-from ..maps.explicit import ExplicitMap
-from ..maps.point import Point
+from ..maps.explicit import ExplicitMap, Point
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 
 LEAP = 0.5
 """Largest move of a coordinate at once by the explicit map, rad or m."""

@@ -12,9 +12,9 @@ import numpy as np
 
 from ..checks import check_mechanism, check_positive, check_whole, shown
 from ..errors import OptionError, missing_extra
-from ..mechanism.joints import JointKind
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
+from ..mechanism.tree.joints import JointKind
+from ..mechanism.tree.tree import Array
 from ..simulation.batches.batch import Batch
 
 try:

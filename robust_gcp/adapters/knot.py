@@ -10,12 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 from ..dynamics.derivatives import PointDerivatives
 from ..dynamics.discrete import differentiated_step
 from ..dynamics.problem import Problem, set_out
-from ..kernel.derivations import derivation, left_to_python
+from ..kernel.derivatives.derivations import derivation, left_to_python
+from ..maps.explicit import Point
 from ..maps.grouped import GroupMap, joined
-from ..maps.point import Point
 from ..mechanism.coordinates.groups import groups_of
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from ..simulation.derivatives.accelerations import learned
 from ..simulation.runs.steppers import rk4_step
 from .following import Followed

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ..mechanism.loops import ClosedLoops
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 
 if TYPE_CHECKING:
     from ..maps.cluster.touching.contact import Contact, Touching

@@ -17,7 +17,7 @@ import numpy as np
 from ..errors import BranchError
 from ..mechanism.loops import ClosedLoops
 from ..mechanism.tolerances import BENDING, CLOSED
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from .beyond import touching_at
 from .local import LocalAnalysis, analyse
 from .located import located

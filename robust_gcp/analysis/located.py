@@ -6,7 +6,7 @@ import numpy as np
 
 from ..mechanism.loops import ClosedLoops
 from ..mechanism.tolerances import LOCATING
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from .second_order import full_svd, second_order_forms
 
 LOCATED = 1e-11

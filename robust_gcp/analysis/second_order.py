@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..mechanism.loops import ClosedLoops
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 
 
 def second_order_forms(mechanism: ClosedLoops, q: Array, left: Array, kernel: Array) -> list[Array]:

@@ -13,7 +13,7 @@ from ..errors import ClosureError, OptionError
 from ..mechanism.assembly.assembly import assembled
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tolerances import CLOSED, SINGULAR_HOME
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from .configuration_space import ConfigurationSpace, ModeCurve, Visit
 from .curve import STEP, Continuation, Curve
 from .local import LocalAnalysis, analyse

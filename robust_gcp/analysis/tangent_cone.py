@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 
 FLAT = 1e-6
 """Eigenvalue ratio below which a direction of a form counts as flat."""

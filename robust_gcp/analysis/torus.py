@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..mechanism.loops import ClosedLoops
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 
 
 class Torus:

@@ -8,8 +8,8 @@ import json
 from ..analysis.local import LocalAnalysis
 from ..analysis.local import analyse as analysis_at
 from ..arguments import NUMBERS, Arguments, number
-from ..mechanism.joints import in_v
 from ..mechanism.mechanism import Mechanism
+from ..mechanism.tree.joints import in_v
 from ..printing import LONGEST_TABLE, fixed, listed, say, table
 from .model import add_model, loaded
 

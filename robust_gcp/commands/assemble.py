@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from ..arguments import NUMBERS, Arguments, number
-from ..mechanism.joints import in_q
+from ..mechanism.tree.joints import in_q
 from ..printing import fixed, say, table
 from .model import add_model, joints, loaded
 

@@ -26,6 +26,7 @@ from ..arguments import (
     whole,
 )
 from ..checks import hint
+from ..dynamics.prescribed.drive import KinkedDriveWarning
 from ..errors import OptionError, SimulationError
 from ..kernel.library import NativeBuildWarning
 from ..maps.choice import METHODS
@@ -37,7 +38,6 @@ from ..simulation.runs.schedule import last_output
 from ..simulation.runs.stability import StabilityWarning
 from ..simulation.runs.steppers import SCIPY_STEPPERS
 from ..simulation.runs.too_long_steps import CoarseStepWarning
-from ..simulation.runs.velocity_jumps import KinkedDriveWarning
 from ..simulation.simulate import RECORDS, simulate
 from ..simulation.trajectories.trajectory import Trajectory
 from .acting import add_acting, ctrl_of, drive_of, torque_of

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..mechanism.joints import Component, components_of, in_q, in_v
+from ..mechanism.tree.joints import Component, components_of, in_q, in_v
 from ..printing import fixed, table
 from ..simulation.trajectories.trajectory import Trajectory
 

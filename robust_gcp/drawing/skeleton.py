@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from ..mechanism.constraint.closures import closure_frames
 from ..mechanism.loops import ClosedLoops
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 
 PARALLEL = 1e-6
 """Sine of the angle between axes that still counts as parallel, and relative size of no distance."""

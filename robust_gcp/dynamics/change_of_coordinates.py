@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from .derivatives import Accelerations, Derivatives
 
 Index = NDArray[np.int64]

@@ -16,12 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..maps.explicit import Point
 from ..maps.grouped import GroupPoint
-from ..maps.point import Point
 from ..mechanism.coordinates.groups import groups_of
 from ..mechanism.coordinates.joint_charts import JointCharts, loop_charts
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from ..errors import NonFiniteError, OptionError
 from ..mechanism.differences import torque_differences
 from ..mechanism.forces.force_slopes import ForceSlopes
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from .equations import CheckedTorque, Evaluation, torque_function
 from .loads import Torques, Wrench, one_torque
 from .modes.around import Circles

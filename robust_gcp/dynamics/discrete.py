@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..checks import require_finite
-from ..maps.point import Point
+from ..maps.explicit import Point
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from .chart_slopes import ChartSlopes, chart_slopes
 from .derivatives import Derivatives, PointDerivatives
 from .equations import Evaluation

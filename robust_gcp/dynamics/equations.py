@@ -13,12 +13,11 @@ from numpy.typing import ArrayLike
 from ..checks import check_mechanism, real_array, require_finite, shown
 from ..errors import NonFiniteError, OptionError
 from ..maps.classical import SingularityWarning
-from ..maps.explicit import ExplicitMap
-from ..maps.point import Point
+from ..maps.explicit import ExplicitMap, Point
 from ..mechanism.coordinates.partition import numerical_rank
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tolerances import STRUCTURAL
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from ..warning import warn
 from .reduced_inertia import ReducedInertia
 

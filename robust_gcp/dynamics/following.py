@@ -6,7 +6,7 @@ import numpy as np
 
 from ..mechanism.differences import CENTRAL, moved_along
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from .derivatives import AppliedSlopes, TorqueSlopes
 from .equations import TorqueFunction
 

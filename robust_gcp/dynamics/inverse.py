@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from ..checks import check_mechanism, checked_vector, is_table, of_each, require_finite, rows_like
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from .problem import set_out
 
 

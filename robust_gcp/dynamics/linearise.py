@@ -23,7 +23,7 @@ from ..errors import ModelError, NonFiniteError, NotCertifiedError
 from ..maps.choice import MapChoice
 from ..mechanism.differences import FORWARD, differences
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from .chart_slopes import chart_slopes
 from .derivatives import PointDerivatives
 from .equations import EquationsOfMotion

@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 from ..checks import check_choice, checked_vector, listed, real_array, shown
 from ..errors import NonFiniteError, OptionError, StateError
 from ..mechanism.frames import place_of
-from ..mechanism.joints import support
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.named_numbers import places_of
-from ..mechanism.tree import Array
+from ..mechanism.tree.joints import support
+from ..mechanism.tree.tree import Array
 from .equations import Torque
 
 Load = float | ArrayLike | Callable[[float, Array, Array], ArrayLike]

@@ -11,10 +11,10 @@ from ..checks import hint, listed, shown
 from ..errors import OptionError
 from ..mechanism.forces.forces import JointDamper, JointSpring, PointSpring
 from ..mechanism.forces.point_springs import Lines
-from ..mechanism.joints import OF_MOMENTS, in_v
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
-from ..mechanism.workspace import workspace
+from ..mechanism.tree.joints import OF_MOMENTS, in_v
+from ..mechanism.tree.tree import Array
+from ..mechanism.tree.workspace import workspace
 from .derivatives import Derivatives
 from .equations import Evaluation
 from .regressor import OF_A_BODY, torque_regressor

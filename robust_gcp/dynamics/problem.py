@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..maps.choice import MapChoice
-from ..maps.explicit import ExplicitMap
+from ..maps.explicit import Counters, ExplicitMap
 from ..maps.grouped_start import begin_motion
-from ..maps.point import Counters
 from ..maps.start import Start
 from ..maps.start_check import require_freedom
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from .equations import EquationsOfMotion, Evaluation, Torque
 from .prescribed.drive import Drive
 from .prescribed.driven import DrivenEquations, driven_start

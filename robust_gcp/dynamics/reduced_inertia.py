@@ -7,7 +7,7 @@ import scipy
 
 from ..errors import SimulationError
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 
 LOST = 1e-13
 """Gᵀ M G of one coordinate, relative to the inertia that the joints' motions have one by one, at which

@@ -10,9 +10,9 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from ..checks import check_mechanism, checked_vector, is_table, of_each, require_finite, rows_like
-from ..mechanism.joints import in_v
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
+from ..mechanism.tree.joints import in_v
+from ..mechanism.tree.tree import Array
 from .problem import set_out
 
 OF_A_BODY = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")

@@ -8,10 +8,10 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import ModelError
-from ..mechanism.columns import with_simple_joints
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
-from ..mechanism.workspace import memory_left, whole_bytes
+from ..mechanism.tree.columns import with_simple_joints
+from ..mechanism.tree.tree import Array
+from ..mechanism.tree.workspace import memory_left, whole_bytes
 
 
 class RigidSlopes(threading.local):

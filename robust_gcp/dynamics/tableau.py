@@ -9,7 +9,7 @@ import numpy as np
 
 from ..checks import shown
 from ..errors import OptionError
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 
 CONSISTENT = 1e-12
 """Largest difference of Σ b from 1: coefficients written with as many digits as a float holds."""

@@ -15,8 +15,8 @@ from ..errors import OptionError
 from ..maps.closed_form import FourBar
 from ..mechanism.constraint.closures import PointClosure
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.model_check import OVERFLOWING
 from ..mechanism.recommended import Recommended
+from ..mechanism.tree.model import OVERFLOWING
 
 UPRIGHT = 1e-9
 """Largest cosine of cranks that would stand for as long as a run takes."""

@@ -15,8 +15,8 @@ from ..errors import MissingExtraError, OptionError, missing_extra
 from ..mechanism.constraint.closures import FrameClosure, PointClosure
 from ..mechanism.forces.forces import Force, JointSpring
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
-from ..mechanism.workspace import workspace
+from ..mechanism.tree.tree import Array
+from ..mechanism.tree.workspace import workspace
 
 SOLO = "solo_description/robots/solo12.urdf"
 BAXTER = "baxter_description/urdf/baxter.urdf"

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..mechanism.constraint.closures import PointClosure, RevoluteClosure
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 
 THICKNESS = 0.1
 """Radius of the rods, m: what turns about its own axis has inertia too."""

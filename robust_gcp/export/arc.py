@@ -8,7 +8,7 @@ import pinocchio as pin
 from ..errors import ModelError, RobustGcpError
 from ..mechanism.assembly.assemblies import way_between
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from ..simulation.simulate import simulate
 
 FIRST, LONGEST = 0.01, 200.0

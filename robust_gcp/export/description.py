@@ -12,10 +12,10 @@ from ..errors import ModelError, OptionError, PartitionError, SimulationError
 from ..kernel.description import describe
 from ..kernel.loop_arrays import NotNativeError
 from ..kernel.path_arrays import drives_in_kernel
-from ..kernel.results import bridging
+from ..kernel.simulation.batch import bridging
 from ..kernel.structures import Arrays, Exported, ExportedChart
 from ..maps.cluster.options import LAST_RESORT, USUAL
-from ..maps.point import Counters
+from ..maps.explicit import Counters
 from ..maps.regular_path import RegularPath
 from ..mechanism.mechanism import Mechanism
 from ..simulation.runs.coordinates import Coordinates

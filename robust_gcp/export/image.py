@@ -8,7 +8,7 @@ import struct
 import numpy as np
 
 from ..kernel.structures import VERSION, Arrays, Cluster, Description, Exported
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 
 FNV, PRIME = 14695981039346656037, 1099511628211
 """Of the checksum FNV-1a, 64 bits."""

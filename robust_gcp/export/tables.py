@@ -17,7 +17,7 @@ from ..dynamics.prescribed.motion import Motion
 from ..errors import ModelError, RobustGcpError
 from ..mechanism.assembly.assemblies import way_between
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from ..simulation.simulate import simulate
 from .arc import by_arc_length
 from .description import require_compiled

@@ -18,7 +18,7 @@ from ..mechanism.coordinates.independent import completed, regular_near
 from ..mechanism.loops import ClosedLoops
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tolerances import NEARLY_CLOSED
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 
 
 def closed_home(

@@ -18,7 +18,7 @@ from ..mechanism.constraint.couplings import CouplingClosure
 from ..mechanism.forces.forces import Force, JointDamper, JointSpring, JointTorque, PointSpring
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.recommended import Recommended
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 
 Made = TypeVar("Made")
 

@@ -13,9 +13,9 @@ from ..mechanism.assembly.ranges import WIDE
 from ..mechanism.constraint.couplings import AnyClosure
 from ..mechanism.constraint.partial_closure import PartialClosure
 from ..mechanism.forces.forces import JointDamper, JointSpring
-from ..mechanism.joints import Joint, JointKind
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
+from ..mechanism.tree.joints import Joint, JointKind
+from ..mechanism.tree.tree import Array
 
 X, Y, Z = np.eye(3)
 CHAINS: dict[JointKind, list[tuple[str, Array]]] = {

@@ -13,8 +13,8 @@ from ..mechanism.coordinates.clusters import LoopCluster
 from ..mechanism.coordinates.groups import groups_of
 from ..mechanism.forces.forces import JointDamper, JointSpring, JointTorque, PointSpring
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
-from ..mechanism.workspace import memory_left, workspace_bytes
+from ..mechanism.tree.tree import Array
+from ..mechanism.tree.workspace import memory_left, workspace_bytes
 from .loop_arrays import (
     NotNativeError,
     closure_arrays,

@@ -4,15 +4,138 @@ from __future__ import annotations
 
 import ctypes
 from functools import partial
+from itertools import pairwise
 
+import numpy as np
+
+from ..maps.explicit import Point
+from ..maps.grouped import GroupPoint, taken_apart
 from ..maps.regular_path import RegularPath
 from ..mechanism.constraint.couplings import MovingCoupling
+from ..mechanism.coordinates.groups import Groups
+from ..mechanism.coordinates.joint_charts import loop_charts
 from ..mechanism.mechanism import Mechanism
-from .batch import Handed
+from ..mechanism.tree.tree import Array
 from .description import describe
 from .library import Library
 from .loop_arrays import NotNativeError
-from .results import tracker_numbers
+from .simulation.batch import Handed, tracker_numbers
+from .structures import Request, side_by_side
+
+
+class Shared:
+    """Buffers side by side, which a request points to.
+
+    Parameters
+    ----------
+    request : Request
+    mechanism : Mechanism
+    n : int
+        Numbers of a state.
+    size : int
+        Of a point.
+
+    Attributes
+    ----------
+    time : ndarray (1,)
+        Pointed to where a single time is given; see `at_time`.
+    x, rate : ndarray (n,)
+    anchor : ndarray (size,)
+    safe : ndarray (size + n,)
+    ydd, tau, origin : ndarray (m,), (nv,), (nq,)
+    at_time : int
+        The address of `time`.
+    """
+
+    def __init__(self, request: Request, mechanism: Mechanism, n: int, size: int) -> None:
+        sizes = {"x": n, "rate": n, "anchor": size, "safe": size + n}
+        sizes |= {"ydd": mechanism.m, "tau": mechanism.nv, "origin": mechanism.nq, "time": 1}
+        arrays, places = side_by_side(sizes)
+        self.x, self.rate, self.anchor, self.safe, self.ydd, self.tau, self.origin, self.time = arrays
+        self.at_time = places.pop("time")
+        for name, place in places.items():
+            setattr(request, name, place)
+
+
+class Layout:
+    """Points of a mechanism as rows of numbers.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    path : RegularPath
+        Whose blocks the points tell of.
+    groups : Groups or None
+        The joints on groups.
+
+    Attributes
+    ----------
+    size : int
+        Numbers of a point.
+    q : slice
+        Where its configuration is.
+    """
+
+    def __init__(self, mechanism: Mechanism, path: RegularPath, groups: Groups | None) -> None:
+        self._groups, self._nv, self._m = groups, mechanism.nv, mechanism.m
+        self._charts = charts = loop_charts(path.mechanism)
+        if charts is not None:
+            self._in_charts = charts.iq if groups is None else groups.rest_iq[charts.iq]
+        self._looped = bool(path.blocks)
+        nv, m, blocks = self._nv, self._m, len(path.blocks)
+        widths = [m, m, mechanism.nq, nv * m, nv, nv if m == 1 else 0, blocks, blocks, 1]
+        self._slices = [slice(a, b) for a, b in pairwise(np.cumsum([0, *widths]).tolist())]
+        self.size, self.q = sum(widths), self._slices[2]
+
+    def pack(self, point: Point, into: Array) -> None:
+        """Write a point."""
+        y, ydot, q, G, g, bend, det, rcond, worst = self._slices
+        into[y], into[ydot], into[q] = point.y, point.ydot, point.q
+        into[G], into[g] = point.G.ravel(), point.g
+        if point.curvature is not None:
+            into[bend] = point.curvature
+        elif self._m == 1:
+            into[bend] = 0.0  # no loop: γ is linear
+        if self._looped:
+            into[det], into[rcond] = point.det, point.rcond
+        into[worst] = point.conditioning
+
+    def origin(self, point: Point) -> Array:
+        """q where a point's charts have their origins, (nq,); other joints as they are."""
+        q, groups = point.q.copy(), self._groups
+        if groups is not None:
+            q[groups.iq] = point.origin
+        if self._charts is not None:
+            q[self._in_charts] = _rest_of(point).origin
+        return q
+
+    def point(self, packed: Array, origin: Array | None = None) -> Point:
+        """The point at the front of these numbers, in charts about q, or about another whole q."""
+        flat = packed[: self.size].copy()
+        y, ydot, q, G, g, bend, det, rcond, _ = self._slices
+        one = np.ones(0)
+        point = Point(
+            flat[y],
+            flat[ydot],
+            flat[q],
+            flat[G].reshape(self._nv, self._m),
+            flat[g],
+            flat[bend] if self._m == 1 and self._looped else None,
+            flat[det] if self._looped else one,
+            flat[rcond] if self._looped else one,
+            float(flat[-1]),
+        )
+        origin = point.q if origin is None else origin
+        if self._groups is not None:
+            point = taken_apart(self._groups, point, origin[self._groups.iq])
+        if self._charts is not None:
+            _rest_of(point).origin = origin[self._in_charts]
+        return point
+
+
+def _rest_of(point: Point) -> Point:
+    return point.rest if isinstance(point, GroupPoint) else point
+
 
 IDLE = 2
 """Mechanisms in the kernel that are kept for the next runs, for one choice of rows of φ and of the state."""

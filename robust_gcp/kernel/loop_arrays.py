@@ -11,10 +11,10 @@ from ..maps.meeting_points import moved
 from ..mechanism.constraint.closures import closure_frames
 from ..mechanism.constraint.couplings import CouplingClosure, Couplings
 from ..mechanism.constraint.rows import ROTATION, Row, rows_of
-from ..mechanism.joints import OF_MOMENTS, Joint
 from ..mechanism.loops import ClosedLoops
-from ..mechanism.tree import Array
-from ..mechanism.vectors import cross
+from ..mechanism.tree.joints import OF_MOMENTS, Joint
+from ..mechanism.tree.tree import Array
+from ..mechanism.tree.vectors import cross
 from .structures import Arrays, Description
 
 

@@ -12,7 +12,7 @@ from ..mechanism.actuation.paths import BoundPath, Path, SumOfJoints
 from ..mechanism.actuation.spatial_tendon import Line, Round
 from ..mechanism.actuation.tendon_springs import TendonSpring
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from .structures import Arrays
 
 SPRING, AFFINE, MUSCLE = range(3)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 
 VERSION = 27
 """Of the interface; a library with another one is not used."""

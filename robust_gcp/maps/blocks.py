@@ -11,7 +11,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ..mechanism.coordinates.partition import Block
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 
 Index = NDArray[np.int64]
 

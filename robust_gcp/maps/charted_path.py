@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from ..mechanism.coordinates.joint_charts import loop_charts
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
-from .point import Closed, Counters, Point
+from ..mechanism.tree.tree import Array
+from .explicit import Closed, Counters, Point
 from .regular_path import RegularPath
 
 

@@ -8,10 +8,9 @@ from typing import Literal
 import numpy as np
 
 from ..errors import BranchError
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from ..warning import warn
-from .explicit import Unaware
-from .point import Point
+from .explicit import Point, Unaware
 from .regular_path import RegularPath
 
 NewtonStart = Literal["previous", "tangent"]

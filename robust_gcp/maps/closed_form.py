@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..checks import check_between
 from ..errors import OptionError
-from ..mechanism.model_check import OVERFLOWING
+from ..mechanism.tree.model import OVERFLOWING
 from .pendulum import Triple
 from .pendulum import parallelogram_pendulum as parallelogram_pendulum
 from .pendulum import pendulum as pendulum

@@ -8,12 +8,11 @@ import numpy as np
 
 from ..errors import OptionError, ToggleError
 from ..mechanism.constraint.closures import PointClosure, frame_of
-from ..mechanism.joints import JointKind
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
+from ..mechanism.tree.joints import JointKind
+from ..mechanism.tree.tree import Array
 from .closed_form import FourBar
-from .explicit import Unaware
-from .point import Point
+from .explicit import Point, Unaware
 from .regular_path import RegularPath
 
 PARALLEL = 1e-12

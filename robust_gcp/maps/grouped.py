@@ -8,11 +8,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..mechanism.coordinates.groups import Groups
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from .classical import ClassicalMap
 from .cluster.cluster_map import ClusterMap
-from .explicit import OUTGROWN, ExplicitMap, Passage, Stretch
-from .point import Counters, Point
+from .explicit import OUTGROWN, Counters, ExplicitMap, Passage, Point, Stretch
 from .regular_path import RegularPath
 
 

@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike
 
 from ..mechanism.coordinates.groups import Groups, groups_of
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from .cluster.options import BridgeOptions
+from .explicit import Counters
 from .grouped import GroupPoint, joined
-from .point import Counters
 from .start import Start, begin
 from .start_check import broken_by, checked_mode, require_finite_energy
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .point import Point
+from .explicit import Point
 
 DETERMINANT_RATIO = 2.5
 """Largest change of a poorly conditioned block's determinant in one step; keeps a step from jumping

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..mechanism.constraint.closures import FrameClosure, closure_frames
 from ..mechanism.constraint.rows import rows_of
 from ..mechanism.loops import ClosedLoops
-from ..mechanism.tree import Array, Tree
+from ..mechanism.tree.tree import Array, Tree
 
 STILL = 1e-9
 """How far a velocity of one moves a point that it counts as not moving, in units of its distance."""

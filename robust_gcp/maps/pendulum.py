@@ -9,7 +9,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from ..errors import OptionError
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 
 Triple = tuple[Array, Array, Array]
 PI = math.pi

@@ -6,9 +6,8 @@ import numpy as np
 
 from ..errors import BranchError, NonFiniteError
 from ..mechanism.coordinates.partition import numerical_rank
-from ..mechanism.tree import Array
-from .explicit import Charted, Passage, Stretch, sign_changes
-from .point import Counters, Point
+from ..mechanism.tree.tree import Array
+from .explicit import Charted, Counters, Passage, Point, Stretch, sign_changes
 from .regular_path import RegularPath
 
 PROJECTION_THRESHOLD = 1e-3

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from ..mechanism.constraint.constraint import ImplicitConstraint
 from ..mechanism.coordinates.partition import Block
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array, Tree
+from ..mechanism.tree.tree import Array, Tree
 from .blocks import BlockFactor
+from .explicit import Closed, Counters, Point
 from .meeting_points import tree_at_points
-from .point import Closed, Counters, Point
 from .structure import reference_of_whole, structured
 
 CONVERGED = 2e-15

@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 from ..analysis.local import LocalAnalysis, analyse
 from ..errors import NotCertifiedError, OptionError, SingularStartError, ToggleError
 from ..mechanism.coordinates.partition import spelled
-from ..mechanism.joints import in_v
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tolerances import DETERMINES, SAME_MODE, SINGULAR_START
-from ..mechanism.tree import Array
+from ..mechanism.tree.joints import in_v
+from ..mechanism.tree.tree import Array
 from .charted_path import regular_path
 from .cluster.chart import CHANGE, best, smallest
 from .cluster.cluster_map import ClusterMap
@@ -25,7 +25,7 @@ from .cluster.options import BridgeOptions, NoBridgeError
 from .cluster.space import space_of
 from .cluster.touching.contact import Contact, contact_at
 from .cluster.tracker import Tracker
-from .point import Counters, Point
+from .explicit import Counters, Point
 from .regular_path import RegularPath
 from .start_check import (
     apart,

@@ -11,8 +11,8 @@ from ..mechanism.coordinates.independent import motions, regular_near
 from ..mechanism.coordinates.partition import numerical_rank, spelled
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tolerances import COMPATIBLE, NEARLY_CLOSED, RANK, SAME_MODE
-from ..mechanism.tree import Array
-from .point import Point
+from ..mechanism.tree.tree import Array
+from .explicit import Point
 from .regular_path import RegularPath
 
 FASTEST = 1e50

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..mechanism.coordinates.partition import Block, triangular_blocks
 from ..mechanism.tolerances import STRUCTURAL
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from .blocks import BlockFactor
 
 

@@ -14,7 +14,7 @@ from .assembly.assemblies import Assemblies, assemblies
 from .assembly.ranges import assembled_all, assembled_near
 from .coordinates.coordinates import Coordinates
 from .named_numbers import Named
-from .tree import Array
+from .tree.tree import Array
 
 if TYPE_CHECKING:
     from ..simulation.phases.impact import Impact
@@ -141,7 +141,7 @@ class Above(Coordinates):
         rates = ydot if is_table(ydot) else np.tile(checked_vector(ydot, self.m, "ydot", "m"), (len(many), 1))
         v = np.zeros((len(many), self.nv))
         v[:, self.iv_independent] = checked_rows(rates, len(many), self.m, "ydot", "m")
-        from ..kernel.assembling import lifted
+        from ..kernel.constraint.assembling import lifted
 
         done = lifted(self, many, v, self.iv_dependent)
         for i in range(len(many)) if done is None else np.flatnonzero(~done):

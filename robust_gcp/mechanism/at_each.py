@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 from ..checks import is_table, of_each
 from ..errors import StateError
-from .tree import Array
+from .tree.tree import Array
 
 Method = TypeVar("Method", bound=Callable[..., Array])
 

@@ -16,8 +16,8 @@ from .actuation.paths import Path
 from .constraint.couplings import AnyClosure, CouplingClosure
 from .forces.forces import Force
 from .parts import Part
-from .sensors import Sensor
-from .tree import Array
+from .sensing.sensors import Sensor
+from .tree.tree import Array
 
 BASES = ("fixed", "free")
 

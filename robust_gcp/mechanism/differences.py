@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .tree import Array, Tree
+from .tree.tree import Array, Tree
 
 EPS = float(np.finfo(float).eps)
 FORWARD, CENTRAL = EPS**0.5, EPS ** (1.0 / 3.0)

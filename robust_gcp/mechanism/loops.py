@@ -19,14 +19,12 @@ from .constraint.constraint import without_zero_rows
 from .constraint.couplings import AnyClosure, CouplingClosure, Couplings, closures_given
 from .coordinates.loop_graph import characteristic_length
 from .coordinates.partition import numerical_rank, ranked_choices
-from .joints import Joint, in_v, joint_named, joints_of
 from .memo import Memo
-from .model_check import check_model
 from .named_numbers import Named, with_numbers
-from .near import seen_from, standpoint
 from .tolerances import CLOSED, POLISHED, ROUNDED, STRUCTURAL
-from .tree import Array, Tree, require_depth_first
-from .unchanged import require_equal
+from .tree.joints import Joint, in_v, joint_named, joints_of
+from .tree.model import check_model, require_equal, seen_from, standpoint
+from .tree.tree import Array, Tree, require_depth_first
 
 COMPONENT = 0.1
 """Weight of one component of a ball beside the number of a hinge, where both would serve."""

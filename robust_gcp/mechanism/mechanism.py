@@ -27,11 +27,11 @@ from .forces.applied_forces import AppliedForces
 from .forces.forces import Force, forces_given, require_length
 from .from_files import FromFiles
 from .loops import ClosedLoops
-from .model_check import check_model
 from .parts import Part
 from .recommended import Recommended
-from .sensors import Sensors
-from .tree import Array
+from .sensing.sensors import Sensors
+from .tree.model import check_model
+from .tree.tree import Array
 
 BESIDE = ("recommended", "source", "keyframes", "sensors", "moved", "still", "judged_at")
 """What a file tells beside the mechanism itself, whatever its coordinates."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..checks import checked_vector, hint, real_array, shown
 from ..errors import StateError
-from .joints import Array, Joint
+from .tree.joints import Array, Joint
 
 Named = Mapping[str, float | Sequence[float]]
 """Numbers by joint, or by component of a joint."""

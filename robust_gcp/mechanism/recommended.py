@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..checks import check_positive
-from .tree import Array
+from .tree.tree import Array
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,9 @@ from ..errors import OptionError
 from ..examples.linkages import n_four_bar
 from ..io.loader import load
 from ..kernel import backends
-from ..kernel.batch import Outputs
 from ..kernel.library import Library, library
-from ..kernel.workspace import Workspace
+from ..kernel.simulation.batch import Outputs
+from ..kernel.simulation.workspace import Workspace
 from ..maps.choice import MapChoice
 from ..maps.cluster.options import BridgeOptions
 from ..maps.march import same_branch

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.parts import JointFriction, Stop
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 
 Kind = Literal["fixed", "adaptive"]
 

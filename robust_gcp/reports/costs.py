@@ -30,7 +30,7 @@ from ..maps.choice import Method
 from ..maps.cluster.jet import null_pairing
 from ..mechanism.forces.applied_forces import AppliedForces
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Tree
+from ..mechanism.tree.tree import Tree
 from ..printing import along, write, write_json
 from ..simulation.runs.stats import Stats
 from ..simulation.simulate import simulate

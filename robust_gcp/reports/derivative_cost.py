@@ -15,9 +15,9 @@ from ..errors import ModelWarning, RobustGcpError
 from ..examples.legged import legged
 from ..io.loader import load
 from ..kernel import backends
-from ..kernel.derivations import derivation
+from ..kernel.derivatives.derivations import derivation
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from ..printing import along, table, write_json
 from ..simulation.derivatives.cost import Cost
 from ..simulation.derivatives.gradient import gradient

@@ -19,7 +19,7 @@ from ..examples.six_bars import joined_by_dyad
 from ..io.loader import load
 from ..kernel import backends
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from ..printing import along, table, write_json
 from ..simulation.derivatives.accelerations import derivatives, forward_dynamics
 from ..simulation.derivatives.cost import Cost

@@ -21,7 +21,7 @@ from ..mechanism.constraint.closures import PointClosure
 from ..mechanism.constraint.couplings import AnyClosure, CouplingClosure
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.parts import JointFriction, Stop
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 
 
 def model_of(linkage: dict[str, Any]) -> pin.Model:

@@ -16,7 +16,7 @@ from pathlib import Path
 import pinocchio as pin
 
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.workspace import whole_bytes, workspace_bytes
+from ..mechanism.tree.workspace import whole_bytes, workspace_bytes
 from ..printing import table
 
 SIZES = (10, 50, 100, 200, 500, 1000)

@@ -28,7 +28,7 @@ from ..maps.classical import SingularityWarning
 from ..maps.four_bar import draw_four_bar
 from ..maps.pendulum import parallelogram_pendulum, pendulum
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from ..printing import progress_bar, table, write_json
 from ..simulation.simulate import simulate
 from ..simulation.trajectories.trajectory import Trajectory

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import RobustGcpError
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from ..simulation.batches.batch import Batch
 from ..simulation.batches.many import simulate_many
 from ..simulation.derivatives.accelerations import derivatives, forward_dynamics

@@ -14,13 +14,13 @@ from ..dynamics.equations import implicit_dynamics
 from ..dynamics.problem import set_out
 from ..errors import RobustGcpError
 from ..io.loader import load
-from ..kernel.batch import Outputs
 from ..kernel.library import library
 from ..kernel.loop_arrays import NotNativeError
-from ..kernel.workspace import Workspace
+from ..kernel.simulation.batch import Outputs
+from ..kernel.simulation.workspace import Workspace
 from ..maps.cluster.options import BridgeOptions
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from .peers.compiled import Loop, Settings, knows, why_not
 from .peers.pinocchio import ADAPTED
 

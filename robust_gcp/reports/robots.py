@@ -22,7 +22,7 @@ from ..errors import RobustGcpError, StateError
 from ..io.loader import load
 from ..io.robot_file import READERS
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from ..printing import table
 from ..simulation.simulate import simulate
 

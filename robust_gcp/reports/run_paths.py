@@ -15,7 +15,7 @@ from ..examples.linkages import four_bar, n_four_bar
 from ..io.loader import load
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.parts import JointFriction, Stop
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from ..simulation.batches.batch import Batch
 from ..simulation.batches.many import simulate_many
 from ..simulation.events import Event

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from ..dynamics.equations import EquationsOfMotion
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from ..simulation.runs.refined import REFINED_ATOL, REFINED_RTOL
 from ..simulation.runs.stats import Stats
 from ..simulation.runs.steppers import adaptive, rk4_step

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from ..errors import OptionError
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from . import peers
 from .contender import Contender, Scene
 from .work_precision import ours

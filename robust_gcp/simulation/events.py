@@ -18,7 +18,7 @@ import scipy
 
 from ..checks import check_callable, check_number, listed, real_array, shown
 from ..errors import NonFiniteError, OptionError
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 
 EventFunction = Callable[[float, Array, Array], float]
 

@@ -12,9 +12,9 @@ from ..dynamics.loads import Wrench
 from ..dynamics.prescribed.zero_order_hold import HeldTorque
 from ..maps.explicit import Crossing
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from .trajectories.access import SENSOR, FrameMotion, Sample, as_name, force_columns
-from .trajectories.powered import powered_columns
+from .trajectories.acted import powered_columns
 from .trajectories.reactions import Loaded, Reaction, multipliers_of, row_names
 from .trajectories.sensing import sensed
 

@@ -9,7 +9,7 @@ from typing import Any
 from ..errors import OptionError
 from ..mechanism.coordinates.groups import groups_of
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from ..dynamics.prescribed.motion import Motion
 from ..dynamics.prescribed.zero_order_hold import HeldTorque
 from ..dynamics.tableau import Tableau
 from ..errors import CuspError, OptionError
-from ..kernel.steps import BACKENDS, chosen_library
+from ..kernel.simulation.steps import BACKENDS, chosen_library
 from ..maps.choice import METHODS, MapChoice, Method
 from ..maps.classical import NewtonStart
 from ..maps.cluster.options import USUAL, BridgeOptions
@@ -25,7 +25,7 @@ from ..maps.projection import PROJECTION_THRESHOLD
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.parts import Part, parts_given
 from .events import EventFunction, checked_events
-from .runs.automatic_step import is_guarded
+from .runs.again import is_guarded
 from .runs.course import Course
 from .runs.schedule import last_output, planned
 from .runs.steppers import check_stepper

@@ -16,15 +16,15 @@ from ..dynamics.prescribed.control import Controls, held_controls
 from ..dynamics.prescribed.motion import Motion
 from ..dynamics.prescribed.zero_order_hold import HeldTorque
 from ..errors import ClosureError, NonFiniteError, OptionError, SimulationError, SingularStartError
-from ..kernel.steps import BACKENDS, chosen_library
+from ..kernel.simulation.steps import BACKENDS, chosen_library
 from ..maps.choice import METHODS, MapChoice, Method
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.parts import Part, parts_given
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from .events import EventFunction, checked_events
 from .present import Present
 from .runs.course import OVERFLOWN
-from .runs.keep import Keep
+from .runs.schedule import Keep
 from .runs.starting import Given
 from .runs.too_long_steps import Coarse
 from .saved import SavedState, StartState

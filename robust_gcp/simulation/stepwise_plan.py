@@ -14,16 +14,15 @@ from ..dynamics.prescribed.motion import Motion
 from ..dynamics.prescribed.zero_order_hold import HeldTorque
 from ..errors import OptionError
 from ..kernel.library import Library
-from ..kernel.steps import NativeSteps
+from ..kernel.simulation.steps import NativeSteps
 from ..maps.choice import MapChoice
-from ..maps.point import Counters
+from ..maps.explicit import Counters
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.parts import Part
-from ..mechanism.tree import Array
+from ..mechanism.tree.tree import Array
 from .events import Event
 from .runs.course import Course
-from .runs.keep import Keep
-from .runs.schedule import Schedule
+from .runs.schedule import Keep, Schedule
 from .runs.stability import StabilityCheck
 from .runs.starting import Given, rates_at, started
 from .runs.stepped import SteppedRun

@@ -7,6 +7,7 @@ again. Nothing else is ever rewritten. Each line holds a checksum of the rest of
 from __future__ import annotations
 
 import hashlib
+import importlib
 import json
 import os
 from collections.abc import Mapping
@@ -15,12 +16,34 @@ from dataclasses import asdict
 from io import FileIO
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import IO, Any
 
 from ..checks import path_given, shown
 from ..errors import OptionError, SweepError
-from .lock import lock
 from .record import Failure, RunRecord, key, plain, text_of
+
+FAR = 2**30
+"""Byte that is locked on Windows: others may go on reading what lies before it."""
+
+
+def lock(file: IO[bytes]) -> bool:
+    """Hold an open file until it is closed or this process ends; False when another one holds it."""
+    try:
+        fcntl = importlib.import_module("fcntl")
+    except ImportError:  # Windows
+        msvcrt = importlib.import_module("msvcrt")
+        os.lseek(file.fileno(), FAR, os.SEEK_SET)
+        try:
+            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+        except OSError:
+            return False
+        return True
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
 
 FORMAT = "robust_gcp sweep 2"
 

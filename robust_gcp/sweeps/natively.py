@@ -9,7 +9,7 @@ from typing import Any
 from ..dynamics.tableau import Tableau
 from ..errors import OptionError
 from ..kernel.library import backends
-from ..kernel.steps import chosen_library
+from ..kernel.simulation.steps import chosen_library
 from ..simulation.simulate import simulate
 
 CHOICES = ("backend", "method", "newton_start")

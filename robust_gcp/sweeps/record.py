@@ -15,8 +15,8 @@ import numpy as np
 from ..checks import shown
 from ..dynamics.prescribed.motion import Motion
 from ..errors import OptionError, RobustGcpError
-from ..kernel.measures import measured
-from ..mechanism.tree import Array
+from ..kernel.dynamics.measures import measured
+from ..mechanism.tree.tree import Array
 from ..simulation.trajectories.files import data_frame, write_csv
 from ..simulation.trajectories.trajectory import Trajectory, energy_drift
 

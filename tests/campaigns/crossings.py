@@ -12,7 +12,7 @@ from robust_gcp.errors import OptionError, RobustGcpError
 from robust_gcp.examples.linkages import four_bar
 from robust_gcp.maps.closed_form import FourBar
 from robust_gcp.mechanism.mechanism import Mechanism
-from robust_gcp.mechanism.tree import Array
+from robust_gcp.mechanism.tree.tree import Array
 from robust_gcp.simulation.simulate import simulate
 from robust_gcp.simulation.trajectories.trajectory import Trajectory
 

@@ -8,11 +8,10 @@ import numpy as np
 
 from robust_gcp.examples.families import Lengths
 from robust_gcp.maps.closed_form import FourBar
-from robust_gcp.maps.explicit import Unaware
-from robust_gcp.maps.point import Point
+from robust_gcp.maps.explicit import Point, Unaware
 from robust_gcp.maps.regular_path import RegularPath
 from robust_gcp.mechanism.mechanism import Mechanism
-from robust_gcp.mechanism.tree import Array
+from robust_gcp.mechanism.tree.tree import Array
 
 PARTS = ("crank", "coupler", "rocker")
 

@@ -11,7 +11,7 @@ import numpy as np
 
 import robust_gcp as rg
 from robust_gcp.examples import families, linkages
-from robust_gcp.mechanism.tree import Array
+from robust_gcp.mechanism.tree.tree import Array
 from robust_gcp.simulation.phases.rows import Kind, Rows
 
 DURATION, STEP = 1.0, 2e-3

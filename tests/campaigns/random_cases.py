@@ -9,7 +9,7 @@ from dataclasses import asdict
 import numpy as np
 from numpy.typing import NDArray
 
-from robust_gcp.mechanism.tree import Array
+from robust_gcp.mechanism.tree.tree import Array
 
 ROUNDING = 1e-11
 """rad: below this a floor measures the rounding of the reference, not the stepper's error."""

@@ -21,7 +21,7 @@ import robust_gcp as rg
 from robust_gcp.examples import linkages
 from robust_gcp.maps.closed_form import FourBar
 from robust_gcp.maps.cluster.chart import best, smallest
-from robust_gcp.mechanism.joints import in_v
+from robust_gcp.mechanism.tree.joints import in_v
 
 from ..kernel.random_links import anywhere, carry
 

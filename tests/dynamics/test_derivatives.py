@@ -14,12 +14,12 @@ import robust_gcp as rg
 from robust_gcp.dynamics import derivatives as reference
 from robust_gcp.examples.linkages import four_bar
 from robust_gcp.maps.closed_form import parallelogram_pendulum
-from robust_gcp.mechanism.columns import Columns, with_simple_joints
 from robust_gcp.mechanism.constraint.closure_rates import ClosureRates
 from robust_gcp.mechanism.constraint.extended import ExtendedClosures
 from robust_gcp.mechanism.loops import ClosedLoops
-from robust_gcp.mechanism.motions import Motions
-from robust_gcp.mechanism.tree import Tree
+from robust_gcp.mechanism.tree.columns import Columns, with_simple_joints
+from robust_gcp.mechanism.tree.motions import Motions
+from robust_gcp.mechanism.tree.tree import Tree
 from robust_gcp.reports.stability.truth import with_forces
 
 from ..simulation.test_idle_spins import rssr

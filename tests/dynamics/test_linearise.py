@@ -18,9 +18,9 @@ from robust_gcp.dynamics.linearise import ReducedJacobian, rk4_reach, stable_ste
 from robust_gcp.examples.linkages import add_link, four_bar
 from robust_gcp.maps.closed_form import parallelogram_pendulum
 from robust_gcp.maps.cluster.cluster_map import ClusterMap
-from robust_gcp.maps.point import Counters
+from robust_gcp.maps.explicit import Counters
 from robust_gcp.maps.start import begin
-from robust_gcp.mechanism.tree import Tree
+from robust_gcp.mechanism.tree.tree import Tree
 from robust_gcp.reports.stability.bound import System, measure, systems
 from robust_gcp.reports.stability.truth import with_forces
 

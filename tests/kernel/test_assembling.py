@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import robust_gcp as rg
-from robust_gcp.kernel.assembling import closed, lifted
+from robust_gcp.kernel.constraint.assembling import closed, lifted
 from robust_gcp.mechanism.assembly import assembly
 
 NAMES = [name for name in rg.model_names() if rg.load(name).closures]

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 import robust_gcp as rg
 from robust_gcp.checks import real_array
 from robust_gcp.kernel import library, structures
-from robust_gcp.kernel.workspace import Workspace
+from robust_gcp.kernel.simulation.workspace import Workspace
 
 Array = NDArray[np.float64]
 
@@ -229,7 +229,7 @@ def enumeration(header: str, name: str) -> dict[str, int]:
 
 
 def test_reasons_and_kinds_have_the_same_numbers() -> None:
-    from robust_gcp.mechanism.joints import JointKind
+    from robust_gcp.mechanism.tree.joints import JointKind
 
     assert enumeration("abi.h", "Reason") == {reason.name: reason.value for reason in structures.Reason}
     kinds = {kind.name: int(kind) for kind in JointKind}

@@ -9,7 +9,7 @@ import pytest
 import robust_gcp as rg
 from robust_gcp.dynamics import derivatives as reference
 from robust_gcp.dynamics import discrete
-from robust_gcp.kernel.derivations import derivation
+from robust_gcp.kernel.derivatives.derivations import derivation
 
 from ..compiled import needs_kernel
 from .test_derivation import same

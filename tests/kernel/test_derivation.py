@@ -22,8 +22,8 @@ from robust_gcp.dynamics.modes.mode_rates import ZONE
 from robust_gcp.dynamics.problem import set_out
 from robust_gcp.examples.legged import legged
 from robust_gcp.examples.linkages import four_bar, n_four_bar
-from robust_gcp.kernel.derivations import derivation
-from robust_gcp.mechanism.joints import JointKind
+from robust_gcp.kernel.derivatives.derivations import derivation
+from robust_gcp.mechanism.tree.joints import JointKind
 from robust_gcp.reports.stability.truth import with_forces
 from robust_gcp.simulation.derivatives import reverse_sweep
 

@@ -18,10 +18,10 @@ from robust_gcp.dynamics.equations import EquationsOfMotion
 from robust_gcp.examples.legged import legged
 from robust_gcp.examples.linkages import four_bar, n_four_bar, swinging_four_bar
 from robust_gcp.kernel.library import library
-from robust_gcp.kernel.workspace import Workspace
+from robust_gcp.kernel.simulation.workspace import Workspace
 from robust_gcp.maps.cluster.cluster_map import ClusterMap
 from robust_gcp.maps.cluster.options import BridgeOptions
-from robust_gcp.maps.point import Counters
+from robust_gcp.maps.explicit import Counters
 from robust_gcp.maps.regular_path import RegularPath
 from robust_gcp.maps.start import begin
 from robust_gcp.reports.robot_speed import Steps

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import robust_gcp as rg
-from robust_gcp.kernel.measures import measured
+from robust_gcp.kernel.dynamics.measures import measured
 
 from ..compiled import needs_kernel
 

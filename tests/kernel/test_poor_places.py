@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp.dynamics.modes.mode_rates import UNSTEADY
-from robust_gcp.kernel.derivations import derivation
+from robust_gcp.kernel.derivatives.derivations import derivation
 from robust_gcp.reports.derivative_paths import five_bar_in_line
 from tests.compiled import needs_kernel
 from tests.dynamics.gradient_problems import differentiated

@@ -10,7 +10,7 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.dynamics import derivatives as reference
-from robust_gcp.kernel.derivations import derivation
+from robust_gcp.kernel.derivatives.derivations import derivation
 
 from ..compiled import needs_kernel, some
 from .random_links import anywhere, carry

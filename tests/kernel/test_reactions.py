@@ -7,7 +7,7 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.dynamics.equations import constraint_forces
-from robust_gcp.kernel.measures import reactions
+from robust_gcp.kernel.dynamics.measures import reactions
 
 from ..compiled import needs_kernel, some
 from .test_random_floating import made

@@ -8,7 +8,7 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.dynamics.regressor import torque_regressor
-from robust_gcp.kernel.measures import weighed
+from robust_gcp.kernel.dynamics.measures import weighed
 
 pytestmark = pytest.mark.skipif(not rg.backends()["native"].available, reason="no compiled kernel")
 

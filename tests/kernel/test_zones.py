@@ -16,7 +16,7 @@ from robust_gcp.maps.cluster.patch_builder import NODES
 from robust_gcp.maps.cluster.space import space_of
 from robust_gcp.maps.cluster.tracker_numbers import read, written
 from robust_gcp.maps.four_bar import FourBar
-from robust_gcp.simulation.runs.charts import map_of_rest, point_of_rest
+from robust_gcp.simulation.runs.crossings import map_of_rest, point_of_rest
 
 from ..compiled import needs_kernel
 

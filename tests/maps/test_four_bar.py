@@ -9,8 +9,8 @@ import robust_gcp as rg
 from robust_gcp.examples.linkages import four_bar
 from robust_gcp.maps.closed_form import FourBar
 from robust_gcp.maps.cluster.options import BridgeOptions
+from robust_gcp.maps.explicit import Counters
 from robust_gcp.maps.four_bar import FourBarMap, draw_four_bar
-from robust_gcp.maps.point import Counters
 from robust_gcp.maps.start import begin
 
 Array = NDArray[np.float64]

@@ -5,7 +5,7 @@ import pytest
 from numpy.polynomial import Polynomial
 from scipy.interpolate import KroghInterpolator
 
-from robust_gcp.maps.cluster.newton_form import NewtonForm
+from robust_gcp.maps.cluster.interpolation import NewtonForm
 
 NODES = np.array([-1.0, -0.7, -0.45, 0.45, 0.7, 1.0])
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 import robust_gcp as rg
 from robust_gcp.examples.linkages import four_bar
 from robust_gcp.maps.closed_form import FourBar
-from robust_gcp.maps.point import Point
+from robust_gcp.maps.explicit import Point
 from robust_gcp.maps.regular_path import RegularPath
 
 Array = NDArray[np.float64]

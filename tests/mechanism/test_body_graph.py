@@ -9,8 +9,8 @@ import pinocchio as pin
 import pytest
 
 import robust_gcp as rg
-from robust_gcp.mechanism.bodies import Body, BodyJoint
-from robust_gcp.mechanism.body_graph import spanned
+from robust_gcp.mechanism.building.bodies import Body, BodyJoint
+from robust_gcp.mechanism.building.body_graph import spanned
 
 GRAVITY = np.array([0.3, -9.0, -2.0])
 X, Y, Z = np.eye(3)

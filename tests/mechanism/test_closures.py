@@ -13,7 +13,7 @@ import robust_gcp as rg
 from robust_gcp.examples.linkages import add_link
 from robust_gcp.mechanism.constraint.closures import Closure, closure_frames
 from robust_gcp.mechanism.constraint.constraint import ImplicitConstraint
-from robust_gcp.mechanism.tree import Tree
+from robust_gcp.mechanism.tree.tree import Tree
 
 Array = NDArray[np.float64]
 LENGTHS = {  # of the shipped models, as their URDF files say: l0, l1, l2, l3 in m

@@ -14,7 +14,7 @@ import robust_gcp as rg
 from robust_gcp.maps.closed_form import pendulum
 from robust_gcp.mechanism.constraint.closures import closure_frames
 from robust_gcp.mechanism.constraint.constraint import ImplicitConstraint
-from robust_gcp.mechanism.tree import Tree
+from robust_gcp.mechanism.tree.tree import Tree
 
 Array = NDArray[np.float64]
 

@@ -13,9 +13,9 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
-from robust_gcp.mechanism.joints import IN_KERNEL, JointKind, components_of, in_q, in_v, joints_of
 from robust_gcp.mechanism.loops import ClosedLoops
-from robust_gcp.mechanism.tree import Tree
+from robust_gcp.mechanism.tree.joints import IN_KERNEL, JointKind, components_of, in_q, in_v, joints_of
+from robust_gcp.mechanism.tree.tree import Tree
 
 Array = NDArray[np.floating[Any]]
 

@@ -11,7 +11,7 @@ import pytest
 import robust_gcp as rg
 from robust_gcp.mechanism.actuation.paths import Path
 from robust_gcp.mechanism.actuation.wrapping import wrapped
-from robust_gcp.mechanism.tree import Array, Tree
+from robust_gcp.mechanism.tree.tree import Array, Tree
 
 
 def _model() -> pin.Model:

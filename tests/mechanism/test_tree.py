@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp.examples import linkages
-from robust_gcp.mechanism.tree import Tree, require_depth_first
+from robust_gcp.mechanism.tree.tree import Tree, require_depth_first
 
 Array = NDArray[np.float64]
 SPATIAL = ("tripod", "spherical loop", "seven hinges", "humanoid")

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp.examples import linkages
-from robust_gcp.mechanism import workspace as memory
-from robust_gcp.mechanism.tree import Tree
+from robust_gcp.mechanism.tree import workspace as memory
+from robust_gcp.mechanism.tree.tree import Tree
 
 Array = NDArray[np.float64]
 

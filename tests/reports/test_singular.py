@@ -10,7 +10,7 @@ import pytest
 import robust_gcp as rg
 from robust_gcp.__main__ import main
 from robust_gcp.maps.pendulum import pendulum
-from robust_gcp.mechanism.tree import Array
+from robust_gcp.mechanism.tree.tree import Array
 from robust_gcp.reports.contender import Outcome, Scene
 from robust_gcp.reports.singular.motions import Motion, motions
 from robust_gcp.reports.singular.scores import cells, scene_of, scored

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
-from robust_gcp.kernel import rows as kernel_rows
+from robust_gcp.kernel.simulation import rows as kernel_rows
 from robust_gcp.simulation.batches import batch as batch_module
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import robust_gcp as rg
-from robust_gcp.mechanism.tree import Array
+from robust_gcp.mechanism.tree.tree import Array
 from tests.compiled import needs_kernel
 
 BACKENDS = ["python", pytest.param("native", marks=needs_kernel)]

@@ -9,7 +9,7 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.examples import families
-from robust_gcp.kernel.guard import Bounds, Guard
+from robust_gcp.kernel.simulation.guard import Bounds, Guard
 
 from .machines import BACKENDS, require_backend, sliders, times_of
 

@@ -10,7 +10,7 @@ import pytest
 import robust_gcp as rg
 from robust_gcp.examples import families, linkages
 from robust_gcp.examples.six_bars import CHANGE_POINT, joined_by_dyad
-from robust_gcp.mechanism.tree import Array
+from robust_gcp.mechanism.tree.tree import Array
 
 TRIPLE_ROCKER = (1.0, 1.2, 1.4, 0.7)
 TIGHT = {"stepper": "DOP853", "rtol": 1e-12, "atol": 1e-12}

@@ -12,7 +12,7 @@ import robust_gcp as rg
 from robust_gcp.dynamics.equations import EquationsOfMotion
 from robust_gcp.dynamics.problem import set_out
 from robust_gcp.examples import families
-from robust_gcp.kernel.steps import NativeSteps, chosen_library
+from robust_gcp.kernel.simulation.steps import NativeSteps, chosen_library
 from robust_gcp.maps.choice import MapChoice
 from robust_gcp.simulation.runs.following import Following
 

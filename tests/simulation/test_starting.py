@@ -15,9 +15,9 @@ import robust_gcp as rg
 from robust_gcp.dynamics.linearise import ReducedJacobian
 from robust_gcp.dynamics.problem import Problem, set_out
 from robust_gcp.kernel.library import library
-from robust_gcp.kernel.steps import NativeSteps
+from robust_gcp.kernel.simulation.steps import NativeSteps
 from robust_gcp.maps.choice import MapChoice
-from robust_gcp.maps.point import Counters
+from robust_gcp.maps.explicit import Counters
 from robust_gcp.simulation.runs.starting import StartRates, rates_at, started
 
 from ..compiled import needs_kernel

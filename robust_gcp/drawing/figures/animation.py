@@ -9,7 +9,7 @@ import numpy as np
 
 from ...checks import check_positive, path_given
 from ...errors import MissingExtraError, OptionError
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from .draw import Sampled, prepared, view_of
 from .mechanism import draw_pose, poses
 from .style import require_matplotlib, style

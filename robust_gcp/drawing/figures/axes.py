@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from ...analysis.configuration_space import ConfigurationSpace, ModeCurve
-from ...mechanism.joints import Component
-from ...mechanism.tree import Array
+from ...mechanism.tree.joints import Component
+from ...mechanism.tree.tree import Array
 
 CUT = np.pi / 4.0
 """Distance of a singular point from where the torus is cut open that is enough, rad."""

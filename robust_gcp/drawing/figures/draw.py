@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ...checks import check_mechanism, check_whole, path_given, shown
 from ...errors import OptionError
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..skeleton import plane_normal, upward
 from .mechanism import OBLIQUE, Pose, draw_pose, face_on, poses
 from .style import new_figure, require_file, require_matplotlib, save, style

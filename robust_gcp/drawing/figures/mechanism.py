@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from ...mechanism.loops import ClosedLoops
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..skeleton import Skeleton, on_page, outline, placements, plane_normal, upward
 from .style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION
 

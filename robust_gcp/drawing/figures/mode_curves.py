@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...analysis.configuration_space import ConfigurationSpace
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from .axes import TorusAxis, segments
 from .style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...analysis.configuration_space import ConfigurationSpace, ModeCurve
-from ...mechanism.joints import in_v
 from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree.joints import in_v
 from .mechanism import draw_pose, face_on, poses
 from .mode_curves import mode_color
 

@@ -13,8 +13,8 @@ from ...analysis.configuration_space import ConfigurationSpace
 from ...analysis.space import trace_modes
 from ...checks import names_given, path_given
 from ...errors import OptionError
-from ...mechanism.joints import Component
 from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree.joints import Component
 from .axes import TorusAxis
 from .mode_curves import MOST_DRAWN, apart, draw_plane, draw_space, shares
 from .mode_poses import caption_lines, draw_poses, pieces_of

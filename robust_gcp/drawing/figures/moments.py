@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from ...maps.explicit import Crossing
-    from ...mechanism.tree import Array
+    from ...mechanism.tree.tree import Array
     from ...simulation.phases.happening import Happening
 
 CROSSING = "crossing"

@@ -11,8 +11,8 @@ import numpy as np
 
 from ...checks import path_given, shown
 from ...errors import OptionError
-from ...mechanism.joints import components_of
-from ...mechanism.tree import Array
+from ...mechanism.tree.joints import components_of
+from ...mechanism.tree.tree import Array
 from .moments import mark_moments, mark_places, moment_names
 from .panels import LAMBDA, Asked, Line, Motion, Panel, Runs, lines_of_column, panels_of, units
 from .style import BLACK, CYCLE, YELLOW, new_figure, require_file, save, style

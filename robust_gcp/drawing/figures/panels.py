@@ -7,9 +7,9 @@ from typing import NamedTuple, Protocol
 
 from ...checks import hint, names_given, shown
 from ...errors import OptionError
-from ...mechanism.joints import Component, components_of
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.joints import Component, components_of
+from ...mechanism.tree.tree import Array
 from ...simulation.trajectories.access import SENSOR
 from ...simulation.trajectories.reactions import row_names
 from .moments import Eventful

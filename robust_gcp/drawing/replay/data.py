@@ -10,7 +10,7 @@ import numpy as np
 
 from ...maps.explicit import Crossing
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ...simulation.trajectories.trajectory import Trajectory
 from ..skeleton import PARALLEL, placements, plane_normal, upward
 from .frames import frame_times, resample

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from ...errors import OptionError, StateError
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ...simulation.trajectories.trajectory import Trajectory
 
 FPS = 30

@@ -10,9 +10,9 @@ import numpy as np
 
 from ...checks import listed
 from ...mechanism.constraint.closures import frame_of
-from ...mechanism.joints import JointKind
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.joints import JointKind
+from ...mechanism.tree.tree import Array
 from ..skeleton import PARALLEL, Seat, Skeleton, on_page, outline, upward
 
 

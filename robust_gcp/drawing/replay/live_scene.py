@@ -11,7 +11,7 @@ from meshcat.commands import SetObject, SetProperty, SetTransform
 from meshcat.path import Path
 
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ...simulation.trajectories.trajectory import Trajectory
 from ..skeleton import placements
 from .data import link_radius, scene_data

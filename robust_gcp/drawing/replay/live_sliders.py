@@ -10,9 +10,9 @@ import umsgpack  # type: ignore[import-untyped, import-not-found, unused-ignore]
 from ...dynamics.problem import Problem, set_out
 from ...errors import SimulationError, ToggleError
 from ...maps.choice import MapChoice
-from ...mechanism.joints import in_v
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.joints import in_v
+from ...mechanism.tree.tree import Array
 
 STRIDE = 0.02
 """Largest step of continuation, rad or characteristic lengths."""

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from ...errors import OptionError, RobustGcpError
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ...simulation.trajectories.trajectory import Trajectory
 from .frames import FPS, frame_times, resample
 from .live_scene import LiveScene

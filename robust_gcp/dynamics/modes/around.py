@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from .map_rates import MapRates
 
 INSIDE = 0.5

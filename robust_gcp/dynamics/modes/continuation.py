@@ -18,7 +18,7 @@ import numpy as np
 
 from ...errors import NotCertifiedError
 from ...mechanism.constraint.closure_rates import Placement
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from .around import Around
 from .map_rates import ClusterRates, MapRates
 

@@ -19,7 +19,7 @@ from ...errors import NotCertifiedError
 from ...mechanism.constraint.closure_rates import ClosureRates, Placement
 from ...mechanism.constraint.extended import ExtendedClosures
 from ...mechanism.coordinates.clusters import LoopCluster
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 
 LOST = 1e-4
 """Conditioning of K_d below which rounding leaves the derivatives no nine digits."""

@@ -12,12 +12,12 @@ from typing import TypeVar
 import numpy as np
 
 from ...errors import NotCertifiedError, SimulationError
-from ...maps.point import Point
+from ...maps.explicit import Point
 from ...maps.start import Start
 from ...mechanism.constraint.closure_rates import Placement
 from ...mechanism.coordinates.clusters import LoopCluster
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from .around import Around, Circles
 from .continuation import Circle, circle
 from .map_rates import ClusterRates, MapRates

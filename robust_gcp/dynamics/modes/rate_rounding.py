@@ -6,7 +6,7 @@ import numpy as np
 
 from ...errors import NotCertifiedError
 from ...mechanism.constraint.extended import EPS
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from .map_rates import ClusterRates
 
 ROUNDINGS, DOUBLE = 8.0, float(np.finfo(float).eps)

@@ -8,10 +8,9 @@ from numpy.typing import NDArray
 from ...errors import SimulationError
 from ...maps.choice import MapChoice
 from ...maps.cluster.obstacles import ObstacleError
-from ...maps.explicit import ExplicitMap
-from ...maps.point import Point
+from ...maps.explicit import ExplicitMap, Point
 from ...maps.start import Start
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 
 STRIDE = 0.1
 """Step in which a map walks to a circle, dimensionless joint units."""

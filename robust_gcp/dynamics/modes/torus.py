@@ -16,7 +16,7 @@ import numpy as np
 
 from ...errors import NotCertifiedError
 from ...mechanism.constraint.closure_rates import Placement
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from .around import INSIDE, Around
 from .continuation import Place, led
 from .map_rates import ClusterRates

@@ -13,7 +13,7 @@ from ...checks import hint, real_array, shown
 from ...errors import NonFiniteError, OptionError
 from ...mechanism.actuation.actuators import Actuator, clipped
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..equations import CheckedTorque, Torque, TorqueFunction, torque_function
 from .control_curves import Curve, Table, curve_of
 

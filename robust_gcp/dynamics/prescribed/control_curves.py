@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from ...mechanism.actuation.actuators import Actuator, clipped
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 
 EXACT = 1e-12
 """Relative and absolute tolerance of activations that are computed ahead."""

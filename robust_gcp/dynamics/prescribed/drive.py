@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from ...checks import shown
 from ...errors import OptionError
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
+from ...warning import warn
 from .motion import Motion
 
 KINK = 1e-6
@@ -122,3 +123,25 @@ def checked_motions(mechanism: Mechanism, drive: Any, times: Array) -> dict[str,
             raise OptionError(f"drive[{name!r}] = {shown(motion)} is no Motion; give rg.Motion(position)")
         motion.require_consistent(name, float(times[0]), float(times[-1]))
     return dict(drive)
+
+
+class KinkedDriveWarning(RuntimeWarning):
+    """A driven joint's velocity jumps, which takes an impulse that no torque of the run has."""
+
+
+def warned_of_kink(drive: Drive, times: Array) -> bool:
+    """Whether a prescribed motion jumps in its velocity between outputs, which is told.
+
+    The work of the impulse is missing in the energies whatever the step is.
+    """
+    found = drive.kink(times)
+    if found is None:
+        return False
+    name, t, before, after = found
+    warn(
+        f"drive[{name!r}]: the velocity jumps at t = {t:.6g} s, from {before:.4g} to {after:.4g}: that takes "
+        "an impulse, which is in no recorded torque, and free joints do not get it, whatever the step; give "
+        "a motion that can be differentiated twice, or split the run there",
+        KinkedDriveWarning,
+    )
+    return True

@@ -22,19 +22,18 @@ from numpy.typing import ArrayLike
 
 from ...errors import OptionError, SimulationError, StateError
 from ...maps.choice import MapChoice
-from ...maps.explicit import ExplicitMap
+from ...maps.explicit import ExplicitMap, Point
 from ...maps.grouped_start import begin_motion
-from ...maps.point import Point
 from ...mechanism.coordinates.groups import coordinate_choices
 from ...mechanism.coordinates.partition import spelled
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..equations import EquationsOfMotion, Evaluation, Torque
 from .drive import Drive, checked_motions
 from .motion import Motion
 
 if TYPE_CHECKING:
-    from ...maps.point import Counters
+    from ...maps.explicit import Counters
 
 log = logging.getLogger(__name__)
 

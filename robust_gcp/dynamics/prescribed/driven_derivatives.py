@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..derivatives import Derivatives, PointDerivatives
 from ..equations import Evaluation
 from .drive import Drive

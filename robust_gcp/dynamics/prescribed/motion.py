@@ -9,7 +9,7 @@ import numpy as np
 
 from ...checks import check_callable, real_array, shown
 from ...errors import NonFiniteError, OptionError
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from .time_rates import rates
 
 LOOKED_AT = (0.0, 0.137, 0.389, 0.618, 0.911)

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from ...mechanism.actuation.actuators import clipped
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..equations import CheckedTorque, Torque, TorqueFunction, torque_function
 from .control import Controls, asked_of, controls_given
 

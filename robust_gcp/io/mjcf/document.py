@@ -13,7 +13,7 @@ from xml.etree.ElementTree import Element, tostring
 
 from ...checks import shown
 from ...errors import ModelError, missing_file
-from ...mechanism.sensors import KINDS
+from ...mechanism.sensing.sensors import KINDS
 from ..text_file import is_file, is_link, read_bytes
 from ..xml_text import parsed_xml, require_shallow
 

@@ -13,10 +13,10 @@ from ...mechanism.constraint.closures import Closure, FrameClosure, PointClosure
 from ...mechanism.constraint.couplings import CouplingClosure
 from ...mechanism.forces.forces import JointTorque, PointSpring
 from ...mechanism.forces.known_forces import is_known
-from ...mechanism.joints import JointKind
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.parts import Stop
-from ...mechanism.tree import Array
+from ...mechanism.tree.joints import JointKind
+from ...mechanism.tree.tree import Array
 from ..written import Lost, Part, note, parts_of, plain_numbers, quaternion, text, whole_closures
 from .drives_out import DrivesWriter
 from .stops import solref_of

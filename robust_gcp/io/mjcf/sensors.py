@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from ...mechanism.instant import GROUND, Branch, Spot
-from ...mechanism.sensors import KINDS, Sensor
-from ...mechanism.tree import Array
+from ...mechanism.sensing.instant import GROUND, Branch, Spot
+from ...mechanism.sensing.sensors import KINDS, Sensor
+from ...mechanism.tree.tree import Array
 from .actuators import CompiledActuators
 from .drive_sensors import DRIVEN, DriveSensors, UnknownError
 from .flags import is_off

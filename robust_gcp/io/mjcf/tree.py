@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from ...checks import hint
 from ...errors import ModelError
-from ...mechanism.joints import along
-from ...mechanism.tree import Array
+from ...mechanism.tree.joints import along
+from ...mechanism.tree.tree import Array
 from .flags import is_off
 
 FREE, BALL, SLIDE, HINGE = range(4)

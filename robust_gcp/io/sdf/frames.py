@@ -10,8 +10,8 @@ import pinocchio as pin
 
 from ...checks import hint
 from ...errors import ModelError
-from ...mechanism.bodies import WORLD
-from ...mechanism.tree import Array
+from ...mechanism.building.bodies import WORLD
+from ...mechanism.tree.tree import Array
 from ..urdf.numbers import finite_numbers
 
 MODEL = "__model__"

@@ -9,9 +9,9 @@ import pinocchio as pin
 
 from ...errors import ModelError
 from ...mechanism.assembly.ranges import WIDE
-from ...mechanism.bodies import WORLD, Body, BodyJoint
+from ...mechanism.building.bodies import WORLD, Body, BodyJoint
 from ...mechanism.constraint.couplings import CouplingClosure
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..urdf.loops import SUSPECT
 from .frames import MODEL, Frames, number_of, numbers_of, pose_of
 

@@ -9,8 +9,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from ...errors import ModelError, ModelWarning
-from ...mechanism.bodies import WORLD
-from ...mechanism.body_graph import spanned
+from ...mechanism.building.bodies import WORLD
+from ...mechanism.building.body_graph import spanned
 from ...mechanism.contents import FileContents, check_base, named
 from ...warning import warn
 from ..xml_text import parsed_xml

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import ModelError
-from ...mechanism.body_graph import CLOSURES
+from ...mechanism.building.body_graph import CLOSURES
 from ...mechanism.constraint.closures import Closure
 from ...mechanism.constraint.pin_constraints import close_between
 from ..sdf.frames import numbers_of, pose_of

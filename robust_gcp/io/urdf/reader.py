@@ -15,7 +15,7 @@ import pinocchio as pin
 from ...errors import ModelError
 from ...mechanism.contents import STAYS, FileContents, check_base, named
 from ...mechanism.forces.forces import Force, JointDamper, JointSpring
-from ...mechanism.workspace import require_memory
+from ...mechanism.tree.workspace import require_memory
 from ..gepetto import with_joint_changes
 from ..xml_text import parsed_xml
 from .base import declare_world, set_base

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 
 DENSITY = 1000.0
 """kg/m³, where a collider does not say."""

@@ -9,11 +9,11 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import ModelError, RobustGcpError, missing_extra
-from ...mechanism.bodies import WORLD, Body, BodyJoint
-from ...mechanism.body_graph import spanned
+from ...mechanism.building.bodies import WORLD, Body, BodyJoint
+from ...mechanism.building.body_graph import spanned
 from ...mechanism.constraint.couplings import CouplingClosure
 from ...mechanism.contents import FileContents, check_base, named
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..text_file import path_of, read_bytes
 from .masses import inertia_of, rotation_of, schemas_of, value_of
 

@@ -1,4 +1,4 @@
-// Hermite interpolation in Newton's form; see maps/cluster/newton_form.py.
+// Hermite interpolation in Newton's form; see maps/cluster/interpolation.py.
 #pragma once
 
 #include <cstddef>

@@ -1,4 +1,4 @@
-// Many motions of one mechanism under torques that are held, a row of numbers each; see kernel/rows.py.
+// Many motions of one mechanism under torques that are held, a row of numbers each; see kernel/simulation/rows.py.
 #pragma once
 
 #include <algorithm>

@@ -1,5 +1,5 @@
 // What a joint is: its kind, its numbers in q, its velocities, where they take its frame, and Pinocchio's
-// type of it. A new kind is added here, and in mechanism/joints.py, which counts the kinds alike.
+// type of it. A new kind is added here, and in mechanism/tree/joints.py, which counts the kinds alike.
 #pragma once
 
 #include <cmath>

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from .jet import Jet
 from .obstacles import APEX
 from .place import place

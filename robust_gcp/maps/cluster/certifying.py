@@ -7,7 +7,7 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..explicit import CrossingKind
 from .jet import Jet, LostError
 from .options import BridgeOptions, NoBridgeError

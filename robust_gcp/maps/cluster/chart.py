@@ -6,7 +6,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from .jet import Jet
 
 CHANGE = 0.35

@@ -10,9 +10,8 @@ import numpy as np
 from ...errors import SimulationError
 from ...mechanism.coordinates.clusters import LoopCluster
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
-from ..explicit import Charted, Passage, Stretch
-from ..point import Counters, Point
+from ...mechanism.tree.tree import Array
+from ..explicit import Charted, Counters, Passage, Point, Stretch
 from ..regular_path import RegularPath
 from .apex import rounding
 from .chart import CHANGE, quality
@@ -20,8 +19,7 @@ from .jet import Jet, LostError
 from .obstacles import Obstacle, ObstacleError
 from .options import LAST_RESORT, BridgeOptions
 from .passages import passages
-from .product import chart_coordinates, product
-from .reference import in_charts, is_far
+from .product import chart_coordinates, in_charts, is_far, product
 from .refusal import not_followed, obstacle_at, refusal, too_large, what_stopped
 from .regular_ground import RegularGround
 from .renewal import jet_at, recharted, tracker_at, whole_point

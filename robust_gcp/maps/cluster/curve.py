@@ -11,10 +11,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..explicit import CrossingKind
-from .chebyshev_series import Series
-from .hermite_curve import HermiteCurve
+from .interpolation import HermiteCurve, Series
 from .jet import Jet
 from .space import ClusterSpace
 

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from .certifying import COARSE, FINE, best_of, beyond, closure, held_out, relative, rounded
 from .curve import Curve
-from .hermite_curve import HermiteCurve
+from .interpolation import HermiteCurve
 from .jet import Jet, is_singular, null_pairing, own_separation, pencil_roots, places_ahead, solved
 from .options import BridgeOptions, NoBridgeError
 

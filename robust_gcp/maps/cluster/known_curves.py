@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from ...errors import SimulationError
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from .curve import Curve
 from .curve_builder import CurveBuilder
 from .jet import Jet

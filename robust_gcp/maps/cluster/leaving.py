@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ...errors import NotCertifiedError
-from ...mechanism.tree import Array
-from ..point import Counters
+from ...mechanism.tree.tree import Array
+from ..explicit import Counters
 from .jet import Jet, LostError, jet, null_pairing, solve
 from .obstacles import ObstacleError
 from .options import BridgeOptions

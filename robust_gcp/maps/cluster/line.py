@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
+from .interpolation import NewtonForm
 from .jet import Jet
-from .newton_form import NewtonForm
 from .space import ClusterSpace
 
 

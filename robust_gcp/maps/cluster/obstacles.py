@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from ...errors import SimulationError
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from .jet import Jet
 from .options import BridgeOptions, NoBridgeError
 from .place import Place, place

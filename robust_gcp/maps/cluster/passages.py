@@ -11,9 +11,8 @@ import scipy
 from ...errors import SimulationError
 from ...mechanism.coordinates.clusters import LoopCluster
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
-from ..explicit import CrossingKind, Passage, Stretch
-from ..point import Point
+from ...mechanism.tree.tree import Array
+from ..explicit import CrossingKind, Passage, Point, Stretch
 from .curve import Curve
 from .jet import is_singular, pencil_roots
 from .patch import Patch

@@ -6,7 +6,7 @@ from typing import Generic
 
 import numpy as np
 
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from .certifying import COARSE, best_of, beyond, closure, held_out, relative, rounded
 from .jet import Jet, null_pairing, pencil_roots, solved
 from .line import Line

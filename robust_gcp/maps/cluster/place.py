@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from .jet import Jet
 
 FOUND = 1e-9

@@ -8,9 +8,9 @@ from ...errors import BranchError, CuspError, NotCertifiedError, SimulationError
 from ...mechanism.coordinates.clusters import LoopCluster
 from ...mechanism.coordinates.partition import spelled
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
+from ..explicit import Point
 from ..march import POOR
-from ..point import Point
 from .chart import quality
 from .obstacles import Obstacle, ObstacleError
 from .touching.meeting_ahead import touches_ahead

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..charted_path import regular_path
+from ..explicit import Point
 from ..march import POOR, same_branch
-from ..point import Point
 from ..regular_path import RegularPath
 
 PACE = 3.0

@@ -9,15 +9,14 @@ import numpy as np
 
 from ...mechanism.coordinates.clusters import LoopCluster
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
-from ..point import Counters, Point
+from ...mechanism.tree.tree import Array
+from ..explicit import Counters, Point
 from ..regular_path import RegularPath
 from .apex import BesideApex
 from .curve import Curve
 from .jet import Jet, jet
 from .options import BridgeOptions
-from .product import product
-from .reference import reference
+from .product import product, reference
 from .space import space_of
 from .tracker import Tracker
 

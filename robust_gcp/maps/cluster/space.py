@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...mechanism.constraint.constraint import ImplicitConstraint
 from ...mechanism.coordinates.clusters import LoopCluster
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 
 if TYPE_CHECKING:
     from .curve import Curve

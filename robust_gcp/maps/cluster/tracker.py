@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...mechanism.tree import Array
-from ..point import Counters
+from ...mechanism.tree.tree import Array
+from ..explicit import Counters
 from .apex import BESIDE, LEFT, BesideApex, apart, apex_near
 from .curve import Curve
 from .jet import Jet, LostError, jet, solve

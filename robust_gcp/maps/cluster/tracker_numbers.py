@@ -11,13 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...mechanism.tree import Array
-from ..explicit import CrossingKind
-from ..point import Counters
+from ...mechanism.tree.tree import Array
+from ..explicit import Counters, CrossingKind
 from .apex import BesideApex
-from .chebyshev_series import Series
 from .curve import Curve
-from .hermite_curve import HermiteCurve
+from .interpolation import HermiteCurve, Series
 from .jet import Jet, jet
 from .known_curves import KnownCurves
 from .options import BridgeOptions

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..tree import Array, Tree
+from ..tree.tree import Array, Tree
 from .actuators import Actuator, clipped
 from .paths import Path
 

@@ -16,8 +16,8 @@ import pinocchio as pin
 from ...checks import check_finite, check_text, checked_vector, listed, shown
 from ...errors import ModelError
 from ..constraint.closures import frame_of
-from ..joints import JointKind, joint_named, single_joint
-from ..tree import Array, Tree
+from ..tree.joints import JointKind, joint_named, single_joint
+from ..tree.tree import Array, Tree
 
 
 class Path(ABC):

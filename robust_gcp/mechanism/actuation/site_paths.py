@@ -9,8 +9,8 @@ import numpy as np
 import pinocchio as pin
 
 from ...checks import check_positive, check_text, checked_vector
-from ..joints import support
-from ..tree import Array, Tree
+from ..tree.joints import support
+from ..tree.tree import Array, Tree
 from .paths import BoundPath, Load, Path, placed_frame
 
 Placed = tuple[int, pin.SE3]

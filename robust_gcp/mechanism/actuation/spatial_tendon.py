@@ -11,8 +11,8 @@ import pinocchio as pin
 
 from ...checks import check_finite, check_text, checked_rows, checked_vector, listed, shown
 from ...errors import ModelError
-from ..joints import support
-from ..tree import Array, Tree
+from ..tree.joints import support
+from ..tree.tree import Array, Tree
 from .paths import BoundPath, Load, Path, placed_frame, point_of
 from .wrapping import CYLINDER, SPHERE, Wrapped, wrapped
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...checks import check_finite, shown
 from ...errors import ModelError
 from ..forces.forces import Force
-from ..tree import Array
+from ..tree.tree import Array
 from .paths import BoundPath, Path, SumOfJoints
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..tree import Array
+from ..tree.tree import Array
 
 SPHERE, CYLINDER = "sphere", "cylinder"
 

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from ...errors import ClosureError, OptionError
 from ..coordinates.coordinates import Coordinates
 from ..coordinates.partition import numerical_rank
-from ..joints import in_v
 from ..loops import ClosedLoops
 from ..tolerances import RANK
-from ..tree import Array
+from ..tree.joints import in_v
+from ..tree.tree import Array
 from .assembly import Index, assembled
 from .ranges import ranges_of
 
@@ -130,7 +130,7 @@ def _met(loops: ClosedLoops, q: Array, free: Index) -> tuple[Array, list[int], i
 
 def _closer(loops: ClosedLoops, free: Index) -> Callable[[Array], Array]:
     """Closes many guesses, those that can be."""
-    from ...kernel.assembling import closed  # it stands above what it is made of
+    from ...kernel.constraint.assembling import closed  # it stands above what it is made of
 
     def close(guesses: Array) -> Array:
         q, done = closed(loops, guesses, free)

@@ -17,7 +17,7 @@ from ..constraint.separation import Separation
 from ..coordinates.loop_graph import loop_groups
 from ..loops import ClosedLoops
 from ..tolerances import CLOSED
-from ..tree import Array
+from ..tree.tree import Array
 
 Index = NDArray[np.int64]
 Residual = Callable[[Array], tuple[Array, Array]]
@@ -120,7 +120,7 @@ def _moved(loops: ClosedLoops, guess: Array, free: Index, by: Array) -> Array:
 
 def _in_kernel(loops: ClosedLoops, guess: Array, free: Index, steps: Sequence[Array]) -> Array | None:
     """The same by the compiled kernel, from the first of the starts that leads there, if any."""
-    from ...kernel.assembling import closed  # it stands above what it is made of
+    from ...kernel.constraint.assembling import closed  # it stands above what it is made of
 
     for some in (steps[:1], steps[1:]):
         starts = np.array([_moved(loops, guess, free, by) for by in some]).reshape(-1, loops.nq)

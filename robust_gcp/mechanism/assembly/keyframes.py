@@ -10,7 +10,7 @@ import numpy as np
 from ...checks import hint, shown
 from ...errors import ClosureError, ModelError
 from ..loops import ClosedLoops
-from ..tree import Array
+from ..tree.tree import Array
 from .assembly import assembled
 
 DIGITS = 1e-2

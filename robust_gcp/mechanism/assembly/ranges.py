@@ -13,7 +13,7 @@ import numpy as np
 from ...errors import ClosureError, ModelWarning
 from ...warning import warn
 from ..loops import ClosedLoops
-from ..tree import Array
+from ..tree.tree import Array
 from .assembly import FEW_STARTS, Index, assembled, free_velocities
 
 log = logging.getLogger(__name__)
@@ -156,7 +156,7 @@ def assembled_all(loops: ClosedLoops, guesses: Array, free: Index, what: str) ->
         Naming the guesses that no configuration is found for: `failed` has their numbers, `nearest` (N, nq)
         the others' configurations.
     """
-    from ...kernel.assembling import closed  # it stands above what it is made of
+    from ...kernel.constraint.assembling import closed  # it stands above what it is made of
 
     q, done = closed(loops, guesses, free)
     ranges = ranges_of(loops).of(np.setdiff1d(free, free_velocities(loops)))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...errors import ClosureError
-from ..tree import Array
+from ..tree.tree import Array
 from .closures import Closure
 
 if TYPE_CHECKING:

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..columns import Columns
 from ..loops import ClosedLoops
-from ..motions import Motions, Products, Vectors
-from ..tree import Array
+from ..tree.columns import Columns
+from ..tree.motions import Motions, Products, Vectors
+from ..tree.tree import Array
 from .closures import closure_frames
 from .couplings import CouplingClosure, Couplings
 from .rows import ALONG, ROTATION, Row, rows_of

@@ -10,10 +10,10 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from ...errors import ModelError
-from ..joints import Joint, joint_named, support
 from ..tolerances import CLOSED, STRUCTURAL
-from ..tree import Array, Tree
-from ..vectors import CROSS, apply, cross, skew
+from ..tree.joints import Joint, joint_named, support
+from ..tree.tree import Array, Tree
+from ..tree.vectors import CROSS, apply, cross, skew
 from .closures import Closure, Index
 from .couplings import AnyClosure, CouplingClosure, Couplings
 from .rows import ALONG, ROTATION, RotationRows, RowsAlong, rows_of

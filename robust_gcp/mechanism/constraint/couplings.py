@@ -15,7 +15,7 @@ from numpy.polynomial import polynomial
 
 from ...checks import check_number, check_text, listed, shown
 from ...errors import ModelError, OptionError
-from ..joints import Array, Joint, single_joint
+from ..tree.joints import Array, Joint, single_joint
 from .closures import Closure
 
 LARGEST_DEGREE = 32

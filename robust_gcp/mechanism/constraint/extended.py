@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from ..columns import with_simple_joints
-from ..joints import Joint, JointKind, joints_of
-from ..tree import Array
+from ..tree.columns import with_simple_joints
+from ..tree.joints import Joint, JointKind, joints_of
+from ..tree.tree import Array
 from .closure_rates import ClosureRates, Placement
 from .closures import closure_frames
 

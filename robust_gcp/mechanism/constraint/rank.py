@@ -7,7 +7,7 @@ import numpy as np
 from ..coordinates.partition import numerical_rank
 from ..loops import ClosedLoops
 from ..tolerances import CLOSED, RANK, RANK_NEARBY
-from ..tree import Array
+from ..tree.tree import Array
 
 NEARBY = 1e-2
 """How far, in dimensionless velocity units, the rank is looked up along a direction."""

@@ -19,7 +19,7 @@ from ..coordinates.loop_graph import loop_groups
 from ..coordinates.partition import numerical_rank
 from ..loops import ClosedLoops
 from ..tolerances import CLOSED, STRUCTURAL
-from ..tree import Array
+from ..tree.tree import Array
 from .closures import Closure
 from .couplings import AnyClosure, CouplingClosure
 from .partial_closure import PartialClosure

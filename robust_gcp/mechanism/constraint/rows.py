@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..joints import Array
-from ..vectors import apply, cross
+from ..tree.joints import Array
+from ..tree.vectors import apply, cross
 from .closures import Closure, Direction, Index
 
 ROTATION, ALONG = -1, -2

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from ..joints import support
 from ..loops import ClosedLoops
-from ..tree import Array
-from ..vectors import skew
+from ..tree.joints import support
+from ..tree.tree import Array
+from ..tree.vectors import skew
 from .closures import WELDED, Closure, RevoluteClosure
 from .rows import ROTATION, rows_of
 

@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from ...checks import checked_vector, require_finite
 from ...errors import ModelError, PartitionError, StateError
 from ..at_each import at_each
-from ..joints import Joint
 from ..loops import ClosedLoops
 from ..tolerances import COMPATIBLE, RANK
-from ..tree import Array
+from ..tree.joints import Joint
+from ..tree.tree import Array
 from .clusters import LoopCluster, loop_clusters
 from .partition import independent_rows
 

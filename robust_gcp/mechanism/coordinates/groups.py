@@ -8,7 +8,7 @@ import pinocchio as pin
 from ..constraint.closures import frame_of
 from ..constraint.couplings import CouplingClosure
 from ..mechanism import Mechanism
-from ..tree import Array
+from ..tree.tree import Array
 from .joint_charts import JointCharts, places
 
 

@@ -13,10 +13,10 @@ from ...errors import ClosureError, PartitionError
 from ..assembly.assembly import assembled, free_velocities
 from ..assembly.ranges import assembled_within
 from ..constraint.rank import singular_words
-from ..joints import in_v
 from ..loops import COMPONENT, ClosedLoops
 from ..tolerances import CLOSED, DETERMINES, RANK, STRUCTURAL
-from ..tree import Array
+from ..tree.joints import in_v
+from ..tree.tree import Array
 from .partition import independent_rows, numerical_rank, spelled, triangular_blocks
 
 log = logging.getLogger(__name__)

@@ -16,10 +16,10 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from ...errors import NonFiniteError
-from ..columns import with_simple_joints
-from ..joints import Joint, joints_of
-from ..motions import motion_cross
-from ..tree import Array
+from ..tree.columns import with_simple_joints
+from ..tree.joints import Joint, joints_of
+from ..tree.motions import motion_cross
+from ..tree.tree import Array
 from .coordinates import Coordinates
 
 

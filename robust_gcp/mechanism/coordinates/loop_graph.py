@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from ..constraint.closures import frame_of
 from ..constraint.couplings import AnyClosure, CouplingClosure
-from ..tree import Array
+from ..tree.tree import Array
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ..tolerances import DETERMINES
-from ..tree import Array
+from ..tree.tree import Array
 
 Index = NDArray[np.int64]
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...errors import NonFiniteError
 from ..actuation.tendon_springs import TendonSpring
-from ..tree import Array
+from ..tree.tree import Array
 from .forces import (
     Force,
     JointDamper,

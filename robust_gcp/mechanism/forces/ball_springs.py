@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from ...checks import check_text, checked_vector, shown
 from ...errors import ModelError
-from ..joints import Joint, JointKind, joint_named
-from ..tree import Array
+from ..tree.joints import Joint, JointKind, joint_named
+from ..tree.tree import Array
 from .forces import Force, require_number
 
 if TYPE_CHECKING:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from ..actuation.tendon_springs import TendonSpring
-from ..columns import Columns
 from ..constraint.closures import frame_of
 from ..mechanism import Mechanism
-from ..motions import Motions
-from ..tree import Array
+from ..tree.columns import Columns
+from ..tree.motions import Motions
+from ..tree.tree import Array
 from .applied_forces import AppliedForces
 from .forces import JointDamper, JointSpring, PointSpring, checked_derivatives
 

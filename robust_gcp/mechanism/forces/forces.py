@@ -19,8 +19,8 @@ from ...checks import check_number, check_text, listed, real_array, shown
 from ...errors import ModelError, NonFiniteError, OptionError
 from ..constraint.closures import Closure, PrismaticClosure
 from ..differences import torque_differences
-from ..joints import Joint, joint_named, single_joint
-from ..tree import Array
+from ..tree.joints import Joint, joint_named, single_joint
+from ..tree.tree import Array
 from .point_springs import Lines
 
 if TYPE_CHECKING:

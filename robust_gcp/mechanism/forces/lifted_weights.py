@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from ...checks import check_text, checked_vector, shown
 from ...errors import ModelError
 from ..frames import place_of
-from ..tree import Array
-from ..workspace import workspace
+from ..tree.tree import Array
+from ..tree.workspace import workspace
 from .forces import Force, require_number
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ import pinocchio as pin
 
 from ...errors import SimulationError
 from ..constraint.closures import frame_of
-from ..joints import support
-from ..tree import Array, Tree
+from ..tree.joints import support
+from ..tree.tree import Array, Tree
 
 if TYPE_CHECKING:
     from .forces import PointSpring

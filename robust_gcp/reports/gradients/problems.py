@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..linkages import mechanism_of, model_of
 from . import PROBLEMS
 

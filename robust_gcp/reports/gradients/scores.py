@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from ...arguments import Arguments, file, pathname, word
 from ...errors import RobustGcpError
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ...printing import table, write_json
 from ...simulation.derivatives.accelerations import derivatives
 from .problems import Problem, problems

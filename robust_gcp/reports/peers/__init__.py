@@ -10,7 +10,7 @@ import importlib
 from collections.abc import Callable
 from importlib.util import find_spec
 
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..contender import Contender, Scene
 
 TOOLS = {"pinocchio": "Pinocchio", "mujoco": "MuJoCo", "exudyn": "Exudyn"}

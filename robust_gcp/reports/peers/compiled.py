@@ -23,9 +23,9 @@ import pinocchio as pin
 from ...kernel import build
 from ...mechanism.constraint.closures import closure_frames, frame_of
 from ...mechanism.forces.forces import JointDamper, JointSpring, JointTorque, PointSpring
-from ...mechanism.joints import JointKind
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.joints import JointKind
+from ...mechanism.tree.tree import Array
 from ..contender import BOUND
 from .parts import held_points
 

@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from ...mechanism.constraint.closures import RevoluteClosure
 from ...mechanism.forces.forces import PointSpring
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..contender import Scene
 from .parts import Joint, Place, closure_places, constant_torques, frame_place, joints
 

@@ -19,10 +19,10 @@ from mujoco import rollout
 
 from ...io.mjcf.out import mjcf_text
 from ...io.mjcf.stops import solref_of
-from ...mechanism.joints import JointKind
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.parts import JointFriction
-from ...mechanism.tree import Array
+from ...mechanism.tree.joints import JointKind
+from ...mechanism.tree.tree import Array
 from ..contender import BOUND, Contender, Kind, Outcome, Outputs, Scene, clock, division
 from .parts import has_simple_joints
 

@@ -9,9 +9,9 @@ import pinocchio as pin
 
 from ...mechanism.constraint.closures import RevoluteClosure, closure_frames, frame_of
 from ...mechanism.forces.forces import JointTorque
-from ...mechanism.joints import JointKind
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.joints import JointKind
+from ...mechanism.tree.tree import Array
 
 Place = tuple[int, pin.SE3]
 """A joint's index (0: the ground) and a placement on its body."""

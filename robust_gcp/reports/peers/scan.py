@@ -19,7 +19,7 @@ import numpy as np
 from ...examples.linkages import four_bar
 from ...io.loader import load
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ...printing import along, table
 from ...simulation.simulate import simulate
 from ..contender import Contender, Scene

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..contender import Contender, Outcome
 from ..work_precision.measure import settings_of
 from ..work_precision.motion import Motion

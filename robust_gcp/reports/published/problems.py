@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..contender import Scene
 from ..work_precision import scenes
 from ..work_precision.benchmarks import ANDREWS_JOINTS

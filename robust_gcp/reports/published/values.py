@@ -15,7 +15,7 @@ from ...io.loader import load
 from ...mechanism.constraint.closures import PointClosure
 from ...mechanism.forces.forces import PointSpring
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ...simulation.simulate import simulate
 from ..work_precision.benchmarks import ANDREWS_JOINTS
 from ..work_precision.reduced import GRAVITY

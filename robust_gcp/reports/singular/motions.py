@@ -11,7 +11,7 @@ import numpy as np
 
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.parts import JointFriction, Stop
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..contender import Scene
 from ..linkages import mechanism_of, parts_of
 from ..work_precision.motion import times_of

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from ...arguments import Arguments, existing_file, file, number, part, pathname, positive
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ...printing import along, table, write_json
 from .. import pages
 from ..contender import Contender, Scene

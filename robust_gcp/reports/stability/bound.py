@@ -13,7 +13,7 @@ from ...errors import SimulationError
 from ...examples.linkages import four_bar
 from ...mechanism.forces.forces import JointDamper, JointSpring
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ...simulation.derivatives.linearised import linearise
 from ...simulation.simulate import simulate
 from .case import Start, at_rest

@@ -16,7 +16,7 @@ import numpy as np
 from ...dynamics.equations import Torque
 from ...maps.choice import Method
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ...simulation.runs.stats import Stats
 
 Verdict = Literal["right", "coarse", "stopped", "wrong"]

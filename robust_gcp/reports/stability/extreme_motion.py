@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from ...maps.pendulum import pendulum
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..stepping import stepped
 from .case import Case, Families, Setting, family, row
 from .extreme_bodies import LINKAGES

@@ -13,7 +13,7 @@ from ...errors import SimulationError
 from ...examples.families import four_bars
 from ...mechanism.constraint.couplings import CouplingClosure
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ...simulation.runs.stats import Stats
 from ..stepping import stepped
 from ..work_precision.reduced import Reduced

@@ -18,7 +18,7 @@ from ...examples.linkages import four_bar
 from ...maps.choice import MapChoice
 from ...maps.closed_form import FourBar
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ...simulation.runs.stats import Stats
 from ...simulation.simulate import simulate
 from ...simulation.trajectories.trajectory import Trajectory

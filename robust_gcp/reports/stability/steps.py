@@ -12,7 +12,7 @@ from ...dynamics.linearise import ReducedJacobian
 from ...dynamics.problem import set_out
 from ...maps.choice import MapChoice
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ...simulation.derivatives.linearised import linearise
 from ...simulation.runs.steppers import IMPLICIT
 from .stiff import drive, driven

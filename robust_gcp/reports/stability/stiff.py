@@ -11,7 +11,7 @@ from ...dynamics.equations import Torque
 from ...examples.linkages import four_bar
 from ...mechanism.forces.forces import Force, JointDamper, JointSpring
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ...simulation.derivatives.linearised import linearise
 from ...simulation.runs.stats import Stats
 from ...simulation.simulate import simulate

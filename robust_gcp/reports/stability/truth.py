@@ -16,7 +16,7 @@ from ...io.loader import load
 from ...maps.pendulum import parallelogram_pendulum
 from ...mechanism.forces.forces import Force, PointSpring
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ...simulation.simulate import simulate
 from ..stepping import stepped
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...errors import SimulationError
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from .reduced import GRAVITY, OneDof, Planar, Reduced, Weights
 
 # --------------------------------------------------------------------------- A03, Andrews

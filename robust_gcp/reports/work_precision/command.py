@@ -13,7 +13,7 @@ import numpy as np
 
 from ...arguments import Arguments, existing_folder, folder, number, part, pathname, positive, whole
 from ...drawing.figures import style as plots
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ...printing import progress_bar
 from .. import peers
 from ..contender import Contender, Scene

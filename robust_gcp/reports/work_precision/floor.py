@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ...errors import SimulationError
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..contender import Kind, Outcome, Scene
 from ..stepping import stepped
 from .reduced import Reduced

@@ -9,7 +9,7 @@ import numpy as np
 from ...errors import SimulationError
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tolerances import STRUCTURAL
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..contender import Kind, Outcome, Scene
 from ..stepping import stepped
 

@@ -13,7 +13,7 @@ import numpy as np
 from ...errors import StateError
 from ...mechanism.forces.forces import JointTorque
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from .. import pages
 from ..contender import Contender, Outcome, Scene
 from .motion import TOLERANCES, Motion

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..contender import Scene
 from .reduced import Reduced
 from .references import Reference

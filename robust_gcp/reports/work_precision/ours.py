@@ -14,7 +14,7 @@ from ...kernel import backends
 from ...maps.choice import Method
 from ...maps.classical import NewtonStart, SingularityWarning
 from ...maps.four_bar import draw_four_bar
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ...simulation.simulate import simulate
 from ..contender import Contender, Kind, Outcome, Scene, clock
 from .implicit import Implicit, TunedImplicit

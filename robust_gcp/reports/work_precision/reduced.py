@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...maps.closed_form import FourBar
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 
 GRAVITY = 9.81
 """m/s²"""

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from ...maps.pendulum import pendulum
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ...simulation.runs.steppers import adaptive
 from .reduced import OneDof, Reduced
 

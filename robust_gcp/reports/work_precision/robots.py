@@ -16,9 +16,9 @@ import pinocchio as pin
 
 from ...io.loader import load
 from ...mechanism.forces.forces import JointSpring
-from ...mechanism.joints import JointKind
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.joints import JointKind
+from ...mechanism.tree.tree import Array
 from ..contender import Scene
 from ..peers.parts import closure_places
 from . import references

@@ -12,7 +12,7 @@ from ...examples.linkages import four_bar, n_four_bar
 from ...io.loader import load
 from ...maps.pendulum import parallelogram_pendulum
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..contender import Scene
 from . import benchmarks, reduced, references, robots, users
 from .motion import SLOW_CAP, SLOW_STEPS, STEPS, Motion, times_of

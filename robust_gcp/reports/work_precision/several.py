@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from .reduced import Planar, Reduced
 
 Curves = Callable[[Array], tuple[Array, Array, Array]]

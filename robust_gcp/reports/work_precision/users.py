@@ -12,7 +12,7 @@ from ...examples.linkages import four_bar
 from ...maps.closed_form import FourBar
 from ...mechanism.constraint.closures import RevoluteClosure
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..contender import Scene
 from . import reduced, references
 from .motion import SLOW_CAP, SLOW_STEPS, Motion, times_of

@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 from ...checks import check_finite, check_mechanism, check_positive, check_whole, shown
 from ...dynamics.prescribed.control import Controls
 from ...errors import OptionError, RobustGcpError, SimulationError, StateError
-from ...kernel.row_state import RowState
-from ...kernel.steps import chosen_library
+from ...kernel.simulation.row_state import RowState
+from ...kernel.simulation.steps import chosen_library
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.parts import Part
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..derivatives.one_step import Stepped
 from ..runs.too_long_steps import Coarse
 from ..stepwise import Simulation

@@ -12,7 +12,7 @@ from ...checks import checked_rows, is_table, shown
 from ...dynamics.prescribed.control import Controls, held_controls
 from ...errors import OptionError, RobustGcpError
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..derivatives.one_step import step_jacobians
 
 Rows = NDArray[np.int64]

@@ -17,18 +17,18 @@ from ...dynamics.equations import does_work
 from ...dynamics.loads import Torques, one_torque
 from ...dynamics.problem import set_out
 from ...errors import OptionError, RobustGcpError
-from ...kernel.batch import Outputs
 from ...kernel.library import Library
 from ...kernel.loop_arrays import NotNativeError
-from ...kernel.steps import chosen_library
+from ...kernel.simulation.batch import Outputs
+from ...kernel.simulation.steps import chosen_library
+from ...kernel.simulation.workspace import Workspace
 from ...kernel.structures import Reason
-from ...kernel.workspace import Workspace
 from ...maps.cluster.options import USUAL
 from ...maps.explicit import Crossing
 from ...maps.regular_path import RegularPath
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tolerances import NEARLY_CLOSED
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..runs.schedule import planned
 from ..runs.starting import closed_by_kernel, state_given
 from ..runs.stats import Stats

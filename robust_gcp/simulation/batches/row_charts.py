@@ -12,19 +12,19 @@ from ...dynamics.equations import Evaluation
 from ...dynamics.prescribed.zero_order_hold import HeldTorque
 from ...kernel.library import Library
 from ...kernel.loop_arrays import NotNativeError
-from ...kernel.row_state import RowState, Standing
-from ...kernel.rows import MotionRows
-from ...kernel.steps import KernelMap, limits_of, whole_of
+from ...kernel.simulation.guard import Watch
+from ...kernel.simulation.row_state import RowState, Standing
+from ...kernel.simulation.rows import MotionRows
+from ...kernel.simulation.steps import KernelMap, limits_of, whole_of
 from ...kernel.structures import Reason
-from ...kernel.watch import Watch
 from ...maps.classical import ClassicalMap
 from ...maps.cluster.cluster_map import ClusterMap
 from ...maps.cluster.options import BridgeOptions
+from ...maps.explicit import Counters
 from ...maps.grouped import GroupMap
-from ...maps.point import Counters
 from ...maps.regular_path import RegularPath
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..runs.coordinates import Coordinates, in_coordinates
 from ..runs.starting import Given, closed_by_kernel, is_plain, rest_of
 

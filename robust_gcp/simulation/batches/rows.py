@@ -12,11 +12,11 @@ import numpy as np
 from ...checks import shown
 from ...errors import ClosureError, OptionError, PerformanceWarning, RobustGcpError, SingularStartError
 from ...kernel.library import Library
-from ...kernel.row_state import RowState
+from ...kernel.simulation.row_state import RowState
 from ...kernel.structures import Reason
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tolerances import NEARLY_CLOSED
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ...warning import warn
 from ..runs.starting import Given
 from ..runs.stepped import SteppedRun

@@ -12,12 +12,12 @@ from numpy.typing import ArrayLike
 from ...dynamics.prescribed.zero_order_hold import HeldTorque
 from ...errors import RobustGcpError
 from ...kernel.library import Library
-from ...kernel.row_state import RowState
-from ...kernel.rows import MANY, MotionRows
+from ...kernel.simulation.row_state import RowState
+from ...kernel.simulation.rows import MANY, MotionRows
 from ...maps.cluster.options import USUAL
 from ...maps.regular_path import RegularPath
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..runs.starting import closed_by_kernel, state_given
 
 AT_ONCE = 50_000_000

@@ -21,9 +21,9 @@ from ...dynamics.loads import Torques, Wrench
 from ...dynamics.modes.around import circles_of
 from ...dynamics.problem import set_out
 from ...errors import NonFiniteError, RobustGcpError
-from ...kernel.derivation import Derivation
+from ...kernel.derivatives.derivation import Derivation
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from . import serving
 from .at_states import AtStates
 

@@ -11,11 +11,11 @@ from ...dynamics.discrete import STAGES
 from ...dynamics.equations import CheckedTorque
 from ...dynamics.prescribed.drive import Drive
 from ...errors import RobustGcpError
-from ...kernel.derivation import Derivation
-from ...kernel.derivations import own_derivation
-from ...kernel.slopes import Stages
+from ...kernel.derivatives.derivation import Derivation
+from ...kernel.derivatives.derivations import own_derivation
+from ...kernel.derivatives.slopes import Stages
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..trajectories.trajectory import Trajectory
 
 ROOM = 4_000_000

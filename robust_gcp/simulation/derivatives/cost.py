@@ -14,7 +14,7 @@ from ...checks import check_callable, real_array, shown
 from ...dynamics.prescribed.motion import Motion
 from ...errors import NonFiniteError, OptionError
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from .drive_slopes import DriveSlopes
 
 NUDGE = 1e-3

@@ -14,7 +14,7 @@ from ...dynamics.prescribed.drive import Drive
 from ...dynamics.prescribed.motion import Motion
 from ...errors import OptionError
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 
 PLACES = len(STAGES) + 1
 """At which a step asks for prescribed motions: its stages and its end."""

@@ -15,10 +15,10 @@ from ...dynamics.loads import one_torque
 from ...dynamics.prescribed.control import Actuated
 from ...dynamics.prescribed.motion import Motion
 from ...errors import OptionError, SimulationError
+from ...mechanism.building.varied import MARK, Varied, is_geometry, varied
 from ...mechanism.constraint.closures import Closure
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
-from ...mechanism.varied import MARK, Varied, is_geometry, varied
+from ...mechanism.tree.tree import Array
 from ..trajectories.acted import Acted
 from ..trajectories.trajectory import Trajectory
 from .cost import Cost, Gradient

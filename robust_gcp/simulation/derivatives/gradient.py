@@ -12,8 +12,8 @@ from ...checks import check_callable, shown
 from ...dynamics.derivatives import TorqueSlopes, slopes_of_all
 from ...dynamics.equations import Torque
 from ...errors import OptionError
-from ...mechanism.lengths import Along, in_parts
-from ...mechanism.varied import is_geometry
+from ...mechanism.building.lengths import Along, in_parts
+from ...mechanism.building.varied import is_geometry
 from ..batches.runs import Runs
 from ..runs.again import require_steps
 from ..trajectories.trajectory import Trajectory

@@ -14,10 +14,10 @@ from ...dynamics.linearise import Linearisation
 from ...dynamics.loads import Torques, Wrench
 from ...dynamics.prescribed.motion import Motion
 from ...errors import SimulationError
-from ...kernel.derivations import left_to_python
+from ...kernel.derivatives.derivations import left_to_python
 from ...mechanism.coordinates.groups import groups_of
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from .accelerations import derivatives
 
 

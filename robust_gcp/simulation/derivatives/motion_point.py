@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from ...checks import check_mechanism
 from ...dynamics.loads import Torques
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from .accelerations import derivatives, forward_dynamics
 
 

@@ -18,7 +18,7 @@ from ...dynamics.prescribed.driven_derivatives import DrivenDerivatives
 from ...dynamics.prescribed.held_derivatives import HeldDerivatives
 from ...dynamics.problem import Problem
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 
 Parametric = Callable[[Stage], Array]
 

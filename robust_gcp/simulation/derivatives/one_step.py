@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 from ...checks import check_finite, check_mechanism, check_positive
 from ...dynamics.loads import Torques
 from ...errors import OptionError
-from ...kernel.derivation import Derivation
-from ...kernel.derivations import left_to_python
+from ...kernel.derivatives.derivation import Derivation
+from ...kernel.derivatives.derivations import left_to_python
+from ...mechanism.building.varied import still_rows
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
-from ...mechanism.varied import still_rows
+from ...mechanism.tree.tree import Array
 from ..simulate import simulate
 from .accelerations import answered, is_alone, learned
 from .at_states import AtStates, on_threads

@@ -13,10 +13,10 @@ from ...dynamics.discrete import Stage
 from ...dynamics.loads import Torques, one_torque
 from ...dynamics.parameters import Parameters
 from ...errors import OptionError
-from ...mechanism.lengths import Along, in_parts
+from ...mechanism.building.lengths import Along, in_parts
+from ...mechanism.building.varied import is_geometry, varied
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
-from ...mechanism.varied import is_geometry, varied
+from ...mechanism.tree.tree import Array
 from .accelerations import derivatives
 from .at_states import AtStates
 from .geometry_gradient import beside_singular, torque_of_all

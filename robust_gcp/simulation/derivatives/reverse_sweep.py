@@ -22,12 +22,12 @@ from ...dynamics.prescribed.drive import Drive
 from ...dynamics.prescribed.zero_order_hold import HeldTorque
 from ...dynamics.problem import Problem
 from ...errors import SimulationError
-from ...kernel.derivation import Derivation
-from ...kernel.derivations import left_to_python
-from ...kernel.parametric import by_parameters
+from ...kernel.derivatives.derivation import Derivation
+from ...kernel.derivatives.derivations import left_to_python
+from ...kernel.derivatives.slopes import by_parameters
+from ...mechanism.building.varied import still_rows
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
-from ...mechanism.varied import still_rows
+from ...mechanism.tree.tree import Array
 from ..runs.again import applied_again, begun, coordinates_of, refined_until, require_answers, require_same
 from ..trajectories.trajectory import Trajectory
 from .accelerations import derivatives

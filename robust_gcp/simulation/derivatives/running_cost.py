@@ -10,7 +10,7 @@ import numpy as np
 from ...checks import real_array
 from ...mechanism.differences import moved_along
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from .cost import NUDGE, Cost, number, vectors
 
 ORDER_4 = ((1.0, 8.0 / 12.0), (-1.0, -8.0 / 12.0), (2.0, -1.0 / 12.0), (-2.0, 1.0 / 12.0))

@@ -9,7 +9,7 @@ from ...checks import check_mechanism, check_positive, checked_rows, checked_vec
 from ...errors import RobustGcpError, SimulationError, StateError
 from ...mechanism.differences import moved_along
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from .accelerations import derivatives
 from .at_states import AtStates
 from .one_step import step

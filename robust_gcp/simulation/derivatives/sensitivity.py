@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from ...checks import check_callable, shown
 from ...dynamics.derivatives import TorqueSlopes, slopes_of_all
 from ...errors import OptionError
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..phases.chain import Chain
 from ..phases.links import Link, whole
 from ..runs.again import require_steps

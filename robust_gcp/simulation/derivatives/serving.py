@@ -22,12 +22,12 @@ from ...dynamics.modes.mode_rates import ZONE
 from ...dynamics.prescribed.held_derivatives import HeldDerivatives
 from ...dynamics.problem import Problem, set_out
 from ...errors import ModelError, NonFiniteError, NotCertifiedError, SimulationError
-from ...kernel.derivations import derivation, left_to_python
-from ...maps.point import Counters, Point
+from ...kernel.derivatives.derivations import derivation, left_to_python
+from ...maps.explicit import Counters, Point
+from ...mechanism.building.varied import still_rows
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tolerances import CLOSED
-from ...mechanism.tree import Array
-from ...mechanism.varied import still_rows
+from ...mechanism.tree.tree import Array
 from ..runs.coordinates import Coordinates, in_coordinates
 
 log = logging.getLogger(__name__)

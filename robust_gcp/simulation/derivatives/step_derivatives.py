@@ -18,12 +18,12 @@ from ...dynamics.discrete import differentiated_step
 from ...dynamics.modes.mode_rates import SPARED, UNSTEADY
 from ...dynamics.problem import Problem, set_out
 from ...errors import SimulationError
-from ...kernel.derivation import SAME, Derivation
-from ...kernel.derivations import derivation, left_to_python
+from ...kernel.derivatives.derivation import SAME, Derivation
+from ...kernel.derivatives.derivations import derivation, left_to_python
 from ...maps.choice import MapChoice
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
-from ..runs.charts import in_new_chart
+from ...mechanism.tree.tree import Array
+from ..runs.crossings import in_new_chart
 from .moved import Acting, Moved
 from .serving import serving, state_of
 

@@ -16,11 +16,11 @@ from ...dynamics.equations import Split
 from ...dynamics.loads import Wrench
 from ...errors import ModelError, OptionError, SimulationError
 from ...mechanism.constraint.closures import PointClosure, PrismaticClosure, RevoluteClosure
-from ...mechanism.joints import JointKind, joint_named
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.parts import JointFriction
-from ...mechanism.tree import Array
-from ...mechanism.workspace import workspace
+from ...mechanism.tree.joints import JointKind, joint_named
+from ...mechanism.tree.tree import Array
+from ...mechanism.tree.workspace import workspace
 from ..trajectories.reactions import Loaded, closure_number
 
 if TYPE_CHECKING:

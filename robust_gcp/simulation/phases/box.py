@@ -7,7 +7,7 @@ from scipy.linalg import qr
 from scipy.optimize import linprog, lsq_linear
 
 from ...errors import SimulationError
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 
 ZERO = 1e-9
 """Share of the accelerations at hand below which a row does not move."""

@@ -13,9 +13,9 @@ from ...dynamics.equations import Evaluation, torque_function
 from ...dynamics.prescribed.held_derivatives import HeldDerivatives
 from ...dynamics.problem import Problem, set_out
 from ...errors import NotDifferentiableError, OptionError, SingularStartError, ToggleError
-from ...kernel.derivations import derivation
+from ...kernel.derivatives.derivations import derivation
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..derivatives.accelerations import derivatives
 from ..derivatives.moved import Acting
 from ..derivatives.serving import serving

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...errors import CuspError, SimulationError
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from .decision import State, decided, settled
 from .frame import Seen
 from .happening import Happening

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...errors import SimulationError
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from .bearings import ALIKE, MOST, REMEDY, FrictionBounds
 from .box import ZERO, box, independent_rows
 from .frame import Frame, Seen

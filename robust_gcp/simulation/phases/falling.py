@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 
 MOST_NEWTON = 60
 """Halvings of a step with Newton's method, until nothing is left of it."""

@@ -16,7 +16,7 @@ from scipy.linalg.lapack import dtrtrs
 
 from ...errors import SimulationError
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 
 NEAR = 1e-2
 """σ_min of K over σ_max below which the motion's own tangent is the better one: ker K errs by ε/δ."""

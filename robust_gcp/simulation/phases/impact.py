@@ -17,7 +17,7 @@ from ...maps.classical import SingularityWarning
 from ...maps.start_check import require_compatible
 from ...mechanism.parts import parts_given
 from ...mechanism.tolerances import NEARLY_CLOSED
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ...warning import warn
 from .box import box
 from .frame import Frame, Seen

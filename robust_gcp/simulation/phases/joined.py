@@ -14,14 +14,14 @@ import numpy as np
 
 from ...maps.explicit import Crossing
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..events import Events
 from ..runs.crossings import AT_ONCE, together
 from ..runs.stats import Stats
 from ..trajectories.reactions import multipliers_of
 from ..trajectories.trajectory import Trajectory
-from .chosen import Chosen
 from .decision import Phase
+from .grid import Chosen
 from .happening import Happening
 from .leg import Steps
 from .rows import Rows

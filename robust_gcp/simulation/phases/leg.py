@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike
 from ...dynamics.equations import Torque
 from ...dynamics.prescribed.zero_order_hold import HeldTorque
 from ...errors import ClosureError, PartitionError, SimulationError
-from ...kernel.steps import NativeSteps
-from ...maps.point import Counters
-from ...mechanism.tree import Array, Tree
+from ...kernel.simulation.steps import NativeSteps
+from ...maps.explicit import Counters
+from ...mechanism.tree.tree import Array, Tree
 from ..runs.coordinates import Coordinates
 from ..runs.schedule import Schedule
 from ..runs.stability import StabilityCheck

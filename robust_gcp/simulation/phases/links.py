@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...dynamics.change_of_coordinates import Index, Slope
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from .saltation import Jump
 
 

@@ -19,13 +19,13 @@ from ...dynamics.equations import Torque, torque_function
 from ...dynamics.prescribed.control import Actuated
 from ...dynamics.prescribed.zero_order_hold import HeldTorque
 from ...errors import OptionError, SingularStartError
-from ...kernel.guard import Guard
 from ...kernel.library import Library
+from ...kernel.simulation.guard import Guard
 from ...mechanism.constraint.couplings import MovingCoupling
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..events import Events
-from ..trajectories.powered import controls_along
+from ..trajectories.acted import controls_along
 from .bearings import FrictionBounds
 from .decision import Acting, Phase, State
 from .leg import Leg, Steps

@@ -12,14 +12,14 @@ from ...dynamics.prescribed.zero_order_hold import HeldTorque
 from ...dynamics.problem import over
 from ...dynamics.tableau import Tableau
 from ...errors import SimulationError
-from ...kernel.batch import Outputs
-from ...kernel.steps import NativeSteps
+from ...kernel.simulation.batch import Outputs
+from ...kernel.simulation.steps import NativeSteps
 from ...kernel.structures import Reason
-from ...maps.point import Counters
+from ...maps.explicit import Counters
 from ...maps.regular_path import RegularPath
 from ...mechanism.coordinates.groups import groups_of
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..runs.starting import closed_by_kernel, is_plain, start_at
 from .decision import State
 from .leg import Steps

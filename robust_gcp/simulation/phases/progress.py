@@ -10,13 +10,12 @@ import numpy as np
 
 from ...maps.explicit import Crossing
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..events import Event, Events, checked_events
 from ..trajectories.trajectory import Trajectory
-from .chosen import Chosen
 from .decision import Phase, State
 from .frame import Seen
-from .grid import Grid
+from .grid import Chosen, Grid
 from .joined import Block, Joined
 from .leg import Leg, Steps
 from .machine import Machines

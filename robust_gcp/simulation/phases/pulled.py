@@ -15,7 +15,7 @@ import numpy as np
 from ...dynamics.derivatives import AppliedSlopes, TorqueSlopes
 from ...dynamics.equations import torque_function
 from ...errors import OptionError
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..derivatives.cost import Cost
 from ..trajectories.trajectory import Trajectory
 from .chain import Chain

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from ...errors import SimulationError
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..events import Events
 from .decision import Phase, State
 from .frame import Seen

@@ -15,10 +15,10 @@ import numpy as np
 
 from ...errors import StateError
 from ...mechanism.constraint.couplings import MovingCoupling
-from ...mechanism.joints import single_joint
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.parts import JointFriction, Lock, Part, Stop
-from ...mechanism.tree import Array
+from ...mechanism.tree.joints import single_joint
+from ...mechanism.tree.tree import Array
 
 GAP = 1e-12
 """m or rad: stops nearer than this at an event are closed, so that impacts at once are solved together."""

@@ -18,7 +18,7 @@ import numpy as np
 from ...dynamics.change_of_coordinates import Slope
 from ...errors import NotDifferentiableError
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..derivatives.accelerations import derivatives
 from .frame import Seen
 from .impact import Impulse, impulses

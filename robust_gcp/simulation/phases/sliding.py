@@ -17,7 +17,7 @@ import numpy as np
 from ...dynamics.equations import Split
 from ...errors import SimulationError
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from .bearings import MOST, REMEDY, FrictionBounds, undetermined
 from .decision import Phase
 from .rows import Rows

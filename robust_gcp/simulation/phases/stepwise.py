@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ...maps.start_check import checked_state, require_freedom
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..present import Here
 from ..runs.crossings import together
-from .chosen import Chosen
 from .course import Phases
-from .grid import Grid
+from .grid import Chosen, Grid
 from .happening import Happening
 from .machine import Machines
 from .rows import Rows
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
     from ...mechanism.parts import Part
     from ..events import Events
     from ..runs.course import Course
-    from ..runs.keep import Keep
+    from ..runs.schedule import Keep
     from ..trajectories.trajectory import Trajectory
 
 

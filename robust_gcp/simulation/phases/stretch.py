@@ -6,7 +6,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..events import Events
 from .decision import Phase, State
 from .frame import Seen

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from .decision import Phase
 
 if TYPE_CHECKING:

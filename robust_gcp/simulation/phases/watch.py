@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ...errors import SimulationError
-from ...kernel.guard import Bounds, Guard
-from ...kernel.measures import reactions
+from ...kernel.dynamics.measures import reactions
+from ...kernel.simulation.guard import Bounds, Guard
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..runs.crossings import quintic
 from .bearings import ALIKE as SAME
 from .bearings import MOST, REMEDY, FrictionBounds

@@ -11,9 +11,8 @@ from ...errors import OptionError, SimulationError
 from ...maps.start_check import checked_state, require_freedom
 from ...mechanism.parts import Part
 from ..runs.too_long_steps import Coarse
-from .chosen import Chosen
 from .course import Phases
-from .grid import Grid
+from .grid import Chosen, Grid
 from .machine import Machines
 from .rows import Rows
 

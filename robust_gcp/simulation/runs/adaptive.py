@@ -9,13 +9,12 @@ import numpy as np
 from ...dynamics.equations import Evaluation
 from ...dynamics.linearise import ReducedJacobian
 from ...errors import NonFiniteError, ToggleError
-from ...kernel.steps import NativeSteps
+from ...kernel.simulation.steps import NativeSteps
 from ...maps.explicit import Stretch
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..events import Zero
 from ..trajectories.trajectory import Trajectory
-from .charts import in_new_chart, numbers, placed
-from .crossings import located
+from .crossings import in_new_chart, located, numbers, placed
 from .following import Following
 from .recovery import Checkpoint
 from .run import Run

@@ -14,14 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...kernel.watch import Watch
+from ...kernel.simulation.guard import Watch
 from ...maps.cluster.chart import CHANGE, best, smallest
-from ...maps.point import Counters, Point
+from ...maps.explicit import Counters, Point
 from ...mechanism.coordinates.clusters import LoopCluster
 from ...mechanism.coordinates.groups import groups_of
-from ...mechanism.joints import in_v
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.joints import in_v
+from ...mechanism.tree.tree import Array
 from .evenness import GAIN, UNEVEN, bent, evenest, unevenness
 
 GOOD = 0.6

@@ -11,16 +11,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...dynamics.equations import Torque
-from ...dynamics.prescribed.drive import Drive
+from ...dynamics.prescribed.drive import Drive, warned_of_kink
 from ...dynamics.prescribed.zero_order_hold import HeldTorque
 from ...dynamics.problem import Problem
 from ...dynamics.tableau import Tableau
 from ...errors import ClosureError, CuspError, NonFiniteError, SimulationError
-from ...kernel.guard import Guard
 from ...kernel.library import Library
-from ...kernel.steps import NativeSteps
+from ...kernel.simulation.guard import Guard
+from ...kernel.simulation.steps import NativeSteps
 from ...maps.choice import MapChoice
-from ...maps.point import Counters
+from ...maps.explicit import Counters
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.parts import Part
 from ...printing import progress_bar
@@ -28,16 +28,15 @@ from ..events import Event, Events
 from ..trajectories.acted import Acted
 from ..trajectories.trajectory import Trajectory
 from .adaptive import AdaptiveRun
-from .automatic_step import STIFF, taken_again, words_of
+from .again import STIFF, taken_again, words_of
 from .fixed import FixedRun
-from .remedy import add_remedy
+from .recovery import add_remedy
 from .run import Run
 from .schedule import Schedule, planned
 from .stability import MOST_PARTS, StabilityCheck
 from .starting import Given, rates_at, started
 from .steppers import rk4_step
 from .too_long_steps import Coarse
-from .velocity_jumps import warned_of_kink
 from .zero_order_hold import HeldRun
 
 Again = Callable[..., Trajectory]

@@ -22,12 +22,12 @@ import scipy
 from numpy.polynomial import chebyshev
 
 from ...errors import CuspError
-from ...maps.cluster.chebyshev_series import fitted, nodes
+from ...maps.cluster.interpolation import fitted, nodes
 from ...maps.cluster.options import BridgeOptions
 from ...maps.cluster.touching.meeting import Meeting
 from ...maps.cluster.touching.meeting_builder import round_cusp
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..events import Events
 from ..phases.leg import Steps
 

@@ -17,7 +17,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 
 UNEVEN = 2.0
 """Unevenness from which other components are looked for."""

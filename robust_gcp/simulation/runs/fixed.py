@@ -7,15 +7,14 @@ from typing import Any
 
 from ...dynamics.equations import Evaluation
 from ...errors import BranchError, NonFiniteError, ToggleError
-from ...kernel.batch import Batch
-from ...kernel.guard import Guard
-from ...kernel.steps import KernelMap, NativeSteps
+from ...kernel.simulation.batch import Batch
+from ...kernel.simulation.guard import Guard, Watch
+from ...kernel.simulation.steps import KernelMap, NativeSteps
 from ...kernel.structures import Reason
-from ...kernel.watch import Watch
 from ...maps.cluster.obstacles import ObstacleError
-from ...maps.point import Point
-from ...mechanism.tree import Array
-from .charts import in_new_chart
+from ...maps.explicit import Point
+from ...mechanism.tree.tree import Array
+from .crossings import in_new_chart
 from .record import Record
 from .recovery import Checkpoint
 from .refined import RefinedRun

@@ -7,12 +7,12 @@ import numpy as np
 from ...dynamics.equations import Evaluation
 from ...dynamics.problem import Problem
 from ...errors import SimulationError
-from ...kernel.rates import Rates
-from ...kernel.steps import KernelMap, NativeSteps
+from ...kernel.simulation.rates import Rates
+from ...kernel.simulation.steps import KernelMap, NativeSteps
 from ...maps.cluster.cluster_map import ClusterMap
-from ...mechanism.tree import Array
-from .charts import map_of_rest, numbers, point_of_rest
+from ...mechanism.tree.tree import Array
 from .coordinates import Coordinates
+from .crossings import map_of_rest, numbers, point_of_rest
 
 
 class Following:

@@ -9,18 +9,17 @@ import numpy as np
 
 from ...dynamics.equations import EquationsOfMotion, Evaluation, constraint_forces
 from ...dynamics.prescribed.driven import DrivenEquations
-from ...kernel.batch import Outputs
+from ...kernel.simulation.batch import Outputs
 from ...maps.classical import SingularityWarning
 from ...maps.explicit import Crossing
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ...warning import warn
 from ..events import Events
 from ..trajectories.reactions import multipliers_of
 from ..trajectories.trajectory import Trajectory
 from .crossings import AT_ONCE, together
-from .keep import ALL, Keep
-from .schedule import Schedule
+from .schedule import ALL, Keep, Schedule
 from .stats import Stats
 
 ROWS = ("_q", "_v", "_a", "_energy", "_multipliers", "_tau", "work", "_drive")

@@ -13,14 +13,13 @@ import numpy as np
 from ...dynamics.equations import Evaluation
 from ...dynamics.problem import set_out
 from ...errors import SimulationError
-from ...kernel.steps import NativeSteps
+from ...kernel.simulation.steps import NativeSteps
 from ...maps.cluster.cluster_map import ClusterMap
 from ...maps.cluster.product import turned
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..trajectories.trajectory import Trajectory
-from .charts import motion_at, placed_between, stretch_between
 from .coordinates import in_coordinates
-from .crossings import located
+from .crossings import located, motion_at, placed_between, stretch_between
 from .following import Following
 from .recovery import Checkpoint, Recovery
 from .run import Run

@@ -16,22 +16,20 @@ from ...errors import CuspError, SimulationError
 from ...maps.choice import MapChoice
 from ...maps.classical import SingularityWarning
 from ...maps.cluster.cluster_map import ClusterMap
-from ...maps.point import Counters, Point
+from ...maps.explicit import Counters, Point
 from ...maps.start import Start
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ...warning import warn
 from ..events import Event, Events, Zero
-from ..trajectories.acted import Acted
-from ..trajectories.powered import controls_along
+from ..trajectories.acted import Acted, controls_along
 from ..trajectories.trajectory import Trajectory
-from .charts import map_of_rest, q_of_rest
 from .coordinates import Coordinates, in_coordinates
+from .crossings import map_of_rest, q_of_rest
 from .following import Following
-from .keep import ALL, Keep
 from .record import Record
 from .recovery import Checkpoint
-from .schedule import Schedule
+from .schedule import ALL, Keep, Schedule
 from .stats import Stats, Stretches
 from .within import FixedStep, SolverSteps
 

@@ -20,7 +20,7 @@ from ...maps.choice import MapChoice
 from ...maps.cluster.options import BridgeOptions
 from ...maps.start import Start
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ...warning import warn
 from .starting import StartRates
 

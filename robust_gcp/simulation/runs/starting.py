@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,24 +12,62 @@ from ...dynamics.equations import Torque
 from ...dynamics.prescribed.drive import Drive
 from ...dynamics.prescribed.driven import driven_start
 from ...dynamics.problem import Problem, over, set_out
-from ...errors import BranchError
-from ...kernel.batch import Begun, count_in
-from ...kernel.rates import Rates
-from ...kernel.steps import KernelMap, NativeSteps
-from ...kernel.workspace import Workspace
+from ...errors import BranchError, PartitionError, SimulationError, ToggleError
+from ...kernel.simulation.batch import Begun, count_in
+from ...kernel.simulation.rates import Rates
+from ...kernel.simulation.steps import KernelMap, NativeSteps
+from ...kernel.simulation.workspace import Workspace
 from ...maps.choice import MapChoice
 from ...maps.cluster.options import BridgeOptions
+from ...maps.explicit import Counters, Point
 from ...maps.grouped import GroupPoint
 from ...maps.grouped_start import start_on_groups
-from ...maps.point import Counters, Point
 from ...maps.regular_path import RegularPath
 from ...maps.start import Start
 from ...maps.start_check import require_finite_energy
 from ...mechanism.coordinates.groups import groups_of
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tolerances import COMPATIBLE, NEARLY_CLOSED
-from ...mechanism.tree import Array
-from .turned_start import set_out_well
+from ...mechanism.tree.tree import Array
+from .coordinates import Coordinates
+
+
+def set_out_well(
+    mechanism: Mechanism,
+    q0: ArrayLike | None,
+    v0: ArrayLike | None,
+    mode: ArrayLike | None,
+    torque: Torque | ArrayLike | None,
+    choice: MapChoice,
+    counters: Counters,
+) -> Problem:
+    """`set_out`, in other coordinates where those of the mechanism turn back at the start.
+
+    Raises
+    ------
+    ToggleError
+        Where no others serve either.
+    """
+    try:
+        return set_out(mechanism, q0, v0, mode, torque, choice, counters)
+    except ToggleError as stop:
+        q = mechanism.home if q0 is None else mechanism.configuration(q0, "q0")
+        found = Coordinates(mechanism, mechanism.independent, counters).at_rest(q)
+        for names in ([] if found is None else [found]) + _whole(mechanism, stop.choices):
+            other = mechanism.with_independent(names)
+            try:
+                return set_out(other, q0, v0, mode, torque, choice, counters)
+            except (SimulationError, PartitionError):
+                continue
+        raise
+
+
+def _whole(mechanism: Mechanism, choices: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
+    """Choices of independent joints with those on groups, which are in all of them."""
+    groups = groups_of(mechanism)
+    kept = [] if groups is None else [n for n in mechanism.independent if n not in groups.rest.independent]
+    return [(*kept, *names) for names in choices]
+
 
 Given = tuple[ArrayLike | None, ArrayLike | None, ArrayLike | None]
 """q0, v0 and mode, as `simulate` takes them."""

@@ -12,11 +12,11 @@ import numpy as np
 
 from ...dynamics.equations import Evaluation
 from ...dynamics.prescribed.zero_order_hold import HeldTorque
-from ...kernel.prepared import Prepared
-from ...kernel.steps import KernelMap, NativeSteps, most_steps
+from ...kernel.simulation.prepared import Prepared
+from ...kernel.simulation.steps import KernelMap, NativeSteps, most_steps
 from ...kernel.structures import Reason
 from ...maps.explicit import Crossing
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..events import Events
 from ..present import Here
 from ..saved import unchanging

@@ -13,7 +13,7 @@ from ...checks import shown
 from ...dynamics.tableau import Tableau
 from ...errors import OptionError, SimulationError
 from ...mechanism.differences import differences
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 
 RightHandSide = Callable[[float, Array], Array]
 Jacobian = Callable[[float, Array], Array]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...mechanism.mechanism import Mechanism, energies_of
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ...warning import warn
 from ..trajectories.trajectory import Trajectory
 

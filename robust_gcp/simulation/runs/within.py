@@ -9,9 +9,9 @@ import numpy as np
 from ...dynamics.equations import Evaluation
 from ...maps.explicit import ExplicitMap
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..trajectories.dense import Interpolant
-from .charts import coordinates
+from .crossings import coordinates
 
 Dense = Callable[[float], Array]
 """A solver's dense output: the state x by time."""

@@ -12,10 +12,10 @@ import pinocchio as pin
 from ...checks import hint, shown
 from ...errors import OptionError
 from ...mechanism.frames import place_of
-from ...mechanism.joints import in_q, in_v
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
-from ...mechanism.workspace import workspace
+from ...mechanism.tree.joints import in_q, in_v
+from ...mechanism.tree.tree import Array
+from ...mechanism.tree.workspace import workspace
 from .reactions import Loaded, row_names
 from .sensing import sensed
 

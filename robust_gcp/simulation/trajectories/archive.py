@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import OptionError, RobustGcpError, missing_file
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 
 
 def write_whole(path: Path, fill: Callable[[io.BufferedWriter], None]) -> Path:

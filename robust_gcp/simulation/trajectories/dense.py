@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from ...checks import real_array, shown
 from ...errors import OptionError
-from ...mechanism.tree import Array, Tree
+from ...mechanism.tree.tree import Array, Tree
 
 JUMP = 0.25
 """Share of a step's change of acceleration that B makes up in a smooth motion at most; in a jump 2/3."""

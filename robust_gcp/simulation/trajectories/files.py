@@ -23,7 +23,7 @@ from ...dynamics.equations import does_work
 from ...errors import OptionError, missing_extra
 from ...maps.explicit import Crossing
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from .acted import Acted
 from .archive import read_arrays, reading, write_whole
 from .stored_mechanism import mechanism_as_plain, mechanism_from

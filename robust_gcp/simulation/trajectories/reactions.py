@@ -19,7 +19,7 @@ from ...checks import shown
 from ...dynamics.equations import UNBALANCED_WORDS, constraint_forces
 from ...dynamics.loads import Wrench, wrench_of
 from ...errors import OptionError
-from ...kernel.measures import reactions
+from ...kernel.dynamics.measures import reactions
 from ...maps.classical import SingularityWarning
 from ...mechanism.actuation.paths import BoundPath
 from ...mechanism.actuation.tendon_springs import TendonSpring
@@ -29,10 +29,10 @@ from ...mechanism.forces.forces import PointSpring
 from ...mechanism.forces.lifted_weights import GravityCompensation
 from ...mechanism.forces.point_springs import Lines
 from ...mechanism.frames import place_of
-from ...mechanism.instant import Push
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
-from ...mechanism.workspace import workspace
+from ...mechanism.sensing.instant import Push
+from ...mechanism.tree.tree import Array
+from ...mechanism.tree.workspace import workspace
 from ...warning import warn
 
 

@@ -13,11 +13,11 @@ from ...dynamics.problem import set_out
 from ...errors import OptionError
 from ...mechanism.actuation.actuators import clipped
 from ...mechanism.actuation.paths import FixedTendon
-from ...mechanism.instant import Instant
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.parts import Part, Stop
-from ...mechanism.sensors import Sensor, read
-from ...mechanism.tree import Array
+from ...mechanism.sensing.instant import Instant
+from ...mechanism.sensing.sensors import Sensor, read
+from ...mechanism.tree.tree import Array
 from ..phases.rows import columns_of
 from .reactions import Loaded
 

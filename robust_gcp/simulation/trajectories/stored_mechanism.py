@@ -20,8 +20,8 @@ from ...mechanism.forces.forces import Force
 from ...mechanism.forces.known_forces import STORED
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.parts import JointFriction, Lock, Stop
-from ...mechanism.sensors import Sensors, sensor_from
-from ...mechanism.tree import Array
+from ...mechanism.sensing.sensors import Sensors, sensor_from
+from ...mechanism.tree.tree import Array
 
 OWN = "a class of its own"
 """In place of its kind, for a force that is none of `STORED`."""

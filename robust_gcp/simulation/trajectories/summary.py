@@ -7,7 +7,7 @@ from typing import Protocol
 
 from ...maps.explicit import Crossing
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..runs.stats import Stats
 
 ROUNDED = 1e-12

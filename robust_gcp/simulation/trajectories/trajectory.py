@@ -12,14 +12,13 @@ from numpy.typing import ArrayLike
 
 from ...maps.explicit import Crossing
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree import Array
+from ...mechanism.tree.tree import Array
 from ..runs.stats import Stats
 from .access import UNRECORDED, FrameMotion, Named, Sample, frame_motion, recorded_columns
-from .acted import Acted
+from .acted import Acted, powered_columns
 from .dense import Interpolant, sampled_accelerations, times_within
 from .files import ARRAYS, data_frame, write_archive, write_csv
 from .pictures import Pictures
-from .powered import powered_columns
 from .reactions import Loaded, Reaction
 from .sensing import sensed
 from .summary import told

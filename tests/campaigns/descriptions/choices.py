@@ -12,7 +12,7 @@ import numpy as np
 from robust_gcp.errors import RobustGcpError
 from robust_gcp.mechanism.coordinates.partition import numerical_rank
 from robust_gcp.mechanism.mechanism import Mechanism
-from robust_gcp.mechanism.tree import Array
+from robust_gcp.mechanism.tree.tree import Array
 
 from .drawing import Drawing, View
 from .graph import Graph

@@ -12,7 +12,7 @@ from robust_gcp.errors import ModelError
 from robust_gcp.mechanism.constraint.closures import Closure, PointClosure, PrismaticClosure, RevoluteClosure
 from robust_gcp.mechanism.forces.forces import Force, JointDamper, JointSpring, JointTorque, PointSpring
 from robust_gcp.mechanism.mechanism import Mechanism
-from robust_gcp.mechanism.tree import Array
+from robust_gcp.mechanism.tree.tree import Array
 
 from .graph import Edge, Graph, Link, X
 

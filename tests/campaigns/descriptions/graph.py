@@ -23,9 +23,9 @@ from robust_gcp.mechanism.constraint.closures import (
 )
 from robust_gcp.mechanism.constraint.couplings import AnyClosure, CouplingClosure
 from robust_gcp.mechanism.forces.forces import PointSpring
-from robust_gcp.mechanism.joints import JointKind
 from robust_gcp.mechanism.mechanism import Mechanism
-from robust_gcp.mechanism.tree import Array
+from robust_gcp.mechanism.tree.joints import JointKind
+from robust_gcp.mechanism.tree.tree import Array
 
 PARALLEL = 1e-9
 """Sine of the angle between hinges of a planar linkage."""

@@ -13,7 +13,7 @@ import numpy as np
 from robust_gcp.analysis.local import analyse
 from robust_gcp.errors import RobustGcpError
 from robust_gcp.mechanism.mechanism import Mechanism
-from robust_gcp.mechanism.tree import Array
+from robust_gcp.mechanism.tree.tree import Array
 from robust_gcp.simulation.simulate import simulate
 from robust_gcp.simulation.trajectories.trajectory import Trajectory
 

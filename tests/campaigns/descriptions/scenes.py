@@ -14,7 +14,7 @@ from robust_gcp.examples.six_bars import CHANGE_POINT, lamp
 from robust_gcp.examples.six_bars import joined_by_dyad as joined
 from robust_gcp.io.loader import load
 from robust_gcp.mechanism.mechanism import Mechanism
-from robust_gcp.mechanism.tree import Array
+from robust_gcp.mechanism.tree.tree import Array
 
 
 @dataclass(frozen=True)

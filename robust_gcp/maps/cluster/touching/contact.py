@@ -14,7 +14,7 @@ from ....mechanism.coordinates.partition import numerical_rank
 from ....mechanism.loops import ClosedLoops
 from ....mechanism.mechanism import Mechanism
 from ....mechanism.tolerances import FORM, RANK
-from ....mechanism.tree import Array
+from ....mechanism.tree.tree import Array
 from ..curve import Curve
 from ..jet import LostError
 from ..known_curves import turned_to

@@ -14,11 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from ....mechanism.tree import Array
+from ....mechanism.tree.tree import Array
 from ..certifying import closure
-from ..chebyshev_series import series
 from ..curve import Curve
-from ..hermite_curve import HermiteCurve
+from ..interpolation import HermiteCurve, series
 from ..jet import Jet, LostError, jet, solve
 from ..options import BridgeOptions, NoBridgeError
 from ..space import ClusterSpace

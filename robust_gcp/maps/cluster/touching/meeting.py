@@ -14,8 +14,8 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from ....mechanism.tree import Array
-from ..chebyshev_series import nodes
+from ....mechanism.tree.tree import Array
+from ..interpolation import nodes
 from ..jet import LostError
 from ..options import BridgeOptions
 from ..space import ClusterSpace

@@ -10,11 +10,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from ....mechanism.tree import Array
+from ....mechanism.tree.tree import Array
 from ..certifying import closure
-from ..chebyshev_series import Series, chopped, fitted, nodes, series
 from ..curve import Curve
-from ..hermite_curve import HermiteCurve
+from ..interpolation import HermiteCurve, Series, chopped, fitted, nodes, series
 from ..jet import Jet, LostError, solved
 from ..options import BridgeOptions, NoBridgeError
 from .meeting import Meeting, half_width

@@ -12,10 +12,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from ....mechanism.tree import Array
-from ..chebyshev_series import chopped, fitted, nodes
+from ....mechanism.tree.tree import Array
+from ..interpolation import NewtonForm, chopped, fitted, nodes
 from ..jet import LostError
-from ..newton_form import NewtonForm
 from ..space import ClusterSpace
 
 RADIUS, SAMPLES = 0.36, 28

@@ -11,10 +11,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from ....mechanism.tree import Array
-from ..chebyshev_series import chopped, series
+from ....mechanism.tree.tree import Array
 from ..curve import Curve
-from ..hermite_curve import HermiteCurve
+from ..interpolation import HermiteCurve, chopped, series
 from ..jet import Jet, LostError
 from ..options import BridgeOptions, NoBridgeError
 from ..space import ClusterSpace

@@ -1,0 +1,1 @@
+"""The kernel's derivatives, of accelerations and of steps."""

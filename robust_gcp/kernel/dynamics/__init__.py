@@ -1,0 +1,1 @@
+"""What acts in the kernel, and what is measured along motions."""

@@ -1,0 +1,223 @@
+"""What acts in the kernel besides forces that it knows: a torque held, a function or forces of the user's."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Generator, Iterator, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...dynamics.equations import CheckedTorque
+from ...dynamics.prescribed.control import Actuated, Control
+from ...dynamics.prescribed.drive import Drive
+from ...dynamics.prescribed.zero_order_hold import ROWS_HELD, HeldTorque
+from ...mechanism.forces.applied_forces import OwnForces
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree.tree import Array
+from ..structures import Arrays, Reason, Request, TorqueCallback, address, side_by_side
+
+
+class Driving:
+    """Buffers that a request points to; none where nothing is prescribed.
+
+    Parameters
+    ----------
+    request : Request
+    mechanism : Mechanism
+    drive : Drive or None
+
+    Attributes
+    ----------
+    which : tuple of int
+        Which of y are prescribed.
+    of_all : bool
+        Whether all are.
+    """
+
+    def __init__(self, request: Request, mechanism: Mechanism, drive: Drive | None) -> None:
+        self._request, self._drive, self._nv = request, drive, mechanism.nv
+        self.which: tuple[int, ...] = () if drive is None else tuple(drive.driven.tolist())
+        self.of_all = len(self.which) == mechanism.m > 0
+        if drive is None:
+            return
+        self._columns = mechanism.iv_independent[drive.driven]
+        n = len(self.which)
+        (self._now, self._effort), places = side_by_side({"now": 3 * n, "effort": n})
+        request.effort = places["effort"]
+
+    def prescribe(self, t: float) -> None:
+        """Tell what is prescribed at a time, s."""
+        if self._drive is not None:
+            self._now[:] = np.concatenate(self._drive.at(t))
+            self._request.prescribed = address(self._now)
+
+    def effort(self) -> Array | None:
+        """What the kernel found last that this takes, (nv,), NaN at other joints."""
+        if self._drive is None:
+            return None
+        found: Array = np.full(self._nv, np.nan)
+        found[self._columns] = self._effort
+        return found
+
+
+NO_CALLBACK, NOTHING = TorqueCallback(), np.zeros(0)
+
+
+class Acting:
+    """The buffers by which the kernel learns of a torque, and of forces that say by themselves what they do.
+
+    Parameters
+    ----------
+    request : Request
+    mechanism : Mechanism
+        Its `OwnForces` act as well.
+    torque : callable, array_like (nv,) or None
+    driving : Driving
+        What moves as prescribed.
+
+    Attributes
+    ----------
+    held : bool
+        Whether it is a `HeldTorque`.
+    asks : bool
+        Whether it is a function of the user's.
+    tau : ndarray (nv,)
+        Where the kernel reads a torque that is held; empty where none is.
+    raised : list of BaseException
+        What a function or a force raised since `listen`.
+    """
+
+    def __init__(
+        self,
+        request: Request,
+        mechanism: Mechanism,
+        torque: CheckedTorque | ArrayLike | None,
+        driving: Driving,
+    ) -> None:
+        self._driving = driving
+        nq, nv, n = mechanism.nq, mechanism.nv, len(mechanism.actuators)
+        forces = None if mechanism.applied is None else mechanism.applied.own
+        self._held = torque if isinstance(torque, HeldTorque) else None
+        self.held = self._held is not None
+        self._control: Control | None = None
+        if isinstance(torque, Actuated) and not torque.asks:
+            self._control, torque = torque.control, torque.constant
+        supplied = torque if callable(torque) and not self.held else None
+        self.asks = supplied is not None
+        self._supplied, self._forces, self._nv = supplied, forces, nv
+        self._request, self._callback = request, NO_CALLBACK
+        self.raised: list[BaseException] = []
+        self.tau: Array = NOTHING
+        if torque is not None and supplied is None:
+            held = nv if self._held is None else len(self._held.value)
+            (self.tau,), places = side_by_side({"tau": held})
+            request.held = places["tau"]
+            self.tau[:] = 0.0 if callable(torque) else mechanism.velocity(torque, "torque")
+            if self._held is not None and held > nv:
+                request.control, request.control_stride = places["tau"] + 8 * nv, self._held.stride
+                request.control_rows = ROWS_HELD
+        if self._control is not None:
+            self._now = np.zeros(n) if self._control.constant is None else self._control.constant.copy()
+            request.control, request.control_rows = address(self._now), 1
+        if supplied is not None or forces is not None:
+            self._shared, places = side_by_side({"q": nq, "v": nv, "tau": nv, "stored": 2})
+            for name, place in places.items():
+                setattr(request, f"torque_{name}", place)
+
+    def prescribe(self, t: float) -> None:
+        """Tell what moves as prescribed, and controls and activations that change, at a single time, s."""
+        self._driving.prescribe(t)
+        if self._control is not None and self._control.constant is None:
+            self._now[:] = self._control.over(np.array([t]))[0]
+            self._request.control, self._request.control_stride = address(self._now), 0
+            self._request.control_rows = 1
+        elif self._held is not None and self._held.stride:
+            n = self._held.stride
+            self.tau[self._nv : self._nv + n] = self._held.u(t)
+
+    def prescribe_over(self, times: Array, shares: tuple[float, ...]) -> None:
+        """Tell them at all stages of steps that end at these times, if they change."""
+        if self._control is not None and self._control.constant is None:
+            self._rows = self._control.stages(times, shares)
+            self._request.control, self._request.control_stride = address(self._rows), self._rows.shape[2]
+            self._request.control_rows = self._rows.shape[0] * self._rows.shape[1]
+
+    def listen(self) -> None:
+        """The torque held, or a callback for the next batch, and where it leaves an exception."""
+        self.raised = []
+        if self._held is not None:
+            self.tau[:] = self._held.value
+        if self._supplied is not None or self._forces is not None:
+            energy = bool(self._request.energy_out)
+            answers = answering(self._supplied, self._forces, self._shared, self.raised, energy)
+            next(answers)
+            self._callback = TorqueCallback(answers.send)
+            self._request.torque = self._callback
+
+    def failure(self) -> BaseException | None:
+        """What a function or a force raised since `listen`; None where that is not why the kernel stopped."""
+        if self._request.reason != Reason.TORQUE:
+            return None
+        return self.raised[0] if self.raised else KeyboardInterrupt()  # between two lines of the generator
+
+    def require_answered(self) -> None:
+        """Raise it."""
+        failure = self.failure()
+        if failure is not None:
+            raise failure
+
+
+def answering(
+    supplied: CheckedTorque | None,
+    forces: OwnForces | None,
+    shared: Sequence[Array],
+    raised: list[BaseException],
+    energy: bool,
+) -> Generator[int, float, None]:
+    """Takes a time, writes τ and gives 0; gives 1 after an exception, which cannot pass through C++.
+
+    A signal that arrives while the kernel works is handled by the first Python that runs after it.
+    In a function that would be its entry, outside any `try`, and ctypes would swallow what the
+    handler raises. A generator is resumed inside its `try`. It knows nothing of the workspace, which
+    would otherwise outlive its run until the collector runs.
+    """
+    q, v, tau, stored = shared
+    asked = False
+    try:
+        while True:
+            t = yield 0
+            asked = True
+            if forces is None:
+                assert supplied is not None  # there is no callback without either
+                tau[:] = supplied(t, q, v)
+            else:
+                own, stored[0] = forces.at(q, v)
+                if energy:
+                    stored[1] = forces.energy(q)
+                tau[:] = own if supplied is None else own + supplied(t, q, v)
+            asked = False
+    except BaseException as error:
+        if isinstance(error, GeneratorExit) and not asked:  # nobody will ask again
+            raise
+        raised.append(error)
+    yield 1
+
+
+@contextlib.contextmanager
+def asking(mechanism: Mechanism, states: Arrays, function: CheckedTorque | None) -> Iterator[None]:
+    """While the kernel may ask a function for torques at states; raises what it raised."""
+    if function is None:
+        yield
+        return
+    shared, places = side_by_side({"q": mechanism.nq, "v": mechanism.nv, "tau": mechanism.nv, "stored": 2})
+    raised: list[BaseException] = []
+    answers = answering(function, None, shared, raised, False)
+    next(answers)
+    for name, place in places.items():
+        setattr(states.structure, f"torque_{name}", place)
+    callback = TorqueCallback(answers.send)
+    setattr(states.structure, "torque", callback)  # noqa: B010 - a structure of `States`, by its field
+    yield
+    if raised:
+        raise raised[0]

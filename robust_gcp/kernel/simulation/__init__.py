@@ -1,0 +1,1 @@
+"""Steps in the kernel: one run's, prepared calls, rows of batches."""

@@ -1,0 +1,225 @@
+"""What goes to the compiled kernel for a batch of steps and comes back from it."""
+
+from __future__ import annotations
+
+import ctypes
+import weakref
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...dynamics.equations import Evaluation
+from ...maps.cluster.options import BridgeOptions
+from ...maps.explicit import Crossing, Point
+from ...mechanism.tree.tree import Array
+from ..library import Library
+from ..structures import Arrays, Bridging, Reason, Request, address
+
+
+def counted(request: Request) -> dict[str, int]:
+    """What was computed, by the names of `Counters`, steps and right-hand sides apart."""
+    return {
+        "newton_iterations": request.newton,
+        "constraint_evaluations": request.constraint_evaluations,
+        "force_evaluations": request.force_evaluations,
+        "zone_evaluations": request.zone_evaluations,
+        "marching_steps": request.marching_steps,
+        "svds": request.svds,
+        "bridges_built": request.bridges_built,
+        "second_order": request.second_order,
+    }
+
+
+def crossings(request: Request, nq: int, numbers: NDArray[np.int64]) -> list[Crossing]:
+    """What was passed last; `numbers` are the places of y in q."""
+    if not request.logged:
+        return []
+    shape = (int(request.logged), 8 + nq)
+    log = np.ctypeslib.as_array(ctypes.cast(request.log, ctypes.POINTER(ctypes.c_double)), shape).copy()
+    return [
+        Crossing(
+            float(row[1]),
+            row[8:][numbers],
+            row[8:],
+            "near miss" if row[6] else "tangential" if row[7] > 1.0 else "transversal",
+            float(row[4]),
+            float(row[5]),
+            int(row[2]),
+            int(row[3]),
+            int(row[7]),
+        )
+        for row in log
+    ]
+
+
+def tracker_numbers(library: Library, handle: int | None) -> Array:
+    """The present state of the trackers as plain numbers."""
+    count = ctypes.c_int64()
+    numbers = library.trackers(handle, ctypes.byref(count))
+    return np.ctypeslib.as_array(numbers, (count.value,)).copy()
+
+
+def bridging(options: BridgeOptions, last_resort: float) -> Arrays:
+    """The choices of the bridges as plain numbers; `last_resort` as of `ClusterMap`."""
+    numbers = Arrays(
+        Bridging(
+            count=len(options.nodes),
+            reach=options.reach(1),
+            reach_of_several=options.reach(2),
+            closure_tolerance=options.closure_tolerance,
+            geometric_tolerance=options.geometric_tolerance,
+            transversality=options.transversality,
+            last_resort=last_resort,
+        )
+    )
+    numbers.reals(nodes=options.nodes)
+    return numbers
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """Rows for several outputs at once, C-contiguous; None where not wanted."""
+
+    q: Array
+    v: Array
+    a: Array | None = None
+    tau: Array | None = None
+    energy: Array | None = None
+    work: Array | None = None
+    effort: Array | None = None  # of driven joints
+
+    @classmethod
+    def room(cls, n: int, nq: int, nv: int, wanted: Sequence[str] = (), driven: int = 0) -> Outputs:
+        """Room for n outputs; `wanted` names those besides q and v."""
+        widths = {"a": (n, nv), "tau": (n, nv), "energy": (n,), "work": (n,), "effort": (n, driven)}
+        more = {name: np.zeros(widths[name]) for name in wanted}
+        return cls(np.empty((n, nq)), np.empty((n, nv)), **more)
+
+    def written_by(self, request: Request) -> None:
+        """Have the kernel write into these rows, from the first on."""
+        request.q_out, request.v_out = address(self.q), address(self.v)
+        request.a_out, request.tau_out = address(self.a), address(self.tau)
+        request.energy_out, request.work_out = address(self.energy), address(self.work)
+        request.effort_out = address(self.effort)
+
+    def first(self, n: int) -> Outputs:
+        """The first n of them."""
+        return self if n == len(self.q) else self.between(0, n)
+
+    def between(self, first: int, end: int) -> Outputs:
+        """Those from `first` to before `end`."""
+        kept = {field.name: getattr(self, field.name) for field in fields(self)}
+        cut: dict[str, Any] = {name: None if rows is None else rows[first:end] for name, rows in kept.items()}
+        return Outputs(**cut)
+
+
+@dataclass(frozen=True)
+class Batch:
+    """What came of a batch of steps.
+
+    Attributes
+    ----------
+    steps : int
+        Steps completed; every number below belongs to the last one.
+    reason : Reason
+        Why the kernel stopped.
+    x, now : ndarray, Evaluation
+    trackers : Trackers or None
+        Of the last state, where it is in a zone.
+    outputs : Outputs
+        Of the steps completed.
+    crossings : list of Crossing
+        Singular places passed, in the order of time.
+    safe : (int, ndarray, Point) or None
+        Step, state and point of the last well-conditioned one among the completed steps.
+    best : float
+        Largest conditioning of an output so far.
+    rhs : int
+        Right-hand sides that the completed steps took.
+    counts : dict of str to int
+        What else they took, by the names of `Counters`.
+    failure : BaseException or None
+        What the torque callback raised after these steps.
+    """
+
+    steps: int
+    reason: Reason
+    x: Array
+    now: Evaluation
+    trackers: Trackers | None
+    outputs: Outputs
+    crossings: list[Crossing]
+    safe: tuple[int, Array, Point] | None
+    best: float
+    rhs: int
+    counts: dict[str, int]
+    failure: BaseException | None
+
+    def add_to(self, counters: Any) -> None:
+        """Count what the completed steps took, right-hand sides apart."""
+        count_in(counters, self.counts)
+
+
+def count_in(counters: Any, counts: dict[str, int]) -> None:
+    """Add what was computed to counters."""
+    for name, count in counts.items():
+        if count:
+            setattr(counters, name, getattr(counters, name) + count)
+
+
+class Begun(NamedTuple):
+    """A start: the state, its evaluation, and in a zone the trackers, with what they took."""
+
+    x: Array
+    now: Evaluation
+    trackers: Trackers | None
+    counts: dict[str, int]
+
+
+class Trackers:
+    """The trackers of the kernel's clusters as plain numbers, fetched when they are asked for."""
+
+    def __init__(self, fetch: Callable[[], Array]) -> None:
+        self._fetch: Callable[[], Array] | None = fetch
+        self._numbers: Array = np.zeros(0)
+
+    def __call__(self) -> Array:
+        """See `maps.cluster.plain`."""
+        if self._fetch is not None:
+            self._numbers, self._fetch = self._fetch(), None
+        return self._numbers
+
+    def __deepcopy__(self, memo: object) -> Trackers:
+        """Itself, with the numbers, which do not change any more."""
+        self()
+        return self
+
+
+class Handed:
+    """Hands out trackers, and sees that the last ones are fetched while they are what they were.
+
+    Parameters
+    ----------
+    fetch : callable () -> ndarray
+        Their present numbers.
+    """
+
+    def __init__(self, fetch: Callable[[], Array]) -> None:
+        self._fetch = fetch
+        self._last: weakref.ref[Trackers] | None = None
+
+    def new(self) -> Trackers:
+        """The trackers as they are."""
+        self.secure()
+        trackers = Trackers(self._fetch)
+        self._last = weakref.ref(trackers)
+        return trackers
+
+    def secure(self) -> None:
+        """The kernel is about to go on."""
+        last = None if self._last is None else self._last()
+        if last is not None:
+            last()

@@ -1,0 +1,138 @@
+"""ẋ by the kernel for a solver that chooses its own steps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ...dynamics.equations import Evaluation
+from ...mechanism.tree.tree import Array
+from ..handles import Shared
+from ..library import Library
+from ..structures import Reason, Request, address
+from .batch import Trackers, counted
+
+DONE, TORQUE = int(Reason.DONE), int(Reason.TORQUE)
+
+
+class Rates:
+    """ẋ = f(t, x) in a workspace, from the point evaluated last or from the one that was kept.
+
+    Any other use of the workspace ends this.
+
+    Parameters
+    ----------
+    library : Library
+    handle : int
+    request : Request
+        With all choices and the point to begin from.
+    reference : pointer
+        To the request.
+    shared : Shared
+        Where the kernel reads and writes.
+    raised : list
+        Of what the torque function raised.
+    evaluation, trackers : callable
+        Read what the kernel has told, and the state of its trackers.
+    prescribe : callable (t)
+        Writes what moves as prescribed.
+    """
+
+    def __init__(
+        self,
+        library: Library,
+        handle: Any,
+        request: Request,
+        reference: Any,
+        shared: Shared,
+        raised: list[BaseException],
+        evaluation: Callable[[], Evaluation],
+        trackers: Callable[[], Trackers],
+        prescribe: Callable[[float], None],
+    ) -> None:
+        self._prescribe = prescribe
+        self._library, self._follow = library, library.follow
+        self._handle, self._request, self._reference = handle, request, reference
+        self._time, self._x, self._rate = shared.time, shared.x, shared.rate
+        self._raised, self._evaluation, self._trackers = raised, evaluation, trackers
+
+    def __call__(self, t: float, x: Array) -> Array | None:
+        """ẋ, (n,); None where the kernel cannot tell, which ends this.
+
+        Raises
+        ------
+        BaseException
+            What the torque function raised.
+        """
+        self._at(t, x)
+        self._follow(self._handle, self._reference)
+        return self._rate.copy() if self._done() else None
+
+    def _at(self, t: float, x: Array) -> None:
+        self._time[0], self._x[:] = t, x
+        self._prescribe(t)
+
+    def _done(self) -> bool:
+        reason = self._request.reason
+        if reason == TORQUE:  # or it was interrupted between two lines of the generator
+            raise self._raised[0] if self._raised else KeyboardInterrupt
+        return bool(reason == DONE)
+
+    def slopes(self, t: float, x: Array, unit: Array) -> Array | None:
+        """∂ẋ/∂x but for the work done, (2m, 2m), by forward differences; None where the kernel cannot tell.
+
+        Parameters
+        ----------
+        unit : ndarray (m,)
+            Of the independent velocities, contiguous.
+
+        Raises
+        ------
+        BaseException
+            As a call does.
+        """
+        self._at(t, x)
+        A: Array = np.empty((2 * len(unit), 2 * len(unit)))
+        self._library.bend(self._handle, self._reference, address(unit), address(A))
+        return A if self._done() else None
+
+    def told(self) -> tuple[Evaluation, Trackers | None, bool, bool]:
+        """The evaluation made last, the trackers where they know something, whether in a zone, and met."""
+        self._library.tell(self._handle, self._reference)
+        knows = self._request.in_zone or self._request.met
+        trackers = self._trackers() if knows else None
+        return self._evaluation(), trackers, bool(self._request.in_zone), bool(self._request.met)
+
+    def keep(self) -> Evaluation:
+        """The evaluation made last, which is gone back to where that is nearer than what comes after."""
+        self._library.tell(self._handle, self._reference)
+        self._library.keep(self._handle)
+        return self._evaluation()
+
+    def rounding(self) -> tuple[float, float, float]:
+        """As `apex.rounding`, where the kernel told it last."""
+        request = self._request
+        return float(request.uncertain), float(request.asked), float(request.nearest)
+
+    def looked(self, limit: float | None) -> None:
+        """What was met so far was told of; the largest entry of J that is not told of."""
+        self._library.forget(self._handle)
+        if limit is not None:
+            self._request.limit = limit
+
+    @property
+    def plain(self) -> bool:
+        """Whether no singular place was passed since they were forgotten, and no coordinate is outgrown."""
+        return bool(self._request.plain)
+
+    @property
+    def taken(self) -> dict[str, int]:
+        """What was computed, right-hand sides apart."""
+        return counted(self._request)
+
+    @property
+    def calls(self) -> int:
+        """Right-hand sides that were told."""
+        return int(self._request.rhs)

@@ -1,0 +1,295 @@
+"""One run's workspace in the compiled kernel: batches of RK4 steps on the regular path."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...dynamics.equations import CheckedTorque, Evaluation
+from ...dynamics.prescribed.drive import Drive
+from ...dynamics.tableau import Tableau
+from ...maps.cluster.options import LAST_RESORT, PRESCRIBED, BridgeOptions
+from ...maps.explicit import Point
+from ...maps.regular_path import RegularPath
+from ...mechanism.coordinates.groups import groups_of
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree.tree import Array
+from ..dynamics.acting import Acting, Driving
+from ..handles import Handle, Layout, Shared
+from ..library import Library
+from ..structures import Beginning, Reason, Request, address
+from .batch import Batch, Begun, Outputs, counted, crossings
+from .choices import Choices
+from .guard import Guard, Watch
+from .prepared import Prepared
+from .rates import Rates
+
+
+class Workspace:
+    """A mechanism in the kernel, with buffers of its own; for one thread at a time.
+
+    Parameters
+    ----------
+    library : Library
+    mechanism : Mechanism
+    path : RegularPath
+        Its rows and blocks are taken over; that of the rest where there are joints on groups.
+    torque : callable, array_like (nv,) or None
+        A callable is called with shared buffers, in the thread that runs the batch.
+    works : bool
+        Whether the state ends with the work done.
+    drive : Drive, optional
+        Coordinates that move as prescribed.
+    tableau : Tableau, optional
+        Of the steps; the classical Runge–Kutta method's when left out.
+    guard : Guard, optional
+        Batches end after a step in which it is met.
+
+    Raises
+    ------
+    NotNativeError
+        When the kernel cannot take the mechanism.
+
+    Attributes
+    ----------
+    shares : tuple of float
+        When the stages of a step are at which something may be prescribed, as shares of it.
+    """
+
+    def __init__(
+        self,
+        library: Library,
+        mechanism: Mechanism,
+        path: RegularPath,
+        torque: CheckedTorque | ArrayLike | None = None,
+        works: bool = False,
+        drive: Drive | None = None,
+        tableau: Tableau | None = None,
+        guard: Guard | None = None,
+    ) -> None:
+        self._library, self.path, self._groups = library, path, groups_of(mechanism)
+        self._acts = mechanism.applied is not None or torque is not None or drive is not None
+        self._nq, self._nv, self._m = mechanism.nq, mechanism.nv, mechanism.m
+        self._numbers, self._numbers_in_q = mechanism.numbers, mechanism.iq_numbers
+        self._layout: Layout = mechanism.memo.once(
+            ("layout in the kernel", *path.rows.tolist()), lambda: Layout(mechanism, path, self._groups)
+        )
+        self._packed: Point | None = None  # the point that `anchor` holds, where that is known
+        self._latest: Point | None = None
+        self._request = Request()
+        self._driving = Driving(self._request, mechanism, drive)
+        self._taken = Handle(library, mechanism, path, works, self._driving.which)
+        self._handle, self._handed = self._taken.address, self._taken.handed
+        self._shared = Shared(self._request, mechanism, 2 * self._m + int(works), self._layout.size)
+        resort = PRESCRIBED if self._driving.of_all else LAST_RESORT
+        self._choices = Choices(self._request, resort, tableau, guard)
+        self.shares, self._by_reference = self._choices.shares, ctypes.byref(self._request)
+        self._acting = Acting(self._request, mechanism, torque, self._driving)
+
+    def run(
+        self,
+        times: Array,
+        x: Array,
+        now: Evaluation,
+        outputs: Outputs,
+        zone: float,
+        options: BridgeOptions | None = None,
+        trackers: Callable[[], Array] | None = None,
+        every: int = 1,
+        watch: Watch | None = None,
+        best: float = 0.0,
+        prescribed: Array | None = None,
+    ) -> Batch:
+        """Steps from times[0] to times[-1], or until something rare happens.
+
+        Parameters
+        ----------
+        times : ndarray (n + 1,)
+            s.
+        x, now : ndarray, Evaluation
+            At times[0].
+        outputs : Outputs
+            n // every rows.
+        zone : float
+            Conditioning below which the regular path ends.
+        options : BridgeOptions, optional
+            Without them the kernel stops where the regular path ends, and does not look at branches.
+        trackers : callable () -> ndarray, optional
+            Where `now` is in a zone, and not the last state of this workspace's last batch.
+        watch : Watch, optional
+            Up to where the steps go on in the same coordinates.
+        best : float, optional
+            Largest conditioning of an output so far; see `simulation.recovery`.
+        prescribed : ndarray (n + 1, s, 3, driven), optional
+            See `Drive.stages`.
+        """
+        r, self._prescribed = self._request, prescribed  # which r points to
+        r.prescribed = address(prescribed)
+        times = np.ascontiguousarray(times, dtype=float)
+        self._acting.prescribe_over(times, self.shares)
+        r.steps, r.every, r.first, r.times = len(times) - 1, every, 0, address(times)
+        r.power, r.best = now.power, best
+        self._choices.make(zone, options, watch)
+        self._shared.x[:], self._shared.ydd[:] = x, now.ydd
+        self._shared.tau[:] = 0.0 if now.tau is None else now.tau
+        if self.at(now.point):
+            r.beginning = Beginning.GO_ON
+        else:
+            self._begin_at(now.point, trackers)
+        outputs.written_by(r)
+        self._handed.secure()
+        self._acting.listen()
+        self._library.run(self._handle, self._by_reference)
+        return self._batch(0, int(r.completed), outputs.first(int(r.completed) // every))
+
+    def _begin_at(self, point: Point, trackers: Callable[[], Array] | None) -> None:
+        """Begin the request at a point, in a zone where there are trackers."""
+        r = self._request
+        r.beginning = Beginning.REGULAR if trackers is None else Beginning.IN_ZONE
+        self._trackers = None if trackers is None else np.ascontiguousarray(trackers())
+        r.trackers = address(self._trackers)  # which are kept as long as the request may be read
+        if point is not self._packed:
+            self._layout.pack(point, self._shared.anchor)
+            self._packed = point
+        self._shared.origin[:] = self._layout.origin(point)
+
+    def at(self, point: Point) -> bool:
+        """Whether this is where the kernel can go on as it is: the last batch's last point."""
+        return point is self._latest
+
+    def prepared(
+        self,
+        times: Array,
+        outputs: Outputs,
+        zone: float,
+        options: BridgeOptions | None,
+        watch: Watch | None,
+        best: float,
+    ) -> Prepared:
+        """Steps to come from the last batch's last point on, under a torque that is held.
+
+        Parameters
+        ----------
+        times : ndarray (N + 1,)
+            s, contiguous; as all arrays here to be kept by the caller as long as steps are taken.
+        outputs : Outputs
+            N + 1 rows.
+        zone, options, watch, best
+            As for `run`.
+        """
+        r, self._packed = self._request, None
+        r.every, r.times, r.steps, r.first, r.best = 1, address(times), 0, 0, best
+        self._choices.make(zone, options, watch)
+        outputs.between(1, len(times)).written_by(r)
+        self._handed.secure()
+        self._acting.listen()
+        r.beginning = Beginning.GO_ON
+        self._library.run(self._handle, self._by_reference)  # no step: counts begin
+        return Prepared(self._library.run, self._handle, r, self._by_reference, self._acting.tau, self)
+
+    def settled(self, begun: int, reached: int) -> Batch:
+        """What prepared steps came to, from one time to another."""
+        return self._batch(begun, reached - begun, Outputs.room(0, self._nq, self._nv))
+
+    def rates(
+        self,
+        now: Evaluation,
+        x: Array,
+        zone: float,
+        options: BridgeOptions | None,
+        watch: Watch | None,
+        trackers: Callable[[], Array] | None = None,
+    ) -> Rates:
+        """ẋ from an evaluation at x on; parameters as for `run`.
+
+        The solver controls its error: uncertified zones are followed on the true curve.
+        """
+        r, self._latest = self._request, None
+        self._choices.make(zone, options, watch, careful=True)
+        r.power, r.first, r.times = now.power, 0, self._shared.at_time
+        self._begin_at(now.point, trackers)
+        self._shared.x[:], self._shared.ydd[:] = x, now.ydd
+        self._handed.secure()
+        self._acting.listen()
+
+        def told() -> Evaluation:
+            self._packed = None
+            return self._evaluation(self._layout.point(self._shared.anchor, self._shared.origin))
+
+        self._library.follow_from(self._handle, self._by_reference)
+        told_by = self._acting.raised, told, self._handed.new, self._acting.prescribe
+        return Rates(self._library, self._handle, r, self._by_reference, self._shared, *told_by)
+
+    def look(self, t: float, now: Evaluation) -> Evaluation | None:
+        """The last batch's last state under the torque that is held now; None where that is not known."""
+        if not self.at(now.point) or not self._acting.held:
+            return None
+        r, time = self._request, np.array([t])
+        r.times, r.first, r.beginning = address(time), 0, Beginning.GO_ON
+        self._acting.listen()
+        self._acting.prescribe(t)
+        self._library.look(self._handle, self._by_reference)
+        self._acting.require_answered()
+        if r.reason != Reason.DONE:
+            return None
+        return self._evaluation(now.point)
+
+    def begin(self, q: Array, u: Array, zone: float, t: float, options: BridgeOptions | None) -> Begun | None:
+        """The state and its evaluation at q, closed by Newton's method at its own y, with velocities u.
+
+        None where it finds no point, or K_d is conditioned below `zone` there and no cluster is followed.
+        """
+        r, self._shared.time[0] = self._request, t
+        r.times, r.power, self._latest, self._packed = self._shared.at_time, 0.0, None, None
+        self._choices.make(zone, options, None)
+        self._handed.secure()
+        if not self._acting.asks:
+            self._acting.listen()
+        self._acting.prescribe(t)
+        self._shared.x[:] = self._shared.anchor[:] = 0.0
+        self._shared.x[self._numbers] = q[self._numbers_in_q]
+        self._shared.x[self._m : 2 * self._m] = u
+        self._shared.anchor[self._layout.q] = q
+        self._library.begin(self._handle, self._by_reference)
+        self._acting.require_answered()
+        if r.reason != Reason.DONE:
+            return None
+        point = self._packed = self._layout.point(self._shared.anchor)
+        trackers, counts = (self._handed.new(), counted(r)) if r.in_zone else (None, dict[str, int]())
+        return Begun(self._shared.x.copy(), self._evaluation(point), trackers, counts)
+
+    def _batch(self, begun: int, steps: int, outputs: Outputs) -> Batch:
+        r = self._request
+        point = self._packed = self._layout.point(self._shared.anchor, self._shared.origin)
+        self._latest = point if r.reason in (Reason.DONE, Reason.CHART, Reason.MET) else None
+        trackers = self._handed.new() if r.in_zone else None
+        now = self._evaluation(point)
+        safe = None
+        if 0 <= r.safe_step == begun + steps:
+            safe = steps, self._shared.x.copy(), point
+        elif r.safe_step >= 0:
+            x, at = self._shared.safe[self._layout.size :].copy(), int(r.safe_step) - begun
+            safe = at, x, self._layout.point(self._shared.safe)
+        return Batch(
+            steps,
+            Reason(r.reason),
+            self._shared.x.copy(),
+            now,
+            trackers,
+            outputs,
+            crossings(r, self._nq, self._numbers_in_q),
+            safe,
+            float(r.best),
+            int(r.rhs),
+            {"native_steps": steps, **counted(r)},
+            self._acting.failure(),
+        )
+
+    def _evaluation(self, point: Point) -> Evaluation:
+        """What the kernel left at its anchor, which is this point."""
+        tau = self._shared.tau.copy() if self._acts else None
+        v, power = point.G.dot(point.ydot), float(self._request.power)
+        return Evaluation(point, v, self._shared.ydd.copy(), tau, power, self._driving.effort())

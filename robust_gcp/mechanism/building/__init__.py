@@ -1,0 +1,1 @@
+"""Mechanisms without a file, and with geometry that can change."""

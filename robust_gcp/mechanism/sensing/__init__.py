@@ -1,0 +1,1 @@
+"""Sensors, and a state in world axes as they ask for it."""

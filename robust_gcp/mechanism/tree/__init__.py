@@ -1,0 +1,1 @@
+"""The spanning tree: joints, M and C by Pinocchio, motions of bodies."""
