@@ -73,7 +73,7 @@ from .simulation.runs.stability import StabilityWarning
 from .simulation.runs.stats import Stats
 from .simulation.runs.too_long_steps import CoarseStepWarning
 from .simulation.simulate import simulate
-from .simulation.stepwise import Simulation
+from .simulation.simulation import Simulation
 from .simulation.trajectories.access import FrameMotion, Sample
 from .simulation.trajectories.acted import Acted
 from .simulation.trajectories.load import load_trajectory
@@ -92,7 +92,7 @@ if TYPE_CHECKING:
     from .simulation.batches.batch import Batch
     from .simulation.batches.many import simulate_many
     from .simulation.batches.runs import Runs
-    from .simulation.derivatives.parameter_slopes import by_parameters
+    from .simulation.derivatives.parameter_derivatives import by_parameters
     from .simulation.derivatives.second_derivatives import second_derivatives
     from .simulation.derivatives.sensitivity import Sensitivity, sensitivity
     from .simulation.phases.happening import Happening
@@ -118,7 +118,7 @@ _LATER = {
     "Sensor": ".mechanism.sensing.sensors",
     "Stop": ".mechanism.parts",
     "along": ".mechanism.building.lengths",
-    "by_parameters": ".simulation.derivatives.parameter_slopes",
+    "by_parameters": ".simulation.derivatives.parameter_derivatives",
     "draw": ".drawing.figures.draw",
     "grid": ".sweeps.runs",
     "live": ".drawing.replay.live",

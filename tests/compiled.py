@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 import robust_gcp as rg
-from robust_gcp.kernel.derivatives.derivation import Derivation
+from robust_gcp.kernel.derivatives.step_derivatives import Derivation
 from robust_gcp.mechanism.tree.tree import Array
 
 KERNEL = rg.backends()["native"]

@@ -11,7 +11,7 @@ from ..mechanism.tree.tree import Array
 from ..simulation.batches.batch import Batch
 from ..simulation.derivatives.accelerations import derivatives, forward_dynamics
 from ..simulation.derivatives.one_step import step
-from .exact import Arrays, Exact
+from .cotangents import Arrays, Exact
 from .states import closed_states, times, to_independent, to_state
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from ..errors import OptionError, missing_extra
 from ..mechanism.mechanism import Mechanism
 from .batched import Accelerations, Rollout
-from .exact import Exact, Shapes
+from .cotangents import Exact, Shapes
 
 try:
     import jax

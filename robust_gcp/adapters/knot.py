@@ -18,7 +18,7 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
 from ..simulation.derivatives.accelerations import learned
 from ..simulation.runs.steppers import rk4_step
-from .following import Followed
+from .mode_points import Followed
 
 
 @dataclass

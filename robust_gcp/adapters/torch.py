@@ -17,7 +17,7 @@ from typing import Any
 from ..errors import OptionError, missing_extra
 from ..mechanism.mechanism import Mechanism
 from .batched import Accelerations, Rollout
-from .exact import Exact
+from .cotangents import Exact
 
 try:
     import torch

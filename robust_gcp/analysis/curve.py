@@ -18,11 +18,11 @@ from ..errors import BranchError
 from ..mechanism.loops import ClosedLoops
 from ..mechanism.tolerances import BENDING, CLOSED
 from ..mechanism.tree.tree import Array
-from .beyond import touching_at
 from .local import LocalAnalysis, analyse
-from .located import located
 from .second_order import full_svd
+from .singular_points import located
 from .torus import Torus
+from .touching_modes import touching_at
 
 if TYPE_CHECKING:
     from ..maps.cluster.touching.contact import Touching

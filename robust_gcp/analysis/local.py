@@ -17,9 +17,9 @@ from ..mechanism.coordinates.partition import numerical_rank
 from ..mechanism.loops import ClosedLoops
 from ..mechanism.tolerances import FORM, NEARLY_CLOSED, RANK
 from ..mechanism.tree.tree import Array
-from .beyond import contact_at
 from .second_order import bending, bending_along, curvature, full_svd, orthonormal, second_order_forms
 from .tangent_cone import is_definite, linear_modes, polished, rank_two_forms
+from .touching_modes import contact_at
 
 if TYPE_CHECKING:
     from ..maps.cluster.touching.contact import Contact

@@ -19,17 +19,17 @@ from numpy.typing import ArrayLike
 from ..checks import check_callable, real_array, require_finite, shown
 from ..errors import NonFiniteError, OptionError
 from ..mechanism.differences import torque_differences
-from ..mechanism.forces.force_slopes import ForceSlopes
+from ..mechanism.forces.force_derivatives import ForceSlopes
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
 from .equations import CheckedTorque, Evaluation, torque_function
 from .loads import Torques, Wrench, one_torque
-from .modes.around import Circles
 from .modes.map_rates import MapRates
 from .modes.mode_rates import ModeRates
+from .modes.taylor_series import Circles
 from .problem import Problem, set_out
 from .reduced_inertia import ReducedInertia
-from .rigid_slopes import RigidSlopes
+from .rnea_derivatives import RigidSlopes
 
 TorqueSlopes = Callable[[float, Array, Array], tuple[ArrayLike, ArrayLike]]
 """∂τ/∂q and ∂τ/∂v, (nv, nv) each, at (t, q, v); q along the velocities' components."""

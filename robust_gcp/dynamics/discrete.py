@@ -1,6 +1,6 @@
 """First derivatives of one step of RK4: by the state before it and by the torques held over it.
 
-The four stages follow from one another by the chain rule; for joints in charts see `chart_slopes`.
+The four stages follow from one another by the chain rule; for joints in charts see `chart_derivatives`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from ..checks import require_finite
 from ..maps.explicit import Point
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
-from .chart_slopes import ChartSlopes, chart_slopes
+from .chart_derivatives import ChartSlopes, chart_slopes
 from .derivatives import Derivatives, PointDerivatives
 from .equations import Evaluation
 from .prescribed.driven_derivatives import ByDrive

@@ -24,7 +24,7 @@ from ..maps.choice import MapChoice
 from ..mechanism.differences import FORWARD, differences
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
-from .chart_slopes import chart_slopes
+from .chart_derivatives import chart_slopes
 from .derivatives import PointDerivatives
 from .equations import EquationsOfMotion
 from .loads import Torques, Wrench, one_torque

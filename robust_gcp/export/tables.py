@@ -19,7 +19,7 @@ from ..mechanism.assembly.assemblies import way_between
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
 from ..simulation.simulate import simulate
-from .arc import by_arc_length
+from .arc_length import by_arc_length
 from .description import require_compiled
 
 DEGREE = 7

@@ -21,7 +21,6 @@ from ..mechanism.loops import ClosedLoops
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.parts import parts_of_file
 from ..mechanism.tolerances import NEARLY_CLOSED
-from .by_name import named_path
 from .gepetto import joint_changes, with_changed_forces, with_joint_changes
 from .home import closed_home, with_coordinates
 from .mjcf.reader import read_mjcf
@@ -36,6 +35,7 @@ from .own_block import (
     with_axes,
 )
 from .robot_file import READERS, UNREAD, has_yaml, is_mjcf, others_beside, require_read, robot_file
+from .robot_packages import named_path
 from .robot_yaml import closures_of, is_list_of_str, settings_of
 from .text_file import files_in, inside, is_file, is_link, path_of
 from .urdf.reader import read_urdf

@@ -17,9 +17,9 @@ from ..mechanism.forces.forces import JointTorque
 from ..mechanism.forces.known_forces import is_known
 from ..mechanism.mechanism import Mechanism
 from ..warning import warn
-from .mjcf.out import mjcf_text
+from .mjcf.writer import mjcf_text
 from .text_file import path_of
-from .urdf.out import urdf_text
+from .urdf.writer import urdf_text
 from .written import Lost, links_of, note, plain_numbers
 
 SUFFIXES = (".xml", ".mjcf", ".urdf", "")

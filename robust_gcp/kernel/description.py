@@ -160,7 +160,7 @@ def _blocks(mechanism: Mechanism, path: RegularPath, arrays: Arrays) -> None:
 
 
 def _forces(mechanism: Mechanism, turns: list[Array], arrays: Arrays) -> None:
-    """Forces known by their numbers; the others are asked, see `answers`."""
+    """Forces known by their numbers; the others are asked, see `dynamics.acting`."""
     model, known = mechanism.near, () if mechanism.applied is None else mechanism.applied.known
     damping, drive = np.zeros(mechanism.nv), np.zeros(mechanism.nv)
     spring_at, spring, line_joint, line = [], [], [], []

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..maps.meeting_points import moved
+from ..maps.weld_points import moved
 from ..mechanism.constraint.closures import closure_frames
 from ..mechanism.constraint.couplings import CouplingClosure, Couplings
 from ..mechanism.constraint.rows import ROTATION, Row, rows_of

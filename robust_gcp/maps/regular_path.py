@@ -17,8 +17,8 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array, Tree
 from .blocks import BlockFactor
 from .explicit import Closed, Counters, Point
-from .meeting_points import tree_at_points
 from .structure import reference_of_whole, structured
+from .weld_points import tree_at_points
 
 CONVERGED = 2e-15
 """max |φ| / length at which Newton stops: the rounding of a short chain of joints."""

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from numpy.typing import ArrayLike
 
-from .above import Above
 from .constraint.couplings import closures_given
 from .contents import tell_left_out
+from .facade import Above
 from .forces.forces import Force, forces_given
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ class FromFiles(Above):
         root: str | Path | None = None,
         moving: Mapping[str, Sequence[str]] | None = None,
     ) -> Mechanism:
-        """A mechanism from a MJCF file (or its text); see `io.mjcf.read_mjcf` for what is read.
+        """A mechanism from a MJCF file (or its text); see `io.mjcf.reader` for what is read.
 
         `home` is q (nq,), the name of a keyframe, or MuJoCo's qpos0 when left out; `root` a folder besides
         the file's own, whose files it may include; `base` and `strict` are those of `from_urdf`, `moving` is

@@ -12,13 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..checks import checked_rows, checked_vector, require_finite
 from ..errors import ModelError, StateError
-from .at_each import at_each
-from .constraint.closed import require_closed, require_proper
+from .constraint.closed_check import require_closed, require_proper
 from .constraint.closures import closure_frames
 from .constraint.constraint import without_zero_rows
 from .constraint.couplings import AnyClosure, CouplingClosure, Couplings, closures_given
 from .coordinates.loop_graph import characteristic_length
 from .coordinates.partition import numerical_rank, ranked_choices
+from .many_states import at_each
 from .memo import Memo
 from .named_numbers import Named, with_numbers
 from .tolerances import CLOSED, POLISHED, ROUNDED, STRUCTURAL
@@ -90,7 +90,7 @@ class ClosedLoops:
     def require_unchanged(self) -> None:
         """Refuse to go on with a mechanism whose `model` was changed, since what follows from it was not.
 
-        See `unchanged.require_equal`.
+        See `tree.model.require_equal`.
         """
         if self._shown_model is not None:
             require_equal(self._shown_model, self.own_model)

@@ -12,7 +12,6 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from ..checks import check_text, plain, require_finite
-from .above import joint_names
 from .actuation.actuation import Actuation
 from .actuation.actuators import Actuator, actuators_given
 from .actuation.paths import Path as TendonPath
@@ -23,6 +22,7 @@ from .constraint.pin_constraints import with_named_frames
 from .constraint.rounding import IMPLIED, without_unmoved_rows
 from .contents import FileContents, named, tell_left_out
 from .coordinates.independent import best_at_home, require_determined
+from .facade import joint_names
 from .forces.applied_forces import AppliedForces
 from .forces.forces import Force, forces_given, require_length
 from .from_files import FromFiles
@@ -84,7 +84,7 @@ class Mechanism(FromFiles):
     moved : tuple of str
         Joints that move the ground: those that no `drive=` prescribes hold still.
     still : tuple of str
-        Joints that stand for a changing geometry and hold still, see `varied`.
+        Joints that stand for a changing geometry and hold still, see `building.variable_geometry`.
     judged_at : sequence of ndarray (nq,) or None
         Where K_d is looked at to judge how well it is conditioned elsewhere, if not just anywhere.
     """

@@ -23,7 +23,7 @@ from ..kernel.simulation.batch import Outputs
 from ..kernel.simulation.workspace import Workspace
 from ..maps.choice import MapChoice
 from ..maps.cluster.options import BridgeOptions
-from ..maps.march import same_branch
+from ..maps.cluster.regular_ground import same_branch
 from ..mechanism.mechanism import Mechanism
 from ..printing import along, table, write_json
 from ..simulation.simulate import simulate

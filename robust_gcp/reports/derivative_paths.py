@@ -27,7 +27,7 @@ from ..simulation.derivatives.gradient import gradient
 from ..simulation.derivatives.linearised import linearise
 from ..simulation.derivatives.motion_point import motion_point
 from ..simulation.derivatives.one_step import step, step_jacobians
-from ..simulation.derivatives.parameter_slopes import by_parameters
+from ..simulation.derivatives.parameter_derivatives import by_parameters
 from ..simulation.derivatives.second_derivatives import second_derivatives
 from ..simulation.simulate import simulate
 from . import pages, path_accuracy, run_paths

@@ -20,7 +20,7 @@ from ..simulation.derivatives.gradient import gradient
 from ..simulation.derivatives.motion_point import motion_point
 from ..simulation.derivatives.one_step import step
 from ..simulation.simulate import simulate
-from ..simulation.stepwise import Simulation
+from ..simulation.simulation import Simulation
 from .gradients.problems import Problem, problems
 from .gradients.scores import error
 from .singular.motions import Motion, motions

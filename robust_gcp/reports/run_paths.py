@@ -20,7 +20,7 @@ from ..simulation.batches.batch import Batch
 from ..simulation.batches.many import simulate_many
 from ..simulation.events import Event
 from ..simulation.simulate import simulate
-from ..simulation.stepwise import Simulation
+from ..simulation.simulation import Simulation
 
 STEPS, STEP = 500, 1e-3
 """Of each run; s."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..dynamics.equations import EquationsOfMotion
 from ..mechanism.tree.tree import Array
-from ..simulation.runs.refined import REFINED_ATOL, REFINED_RTOL
+from ..simulation.runs.error_control import REFINED_ATOL, REFINED_RTOL
 from ..simulation.runs.stats import Stats
 from ..simulation.runs.steppers import adaptive, rk4_step
 

@@ -1,9 +1,9 @@
 """Events: zeros of functions of the motion, as scipy's solve_ivp knows them.
 
 A function g(t, q, v) is looked at wherever a step ends. Where its sign changes over a step, the zero is found
-on the motion between: for fixed steps on the polynomial of `dense`, for a solver of scipy's on its own dense
-output. So the time of an event has an error of the stepper's order, the fourth with RK4. Two zeros within one
-step show no change of sign, and are not seen; nor does solve_ivp see them.
+on the motion between: for fixed steps on the polynomial of `trajectories.interpolant`, for a solver of
+scipy's on its own dense output. So the time of an event has an error of the stepper's order, the fourth with
+RK4. Two zeros within one step show no change of sign, and are not seen; nor does solve_ivp see them.
 """
 
 from __future__ import annotations

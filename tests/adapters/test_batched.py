@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp.adapters.batched import Accelerations, Rollout
-from robust_gcp.adapters.exact import Exact
+from robust_gcp.adapters.cotangents import Exact
 from robust_gcp.adapters.states import normalised, rates
 
 Array = NDArray[np.float64]

@@ -7,9 +7,9 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
-from robust_gcp.adapters.following import Followed
 from robust_gcp.adapters.knot import Knot
-from robust_gcp.dynamics.modes.around import circles_of
+from robust_gcp.adapters.mode_points import Followed
+from robust_gcp.dynamics.modes.taylor_series import circles_of
 from robust_gcp.dynamics.problem import set_out
 from robust_gcp.examples.linkages import four_bar
 

@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
-from robust_gcp.mechanism.building.varied import DIRECTIONS, MARK, frames_used
+from robust_gcp.mechanism.building.variable_geometry import DIRECTIONS, MARK, frames_used
 
 from ..dynamics.test_derivatives import TENTH
 from ..kernel.test_kernel import random_mechanism

@@ -15,7 +15,7 @@ from robust_gcp.dynamics import derivatives as reference
 from robust_gcp.examples.linkages import four_bar
 from robust_gcp.maps.closed_form import parallelogram_pendulum
 from robust_gcp.mechanism.constraint.closure_rates import ClosureRates
-from robust_gcp.mechanism.constraint.extended import ExtendedClosures
+from robust_gcp.mechanism.constraint.extended_precision import ExtendedClosures
 from robust_gcp.mechanism.loops import ClosedLoops
 from robust_gcp.mechanism.tree.columns import Columns, with_simple_joints
 from robust_gcp.mechanism.tree.motions import Motions

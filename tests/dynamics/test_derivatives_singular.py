@@ -16,7 +16,7 @@ from robust_gcp.dynamics.problem import set_out
 from robust_gcp.examples.families import four_bars, scissor_lift
 from robust_gcp.examples.linkages import four_bar, swinging_four_bar
 from robust_gcp.maps.closed_form import parallelogram_pendulum
-from robust_gcp.mechanism.constraint.extended import EPS
+from robust_gcp.mechanism.constraint.extended_precision import EPS
 
 from ..exact import ONE, Exact, pi
 from ..simulation.test_floating import CHANGE_POINT

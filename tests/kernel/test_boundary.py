@@ -185,8 +185,8 @@ def constants(header: str) -> dict[str, float]:
     ("header", "homes"),
     [
         ("abi.h", ["kernel.structures"]),
-        ("branch.h", ["maps.regular_path", "maps.march", "maps.cluster.regular_ground"]),
-        ("loops.h", ["maps.regular_path", "maps.march"]),
+        ("branch.h", ["maps.regular_path", "maps.cluster.regular_ground", "maps.cluster.regular_ground"]),
+        ("loops.h", ["maps.regular_path", "maps.cluster.regular_ground"]),
         ("jet.h", ["maps.cluster.jet"]),
         ("newton.h", ["maps.cluster.jet"]),
         ("solver.h", ["maps.explicit", "mechanism.differences"]),

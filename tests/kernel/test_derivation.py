@@ -418,7 +418,7 @@ class TestSteps:
             rg.gradient(run, rg.Cost(terminal=lambda q, v: q[0]), torque=np.zeros(3))
 
     def test_long_runs_in_several_stretches(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        from robust_gcp.simulation.derivatives import backwards
+        from robust_gcp.simulation.derivatives import kernel_sweep as backwards
 
         run = rg.simulate(rg.load("crank_rocker"), duration=0.3, step=1e-3)
         cost = rg.Cost(terminal=lambda q, v: v[0], running=lambda t, q, v, tau: 0.1 * v[1] ** 2)

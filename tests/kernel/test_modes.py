@@ -13,7 +13,7 @@ import pytest
 import robust_gcp as rg
 from robust_gcp.dynamics import derivatives as reference
 from robust_gcp.dynamics import discrete
-from robust_gcp.dynamics.modes.around import circles_of
+from robust_gcp.dynamics.modes.taylor_series import circles_of
 from robust_gcp.dynamics.problem import set_out
 from robust_gcp.examples.families import four_bars, scissor_lift
 from robust_gcp.examples.six_bars import CHANGE_POINT, lamp, parallel_legs

@@ -9,8 +9,8 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.dynamics import derivatives as reference
-from robust_gcp.dynamics.modes.around import circles_of
 from robust_gcp.dynamics.modes.mode_rates import ModeRates, cluster_rates
+from robust_gcp.dynamics.modes.taylor_series import circles_of
 from robust_gcp.dynamics.problem import set_out
 from robust_gcp.examples.six_bars import joined_by_dyad
 from robust_gcp.simulation.derivatives import reverse_sweep

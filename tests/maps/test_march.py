@@ -8,8 +8,8 @@ from robust_gcp.examples.linkages import four_bar
 from robust_gcp.maps.closed_form import FourBar
 from robust_gcp.maps.cluster.cluster_map import ClusterMap
 from robust_gcp.maps.cluster.options import BridgeOptions
+from robust_gcp.maps.cluster.regular_ground import FARTHEST, same_branch
 from robust_gcp.maps.explicit import Counters
-from robust_gcp.maps.march import FARTHEST, same_branch
 from robust_gcp.maps.start import begin
 
 LENGTHS = (4.0, 2.0, 3.0, 3.0)

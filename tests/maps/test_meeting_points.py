@@ -7,8 +7,8 @@ import pinocchio as pin
 import pytest
 
 import robust_gcp as rg
-from robust_gcp.maps.meeting_points import meeting_points
 from robust_gcp.maps.regular_path import RegularPath
+from robust_gcp.maps.weld_points import meeting_points
 
 BALLS = ("ball", "concurrent hinges", "none")
 SHIFT = np.array([0.3, -0.2, 0.5])

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
-from robust_gcp.simulation.trajectories.dense import sampled_accelerations
+from robust_gcp.simulation.trajectories.interpolant import sampled_accelerations
 
 Array = NDArray[np.float64]
 

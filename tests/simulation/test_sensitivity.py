@@ -15,7 +15,7 @@ from robust_gcp.dynamics.change_of_coordinates import Slope
 from robust_gcp.simulation.phases.decision import Phase
 from robust_gcp.simulation.phases.rows import Rows
 from robust_gcp.simulation.phases.saltation import jump_of
-from robust_gcp.simulation.phases.turn import Turn
+from robust_gcp.simulation.phases.transitions import Turn
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from robust_gcp.dynamics.problem import set_out
 from robust_gcp.examples import families
 from robust_gcp.kernel.simulation.steps import NativeSteps, chosen_library
 from robust_gcp.maps.choice import MapChoice
-from robust_gcp.simulation.runs.following import Following
+from robust_gcp.simulation.runs.solver_rates import Following
 
 from ..compiled import needs_kernel
 

@@ -8,7 +8,7 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.examples.six_bars import watt
-from robust_gcp.maps.march import POOR
+from robust_gcp.maps.cluster.regular_ground import POOR
 from robust_gcp.mechanism.tree.tree import Tree
 from robust_gcp.simulation.runs.recovery import Recovery
 

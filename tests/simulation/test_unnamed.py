@@ -10,7 +10,7 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.examples.linkages import four_bar
-from robust_gcp.simulation.runs.adaptive import AdaptiveRun
+from robust_gcp.simulation.runs.solver_run import AdaptiveRun
 
 pytestmark = pytest.mark.filterwarnings("ignore::robust_gcp.ModelWarning")
 

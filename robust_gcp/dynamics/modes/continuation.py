@@ -19,8 +19,8 @@ import numpy as np
 from ...errors import NotCertifiedError
 from ...mechanism.constraint.closure_rates import Placement
 from ...mechanism.tree.tree import Array
-from .around import Around
 from .map_rates import ClusterRates, MapRates
+from .taylor_series import Around
 
 HALF = 16
 """Points on the upper half of the circle, the last on the other side; the lower half is its mirror image."""

@@ -17,7 +17,7 @@ import numpy as np
 
 from ...errors import NotCertifiedError
 from ...mechanism.constraint.closure_rates import ClosureRates, Placement
-from ...mechanism.constraint.extended import ExtendedClosures
+from ...mechanism.constraint.extended_precision import ExtendedClosures
 from ...mechanism.coordinates.clusters import LoopCluster
 from ...mechanism.tree.tree import Array
 

@@ -18,11 +18,11 @@ from ...mechanism.constraint.closure_rates import Placement
 from ...mechanism.coordinates.clusters import LoopCluster
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from .around import Around, Circles
 from .continuation import Circle, circle
 from .map_rates import ClusterRates, MapRates
 from .rate_rounding import rounding
 from .real_points import Walk
+from .taylor_series import Around, Circles
 from .torus import Torus, torus, ways_about
 
 ZONE = 0.05

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from ...errors import NotCertifiedError
-from ...mechanism.constraint.extended import EPS
+from ...mechanism.constraint.extended_precision import EPS
 from ...mechanism.tree.tree import Array
 from .map_rates import ClusterRates
 
 ROUNDINGS, DOUBLE = 8.0, float(np.finfo(float).eps)
-"""How many roundings q and φ are taken to be off by, and their size in q; `extended.EPS` in φ."""
+"""How many roundings q and φ are taken to be off by, and their size in q; `extended_precision.EPS` in φ."""
 
 SAMPLES = 4
 """Ways of rounding that are tried."""

@@ -17,9 +17,9 @@ import numpy as np
 from ...errors import NotCertifiedError
 from ...mechanism.constraint.closure_rates import Placement
 from ...mechanism.tree.tree import Array
-from .around import INSIDE, Around
 from .continuation import Place, led
 from .map_rates import ClusterRates
+from .taylor_series import INSIDE, Around
 
 POINTS = 24, 20
 """Points around each circle."""

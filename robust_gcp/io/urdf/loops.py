@@ -68,7 +68,7 @@ TREELIKE = (
     "ros2_control",
     "gazebo",
 )
-"""Elements below <robot> whose meaning is known, and that tie nothing (but see `urdf_gazebo`)."""
+"""Elements below <robot> whose meaning is known, and that tie nothing (but see `gazebo`)."""
 
 REMEDY = (
     "write the loop as <loop>, <loop_joint>, <constraint>, drake:ball_constraint, <coupling> or <mimic>, or "

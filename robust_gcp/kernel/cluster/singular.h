@@ -80,7 +80,7 @@ inline std::pair<int, double> null_pairing(Space& space, const Matrix& P, const 
     return {r, smallest / (space.phi_size * way.norm())};
 }
 
-// The nearest configuration at which K loses rank, on the mode or beside it; see maps/cluster/place.py.
+// The nearest configuration at which K loses rank, on the mode or beside it; see maps/cluster/singular_place.py.
 struct Place {
     Vector x;
     double gap = 0.0;        // |uᵀ φ| there, in lengths

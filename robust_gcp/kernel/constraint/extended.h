@@ -1,5 +1,5 @@
 // φ of a part in extended precision: where K_d is nearly singular q is closed by it to its own rounding; see
-// mechanism/constraint/extended.py.
+// mechanism/constraint/extended_precision.py.
 #pragma once
 
 #include <algorithm>

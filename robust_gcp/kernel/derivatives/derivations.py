@@ -14,7 +14,7 @@ from ...mechanism.tree.tree import Array
 from ...warning import warn
 from ..library import library
 from ..loop_arrays import NotNativeError
-from .derivation import Derivation
+from .step_derivatives import Derivation
 
 BESIDE = 0.02
 """How far from a singular place rows of φ are chosen, dimensionless."""

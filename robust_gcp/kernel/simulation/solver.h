@@ -1,4 +1,4 @@
-// ẋ for a solver that chooses its own steps and takes trials back; see kernel/simulation/rates.py and simulation/runs/following.py.
+// ẋ for a solver that chooses its own steps and takes trials back; see kernel/simulation/rates.py and simulation/runs/solver_rates.py.
 #pragma once
 
 #include <algorithm>

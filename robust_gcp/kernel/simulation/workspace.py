@@ -122,7 +122,7 @@ class Workspace:
         watch : Watch, optional
             Up to where the steps go on in the same coordinates.
         best : float, optional
-            Largest conditioning of an output so far; see `simulation.recovery`.
+            Largest conditioning of an output so far; see `runs.recovery`.
         prescribed : ndarray (n + 1, s, 3, driven), optional
             See `Drive.stages`.
         """

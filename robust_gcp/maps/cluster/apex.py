@@ -9,7 +9,7 @@ import numpy as np
 from ...mechanism.tree.tree import Array
 from .jet import Jet
 from .obstacles import APEX
-from .place import place
+from .singular_place import place
 from .space import ClusterSpace
 
 BESIDE, LEFT = 1e-2, 2e-2

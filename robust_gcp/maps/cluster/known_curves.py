@@ -15,7 +15,7 @@ from .jet import Jet
 from .obstacles import Obstacle, ObstacleError, is_near_miss
 from .options import BridgeOptions, NoBridgeError
 from .patch import Follower, Patch
-from .place import place
+from .singular_place import place
 from .space import ClusterSpace
 from .touching.meeting_ahead import TOLD, MeetingAhead, met_before, through, through_meeting, touches_ahead
 from .touching.singular_mode import OVERLAP, window

@@ -11,7 +11,7 @@ from ...errors import SimulationError
 from ...mechanism.tree.tree import Array
 from .jet import Jet
 from .options import BridgeOptions, NoBridgeError
-from .place import Place, place
+from .singular_place import Place, place
 from .touching.meeting import Meeting
 
 DEEP = 0.3

@@ -10,9 +10,9 @@ from ...mechanism.coordinates.partition import spelled
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..explicit import Point
-from ..march import POOR
 from .chart import quality
 from .obstacles import Obstacle, ObstacleError
+from .regular_ground import POOR
 from .touching.meeting_ahead import touches_ahead
 from .tracker import Tracker
 

@@ -11,7 +11,7 @@ from ...checks import hint, listed, shown
 from ...errors import OptionError
 from ..mechanism import Mechanism
 from ..tree.tree import Array
-from .varied import MARK, frames_used
+from .variable_geometry import MARK, frames_used
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...checks import checked_vector, require_finite
 from ...errors import ModelError, PartitionError, StateError
-from ..at_each import at_each
 from ..loops import ClosedLoops
+from ..many_states import at_each
 from ..tolerances import COMPATIBLE, RANK
 from ..tree.joints import Joint
 from ..tree.tree import Array

@@ -17,8 +17,8 @@ import numpy as np
 import pinocchio as pin
 from mujoco import rollout
 
-from ...io.mjcf.out import mjcf_text
 from ...io.mjcf.stops import solref_of
+from ...io.mjcf.writer import mjcf_text
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.parts import JointFriction
 from ...mechanism.tree.joints import JointKind

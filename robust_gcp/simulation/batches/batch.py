@@ -20,8 +20,8 @@ from ...mechanism.parts import Part
 from ...mechanism.tree.tree import Array
 from ..derivatives.one_step import Stepped
 from ..runs.too_long_steps import Coarse
-from ..stepwise import Simulation
-from .given import controls_given, require_room, rows_given, slopes_of_step, spread, torques_given
+from ..simulation import Simulation
+from .arguments import controls_given, require_room, rows_given, slopes_of_step, spread, torques_given
 from .rows import BatchRows
 
 Rows = NDArray[np.int64]

@@ -36,8 +36,8 @@ from ..runs.too_long_steps import Coarse
 from ..simulate import checked_record, simulate
 from ..trajectories.acted import Acted
 from ..trajectories.trajectory import Trajectory
+from .compiled_steps import together
 from .runs import Runs
-from .together import together
 
 Start = tuple[ArrayLike | None, ArrayLike | None]
 """q0 and v0 as `simulate` takes them."""

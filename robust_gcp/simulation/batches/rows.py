@@ -20,7 +20,7 @@ from ...mechanism.tree.tree import Array
 from ...warning import warn
 from ..runs.starting import Given
 from ..runs.stepped import SteppedRun
-from ..stepwise import Simulation
+from ..simulation import Simulation
 from .row_charts import NOWHERE, BatchCharts, Place, Which
 
 Made = Callable[[Given, float, int, bool], Simulation]

@@ -1,6 +1,6 @@
 """Forward dynamics and its first derivatives, at one state or many: by the compiled kernel where it can.
 
-What it does not, `serving` and the reference do, which say what is wrong with a state.
+What it does not, `serving_coordinates` and the reference do, which say what is wrong with a state.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from numpy.typing import ArrayLike, NDArray
 from ...checks import check_callable, check_finite, check_mechanism
 from ...dynamics.change_of_coordinates import transformed
 from ...dynamics.derivatives import Derivatives, TorqueSlopes, slopes_of_all
-from ...dynamics.following import followed
 from ...dynamics.loads import Torques, Wrench
-from ...dynamics.modes.around import circles_of
+from ...dynamics.modes.taylor_series import circles_of
 from ...dynamics.problem import set_out
+from ...dynamics.torque_feedback import followed
 from ...errors import NonFiniteError, RobustGcpError
-from ...kernel.derivatives.derivation import Derivation
+from ...kernel.derivatives.step_derivatives import Derivation
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from . import serving
+from . import serving_coordinates as serving
 from .at_states import AtStates
 
 NEAR = 0.02

@@ -15,8 +15,8 @@ from ...checks import at_row, checked_rows, is_table, shown
 from ...dynamics.equations import TorqueFunction, torque_function
 from ...dynamics.loads import Torques, Wrench, one_torque
 from ...errors import OptionError
-from ...kernel.derivatives.derivation import Derivation
 from ...kernel.derivatives.derivations import derivation
+from ...kernel.derivatives.step_derivatives import Derivation
 from ...maps.start_check import checked_mode
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tolerances import DETERMINES

@@ -15,7 +15,7 @@ from ...dynamics.prescribed.motion import Motion
 from ...errors import NonFiniteError, OptionError
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from .drive_slopes import DriveSlopes
+from .drive_derivatives import DriveSlopes
 
 NUDGE = 1e-3
 """Step of differences of order 4 without units: they err by 1e-13 of smooth costs."""

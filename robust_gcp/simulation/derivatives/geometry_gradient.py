@@ -15,7 +15,7 @@ from ...dynamics.loads import one_torque
 from ...dynamics.prescribed.control import Actuated
 from ...dynamics.prescribed.motion import Motion
 from ...errors import OptionError, SimulationError
-from ...mechanism.building.varied import MARK, Varied, is_geometry, varied
+from ...mechanism.building.variable_geometry import MARK, Varied, is_geometry, varied
 from ...mechanism.constraint.closures import Closure
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array

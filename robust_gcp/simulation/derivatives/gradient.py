@@ -13,9 +13,9 @@ from ...dynamics.derivatives import TorqueSlopes, slopes_of_all
 from ...dynamics.equations import Torque
 from ...errors import OptionError
 from ...mechanism.building.lengths import Along, in_parts
-from ...mechanism.building.varied import is_geometry
+from ...mechanism.building.variable_geometry import is_geometry
 from ..batches.runs import Runs
-from ..runs.again import require_steps
+from ..runs.retries import require_steps
 from ..trajectories.trajectory import Trajectory
 from .cost import Cost, Gradient
 from .reverse_sweep import ReverseSweep
@@ -96,7 +96,7 @@ def gradient(
     parts = in_parts(trajectory.mechanism, parameters)
     names = list(dict.fromkeys(name for part in parts for name in part))
     if trajectory.dissipated is not None:
-        from ..phases.pulled import pulled  # loaded where it is used
+        from ..phases.gradient import pulled  # loaded where it is used
 
         swept = pulled(trajectory, cost, torque, names, torque_slopes, mode)
         return Gradient(swept.value, *swept.by_start, swept.by_torque, {})

@@ -11,17 +11,17 @@ from numpy.typing import ArrayLike, NDArray
 from ...checks import check_finite, check_mechanism, check_positive
 from ...dynamics.loads import Torques
 from ...errors import OptionError
-from ...kernel.derivatives.derivation import Derivation
 from ...kernel.derivatives.derivations import left_to_python
-from ...mechanism.building.varied import still_rows
+from ...kernel.derivatives.step_derivatives import Derivation
+from ...mechanism.building.variable_geometry import still_rows
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..simulate import simulate
 from .accelerations import answered, is_alone, learned
 from .at_states import AtStates, on_threads
-from .moved import Acting, Moved
-from .serving import parametrises, those_that_served
+from .serving_coordinates import parametrises, those_that_served
 from .step_derivatives import differentiated, parts_by_kernel, step_by_kernel
+from .step_of_motion import Acting, Moved
 
 
 class Stepped(NamedTuple):

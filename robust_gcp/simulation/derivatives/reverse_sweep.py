@@ -16,27 +16,27 @@ from numpy.typing import ArrayLike
 from ...dynamics.derivatives import AppliedSlopes, TorqueSlopes
 from ...dynamics.discrete import Stage
 from ...dynamics.equations import TorqueFunction, torque_function
-from ...dynamics.following import followed
 from ...dynamics.parameters import Parameters
 from ...dynamics.prescribed.drive import Drive
 from ...dynamics.prescribed.zero_order_hold import HeldTorque
 from ...dynamics.problem import Problem
+from ...dynamics.torque_feedback import followed
 from ...errors import SimulationError
-from ...kernel.derivatives.derivation import Derivation
 from ...kernel.derivatives.derivations import left_to_python
-from ...kernel.derivatives.slopes import by_parameters
-from ...mechanism.building.varied import still_rows
+from ...kernel.derivatives.returned import by_parameters
+from ...kernel.derivatives.step_derivatives import Derivation
+from ...mechanism.building.variable_geometry import still_rows
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from ..runs.again import applied_again, begun, coordinates_of, refined_until, require_answers, require_same
+from ..runs.retries import applied_again, begun, coordinates_of, refined_until, require_answers, require_same
 from ..trajectories.trajectory import Trajectory
 from .accelerations import derivatives
-from .backwards import Backwards, backwards, kernel_of
 from .cost import Cost, Gradient, Slopes, reduced
-from .drive_slopes import DriveSweep
-from .moved import Acting, Moved
+from .drive_derivatives import DriveSweep
+from .kernel_sweep import Backwards, backwards, kernel_of
 from .running_cost import Along, running_along
 from .step_derivatives import WHAT, Follower, differentiated
+from .step_of_motion import Acting, Moved
 
 STRETCH = 25
 """Steps that are kept at once."""

@@ -13,7 +13,7 @@ from ...errors import OptionError
 from ...mechanism.tree.tree import Array
 from ..phases.chain import Chain
 from ..phases.links import Link, whole
-from ..runs.again import require_steps
+from ..runs.retries import require_steps
 from ..trajectories.trajectory import Trajectory
 
 

@@ -18,14 +18,14 @@ from ...dynamics.discrete import differentiated_step
 from ...dynamics.modes.mode_rates import SPARED, UNSTEADY
 from ...dynamics.problem import Problem, set_out
 from ...errors import SimulationError
-from ...kernel.derivatives.derivation import SAME, Derivation
 from ...kernel.derivatives.derivations import derivation, left_to_python
+from ...kernel.derivatives.step_derivatives import SAME, Derivation
 from ...maps.choice import MapChoice
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..runs.crossings import in_new_chart
-from .moved import Acting, Moved
-from .serving import serving, state_of
+from .serving_coordinates import serving, state_of
+from .step_of_motion import Acting, Moved
 
 AGREE = 1e-8
 """Difference of whole and halves, relative, at which the halves are kept: theirs is a fifteenth of it."""

@@ -17,17 +17,17 @@ from ...kernel.derivatives.derivations import derivation
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..derivatives.accelerations import derivatives
-from ..derivatives.moved import Acting
-from ..derivatives.serving import serving
+from ..derivatives.serving_coordinates import serving
 from ..derivatives.step_derivatives import differentiated
-from ..runs.again import require_end
+from ..derivatives.step_of_motion import Acting
 from ..runs.coordinates import in_coordinates
+from ..runs.retries import require_end
 from ..trajectories.trajectory import Trajectory
 from .decision import Phase
 from .links import Link, Turned, whole
 from .rows import Kind
 from .saltation import jump_of, without_parts
-from .turn import BREAK, LATCH, Passed, Turn
+from .transitions import BREAK, LATCH, Passed, Turn
 
 LONGEST = 512
 """Steps that the kernel takes at once."""

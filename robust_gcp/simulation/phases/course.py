@@ -11,16 +11,16 @@ import numpy as np
 from ...errors import CuspError, SimulationError
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
+from .admissible import Seen
+from .at_rest import Still, rested
 from .decision import State, decided, settled
-from .frame import Seen
 from .happening import Happening
 from .impact import REST
-from .leg import Fault, Leg, Steps
+from .phase_run import Fault, Leg, Steps
 from .progress import FIRST
-from .rest import Still, rested
-from .round import RoundCusps
+from .round_cusp import RoundCusps
 from .rows import Kind
-from .turn import BREAK, LATCH, SWITCH, Turn
+from .transitions import BREAK, LATCH, SWITCH, Turn
 from .watch import Found
 
 MOST = 4096

@@ -12,10 +12,10 @@ import numpy as np
 
 from ...errors import SimulationError
 from ...mechanism.tree.tree import Array
+from .admissible import Frame, Seen
 from .bearings import ALIKE, MOST, REMEDY, FrictionBounds
-from .box import ZERO, box, independent_rows
-from .frame import Frame, Seen
 from .impact import REST, Tell, settled_impacts
+from .quadratic_programs import ZERO, box, independent_rows
 from .rows import Kind, Rows
 
 ON_STOP = 1e-13

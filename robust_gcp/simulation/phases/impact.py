@@ -19,8 +19,8 @@ from ...mechanism.parts import parts_given
 from ...mechanism.tolerances import NEARLY_CLOSED
 from ...mechanism.tree.tree import Array
 from ...warning import warn
-from .box import box
-from .frame import Frame, Seen
+from .admissible import Frame, Seen
+from .quadratic_programs import box
 from .rows import Kind, Rows
 
 REST = 1e-6

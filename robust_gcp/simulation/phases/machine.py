@@ -28,7 +28,7 @@ from ..events import Events
 from ..trajectories.acted import controls_along
 from .bearings import FrictionBounds
 from .decision import Acting, Phase, State
-from .leg import Leg, Steps
+from .phase_run import Leg, Steps
 from .rows import Rows
 from .sliding import Sliding
 

@@ -13,15 +13,15 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..events import Event, Events, checked_events
 from ..trajectories.trajectory import Trajectory
+from .admissible import Seen
 from .decision import Phase, State
-from .frame import Seen
+from .first_event import Stretch
 from .grid import Chosen, Grid
-from .joined import Block, Joined
-from .leg import Leg, Steps
 from .machine import Machines
+from .phase_run import Leg, Steps
+from .record import Block, Joined
 from .rows import Kind
-from .stretch import Stretch
-from .turn import START, Passed
+from .transitions import START, Passed
 
 FIRST = 8
 """Steps that are looked at together after an event, then doubled: some are taken for nothing."""

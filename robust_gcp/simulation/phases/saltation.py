@@ -20,10 +20,10 @@ from ...errors import NotDifferentiableError
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..derivatives.accelerations import derivatives
-from .frame import Seen
+from .admissible import Seen
 from .impact import Impulse, impulses
 from .rows import Kind, Rows
-from .turn import BREAK, START, Turn
+from .transitions import BREAK, START, Turn
 
 GRAZING = 1e-9
 """m/s or rad/s: a stop that is met more slowly is grazed."""

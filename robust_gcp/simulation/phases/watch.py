@@ -1,8 +1,8 @@
 """Events on a stretch of steps: gaps that close, springs touched or left, slips that end, holds that break.
 
 Gaps and rates are watched on the quintics through (r, ṙ, r̈) at both ends of each step: all their real roots,
-so that several bounces in one step, and touches between two ends, are found. `stretch` locates them then, on
-a partial step.
+so that several bounces in one step, and touches between two ends, are found. `first_event` locates them then,
+on a partial step.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from ...kernel.simulation.guard import Bounds, Guard
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..runs.crossings import quintic
+from .admissible import UNMOVED, Seen, admissible
 from .bearings import ALIKE as SAME
 from .bearings import MOST, REMEDY, FrictionBounds
-from .box import Load
 from .decision import Phase, resting
-from .falling import falling_root
-from .frame import UNMOVED, Seen, admissible
-from .leg import Steps
+from .phase_run import Steps
+from .polynomial_zeros import falling_root
+from .quadratic_programs import Load
 from .rows import Kind, Rows
 
 BELOW = 1e-13

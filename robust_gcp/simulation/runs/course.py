@@ -27,12 +27,12 @@ from ...printing import progress_bar
 from ..events import Event, Events
 from ..trajectories.acted import Acted
 from ..trajectories.trajectory import Trajectory
-from .adaptive import AdaptiveRun
-from .again import STIFF, taken_again, words_of
-from .fixed import FixedRun
+from .fixed_steps import FixedRun
 from .recovery import add_remedy
+from .retries import STIFF, taken_again, words_of
 from .run import Run
 from .schedule import Schedule, planned
+from .solver_run import AdaptiveRun
 from .stability import MOST_PARTS, StabilityCheck
 from .starting import Given, rates_at, started
 from .steppers import rk4_step
@@ -150,14 +150,14 @@ class Course:
         self, joints: Sequence[Part], start: Given, torque: Torque | ArrayLike | None, kernel: Library | None,
         required: bool, refused: dict[str, bool], progress: Progress,
     ) -> Trajectory:  # fmt: skip
-        """The motion with stops, friction and locks; see `phases.whole.run_phases`.
+        """The motion with stops, friction and locks; see `phases.run_phases`.
 
         Parameters
         ----------
         refused : dict of str to bool
             Arguments of `simulate` that do not go with them, and whether they were given.
         """
-        from ..phases.whole import require_plain, run_phases  # a run without them need not load them
+        from ..phases.run_phases import require_plain, run_phases  # a run without them need not load them
 
         require_plain(refused)
         with _reporting(progress, self.schedule, self.mechanism.name) as report:

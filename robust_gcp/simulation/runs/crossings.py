@@ -14,7 +14,7 @@ from ...maps.grouped import GroupMap, GroupPoint
 from ...mechanism.coordinates.groups import groups_of
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from ..trajectories.dense import Interpolant
+from ..trajectories.interpolant import Interpolant
 
 
 def map_of_rest(explicit: ExplicitMap) -> ExplicitMap:

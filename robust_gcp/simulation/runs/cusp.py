@@ -29,7 +29,7 @@ from ...maps.cluster.touching.meeting_builder import round_cusp
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..events import Events
-from ..phases.leg import Steps
+from ..phases.phase_run import Steps
 
 Acting = Callable[[float, Array, Array], tuple[Array, float]]
 """(t, q, v) -> all that acts besides gravity, (nv,), and the power of its part without a potential."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from ...dynamics.prescribed.drive import Drive
 from ...errors import SimulationError, ToggleError
 from ...maps.cluster.obstacles import ObstacleError
+from ...maps.cluster.regular_ground import POOR
 from ...maps.explicit import Point
-from ...maps.march import POOR
 from ...mechanism.tree.tree import Array
 
 

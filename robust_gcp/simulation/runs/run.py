@@ -26,12 +26,12 @@ from ..trajectories.acted import Acted, controls_along
 from ..trajectories.trajectory import Trajectory
 from .coordinates import Coordinates, in_coordinates
 from .crossings import map_of_rest, q_of_rest
-from .following import Following
 from .record import Record
 from .recovery import Checkpoint
 from .schedule import ALL, Keep, Schedule
+from .solver_rates import Following
 from .stats import Stats, Stretches
-from .within import FixedStep, SolverSteps
+from .within_steps import FixedStep, SolverSteps
 
 COUNTED = tuple(field.name for field in fields(Counters))
 

@@ -17,11 +17,11 @@ from ...kernel.simulation.steps import KernelMap, NativeSteps, most_steps
 from ...kernel.structures import Reason
 from ...maps.explicit import Crossing
 from ...mechanism.tree.tree import Array
+from ..current_state import Here
 from ..events import Events
-from ..present import Here
-from ..saved import unchanging
+from ..saved_state import unchanging
 from ..trajectories.trajectory import Trajectory
-from .fixed import FixedRun
+from .fixed_steps import FixedRun
 from .schedule import Schedule
 
 FIXED = (
@@ -34,7 +34,7 @@ FIXED = (
 class SteppedRun(FixedRun):
     """A run that goes on when asked to, under a torque that is held.
 
-    It has no stops, friction or locks: see `phases.stepwise`.
+    It has no stops, friction or locks: see `phases.phased_simulation`.
 
     Where it has to go back over steps that were taken, the torques held then act again.
 

@@ -16,8 +16,8 @@ from ...mechanism.tree.tree import Array
 from ..runs.stats import Stats
 from .access import UNRECORDED, FrameMotion, Named, Sample, frame_motion, recorded_columns
 from .acted import Acted, powered_columns
-from .dense import Interpolant, sampled_accelerations, times_within
 from .files import ARRAYS, data_frame, write_archive, write_csv
+from .interpolant import Interpolant, sampled_accelerations, times_within
 from .pictures import Pictures
 from .reactions import Loaded, Reaction
 from .sensing import sensed
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from ..phases.happening import Happening
-    from ..phases.turn import Forgotten, Passed
+    from ..phases.transitions import Forgotten, Passed
 
 
 @dataclass(repr=False)

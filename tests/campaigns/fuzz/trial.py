@@ -18,7 +18,7 @@ import numpy as np
 
 from robust_gcp.errors import RobustGcpError
 from robust_gcp.io.loader import load, model_names, models_folder
-from robust_gcp.io.mjcf.out import mjcf_text
+from robust_gcp.io.mjcf.writer import mjcf_text
 from robust_gcp.mechanism.mechanism import Mechanism
 from robust_gcp.simulation.simulate import simulate
 

@@ -20,7 +20,7 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ...warning import warn
 from ..derivatives.cost import checked_torques
-from ..derivatives.drive_slopes import DriveSweep
+from ..derivatives.drive_derivatives import DriveSweep
 from ..trajectories.acted import Acted
 from ..trajectories.trajectory import Trajectory
 from .schedule import Schedule

@@ -21,12 +21,12 @@ from ..runs.schedule import Schedule
 from ..runs.stability import StabilityCheck
 from ..runs.starting import rates_at, started
 from ..runs.zero_order_hold import HeldRun
-from ..trajectories.dense import Interpolant
+from ..trajectories.interpolant import Interpolant
 
 if TYPE_CHECKING:
     from ...dynamics.problem import Problem
     from ..runs.course import Course
-    from ..runs.fixed import FixedRun
+    from ..runs.fixed_steps import FixedRun
     from ..trajectories.trajectory import Trajectory
     from .machine import Machines
 
@@ -142,7 +142,7 @@ class Leg:
         native: NativeSteps | None,
         counters: Counters,
     ) -> FixedRun:
-        from ..runs.fixed import FixedRun
+        from ..runs.fixed_steps import FixedRun
 
         run = self._plan.made(motion, torque, native, counters, None)
         assert isinstance(run, FixedRun)  # no solver goes with phases

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...maps.start_check import checked_state, require_freedom
 from ...mechanism.tree.tree import Array
-from ..present import Here
+from ..current_state import Here
 from ..runs.crossings import together
 from .course import Phases
 from .grid import Chosen, Grid

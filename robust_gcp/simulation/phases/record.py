@@ -23,7 +23,7 @@ from ..trajectories.trajectory import Trajectory
 from .decision import Phase
 from .grid import Chosen
 from .happening import Happening
-from .leg import Steps
+from .phase_run import Steps
 from .rows import Rows
 
 WHAT = ("t", "q", "v", "a", "tau", "work", "smooth", "forces", "u")

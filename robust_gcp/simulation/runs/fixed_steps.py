@@ -15,13 +15,13 @@ from ...maps.cluster.obstacles import ObstacleError
 from ...maps.explicit import Point
 from ...mechanism.tree.tree import Array
 from .crossings import in_new_chart
+from .error_control import RefinedRun
 from .record import Record
 from .recovery import Checkpoint
-from .refined import RefinedRun
 from .stats import until
 from .steppers import FixedStep as Take
 from .steppers import rk4_step
-from .within import FixedStep, SolverSteps
+from .within_steps import FixedStep, SolverSteps
 
 WATCHED = 20
 """Outputs of a batch at which all rows of φ are looked at."""

@@ -20,12 +20,12 @@ from ...mechanism.tree.tree import Array
 from ..trajectories.trajectory import Trajectory
 from .coordinates import in_coordinates
 from .crossings import located, motion_at, placed_between, stretch_between
-from .following import Following
 from .recovery import Checkpoint, Recovery
 from .run import Run
+from .solver_rates import Following
 from .stats import extended
 from .steppers import NoProgressError, SolverStep, solver_steps
-from .within import SolverSteps
+from .within_steps import SolverSteps
 
 REFINED_RTOL, REFINED_ATOL = 1e-10, 1e-12
 """Tolerances of the error-controlled steps through a zone without a bridge."""

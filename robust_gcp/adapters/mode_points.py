@@ -6,8 +6,8 @@ from contextlib import suppress
 
 import numpy as np
 
-from ..dynamics.modes.around import INSIDE, Around, circles_of
 from ..dynamics.modes.mode_rates import ModeRates
+from ..dynamics.modes.taylor_series import INSIDE, Around, circles_of
 from ..dynamics.problem import set_out
 from ..errors import BranchError, SimulationError
 from ..maps.cluster.cluster_map import ClusterMap

@@ -8,12 +8,12 @@ from scipy.optimize import brentq
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..events import Events
+from .admissible import Seen
 from .decision import Phase, State
-from .frame import Seen
-from .joined import Block
-from .leg import Steps
 from .machine import Machines
-from .partial import Partial
+from .partial_steps import Partial
+from .phase_run import Steps
+from .record import Block
 from .rows import Kind
 from .watch import BELOW, Found, Holding, Signals, first_break
 

@@ -12,7 +12,7 @@ from ...dynamics.change_of_coordinates import Slope
 from ...dynamics.derivatives import PointDerivatives, TorqueSlopes
 from ...dynamics.discrete import Stage
 from ...dynamics.equations import CheckedTorque
-from ...dynamics.modes.around import circles_of
+from ...dynamics.modes.taylor_series import circles_of
 from ...dynamics.prescribed.drive import Drive
 from ...dynamics.prescribed.driven_derivatives import DrivenDerivatives
 from ...dynamics.prescribed.held_derivatives import HeldDerivatives

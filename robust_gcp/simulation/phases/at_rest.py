@@ -12,10 +12,10 @@ from scipy.optimize import brentq
 from ...errors import SimulationError
 from ...mechanism.tree.tree import Array
 from ..events import Events
+from .admissible import Seen
 from .decision import Phase, State
-from .frame import Seen
-from .joined import Block
 from .machine import Machines
+from .record import Block
 from .watch import Holding
 
 

@@ -15,11 +15,11 @@ from ...mechanism.tree.tree import Array
 from ..events import Zero
 from ..trajectories.trajectory import Trajectory
 from .crossings import in_new_chart, located, numbers, placed
-from .following import Following
 from .recovery import Checkpoint
 from .run import Run
+from .solver_rates import Following
 from .steppers import SolverStep, solver_steps
-from .within import SolverSteps
+from .within_steps import SolverSteps
 
 
 class AdaptiveRun(Run):

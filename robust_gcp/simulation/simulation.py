@@ -21,15 +21,15 @@ from ..maps.choice import METHODS, MapChoice, Method
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.parts import Part, parts_given
 from ..mechanism.tree.tree import Array
+from .current_state import Present
 from .events import EventFunction, checked_events
-from .present import Present
 from .runs.course import OVERFLOWN
 from .runs.schedule import Keep
 from .runs.starting import Given
 from .runs.too_long_steps import Coarse
-from .saved import SavedState, StartState
+from .saved_state import SavedState, StartState
 from .simulate import checked_record
-from .stepwise_plan import ROOM, StepwisePlan
+from .simulation_plan import ROOM, StepwisePlan
 from .trajectories.files import ARRAYS
 from .trajectories.trajectory import Trajectory
 

@@ -11,8 +11,8 @@ from ...dynamics.equations import CheckedTorque
 from ...dynamics.modes.mode_rates import ZONE
 from ...mechanism.tree.tree import Array
 from ..dynamics.acting import asking
-from .slopes import Pulled, Stages, Taken
-from .state_slopes import StateSlopes
+from .returned import Pulled, Stages, Taken
+from .state_derivatives import StateSlopes
 
 SAME = 1e-7
 """How far a step that is taken again may end from the next state: dimensionless, and relative for v."""

@@ -10,7 +10,7 @@ from ...dynamics.equations import Evaluation
 from ...maps.explicit import ExplicitMap
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from ..trajectories.dense import Interpolant
+from ..trajectories.interpolant import Interpolant
 from .crossings import coordinates
 
 Dense = Callable[[float], Array]

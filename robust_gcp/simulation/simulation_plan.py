@@ -31,7 +31,7 @@ from .simulate import checked_toggle
 from .trajectories.acted import Acted
 
 if TYPE_CHECKING:
-    from .phases.stepwise import PhasedRun
+    from .phases.phased_simulation import PhasedRun
 
 ROOM = 1024
 """Outputs that there is room for at first; when they are full, those that are not kept go, or it doubles."""
@@ -108,7 +108,7 @@ class StepwisePlan:
         return mechanism, run
 
     def _phased(self, start: Given) -> tuple[Mechanism, PhasedRun]:
-        from .phases.stepwise import PhasedRun  # a simulation without them need not load them
+        from .phases.phased_simulation import PhasedRun  # a simulation without them need not load them
 
         mechanism, toggle = self.mechanism, checked_toggle(None, self.choice.method, False)
         course = Course(

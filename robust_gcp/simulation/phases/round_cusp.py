@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...errors import CuspError
-from .frame import Seen
+from .admissible import Seen
 from .happening import Happening
 from .progress import Progress
 

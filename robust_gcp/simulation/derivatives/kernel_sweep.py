@@ -11,9 +11,9 @@ from ...dynamics.discrete import STAGES
 from ...dynamics.equations import CheckedTorque
 from ...dynamics.prescribed.drive import Drive
 from ...errors import RobustGcpError
-from ...kernel.derivatives.derivation import Derivation
 from ...kernel.derivatives.derivations import own_derivation
-from ...kernel.derivatives.slopes import Stages
+from ...kernel.derivatives.returned import Stages
+from ...kernel.derivatives.step_derivatives import Derivation
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..trajectories.trajectory import Trajectory

@@ -18,7 +18,7 @@ from ...mechanism.parts import Stop
 from ...mechanism.tree.joints import JointKind
 from ...mechanism.tree.tree import Array
 from ..written import Lost, Part, note, parts_of, plain_numbers, quaternion, text, whole_closures
-from .drives_out import DrivesWriter
+from .drives_writer import DrivesWriter
 from .stops import solref_of
 
 LEAST = 2e-15

@@ -14,15 +14,15 @@ from ...dynamics.loads import Torques, one_torque
 from ...dynamics.parameters import Parameters
 from ...errors import OptionError
 from ...mechanism.building.lengths import Along, in_parts
-from ...mechanism.building.varied import is_geometry, varied
+from ...mechanism.building.variable_geometry import is_geometry, varied
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from .accelerations import derivatives
 from .at_states import AtStates
 from .geometry_gradient import beside_singular, torque_of_all
-from .moved import Acting
 from .one_step import step
 from .step_derivatives import differentiated
+from .step_of_motion import Acting
 
 
 def by_parameters(

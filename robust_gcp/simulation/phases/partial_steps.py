@@ -22,7 +22,7 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..runs.starting import closed_by_kernel, is_plain, start_at
 from .decision import State
-from .leg import Steps
+from .phase_run import Steps
 
 if TYPE_CHECKING:
     from .machine import Machines

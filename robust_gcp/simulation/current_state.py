@@ -20,7 +20,7 @@ from .trajectories.sensing import sensed
 
 if TYPE_CHECKING:
     from .phases.happening import Happening
-    from .phases.stepwise import PhasedRun
+    from .phases.phased_simulation import PhasedRun
     from .runs.stepped import SteppedRun
 
 

@@ -17,14 +17,14 @@ from ...checks import require_finite
 from ...dynamics.change_of_coordinates import transformed
 from ...dynamics.derivatives import Accelerations, Derivatives, PointDerivatives, TorqueSlopes
 from ...dynamics.loads import Torques, Wrench, one_torque
-from ...dynamics.modes.around import Circles, circles_of
 from ...dynamics.modes.mode_rates import ZONE
+from ...dynamics.modes.taylor_series import Circles, circles_of
 from ...dynamics.prescribed.held_derivatives import HeldDerivatives
 from ...dynamics.problem import Problem, set_out
 from ...errors import ModelError, NonFiniteError, NotCertifiedError, SimulationError
 from ...kernel.derivatives.derivations import derivation, left_to_python
 from ...maps.explicit import Counters, Point
-from ...mechanism.building.varied import still_rows
+from ...mechanism.building.variable_geometry import still_rows
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tolerances import CLOSED
 from ...mechanism.tree.tree import Array

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...dynamics.derivatives import Accelerations
-from ...dynamics.modes.around import Around, circles_of
 from ...dynamics.modes.mode_rates import SPARED, STEADY, UNSTEADY, ZONE, ModeRates
+from ...dynamics.modes.taylor_series import Around, circles_of
 from ...errors import ClosureError
 from ...maps.regular_path import RegularPath
 from ...maps.start import Start
 from ...maps.start_check import apart
-from ...mechanism.building.varied import still_inputs
+from ...mechanism.building.variable_geometry import still_inputs
 from ...mechanism.constraint.rows import ROTATION, rows_of
 from ...mechanism.coordinates.clusters import LoopCluster
 from ...mechanism.mechanism import Mechanism
@@ -28,7 +28,7 @@ from ..description import describe
 from ..library import Library
 from ..loop_arrays import NotNativeError
 from ..structures import Arrays, ModeSeries, States
-from .slopes import Slopes
+from .returned import Slopes
 
 
 def mode_series(cluster: LoopCluster, around: Around) -> Arrays:
