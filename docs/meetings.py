@@ -41,7 +41,7 @@ def draw_cams() -> None:
         assert contact is not None
         curve = contact.found.curve
         us = np.linspace(-curve.R, curve.R, 201)
-        above.plot(us, [1e3 * curve.at(curve.u0 + u)[1] for u in us], color="C0")
+        above.plot(us, [1e3 * curve.values_at(curve.u0 + u)[1] for u in us], color="C0")
         above.axhline(0.0, color="0.7", linewidth=0.8)
         above.set(title=title, xlabel="u along the mid curve")
         depth = np.polynomial.polynomial.polyval(x, profile)

@@ -91,7 +91,7 @@ class Knot:
             return last
         self._taken, self._tau = None, tau
         start, m = self._state(x), self._mechanism.m
-        point = self._followed.at(start[:m], start[m : 2 * m])
+        point = self._followed.point_at(start[:m], start[m : 2 * m])
         taken = Taken(x.copy(), tau.copy(), h, x)
         if not self._by_kernel(point, taken):
             self._by_reference(start, taken)

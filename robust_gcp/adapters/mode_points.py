@@ -54,7 +54,7 @@ class Followed:
         alone = one and mechanism.tree.vector_space and len(mechanism.clusters[0].iq) == mechanism.nq
         self._cluster = mechanism.clusters[0] if alone else None
 
-    def at(self, y: Array, u: Array) -> Point:
+    def point_at(self, y: Array, u: Array) -> Point:
         """The point at y on the mode of the last one.
 
         Raises
@@ -78,7 +78,7 @@ class Followed:
                 far = np.abs(y - last.y).max(initial=0.0)
                 there = last.y + LEAP / far * (y - last.y) if far > LEAP else y
                 there = self._gate(last.y, there)
-                found = self.explicit().at(there, u)
+                found = self.explicit().point_at(there, u)
             if there is y:
                 return found
 
@@ -141,14 +141,14 @@ class Followed:
         assert self._cluster is not None  # it has circles
         iq, iv, unit = self._cluster.iq, self._cluster.iv, self._mechanism.units
         off = np.abs(here.q[iq] - around.q - around.moved(here.y)) / unit[iv]
-        turned = np.abs(here.G[iv] - around.at(here.y, np.ones(1)).G) / unit[iv, None]
+        turned = np.abs(here.G[iv] - around.rates_at(here.y, np.ones(1)).G) / unit[iv, None]
         return bool(off.max() < SAME_PLACE and turned.max() < SAME_WAY * np.abs(here.G / unit[:, None]).max())
 
     def _of(self, around: Around, y: Array, u: Array) -> Point:
         """A circle's point."""
         here, cluster, mechanism = self._explicit.anchor, self._cluster, self._mechanism
         assert cluster is not None  # it has circles
-        rates = around.at(y, u)
+        rates = around.rates_at(y, u)
         q, g, G = here.q.copy(), here.g.copy(), here.G.copy()
         q[cluster.iq], g[cluster.iv], G[cluster.iv] = around.q + around.moved(y), rates.g, rates.G
         q[mechanism.iq_independent] = y

@@ -217,7 +217,7 @@ class PointDerivatives:
 
     def at_start(self, t: float) -> Derivatives:
         """At the start of the motion."""
-        return self.at(t, self._start(t))
+        return self.derivatives_at(t, self._start(t))
 
     def whole_at_start(self, t: float) -> tuple[Derivatives, Accelerations]:
         """The same, with the accelerations of all joints."""
@@ -226,13 +226,13 @@ class PointDerivatives:
     def _start(self, t: float) -> Evaluation:
         return self.motion.equations.at_point(t, self.motion.start.point)
 
-    def at(self, t: float, now: Evaluation) -> Derivatives:
+    def derivatives_at(self, t: float, now: Evaluation) -> Derivatives:
         """At an evaluated point."""
         return self.whole(t, now)[0]
 
     def stage(self, t: float, now: Evaluation) -> tuple[Evaluation, Derivatives]:
         """At a stage of a step, and the evaluation that the step goes on with."""
-        return now, self.at(t, now)
+        return now, self.derivatives_at(t, now)
 
     def whole(self, t: float, now: Evaluation) -> tuple[Derivatives, Accelerations]:
         """The same, with the accelerations of all joints."""
@@ -242,7 +242,7 @@ class PointDerivatives:
     def _at(self, t: float, now: Evaluation) -> tuple[Derivatives, Accelerations]:
         mechanism, point = self.mechanism, now.point
         q, u = point.q, point.ydot
-        rates = self._mode.at(point)
+        rates = self._mode.rates_at(point)
         G = rates.G
         v = G @ u
         ydd = now.ydd if np.array_equal(G, point.G) else self._accelerations(q, v, now, rates)
@@ -250,7 +250,7 @@ class PointDerivatives:
         force = mechanism.tree.rnea(q, v, a).copy()
         if now.tau is not None:
             force -= now.tau
-        by_q, by_v, M = self._rigid.at(q, v, a)
+        by_q, by_v, M = self._rigid.derivatives_at(q, v, a)
         pulled_q, pulled_v = G.T @ by_q, G.T @ by_v
         for by in self._slopes(t, q, v, G):
             pulled_q, pulled_v = pulled_q - by[0], pulled_v - by[1]
@@ -278,7 +278,7 @@ class PointDerivatives:
 
     def _slopes(self, t: float, q: Array, v: Array, G: Array) -> list[tuple[Array, Array]]:
         """Gᵀ ∂τ/∂q and Gᵀ ∂τ/∂v of the mechanism's forces and of the user's torques."""
-        found = [] if self._forces is None else [self._forces.at(q, v, G)]
+        found = [] if self._forces is None else [self._forces.derivatives_at(q, v, G)]
         if self._applied.some:
             by_q, by_v = self._applied(t, q, v)
             found.append((G.T @ by_q, G.T @ by_v))

@@ -134,7 +134,7 @@ def differentiated_step(slopes: PointDerivatives, t: float, x: Array, h: float) 
     if equations.driven:  # there it is told where
         end = equations.evaluate(t + h, np.concatenate([after, work])).point
     else:
-        end = slopes.motion.explicit.at(after[:m], after[m:])
+        end = slopes.motion.explicit.point_at(after[:m], after[m:])
     none = np.zeros((mechanism.nv, m))  # of its rates nothing is asked
     return Step(h, stages, end, chart_slopes(mechanism, stages[0].now.point, end, none))
 

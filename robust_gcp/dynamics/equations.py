@@ -93,7 +93,7 @@ class EquationsOfMotion:
 
     def evaluate(self, t: float, x: Array) -> Evaluation:
         """Point, velocity and ÿ at state x."""
-        return self.at_point(t, self.explicit.at(x[self._y], x[self._ydot]))
+        return self.at_point(t, self.explicit.point_at(x[self._y], x[self._ydot]))
 
     def at_point(self, t: float, point: Point) -> Evaluation:
         """The same at a point that is known."""
@@ -118,7 +118,7 @@ class EquationsOfMotion:
             return tau, power
         self.explicit.counters.force_evaluations += 1
         if self._applied is not None:
-            tau, power = self._applied.at(q, v)
+            tau, power = self._applied.torque_at(q, v)
         if self._torque is not None:
             driven = self._torque(t, q, v)
             power += float(driven @ v)

@@ -160,14 +160,14 @@ class _FrameLoad:
         self._constant = np.split(np.zeros(6) if callable(wrench.force) else real_array(wrench.force), 2)
 
     def __call__(self, t: float, q: Array, v: Array, tau: Array) -> None:
-        _, point, force, moment = self.at(t, q, v)
+        _, point, force, moment = self.load_at(t, q, v)
         (x, y, z), (fx, fy, fz), (mx, my, mz) = point.tolist(), force.tolist(), moment.tolist()
         about_origin = np.array(
             (fx, fy, fz, mx + (y * fz - z * fy), my + (z * fx - x * fz), mz + (x * fy - y * fx))
         )
         tau += self._carries * self._tree.J.dot(about_origin)
 
-    def at(self, t: float, q: Array, v: Array) -> tuple[int, Array, Array, Array]:
+    def load_at(self, t: float, q: Array, v: Array) -> tuple[int, Array, Array, Array]:
         """The joint that carries the frame, its origin, force and moment there, in world axes."""
         force, moment = self._constant
         if self._supplied is not None:
@@ -186,7 +186,7 @@ def wrench_of(
     mechanism: Mechanism, wrench: Wrench, t: float, q: Array, v: Array
 ) -> tuple[int, Array, Array, Array]:
     """What a wrench is at a state: joint that carries it, point, force and moment about it, in world axes."""
-    joint, point, force, moment = _FrameLoad(mechanism, wrench).at(t, q, v)
+    joint, point, force, moment = _FrameLoad(mechanism, wrench).load_at(t, q, v)
     return joint, point + mechanism.standpoint, force, moment
 
 

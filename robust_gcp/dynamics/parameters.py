@@ -111,7 +111,7 @@ class Parameters:
         mechanism = self._mechanism
         moved = np.zeros((mechanism.nv, len(self.names)))
         if self.bodies:
-            Y = torque_regressor(mechanism).at(q, v, a)
+            Y = torque_regressor(mechanism).matrix_at(q, v, a)
             for i, joint, share in self.bodies:
                 moved[:, i] = -Y[:, 10 * joint : 10 * joint + 10] @ share
         for i, k in self.armature:
@@ -146,7 +146,9 @@ def torques_by(mechanism: Mechanism, what: str, force: Numbered, q: Array, v: Ar
     if isinstance(force, PointSpring):
         parts = [(sign, Lines(mechanism.tree, [spring])) for sign, spring in _differences(force, what)]
         states = list(zip(q, v, strict=True))
-        return slice(None), np.array([sum(sign * lines.at(*at)[0] for sign, lines in parts) for at in states])
+        return slice(None), np.array(
+            [sum(sign * lines.torque_at(*at)[0] for sign, lines in parts) for at in states]
+        )
     joint = force.place(mechanism.joints)
     if isinstance(force, JointDamper):
         return joint.v, -v[:, joint.v]

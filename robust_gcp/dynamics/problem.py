@@ -84,7 +84,7 @@ def set_out(
     start = begin_motion(mechanism, q, v0, mode, choice.options, counters)
     if drive is not None:
         start.ydot = start.ydot.copy()
-        start.ydot[drive.driven] = drive.at(drive.start)[1]
+        start.ydot[drive.driven] = drive.motion_at(drive.start)[1]
     return over(start, torque, choice, drive)
 
 

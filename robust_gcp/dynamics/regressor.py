@@ -64,7 +64,7 @@ class TorqueRegressor(threading.local):
     def __init__(self, mechanism: Mechanism) -> None:
         self._model, self._data = mechanism.near, mechanism.near.createData()
 
-    def at(self, q: Array, v: Array, a: Array) -> Array:
+    def matrix_at(self, q: Array, v: Array, a: Array) -> Array:
         """Y at (q, v, a)."""
         Y = np.array(pin.computeJointTorqueRegressor(self._model, self._data, q, v, a))
         return np.hstack([Y, np.diag(a)])
@@ -111,7 +111,7 @@ def regressor(
     wanted = checked_vector(udot, mechanism.m, "udot", "m")
     point = set_out(mechanism, q, v, mode).start.point
     G = point.G
-    Y = torque_regressor(mechanism).at(point.q, G @ point.ydot, G @ wanted + point.g)
+    Y = torque_regressor(mechanism).matrix_at(point.q, G @ point.ydot, G @ wanted + point.g)
     return Regressor(
         require_finite(G.T @ Y, "the regressor"), inertial_names(mechanism), inertial_values(mechanism)
     )

@@ -40,7 +40,7 @@ class RigidSlopes(threading.local):
             )
         self._data = self._model.createData()
 
-    def at(self, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
+    def derivatives_at(self, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
         """∂RNEA/∂q, ∂RNEA/∂v and M at (q, v, a), (nv, nv) each; q along the velocities' components."""
         by_q, by_v, M = pin.computeRNEADerivatives(self._model, self._data, q, v, a)
         return np.array(by_q), np.array(by_v), np.array(M)

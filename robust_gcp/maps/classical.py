@@ -51,7 +51,7 @@ class ClassicalMap(Unaware):
         """Go on from a point that was reached elsewhere; there are no bridges here."""
         self.anchor = anchor
 
-    def at(self, y: Array, ydot: Array) -> Point:
+    def point_at(self, y: Array, ydot: Array) -> Point:
         """The point at y that Newton finds.
 
         Raises

@@ -190,7 +190,7 @@ class ExplicitMap(Protocol):
         """What solves on regular ground."""
         ...
 
-    def at(self, y: Array, ydot: Array) -> Point:
+    def point_at(self, y: Array, ydot: Array) -> Point:
         """The point at y, or an error that says why there is none."""
         ...
 

@@ -124,7 +124,7 @@ class FourBarMap(Unaware):
         apart = theta - self.linkage.evaluate(float(theta[0]))[0]
         self._turns = 2.0 * np.pi * np.round(apart / (2.0 * np.pi))
 
-    def at(self, y: Array, ydot: Array) -> Point:
+    def point_at(self, y: Array, ydot: Array) -> Point:
         """The point at y; ToggleError at a dead point, beyond it, or where a step may have passed it."""
         left = self._to_dead_point(self.anchor.y)
         try:

@@ -80,10 +80,10 @@ class GroupMap:
         """Whether a singular surface was met so far."""
         return self.rest.met
 
-    def at(self, y: Array, ydot: Array) -> GroupPoint:
+    def point_at(self, y: Array, ydot: Array) -> GroupPoint:
         """The point at y in the present chart, with velocities u = ydot."""
         own = self.groups.rest_inputs
-        rest = self.rest.at(y[own], ydot[own])
+        rest = self.rest.point_at(y[own], ydot[own])
         self._anchor = joined(self.groups, rest, _origin(self._anchor), y, ydot)
         return self._anchor
 

@@ -42,7 +42,7 @@ class ProjectionMap(Charted):
         """What was computed so far."""
         return self.path.counters
 
-    def at(self, y: Array, ydot: Array) -> Point:
+    def point_at(self, y: Array, ydot: Array) -> Point:
         """The point at y; projected where K_d is rank deficient.
 
         Raises

@@ -139,7 +139,7 @@ def begin(
     trackers = None if contact is None else _in_contact(contact, number, G, options, counters)
     if trackers is None:
         trackers = _beside(mechanism, q, G, options, counters)
-    return Start(path, ClusterMap(path, point, options, trackers=trackers).at(y, ydot), ydot, trackers)
+    return Start(path, ClusterMap(path, point, options, trackers=trackers).point_at(y, ydot), ydot, trackers)
 
 
 def _in_contact(

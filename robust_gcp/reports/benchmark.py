@@ -124,7 +124,7 @@ def measure(n: int, budget: float = 0.1) -> dict[str, float]:
 
     parts: dict[str, Callable[[], object]] = {
         "rhs": lambda: equations(0.0, np.array([next(sweep), 1.0])),
-        "map": lambda: explicit.at(np.array([next(sweep)]), unit),
+        "map": lambda: explicit.point_at(np.array([next(sweep)]), unit),
         "M_and_C": inertia,
         "zone_test": lambda: there.conditioning < zone or not same_branch(here, there),
         "numpy_phi_K": constraint,

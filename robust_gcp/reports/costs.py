@@ -43,7 +43,7 @@ from .work_precision.ours import Ours
 PARTS: dict[str, tuple[Callable[..., Any], ...]] = {
     "RNEA": (Tree.rnea,),
     "CRBA": (Tree.crba,),
-    "forces": (AppliedForces.at,),
+    "forces": (AppliedForces.torque_at,),
     "SVD": (np.linalg.svd,),
     "2nd order": (analyse, null_pairing),
     "energies": (Mechanism.energy,),

@@ -60,7 +60,7 @@ def same_steps(
 
 
 def _configuration(f: EquationsOfMotion, x: Array) -> Array:
-    return f.explicit.at(x[: f.m], x[f.m :]).q
+    return f.explicit.point_at(x[: f.m], x[f.m :]).q
 
 
 def _refined(f: EquationsOfMotion, x: Array, t: float, end: float, loose: float) -> Array:

@@ -25,7 +25,7 @@ def jumps(mech: rg.Mechanism, follows: Followed, low: float, high: float, count:
     rng, places = np.random.default_rng(0), []
     for _ in range(count):
         try:
-            point = follows.at(rng.uniform(low, high, 1), rng.normal(size=1))
+            point = follows.point_at(rng.uniform(low, high, 1), rng.normal(size=1))
         except rg.SimulationError:
             continue
         assert mech.closure_residual(point.q) < 1e-9
@@ -54,7 +54,7 @@ def test_the_other_mode_and_modes_that_pass_each_other_are_told_apart(gap: float
     for q in places:
         plain = set_out(mech, mech.home, mech.lift(mech.home, [-1.0])).explicit
         for share in np.linspace(0.0, 1.0, 101)[1:]:
-            point = plain.at(mech.home[:1] + share * (q[:1] - mech.home[:1]), np.zeros(1))
+            point = plain.point_at(mech.home[:1] + share * (q[:1] - mech.home[:1]), np.zeros(1))
         np.testing.assert_allclose(q, point.q, rtol=0.0, atol=1e-7)
 
 

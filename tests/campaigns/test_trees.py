@@ -47,12 +47,12 @@ def test_closed_forms_serve_in_any_joint() -> None:
     """G and g of the product of loops in couplers and rockers, against those of the mechanism itself."""
     tree, equations, exact = two()
     mechanism, m = equations.mechanism, equations.m
-    here = equations.explicit.at(exact[3][:m], exact[3][m:])
+    here = equations.explicit.point_at(exact[3][:m], exact[3][m:])
     v = here.G @ here.ydot
     names = [("coupler", "rocker")[i % 2] + str(i) for i in range(m)]
     other = mechanism.with_independent(names)
     explicit = LoopsInClosedForm(equations.explicit.path, here, tree.lengths, other)
-    point = explicit.at(here.q[other.iq_independent], v[other.iv_independent])
+    point = explicit.point_at(here.q[other.iq_independent], v[other.iv_independent])
     np.testing.assert_allclose(point.q, here.q, atol=1e-12)
     np.testing.assert_allclose(point.G, other.G(here.q), atol=1e-9)
     np.testing.assert_allclose(point.g, other.g(here.q, v), atol=1e-9 * (1.0 + np.abs(point.g).max()))

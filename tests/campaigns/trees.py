@@ -207,7 +207,7 @@ def _in_other(
 ) -> tuple[EquationsOfMotion, Array]:
     """The equations and the state in other coordinates."""
     m, path = equations.m, equations.explicit.path
-    point = equations.explicit.at(x[:m], x[m:])
+    point = equations.explicit.point_at(x[:m], x[m:])
     mechanism = equations.mechanism.with_independent(names)
     explicit = LoopsInClosedForm(path, point, tree.lengths, mechanism)
     rates = (point.G @ point.ydot)[mechanism.iv_independent]
@@ -217,4 +217,4 @@ def _in_other(
 
 def _configurations(equations: EquationsOfMotion, states: Array) -> Array:
     m = equations.m
-    return np.array([equations.explicit.at(x[:m], x[m : 2 * m]).q for x in states])
+    return np.array([equations.explicit.point_at(x[:m], x[m : 2 * m]).q for x in states])

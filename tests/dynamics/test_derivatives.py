@@ -376,7 +376,7 @@ class Rows:
 
     def at(self, dq: Array, dv: Array) -> Any:
         place = self.rates.real(self.mech.tree.integrate(self.q, dq))
-        return self.rates.at(place, self.v + dv, self.a)
+        return self.rates.products_at(place, self.v + dv, self.a)
 
     def slope(self, name: str) -> Array:
         return differences(lambda d: np.asarray(getattr(self.at(d, self.still), name)), self.mech.nv, 5e-3)

@@ -158,7 +158,7 @@ class TestOnAFreeBase:
         motion = set_out(self.MECH, self.FLAT, v, mode)
         start, crank = motion.start.point, np.eye(self.MECH.m)[-1]
         for share in np.linspace(0.2, 1.0, 5):
-            point = motion.explicit.at(start.y + share * s * crank, start.ydot)
+            point = motion.explicit.point_at(start.y + share * s * crank, start.ydot)
         return motion.equations.at_point(0.0, point).ydd
 
 

@@ -106,14 +106,14 @@ def differences(beside: Beside, seed: int, count: int = 3) -> Differences:
         q, v, u = beside.random(rng)
         found = [0.0] * 4
         if mech.actuation is not None:
-            forces, tau = mech.actuation.at(q, v, u)
+            forces, tau = mech.actuation.forces_at(q, v, u)
             found[0] = _off(forces, d.actuator_force[beside.ids])
             found[1] = _off(beside.to_mujoco(tau), d.qfrc_actuator - _constant(m))
         passive = np.zeros(m.nv) if mech.applied is None else beside.to_mujoco(mech.applied.tau(q, v))
         found[2] = _off(passive - _constant(m), d.qfrc_passive)
         mech.tree.jacobians(q)
         for t, path in enumerate(paths):
-            length, moment = path.at(q)
+            length, moment = path.length_at(q)
             row = slice(m.ten_J_rowadr[t], m.ten_J_rowadr[t] + m.ten_J_rownnz[t])
             theirs = np.zeros(m.nv)
             theirs[m.ten_J_colind[row]] = np.ravel(d.ten_J)[row]

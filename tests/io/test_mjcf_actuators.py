@@ -142,7 +142,9 @@ def test_they_are_written_and_read_back(tmp_path: Path) -> None:
     for _ in range(20):
         q = one.tree.integrate(one.home, 0.3 * rng.normal(size=one.nv))
         v, u = rng.normal(size=one.nv), rng.uniform(0.0, 1.0, len(one.actuators))
-        for ours, again in zip(one.actuation.at(q, v, u), two.actuation.at(q, v, u), strict=True):
+        for ours, again in zip(
+            one.actuation.forces_at(q, v, u), two.actuation.forces_at(q, v, u), strict=True
+        ):
             assert again == pytest.approx(ours, rel=1e-9, abs=1e-9)
 
 
@@ -168,7 +170,7 @@ class TestRobots:
         for q, v in closed_states(mech, 3):
             u = rng.normal(size=len(mech.actuators))
             wanted = hard_loops(beside, mech, q, v, u)
-            udot = rg.forward_dynamics(mech, q, v, mech.actuation.at(q, v, _clipped(mech, u))[1])
+            udot = rg.forward_dynamics(mech, q, v, mech.actuation.forces_at(q, v, _clipped(mech, u))[1])
             a = mech.G(q) @ udot + mech.g(q, v)
             assert np.abs(a - wanted).max() < 1e-9 * max(1.0, np.abs(wanted).max())
 

@@ -192,7 +192,7 @@ class TestDerivatives:
         found = kernel.slopes(q[None], v[None], tau[None])
         assert found.good.all()
         exact = reference.derivatives(mech, q, v, tau)
-        same(found.at(0), exact)
+        same(found.of_state(0), exact)
         same(rg.derivatives(mech, q, v, tau), exact)
         np.testing.assert_array_equal(rg.forward_dynamics(mech, q, v, tau), found.udot[0])
 

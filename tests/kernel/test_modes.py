@@ -78,7 +78,7 @@ def test_along_motions_through_singular_places(name: str) -> None:
         if not 0 <= i < len(run.t):
             continue
         exact = reference.derivatives(mech, run.q[i], run.v[i], tau)
-        for each in (found, again.at(slice(None))):
+        for each in (found, again.of_state(slice(None))):
             for field in fields(exact):
                 one, other = getattr(each, field.name)[i], getattr(exact, field.name)
                 np.testing.assert_allclose(one, other, rtol=0.0, atol=SAME * max(1.0, np.abs(other).max()))

@@ -57,7 +57,7 @@ def test_a_series_is_the_mode_wherever_it_serves() -> None:
         point = start.path.settle(q.copy(), y, u)
         if point is None or point.conditioning < 0.02:
             continue
-        found, exact = around.at(y, u), rates.at(rates.rates.real(rates.closed(q)), u)
+        found, exact = around.rates_at(y, u), rates.rates_at(rates.rates.real(rates.closed(q)), u)
         for part in ("G", "g", "bend", "V_y", "A_y", "A_u"):
             one, other = getattr(found, part), getattr(exact, part)
             off = np.abs(one - other).max() / (1.0 + np.abs(other).max())
@@ -100,7 +100,7 @@ def test_steps_across_a_surface_have_the_derivatives_of_their_differences() -> N
 
     def end(change: np.ndarray) -> np.ndarray:
         at, fast = y + change[:2], u + change[2:]
-        near, G = q.copy(), around.at(at, fast).G
+        near, G = q.copy(), around.rates_at(at, fast).G
         near[mech.clusters[0].iq] = around.q + around.moved(at)
         after = rg.step(mech, near, G @ fast, tau, h)
         return np.concatenate([after.q[mech.iq_independent], after.v[mech.iv_independent]])

@@ -49,7 +49,10 @@ def test_derivatives_beside_an_apex_are_those_of_seventy_digits(apart: float) ->
         if not found.good[0]:
             continue
         served += kernel.G_where_poor(q, mech.lift(q, u)) is not None
-        told, accelerations = found.at(0), kernel.forward_dynamics(q[None], mech.lift(q, u)[None], tau[None])
+        told, accelerations = (
+            found.of_state(0),
+            kernel.forward_dynamics(q[None], mech.lift(q, u)[None], tau[None]),
+        )
         parts = [np.array([[float(x) for x in row] for row in part]) for part in digits]
         pairs = zip((told.udot[None], told.da_dy, told.da_dv, told.da_dtau), parts, strict=True)
         for ours, theirs in [*pairs, (accelerations[1], parts[0])]:

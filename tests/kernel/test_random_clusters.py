@@ -99,7 +99,7 @@ def test_derivatives_as_by_the_reference(seed: int) -> None:
     exact = reference.derivatives(mechanism, mechanism.home, v, tau)
     if not found.good.all():
         pytest.skip("near a singular configuration, which is the reference's")
-    same(found.at(0), exact, 1e-9)
+    same(found.of_state(0), exact, 1e-9)
 
 
 @pytest.mark.parametrize("seed", some(SEEDS, 16))

@@ -38,7 +38,7 @@ def test_beside_the_regressor(name: str) -> None:
     assert found is not None
     by_inertia, by_gravity = found
     regressor = torque_regressor(mech)
-    wanted = sum(w @ regressor.at(*state) for w, *state in zip(weights, q, v, a, strict=True))
+    wanted = sum(w @ regressor.matrix_at(*state) for w, *state in zip(weights, q, v, a, strict=True))
     np.testing.assert_allclose(
         by_inertia.ravel(), wanted[: by_inertia.size], atol=1e-12 * np.abs(wanted).max()
     )

@@ -159,7 +159,7 @@ def test_trackers_pass_between_the_backends(name: str) -> None:
     again_written = written(read_back(explicit))
     np.testing.assert_allclose(again_written[:-1], numbers[:-1], rtol=1e-12, atol=1e-12)
     here = point_of_rest(sim._run.last.point)
-    again = explicit.at(here.y, here.ydot)
+    again = explicit.point_at(here.y, here.ydot)
     assert np.abs(again.q - here.q).max() < 1e-13
     assert np.abs(again.G - here.G).max() < 1e-11
 

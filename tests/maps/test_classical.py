@@ -41,7 +41,7 @@ def test_identities_at_random_configurations(
         explicit = classical(mech, q, v)
         y = q[mech.iq_independent] + rng.uniform(-0.01, 0.01, mech.m)
         ydot = rng.uniform(-1, 1, mech.m)
-        point = explicit.at(y, ydot)
+        point = explicit.point_at(y, ydot)
         G, g = point.G, point.g
         K, k = mech.K(point.q), mech.k(point.q, G @ ydot)
         np.testing.assert_array_equal(point.q[mech.iq_independent], y)
@@ -71,10 +71,10 @@ def test_G_and_g_are_the_derivatives_of_the_motion(
 
     def at(s: float) -> tuple[Array, Array]:
         explicit.anchor = start
-        point = explicit.at(start.y + s * ydot, ydot)
+        point = explicit.point_at(start.y + s * ydot, ydot)
         return mech.tree.difference(start.q, point.q), point.G @ ydot
 
-    here = explicit.at(start.y, ydot)
+    here = explicit.point_at(start.y, ydot)
     h = 2e-3  # γ turns over some tenths here: (h/0.1)⁸ is below rounding, ε/h = 1e-13 of it is left
     scale = max(1.0, np.abs(here.g).max())
     np.testing.assert_allclose(derivative(lambda s: at(s)[0], h), here.G @ ydot, atol=1e-9 * scale)
@@ -91,7 +91,7 @@ def test_agrees_with_the_closed_form(lengths: tuple[float, float, float, float])
         explicit = classical(mech, q, 2.0 * G, newton_start)  # type: ignore[arg-type]
         for y in np.arange(0.5, 2.5, 0.02):
             q, G, second = bar.evaluate(y, near=explicit.anchor.q)
-            point = explicit.at(np.array([y]), np.array([2.0]))
+            point = explicit.point_at(np.array([y]), np.array([2.0]))
             np.testing.assert_allclose(point.q, q, atol=1e-12)
             np.testing.assert_allclose(point.G[:, 0], G, atol=1e-12)
             np.testing.assert_allclose(point.g, 4.0 * second, atol=1e-11)
@@ -102,7 +102,7 @@ def test_evaluations_may_come_in_any_order() -> None:
     bar, mech = FourBar(4.0, 1.0, 3.5, 3.0), rg.load("crank_rocker")
     explicit = classical(mech, *bar.evaluate(1.0)[:2])
     for y in (1.05, 0.95, 1.0, 1.1, 1.0):
-        point = explicit.at(np.array([y]), np.ones(1))
+        point = explicit.point_at(np.array([y]), np.ones(1))
         np.testing.assert_allclose(point.q, bar.evaluate(y)[0], atol=1e-13)
 
 
@@ -190,7 +190,7 @@ def test_beyond_its_reach_it_stops() -> None:
     q, G, _ = bar.evaluate(1.0)
     explicit = classical(mech, q, G)
     with pytest.raises(rg.BranchError, match=r"no solution at y = \[0\.\].*bridge"):
-        explicit.at(np.zeros(1), np.ones(1))
+        explicit.point_at(np.zeros(1), np.ones(1))
 
 
 def test_a_tree_needs_no_newton() -> None:

@@ -150,8 +150,8 @@ def test_a_pass_of_three_coordinates_is_as_good_as_its_steps(cut: int) -> None:
 def test_steps_with_error_control_beside_a_cone_are_the_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
     """Python evaluates the map where the run turns to such steps, and nowhere else."""
     asked: list[float] = []
-    at = ClusterMap.at
-    monkeypatch.setattr(ClusterMap, "at", lambda self, y, ydot: asked.append(0.0) or at(self, y, ydot))
+    at = ClusterMap.point_at
+    monkeypatch.setattr(ClusterMap, "point_at", lambda self, y, ydot: asked.append(0.0) or at(self, y, ydot))
     mechanism, v = origami(0)
     run = rg.simulate(mechanism, v0=v, duration=0.3, step=1e-3)
     assert run.stats.refined_steps > 100

@@ -31,15 +31,15 @@ def test_one_long_step_leads_where_many_short_ones_do(lengths, assembly, turns):
     short, long = (map_of(lengths, 1.0, assembly, turns) for _ in range(2))
     start = short.anchor.y[0]
     for y in np.linspace(start, start + 40.0, 400):
-        q = short.at(np.array([y]), np.zeros(1)).q
-    assert long.at(np.array([start + 40.0]), np.zeros(1)).q == pytest.approx(q, abs=1e-9)
+        q = short.point_at(np.array([y]), np.zeros(1)).q
+    assert long.point_at(np.array([start + 40.0]), np.zeros(1)).q == pytest.approx(q, abs=1e-9)
 
 
 def test_jump_over_a_dead_point_is_refused():
     lengths = (1.0, 1.0, 0.5, 0.5)  # |y| ≤ 60°
     explicit = map_of(lengths, 0.5)
     with pytest.raises(rg.ToggleError, match="beyond a dead point"):
-        explicit.at(np.array([0.5 + 2.0 * np.pi]), np.zeros(1))
+        explicit.point_at(np.array([0.5 + 2.0 * np.pi]), np.zeros(1))
 
 
 @pytest.mark.parametrize("r", [1e-2, 1e-4, 1e-6])

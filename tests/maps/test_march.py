@@ -24,7 +24,7 @@ def map_at(y: float, lengths=LENGTHS) -> ClusterMap:
 @pytest.mark.parametrize(("before", "after"), [(7.43178, 2.18453), (2.0, 5.9), (4.9, 0.5), (-4.0, 1.3)])
 def test_a_long_step_over_a_crossing_keeps_the_mode(before, after):
     # both assemblies have a determinant of the same sign on the two sides: only the way between tells
-    followed = map_at(before).at(np.array([after]), np.zeros(1)).q
+    followed = map_at(before).point_at(np.array([after]), np.zeros(1)).q
     apart = FourBar(*LENGTHS).evaluate(after)[0] - FourBar(*LENGTHS).evaluate(before)[0]
     expected = four_bar(*LENGTHS, y=before).home + apart
     assert followed == pytest.approx(expected, abs=1e-9)
@@ -43,4 +43,4 @@ def test_reach_of_a_step_does_not_depend_on_units(scale):
 
 def test_more_than_a_turn_at_once_is_refused():
     with pytest.raises(rg.BranchError, match="more than a turn"):
-        map_at(2.5).at(np.array([12.5]), np.zeros(1))
+        map_at(2.5).point_at(np.array([12.5]), np.zeros(1))

@@ -525,7 +525,7 @@ def false_certificates(rng: np.random.Generator, copies: int) -> list[str]:
         many = [(u, p) for u, p in found.places if p > 1]
         if not many:
             continue
-        places = [(float(found.curve.at(u)[0][0] * space.D[0]) - x0, p) for u, p in many]
+        places = [(float(found.curve.values_at(u)[0][0] * space.D[0]) - x0, p) for u, p in many]
         most = max(p for _, p in many)
         half = min(0.8 * found.curve.R, half_width(most // 2) if most >= MANY else np.inf)
         half *= space.D[0] * abs(found.curve.surface.t[0])

@@ -37,12 +37,12 @@ def test_exactly_at_the_singularity(name: str, singular: float, ydot: float) -> 
     mech = rg.load(name)
     y0 = singular + 0.01
     explicit = projection(mech, y0 * ALONG, ydot * ALONG)
-    point = explicit.at(np.array([singular]), np.array([ydot]))
+    point = explicit.point_at(np.array([singular]), np.array([ydot]))
     np.testing.assert_allclose(point.q, singular * ALONG, atol=1e-14)
     np.testing.assert_allclose(point.G[:, 0], ALONG, atol=1e-13)
     np.testing.assert_array_equal(point.g, 0.0)
     assert np.abs(mech.K(point.q) @ point.G).max() < 1e-13
-    beyond = explicit.at(np.array([singular - 0.01]), np.array([ydot]))
+    beyond = explicit.point_at(np.array([singular - 0.01]), np.array([ydot]))
     np.testing.assert_allclose(beyond.q, (singular - 0.01) * ALONG, atol=1e-13)
 
 
@@ -57,7 +57,7 @@ def test_alpha_is_the_projection_of_the_last_G() -> None:
     Q, _ = np.linalg.qr(N / mech.column_scale[:, None])
     scaled = start.G / mech.column_scale[:, None]
     expected = mech.column_scale[:, None] * (Q @ (Q.T @ scaled))
-    point = explicit.at(np.zeros(1), np.ones(1))
+    point = explicit.point_at(np.zeros(1), np.ones(1))
     # the wrong G predicts q wrong by 0.01 · 0.2, which turns ker K by the square of it
     np.testing.assert_allclose(point.G, expected / expected[0], atol=(0.01 * 0.2) ** 2)
     assert abs(mech.K(point.q)[1] @ point.G[:, 0]) < (0.01 * 0.2) ** 2
@@ -101,7 +101,7 @@ def test_on_curved_modes_it_errs_with_the_distance(assembly: int) -> None:
             s *= 0.9
         q, G, _ = bar.evaluate(PI - 20.0 * s)
         explicit = projection(mech, q, G, threshold)
-        point = explicit.at(np.array([PI - s]), np.ones(1))
+        point = explicit.point_at(np.array([PI - s]), np.ones(1))
         assert explicit.counters.svds == 1  # it was projected
         exact = bar.evaluate(PI - s, near=point.q)
         np.testing.assert_array_equal(point.g, 0.0)
@@ -121,7 +121,7 @@ def test_any_mobility(rates: tuple[float, float]) -> None:
     q = np.array([0.3, 0.01, -0.01, 0.01])
     exact = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, -1.0, 1.0]]).T
     explicit = projection(mech, q, exact @ ydot)
-    point = explicit.at(np.array([0.3, 0.0]), ydot)
+    point = explicit.point_at(np.array([0.3, 0.0]), ydot)
     np.testing.assert_allclose(point.G, exact, atol=1e-12)
     np.testing.assert_allclose(point.q, [0.3, 0.0, 0.0, 0.0], atol=1e-13)
     assert np.abs(mech.K(point.q) @ point.G).max() < 1e-12

@@ -97,7 +97,7 @@ def test_dampers_take_what_their_speed_says(
 
     rng = np.random.default_rng(1)
     q, v = mech.home, rng.uniform(-1, 1, mech.nv)
-    tau, power = applied.at(q, v)
+    tau, power = applied.torque_at(q, v)
     rate = float(derivative(lambda s: distance(mech.tree.integrate(q, s * v)), 1e-3))
     z, drive = (v[mech.velocity_slice(name)] for name in ("leg0z", "leg1z"))
     body = v[mech.velocity_slice("platform")]

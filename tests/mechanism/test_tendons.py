@@ -63,14 +63,14 @@ def test_moment_arms_are_how_the_length_changes(name: str) -> None:
 
     def length(q: Array) -> float:
         tree.jacobians(q)
-        return path.at(q)[0]
+        return path.length_at(q)[0]
 
     for q, v in _states(40):
         h = 1e-5
         ahead = [length(pin.integrate(MODEL, q, k * h * v)) for k in (-2, -1, 1, 2)]
         slope = np.array([1.0, -8.0, 8.0, -1.0]) @ ahead / (12.0 * h)
         tree.jacobians(q)
-        assert path.at(q)[1] @ v == pytest.approx(slope, rel=1e-8, abs=1e-8)
+        assert path.length_at(q)[1] @ v == pytest.approx(slope, rel=1e-8, abs=1e-8)
 
 
 @pytest.mark.parametrize(
@@ -91,7 +91,7 @@ def test_what_a_path_does_to_bodies_has_the_power_of_its_force(name: str) -> Non
         for _, joint, point, force, moment in path.loads():
             V = data.oMi[joint].act(data.v[joint]) if joint else pin.Motion.Zero()
             power += force @ (V.linear + np.cross(V.angular, point)) + moment @ V.angular
-        assert path.at(q)[1] @ v == pytest.approx(power, rel=1e-12, abs=1e-12)
+        assert path.length_at(q)[1] @ v == pytest.approx(power, rel=1e-12, abs=1e-12)
 
 
 class TestWrapping:

@@ -82,7 +82,7 @@ class TestClosedForms:
         ]
         mech = _slide(*two)
         assert mech.actuation is not None
-        forces, tau = mech.actuation.at(mech.home, np.zeros(1), np.array([1.0, 9.0]))
+        forces, tau = mech.actuation.forces_at(mech.home, np.zeros(1), np.array([1.0, 9.0]))
         assert forces.tolist() == [2.0, 5.0] and tau.tolist() == [7.0]
         run = rg.simulate(mech, duration=0.1, step=0.01, ctrl={"a": 7.0, "b": -9.0})
         assert (
@@ -93,7 +93,10 @@ class TestClosedForms:
             for name, gain in (("a", 2.0), ("b", 6.0))
         ]
         other = _slide(*shared).actuation
-        assert other is not None and other.at(mech.home, np.zeros(1), np.ones(2))[0].tolist() == [1.0, 3.0]
+        assert other is not None and other.forces_at(mech.home, np.zeros(1), np.ones(2))[0].tolist() == [
+            1.0,
+            3.0,
+        ]
 
     @pytest.mark.parametrize("backend", BACKENDS)
     def test_a_muscle_by_another_solver(self, backend: Backend) -> None:

@@ -103,7 +103,7 @@ class Sliders:
             y = start.copy()
             y[k] += i / steps * (value - start[k])
             try:
-                self.q = explicit.at(y, np.zeros(len(y))).q.copy()
+                self.q = explicit.point_at(y, np.zeros(len(y))).q.copy()
             except SimulationError as error:
                 self.place(self.q)  # the map may have gone on towards the dead point
                 return f"{name}: a dead point" if isinstance(error, ToggleError) else f"{name}: no further"

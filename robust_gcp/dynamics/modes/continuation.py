@@ -186,12 +186,12 @@ def circle(rates: ClusterRates, q: Array, center: Array, radius: Array, u: Array
         Where Newton leaves the mode.
     """
     place = Place(rates, q)
-    values = [rates.at(place.move(np.zeros(rates.cluster.loops.nv)), u)]
+    values = [rates.rates_at(place.move(np.zeros(rates.cluster.loops.nv)), u)]
     turns = np.exp(1j * np.pi * np.arange(HALF + 1) / HALF)
     for before, after in pairwise(turns.tolist()):
         last, step = values[-1], (after - before) * radius
         here = led(rates, place, last.G @ step + 0.5 * np.einsum("i,j,inj->n", step, step, last.bend))
-        values.append(rates.at(here, u))
+        values.append(rates.rates_at(here, u))
     return Circle(center, radius, values, here)
 
 

@@ -82,13 +82,16 @@ class ClusterRates:
         if m == 1:
             return np.asarray(scale[self.independent] / length)
         nd = len(self.dependent)
-        U, s, Vt = np.linalg.svd(self.rates.at(place, self._still, self._still).x_q * scale)
+        U, s, Vt = np.linalg.svd(self.rates.products_at(place, self._still, self._still).x_q * scale)
         r = max(1, int(np.sum(s[:nd] < 2.0 * s[nd - 1] + 1e-6)))
         T = np.linalg.qr(unit / scale[:, None])[0]
         beside = Vt[nd - r :].T - T @ (T.T @ Vt[nd - r :].T)
         V = np.linalg.svd(beside)[0][:, :r]
         pairs = np.array(
-            [U[:, nd - r : nd].T @ self.rates.at(place, scale * v, self._still).d_q @ unit for v in V.T]
+            [
+                U[:, nd - r : nd].T @ self.rates.products_at(place, scale * v, self._still).d_q @ unit
+                for v in V.T
+            ]
         )  # (r of V, r of U, m)
         rng = np.random.default_rng(7)
         tried = np.vstack([np.eye(m), rng.normal(size=(40, m))])
@@ -98,7 +101,7 @@ class ClusterRates:
 
     def correction(self, place: Placement) -> tuple[Array, float]:
         """Newton's step of the dependent joints, (nv,), and max |φ| / length."""
-        here = self.rates.at(place, self._still, self._still)
+        here = self.rates.products_at(place, self._still, self._still)
         return self._solver(here.x_q)(here.x), float(np.abs(here.x).max(initial=0.0))
 
     def closed(self, q: Array) -> Array:
@@ -111,7 +114,7 @@ class ClusterRates:
         """
         tree, size = self.cluster.loops.tree, np.inf
         for _ in range(MAX_POLISH):
-            K = self.rates.at(self.rates.real(q), self._still, self._still).x_q
+            K = self.rates.products_at(self.rates.real(q), self._still, self._still).x_q
             dv = self._solver(K)(self._extended.residual(q).astype(float))
             before, size = size, float(np.abs(dv / self.scale).max(initial=0.0))
             if not size < 0.5 * before:
@@ -127,10 +130,10 @@ class ClusterRates:
         NotCertifiedError
             Where K_d is singular.
         """
-        K = self.rates.at(self.rates.real(q), self._still, self._still).x_q
+        K = self.rates.products_at(self.rates.real(q), self._still, self._still).x_q
         return self.cluster.loops.tree.integrate(q, self._solver(K)(rows))
 
-    def at(self, place: Placement, u: Array) -> MapRates:
+    def rates_at(self, place: Placement, u: Array) -> MapRates:
         """The map's rates at a closed placement, (m,) velocities.
 
         Raises
@@ -139,7 +142,7 @@ class ClusterRates:
             Where K_d is singular.
         """
         G, solved = self._slope(place)
-        return self.along(place, u, G, solved(self.rates.at(place, G @ u, self._still).dd))
+        return self.along(place, u, G, solved(self.rates.products_at(place, G @ u, self._still).dd))
 
     def slope(self, place: Placement) -> Array:
         """G at a closed placement.
@@ -153,7 +156,7 @@ class ClusterRates:
 
     def _slope(self, place: Placement) -> tuple[Array, Callable[[Array], Array]]:
         """G, and `_solver` there."""
-        K = self.rates.at(place, self._still, self._still).x_q
+        K = self.rates.products_at(place, self._still, self._still).x_q
         solved = self._solver(K)
         G = solved(K[:, self.independent])
         G[self.independent] = np.eye(len(self.independent))
@@ -168,12 +171,12 @@ class ClusterRates:
             Where K_d is singular.
         """
         rates, still = self.rates, self._still
-        here = rates.at(place, G @ u, g)
+        here = rates.products_at(place, G @ u, g)
         solved = self._solver(here.x_q)
         if len(u) == 1 and abs(u[0]) > SLOW * self.scale[self.independent[0]]:
             bend = solved(here.d_q @ G)[None] / u[0]  # it is linear in v
         else:
-            bend = np.array([solved(rates.at(place, column, still).d_q @ G) for column in G.T])
+            bend = np.array([solved(rates.products_at(place, column, still).d_q @ G) for column in G.T])
         V_y = np.einsum("i,inj->nj", u, bend)
         A_y = solved(here.dd_q @ G + here.dd_v @ V_y)
         return MapRates(G, g, bend, V_y, A_y, solved(here.dd_v @ G))

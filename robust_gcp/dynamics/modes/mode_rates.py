@@ -84,7 +84,7 @@ class ModeRates:
         self._alone = known is None
         self._zone, self._steady = (SPARED, UNSTEADY) if sparing else (ZONE, STEADY)
 
-    def at(self, point: Point) -> MapRates:
+    def rates_at(self, point: Point) -> MapRates:
         """At a point of the mode.
 
         Raises
@@ -160,13 +160,13 @@ class ModeRates:
             return found
         q, change = rounding(rates, q)
         if change < (self._steady if len(u) == 1 else UNSTEADY):
-            return rates.at(rates.rates.real(q), u)
+            return rates.rates_at(rates.rates.real(q), u)
         try:
             return self._around(rates, point, rates.rates.real(q), u, G)
         except NotCertifiedError:
             if change >= UNSTEADY:
                 raise
-            return rates.at(rates.rates.real(q), u)
+            return rates.rates_at(rates.rates.real(q), u)
 
     def _remembered(self, rates: ClusterRates, point: Point, u: Array, G: Array) -> MapRates | None:
         """From a series that was made before, for a cluster of one or two coordinates."""
@@ -175,7 +175,7 @@ class ModeRates:
         for around in self._known.get(cluster.index, []):
             if not around.covers(y):
                 continue
-            found = around.at(y, u)
+            found = around.rates_at(y, u)
             off = 0.0
             if tree.vector_space:
                 off = float(np.abs((q - around.q - around.moved(y)) / rates.scale).max())
@@ -198,7 +198,7 @@ class ModeRates:
         kept = self._circle(rates, point, place, np.ones(1), G).around(point.q[cluster.iq])
         if self._alone or cluster.loops.tree.vector_space:  # else it does not tell whose mode it is
             self._known.setdefault(cluster.index, []).append(kept)
-        return kept.at(point.y[inputs], u)
+        return kept.rates_at(point.y[inputs], u)
 
     def _torus(self, rates: ClusterRates, point: Point, G: Array) -> None:
         """Keep a series from a new torus, for a cluster of two coordinates."""
@@ -210,7 +210,7 @@ class ModeRates:
             reach = ways * (size * np.array([1.0, ALONG]))
             near = walk.to(reach.sum(axis=1))
             made = torus(rates, near.q[cluster.iq], point.y[inputs], reach)
-            if _apart(rates, made.around.at(point.y[inputs], np.zeros(2)).G, G) > SAME_WAY:
+            if _apart(rates, made.around.rates_at(point.y[inputs], np.zeros(2)).G, G) > SAME_WAY:
                 raise NotCertifiedError(OTHER_MODE)
             return made
 

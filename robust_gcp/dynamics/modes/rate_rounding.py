@@ -25,7 +25,7 @@ def rounding(rates: ClusterRates, q: Array) -> tuple[Array, float]:
     unit = scale[rates.independent]
 
     def parts(at: Array) -> Array:
-        found = rates.at(rates.rates.real(at), unit)
+        found = rates.rates_at(rates.rates.real(at), unit)
         return np.array((found.G, *found.bend, found.A_y)) / scale[:, None] * unit
 
     try:

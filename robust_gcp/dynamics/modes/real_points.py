@@ -64,7 +64,7 @@ class Walk:
                 )
             count = max(1, int(np.ceil(away)))
             for share in np.arange(1, count + 1) / count:
-                found = explicit.at(here + share * (there - here), np.zeros(mechanism.m))
+                found = explicit.point_at(here + share * (there - here), np.zeros(mechanism.m))
             here = there
         self._explicit = explicit
         return found

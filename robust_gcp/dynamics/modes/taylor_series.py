@@ -52,7 +52,7 @@ class Around:
         """∫ G dy from the centre, (nv,)."""
         return self._sums(y, 1)[0, 0]
 
-    def at(self, y: Array, u: Array) -> MapRates:
+    def rates_at(self, y: Array, u: Array) -> MapRates:
         """The map's rates at y (n,) and u (n,)."""
         sums, by, n = self._sums(y, 4), self.inverse, len(u)
         # an entry by how many of its indices are the second share

@@ -138,7 +138,7 @@ class Control:
         self.asks = any(isinstance(part, _Asked) for part in self._parts)
         self.constant = np.array(fixed) if len(fixed) == len(self._parts) else None
 
-    def at(self, t: float, q: Array, v: Array) -> Array:
+    def controls_at(self, t: float, q: Array, v: Array) -> Array:
         """u at a state, (n,)."""
         if self.constant is not None:
             return self.constant
@@ -238,4 +238,4 @@ class Actuated(TorqueFunction):
 
     def forces(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
         """Forces of the actuators (n,) and their τ (nv,)."""
-        return self._actuation.at(q, v, self.control.at(t, q, v))
+        return self._actuation.forces_at(q, v, self.control.controls_at(t, q, v))

@@ -48,7 +48,7 @@ class Drive:
         self.motions = dict(motions)
         self._motions = list(motions.values())
 
-    def at(self, t: float) -> tuple[Array, Array, Array]:
+    def motion_at(self, t: float) -> tuple[Array, Array, Array]:
         """y, ẏ and ÿ of the driven joints at time t."""
         p, r, s = self._rows(t)
         return p, r, s

@@ -74,12 +74,12 @@ class DrivenEquations(EquationsOfMotion):
         """Point, velocity, ÿ and the torques on the driven joints at time t."""
         m, driven = self.m, self._drive.driven
         y, ydot = x[:m].copy(), x[m : 2 * m].copy()
-        y[driven], ydot[driven], ydd = self._drive.at(t)
-        return self._driven_at(t, self.explicit.at(y, ydot), ydd)
+        y[driven], ydot[driven], ydd = self._drive.motion_at(t)
+        return self._driven_at(t, self.explicit.point_at(y, ydot), ydd)
 
     def at_point(self, t: float, point: Point) -> Evaluation:
         """The same at a point that is known, which moves as prescribed."""
-        return self._driven_at(t, point, self._drive.at(t)[2])
+        return self._driven_at(t, point, self._drive.motion_at(t)[2])
 
     def _driven_at(self, t: float, point: Point, prescribed: Array) -> Evaluation:
         tree, driven, free = self.mechanism.tree, self._drive.driven, self._drive.free
@@ -175,7 +175,7 @@ def driven_start(
     OptionError
         Where home cannot be led there.
     """
-    position, velocity, _ = drive.at(drive.start)
+    position, velocity, _ = drive.motion_at(drive.start)
     unit = mechanism.units[mechanism.iv_independent[drive.driven]]
     if v0 is not None:
         given = mechanism.velocity(v0, "v0")[mechanism.iv_independent[drive.driven]]
@@ -196,7 +196,7 @@ def driven_start(
         end[drive.driven] = position
         for share in np.arange(1, count + 1) / count:
             pace = (end - start.point.y) * (STRIDE / max(float(np.abs(gap / unit).max()), STRIDE))
-            point = explicit.at(start.point.y + share * (end - start.point.y), pace)
+            point = explicit.point_at(start.point.y + share * (end - start.point.y), pace)
         return point.q
     except SimulationError as error:
         raise OptionError(

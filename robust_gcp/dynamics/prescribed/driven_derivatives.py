@@ -46,9 +46,9 @@ class DrivenDerivatives(PointDerivatives):
         super().__init__(*others)
         self._drive = drive
 
-    def at(self, t: float, now: Evaluation) -> ByDrive:
+    def derivatives_at(self, t: float, now: Evaluation) -> ByDrive:
         """At an evaluated point, what moves the driven joints in its τ."""
-        found, driven, free = super().at(t, now), self._drive.driven, self._drive.free
+        found, driven, free = super().derivatives_at(t, now), self._drive.driven, self._drive.free
         own = self.mechanism.iv_independent[driven]
         rows = np.hstack([found.da_dy, found.da_dv, found.da_dtau])
         by_force = found.da_dtau[:, own]

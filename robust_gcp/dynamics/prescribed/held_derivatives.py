@@ -33,7 +33,7 @@ class HeldDerivatives(PointDerivatives):
         super().__init__(*others)
         self._E = rows
 
-    def at(self, t: float, now: Evaluation) -> Derivatives:
+    def derivatives_at(self, t: float, now: Evaluation) -> Derivatives:
         """At an evaluated point, whose u̇ is that without f."""
         return self.stage(t, now)[1]
 
@@ -57,7 +57,7 @@ class HeldDerivatives(PointDerivatives):
 
     def _held(self, t: float, now: Evaluation) -> tuple[Evaluation, Derivatives, Array, Array]:
         """The evaluation with f, derivatives with f as it is, f and how it changes."""
-        E, free = self._E, super().at(t, now)
+        E, free = self._E, super().derivatives_at(t, now)
         Y = free.da_dtau @ E.T
         S = E @ free.G @ Y
         f = np.linalg.solve(S, -E @ now.a)

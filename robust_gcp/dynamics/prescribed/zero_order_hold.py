@@ -167,7 +167,7 @@ class HeldTorque(TorqueFunction):
         tau = self.value[: self._size]
         if self._actuation is None or self.powered is None:
             return tau
-        return tau + self._actuation.at(q, v, self.u(t))[1]
+        return tau + self._actuation.forces_at(q, v, self.u(t))[1]
 
     @property
     def native(self) -> TorqueFunction:

@@ -61,7 +61,7 @@ def mjcf_text(mechanism: Mechanism, lost: Lost) -> str:
             if held_by:
                 writer.site(body, held_by, place)
     writer.tie()
-    drives = DrivesWriter(mechanism, bodies, writer.at, lost)
+    drives = DrivesWriter(mechanism, bodies, writer.site_of, lost)
     writer.tendons += drives.tendons
     motors = drives.actuators
     if not mechanism.actuators:
@@ -190,7 +190,7 @@ class _Ties:
             named = zip(("stiffness", "damping", "springlength"), map(repr, map(float, numbers)), strict=True)
             tendon = Element("spatial", dict(named))
             for frame in (spring.frame1, spring.frame2):
-                SubElement(tendon, "site", site=self.at(frame))
+                SubElement(tendon, "site", site=self.site_of(frame))
             self.tendons.append(tendon)
 
     def _close(self, tied: Closure) -> None:
@@ -230,7 +230,7 @@ class _Ties:
         self.tendons.append(tendon)
         self.equalities.append(Element("tendon", tendon1=name, polycoef=text([tied.offset, 0, 0, 0, 0])))
 
-    def at(self, frame: str) -> str:
+    def site_of(self, frame: str) -> str:
         """The site of a frame; its name."""
         return self._at(frame, np.zeros(3))
 

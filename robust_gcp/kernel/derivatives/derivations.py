@@ -128,4 +128,4 @@ def _begun(mechanism: Mechanism, q: Array, v: Array | None, mode: Array | None) 
             raise
     explicit = set_out(mechanism, q, v, mode).explicit
     aside = BESIDE * mechanism.units[mechanism.iv_independent]
-    return set_out(mechanism, explicit.at(explicit.anchor.y + aside, np.zeros(mechanism.m)).q)
+    return set_out(mechanism, explicit.point_at(explicit.anchor.y + aside, np.zeros(mechanism.m)).q)

@@ -38,7 +38,7 @@ class Slopes:
     dv_dy: Array
     whole: Accelerations | None = None
 
-    def at(self, i: int | slice | NDArray[np.bool_]) -> Derivatives:
+    def of_state(self, i: int | slice | NDArray[np.bool_]) -> Derivatives:
         """Those of a state, or of several with their number as the first axis."""
         m, rows = self.G.shape[2], self.rows[i]
         by_y, by_v, by_tau = rows[..., :m], rows[..., m : 2 * m], rows[..., 2 * m :]

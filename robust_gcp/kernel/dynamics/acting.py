@@ -49,7 +49,7 @@ class Driving:
     def prescribe(self, t: float) -> None:
         """Tell what is prescribed at a time, s."""
         if self._drive is not None:
-            self._now[:] = np.concatenate(self._drive.at(t))
+            self._now[:] = np.concatenate(self._drive.motion_at(t))
             self._request.prescribed = address(self._now)
 
     def effort(self) -> Array | None:
@@ -192,7 +192,7 @@ def answering(
                 assert supplied is not None  # there is no callback without either
                 tau[:] = supplied(t, q, v)
             else:
-                own, stored[0] = forces.at(q, v)
+                own, stored[0] = forces.torque_at(q, v)
                 if energy:
                     stored[1] = forces.energy(q)
                 tau[:] = own if supplied is None else own + supplied(t, q, v)

@@ -131,7 +131,7 @@ class MotionRows:
             self._alone(i)
             self.in_zone[i] = True
 
-    def at(
+    def standing_at(
         self, x: Array, now: Evaluation, trackers: Array | None = None, watch: Watch | None = None
     ) -> Standing:
         """A place for `put`."""
@@ -143,7 +143,7 @@ class MotionRows:
 
     def begun(self, start: Begun) -> Standing:
         """The same for a start of the workspace's."""
-        return self.at(start.x, start.now, None if start.trackers is None else start.trackers())
+        return self.standing_at(start.x, start.now, None if start.trackers is None else start.trackers())
 
     def where(self, i: int) -> Standing:
         """Where a row is."""

@@ -135,7 +135,7 @@ class NativeSteps:
 
     def look(self, explicit: KernelMap, now: Evaluation, x: Array, t: float) -> Evaluation | None:
         """An evaluation at x under the torque that is held now; None where Python has to look."""
-        if self._workspace is None or not self._workspace.at(now.point):
+        if self._workspace is None or not self._workspace.is_at(now.point):
             begun = self.take(explicit, now, x, np.array([t]), ())  # no step, but the kernel is there
             if begun is None:
                 return None
@@ -190,7 +190,7 @@ class NativeSteps:
         best: float = 0.0,
     ) -> Prepared | None:
         """Steps to come from where the kernel is, see `Workspace.prepared`; None where it is not at `now`."""
-        if self._workspace is None or not self._workspace.at(now.point):
+        if self._workspace is None or not self._workspace.is_at(now.point):
             return None
         options, zone = limits_of(explicit)
         return self._workspace.prepared(times, outputs, zone, options, watch, best)

@@ -135,7 +135,7 @@ class Workspace:
         self._choices.make(zone, options, watch)
         self._shared.x[:], self._shared.ydd[:] = x, now.ydd
         self._shared.tau[:] = 0.0 if now.tau is None else now.tau
-        if self.at(now.point):
+        if self.is_at(now.point):
             r.beginning = Beginning.GO_ON
         else:
             self._begin_at(now.point, trackers)
@@ -156,7 +156,7 @@ class Workspace:
             self._packed = point
         self._shared.origin[:] = self._layout.origin(point)
 
-    def at(self, point: Point) -> bool:
+    def is_at(self, point: Point) -> bool:
         """Whether this is where the kernel can go on as it is: the last batch's last point."""
         return point is self._latest
 
@@ -225,7 +225,7 @@ class Workspace:
 
     def look(self, t: float, now: Evaluation) -> Evaluation | None:
         """The last batch's last state under the torque that is held now; None where that is not known."""
-        if not self.at(now.point) or not self._acting.held:
+        if not self.is_at(now.point) or not self._acting.held:
             return None
         r, time = self._request, np.array([t])
         r.times, r.first, r.beginning = address(time), 0, Beginning.GO_ON

@@ -93,7 +93,7 @@ class ClusterMap(Charted):
         finally:
             self.error_controlled = before
 
-    def at(self, y: Array, ydot: Array) -> Point:
+    def point_at(self, y: Array, ydot: Array) -> Point:
         """The point at y on the mode.
 
         Raises
@@ -229,7 +229,7 @@ class ClusterMap(Charted):
             why = "the independent components turn back here"
             raise self._stop(cluster, Obstacle("toggle", tracker.anchor.x, 0.1, np.nan, why))
         try:
-            return tracker.at(wanted)
+            return tracker.jet_at(wanted)
         except (ObstacleError, LostError, np.linalg.LinAlgError) as stop:
             if isinstance(stop, ObstacleError) and not self.error_controlled:
                 raise

@@ -84,7 +84,7 @@ class Curve:
 
     def point(self, u: float) -> tuple[Array, Array, Array]:
         """x, dx/du and d²x/du² at u."""
-        x, slope, bend = self._series.at(u) if self.contains(u) else self.through.at(u)
+        x, slope, bend = self._series.values_at(u) if self.contains(u) else self.through.values_at(u)
         return x + self.shift, slope, bend
 
     def order(self, i: int) -> int:

@@ -145,7 +145,7 @@ class CurveBuilder:
 
     def _places(self, u: float) -> Array:
         """Places to first order from the curve at u, real ones."""
-        x, slope, _ = self._through.at(u)
+        x, slope, _ = self._through.values_at(u)
         mu = pencil_roots(self._space, self._through.nodes[0].P, x, slope, self._C)
         return np.asarray(mu[np.abs(mu.imag) <= 0.5 * np.abs(mu) + 1e-6].real)
 
@@ -156,7 +156,7 @@ class CurveBuilder:
         left, kind = closure(space, options, through.sampled(samples)[0], self._reference)
         known, transversality = self._parting(roots)
         gap = kind == "near miss"
-        corank = [self._count[u] if gap or is_singular(space, through.at(u)[0]) else 0 for u in roots]
+        corank = [self._count[u] if gap or is_singular(space, through.values_at(u)[0]) else 0 for u in roots]
         if transversality < options.transversality:
             raise NoBridgeError("the modes part at higher than second order", left, transversality)
         return Curve(
@@ -178,12 +178,12 @@ class CurveBuilder:
     def _parting(self, roots: list[float]) -> tuple[bool, float]:
         """Whether singular values vanish at some place, and how clearly the modes part at the worst one."""
         space, through, P = self._space, self._through, self._through.nodes[0].P
-        pairs = [null_pairing(space, P, *through.at(u)[:2], self._C) for u in roots]
+        pairs = [null_pairing(space, P, *through.values_at(u)[:2], self._C) for u in roots]
         transversality = min(t for _, t in pairs)
         if transversality < self._options.transversality and len(roots) == 1:
             (root,) = roots
-            ends = [(through.at(u)[0], u - root) for u in (self._left, self._right)]
-            transversality = own_separation(space, P, *through.at(root)[:2], self._C, ends)
+            ends = [(through.values_at(u)[0], u - root) for u in (self._left, self._right)]
+            transversality = own_separation(space, P, *through.values_at(root)[:2], self._C, ends)
         return any(r for r, _ in pairs), transversality
 
     def _held_out(self) -> float:
@@ -191,7 +191,7 @@ class CurveBuilder:
         through = self._through
 
         def off(u: float, inner: int) -> float:
-            x, _, bend = through.at(u)
+            x, _, bend = through.values_at(u)
             known, _ = self._solve(x, u, through.nodes[inner].P)
             return relative(bend, known.bend[0, 0])
 

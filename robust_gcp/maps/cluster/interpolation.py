@@ -111,7 +111,7 @@ class Series:
         """The series with these coefficients between two parameters."""
         return Series(table, np.arange(float(len(table))), 0.5 * (left + right), 0.5 * (right - left))
 
-    def at(self, u: float) -> tuple[Array, Array, Array]:
+    def values_at(self, u: float) -> tuple[Array, Array, Array]:
         """x, dx/du and d²x/du² at u."""
         s = min(max((u - self.middle) / self.half, -1.0), 1.0)
         values = np.cos(self.orders * acos(s)) @ self.table
@@ -155,7 +155,7 @@ class HermiteCurve:
         """x at u."""
         return self._form(np.array([(u - self._middle) / self._half]))[0]
 
-    def at(self, u: float) -> tuple[Array, Array, Array]:
+    def values_at(self, u: float) -> tuple[Array, Array, Array]:
         """x, dx/du and d²x/du² at u."""
         x, slope, bend = self.sampled(np.array([u]))
         return x[0], slope[0], bend[0]

@@ -72,7 +72,7 @@ class KnownCurves:
                 return turned, u
         return None
 
-    def at(self, x: Array) -> tuple[Curve, float] | None:
+    def curve_at(self, x: Array) -> tuple[Curve, float] | None:
         """The curve that was used last at a point, where K may tell nothing, and u there.
 
         Of modes that touch, and such as lie in the singular set.

@@ -50,7 +50,7 @@ def started(
             try:
                 beside = _outward(space, x, T, sign * way, step, reach)
                 tracker = Tracker(beside.recharted(C), options, reach, counters)
-                found = tracker.at(C.T @ x)
+                found = tracker.jet_at(C.T @ x)
                 turned = np.linalg.qr(found.J)[0]
                 off = float(np.abs(found.x - x).max())
                 apart = float(np.linalg.norm(turned - T @ (T.T @ turned), 2))

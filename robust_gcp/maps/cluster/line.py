@@ -27,7 +27,7 @@ class Line:
     def __init__(self, space: ClusterSpace, C: Array, d: Array) -> None:
         self.space, self.C, self.d = space, C, d
 
-    def at(self, ss: Sequence[float] | Array, nodes: Sequence[Jet], s: float) -> Jet:
+    def jet_at(self, ss: Sequence[float] | Array, nodes: Sequence[Jet], s: float) -> Jet:
         """The point at s from nodes at ss: x by Hermite in (x, J d, Γ[d, d]), J in (J, Γ[d, ·]).
 
         Γ by values, its parts along d from these.

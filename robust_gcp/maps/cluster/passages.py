@@ -65,7 +65,7 @@ def _among_others(
             continue
         kept = tracker.anchor, tracker.current, tracker.u, list(tracker.touched)
         try:
-            q[cluster.iq] = space.q(tracker.at(y[cluster.inputs] / space.D[cluster.chosen]).x)
+            q[cluster.iq] = space.q(tracker.jet_at(y[cluster.inputs] / space.D[cluster.chosen]).x)
         except (SimulationError, np.linalg.LinAlgError):
             q[cluster.iq] = passage.q[cluster.iq]  # the polynomial's, good to the step's fourth power
         finally:
@@ -175,7 +175,7 @@ def _on_patch(
     def roots(t: float) -> tuple[Array, Array]:
         """The same at t, and x there."""
         rate = (stretch.y(t + eps) - stretch.y(t - eps))[inputs] / (2.0 * eps * unit)
-        point = tracker.at(stretch.y(t)[inputs] / unit + shift)
+        point = tracker.jet_at(stretch.y(t)[inputs] / unit + shift)
         mu = pencil_roots(space, point.P, point.x, point.J @ rate, point.C)
         return real(mu), point.x
 

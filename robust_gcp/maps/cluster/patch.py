@@ -27,7 +27,7 @@ class Follower(Protocol):
 
     anchor: Jet
 
-    def at(self, y: Array) -> Jet:
+    def jet_at(self, y: Array) -> Jet:
         """The point at y on the mode, which becomes the anchor."""
         ...
 
@@ -114,7 +114,7 @@ class Patch(Generic[F]):
         """η of the point at y in the chart of another point near by, to second order."""
         return np.asarray(self.C.T @ near.predicted(y - near.y))
 
-    def at(self, y: Array, C: Array, eta: Array) -> Jet | None:
+    def jet_at(self, y: Array, C: Array, eta: Array) -> Jet | None:
         """The point with Cᵀ x = y in that chart, by Newton in η from a guess; None beside the line.
 
         Raises
@@ -138,8 +138,8 @@ class Patch(Generic[F]):
         s = self.s(eta)
         foot = eta - s * self.d
         for at, tracker in zip(self.ss, self.trackers, strict=True):
-            tracker.at(foot + at * self.d)
-        return self._line.at(self.ss, self.nodes, s) if self.contains(s) else None
+            tracker.jet_at(foot + at * self.d)
+        return self._line.jet_at(self.ss, self.nodes, s) if self.contains(s) else None
 
     def leads_to(self, here: Jet) -> bool:
         """Whether the surface next to a solved point is the one that the line crosses near its middle."""

@@ -90,7 +90,7 @@ class PatchBuilder(Generic[F]):
             self._follow(here, s)
             trackers.append(here)
         near = [tracker.anchor for tracker in trackers]
-        jets = beyond(ss, near, far, w, lambda ss, nodes, s: self._line.at(ss, nodes, s).x, self._solve)
+        jets = beyond(ss, near, far, w, lambda ss, nodes, s: self._line.jet_at(ss, nodes, s).x, self._solve)
         trackers += [self._beside(jet, s, w) for jet, s in zip(jets, far, strict=True)]
         order = np.argsort(ss + far)
         self._ss, self._trackers = [(ss + far)[i] for i in order], [trackers[i] for i in order]
@@ -105,7 +105,7 @@ class PatchBuilder(Generic[F]):
     def _follow(self, node: F, s: float) -> None:
         """Put a node at s; where another surface stops it there, nodes of a shorter line may pass."""
         try:
-            node.at(self._eta(s))
+            node.jet_at(self._eta(s))
         except ObstacleError as met:
             raise NoBridgeError(met.obstacle.reason) from met
 
@@ -117,7 +117,7 @@ class PatchBuilder(Generic[F]):
 
     def _at(self, s: float) -> Jet:
         """The point at s by interpolation."""
-        return self._line.at(self._ss, [tracker.anchor for tracker in self._trackers], s)
+        return self._line.jet_at(self._ss, [tracker.anchor for tracker in self._trackers], s)
 
     def _zero(self, start: float) -> float:
         """Where the line meets the surface, to rounding."""

@@ -96,13 +96,13 @@ class Tracker:
 
     def back_at(self, x: Array) -> bool:
         """Go on at a point of a bridge where K may tell nothing; whether there is one."""
-        found = self.known.at(x)
+        found = self.known.curve_at(x)
         if found is not None:
             self.current, self.u = found
             self.anchor = found[0].jet(self.C, self.u)
         return found is not None
 
-    def at(self, y: Array) -> Jet:
+    def jet_at(self, y: Array) -> Jet:
         """The point at y on the mode.
 
         Raises
@@ -127,7 +127,7 @@ class Tracker:
         assert bridge is not None
         if isinstance(bridge, Patch):
             eta = bridge.towards(self.anchor, y)
-            point = bridge.at(y, self.C, eta)
+            point = bridge.jet_at(y, self.C, eta)
             if point is not None:
                 self._touch(bridge)
                 return point

@@ -43,13 +43,13 @@ class Actuation:
                 sharing.setdefault(actuator.along, []).append(i)
         self.sharing = tuple(sharing.values())
 
-    def at(self, q: Array, v: Array, u: Array) -> tuple[Array, Array]:
+    def forces_at(self, q: Array, v: Array, u: Array) -> tuple[Array, Array]:
         """Forces (n,) and τ (nv,) for the controls or activations u (n,)."""
         forces, tau = np.empty(len(self.actuators)), np.zeros(self._tree.nv)
         self._tree.jacobians(q)
         moments = []
         for i, (actuator, path) in enumerate(zip(self.actuators, self.paths, strict=True)):
-            length, moment = path.at(q)
+            length, moment = path.length_at(q)
             moments.append(actuator.gear * moment)
             forces[i] = actuator.force(float(u[i]), actuator.gear * length, float(moments[i] @ v))
         for group in self.sharing:

@@ -53,7 +53,7 @@ class BoundPath(ABC):
         return []
 
     @abstractmethod
-    def at(self, q: Array) -> tuple[float, Array]:
+    def length_at(self, q: Array) -> tuple[float, Array]:
         """ℓ, m or rad, and ∂ℓ/∂q (nv,), at the configuration that the tree placed last."""
 
 
@@ -102,7 +102,7 @@ class SumOfJoints(BoundPath):
         self.moment: Array = np.zeros(tree.nv)
         np.add.at(self.moment, iv, self.arms)
 
-    def at(self, q: Array) -> tuple[float, Array]:
+    def length_at(self, q: Array) -> tuple[float, Array]:
         """See `BoundPath`."""
         return float(self.arms @ q[self.iq]), self.moment
 
@@ -147,7 +147,7 @@ class _Turning(BoundPath):
         self._nv, self._joint, self._gear, self._in_parent = tree.nv, joint, gear, in_parent
         self._q = slice(joint.idx_q + len(gear) - 3, joint.idx_q + len(gear) + 1)
 
-    def at(self, q: Array) -> tuple[float, Array]:
+    def length_at(self, q: Array) -> tuple[float, Array]:
         """See `BoundPath`."""
         R = pin.Quaternion(q[self._q]).toRotationMatrix()
         turn = R.T @ self._gear[-3:] if self._in_parent else self._gear[-3:]

@@ -59,7 +59,7 @@ class _OnSite(BoundPath):
         R, p = self._tree.R[frame[0]], self._tree.p[frame[0]]
         return R @ frame[1].rotation, p + R @ frame[1].translation
 
-    def at(self, q: Array) -> tuple[float, Array]:
+    def length_at(self, q: Array) -> tuple[float, Array]:
         """See `BoundPath`."""
         R, p = self._placed(self._site)
         axes, length = R, 0.0
@@ -129,7 +129,7 @@ class _Cranked(BoundPath):
         share = 1.0 - along / root
         return along - root, share * axis + d / root, share * np.cross(axis, d), at_crank, at_slider
 
-    def at(self, q: Array) -> tuple[float, Array]:
+    def length_at(self, q: Array) -> tuple[float, Array]:
         """ℓ = a·d − √((a·d)² + rod² − d·d), d from the slider's site to the crank's; a·d beyond its reach."""
         length, by_d, turning, at_crank, at_slider = self._found()
         J = self._tree.J

@@ -168,7 +168,7 @@ class Line(BoundPath):
         side = None if wrap.side is None else self._world(*wrap.side)
         return wrapped(start, end, centre, R, wrap.radius, wrap.cylinder, side)
 
-    def at(self, q: Array) -> tuple[float, Array]:
+    def length_at(self, q: Array) -> tuple[float, Array]:
         """See `BoundPath`."""
         pieces, length = self._pieces()
         moment = np.zeros(self._tree.nv)

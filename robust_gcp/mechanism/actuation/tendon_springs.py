@@ -68,14 +68,14 @@ class TendonSpring(Force):
         """Along the path, N or N m."""
         path = self.bound(mechanism)
         mechanism.tree.jacobians(q)
-        length, moment = path.at(q)
+        length, moment = path.length_at(q)
         return -(self.stiffness * self._stretch(length) + self.damping * float(moment @ v))
 
     def pulls(self, mechanism: Mechanism, q: Array, v: Array) -> tuple[Array, float]:
         """τ (nv,), and the power of the damper, W."""
         path = self.bound(mechanism)
         mechanism.tree.jacobians(q)
-        length, moment = path.at(q)
+        length, moment = path.length_at(q)
         rate = float(moment @ v)
         return -(
             self.stiffness * self._stretch(length) + self.damping * rate
@@ -85,14 +85,14 @@ class TendonSpring(Force):
         """½ stiffness x², J."""
         path = self.bound(mechanism)
         mechanism.tree.jacobians(q)
-        return 0.5 * self.stiffness * self._stretch(path.at(q)[0]) ** 2
+        return 0.5 * self.stiffness * self._stretch(path.length_at(q)[0]) ** 2
 
     def derivatives(self, mechanism: Mechanism, q: Vector, v: Vector) -> tuple[ArrayLike, ArrayLike]:
         """∂τ/∂q and ∂τ/∂v, (nv, nv) each: exact where the moment arms are constant, else by differences."""
         path = self.bound(mechanism)
         if not isinstance(path, SumOfJoints):
             return super().derivatives(mechanism, q, v)
-        length, moment = path.at(q)
+        length, moment = path.length_at(q)
         outer = np.outer(moment, moment)
         pulls = self.stiffness if self._stretch(length) else 0.0
         return -pulls * outer, -self.damping * outer

@@ -68,7 +68,7 @@ class ClosureRates:
         tree.jacobians(q)
         return Placement(tree.J.copy(), tree.frame_p.copy(), tree.frame_R.copy(), q)
 
-    def at(self, place: Placement, v: Array, a: Array) -> Products:
+    def products_at(self, place: Placement, v: Array, a: Array) -> Products:
         """All rows at (q, v, a): x is φ, d is φ̇, dd is φ̈, x_q is K; dimensionless by rows.
 
         Parameters

@@ -57,7 +57,7 @@ class ExtendedClosures:
         p = np.array([shift for _, shift in ends], dtype=WIDE).reshape(-1, 3)
         still = np.zeros(self._rates.loops.nv)
         nowhere = np.zeros((len(still), 6))
-        return self._rates.at(Placement(nowhere, p, R, q), still, still).x
+        return self._rates.products_at(Placement(nowhere, p, R, q), still, still).x
 
 
 def _joint_motion(joint: Joint, q: Array, pitch: float) -> tuple[Array, Array]:

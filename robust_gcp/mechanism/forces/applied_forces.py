@@ -90,7 +90,7 @@ class AppliedForces:
         self.has_slopes = self.own is None and not self._tendons
         self.works = self._joint_work or damped or self.own is not None
 
-    def at(self, q: Array, v: Array) -> tuple[Array, float]:
+    def torque_at(self, q: Array, v: Array) -> tuple[Array, float]:
         """τ (nv,), N m and N, and the power of what no potential energy accounts for, W.
 
         Raises
@@ -106,19 +106,19 @@ class AppliedForces:
         if len(self._spring_q):
             tau = tau + self._spring_lift @ (q[self._spring_q] - self._rest)
         if self._lines is not None:
-            line_tau, line_power = self._lines.at(q, v)
+            line_tau, line_power = self._lines.torque_at(q, v)
             tau, power = tau + line_tau, power + line_power
         for tendon in self._tendons:
             pull, drag = tendon.pulls(self._mechanism, q, v)
             tau, power = tau + pull, power + drag
         if self.own is not None:
-            own_tau, stored = self.own.at(q, v)
+            own_tau, stored = self.own.torque_at(q, v)
             tau, power = tau + own_tau, power + float(own_tau @ v) - stored
         return tau, power
 
     def tau(self, q: Array, v: Array) -> Array:
         """τ(q, v), (nv,), N m and N."""
-        return self.at(q, v)[0]
+        return self.torque_at(q, v)[0]
 
     def energy(self, q: Array) -> float:
         """Potential energy, J."""
@@ -145,7 +145,7 @@ class OwnForces:
         self._mechanism, self._forces = mechanism, tuple(forces)
         self._still = np.zeros(mechanism.nv)
 
-    def at(self, q: Array, v: Array) -> tuple[Array, float]:
+    def torque_at(self, q: Array, v: Array) -> tuple[Array, float]:
         """τ (nv,), and the power that potential energies give, −Ė, W: that of τ(q, 0) where there is one.
 
         Raises

@@ -45,7 +45,7 @@ class ForceSlopes:
             self._joint = np.array([[frame.parentJoint for frame in pair] for pair in frames], dtype=np.int64)
             self._offset = np.array([[frame.placement.translation for frame in pair] for pair in frames])
 
-    def at(self, q: Array, v: Array, G: Array) -> tuple[Array, Array]:
+    def derivatives_at(self, q: Array, v: Array, G: Array) -> tuple[Array, Array]:
         """Gᵀ ∂τ/∂q and Gᵀ ∂τ/∂v, (m, nv) each, along the velocities' components.
 
         A point spring pulls with T = k (l − l₀) + c l̇ along ∂l/∂q, so

@@ -174,7 +174,7 @@ class PointSpring(Force):
 
     def tau(self, mechanism: Mechanism, q: Vector, v: Vector) -> Array:
         """τ(q, v), (nv,)."""
-        return Lines(mechanism.tree, (self,)).at(q, v)[0]
+        return Lines(mechanism.tree, (self,)).torque_at(q, v)[0]
 
     def energy(self, mechanism: Mechanism, q: Vector) -> float:
         """½ stiffness (l − rest_length)², J."""

@@ -49,7 +49,7 @@ class Lines:
         p = tree.p[self._joint] + (tree.R[self._joint] @ self._offset[..., None])[..., 0]
         return p[0], p[1] - p[0]
 
-    def at(self, q: Array, v: Array) -> tuple[Array, float]:
+    def torque_at(self, q: Array, v: Array) -> tuple[Array, float]:
         """τ (nv,) and the power of the dampers."""
         _, _, rate, tension, power = self._pulling(q, v)
         return -tension @ rate, power

@@ -159,7 +159,7 @@ class Instant:
         if name not in self._tendons:
             self._tendons[name] = self.mechanism.tendons[name].on(tree, f"tendon {name!r}")
         tree.jacobians(self.q)
-        length, moment = self._tendons[name].at(self.q)
+        length, moment = self._tendons[name].length_at(self.q)
         return length, float(moment @ self.v)
 
     def actuator(self, name: str) -> tuple[float, float, float]:
@@ -169,7 +169,7 @@ class Instant:
         assert self.mechanism.actuation is not None
         forces = self._driven()[0]
         self.mechanism.tree.jacobians(self.q)
-        length, moment = self.mechanism.actuation.paths[i].at(self.q)
+        length, moment = self.mechanism.actuation.paths[i].length_at(self.q)
         gear = actuators[i].gear
         return gear * length, gear * float(moment @ self.v), float(forces[i])
 
@@ -182,4 +182,4 @@ class Instant:
         actuation = self.mechanism.actuation
         if actuation is None or self._u is None:
             return np.zeros(len(self.mechanism.actuators)), np.zeros(self.model.nv)
-        return actuation.at(self.q, self.v, self._u)
+        return actuation.forces_at(self.q, self.v, self._u)

@@ -52,7 +52,7 @@ class Equations:
         if residual is not None:
             right[n:] -= self._gains[0] * (K @ v) + self._gains[1] * residual
         if mechanism.applied is not None:
-            right[:n] += mechanism.applied.at(q, v)[0]
+            right[:n] += mechanism.applied.torque_at(q, v)[0]
         matrix[:n, :n] = tree.crba(q)
         return np.concatenate([v, self._solve()[:n]])
 

@@ -45,7 +45,7 @@ class Spot:
     def __rmul__(self, scale: float) -> Spot:
         return Spot(scale * self.weights, scale * self.offset)
 
-    def at(self, X: Array) -> Array:
+    def place_at(self, X: Array) -> Array:
         """Where it is, (3,); of velocities, `weights @ V`."""
         return self.weights @ X + self.offset
 
@@ -85,7 +85,7 @@ class Points:
             X, V = x.reshape(2, self.count, 3)
             right[:n] = (down + self.pull(X)).ravel()
             for i, (a, b) in enumerate(self.constant):
-                row = np.outer(a.weights, b.at(X)) + np.outer(b.weights, a.at(X))
+                row = np.outer(a.weights, b.place_at(X)) + np.outer(b.weights, a.place_at(X))
                 matrix[n + i, :n] = matrix[:n, n + i] = row.ravel()
                 right[n + i] = -2.0 * (a.weights @ V) @ (b.weights @ V)
             return np.concatenate([V.ravel(), np.linalg.solve(matrix, right)[:n]])
@@ -120,7 +120,7 @@ class Reader:
     def __call__(self, x: Array) -> tuple[Array, Array]:
         """q and v of the points' x = (X, V), from the last ones."""
         X, V = x.reshape(2, self._count, 3)
-        wanted = np.array([spot.at(X) for spot in self._spots])
+        wanted = np.array([spot.place_at(X) for spot in self._spots])
         for _ in range(12):
             found, _ = self.places(self._q, np.zeros(self._model.nv))
             J = self._jacobian(self._q)
@@ -244,11 +244,11 @@ def walker() -> Motion:
 
     def pull(X: Array) -> Array:
         force = np.zeros((9, 3))
-        forward, left = ahead.at(X), across.at(X)
+        forward, left = ahead.place_at(X), across.place_at(X)
         axis = left / np.linalg.norm(left)
         up = np.cross(forward, axis)
         for i, (stiffness, rest) in enumerate(springs):
-            leg = (spots[3 + i] - hips[i]).at(X)
+            leg = (spots[3 + i] - hips[i]).place_at(X)
             torque = -stiffness * (np.arctan2(-leg @ forward, -leg @ up) - rest)
             # a couple at the leg, and the opposite one at the trunk
             pair = torque * np.cross(axis, leg) / (leg @ leg)

@@ -122,7 +122,7 @@ class BatchCharts:
         begun = closed_by_kernel(chart.workspace, chart.mechanism, q, v, chart.zone, options=chart.options)
         return None if begun is None else (0, chart.begun(begun))
 
-    def at(self, explicit: KernelMap, x: Array, watch: Watch | None, now: Evaluation) -> Place | None:
+    def place_of(self, explicit: KernelMap, x: Array, watch: Watch | None, now: Evaluation) -> Place | None:
         """Where a map is; None where the kernel does not take its coordinates.
 
         `watch` tells up to where these serve.
@@ -135,7 +135,7 @@ class BatchCharts:
         )
         in_zone = isinstance(followed, ClusterMap) and followed.in_zone
         trackers = followed.written() if isinstance(followed, ClusterMap) and in_zone else None
-        return c, self._charts[c].at(x, now, trackers, watch)
+        return c, self._charts[c].standing_at(x, now, trackers, watch)
 
     # --------------------------------------------------------------------- coordinates
 

@@ -199,7 +199,7 @@ class BatchRows:
         run, place = simulation._run, None
         if isinstance(run, SteppedRun) and not simulation._held.stride:
             found = run.standing(run.last)
-            place = None if found is None else self._charts.at(*found, run.last)
+            place = None if found is None else self._charts.place_of(*found, run.last)
         if place is None:
             self._tell(simulation)
             return

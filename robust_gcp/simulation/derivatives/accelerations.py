@@ -88,7 +88,7 @@ def forward_dynamics(
         good[answered(kernel, states, ask, by_others)] = False
     for i in np.flatnonzero(~good).tolist():
         state = states.q[i], states.v[i] if v is not None else None
-        with states.at(i):
+        with states.naming(i):
             udot[i] = serving.forward_dynamics(mechanism, *state, states.torque_at(i), mode, t)
     return np.asarray(udot[0]) if states.one else udot
 
@@ -138,7 +138,7 @@ def derivatives(
     for i in missing.tolist():
         fast = None if v is None else states.v[i]
         torque = states.torque_at(i)
-        with states.at(i):
+        with states.naming(i):
             found = serving.derivatives(
                 mechanism, states.q[i], fast, torque, mode, t, tau_slopes, wrenches, known
             )
@@ -192,7 +192,7 @@ def _by_kernel(kernel: Derivation, states: AtStates, t: float, whole: Derivative
     def ask(which: NDArray[np.intp]) -> NDArray[np.bool_]:
         acting = None if tau is None else tau[which]
         found = kernel.slopes(states.q[which], states.v[which], acting, mode=states.mode)
-        _fill(whole, which[found.good], found.at(found.good))
+        _fill(whole, which[found.good], found.of_state(found.good))
         return found.good
 
     def by_others(which: NDArray[np.intp]) -> Iterator[int]:

@@ -97,7 +97,7 @@ class AtStates:
     def __len__(self) -> int:
         return len(self.q)
 
-    def at(self, i: int) -> AbstractContextManager[None]:
+    def naming(self, i: int) -> AbstractContextManager[None]:
         """Errors in this context name the state, where it is one of many."""
         return nullcontext() if self.one else at_row(int(self.rows[i]))
 

@@ -176,7 +176,7 @@ def _stepped(states: AtStates, h: float, jacobians: bool, mode: ArrayLike | None
 
     missing = np.arange(n) if kernel is None else answered(kernel, states, ask, by_others, h)
     for i in missing.tolist():
-        with states.at(i):
+        with states.naming(i):
             if kernel is None or not _where_poor(states, kernel, i, h, after):
                 _by_reference(states, i, h, mode, t, after)
     return after

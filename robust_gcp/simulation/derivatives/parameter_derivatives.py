@@ -134,6 +134,6 @@ def _of_steps(states: AtStates, names: list[str], h: float) -> Array:
                 continue
         torque = None if tau is None else tau[0]
         acting = Acting(torque, by_more=by_stage_slopes)
-        with states.at(i):
+        with states.naming(i):
             found.append(differentiated(mechanism, (q, v), None, acting, 0.0, h).P)
     return np.array(found)

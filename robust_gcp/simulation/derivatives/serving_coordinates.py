@@ -82,7 +82,7 @@ def answered_by_others(
         for k in np.flatnonzero(found.good).tolist():
             done[k] = parametrises(mechanism, found.G[k])
             if done[k]:
-                yield int(left[k]), found.at(k), Accelerations(whole.a[k], whole.by_y[k], whole.by_u[k])
+                yield int(left[k]), found.of_state(k), Accelerations(whole.a[k], whole.by_y[k], whole.by_u[k])
         left = left[~done]
 
 
@@ -193,4 +193,4 @@ def _by_kernel(
     if not found.good[0] or found.whole is None:
         return None
     whole = found.whole
-    return found.at(0), Accelerations(whole.a[0], whole.by_y[0], whole.by_u[0])
+    return found.of_state(0), Accelerations(whole.a[0], whole.by_y[0], whole.by_u[0])

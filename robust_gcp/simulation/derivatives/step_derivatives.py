@@ -207,7 +207,7 @@ class Follower:
         by = [stage.slopes.da_dtau[:, :0] if by_more is None else by_more(stage) for stage in step.stages]
         x = np.concatenate([step.end.y, step.end.ydot])
         now, x = in_new_chart(motion.explicit, motion.equations.at_point(self._t + h, step.end), x)
-        last = Slope.of(slopes.at(self._t + h, now))
+        last = Slope.of(slopes.derivatives_at(self._t + h, now))
         self._t, self._x, self._now = self._t + h, x, now
         own = motion.mechanism
         drive = self._acting.drive

@@ -96,7 +96,7 @@ class FrictionBounds:
                 found[:, i] = np.maximum(F, LEAST)
         return found
 
-    def at(self, t: float, q: Array, v: Array, a: Array, tau: Array) -> Array:
+    def bounds_at(self, t: float, q: Array, v: Array, a: Array, tau: Array) -> Array:
         """The same at one state, (n,)."""
         return self(np.array([t]), q[None], v[None], a[None], tau[None])[0]
 

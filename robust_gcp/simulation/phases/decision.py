@@ -121,7 +121,7 @@ def decided(rows: Rows, bounds: FrictionBounds, acting: Acting, phase: Phase, st
         held, acceleration = _decided_with(rows, F, acting, phase, state)
         if acceleration is None or not bounds.vary:
             return held
-        before, F = F, bounds.at(state.t, state.q, state.v, *acceleration)
+        before, F = F, bounds.bounds_at(state.t, state.q, state.v, *acceleration)
         if np.abs(F[rows.rubs] - before[rows.rubs]).max() <= ALIKE * F[rows.rubs].max():
             return held
     raise SimulationError(

@@ -114,7 +114,7 @@ class Stretch:
         power = np.einsum("nk,nk->n", F[:, sliding], steps.v @ E.T)
         h, heat, within = np.diff(steps.t), np.zeros(n), steps.t[:-1] + 0.5 * np.diff(steps.t)
         for k, t in enumerate(within.tolist()):  # Simpson's rule
-            q, v, _ = steps.at(t)
+            q, v, _ = steps.motion_at(t)
             middle = float(self._bounds(t, q, v)[sliding] @ (E @ v))
             heat[k + 1] = heat[k] + h[k] / 6.0 * (power[k] + 4.0 * middle + power[k + 1])
         return Block.of(steps, held, F, heat)
@@ -126,7 +126,7 @@ class Stretch:
         if self._machines.rows.rows[found.row].kind is not Kind.STOP or found.lowest == 1.0:
             return True
         part = self._from(steps, k, seen, lowest)
-        return self._signals.at(found.row, part.q[-1], part.v[-1], part.a[-1])[0] < -BELOW
+        return self._signals.signal_at(found.row, part.q[-1], part.v[-1], part.a[-1])[0] < -BELOW
 
     def _broken(self, steps: Steps, step: int) -> float:
         """The share of the step at which the margin of what is held is 0, on the interpolated motion."""
@@ -140,7 +140,7 @@ class Stretch:
         return 1.0 if margin(1.0) >= 0.0 else float(brentq(margin, 0.0, 1.0, xtol=ROUGHLY))
 
     def _margin(self, steps: Steps, t: float) -> float:
-        q, v, a = steps.at(t)
+        q, v, a = steps.motion_at(t)
         return self._holding.margin(t, q, v, a, self._acting(t, q, v, self._bounds(t, q, v)))
 
     # ----------------------------------------------------------------- where it is
@@ -191,7 +191,7 @@ class Stretch:
         """
         q, v, a = part.q[-1], part.v[-1], part.a[-1]
         if found.row >= 0:
-            value, rate = self._signals.at(found.row, q, v, a)
+            value, rate = self._signals.signal_at(found.row, q, v, a)
             return value, rate * h
         value = self._holding.margin(float(part.t[-1]), q, v, a, part.tau[-1])
         if not sloping:

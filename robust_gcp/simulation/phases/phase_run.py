@@ -52,7 +52,7 @@ class Steps:
     work: Array
     regular: bool = False
 
-    def at(self, t: float) -> tuple[Array, Array, Array]:
+    def motion_at(self, t: float) -> tuple[Array, Array, Array]:
         """q, v and a between them, interpolated."""
         q, v, a = Interpolant(self.tree, self.t, self.q, self.v, self.a)(np.array([t]))
         return q[0], v[0], a[0]

@@ -88,7 +88,7 @@ class Signals:
         r = self._rows.values(q)[:, self.rows] - self._at
         return self._sign * np.array([r, v @ E, a @ E])
 
-    def at(self, row: int, q: Array, v: Array, a: Array) -> tuple[float, float]:
+    def signal_at(self, row: int, q: Array, v: Array, a: Array) -> tuple[float, float]:
         """The function of a row at a state, and its rate."""
         k = int(np.flatnonzero(self.rows == row)[0])
         parts = self.series(q[None], v[None], a[None])[:, 0, k]
@@ -208,7 +208,7 @@ class Holding:
         dry, F = np.isfinite(F), np.maximum(F, 1.0)
         for _ in range(MOST):  # rows that depend on each other share the load by their F
             load, before = Load(A, self._rank, F, self._pushes), F
-            F = self._bounds.at(t, q, v, a, tau + load.forces(need)[0] @ self._E)[self._held]
+            F = self._bounds.bounds_at(t, q, v, a, tau + load.forces(need)[0] @ self._E)[self._held]
             if np.abs(F[dry] - before[dry]).max(initial=0.0) <= SAME * F[dry].max(initial=0.0):
                 return load, need
         raise SimulationError(

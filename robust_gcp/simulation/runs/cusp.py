@@ -136,7 +136,7 @@ class Arc:
         found = round_cusp(met, options)
         self.R, n = found.half, self._space.nv
         s = nodes(len(found.table))
-        slopes = np.array([found.at(self.R * p)[1] for p in s])
+        slopes = np.array([found.values_at(self.R * p)[1] for p in s])
         self._x, self._k = found.table[:, :n], fitted(slopes / (self.R * s)[:, None])
         self._turn = chebyshev.chebder(self._k) / self.R
         self.star = self.state(0.0, 0.0)[0]

@@ -255,7 +255,7 @@ class FixedRun(RefinedRun):
             zeros = self._events.zeros(now.point.q, now.v, step) if self._events else []
             self._keep_within(i, step, zeros)
             if not self._ended:
-                explicit.at(now.point.y, now.point.ydot)
+                explicit.point_at(now.point.y, now.point.ydot)
 
     def _kernel_map(self) -> KernelMap:
         explicit = self._motion.explicit

@@ -29,7 +29,7 @@ def add_remedy(error: Exception, drive: Drive | None, may_change: bool) -> None:
     run = error.trajectory
     if drive is not None and len(run.t):
         t, moving = float(run.t[-1]), " and ".join(drive.names)
-        rates = zip(drive.names, drive.at(t)[1].tolist(), strict=True)
+        rates = zip(drive.names, drive.motion_at(t)[1].tolist(), strict=True)
         where = ", ".join(f"{name} = {run[name][-1]:.9g} at {rate:.3g} a second" for name, rate in rates)
         error.args = (
             f"{error}; the drive takes {moving} there after t = {t:.6g} s ({where}), and no motion of the "

@@ -152,7 +152,7 @@ class Run:
             self._record.end(zero.t, now, x)
             self._last, self._ended = now, True
         else:
-            point = self._motion.explicit.at(x[:m], x[m : 2 * m])
+            point = self._motion.explicit.point_at(x[:m], x[m : 2 * m])
             self._events.add(zero, point.q, point.G.dot(point.ydot))
 
     # --------------------------------------------------------------------- changes of coordinates

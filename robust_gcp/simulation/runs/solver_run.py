@@ -134,7 +134,7 @@ class AdaptiveRun(Run):
         if not self._events or not np.all(np.isfinite(x)):
             return within, []
         self._following.near(x)
-        point = explicit.at(x[:m], x[m : 2 * m])
+        point = explicit.point_at(x[:m], x[m : 2 * m])
         return within, self._events.zeros(point.q, point.G.dot(point.ydot), within)
 
     def _repartition(self, i: int, t: float, names: tuple[str, ...] | None) -> Checkpoint:
@@ -155,7 +155,7 @@ class AdaptiveRun(Run):
         if plain or not explicit.met or not np.all(np.isfinite(step.x)):
             return
         self._following.near(behind)
-        before, after = (explicit.at(x[:m], x[m : 2 * m]) for x in (behind, step.x))
+        before, after = (explicit.point_at(x[:m], x[m : 2 * m]) for x in (behind, step.x))
         stretch = Stretch(step.t0, step.t1, lambda t: numbers(explicit, step.between(t)[:m]))
         crossings = located(explicit.passed(before, after, stretch), stretch)
         self._record.cross(placed(explicit, crossings, lambda t: step.between(t)[:m]))

@@ -94,7 +94,7 @@ class SolverSteps:
     def state(self, t: float) -> tuple[Array, Array]:
         """q and v, loops closed."""
         x = self.x(t)
-        point = self._explicit.at(x[: self._m], x[self._m : 2 * self._m])
+        point = self._explicit.point_at(x[: self._m], x[self._m : 2 * self._m])
         return point.q, point.G.dot(point.ydot)
 
     def x(self, t: float) -> Array:

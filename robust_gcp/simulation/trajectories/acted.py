@@ -91,7 +91,7 @@ def controls_along(acting: object, t: Array, q: Array, v: Array) -> Array | None
         return np.tile(control.constant, (len(t), 1))
     if not control.asks:
         return control.over(t)
-    return np.array([control.at(*state) for state in zip(t.tolist(), q, v, strict=True)])
+    return np.array([control.controls_at(*state) for state in zip(t.tolist(), q, v, strict=True)])
 
 
 def powered_columns(mechanism: Mechanism, q: Array, v: Array, u: Array | None) -> dict[str, Array]:
@@ -104,7 +104,7 @@ def powered_columns(mechanism: Mechanism, q: Array, v: Array, u: Array | None) -
     columns: dict[str, Array] = {}
     actuation = mechanism.actuation
     if actuation is not None and u is not None:
-        forces = np.array([actuation.at(*state)[0] for state in zip(q, v, u, strict=True)])
+        forces = np.array([actuation.forces_at(*state)[0] for state in zip(q, v, u, strict=True)])
         for i, actuator in enumerate(mechanism.actuators):
             columns[f"actuator.{actuator.name}"] = forces[:, i]
             if actuator.dynamics != "none":
@@ -114,6 +114,6 @@ def powered_columns(mechanism: Mechanism, q: Array, v: Array, u: Array | None) -
         paths = [path.on(tree, f"tendon {name!r}") for name, path in mechanism.tendons.items()]
         for k, state in enumerate(q):
             tree.jacobians(state)
-            lengths[k] = [path.at(state)[0] for path in paths]
+            lengths[k] = [path.length_at(state)[0] for path in paths]
         columns |= {f"tendon.{name}": lengths[:, i] for i, name in enumerate(mechanism.tendons)}
     return columns

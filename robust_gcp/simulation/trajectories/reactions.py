@@ -254,7 +254,7 @@ class Loaded:
                 found.append((spring.force(mechanism, q, v), spring.bound(mechanism)))
         if u is not None and mechanism.actuation is not None:
             actuation = mechanism.actuation
-            forces = actuation.at(q, v, u)[0]
+            forces = actuation.forces_at(q, v, u)[0]
             for actuator, path, force in zip(
                 actuation.actuators, actuation.paths, forces.tolist(), strict=True
             ):

@@ -72,7 +72,7 @@ def _loads(mechanism: Mechanism, tau: Torques | None, u: Array | None) -> Torque
     besides = torque_function(mechanism, base)
 
     def total(t: float, q: Array, v: Array) -> Array:
-        own = actuation.at(q, v, u)[1]
+        own = actuation.forces_at(q, v, u)[1]
         return own if besides is None else own + besides(t, q, v)
 
     return TorqueFunction(total, mechanism.nv)

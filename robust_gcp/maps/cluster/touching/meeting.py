@@ -85,7 +85,7 @@ class Meeting:
     @property
     def star(self) -> Array:
         """x of the first place."""
-        return self.curve.at(next(u for u, p in self.places if p > 1))[0]
+        return self.curve.values_at(next(u for u, p in self.places if p > 1))[0]
 
     @property
     def order(self) -> int:
@@ -98,7 +98,7 @@ class Meeting:
         u, w = surface.u(x), surface.w(x)
         if abs(self.curve.s(u)) > KNOWN:
             return False
-        middle = self.curve.at(u)[0]
+        middle = self.curve.values_at(u)[0]
         try:
             own = surface.point(middle + surface.v * (w - surface.w(middle)), u, w)
         except (LostError, np.linalg.LinAlgError):
@@ -138,7 +138,7 @@ def meeting(space: ClusterSpace, x: Array, P: Array, ahead: Array, options: Brid
         real = [s for s, p in places if p > 1] or [z.real for z in _zeros(curve.g) if abs(z.imag) < 0.3]
         if not real:
             break
-        center = curve.at(curve.u0 + curve.R * float(np.mean(real)))[0]
+        center = curve.values_at(curve.u0 + curve.R * float(np.mean(real)))[0]
         if np.abs(center - surface.reference).max() < SAME:
             break
         surface = surface.about(center)
@@ -147,7 +147,7 @@ def meeting(space: ClusterSpace, x: Array, P: Array, ahead: Array, options: Brid
         if curve.size > SLOW:
             break
         try:
-            wide = mid_curve(surface, curve.at(curve.u0)[0], curve.u0, R)
+            wide = mid_curve(surface, curve.values_at(curve.u0)[0], curve.u0, R)
         except LostError:
             break
         curve = wide if wide.R > curve.R else curve

@@ -45,7 +45,7 @@ def bridge_through(found: Meeting, anchor: Jet, options: BridgeOptions) -> Curve
     surface, u = found.curve.surface, found.curve.surface.u(anchor.x)
     if abs(found.curve.s(u)) > 0.9:
         return None
-    x0 = found.curve.at(u)[0]
+    x0 = found.curve.values_at(u)[0]
     side = float(np.sign(surface.w(anchor.x) - surface.w(x0))) * found.parity(u)
     return mode_through(found, side, anchor.P, options)
 
@@ -111,7 +111,7 @@ class _Round:
         curve = found.curve
         self.center, self._n = next((u, p) for u, p in found.places if p > 1 and p % 2)
         room = 0.98 * curve.R - abs(self.center - curve.u0)
-        _, g, bend = curve.at(self.center + 0.5 * room)
+        _, g, bend = curve.values_at(self.center + 0.5 * room)
         self.side = 1.0 if -g * bend > 0.0 else -1.0
         self.reach = float(np.sqrt(room))
 
@@ -161,7 +161,7 @@ class _Branch:
         """z and its weight |f_w Π| at a node, from the mode's own point there; None where it says nothing."""
         surface, p = self._surface, self.R * s
         u, pi = self._way.u(p)[0], self._way.pi(p)
-        x0, g, bend = self._mid.at(u)
+        x0, g, bend = self._mid.values_at(u)
         squared = -2.0 * g / bend
         if abs(pi * bend) * np.sqrt(abs(squared)) < KNOWN:
             return None
@@ -194,7 +194,7 @@ class _Branch:
     def _x(self, s: float) -> Array:
         """The point of the mode."""
         u, w = self._way.u(self.R * s)[0], float(chebyshev.chebval(s, self._w[0]))
-        x0 = self._mid.at(u)[0]
+        x0 = self._mid.values_at(u)[0]
         return self._surface.point(x0 + self._surface.v * (w - self._surface.w(x0)), u, w)
 
     def point(self, p: float) -> tuple[Array, Array, Array]:

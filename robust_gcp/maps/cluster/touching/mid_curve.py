@@ -200,7 +200,7 @@ class MidCurve:
         """Where u lies on the series."""
         return (u - self.u0) / self.R
 
-    def at(self, u: float) -> tuple[Array, float, float]:
+    def values_at(self, u: float) -> tuple[Array, float, float]:
         """x, g and f_ww at u."""
         s = self.s(u)
         x = np.asarray(chebyshev.chebval(s, self.x))
