@@ -42,7 +42,7 @@ def state_model(mechanism: Mechanism) -> Any:
     Raises
     ------
     OptionError
-        Where single velocities of a ball are independent: they are the rates of no numbers.
+        Where single velocities of a spherical joint are independent: they are the rates of no numbers.
     """
     if mechanism.chart_joints:
         raise OptionError(

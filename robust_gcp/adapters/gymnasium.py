@@ -37,8 +37,8 @@ class MechanismVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     """N motions, each begun anew in the step after its episode's end (`AutoresetMode.NEXT_STEP`).
 
     An action is a number from −1 to 1 for each motor, held over `substeps` steps of RK4; an observation the
-    sines and cosines of hinges, the positions of slides and all velocities. A motion that must stop is
-    `terminated`; one that came to `max_steps` actions is `truncated`.
+    sines and cosines of revolute joints, the positions of prismatic ones, all velocities. A motion that must
+    stop is `terminated`; one that came to `max_steps` actions is `truncated`.
 
     Parameters
     ----------
@@ -150,6 +150,6 @@ class MechanismVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         return np.asarray(self._observe(self.batch.q, self.batch.v), np.float32)
 
     def _usual(self, q: Array, v: Array) -> Array:
-        """Sines and cosines of hinges, other numbers of q as they are, and v."""
+        """Sines and cosines of revolute joints, other numbers of q as they are, and v."""
         turning = self._turning
         return np.hstack([np.sin(q[:, turning]), np.cos(q[:, turning]), q[:, ~turning], v])

@@ -51,7 +51,7 @@ def accelerations(mechanism: Mechanism, threads: int = 1) -> Callable[[Any, Any,
     StateError
         For other shapes.
     ModelError
-        For independent velocities of a ball in a loop.
+        For independent velocities of a spherical joint in a loop.
     """
     function = _function(Accelerations(mechanism, threads))
     return lambda q, v, tau: function(q, v, tau)[0]

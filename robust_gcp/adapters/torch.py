@@ -50,7 +50,7 @@ def accelerations(mechanism: Mechanism, threads: int = 1) -> Callable[[Any, Any,
     StateError, SimulationError
         As `forward_dynamics`.
     ModelError
-        For independent velocities of a ball in a loop.
+        For independent velocities of a spherical joint in a loop.
     """
     exact = Accelerations(mechanism, threads)
     return lambda q, v, tau: _applied(exact, q, v, tau)[0]

@@ -11,7 +11,7 @@ from ..mechanism.tree.tree import Array
 
 
 class Torus:
-    """Configurations compared modulo full turns of the hinges.
+    """Configurations compared modulo full turns of the revolute joints.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ class Torus:
         self.hinges = np.flatnonzero(mechanism.tree.periodic)
 
     def difference(self, q0: Array, q1: Array) -> Array:
-        """The short way from q0 to q1, (nv,): hinges in (−π, π]."""
+        """The short way from q0 to q1, (nv,): revolute joints in (−π, π]."""
         return self._short(np.array(self.tree.difference(q0, q1), dtype=float))
 
     def distance(self, q0: Array, q1: Array) -> float:

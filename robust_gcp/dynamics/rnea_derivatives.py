@@ -18,7 +18,7 @@ class RigidSlopes(threading.local):
     """∂RNEA/∂q, ∂RNEA/∂v and M of a mechanism's tree; one workspace a thread.
 
     `pin.computeRNEADerivatives` is wrong for joints whose motion subspace depends on q: these are spelt as
-    chains of hinges and slides, with the same q and v.
+    chains of revolute and prismatic joints, with the same q and v.
 
     Parameters
     ----------

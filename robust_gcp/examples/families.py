@@ -129,11 +129,11 @@ def planar_linkage(
     Parameters
     ----------
     points : mapping of str to (float, float)
-        Where the hinges are at home, y and z.
+        Where the revolute joints are at home, y and z.
     links : mapping of str to sequence of str
         The points of each link; the one called `ground` is fixed and has no mass.
     joints : sequence of (name, link, link)
-        Hinges; each stands at the point that its two links share, named `link@point` where they share two.
+        Revolute, each at the point that its two links share, named `link@point` where they share two.
     independent : sequence of str
         Joint names.
     cuts : sequence of str

@@ -89,7 +89,7 @@ def _numbers(name: str, given: Sequence[float], count: int) -> list[float]:
 
 
 def _cube() -> tuple[dict[str, tuple[str, str]], list[tuple[str, str, str]]]:
-    """The bars, by their vertices, and the hinges: at each vertex a bar a and a bar c turn on a bar b."""
+    """The bars, by their vertices, and their joints: at each vertex a bar a and a bar c turn on a bar b."""
     edges = {f"a{j}{k}": (f"0{j}{k}", f"1{j}{k}") for j, k in product("01", repeat=2)}
     edges |= {f"b{i}{k}": (f"{i}0{k}", f"{i}1{k}") for i, k in product("01", repeat=2)}
     edges |= {f"c{i}{j}": (f"{i}{j}0", f"{i}{j}1") for i, j in product("01", repeat=2)}

@@ -1,6 +1,6 @@
 """Mechanisms generated from numbers: families of planar linkages made of uniform slender rods.
 
-All move in the world y–z plane, hinge axes along +x, gravity along −z, as the shipped models do.
+All move in the world y–z plane, revolute axes along +x, gravity along −z, as the shipped models do.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ UPRIGHT = 1e-9
 
 
 def rod(length: float, mass: float = 1.0) -> pin.Inertia:
-    """A uniform slender rod from a hinge along its body's y axis."""
+    """A uniform slender rod from a revolute joint along its body's y axis."""
     check_between("rod: length", length, 0.0, OVERFLOWING)
     check_number("rod: mass", mass)
     if not 0.0 <= mass < OVERFLOWING:

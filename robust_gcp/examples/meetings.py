@@ -1,6 +1,6 @@
 """Linkages whose modes touch, end in cusps, or lie in the singular set; planar, in the world y–z plane.
 
-All are made of sliders and of uniform slender rods of 1 kg, hinge axes along +x, gravity along −z.
+All are made of sliders and of uniform slender rods of 1 kg, revolute axes along +x, gravity along −z.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ RODS = 0.6, 0.4
 def cam(profile: Sequence[float], x: float = 0.0) -> Mechanism:
     """A slider-crank whose slider follows a cam: z = 1 − P(x), P(x) = Σ profile[i] xⁱ, y = x.
 
-    The crank's and the rod's bend at their hinge is ±√(P(x) …): modes meet where P has a double zero, with
+    The crank's and the rod's bend at their joint is ±√(P(x) …): modes meet where P has a double zero, with
     contact of order k at one of multiplicity 2k, and end in a cusp at one of odd multiplicity, three or
     more.
 
@@ -35,7 +35,7 @@ def cam(profile: Sequence[float], x: float = 0.0) -> Mechanism:
     profile : sequence of float
         Coefficients, lowest first; m and m.
     x : float
-        Where home is, on the mode whose hinge bends to positive angles, m.
+        Where home is, on the mode whose revolute joint bends to positive angles, m.
 
     Raises
     ------

@@ -281,7 +281,7 @@ struct Assembly {
     const std::int32_t* turns;   // (turn_count,): those that count later only
     const std::int32_t* sort;    // (closures, 2): whether it holds its points together; 1 a weld's turn, 2 a hinge's
     const double* frames;        // (closures, 18): rotations of its frames in their joints, row by row
-    const double* axis;          // (closures, 3): of a hinge
+    const double* axis;          // (closures, 3): of a revolute joint
     const double* row_scale;     // (rows,)
     const double* column_scale;  // (nv,)
     const double* units;         // (nv,)

@@ -1,4 +1,4 @@
-"""The regular path of mechanisms with coordinates in charts: balls in loops with some velocities independent.
+"""The regular path with coordinates in charts: spherical joints in loops, some velocities independent.
 
 A chart about the origin q_o holds, for these joints, q = q_o ⊕ w, w = S y + N z, with S and N the columns of
 the independent and the dependent velocities. Newton's method closes the loops by z at the y that is asked

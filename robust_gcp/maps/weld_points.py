@@ -1,9 +1,9 @@
 """Where the position rows of welds are taken, so that few velocities move the two points apart.
 
 A weld holds two frames together wherever in them the two points lie that it holds together, if both have
-the same place there. At the centre of a ball next to the cut, spelt as one joint or as hinges whose axes
-meet, the ball's velocities leave the position rows: K_d falls apart into these and the rotation rows, which
-the ball's velocities follow from.
+the same place there. At the centre of a spherical joint next to the cut, spelt as one joint or as revolute
+joints whose axes meet, its velocities leave the position rows: K_d falls apart into these and the rotation
+rows, which these velocities follow from.
 """
 
 from __future__ import annotations

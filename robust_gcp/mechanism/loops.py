@@ -27,7 +27,7 @@ from .tree.model import check_model, require_equal, seen_from, standpoint
 from .tree.tree import Array, Tree, require_depth_first
 
 COMPONENT = 0.1
-"""Weight of one component of a ball beside the number of a hinge, where both would serve."""
+"""Weight of one component of a spherical joint beside that of a revolute one, where both would serve."""
 
 
 class ClosedLoops:

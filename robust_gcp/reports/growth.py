@@ -58,7 +58,7 @@ class Family:
 
 
 def polygon(m: int) -> Mechanism:
-    """One loop of m + 3 hinges: links between points on an arc, from the origin back to the ground."""
+    """One loop of m + 3 joints: links between points on an arc, from the origin back to the ground."""
     turns = np.linspace(0.8 * np.pi, 0.1 * np.pi, m + 3)
     points = np.exp(1j * turns) - np.exp(1j * turns[0])
     bars = np.diff(points)
@@ -73,7 +73,7 @@ def polygon(m: int) -> Mechanism:
 
 
 def pendulums(n: int) -> Mechanism:
-    """A chain of n hinges, which is a tree."""
+    """A chain of n revolute joints, which is a tree."""
     model, joint = pin.Model(), 0
     for i in range(n):
         joint = add_link(model, joint, 1.0 if i else 0.0, f"q{i}", 1.0)
@@ -90,8 +90,8 @@ FAMILIES = (
     Family("joints", (1, 2, 5, 10, 20, 40), pendulums),
     Family("robots", (3, 4), lambda m: load("delta" if m == 3 else "walker")),
 )  # fmt: skip
-"""Four-bars in a row, in one cluster; four-bars side by side, each a cluster; hinges in one loop; a chain of
-hinges; and robots, by their mobility."""
+"""Four-bars in a row, in one cluster; four-bars side by side, each a cluster; m + 3 joints in one loop; a
+chain of n; and robots, by their mobility."""
 
 
 def step_seconds(

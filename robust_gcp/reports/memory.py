@@ -1,7 +1,8 @@
 """What a mechanism takes in memory against its number of velocities: `python -m robust_gcp.reports.memory`.
 
-Hinges side by side, each mechanism in a fresh process: the size that is computed beforehand, what the
-process grew by, and the size of a whole `pin.Data`, whose tensors for second derivatives nothing here uses.
+Revolute joints side by side, each mechanism in a fresh process: the size that is computed beforehand, what
+the process grew by, and the size of a whole `pin.Data`, whose tensors for second derivatives nothing here
+uses.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ SIZES = (10, 50, 100, 200, 500, 1000)
 
 
 def hinges(count: int) -> pin.Model:
-    """Hinges side by side, each with a body of 1 kg."""
+    """Revolute joints side by side, each with a body of 1 kg."""
     model = pin.Model()
     for i in range(count):
         joint = model.addJoint(0, pin.JointModelRX(), pin.SE3.Identity(), f"hinge{i}")
@@ -64,7 +65,7 @@ def rows(sizes: Sequence[int] = SIZES) -> list[list[str]]:
 def main() -> None:
     """The command."""
     parser = argparse.ArgumentParser(description="memory against the number of velocities")
-    parser.add_argument("--one", type=int, help="measure this many hinges in this process")
+    parser.add_argument("--one", type=int, help="measure this many revolute joints in this process")
     options = parser.parse_args()
     if options.one is not None:
         print(*measure(options.one))

@@ -175,7 +175,7 @@ def test_a_gearbox_ties_two_hinges_on_one_body() -> None:
     (tied,) = read_sdf(model(BY_WORLD + hinges + backwards + box)).closures
     assert (tied.joint1, tied.joint2) == ("arm", "rotor")
     assert tied.ratio == pytest.approx(0.04)  # −0.04, about an axis that points the other way
-    with pytest.raises(rg.ModelError, match="need a hinge each, along its axes"):
+    with pytest.raises(rg.ModelError, match="need a revolute joint each, along its axes"):
         read_sdf(model(BY_WORLD + JOINTS + box))
 
 

@@ -207,7 +207,7 @@ class TestTendonSpring:
         (lambda: rg.FixedTendon({"no": 1.0}).on(Tree(MODEL), "tendon 't'"), "tendon 't'.*no joint"),
         (lambda: rg.FixedTendon({"j2": 1.0}).on(Tree(MODEL), "tendon 't'"), "tendon 't'"),
         (lambda: rg.SpatialTendon(["a0", "no"]).on(Tree(MODEL), "tendon 't'"), "no frame 'no'"),
-        (lambda: rg.TurningJoint("j1", (1, 0, 0)).on(Tree(MODEL), "x"), "no ball or free joint"),
+        (lambda: rg.TurningJoint("j1", (1, 0, 0)).on(Tree(MODEL), "x"), "neither spherical nor free"),
     ],
 )
 def test_what_is_no_path_is_refused_by_name(make: Any, message: str) -> None:

@@ -42,7 +42,7 @@ def animate(run: Sampled, path: str | Path, fps: float = 25.0, speed: float = 1.
     times = frame_times(run.t, fps, speed)
     writer = _writer(place.suffix, fps)
     view, _ = view_of(run.mechanism, None)
-    at = poses(run.mechanism, run.motion_at(times).q, view)
+    at = poses(run.mechanism, run.at(times).q, view)
     digits = min(max(2, int(np.ceil(-np.log10(speed / fps)))), 6)
     place.parent.mkdir(parents=True, exist_ok=True)
     with style():

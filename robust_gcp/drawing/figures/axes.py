@@ -19,7 +19,7 @@ TANGENT = 0.3
 """Half length of the tangents at a singular point, as a share of π (rad) or of half the range (m)."""
 
 EIGHTH = np.pi / 4.0
-"""Grid of the limits of a hinge that does not turn fully, rad."""
+"""Grid of the limits of a revolute joint that does not turn fully, rad."""
 
 
 class TorusAxis:

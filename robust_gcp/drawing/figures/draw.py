@@ -49,7 +49,7 @@ class Sampled(Protocol):
     mechanism: Mechanism
     t: Array
 
-    def motion_at(self, t: ArrayLike) -> Any:
+    def at(self, t: ArrayLike) -> Any:
         """The motion at these times."""
         ...
 
@@ -112,7 +112,7 @@ def strobe(
         raise OptionError(f"between = {shown(between)} must be two times, s") from error
     times = np.linspace(first, last, n) if n > 1 else np.array([last])
     title = f"{run.mechanism.name}, t = {times[0]:.4g} … {times[-1]:.4g} s" if n > 1 else f"t = {last:.4g} s"
-    return over_each_other(run.mechanism, run.motion_at(times).q, ax, path, title)
+    return over_each_other(run.mechanism, run.at(times).q, ax, path, title)
 
 
 def over_each_other(

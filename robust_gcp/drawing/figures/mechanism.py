@@ -60,7 +60,7 @@ class Pose:
     guides : tuple of ndarray (2, 2) or (2, 3)
         From where each sliding joint starts to where it is.
     pivots, pins : ndarray
-        Hinges on the ground, and all others and the cut points.
+        Revolute joints on the ground, and all others and the cut points.
     up : ndarray (2,) or (3,)
         Away from the ground.
     size : float
@@ -133,14 +133,14 @@ def _pose(mechanism: ClosedLoops, bones: Skeleton, at: Array, R: Array, p: Array
 def draw_pose(
     ax: Axes, at: Pose, alpha: float = 1.0, pins: bool = True, scale: float = 1.0, color: str = ""
 ) -> None:
-    """Draw bodies as bars or plates, hinges as circles, hinges on the ground as triangles.
+    """Draw bodies as bars or plates, revolute joints as circles, revolute joints on the ground as triangles.
 
     Parameters
     ----------
     alpha : float
         Opacity of the bodies.
     pins : bool
-        False leaves hinges out, as for a fading earlier pose.
+        False leaves revolute joints out, as for a fading earlier pose.
     scale : float
         Factor on all widths.
     color : str

@@ -189,8 +189,8 @@ class ModeRates:
         inputs = cluster.inputs
         if not np.isin(inputs, self._mechanism.numbers).all():
             raise NotCertifiedError(
-                f"derivatives at y = {point.y}: beside this singular configuration there are none by the "
-                f"velocities of a ball among {', '.join(cluster.independent)}; choose other joints",
+                f"derivatives at y = {point.y}: beside this singular configuration there are none by "
+                f"velocities of a spherical joint ({', '.join(cluster.independent)}); choose other joints",
                 point.y,
             )
         if len(inputs) > 1:

@@ -117,7 +117,7 @@ def checked_motions(mechanism: Mechanism, drive: Any, times: Array) -> dict[str,
         if not joint.single:
             raise OptionError(
                 f"drive: joint {name!r} ({joint.type}) has {joint.nq} numbers in q; only joints with one "
-                "number can be driven: replace it by a chain of hinges or slides"
+                "number can be driven: replace it by a chain of revolute or prismatic joints"
             )
         if not isinstance(motion, Motion):
             raise OptionError(f"drive[{name!r}] = {shown(motion)} is no Motion; give rg.Motion(position)")

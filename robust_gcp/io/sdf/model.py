@@ -168,7 +168,7 @@ class ModelReader:
         self._gears.append((where, number_of(joint, "gearbox_ratio", 1.0, where), pairs))
 
     def tie_gears(self) -> None:
-        """The gearboxes as couplings of the hinges between their bodies."""
+        """The gearboxes as couplings of the revolute joints between their bodies."""
         for where, ratio, pairs in self._gears:
             found: list[tuple[str, float]] = []
             for third, body, axis in pairs:
@@ -179,7 +179,7 @@ class ModelReader:
                         found.append((one.name, along if one.child == body else -along))
             if len(found) != 2 or not all(np.isclose(abs(sign), 1.0, atol=1e-6) for _, sign in found):
                 raise ModelError(
-                    f"{where}: its two bodies need a hinge each, along its axes, to the reference body"
+                    f"{where}: its two bodies need a revolute joint each, along its axes, to the reference"
                 )
             (first, one_sign), (second, other_sign) = found
             self.couplings.append(CouplingClosure(second, first, -ratio * np.sign(one_sign * other_sign)))

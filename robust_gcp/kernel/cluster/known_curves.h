@@ -84,7 +84,7 @@ class KnownCurves {
   private:
     static constexpr int MOST = 16;
 
-    // The curve after the whole turns of the hinges that bring it next to x.
+    // The curve after the whole turns of the revolute joints that bring it next to x.
     static CurvePtr turned(const CurvePtr& known, const Vector& x, const Space& space) {
         Vector center, slope, bend;
         known->point(known->center(), center, slope, bend);

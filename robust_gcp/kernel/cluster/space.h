@@ -151,7 +151,7 @@ class Space {
         return 4e-16 * (nv + largest);
     }
 
-    // The whole turns of hinges nearest to a shift of x, in x.
+    // The whole turns of revolute joints nearest to a shift of x, in x.
     Vector whole_turns(const Vector& shift) const {
         Vector turns = Vector::Zero(nv);
         for (int i = 0; i < nv; ++i)

@@ -43,7 +43,9 @@ def described(arrays: Arrays) -> Numbers:
     """
     d, kept = arrays.structure, arrays._kept
     sound = {
-        "joints other than hinges and slides": all(kind in (REVOLUTE, PRISMATIC) for kind in kept["kind"]),
+        "joints other than revolute and prismatic ones": all(
+            kind in (REVOLUTE, PRISMATIC) for kind in kept["kind"]
+        ),
         "rows of φ other than of positions along axes": all(axis >= 0 for axis in kept["row_axis"]),
         "couplings": d.couplings == 0,
         "point springs or tendons in space": d.lines == 0 and len(kept["stretch_at"]) == 0,

@@ -41,7 +41,7 @@ struct Chain {
     // state
     Cells<Axes> axes;
     Cells<Vec> p, r;                // origins, and those seen from the parent's origin
-    Cells<double> cosine, sine;     // of hinges
+    Cells<double> cosine, sine;     // of revolute joints
     bool anew = false;              // whether `place_after` takes them from the angle, as `place` does
     Cells<Vec> omega, u, alpha, a;  // u: velocity of the origin
 

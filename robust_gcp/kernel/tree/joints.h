@@ -9,7 +9,7 @@
 
 namespace rg {
 
-// Joints whose motion subspace is constant in their own frame. Hinges and slides are about or along z:
+// Joints whose motion subspace is constant in their own frame. Revolute and prismatic joints are about or along z:
 // the caller turns the frames.
 enum Kind : std::int32_t { REVOLUTE, PRISMATIC, CONTINUOUS, SPHERICAL, TRANSLATION, FREE_FLYER, PLANAR };
 

@@ -52,7 +52,7 @@ class Curve:
     error : float
         Estimated relative error of Γ over the bridge.
     shift : ndarray (nv,)
-        Whole turns of hinges by which it was moved.
+        Whole turns of revolute joints by which it was moved.
     orders : tuple of int
         The order of contact of the modes at each place, where it is above one at some.
     inside : Series or None
@@ -160,7 +160,7 @@ class Curve:
         )
 
     def turned(self, shift: Array) -> Curve:
-        """The same curve after whole turns of hinges, x + shift."""
+        """The same curve after whole turns of revolute joints, x + shift."""
         other = copy(self)
         other.shift = self.shift + shift
         return other

@@ -56,7 +56,7 @@ class KnownCurves:
     def through(self, here: Jet, zone: float) -> tuple[Curve, float] | None:
         """The last curve through a point and its u there, if the nearest singular place is one of its own.
 
-        Each stands for itself after any whole turns of its hinges too.
+        Each stands for itself after any whole turns of its revolute joints too.
         """
         for curve in reversed(self.curves):
             turned = turned_to(curve, here.x)
@@ -202,14 +202,14 @@ def _remember(here: Jet, distance: float, options: BridgeOptions, failure: NoBri
 
 
 def turned_to(curve: Curve, x: Array) -> Curve:
-    """The curve after the whole turns of the hinges that bring it next to x."""
+    """The curve after the whole turns of the revolute joints that bring it next to x."""
     space = curve.space
     turns = _whole_turns(space, x - curve.point(curve.center)[0])
     return curve.turned(turns) if np.any(turns) else curve
 
 
 def _whole_turns(space: ClusterSpace, away: Array) -> Array:
-    """Those of hinges in a difference of two points."""
+    """Those of revolute joints in a difference of two points."""
     if not space.flat:
         return np.zeros(len(away))
     turns = np.where(space.tree.periodic, np.round(away * space.D / (2.0 * np.pi)), 0.0)

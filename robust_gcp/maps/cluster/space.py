@@ -31,7 +31,7 @@ class ClusterSpace:
     """Dimensionless coordinates of a cluster: q = q_ref ⊕ D x, with φ, K and φ'' by x.
 
     Where all joints have one number each, q_ref = 0 and x = q / D. Else x are exponential coordinates at the
-    reference, which serve up to half a turn of a ball from there.
+    reference, which serve up to half a turn of a spherical joint from there.
 
     Parameters
     ----------

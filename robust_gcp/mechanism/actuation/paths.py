@@ -109,15 +109,15 @@ class SumOfJoints(BoundPath):
 
 @dataclass(frozen=True)
 class TurningJoint(Path):
-    """A ball or free joint along a gear: ℓ̇ = gear · velocity, of a ball ℓ = gear · rotation vector.
+    """A spherical or free joint along a gear: ℓ̇ = gear · velocity, of a spherical ℓ = gear · rotation vector.
 
     Parameters
     ----------
     joint : str
     gear : sequence of float
-        Three numbers of a ball; of a free joint six, linear along the world's axes, then angular.
+        Three numbers of a spherical joint; of a free joint six, linear along the world's axes, then angular.
     in_parent : bool
-        Whether the gear turns with the parent (a ball) or the world, not with the body.
+        Whether the gear turns with the parent (a spherical joint) or the world, not with the body.
     """
 
     joint: str
@@ -137,7 +137,9 @@ class TurningJoint(Path):
         joint = joint_named(tree.joints, self.joint, owner)
         sizes = {JointKind.SPHERICAL: 3, JointKind.FREE_FLYER: 6}
         if joint.kind not in sizes:
-            raise ModelError(f"{owner}: joint {self.joint!r} is no ball or free joint; use a FixedTendon")
+            raise ModelError(
+                f"{owner}: joint {self.joint!r} is neither spherical nor free; use a FixedTendon"
+            )
         gear = checked_vector(self.gear, sizes[joint.kind], f"{owner}: gear", str(sizes[joint.kind]))
         return _Turning(tree, joint, gear, self.in_parent)
 

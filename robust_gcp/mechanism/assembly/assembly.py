@@ -1,7 +1,7 @@
 """Closing the loops from afar: Levenberg–Marquardt on points first, then on points and rotations.
 
 The rotation rows of φ vanish for half a turn too, so that least squares on φ may end there. Here a frame
-closure counts by the logarithm of its rotation, log₃(R₁ᵀ R₂), and a hinge closure by the chord of its axes,
+closure counts by the logarithm of its rotation, log₃(R₁ᵀ R₂), a revolute closure by the chord of its axes,
 a₁ − a₂: both vanish at the aligned assembly alone. Points come first because their basin is wide.
 """
 

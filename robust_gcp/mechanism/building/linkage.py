@@ -142,7 +142,7 @@ class Linkage:
         name: str | None = None,
         axis2: ArrayLike | None = None,
     ) -> None:
-        """A hinge between points of two links; it closes a loop where they are connected already.
+        """A revolute joint between points of two links; it closes a loop where they are connected already.
 
         Parameters
         ----------
@@ -188,7 +188,7 @@ class Linkage:
         mass : float
             Of the block, kg.
         name : str
-            Of the block and of the joint that slides; the hinge is called `NAME_pin`.
+            Of the block and of the prismatic joint; the revolute one is called `NAME_pin`.
         """
         self.link(name, mass=mass)
         self.prismatic(on, name, along, name=name)

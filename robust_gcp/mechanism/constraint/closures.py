@@ -161,14 +161,14 @@ class AxisClosure(Closure):
 
 @dataclass(frozen=True)
 class RevoluteClosure(AxisClosure):
-    """Two frames share their origin and an axis: five rows (a cut hinge).
+    """Two frames share their origin and an axis: five rows (a cut revolute joint).
 
     Parameters
     ----------
     frame1, frame2 : str
         Names of frames of the spanning tree.
     axis : tuple of float
-        The hinge axis, with the same components in both frames; z unless given.
+        The revolute axis, with the same components in both frames; z unless given.
     """
 
     kind: ClassVar[str] = "revolute"

@@ -75,7 +75,7 @@ def _joint_motion(joint: Joint, q: Array, pitch: float) -> tuple[Array, Array]:
     elif kind is JointKind.PLANAR:
         shift[:2], (c, s) = q[:2], q[2:] / np.hypot(*q[2:])
         turn = _turn(np.array([0, 0, 1], dtype=WIDE), c, s)
-    else:  # a ball, a translation, or both
+    else:  # a spherical joint, a translation, or both
         if kind is not JointKind.SPHERICAL:
             shift = q[:3]
         if kind is not JointKind.TRANSLATION:

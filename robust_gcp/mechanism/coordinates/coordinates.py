@@ -84,7 +84,7 @@ class Coordinates(ClosedLoops):
     def chart_joints(self) -> tuple[Joint, ...]:
         """Joints in loops with independent velocities that are no rates of numbers in q.
 
-        Such as the ball of a rod that spins idly: one velocity is independent, two are dependent.
+        Such as the spherical joint of a rod that spins idly: one velocity is independent, two are dependent.
         """
         chosen = set(self.iv_independent.tolist())
         free = {joint.name for joint in self.group_joints}

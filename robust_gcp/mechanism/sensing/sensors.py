@@ -142,7 +142,7 @@ def _joint(here: Instant, sensor: Sensor) -> tuple[Array, Array]:
 def _limit(here: Instant, sensor: Sensor) -> tuple[float, float]:
     """How far a joint or tendon is within the limit that is reached, less its margin, and the rate.
 
-    Zeros within all limits. Of a ball its angle counts, at most half a turn, and `upper` alone.
+    Zeros within all limits. Of a spherical joint its angle counts, at most half a turn, and `upper` alone.
     """
     lower, upper, margin = sensor.numbers
     if sensor.tendon is not None:

@@ -1,7 +1,8 @@
 """Which velocities carry which bodies, joint by joint and part by part.
 
-A part has a motion subspace that is constant in its own frame: a hinge, a slide, a screw, a ball, a free
-body. Joints whose subspace depends on q (universal, Euler angles, composite) are chains of parts.
+A part has a motion subspace that is constant in its own frame: a revolute, prismatic, helical or spherical
+joint, a free body. Joints whose subspace depends on q (universal, Euler angles, composite) are chains of
+parts.
 """
 
 from __future__ import annotations
@@ -66,8 +67,8 @@ def _sizes(model: pin.Model, joint: Joint) -> list[int]:
     """How many columns each part of a joint has."""
     if joint.kind is JointKind.ELLIPSOID:
         raise ModelError(
-            f"joint {joint.name!r} ({joint.type}): the motion of an ellipsoid joint is no chain of hinges "
-            "and slides, and it has no derivatives here; replace it by such a chain"
+            f"joint {joint.name!r} ({joint.type}): the motion of an ellipsoid joint is no chain of revolute "
+            "and prismatic joints, and it has no derivatives here; replace it by such a chain"
         )
     if joint.kind is JointKind.COMPOSITE:
         return _parts(model.joints[joint.index])

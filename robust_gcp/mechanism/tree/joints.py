@@ -114,7 +114,7 @@ _NUMBERS: dict[JointKind, tuple[_Spec, ...]] = {
 """The numbers of each kind, those in q and those in v each in Pinocchio's order.
 
 Of a free or planar joint, x, y and z in q are the position in the parent's axes, in v the velocity in
-the joint's own; of a ball or free joint, rx, ry and rz are the angular velocity in its own axes.
+the joint's own; of a spherical or free joint, rx, ry and rz are the angular velocity in its own axes.
 """
 
 _WITH_AXIS = (JointKind.REVOLUTE, JointKind.PRISMATIC, JointKind.CONTINUOUS, JointKind.SCREW)
@@ -137,7 +137,7 @@ class Joint:
     components : tuple of Component
         Its numbers, those in q in their order, those in v in theirs.
     axis : ndarray (3,) or None
-        Unit vector along a hinge, slide or screw in the joint's own frame.
+        Unit vector along a revolute, prismatic or helical joint in its own frame.
     """
 
     name: str
@@ -276,7 +276,7 @@ def _components(joint: Any, name: str, iq: int, iv: int) -> list[Component]:
 
 
 def along(letter: str, axis: Array) -> pin.JointModel:
-    """Pinocchio's joint of a hinge ("R") or slide ("P") along a unit vector: the simplest there is."""
+    """Pinocchio's joint, revolute ("R") or prismatic ("P"), along a unit vector: the simplest there is."""
     for unit, name in zip(np.eye(3), _XYZ, strict=True):
         if np.array_equal(axis, unit):
             return getattr(pin, f"JointModel{letter}{name}")()

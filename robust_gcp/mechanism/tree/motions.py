@@ -7,7 +7,7 @@ Jacobian J, its part's parent p, its own part b(j), and any part b that j carrie
     ∂A_b/∂q_j = (A_p − A_b) × J_j + (V_p − V_b) × (V_p × J_j),
     ∂A_b/∂v_j = ∂V_b/∂q_j + V_b(j) × J_j,
 
-and zero for the others. ∂/∂q_j is along the velocity component j, so the same holds for balls and free
+and zero for the others. ∂/∂q_j is along the velocity component j, so the same holds for spherical and free
 bodies. The arithmetic is that of complex numbers too: nothing is conjugated.
 """
 

@@ -143,7 +143,7 @@ class Tree(threading.local):
 
         Where joints move against each other so that their bodies hardly move, vᵀ M v cancels and
         this does not. The rotors are added here: Pinocchio's sum leaves them out for joints of several
-        kinds, hinges with an axis other than x, y and z among them.
+        kinds, revolute joints with an axis other than x, y and z among them.
         """
         bodies = float(pin.computeKineticEnergy(self._massive, self.data, q, v))
         if self._rotors is None:

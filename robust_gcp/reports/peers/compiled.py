@@ -129,7 +129,7 @@ def why_not() -> str:
 
 
 class Loop:
-    """The compiled loop of a mechanism, whose joints are hinges, slides, balls and free-flyers."""
+    """The compiled loop of a mechanism, of revolute, prismatic and spherical joints and free-flyers."""
 
     def __init__(self, mechanism: Mechanism) -> None:
         self._library, self._nq, self._nv = library(), mechanism.nq, mechanism.nv
@@ -212,7 +212,7 @@ def _numbers(place: pin.SE3) -> Array:
 
 
 def _closures(mechanism: Mechanism) -> dict[str, Any]:
-    """A point, a frame, or for a cut hinge two points on its axis."""
+    """A point, a frame, or for a cut revolute joint two points on its axis."""
     full: list[int] = []
     joints: list[list[int]] = []
     places: list[list[Array]] = []

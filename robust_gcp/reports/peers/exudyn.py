@@ -40,7 +40,7 @@ class Implicit:
     def refuses(self, scene: Scene) -> str:
         """Why not: joints or springs that the adapter does not know."""
         if not has_simple_joints(scene.mechanism):
-            return "the adapter knows hinges and sliders only"
+            return "the adapter knows revolute and prismatic joints only"
         if scene.joints or len(scene.mechanism.loops) < len(scene.mechanism.closures):
             return "the adapter knows no stops, dry friction or couplings"
         if not all(isinstance(f, PointSpring | JointTorque) for f in scene.mechanism.forces):

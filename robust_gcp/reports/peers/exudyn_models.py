@@ -85,7 +85,7 @@ class ExudynModel(ABC):
 
 
 def is_planar(scene: Scene) -> bool:
-    """Whether all joints are hinges about the world's +x, and gravity lies in the plane."""
+    """Whether all joints are revolute joints about the world's +x, and gravity lies in the plane."""
     axis = np.array([1.0, 0.0, 0.0])
     return abs(scene.mechanism.own_model.gravity.linear[0]) < ROUNDING and all(
         joint.hinge

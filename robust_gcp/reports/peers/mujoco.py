@@ -60,7 +60,7 @@ class Connect:
     def refuses(self, scene: Scene) -> str:
         """Why not: other joints, closures of whole frames, or what MuJoCo itself does not compile."""
         if not has_simple_joints(scene.mechanism, floating=True):
-            return "the adapter knows hinges, sliders and floating bases only"
+            return "the adapter knows revolute and prismatic joints and floating bases only"
         if any(c.kind not in ("3d", "revolute", "coupling") for c in scene.mechanism.closures):
             return "connect holds points together, and a closure here holds whole frames"
         massless = any(body.mass == 0.0 for body in list(scene.mechanism.own_model.inertias)[1:])

@@ -19,7 +19,7 @@ Place = tuple[int, pin.SE3]
 
 @dataclass(frozen=True)
 class Joint:
-    """A hinge, a slider or a free-flyer with its body."""
+    """A revolute joint, a prismatic joint or a free-flyer with its body."""
 
     name: str
     parent: int  # index of the parent joint; 0 is the ground
@@ -35,7 +35,7 @@ class Joint:
 
 
 def has_simple_joints(mechanism: Mechanism, floating: bool = False) -> bool:
-    """Whether all joints are hinges and sliders with one number in q; or free-flyers on the ground."""
+    """Whether all joints are revolute and prismatic with one number in q; or free-flyers on the ground."""
     return all(
         joint.kind in (JointKind.REVOLUTE, JointKind.PRISMATIC)
         or (floating and joint.kind is JointKind.FREE_FLYER and mechanism.own_model.parents[joint.index] == 0)
@@ -63,7 +63,7 @@ def closure_places(mechanism: Mechanism) -> list[tuple[Place, Place]]:
 
 
 def held_points(mechanism: Mechanism, closure: object) -> list[Array]:
-    """Where on its frames a closure holds points together: at the origin, and of a hinge on its axis too."""
+    """Where on its frames a closure holds points together: the origin, of a revolute one its axis too."""
     if not isinstance(closure, RevoluteClosure):
         return [np.zeros(3)]
     axis = np.asarray(closure.axis, dtype=float)

@@ -1,8 +1,8 @@
 """Pinocchio's constrained dynamics on the spanning tree, in a C++ loop of the classical Runge-Kutta method.
 
-Closures are rigid constraint models: CONTACT_3D for a point, CONTACT_6D for a frame, and for a cut hinge
-two points on its axis. Springs, dampers and drives are computed in the loop. A tree without loops is run by
-`aba`.
+Closures are rigid constraint models: CONTACT_3D for a point, CONTACT_6D for a frame, and for a cut revolute
+joint two points on its axis. Springs, dampers and drives are computed in the loop. A tree without loops is
+run by `aba`.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class ConstraintDynamics:
         if scene.joints:
             return "Pinocchio has no stops and no dry friction"
         if not knows(mechanism):
-            return "the adapter knows hinges, slides, balls and free-flyers"
+            return "the adapter knows revolute, prismatic and spherical joints and free-flyers"
         if any(closure.kind not in ADAPTED for closure in mechanism.closures):
             return "the adapter closes points, frames and hinges"
         if not mechanism.closures and self.name != DEFAULTS:

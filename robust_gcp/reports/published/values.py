@@ -88,7 +88,7 @@ def spatial_slider_crank() -> Value:
     along = (C - B) / length
     normal = A - (A @ along) * along
     normal /= np.linalg.norm(normal)
-    axis = np.cross(normal, along)  # of the second hinge, fixed to the rod
+    axis = np.cross(normal, along)  # of the second revolute joint, fixed to the rod
     model = pin.Model()
     model.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
 

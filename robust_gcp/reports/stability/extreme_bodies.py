@@ -88,7 +88,7 @@ def _points(name: str, at: float) -> Case:
     def gather(model: pin.Model) -> None:
         for joint in (1, 2, 3):
             model.inertias[joint] = pin.Inertia(1.0, np.array([0.0, at, 0.0]), np.zeros((3, 3)))
-        if at == 0.0:  # the coupler's hinge moves: leave it no mass either
+        if at == 0.0:  # the coupler's revolute joint moves: leave it no mass either
             model.inertias[2] = pin.Inertia.Zero()
 
     def build() -> Start:

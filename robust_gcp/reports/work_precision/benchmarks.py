@@ -185,7 +185,7 @@ def _turn(axis: int, angle: float) -> Array:
 
 
 def _bricard_shape(x: float) -> tuple[Array, Array, Array]:
-    """Every other hinge turns alike, (x, z, x, z, x) with sin z = −sin x/(1 + sin x).
+    """Every other revolute joint turns alike, (x, z, x, z, x) with sin z = −sin x/(1 + sin x).
 
     That is the threefold-symmetric Bricard linkage with right-angled twists,
     cos ξ cos ζ + cos ξ + cos ζ = 0, in ξ = x + π/2 and ζ = z + π/2.
@@ -225,7 +225,7 @@ def _bricard_weights(q: Array, G: Array, Gp: Array) -> Weights:
 
 
 def bricard() -> OneDof:
-    """Bricard's mechanism with slender rods in the angle of its first hinge."""
+    """Bricard's mechanism with slender rods in the angle of its first revolute joint."""
     return OneDof(_bricard_shape, _bricard_weights)
 
 

@@ -64,7 +64,7 @@ SKEW = pin.rpy.rpyToMatrix(0.0, 0.5, 0.7)
 
 
 def skew() -> Motion:
-    """The antiparallelogram in a skew plane, its cut hinge closed in space, with redundant rows."""
+    """The antiparallelogram in a skew plane, its cut revolute joint closed in space, with redundant rows."""
     lengths, (y, ydot) = (2.0, 1.0, 2.0, 1.0), (0.1, -2.0)
     flat = four_bar(*lengths, y=y, assembly=-1)
     model = flat.model.copy()

@@ -1,4 +1,4 @@
-"""Crossings of a step placed in time, in the clusters' coordinates and in those of balls."""
+"""Crossings of a step placed in time, in the clusters' coordinates and in those of spherical joints."""
 
 from __future__ import annotations
 
