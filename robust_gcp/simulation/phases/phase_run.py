@@ -20,7 +20,7 @@ from ..runs.coordinates import Coordinates
 from ..runs.schedule import Schedule
 from ..runs.stability import StabilityCheck
 from ..runs.starting import rates_at, started
-from ..runs.zero_order_hold import HeldRun
+from ..runs.stepped import SteppedRun
 from ..trajectories.interpolant import Interpolant
 
 if TYPE_CHECKING:
@@ -182,7 +182,7 @@ class Leg:
 
     def _further(self, n: int) -> None:
         run = self._run
-        if not isinstance(run, HeldRun):
+        if not isinstance(run, SteppedRun):
             run.further(n)
             return
         if run.record.at < 0:

@@ -35,9 +35,9 @@ from .schedule import Schedule, planned
 from .solver_run import AdaptiveRun
 from .stability import MOST_PARTS, StabilityCheck
 from .starting import Given, rates_at, started
+from .stepped import SteppedRun
 from .steppers import rk4_step
 from .too_long_steps import Coarse
-from .zero_order_hold import HeldRun
 
 Again = Callable[..., Trajectory]
 Progress = Callable[[float], None] | bool | None
@@ -196,7 +196,7 @@ class Course:
         if self.solver is not None:
             run = AdaptiveRun(*self.solver, native, *parts)
         elif isinstance(torque, HeldTorque):
-            run = HeldRun(torque, take, native, *parts)
+            run = SteppedRun(torque, take, native, *parts)
         else:
             run = FixedRun(take, native, *parts)
         if isinstance(run, FixedRun):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -22,17 +21,18 @@ from ..events import Events
 from ..saved_state import unchanging
 from ..trajectories.trajectory import Trajectory
 from .fixed_steps import FixedRun
+from .held_torques import HeldTorques
 from .schedule import Schedule
 
 FIXED = (
-    "_choice", "_torque", "_held", "_take", "_native", "_progress", "_counters", "_on_toggle", "_named",
+    "_choice", "_torque", "_take", "_native", "_progress", "_counters", "_on_toggle", "_named",
     "_lean", "acted",
 )  # fmt: skip
 """What of a run no step changes, or what counts on."""
 
 
 class SteppedRun(FixedRun):
-    """A run that goes on when asked to, under a torque that is held.
+    """A run under a torque that is held over each step, as by a digital controller; it goes on when asked to.
 
     It has no stops, friction or locks: see `phases.phased_simulation`.
 
@@ -51,9 +51,7 @@ class SteppedRun(FixedRun):
 
     def __init__(self, held: HeldTorque, *more: Any, **options: Any) -> None:
         super().__init__(*more, **options)
-        self._held = held
-        self._changes, self._torques = [0], [held.value]
-        self._bits = held.value.tobytes()
+        self._torques = HeldTorques(held)
         self._lean: Prepared | None = None
         self._begun = 0  # where the steps began that the kernel has not told of
         self._watching: Array | None = None  # q of all outputs, where rows of φ are to be looked at
@@ -64,6 +62,21 @@ class SteppedRun(FixedRun):
         """Accept the start."""
         self._go_on(0, 0, None)
 
+    def go(self) -> None:
+        """All steps, each under what `HeldTorque.asked` says at its start."""
+        ask, start, times = self._torques.now.asked, self._motion.start, self.times.tolist()
+        assert ask is not None  # `HeldTorque.of` gave it
+        first = ask(times[0], start.point.q, start.point.G.dot(start.ydot))
+        self._torques.restart(first)
+        self._first = None  # was evaluated under no torque
+        self.begin()
+        self.take(first, 1)
+        for t in times[1:-1]:
+            if self._ended:
+                break
+            self.take(ask(t, *self.state), 1)
+        self.settle()
+
     def trajectory(self, begun: float) -> Trajectory:
         """What was recorded so far."""
         self.settle()
@@ -72,7 +85,7 @@ class SteppedRun(FixedRun):
             found.acted = replace(found.acted, lost=True)  # the torques of steps that were let go
         elif found.acted is not None:
             found.acted = replace(found.acted, held=self._held_from(found.t[:-1])[:, : found.v.shape[1]])
-        found.u = self._held.driven(self._held_from(found.t), found.t)
+        found.u = self._torques.now.driven(self._held_from(found.t), found.t)
         return found
 
     def take(self, torque: Array, n: int) -> None:
@@ -83,12 +96,12 @@ class SteppedRun(FixedRun):
         """
         i, bits, lean = self._record.at, torque.tobytes(), self._lean
         self.paused = False
-        turned = bits != self._bits
+        turned = bits != self._torques.bits
         if lean is not None and n <= self._most:
             plain = lean(i, n, torque if turned else None)
             completed = n if plain else lean.completed
             if turned and completed >= 0:
-                self._note(i, torque, bits)
+                self._torques.hold(i, torque, bits)
                 turned = False
             if completed > 0:
                 self._record.reach(i + completed)
@@ -193,16 +206,10 @@ class SteppedRun(FixedRun):
         """Those passed so far."""
         return self._record.crossings
 
-    def _note(self, i: int, torque: Array, bits: bytes) -> None:
-        """A torque is held from time i on."""
-        self._changes.append(i)
-        self._torques.append(torque)
-        self._held.value, self._bits = torque, bits
-
     def _hold(self, i: int, torque: Array, bits: bytes) -> None:
         """Hold a torque from output i, the last one, on, and look at the state there again."""
         last = self.last
-        self._note(i, torque, bits)
+        self._torques.hold(i, torque, bits)
         t = float(self.times[i])
         native, explicit = self._native, self._motion.explicit
         known = None
@@ -218,33 +225,28 @@ class SteppedRun(FixedRun):
 
     def _held_from(self, t: Array) -> Array:
         """What was held from each of these times on, (len(t), nv)."""
-        steps = np.searchsorted(self.times, t, side="right") - 1
-        held = np.array(self._torques)
-        return held[np.searchsorted(self._changes, steps, side="right") - 1]
-
-    def _torque_from(self, i: int) -> Array:
-        """What is held from time i on."""
-        return self._torques[bisect_right(self._changes, i) - 1]
+        return self._torques.along(np.searchsorted(self.times, t, side="right") - 1)
 
     def _evaluated(self, i: int) -> Evaluation:
-        torque = self._torque_from(i)
-        if torque is not self._held.value:
+        torque = self._torques.on(i)
+        if torque is not self._torques.now.value:
             self._leave()  # what is known at the end of a step was found under the torque before
-        self._held.value = torque
+        self._torques.now.value = torque
         return super()._evaluated(i)
 
     def _look_within(self, i: int, before: Evaluation, now: Evaluation) -> None:
         """As ever, under the torque of the step before time i, not of the one after it."""
-        after, self._held.value = self._held.value, self._torque_from(i - 1)
-        if self._looked_for(i) and not np.array_equal(after, self._held.value, equal_nan=True):
+        held = self._torques.now
+        after, held.value = held.value, self._torques.on(i - 1)
+        if self._looked_for(i) and not np.array_equal(after, held.value, equal_nan=True):
             now = self._motion.equations.at_point(float(self.times[i]), now.point)
         super()._look_within(i, before, now)
-        self._held.value = after
+        held.value = after
 
     def _natively(
         self, native: NativeSteps, i: int, last: int, now: Evaluation
     ) -> tuple[int, Evaluation | None]:
-        if self._changes[-1] > i:  # over steps taken once more, one by one
+        if self._torques.changes_after(i):  # one by one, each under its own
             return i, now
         return super()._natively(native, i, last, now)
 
@@ -272,9 +274,7 @@ class SteppedRun(FixedRun):
         self._schedule = Schedule.every(clock(self._gone, len(self.times)))
         self._record.forget(n, self._schedule)
         self._recovery.shift(n)
-        first = bisect_right(self._changes, n) - 1
-        self._changes = [max(0, i - n) for i in self._changes[first:]]
-        self._torques = self._torques[first:]
+        self._torques.forget(n)
 
     def parts(self) -> dict[str, Any]:
         """What steps change, by name."""
@@ -297,4 +297,4 @@ class SteppedRun(FixedRun):
         self._leave()
         for name, value in self.copied(parts).items():
             setattr(self, name, value)
-        self._held.value = self._torques[-1]
+        self._torques.resume()
