@@ -167,6 +167,7 @@ class RegularPath:
         for iteration in range(MAX_NEWTON):
             phi, K = self._constraint(q)
             size = float(np.abs(phi).max())
+            # of long chains φ rounds more: it is closed where Newton gains nothing any more
             if size <= CONVERGED or (size <= STAGNANT and size >= 0.25 * last_size):
                 return Closed(q, K, correction, self.tree.placed)
             if not np.isfinite(size):
@@ -188,6 +189,7 @@ class RegularPath:
         q = closed.q
         if self.nd == 0:
             return Point(y, ydot, q, self._tree_G, self.tree.zero, None, NONE, NONE)
+        # someone else may have placed the tree since
         K = closed.K if closed.placed == self.tree.placed else self._constraint(q)[1]
         tree, factor, dependent = self.tree, self.factor, self.dependent
         factor.factor(K)
@@ -197,7 +199,7 @@ class RegularPath:
         if self.m == 1:
             G[dependent, 0] = self._column_scale * -factor.solve(K[:, self.independent[0]])
             curvature = np.zeros(tree.nv)
-            curvature[dependent] = self._bias(q, G[:, 0])
+            curvature[dependent] = self._bias(q, G[:, 0])  # at ẏ = 1: serves every speed, and the prediction
             g = curvature * float(ydot[0]) ** 2
         elif self.m:
             G[dependent] = self._column_scale[:, None] * -factor.solve(K[:, self.independent])

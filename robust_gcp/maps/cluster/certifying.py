@@ -51,6 +51,7 @@ def best_of(attempt: Callable[[float], B], half_widths: Sequence[float], shorter
     NoBridgeError
         When no attempt earns a certificate: that of the attempt which came nearest.
     """
+    # Wide bridges first: K is well conditioned at their nodes; narrow ones where the mode bends much.
     best: B | None = None
     failures: list[NoBridgeError] = []
     for half_width in (*half_widths, *shorter):
@@ -91,6 +92,7 @@ def beyond(
     places, found, P = list(near), list(nodes), nodes[0].P
     for k, place in enumerate(far):
         node, first = solve(guess(places, found, place), place, P)
+        # On a corner the extrapolation misses the first node beyond by the width: then this is not one mode.
         if first > FAR_SIDE[min(k, 1)] * half_width:
             raise NoBridgeError("beyond the singular place the mode does not go on smoothly", first)
         P = node.P

@@ -122,6 +122,7 @@ class Curve:
                 return None
             x, slope, _ = self.point(u)
             du = (y - float(c @ x)) / float(c @ slope)
+            # where y turns back along the curve the slope is nearly zero, and a whole step would leave it
             du = min(max(du, -0.5 * width), 0.5 * width)
             u += du
             if abs(du) < 1e-15 + 4e-16 * abs(u):
@@ -130,7 +131,7 @@ class Curve:
 
     def beyond(self, C: Array, y: float, u: float) -> float:
         """u of y by the slope at u, where y lies beyond the nodes."""
-        u = min(max(u, self.left), self.right)
+        u = min(max(u, self.left), self.right)  # a polynomial says nothing far beyond its nodes
         x, slope, _ = self.point(u)
         return u + (y - float(C[:, 0] @ x)) / float(C[:, 0] @ slope)
 
@@ -140,6 +141,7 @@ class Curve:
         pace = float(C[:, 0] @ slope)
         J = slope / pace
         second = bend / pace**2
+        # y is its own coordinate: Cᵀ J = 1 holds all along, so that Cᵀ Γ = 0
         second = second - J * float(C[:, 0] @ second)
         return Jet(self.space, x, C, J[:, None], second[None, None], self.through.nodes[0].P)
 

@@ -67,6 +67,7 @@ class CurveBuilder:
         if ahead is None:
             raise NoBridgeError("no singular place lies ahead")
         low, high = start + ahead[0], start + ahead[1]
+        # The anchor tells the places to first order only: nodes about these tell them anew, until they agree.
         for _ in range(5):
             center, w = 0.5 * (low + high), half_width + 0.5 * (high - low)
             self._place_nodes(center, w)
@@ -100,6 +101,7 @@ class CurveBuilder:
             last = abs(u - at) <= limit
             to = u if last else at + float(np.clip(u - at, -limit, limit))
             here, first = self._solve(here.predicted(np.array([to - at])), to, here.P)
+            # a correction as large as that, rounding apart, leads to another mode
             if first > 0.25 * abs(to - at) + 1e-14 / max(here.sigma, 1e-12):
                 raise NoBridgeError("a node beside the singular place is out of reach")
             if last:
@@ -155,6 +157,7 @@ class CurveBuilder:
         samples = np.linspace(self._left, self._right, 15)[1:-1]
         left, kind = closure(space, options, through.sampled(samples)[0], self._reference)
         known, transversality = self._parting(roots)
+        # where the loops stay open K keeps its rank all along, and what the pencil counts has to do
         gap = kind == "near miss"
         corank = [self._count[u] if gap or is_singular(space, through.values_at(u)[0]) else 0 for u in roots]
         if transversality < options.transversality:
@@ -180,6 +183,7 @@ class CurveBuilder:
         space, through, P = self._space, self._through, self._through.nodes[0].P
         pairs = [null_pairing(space, P, *through.values_at(u)[:2], self._C) for u in roots]
         transversality = min(t for _, t in pairs)
+        # where modes touch K and φ'' say nothing: the ends of the curve tell whether it is apart from others
         if transversality < self._options.transversality and len(roots) == 1:
             (root,) = roots
             ends = [(through.values_at(u)[0], u - root) for u in (self._left, self._right)]

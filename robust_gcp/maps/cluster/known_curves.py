@@ -58,7 +58,7 @@ class KnownCurves:
 
         Each stands for itself after any whole turns of its revolute joints too.
         """
-        for curve in reversed(self.curves):
+        for curve in reversed(self.curves):  # a crank comes back to the one that it used last
             turned = turned_to(curve, here.x)
             u = turned.passes(here.x)
             if u is None:
@@ -101,6 +101,7 @@ class KnownCurves:
         """
         if self.ahead is not None and self.ahead.covers(here.x):
             return None
+        # beside modes in contact K is nearly singular long before their place: it is known already
         if any(known.is_beside(here) for known in self.curves if known.orders):
             return None
         curve = None if (met := met_before(here, options)) is None else through(met, here, options)
@@ -184,6 +185,7 @@ class NearMiss(NamedTuple):
 
 def _require_new(here: Jet, distance: float, options: BridgeOptions) -> None:
     """The error that was raised beside a near miss before, where it would be again."""
+    # Attempts at bridges take half a second, the place alone a millisecond, and a crank passes it each turn.
     known = [miss for miss in here.space.near_misses if miss.options == options]
     at = place(here).x if known else here.x
     for miss in known:

@@ -45,6 +45,8 @@ def started(
     way = _way(space, x, T)
     reach = options.reach(space.m)
     reasons: list[str] = []
+    # Too short a step drowns in rounding, too long a one finds another mode, and one way may lead into the
+    # next singular place. That the mode leads back through x is what counts.
     for step in STEPS:
         for sign in (1.0, -1.0):
             try:
@@ -70,7 +72,7 @@ def _way(space: ClusterSpace, x: Array, T: Array) -> Array:
     if m == 1:
         return np.ones(1)
     P = space.factors(x + 1e-3 * T @ np.ones(m))[0][:, : space.nd].T
-    rng = np.random.default_rng(7)
+    rng = np.random.default_rng(7)  # always the same, as the start of a run must be
     tried = rng.normal(size=(40, m))
     tried = np.vstack([np.eye(m), tried / np.linalg.norm(tried, axis=1)[:, None]])
     scores = [null_pairing(space, P, x, T @ w, T)[1] for w in tried]

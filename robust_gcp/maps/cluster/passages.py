@@ -42,6 +42,7 @@ def passages(
         patches = [bridge for bridge in tracker.touched if isinstance(bridge, Patch)]
         if patches:
             found += _on_patch(tracker, patches[-1], before, after, stretch, mechanism)
+        # the bridge that it stands on may have places ahead, for the next step
         tracker.touched = [] if tracker.current is None else [tracker.current]
     found = [_among_others(passage, trackers, stretch, mechanism) for passage in found]
     return sorted(found, key=lambda passage: passage.time or 0.0)
@@ -84,6 +85,7 @@ def _on_curve(
     )
     found = []
     for i, (root, corank) in enumerate(zip(curve.roots, curve.corank, strict=True)):
+        # a place on which a step ends is passed in that step, not in the one that begins there
         if not corank or not ((u0 - root) * (u1 - root) < 0.0 or u0 != root == u1):
             continue
         x = curve.point(root)[0]
@@ -183,6 +185,7 @@ def _on_patch(
     met: list[float] = []
     try:
         ends = (stretch.t0, before), (stretch.t1, after)
+        # Both ends look into the step: each sees the places on its side better.
         starts = [t + mu for t, end in ends for mu in at_end(end)]
         for start in starts:
             if not stretch.t0 - 0.5 * h <= start <= stretch.t1 + 0.5 * h:

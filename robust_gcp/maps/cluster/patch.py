@@ -127,7 +127,7 @@ class Patch(Generic[F]):
             if point is None:
                 return None
             step = np.linalg.solve(C.T @ point.J, y - C.T @ point.x)
-            if np.abs(step).max() < CONVERGED:
+            if np.abs(step).max() < CONVERGED:  # the rest to first order, without moving the nodes again
                 J = point.J + np.einsum("i,ijn->nj", step, point.bend)
                 return replace(point, x=point.x + point.J @ step, J=J).recharted(C)
             eta = np.asarray(eta + step)
@@ -136,7 +136,7 @@ class Patch(Generic[F]):
     def point(self, eta: Array) -> Jet | None:
         """The point at η from the line through it, with the nodes moved there; None beside the line."""
         s = self.s(eta)
-        foot = eta - s * self.d
+        foot = eta - s * self.d  # the line moves with the motion, each node by its own tracker
         for at, tracker in zip(self.ss, self.trackers, strict=True):
             tracker.jet_at(foot + at * self.d)
         return self._line.jet_at(self.ss, self.nodes, s) if self.contains(s) else None

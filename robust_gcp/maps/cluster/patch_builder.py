@@ -84,7 +84,7 @@ class PatchBuilder(Generic[F]):
         ss = [center + side * factor * w for factor in NODES]
         far = [center - side * factor * w for factor in NODES]
         trackers: list[F] = []
-        here = self._tracker.nested(self._anchor, NESTED * w)
+        here = self._tracker.nested(self._anchor, NESTED * w)  # from node to node, each keeps its own
         for s in ss:
             here = here.copy()
             self._follow(here, s)
@@ -167,6 +167,7 @@ class PatchBuilder(Generic[F]):
         def off(s: float, inner: int) -> float:
             guess = self._at(s)
             solved, _ = self._solve(guess.x, s, self._trackers[inner].anchor.P)
+            # K may be near another surface there: the node's own line tells Γ, not the solved point
             known = self._beside(solved, s, 0.5 * (self._right - self._left)).anchor
             return relative(guess.bend, known.bend)
 

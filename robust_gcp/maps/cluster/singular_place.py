@@ -70,9 +70,10 @@ def place(near: Jet, iterations: int = 15) -> Place:
         rows = np.vstack([s[: nd - 1, None] * Vt[: nd - 1], bending]) * balance
         sizes = np.abs(rows).max(axis=1)  # some are small between links of very different lengths
         weights = 1.0 / np.where(sizes > 1e-12, sizes, 1.0)
+        # Least norm: along a surface of such places the system does not say where to go.
         dx = -balance * np.linalg.lstsq(weights[:, None] * rows, weights * residual, rcond=1e-6)[0]
         size, before = float(np.linalg.norm(dx)), size
-        x = x + dx * min(1.0, 0.5 / size if size > 0.0 else 1.0)
+        x = x + dx * min(1.0, 0.5 / size if size > 0.0 else 1.0)  # half a radian at once, no more
         if size < 1e-14 or (size < FOUND and size > 0.1 * before):  # the rest is rounding
             break
     phi, K = space.linear(x)

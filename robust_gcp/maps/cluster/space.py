@@ -142,7 +142,7 @@ class ClusterSpace:
             return self._rate(self.D * x, self.D * a)
         turn = self.turn(x)
         rate = self._rate(self.q(x), turn @ a) @ (turn / self.D[:, None])
-        self.phi(x)
+        self.phi(x)  # places the tree at x again, which `_rate` did with a velocity
         return rate + self.implicit.jacobian() @ (self.turn_rate(x, a) / self.D[:, None])
 
     def residual(self, x: Array) -> float:
@@ -155,6 +155,7 @@ class ClusterSpace:
 
     def _rate(self, q: Array, v: Array) -> Array:
         self.tree.jacobian_rates(q, v)
+        # both are asked for what they leave behind: frames and rows at q, which the rate takes up
         self.implicit.residual()
         self.implicit.jacobian()
         return self.implicit.jacobian_rate(v)

@@ -120,6 +120,7 @@ class Course:
             )
             torque = torque if held else stability.torque
         motion, native, counters = self.set_out(start, torque, kernel, required)
+        # By its Jacobian at the start: where RK4 would need more than `MOST_PARTS` parts, stiffly.
         if stability is not None and not self._stable(stability, native, motion, again):
             assert again is not None  # nothing else is not stable
             return again(stepper=STIFF)
@@ -227,7 +228,7 @@ class Course:
 
     def _judged(self, finished: Trajectory | None, fault: str | None, again: Again | None) -> Trajectory:
         """The run, warned of where its steps were coarse; taken again where nobody named these."""
-        coarse = Coarse(self.mechanism, self.step)
+        coarse = Coarse(self.mechanism, self.step)  # what a linearisation at the start cannot tell
         if finished is not None and again is not None:
             fault = coarse.fault(finished)
         if fault is not None and again is not None:

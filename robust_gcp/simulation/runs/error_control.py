@@ -74,7 +74,7 @@ class RefinedRun(Run):
         """One step through an uncertified zone by an error-controlled method."""
         bridged, x, t, end = self._cluster_map(), self._x, float(self.times[i]), float(self.times[i + 1])
         ends, dense = [t], []
-        looks = self._looked_for(i + 1)
+        looks = self._looked_for(i + 1)  # dense output costs three right-hand sides a step
         if self._following is None or self._following.kept is not begun:
             self._follow_from(begun)
         while t < end:
@@ -88,7 +88,7 @@ class RefinedRun(Run):
                         elif t < end and self._renewed_within(i, begun, t, x):
                             break
                 except NoProgressError as error:
-                    raise bridged.refusal() from error
+                    raise bridged.refusal() from error  # the map knows what stopped it
             if t < end:
                 bridged, x = self._cluster_map(), self._x
                 self._follow_from(None)
@@ -165,6 +165,7 @@ class RefinedRun(Run):
             else:
                 start = set_out(mechanism, begun.point.q, begun.v, choice=self._choice)
                 first, first_x = start.start.point, start.x[: 2 * m]
+            # where the step began is put into the new coordinates too: `Recovery` may go back to it
             self._x = x
             new = self._repartition(i, t, names).point
         except SimulationError:

@@ -109,11 +109,12 @@ class FixedRun(RefinedRun):
                     now, self._x = in_new_chart(self._motion.explicit, now, self._x)
                     before = self._last
                     self._accept(i, now)
-                    recovery.accept(i, self._x, now.point)
+                    recovery.accept(i, self._x, now.point)  # may be gone back to
                     self._look_out(i, before, now)
                 known = None
                 if i == last or self.paused:
                     return
+                # before the step: in coordinates that turn back within it there would be no end of it
                 if self._changed(i, now.point):
                     continue
                 if not recovery.careful:
@@ -129,6 +130,7 @@ class FixedRun(RefinedRun):
                 self._x = (self._refined if recovery.careful else self._stepped)(i, now)
                 i += 1
             except (ObstacleError, BranchError, ToggleError) as stop:
+                # the step may have begun too near already: go back to the last safe one
                 change = recovery.meet(i, stop)
                 i = self._back_to(recovery.safe)
                 if change:

@@ -53,7 +53,8 @@ class AdaptiveRun(Run):
         first = self._motion.equations.evaluate(begun, self._x)
         self._begin(0, first)
         self._following.begin(first, self._x)
-        safe, safe_at = Checkpoint(0, self._x, first.point), begun  # where the solver may begin anew
+        # In other coordinates a solver's memory of its steps means nothing: it begins anew at the last output.
+        safe, safe_at = Checkpoint(0, self._x, first.point), begun
         names = self._better(first.point)
         if names is not None:
             safe = self._repartition(0, begun, names)
@@ -93,7 +94,7 @@ class AdaptiveRun(Run):
                         safe = Checkpoint(i, self._x, self._motion.explicit.anchor)
                         break
             except ToggleError:
-                if self._on_toggle == "error" or safe_at == changed_at:
+                if self._on_toggle == "error" or safe_at == changed_at:  # no others served there either
                     raise
                 self._motion.explicit.anchor, self._x = safe.point, safe.x
                 self._record.forget_crossings(safe_at)
@@ -154,7 +155,7 @@ class AdaptiveRun(Run):
         explicit, m = self._motion.explicit, self._motion.mechanism.m
         if plain or not explicit.met or not np.all(np.isfinite(step.x)):
             return
-        self._following.near(behind)
+        self._following.near(behind)  # the map stands where the solver's last trial was
         before, after = (explicit.point_at(x[:m], x[m : 2 * m]) for x in (behind, step.x))
         stretch = Stretch(step.t0, step.t1, lambda t: numbers(explicit, step.between(t)[:m]))
         crossings = located(explicit.passed(before, after, stretch), stretch)

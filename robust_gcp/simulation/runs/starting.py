@@ -106,6 +106,7 @@ def closed_by_kernel(
     """
     mechanism.require_proper(q)
     u = np.zeros(mechanism.m) if v is None else v[mechanism.iv_independent]
+    # The kernel closes the loops from q: how far that moves it, and v, tells whether the start was one.
     begun = workspace.begin(q, u, zone, t, options)
     if begun is None:
         return None
