@@ -53,7 +53,7 @@ class AdaptiveRun(Run):
         first = self._motion.equations.evaluate(begun, self._x)
         self._begin(0, first)
         self._following.begin(first, self._x)
-        # In other coordinates a solver's memory of its steps means nothing: it begins anew at the last output.
+        # In other coordinates the memory of a solver means nothing: it begins anew at the last output.
         safe, safe_at = Checkpoint(0, self._x, first.point), begun
         names = self._better(first.point)
         if names is not None:
