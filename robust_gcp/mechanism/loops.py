@@ -51,15 +51,15 @@ class ClosedLoops:
         Seed configuration.
     length : float
         Characteristic length, m: the largest distance from a joint to its children and cut points in a loop.
-    memo : Memo
-        What was worked out once for these loops, by whoever needs it.
+    memo, of_loops : Memo
+        What was worked out once, by whoever needs it; `of_loops` is the same in all coordinates.
     """
 
     def __init__(self, model: pin.Model, closures: Sequence[AnyClosure]) -> None:
         check_model(model)
         closures = closures_given(closures)
         require_depth_first(model)
-        self.memo = Memo()
+        self.memo, self.of_loops = Memo(), Memo()
         self.home: Array = pin.neutral(model)
         self.own_model: pin.Model = model.copy()
         self._shown_model: pin.Model | None = None

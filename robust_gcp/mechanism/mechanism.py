@@ -27,11 +27,18 @@ from .forces.applied_forces import AppliedForces
 from .forces.forces import Force, forces_given, require_length
 from .from_files import FromFiles
 from .loops import ClosedLoops
+from .memo import Memo
 from .parts import Part
 from .recommended import Recommended
 from .sensing.sensors import Sensors
 from .tree.model import check_model
 from .tree.tree import Array
+
+OF_LOOPS = (
+    "closures", "column_scale", "home", "implicit", "joint_inertia", "joint_names", "length", "lifted",
+    "loops", "nc", "near", "nq", "nv", "of_loops", "own_model", "row_scale", "standpoint", "tree", "units",
+)  # fmt: skip
+"""What no choice of coordinates enters, as far as it is known."""
 
 BESIDE = ("recommended", "source", "keyframes", "sensors", "moved", "still", "judged_at")
 """What a file tells beside the mechanism itself, whatever its coordinates."""
@@ -107,11 +114,26 @@ class Mechanism(FromFiles):
         tendons: Mapping[str, TendonPath] | None = None,
     ) -> None:
         super().__init__(model, closures)
+        self._made(independent, home, name, forces, actuated, left_out, parts, actuators, tendons)
+
+    def _made(
+        self,
+        independent: Sequence[str] | Literal["auto"],
+        home: ArrayLike | None,
+        name: str,
+        forces: Sequence[Force],
+        actuated: Sequence[str],
+        left_out: Sequence[str],
+        parts: Sequence[Part],
+        actuators: Sequence[Actuator],
+        tendons: Mapping[str, TendonPath] | None,
+    ) -> None:
+        """Coordinates of the loops, and all that acts on them."""
         self.forces = tuple(forces_given(forces))
         self.applied = AppliedForces(self, self.forces) if self.forces else None
         require_length(self.forces, self.closures)
         check_text("name", name)
-        self.name = name or str(model.name)
+        self.name = name or str(self.own_model.name)
         self.recommended, self.source = Recommended(), None
         self.keyframes, self.sensors = Keyframes(), Sensors()
         self.moved: tuple[str, ...] = ()
@@ -230,19 +252,12 @@ class Mechanism(FromFiles):
     def with_independent(self, independent: Sequence[str]) -> Mechanism:
         """The same mechanism in other minimal coordinates."""
         self.require_unchanged()
-        other = Mechanism(
-            self.own_model,
-            self.closures,
-            independent,
-            self.home,
-            self.name,
-            self.forces,
-            self.actuated,
-            self.left_out,
-            self.parts,
-            self.actuators,
-            self.tendons,
-        )
+        other = Mechanism.__new__(Mechanism)
+        other._shown_model, other.memo = None, Memo()
+        # Pinocchio's workspace too: they use it one after the other on a thread, as two runs of one do.
+        vars(other).update({name: value for name, value in vars(self).items() if name in OF_LOOPS})
+        told = self.actuated, self.left_out, self.parts, self.actuators, self.tendons
+        other._made(independent, self.home, self.name, self.forces, *told)
         vars(other).update(self._beside)
         return other
 

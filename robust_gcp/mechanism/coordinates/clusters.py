@@ -76,10 +76,11 @@ def loop_clusters(
         closures = tuple(loops.closures[i] for i in group.closures)
         own = tuple(n for n in independent if n in names or n.rpartition(".")[0] in names)
         chosen = np.searchsorted(iv, iv_independent[inputs])
-        part = ClosedLoops(rooted_model(model, closures, group), closures)
-        clusters.append(
-            LoopCluster(len(clusters), names, closures, own, iq, iv, chosen, inputs, part)
-        )  # fmt: skip
+        part: ClosedLoops = loops.of_loops.once(
+            ("loops of", names),
+            lambda c=closures, g=group: ClosedLoops(rooted_model(model, c, g), c),  # type: ignore[misc]
+        )
+        clusters.append(LoopCluster(len(clusters), names, closures, own, iq, iv, chosen, inputs, part))
     return tuple(clusters)
 
 

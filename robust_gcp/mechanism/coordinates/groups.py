@@ -48,13 +48,15 @@ class Groups(JointCharts):
         position = {int(i): k for k, i in enumerate(mechanism.iv_independent)}
         self.inputs = np.array([position[int(i)] for i in self.iv], dtype=np.int64)
         self.rest_inputs = np.setdiff1d(np.arange(mechanism.m), self.inputs)
-        self.rest = Mechanism(
-            _held(mechanism, {joint.index for joint in joints}),
-            mechanism.closures,
-            tuple(n for n in mechanism.independent if n not in names and n.rpartition(".")[0] not in names),
-            mechanism.home[self.rest_iq],
-            mechanism.name,
+        chosen = [n for n in mechanism.independent if n not in names and n.rpartition(".")[0] not in names]
+        model = _held(mechanism, {joint.index for joint in joints})
+        rest: Mechanism = mechanism.of_loops.once(
+            ("rest", *sorted(names)),
+            lambda: Mechanism(
+                model, mechanism.closures, chosen, mechanism.home[self.rest_iq], mechanism.name
+            ),
         )
+        self.rest = rest if rest.independent == tuple(chosen) else rest.with_independent(chosen)
 
     @property
     def names(self) -> tuple[str, ...]:
