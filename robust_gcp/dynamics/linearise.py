@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import ModelError, NonFiniteError, NotCertifiedError
@@ -242,10 +241,11 @@ def stable_step(eigenvalue: complex) -> float:
 
 @functools.lru_cache(maxsize=1024)
 def rk4_reach(angle: float) -> float:
-    """The largest |z| along the ray z = |z| e^{i angle} in the left half-plane with |R(z)| ≤ 1."""
+    """The largest |z| along the ray z = |z| e^{i angle} in the left half-plane with |R(z)| ≤ 1.
 
-    def growth(size: float) -> float:
-        z = cmath.rect(size, angle)
-        return abs(1.0 + z * (1.0 + z / 2.0 * (1.0 + z / 3.0 * (1.0 + z / 4.0)))) - 1.0
-
-    return float(scipy.optimize.brentq(growth, 1.0, 4.0, xtol=1e-12))
+    R(z) = Σ zᵏ/k!, k ≤ 4: |R|² − 1 is a polynomial in |z|, which has one root between 1 and 4.
+    """
+    R = [cmath.rect(1.0 / math.factorial(k), k * angle) for k in range(4, -1, -1)]
+    growth = np.convolve(R, np.conj(R)).real
+    found = np.roots(growth[:-1])  # |R(0)| = 1: the root at 0 is left out
+    return float(found[(np.abs(found.imag) < 1e-6) & (found.real > 1.0) & (found.real < 4.0)].real.min())
