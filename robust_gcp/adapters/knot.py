@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..dynamics.derivatives import PointDerivatives
 from ..dynamics.discrete import differentiated_step
-from ..dynamics.problem import Problem, set_out
+from ..dynamics.problem import Problem, initial_value_problem
 from ..kernel.derivatives.derivations import derivation, left_to_python
 from ..maps.explicit import Point
 from ..maps.grouped import GroupMap, joined
@@ -54,7 +54,7 @@ class Knot:
     ) -> None:
         self._mechanism, self._places, self._groups = mechanism, places, groups_of(mechanism)
         self._tau: Array = np.zeros(mechanism.nv)
-        self._motion: Problem = set_out(mechanism, q0, None, mode, lambda t, q, v: self._tau)
+        self._motion: Problem = initial_value_problem(mechanism, q0, None, mode, lambda t, q, v: self._tau)
         self._slopes = PointDerivatives(self._motion)
         self._followed = Followed(mechanism, self._motion.explicit)
         self._taken: Taken | None = None

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..dynamics.modes.mode_rates import ModeRates
 from ..dynamics.modes.taylor_series import INSIDE, Around, circles_of
-from ..dynamics.problem import set_out
+from ..dynamics.problem import initial_value_problem
 from ..errors import BranchError, SimulationError
 from ..maps.cluster.cluster_map import ClusterMap
 from ..maps.explicit import ExplicitMap, Point
@@ -115,7 +115,9 @@ class Followed:
         before, about = len(self._circles()), here.q.copy()
         about[mechanism.iq_independent] = place
         with suppress(SimulationError):
-            ModeRates(set_out(mechanism, here.q, here.G[:, 0]).start, circles_of(mechanism)).beside([about])
+            ModeRates(
+                initial_value_problem(mechanism, here.q, here.G[:, 0]).start, circles_of(mechanism)
+            ).beside([about])
         if len(self._circles()) == before:
             failed.append(place)
         return len(self._circles()) > before

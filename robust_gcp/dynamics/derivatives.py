@@ -27,7 +27,7 @@ from .loads import Torques, Wrench, one_torque
 from .modes.map_rates import MapRates
 from .modes.mode_rates import ModeRates
 from .modes.taylor_series import Circles
-from .problem import Problem, set_out
+from .problem import Problem, initial_value_problem
 from .reduced_inertia import ReducedInertia
 from .rnea_derivatives import RigidSlopes
 
@@ -77,7 +77,7 @@ def forward_dynamics(
     t: float = 0.0,
 ) -> Array:
     """The reference of `robust_gcp.forward_dynamics`, where its arguments are told and checked."""
-    motion = set_out(mechanism, q, v, mode, one_torque(mechanism, tau))
+    motion = initial_value_problem(mechanism, q, v, mode, one_torque(mechanism, tau))
     return require_finite(motion.equations.at_point(t, motion.start.point).ydd, "u̇")
 
 
@@ -101,7 +101,7 @@ def derivatives(
     """
     check_callable("tau_slopes", tau_slopes, "(t, q, v)")
     applied = one_torque(mechanism, tau, wrenches)
-    motion = set_out(mechanism, q, v, mode, applied)
+    motion = initial_value_problem(mechanism, q, v, mode, applied)
     slopes = slopes_of_all(mechanism, tau_slopes, wrenches)
     return PointDerivatives(motion, applied, slopes, known).at_start(t)
 

@@ -19,7 +19,7 @@ from .chart_derivatives import ChartSlopes, chart_slopes
 from .derivatives import Derivatives, PointDerivatives
 from .equations import Evaluation
 from .prescribed.driven_derivatives import ByDrive
-from .problem import set_out
+from .problem import initial_value_problem
 
 STAGES = (0.0, 0.5, 0.5, 1.0)
 """When the stages of RK4 are, and how far along the slope before each is taken, in steps."""
@@ -149,7 +149,7 @@ def step_jacobians(
 ) -> tuple[Array, Array]:
     """The reference of `robust_gcp.step_jacobians`, where its arguments are told and checked."""
     held = None if tau is None else mechanism.velocity(tau, "tau")
-    motion = set_out(mechanism, q, v, mode, held)
+    motion = initial_value_problem(mechanism, q, v, mode, held)
     x = motion.x[: 2 * mechanism.m]
     A, B = differentiated_step(PointDerivatives(motion, held), 0.0, x, float(step)).jacobians()
     return require_finite(A, "A"), require_finite(B, "B")

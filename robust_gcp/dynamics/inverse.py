@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from ..checks import check_mechanism, checked_vector, is_table, of_each, require_finite, rows_like
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
-from .problem import set_out
+from .problem import initial_value_problem
 
 
 def inverse_dynamics(
@@ -49,7 +49,7 @@ def inverse_dynamics(
         given = (q, mechanism.nq, "q", "nq"), (v, mechanism.nv, "v", "nv"), (ydd, mechanism.m, "ydd", "m")
         return of_each(partial(inverse_dynamics, mechanism, mode=mode), rows_like(*given))
     wanted = checked_vector(ydd, mechanism.m, "ydd", "m")
-    motion = set_out(mechanism, q, v, mode)
+    motion = initial_value_problem(mechanism, q, v, mode)
     point = motion.start.point
     speed = point.G @ motion.start.ydot
     force = mechanism.tree.rnea(point.q, speed, point.G @ wanted + point.g).copy()

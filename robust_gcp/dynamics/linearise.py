@@ -30,7 +30,7 @@ from .loads import Torques, Wrench, one_torque
 from .prescribed.drive import Drive, checked_motions
 from .prescribed.driven import driving
 from .prescribed.motion import Motion
-from .problem import Problem, set_out
+from .problem import Problem, initial_value_problem
 
 log = logging.getLogger(__name__)
 
@@ -143,7 +143,9 @@ def linearise(
         motions = checked_motions(mechanism, drive, np.array([t, t + 1.0]))
         mechanism = driving(mechanism, tuple(motions), q)
         drives = Drive(mechanism, motions, t)
-    motion = set_out(mechanism, q, v, mode, applied, MapChoice(error_controlled=True), drive=drives)
+    motion = initial_value_problem(
+        mechanism, q, v, mode, applied, MapChoice(error_controlled=True), drive=drives
+    )
     if drives is not None:
         free = np.concatenate([drives.free, mechanism.m + drives.free])
         return Linearisation.of(linearise_motion(motion, t, central=True).A[np.ix_(free, free)])

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from ..maps.choice import MapChoice
 from ..maps.explicit import Counters, ExplicitMap
-from ..maps.grouped_start import begin_motion
+from ..maps.grouped_start import initial_point_of_motion
 from ..maps.start import Start
 from ..maps.start_check import require_freedom
 from ..mechanism.mechanism import Mechanism
@@ -45,7 +45,7 @@ class Problem:
     first: Evaluation | None = None
 
 
-def set_out(
+def initial_value_problem(
     mechanism: Mechanism,
     q0: ArrayLike | None = None,
     v0: ArrayLike | None = None,
@@ -81,7 +81,7 @@ def set_out(
     q = mechanism.home if q0 is None else q0
     if drive is not None:
         q = driven_start(mechanism, drive, q0, v0, mode, choice, counters)
-    start = begin_motion(mechanism, q, v0, mode, choice.options, counters)
+    start = initial_point_of_motion(mechanism, q, v0, mode, choice.options, counters)
     if drive is not None:
         start.ydot = start.ydot.copy()
         start.ydot[drive.driven] = drive.motion_at(drive.start)[1]

@@ -13,7 +13,7 @@ from ..checks import check_mechanism, checked_vector, is_table, of_each, require
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.joints import in_v
 from ..mechanism.tree.tree import Array
-from .problem import set_out
+from .problem import initial_value_problem
 
 OF_A_BODY = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 """Mass, kg; first moments, kg m; second moments about the joint, kg m²; in Pinocchio's order."""
@@ -109,7 +109,7 @@ def regressor(
         found = of_each(lambda at, fast, a: regressor(mechanism, at, fast, a, mode).matrix, rows_like(*given))
         return Regressor(found, inertial_names(mechanism), inertial_values(mechanism))
     wanted = checked_vector(udot, mechanism.m, "udot", "m")
-    point = set_out(mechanism, q, v, mode).start.point
+    point = initial_value_problem(mechanism, q, v, mode).start.point
     G = point.G
     Y = torque_regressor(mechanism).matrix_at(point.q, G @ point.ydot, G @ wanted + point.g)
     return Regressor(

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..checks import listed, shown
-from ..dynamics.problem import set_out
+from ..dynamics.problem import initial_value_problem
 from ..errors import ModelError, OptionError, PartitionError, SimulationError
 from ..kernel.description import describe
 from ..kernel.loop_arrays import NotNativeError
@@ -19,7 +19,7 @@ from ..maps.explicit import Counters
 from ..maps.regular_path import RegularPath
 from ..mechanism.mechanism import Mechanism
 from ..simulation.runs.coordinates import Coordinates
-from ..simulation.runs.starting import rest_of
+from ..simulation.runs.initial_state import rest_of
 from .image import Image
 
 
@@ -94,7 +94,7 @@ def _description(mechanism: Mechanism) -> Arrays:
     path = RegularPath(rest, np.arange(rest.nc), Counters())
     try:
         if rest.nc != len(rest.iv_dependent):  # redundant rows: those that serve at home
-            path = set_out(mechanism, None, None).start.path
+            path = initial_value_problem(mechanism, None, None).start.path
         return describe(mechanism, path, False)
     except NotNativeError as error:
         raise ModelError(f"{mechanism.name or 'the mechanism'} cannot be exported: it has {error}") from error

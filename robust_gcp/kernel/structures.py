@@ -95,7 +95,7 @@ class Bridging(ctypes.Structure):
 
     _fields_ = [
         *_fields("count", "nodes"),
-        ("careful", c_int32),
+        ("error_controlled", c_int32),
         *_all(c_double, "reach reach_of_several closure_tolerance geometric_tolerance transversality"),
         ("last_resort", c_double),
     ]

@@ -13,7 +13,7 @@ from ..mechanism.tree.tree import Array
 from .cluster.options import BridgeOptions
 from .explicit import Counters
 from .grouped import GroupPoint, joined
-from .start import Start, begin
+from .start import Start, initial_point
 from .start_check import broken_by, checked_mode, require_finite_energy
 
 ROUNDED = 1e-12
@@ -48,7 +48,7 @@ class GroupStart(Start):
         return start_on_groups(self.groups, self.rest.afresh(), self.first)
 
 
-def begin_motion(
+def initial_point_of_motion(
     mechanism: Mechanism,
     q0: ArrayLike,
     v0: ArrayLike | None,
@@ -59,11 +59,11 @@ def begin_motion(
     """`start.begin` for any mechanism, with joints on groups or without."""
     groups = groups_of(mechanism)
     if groups is None:
-        return begin(mechanism, q0, v0, mode, options, counters)
-    return begin_on_groups(groups, q0, v0, mode, options, counters)
+        return initial_point(mechanism, q0, v0, mode, options, counters)
+    return initial_point_with_groups(groups, q0, v0, mode, options, counters)
 
 
-def begin_on_groups(
+def initial_point_with_groups(
     groups: Groups,
     q0: ArrayLike,
     v0: ArrayLike | None,
@@ -77,7 +77,9 @@ def begin_on_groups(
     v = mechanism.tree.zero if v0 is None else mechanism.velocity(v0, "v0")
     require_finite_energy(mechanism, v)
     own = None if mode is None else _of_rest(groups, checked_mode(mechanism, mode))
-    rest = begin(groups.rest, q[groups.rest_iq], _velocities_of_rest(groups, q, v), own, options, counters)
+    rest = initial_point(
+        groups.rest, q[groups.rest_iq], _velocities_of_rest(groups, q, v), own, options, counters
+    )
     u = v[mechanism.iv_independent]
     y = np.zeros(mechanism.m)
     y[groups.rest_inputs] = rest.point.y

@@ -20,7 +20,7 @@ from .charted_path import regular_path
 from .cluster.chart import CHANGE, best, smallest
 from .cluster.cluster_map import ClusterMap
 from .cluster.known_curves import KnownCurves
-from .cluster.leaving import started
+from .cluster.leaving import tracker_on_mode
 from .cluster.options import BridgeOptions, NoBridgeError
 from .cluster.space import space_of
 from .cluster.touching.contact import Contact, contact_at
@@ -71,7 +71,7 @@ class Start:
         return Start(path, self.point, self.ydot)
 
 
-def begin(
+def initial_point(
     mechanism: Mechanism,
     q0: ArrayLike,
     v0: ArrayLike | None,
@@ -292,5 +292,7 @@ def _beside(
         if space.nd == 0 or sigma[space.nd - 1] > 10.0 * SINGULAR_START * sigma[0]:
             continue
         own = np.linalg.solve(space.turn(x), tangent[cluster.iv][:, cluster.inputs])
-        trackers[cluster.index] = started(space, x, own, space.chart(cluster.chosen), options, counters)
+        trackers[cluster.index] = tracker_on_mode(
+            space, x, own, space.chart(cluster.chosen), options, counters
+        )
     return trackers

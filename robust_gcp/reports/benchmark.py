@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..arguments import DEFAULT, Arguments, existing_file, file, known_folder, pathname, whole, word
-from ..dynamics.problem import set_out
+from ..dynamics.problem import initial_value_problem
 from ..errors import OptionError
 from ..examples.linkages import n_four_bar
 from ..io.loader import load
@@ -96,7 +96,7 @@ def naive(n: int) -> Callable[[], object]:
 def measure(n: int, budget: float = 0.1) -> dict[str, float]:
     """Microseconds per right-hand side, per RK4 step, and per part, for n loops."""
     mechanism = n_four_bar(n, ANGLE)
-    motion = set_out(mechanism)
+    motion = initial_value_problem(mechanism)
     start, equations = motion.start, motion.equations
     path, tree = start.path, mechanism.tree
     q, G = start.point.q, start.point.G[:, 0]
@@ -152,7 +152,7 @@ def batches(found: Library, mechanism: Mechanism, steps: int, h: float) -> Batch
 
     The batch raises a RuntimeError when the kernel stopped before the end.
     """
-    motion = set_out(mechanism)
+    motion = initial_value_problem(mechanism)
     now, times = motion.equations.evaluate(0.0, motion.x), h * np.arange(steps + 1)
     outputs = Outputs.room(steps, mechanism.nq, mechanism.nv)
     workspace = Workspace(found, mechanism, motion.start.path)

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ..dynamics.equations import implicit_dynamics
-from ..dynamics.problem import set_out
+from ..dynamics.problem import initial_value_problem
 from ..errors import RobustGcpError
 from ..io.loader import load
 from ..kernel.library import library
@@ -181,7 +181,7 @@ class Steps:
         found = library()
         if found is None:
             raise RuntimeError("no compiled kernel")
-        motion = set_out(mechanism, None, v)
+        motion = initial_value_problem(mechanism, None, v)
         self._x, self._now = motion.x, motion.equations.evaluate(0.0, motion.x)
         self._workspace = Workspace(found, mechanism, motion.start.path, works=motion.equations.works)
         self._room(mechanism, 10)

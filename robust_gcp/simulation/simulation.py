@@ -24,8 +24,8 @@ from ..mechanism.tree.tree import Array
 from .current_state import Present
 from .events import EventFunction, checked_events
 from .runs.course import OVERFLOWN
+from .runs.initial_state import Given
 from .runs.schedule import Keep
-from .runs.starting import Given
 from .runs.too_long_steps import Coarse
 from .saved_state import SavedState, StartState
 from .simulate import checked_record

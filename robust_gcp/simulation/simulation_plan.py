@@ -22,9 +22,9 @@ from ..mechanism.parts import Part
 from ..mechanism.tree.tree import Array
 from .events import Event
 from .runs.course import Course
+from .runs.initial_state import Given, initialise, rates_at
 from .runs.schedule import Keep, Schedule
 from .runs.stability import StabilityCheck
-from .runs.starting import Given, rates_at, started
 from .runs.stepped import SteppedRun
 from .runs.steppers import rk4_step
 from .simulate import checked_toggle
@@ -96,7 +96,7 @@ class StepwisePlan:
         mechanism, drives = prescribed(self.mechanism, self.drive, start[0], np.array([t0, t0 + self.step]))
         native = None if self.kernel is None else NativeSteps(self.kernel, held.native, self.required, drives)
         toggle = checked_toggle(None, choice.method, drives is not None)
-        problem = started(native, mechanism, start, held, choice, counters, toggle, drives, t0)
+        problem = initialise(native, mechanism, start, held, choice, counters, toggle, drives, t0)
         if drives is None:
             check = StabilityCheck(mechanism, None, self.step, choice.options)
             check.before(problem, rates_at(native, problem))

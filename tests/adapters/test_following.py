@@ -10,14 +10,14 @@ import robust_gcp as rg
 from robust_gcp.adapters.knot import Knot
 from robust_gcp.adapters.mode_points import Followed
 from robust_gcp.dynamics.modes.taylor_series import circles_of
-from robust_gcp.dynamics.problem import set_out
+from robust_gcp.dynamics.problem import initial_value_problem
 from robust_gcp.examples.linkages import four_bar
 
 Array = NDArray[np.float64]
 
 
 def followed(mech: rg.Mechanism, q: Array) -> Followed:
-    return Followed(mech, set_out(mech, q, mech.lift(q, np.ones(mech.m))).explicit)
+    return Followed(mech, initial_value_problem(mech, q, mech.lift(q, np.ones(mech.m))).explicit)
 
 
 def jumps(mech: rg.Mechanism, follows: Followed, low: float, high: float, count: int) -> list[Array]:
@@ -52,7 +52,7 @@ def test_the_other_mode_and_modes_that_pass_each_other_are_told_apart(gap: float
     places = jumps(mech, followed(mech, mech.home), np.pi - 0.6, np.pi + 0.6, 60)
     assert len(places) > (0 if gap else 59)
     for q in places:
-        plain = set_out(mech, mech.home, mech.lift(mech.home, [-1.0])).explicit
+        plain = initial_value_problem(mech, mech.home, mech.lift(mech.home, [-1.0])).explicit
         for share in np.linspace(0.0, 1.0, 101)[1:]:
             point = plain.point_at(mech.home[:1] + share * (q[:1] - mech.home[:1]), np.zeros(1))
         np.testing.assert_allclose(q, point.q, rtol=0.0, atol=1e-7)

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from robust_gcp.dynamics.problem import set_out
+from robust_gcp.dynamics.problem import initial_value_problem
 from robust_gcp.maps.closed_form import FourBar
 
 from .conftest import Block
@@ -93,5 +93,7 @@ def test_a_tree_that_is_wrong_is_seen() -> None:
 
 def test_the_first_state_is_the_drawn_one() -> None:
     tree, equations, exact = two()
-    problem = set_out(equations.mechanism, v0=equations.mechanism.lift(equations.mechanism.home, tree.speeds))
+    problem = initial_value_problem(
+        equations.mechanism, v0=equations.mechanism.lift(equations.mechanism.home, tree.speeds)
+    )
     np.testing.assert_array_equal(exact[0], problem.x)

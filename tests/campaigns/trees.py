@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 
 from robust_gcp.dynamics.equations import EquationsOfMotion
-from robust_gcp.dynamics.problem import set_out
+from robust_gcp.dynamics.problem import initial_value_problem
 from robust_gcp.errors import NonFiniteError, RobustGcpError
 from robust_gcp.examples.families import Lengths, four_bars
 from robust_gcp.mechanism.mechanism import Mechanism
@@ -104,7 +104,7 @@ def drawn(seed: int, index: int) -> tuple[Tree, EquationsOfMotion, Array]:
         tree = draw(rng)
         try:
             mechanism = mechanism_of(tree)
-            problem = set_out(mechanism, v0=mechanism.lift(mechanism.home, tree.speeds))
+            problem = initial_value_problem(mechanism, v0=mechanism.lift(mechanism.home, tree.speeds))
             start = problem.start
             explicit = LoopsInClosedForm(start.path, start.point, tree.lengths, mechanism)
             equations = EquationsOfMotion(mechanism, explicit, None)

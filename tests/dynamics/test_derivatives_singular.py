@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp.dynamics.modes.map_rates import ClusterRates
-from robust_gcp.dynamics.problem import set_out
+from robust_gcp.dynamics.problem import initial_value_problem
 from robust_gcp.examples.families import four_bars, scissor_lift
 from robust_gcp.examples.linkages import four_bar, swinging_four_bar
 from robust_gcp.maps.closed_form import parallelogram_pendulum
@@ -155,7 +155,7 @@ class TestOnAFreeBase:
 
     def udot(self, mode: Array, v: Array, s: float) -> Array:
         """u̇ where the crank has moved by s along the mode, u held."""
-        motion = set_out(self.MECH, self.FLAT, v, mode)
+        motion = initial_value_problem(self.MECH, self.FLAT, v, mode)
         start, crank = motion.start.point, np.eye(self.MECH.m)[-1]
         for share in np.linspace(0.2, 1.0, 5):
             point = motion.explicit.point_at(start.y + share * s * crank, start.ydot)

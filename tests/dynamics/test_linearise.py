@@ -19,7 +19,7 @@ from robust_gcp.examples.linkages import add_link, four_bar
 from robust_gcp.maps.closed_form import parallelogram_pendulum
 from robust_gcp.maps.cluster.cluster_map import ClusterMap
 from robust_gcp.maps.explicit import Counters
-from robust_gcp.maps.start import begin
+from robust_gcp.maps.start import initial_point
 from robust_gcp.mechanism.tree.tree import Tree
 from robust_gcp.reports.stability.bound import System, measure, systems
 from robust_gcp.reports.stability.truth import with_forces
@@ -162,7 +162,7 @@ def test_closed_loops_against_an_analytic_jacobian(name: str) -> None:
     """Central differences to 1e-9 of the largest entry, forward ones to 1e-6."""
     mech = rg.load(name)
     v = mech.lift(mech.home, 1.3 * np.arange(1.0, mech.m + 1.0))
-    start = begin(mech, mech.home, v, None, rg.BridgeOptions(), Counters())
+    start = initial_point(mech, mech.home, v, None, rg.BridgeOptions(), Counters())
     equations = EquationsOfMotion(mech, ClusterMap(start.path, start.point, rg.BridgeOptions(), True))
     x = np.concatenate([start.point.y, start.ydot])
     ydd = equations.evaluate(0.0, x).ydd
@@ -185,7 +185,9 @@ def test_the_work_is_no_part_of_the_motion() -> None:
     """Its column is zero: nothing depends on W; its row is the slope of the power −c ẏ²."""
     c, speed = 4.0, 1.5
     mech = rhombus(0.5, rg.JointDamper("q1", c))
-    start = begin(mech, mech.home, mech.lift(mech.home, [speed]), None, rg.BridgeOptions(), Counters())
+    start = initial_point(
+        mech, mech.home, mech.lift(mech.home, [speed]), None, rg.BridgeOptions(), Counters()
+    )
     equations = EquationsOfMotion(mech, ClusterMap(start.path, start.point, rg.BridgeOptions()))
     found = ReducedJacobian(equations)(0.0, np.array([0.5, speed, 7.0]))
     np.testing.assert_array_equal(found[:, 2], 0.0)

@@ -19,7 +19,7 @@ from robust_gcp.dynamics import derivatives as reference
 from robust_gcp.dynamics import discrete
 from robust_gcp.dynamics import linearise as by_reference
 from robust_gcp.dynamics.modes.mode_rates import ZONE
-from robust_gcp.dynamics.problem import set_out
+from robust_gcp.dynamics.problem import initial_value_problem
 from robust_gcp.examples.legged import legged
 from robust_gcp.examples.linkages import four_bar, n_four_bar
 from robust_gcp.kernel.derivatives.derivations import derivation
@@ -268,7 +268,7 @@ class TestDerivatives:
         for i in range(len(q)):
             one = reference.derivatives(mech, q[i], v[i], tau)
             # second derivatives of γ round by ε/σ⁴, whoever takes them: ten roundings
-            sigma = set_out(mech, q[i], v[i]).start.point.conditioning
+            sigma = initial_value_problem(mech, q[i], v[i]).start.point.conditioning
             rounding = 2e-15 * (1.0 + np.abs(v[i]).max() ** 2) / max(sigma, ZONE) ** 4
             for part in fields(rg.Derivatives):
                 found, exact = getattr(many, part.name)[i], getattr(one, part.name)

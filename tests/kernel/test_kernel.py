@@ -23,7 +23,7 @@ from robust_gcp.maps.cluster.cluster_map import ClusterMap
 from robust_gcp.maps.cluster.options import BridgeOptions
 from robust_gcp.maps.explicit import Counters
 from robust_gcp.maps.regular_path import RegularPath
-from robust_gcp.maps.start import begin
+from robust_gcp.maps.start import initial_point
 from robust_gcp.reports.robot_speed import Steps
 from robust_gcp.simulation.runs.record import Outputs
 
@@ -252,7 +252,7 @@ def test_random_spatial_mechanisms_over_a_thousand_steps() -> None:
 def test_determinants_and_conditioning(mechanisms: dict[str, rg.Mechanism], name: str) -> None:
     """det, and rcond by the same estimate as LAPACK's dgecon, block by block."""
     mechanism = mechanisms[name]
-    start = begin(mechanism, mechanism.home, None, None, BridgeOptions(), Counters())
+    start = initial_point(mechanism, mechanism.home, None, None, BridgeOptions(), Counters())
     explicit = ClusterMap(start.path, start.point, BridgeOptions())
     equations = EquationsOfMotion(mechanism, explicit, np.zeros(mechanism.nv))
     x = np.concatenate([start.point.y, start.ydot, [0.0]])
@@ -275,7 +275,7 @@ def test_the_zone_hands_back_at_the_last_accepted_step() -> None:
     mechanism = rg.load("rhombus")
     native = rg.simulate(mechanism, q0=[0.2, -0.2, 0.2], duration=0.2, backend="native")
     options = BridgeOptions()
-    begin_at = begin(mechanism, [0.2, -0.2, 0.2], None, None, options, Counters())
+    begin_at = initial_point(mechanism, [0.2, -0.2, 0.2], None, None, options, Counters())
     equations = EquationsOfMotion(mechanism, ClusterMap(begin_at.path, begin_at.point, options))
     found = library()
     assert found is not None
@@ -453,7 +453,7 @@ def test_threads_do_not_meet() -> None:
 def test_millions_of_steps_in_constant_memory(batches: int) -> None:
     """1e6 or 1e7 steps of the crank-rocker: no allocation stays behind, energy and loops stay together."""
     mechanism = rg.load("crank_rocker")
-    start = begin(mechanism, mechanism.home, None, None, BridgeOptions(), Counters())
+    start = initial_point(mechanism, mechanism.home, None, None, BridgeOptions(), Counters())
     equations = EquationsOfMotion(mechanism, ClusterMap(start.path, start.point, BridgeOptions()))
     x = np.concatenate([start.point.y, start.ydot])
     now = equations.evaluate(0.0, x)

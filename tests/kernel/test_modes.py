@@ -14,7 +14,7 @@ import robust_gcp as rg
 from robust_gcp.dynamics import derivatives as reference
 from robust_gcp.dynamics import discrete
 from robust_gcp.dynamics.modes.taylor_series import circles_of
-from robust_gcp.dynamics.problem import set_out
+from robust_gcp.dynamics.problem import initial_value_problem
 from robust_gcp.examples.families import four_bars, scissor_lift
 from robust_gcp.examples.six_bars import CHANGE_POINT, lamp, parallel_legs
 from robust_gcp.kernel.derivatives.derivations import derivation, own_derivation
@@ -117,7 +117,7 @@ class TestModesThatMeet:
         modes = sorted(rg.analyse(mech, np.zeros(3)).modes, key=lambda mode: -abs(mode[0]))
         kernel = own_derivation(mech, mech.home)
         assert kernel is not None
-        begun = set_out(mech, [0.2, -0.2, 0.2]).start
+        begun = initial_value_problem(mech, [0.2, -0.2, 0.2]).start
         assert kernel.learn_beside(begun, [np.zeros(3)])
         assert not kernel.learn_beside(begun, [np.array([0.05, -0.05, 0.05])])  # the circle covers it
         return mech, kernel, list(modes)
@@ -163,7 +163,7 @@ def test_steps_without_a_known_end_stay_on_their_mode(h: float) -> None:
     own, other = np.array([[1.0, -1.0, 1.0], [0.0, 1.0, 1.0]])
     kernel = own_derivation(mech, 0.2 * own)
     assert kernel is not None
-    assert kernel.learn_beside(set_out(mech, 0.2 * own).start, [np.zeros(3)])
+    assert kernel.learn_beside(initial_value_problem(mech, 0.2 * own).start, [np.zeros(3)])
     for mode in (own, other):
         for place in (0.2, 0.1, 0.02, 1e-3, -1e-3):
             for fast in (-2.0, -0.5, 2.0):

@@ -11,7 +11,7 @@ import robust_gcp as rg
 from robust_gcp.dynamics import derivatives as reference
 from robust_gcp.dynamics.modes.mode_rates import ModeRates, cluster_rates
 from robust_gcp.dynamics.modes.taylor_series import circles_of
-from robust_gcp.dynamics.problem import set_out
+from robust_gcp.dynamics.problem import initial_value_problem
 from robust_gcp.examples.six_bars import joined_by_dyad
 from robust_gcp.simulation.derivatives import reverse_sweep
 
@@ -43,7 +43,7 @@ def test_a_series_is_the_mode_wherever_it_serves() -> None:
     """
     mech = joined_by_dyad((FLAT - 0.02, 2.5))
     known = circles_of(mech)
-    start = set_out(mech, mech.home).start
+    start = initial_value_problem(mech, mech.home).start
     [(_, around)] = ModeRates(start, known).beside([mech.home])
     [rates] = cluster_rates(mech)
     rng, compared = np.random.default_rng(1), 0

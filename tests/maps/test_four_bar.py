@@ -11,7 +11,7 @@ from robust_gcp.maps.closed_form import FourBar
 from robust_gcp.maps.cluster.options import BridgeOptions
 from robust_gcp.maps.explicit import Counters
 from robust_gcp.maps.four_bar import FourBarMap, draw_four_bar
-from robust_gcp.maps.start import begin
+from robust_gcp.maps.start import initial_point
 
 Array = NDArray[np.float64]
 
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 def map_of(lengths, y: float, assembly: int = 1, turns=(0, 0, 0)) -> FourBarMap:
     mechanism = four_bar(*lengths, y=y, assembly=assembly)
     q0 = mechanism.home + 2.0 * np.pi * np.array(turns)
-    start = begin(mechanism, q0, None, None, BridgeOptions(), Counters())
+    start = initial_point(mechanism, q0, None, None, BridgeOptions(), Counters())
     return FourBarMap(start.path, start.point)
 
 

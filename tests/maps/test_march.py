@@ -10,14 +10,14 @@ from robust_gcp.maps.cluster.cluster_map import ClusterMap
 from robust_gcp.maps.cluster.options import BridgeOptions
 from robust_gcp.maps.cluster.regular_ground import FARTHEST, same_branch
 from robust_gcp.maps.explicit import Counters
-from robust_gcp.maps.start import begin
+from robust_gcp.maps.start import initial_point
 
 LENGTHS = (4.0, 2.0, 3.0, 3.0)
 
 
 def map_at(y: float, lengths=LENGTHS) -> ClusterMap:
     mechanism = four_bar(*lengths, y=y)
-    start = begin(mechanism, mechanism.home, None, None, BridgeOptions(), Counters())
+    start = initial_point(mechanism, mechanism.home, None, None, BridgeOptions(), Counters())
     return ClusterMap(start.path, start.point, BridgeOptions())
 
 

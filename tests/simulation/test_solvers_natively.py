@@ -10,7 +10,7 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.dynamics.equations import EquationsOfMotion
-from robust_gcp.dynamics.problem import set_out
+from robust_gcp.dynamics.problem import initial_value_problem
 from robust_gcp.examples import families
 from robust_gcp.kernel.simulation.steps import NativeSteps, chosen_library
 from robust_gcp.maps.choice import MapChoice
@@ -28,7 +28,7 @@ def followed(name: str, backend: str, torque: Any = None) -> tuple[Following, An
     """What a solver asks for its right-hand sides, and the motion's beginning."""
     mech = rg.load(name)
     v = mech.lift(mech.home, np.full(mech.m, 0.7))
-    motion = set_out(mech, None, v, torque=torque, choice=MapChoice(error_controlled=True))
+    motion = initial_value_problem(mech, None, v, torque=torque, choice=MapChoice(error_controlled=True))
     library = chosen_library("native", "bridge", "tangent")
     assert library is not None
     native = NativeSteps(library, torque, True) if backend == "native" else None

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp.dynamics.linearise import ReducedJacobian
-from robust_gcp.dynamics.problem import Problem, set_out
+from robust_gcp.dynamics.problem import Problem, initial_value_problem
 from robust_gcp.kernel.library import library
 from robust_gcp.kernel.simulation.steps import NativeSteps
 from robust_gcp.maps.choice import MapChoice
 from robust_gcp.maps.explicit import Counters
-from robust_gcp.simulation.runs.starting import StartRates, rates_at, started
+from robust_gcp.simulation.runs.initial_state import StartRates, initialise, rates_at
 
 from ..compiled import needs_kernel
 from .test_floating import REGULAR, floating
@@ -120,7 +120,7 @@ def test_threads_have_handles_of_their_own() -> None:
 def test_a_start_costs_a_few_right_hand_sides_of_python() -> None:
     """Processor time of the fastest of many, against that of a right-hand side on the same machine."""
     mech = rg.load("crank_rocker")
-    equations = set_out(mech).equations
+    equations = initial_value_problem(mech).equations
     x = np.concatenate([mech.home[mech.iq_independent], np.zeros(mech.m)])
 
     def fastest(work: Any) -> float:
@@ -151,7 +151,7 @@ def begun_in_the_kernel(
     assert kernel is not None
     native = NativeSteps(kernel, tau, required=True)
     start = mech.home, v0, None
-    motion = started(native, mech, start, tau, MapChoice(), Counters(), "repartition", None, 0.0)
+    motion = initialise(native, mech, start, tau, MapChoice(), Counters(), "repartition", None, 0.0)
     near = rates_at(native, motion)
     assert near is not None
     return motion, near

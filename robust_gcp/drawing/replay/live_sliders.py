@@ -7,7 +7,7 @@ import json
 import numpy as np
 import umsgpack  # type: ignore[import-untyped, import-not-found, unused-ignore]
 
-from ...dynamics.problem import Problem, set_out
+from ...dynamics.problem import Problem, initial_value_problem
 from ...errors import SimulationError, ToggleError
 from ...maps.choice import MapChoice
 from ...mechanism.mechanism import Mechanism
@@ -58,7 +58,7 @@ class Sliders:
         self.q, self._why = q, ""
         self._motion: Problem | None = None
         try:
-            self._motion = set_out(self._mechanism, q, choice=MapChoice(error_controlled=True))
+            self._motion = initial_value_problem(self._mechanism, q, choice=MapChoice(error_controlled=True))
         except SimulationError as error:
             self._why = f"{type(error).__name__}: no mode to follow here"
 

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 from ...errors import OptionError, SimulationError, StateError
 from ...maps.choice import MapChoice
 from ...maps.explicit import ExplicitMap, Point
-from ...maps.grouped_start import begin_motion
+from ...maps.grouped_start import initial_point_of_motion
 from ...mechanism.coordinates.groups import coordinate_choices
 from ...mechanism.coordinates.partition import spelled
 from ...mechanism.mechanism import Mechanism
@@ -191,7 +191,7 @@ def driven_start(
     if count == 0:
         return q
     try:
-        start = begin_motion(mechanism, q, None, mode, choice.options, counters)
+        start = initial_point_of_motion(mechanism, q, None, mode, choice.options, counters)
         explicit, end = choice.over(start), start.point.y.copy()
         end[drive.driven] = position
         for share in np.arange(1, count + 1) / count:

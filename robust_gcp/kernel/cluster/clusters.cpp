@@ -127,7 +127,7 @@ Clusters::~Clusters() = default;
 
 void Clusters::use(const Bridging& b) {
     if (!some_) return;
-    inside_->options = {{b.nodes, b.nodes + b.count}, b.careful != 0, b.reach, b.reach_of_several, b.closure_tolerance, b.geometric_tolerance,
+    inside_->options = {{b.nodes, b.nodes + b.count}, b.error_controlled != 0, b.reach, b.reach_of_several, b.closure_tolerance, b.geometric_tolerance,
                         b.transversality};
     inside_->last_resort = b.last_resort;
 }
@@ -145,7 +145,7 @@ bool Clusters::at(Point& anchor, const double* origin, const double* y, const do
         for (std::size_t i = 0; i < in.spaces.size(); ++i) {
             Tracker& tracker = in.trackers[i];
             const Space& space = *in.spaces[i];
-            if (!serves(*tracker.anchor, space.chosen, in.options.careful ? in.last_resort : CHANGE)) return false;
+            if (!serves(*tracker.anchor, space.chosen, in.options.error_controlled ? in.last_resort : CHANGE)) return false;
             jets.push_back(tracker.at(space.wanted(y)));
             bridged = bridged || tracker.on_bridge();
         }

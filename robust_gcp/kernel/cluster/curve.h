@@ -16,7 +16,7 @@ namespace rg {
 
 struct BridgeOptions {
     std::vector<double> nodes;
-    bool careful = false;  // the caller controls its error: places without a bridge may be passed
+    bool error_controlled = false;  // the caller controls its error: places without a bridge may be passed
     double reach = 0.0, reach_of_several = 0.0, closure_tolerance = 0.0, geometric_tolerance = 0.0, transversality = 0.0;
 
     double largest_gap() const { return std::max(closure_tolerance, geometric_tolerance); }

@@ -35,7 +35,7 @@ class CurveBuilder {
 
   private:
     static constexpr double SAME = 1e-9;   // between places that are one
-    static constexpr int MAX_MARCH = 400;  // off the mode, K may lose rank ten times nearer than along it
+    static constexpr int MAX_STEPS = 400;  // off the mode, K may lose rank ten times nearer than along it
     static constexpr double ALONE = 0.05;  // share of the way to the next place at which a root is of this one
 
     double u(const Vector& x) const { return shape_.C->col(0).dot(x - shape_.reference); }
@@ -98,7 +98,7 @@ class CurveBuilder {
 
     // Along the curve by short steps that stay on the mode.
     JetPtr march(JetPtr here, double to) const {
-        for (int i = 0; i < MAX_MARCH; ++i) {
+        for (int i = 0; i < MAX_STEPS; ++i) {
             const double at = u(here->x), limit = REACH * std::min(here->delta(), 1.0);
             const bool last = std::fabs(to - at) <= limit;
             const double next = last ? to : at + std::min(std::max(to - at, -limit), limit);

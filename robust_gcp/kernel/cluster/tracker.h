@@ -146,7 +146,7 @@ class Tracker {
             Vector step = y;
             step.noalias() -= C->transpose().lazyProduct(here->x);
             const double size = here->J.lazyProduct(step).norm();
-            if (options_->careful && space_->m > 1 && !node_) look_for_apex(*here);
+            if (options_->error_controlled && space_->m > 1 && !node_) look_for_apex(*here);
             const double ahead = std::min(std::max(zone, STAGES_AHEAD * size), FARTHEST_LOOK);
             const double delta = room(*here, std::max({zone, ahead, size / REACH}));
             if (delta < zone && in_zone(*here) && enter(here, y)) return nullptr;
@@ -174,7 +174,7 @@ class Tracker {
 
     // Stop before a step that would pass too fast by modes that veer away from each other.
     void look_ahead(const Jet& here, double size) {
-        if (options_->careful) return;
+        if (options_->error_controlled) return;
         const Obstacle& ahead = seen_.at(here, options_->largest_gap(), [&] { return known_curves.crosses(here); });
         if (ahead.kind != Obstacle::CROSSING && ahead.approach < STAGES_AHEAD * size) throw Stop{};
     }
@@ -260,7 +260,7 @@ class Tracker {
 
     // Remember a place without a bridge; a stop unless the caller controls its error.
     bool blocked(const Jet& here, const NoBridge& failure) {
-        if (!options_->careful) throw Stop{};
+        if (!options_->error_controlled) throw Stop{};
         Obstacle met = judge(here, options_->largest_gap(), zone);
         if (failure.tangential) met.kind = Obstacle::UNKNOWN;
         if (obstacles_.size() >= std::size_t{MAX_OBSTACLES}) obstacles_.erase(obstacles_.begin());
@@ -274,7 +274,7 @@ class Tracker {
         for (std::size_t i = obstacles_.size(); i-- > 0;) {
             const Obstacle& one = obstacles_[i];
             if (!one.covers(here.x)) continue;
-            if (!options_->careful || one.stops(here.nearest().size, zone)) throw Stop{};
+            if (!options_->error_controlled || one.stops(here.nearest().size, zone)) throw Stop{};
             return true;
         }
         return false;

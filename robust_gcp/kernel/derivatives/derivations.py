@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...dynamics.problem import Problem, set_out
+from ...dynamics.problem import Problem, initial_value_problem
 from ...errors import PerformanceWarning, RobustGcpError, SingularStartError
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
@@ -122,10 +122,12 @@ def left_to_python(mechanism: Mechanism, what: str, why: str | None = None) -> N
 def _begun(mechanism: Mechanism, q: Array, v: Array | None, mode: Array | None) -> Problem:
     """A motion from q where that is regular, else from beside it on the mode of a state there."""
     try:
-        return set_out(mechanism, q)
+        return initial_value_problem(mechanism, q)
     except SingularStartError:
         if mode is None and (v is None or not np.any(v)):
             raise
-    explicit = set_out(mechanism, q, v, mode).explicit
+    explicit = initial_value_problem(mechanism, q, v, mode).explicit
     aside = BESIDE * mechanism.units[mechanism.iv_independent]
-    return set_out(mechanism, explicit.point_at(explicit.anchor.y + aside, np.zeros(mechanism.m)).q)
+    return initial_value_problem(
+        mechanism, explicit.point_at(explicit.anchor.y + aside, np.zeros(mechanism.m)).q
+    )

@@ -46,20 +46,20 @@ class Choices:
         self._watch: Watch | None = None
 
     def make(
-        self, zone: float, options: BridgeOptions | None, watch: Watch | None, careful: bool = False
+        self, zone: float, options: BridgeOptions | None, watch: Watch | None, error_controlled: bool = False
     ) -> None:
-        """Parameters are those of `Workspace.run`; `careful`: the caller controls its error."""
+        """Parameters are those of `Workspace.run`; `error_controlled`: the caller controls its error."""
         r = self._request
         r.zone = zone
-        r.bridging = None if options is None else ctypes.pointer(self._structure(options, careful))
+        r.bridging = None if options is None else ctypes.pointer(self._structure(options, error_controlled))
         self._watch = watch
         r.sizes = r.uneven = None
         if watch is not None:
             r.sizes, r.limit, r.uneven = address(watch.sizes), watch.limit, address(watch.uneven)
 
-    def _structure(self, options: BridgeOptions, careful: bool) -> ctypes.Structure:
+    def _structure(self, options: BridgeOptions, error_controlled: bool) -> ctypes.Structure:
         if self._bridging is None or self._bridging[0] is not options:
             self._bridging = options, bridging(options, self._last_resort)
         structure = self._bridging[1].structure
-        structure.careful = careful
+        structure.error_controlled = error_controlled
         return structure

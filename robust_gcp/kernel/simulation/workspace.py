@@ -208,7 +208,7 @@ class Workspace:
         The solver controls its error: uncertified zones are followed on the true curve.
         """
         r, self._latest = self._request, None
-        self._choices.make(zone, options, watch, careful=True)
+        self._choices.make(zone, options, watch, error_controlled=True)
         r.power, r.first, r.times = now.power, 0, self._shared.at_time
         self._begin_at(now.point, trackers)
         self._shared.x[:], self._shared.ydd[:] = x, now.ydd

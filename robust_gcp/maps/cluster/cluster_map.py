@@ -222,7 +222,7 @@ class ClusterMap(Charted):
     def _tracked(self, cluster: LoopCluster, tracker: Tracker, y: Array) -> Jet:
         """One cluster's point, or why there is none."""
         space = tracker.space
-        tracker.careful = self.error_controlled
+        tracker.error_controlled = self.error_controlled
         wanted = chart_coordinates(self.mechanism, space, y)
         here = quality(tracker.anchor, cluster.chosen)
         if here < CHANGE and not (self.error_controlled and here >= self._last_resort):

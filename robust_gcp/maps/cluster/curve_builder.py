@@ -26,7 +26,7 @@ ALONE = 0.05
 REACH = 0.4
 """Continuation step as a fraction of the distance to the singular set."""
 
-MAX_MARCH = 400
+MAX_STEPS = 400
 """Such steps to a node: off the mode, K may lose rank ten times nearer than along it."""
 
 
@@ -86,16 +86,16 @@ class CurveBuilder:
         us = [center + side * factor * w for factor in self._options.nodes]
         nodes: list[Jet] = []
         for u in us:
-            here = self._march(here, u)
+            here = self._continued_to(here, u)
             nodes.append(here)
         far = [center - side * factor * w for factor in self._options.nodes]
         nodes += beyond(us, nodes, far, w, lambda us, at, u: HermiteCurve(us, at).x(u), self._solve)
         self._left, self._right = center - w, center + w
         self._through = HermiteCurve(us + far, nodes)
 
-    def _march(self, here: Jet, u: float) -> Jet:
+    def _continued_to(self, here: Jet, u: float) -> Jet:
         """Along the curve by short steps that stay on the mode."""
-        for _ in range(MAX_MARCH):
+        for _ in range(MAX_STEPS):
             at = self._u(here.x)
             limit = REACH * min(here.delta(), 1.0)
             last = abs(u - at) <= limit

@@ -23,7 +23,7 @@ ARRIVED = 1e-8
 """Agreement of the mode's point at the start with the start itself."""
 
 
-def started(
+def tracker_on_mode(
     space: ClusterSpace, x: Array, tangent: Array, C: Array, options: BridgeOptions, counters: Counters
 ) -> Tracker:
     """A tracker on the mode through a singular x with this tangent space, at x itself.

@@ -48,7 +48,7 @@ class Tracker:
     ----------
     current : Curve, Patch or None
         The bridge in use.
-    careful : bool
+    error_controlled : bool
         Whether the caller controls its error, so that places without a bridge may be passed.
     touched : list of Curve or Patch
         Bridges met since the list was emptied.
@@ -61,7 +61,7 @@ class Tracker:
         self.known = known_to(self.space, options)
         self.current: Curve | Patch[Tracker] | None = None
         self.u = 0.0
-        self.careful = False
+        self.error_controlled = False
         self.touched: list[Curve | Patch[Tracker]] = []
         self.obstacles: list[Obstacle] = []
         self.seen: Obstacle | None = None
@@ -71,8 +71,8 @@ class Tracker:
 
     def copy(self) -> Tracker:
         """Another tracker at the same point, which knows the same curves."""
-        other = Tracker(self.anchor, self.options, self.zone, self.counters)
-        other.known, other.u, other.careful = KnownCurves(self.known.curves), self.u, self.careful
+        other = self.nested(self.anchor, self.zone)
+        other.known, other.u = KnownCurves(self.known.curves), self.u
         other.current = self.current if isinstance(self.current, Curve) else None
         return other
 
@@ -86,7 +86,7 @@ class Tracker:
     def nested(self, anchor: Jet, zone: float) -> Tracker:
         """A tracker of a smaller zone for a node."""
         other = Tracker(anchor, self.options, zone, self.counters)
-        other.careful = self.careful
+        other.error_controlled = self.error_controlled
         return other
 
     def place_at(self, anchor: Jet) -> None:
@@ -110,10 +110,10 @@ class Tracker:
         LostError
             When y cannot be reached on this mode by the steps taken.
         ObstacleError
-            At a place without a bridge, unless `careful`.
+            At a place without a bridge, unless `error_controlled`.
         """
         for _ in range(40):
-            found = self._on_bridge(y) if self.current is not None else self._walk(y)
+            found = self._on_bridge(y) if self.current is not None else self._continue(y)
             if found is not None:
                 self.anchor = found
                 return found
@@ -149,7 +149,7 @@ class Tracker:
 
     # ----------------------------------------------------------------- on regular ground
 
-    def _walk(self, y: Array) -> Jet | None:
+    def _continue(self, y: Array) -> Jet | None:
         """March towards y; None with a bridge in use where one is entered."""
         here = self.anchor
         if not here.solved:
@@ -157,7 +157,7 @@ class Tracker:
         limit = 1.0
         for _ in range(MAX_STEPS):
             distance = here.nearest()[0]
-            if self.careful and self.space.m > 1:
+            if self.error_controlled and self.space.m > 1:
                 self._look_for_apex(here, distance)
             step = y - here.y
             size = float(np.linalg.norm(here.J @ step))
@@ -181,7 +181,7 @@ class Tracker:
 
     def _look_ahead(self, here: Jet, size: float) -> None:
         """Refuse a fixed step that would pass too fast by modes that veer away from each other."""
-        if self.careful or here.delta() >= min(max(self.zone, STAGES_AHEAD * size), FARTHEST_LOOK):
+        if self.error_controlled or here.delta() >= min(max(self.zone, STAGES_AHEAD * size), FARTHEST_LOOK):
             return
         self._known(here)
         if self.seen is None or not self.seen.covers(here.x):
@@ -275,12 +275,12 @@ class Tracker:
     def _blocked(self, here: Jet, failure: NoBridgeError | ObstacleError) -> bool:
         """Remember a place without a bridge; an error unless the caller controls its own."""
         if isinstance(failure, ObstacleError):  # met by a node
-            if not self.careful:
+            if not self.error_controlled:
                 raise failure
             failure = NoBridgeError(failure.obstacle.reason)
         obstacle = judge(here, failure, self.options, self.zone)
         self.obstacles = [*self.obstacles[-MAX_STEPS:], obstacle]
-        if not self.careful or obstacle.stops(here.nearest()[0], self.zone):
+        if not self.error_controlled or obstacle.stops(here.nearest()[0], self.zone):
             raise ObstacleError(obstacle)
         return False
 
@@ -288,7 +288,7 @@ class Tracker:
         """The obstacle that this point is still at; an error unless the caller controls its own."""
         for obstacle in reversed(self.obstacles):
             if obstacle.covers(here.x):
-                if not self.careful or obstacle.stops(here.nearest()[0], self.zone):
+                if not self.error_controlled or obstacle.stops(here.nearest()[0], self.zone):
                     raise ObstacleError(obstacle)
                 return obstacle
         return None

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from ...dynamics.problem import set_out
+from ...dynamics.problem import initial_value_problem
 from ...errors import RobustGcpError
 from ...examples.linkages import four_bar
 from ...maps.choice import MapChoice
@@ -154,7 +154,7 @@ class Truth:
         times = setting.step * np.arange(round(self.duration / setting.step) + 1)
         found: list[Array] = []
         with contextlib.suppress(RobustGcpError):  # the motion is known as far as this
-            problem = set_out(self.start[0], q0, v0, mode=self.mode, choice=choice)
+            problem = initial_value_problem(self.start[0], q0, v0, mode=self.mode, choice=choice)
             found.extend(same_steps(problem.equations, problem.x, times, stats, loose=LOOSE))
         return (times[: len(found)], np.array(found)) if len(found) > 1 else None
 

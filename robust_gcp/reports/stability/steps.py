@@ -9,7 +9,7 @@ import numpy as np
 
 from ...dynamics.equations import Torque
 from ...dynamics.linearise import ReducedJacobian
-from ...dynamics.problem import set_out
+from ...dynamics.problem import initial_value_problem
 from ...maps.choice import MapChoice
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
@@ -102,7 +102,9 @@ def _integrate(motion: Stiff, stepper: str, rtol: float) -> tuple[Array, Array, 
     from scipy import integrate
 
     mechanism, m = motion.mechanism, motion.mechanism.m
-    begun = set_out(mechanism, v0=motion.v0, torque=motion.torque, choice=MapChoice(error_controlled=True))
+    begun = initial_value_problem(
+        mechanism, v0=motion.v0, torque=motion.torque, choice=MapChoice(error_controlled=True)
+    )
     f, x = begun.equations, begun.x
     options = {"rtol": rtol, "atol": 1e-2 * rtol, "jac": ReducedJacobian(f)}
     solver = getattr(integrate, stepper)(lambda t, x: f(t, x.copy()), 0.0, x, motion.duration, **options)

@@ -18,7 +18,7 @@ from ...maps.cluster.options import USUAL
 from ...maps.regular_path import RegularPath
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from ..runs.starting import closed_by_kernel, state_given
+from ..runs.initial_state import closed_by_kernel, state_given
 
 AT_ONCE = 50_000_000
 """Numbers of outputs that are taken at once: below half a second, so that an interrupt is answered."""

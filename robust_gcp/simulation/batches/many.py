@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from ...checks import check_mechanism, listed, shown
 from ...dynamics.equations import does_work
 from ...dynamics.loads import Torques, one_torque
-from ...dynamics.problem import set_out
+from ...dynamics.problem import initial_value_problem
 from ...errors import OptionError, RobustGcpError
 from ...kernel.library import Library
 from ...kernel.loop_arrays import NotNativeError
@@ -29,8 +29,8 @@ from ...maps.regular_path import RegularPath
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tolerances import NEARLY_CLOSED
 from ...mechanism.tree.tree import Array
+from ..runs.initial_state import closed_by_kernel, state_given
 from ..runs.schedule import planned
-from ..runs.starting import closed_by_kernel, state_given
 from ..runs.stats import Stats
 from ..runs.too_long_steps import Coarse
 from ..simulate import checked_record, simulate
@@ -179,7 +179,7 @@ def _found(mechanism: Mechanism, starts: Sequence[Start], torque: ArrayLike | No
     """The regular path of the first start that has one."""
     for q0, v0 in starts[:FIRST]:
         with suppress(RobustGcpError):
-            return set_out(mechanism, q0, v0, torque=torque).start.path
+            return initial_value_problem(mechanism, q0, v0, torque=torque).start.path
     return None
 
 

@@ -26,7 +26,7 @@ from ...maps.regular_path import RegularPath
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..runs.coordinates import Coordinates, in_coordinates
-from ..runs.starting import Given, closed_by_kernel, is_plain, rest_of
+from ..runs.initial_state import Given, closed_by_kernel, is_plain, rest_of
 
 Which = NDArray[np.int64]
 

@@ -18,7 +18,7 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.tolerances import NEARLY_CLOSED
 from ...mechanism.tree.tree import Array
 from ...warning import warn
-from ..runs.starting import Given
+from ..runs.initial_state import Given
 from ..runs.stepped import SteppedRun
 from ..simulation import Simulation
 from .row_charts import NOWHERE, BatchCharts, Place, Which

@@ -18,7 +18,7 @@ from ...dynamics.change_of_coordinates import transformed
 from ...dynamics.derivatives import Derivatives, TorqueSlopes, slopes_of_all
 from ...dynamics.loads import Torques, Wrench
 from ...dynamics.modes.taylor_series import circles_of
-from ...dynamics.problem import set_out
+from ...dynamics.problem import initial_value_problem
 from ...dynamics.torque_feedback import followed
 from ...errors import NonFiniteError, RobustGcpError
 from ...kernel.derivatives.step_derivatives import Derivation
@@ -230,7 +230,7 @@ def learned(
     if is_alone(kernel, mechanism, q, v):
         return False
     try:
-        start = set_out(mechanism, q, v, mode).start
+        start = initial_value_problem(mechanism, q, v, mode).start
         if serving.serving(mechanism, start.point) is not None:
             return False
     except RobustGcpError:  # the reference says what is wrong

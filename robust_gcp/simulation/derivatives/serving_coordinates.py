@@ -20,7 +20,7 @@ from ...dynamics.loads import Torques, Wrench, one_torque
 from ...dynamics.modes.mode_rates import ZONE
 from ...dynamics.modes.taylor_series import Circles, circles_of
 from ...dynamics.prescribed.held_derivatives import HeldDerivatives
-from ...dynamics.problem import Problem, set_out
+from ...dynamics.problem import Problem, initial_value_problem
 from ...errors import ModelError, NonFiniteError, NotCertifiedError, SimulationError
 from ...kernel.derivatives.derivations import derivation, left_to_python
 from ...maps.explicit import Counters, Point
@@ -119,7 +119,7 @@ def forward_dynamics(
 ) -> Array:
     """`derivatives.forward_dynamics`, where the kernel does not do it in the mechanism's coordinates."""
     applied = one_torque(mechanism, tau)
-    motion = set_out(mechanism, q, v, mode, applied)
+    motion = initial_value_problem(mechanism, q, v, mode, applied)
     other = serving(mechanism, motion.start.point)
     if other is not None:
         state = state_of(motion, q, v)
@@ -127,7 +127,7 @@ def forward_dynamics(
             found = _by_kernel(other, *state, applied)
             if found is not None:
                 return require_finite(found[1].a[mechanism.iv_independent], "u̇")
-        motion = set_out(other, *state, mode, applied)
+        motion = initial_value_problem(other, *state, mode, applied)
     left_to_python(mechanism, "accelerations")
     now = motion.equations.at_point(t, motion.start.point)
     a = now.a
@@ -158,7 +158,7 @@ def derivatives(
         Of other states of the mechanism; those made here are added.
     """
     applied = one_torque(mechanism, tau, wrenches)
-    motion = set_out(mechanism, q, v, mode, applied)
+    motion = initial_value_problem(mechanism, q, v, mode, applied)
     other = serving(mechanism, motion.start.point)
     if other is None:
         left_to_python(mechanism, "derivatives")
@@ -175,7 +175,7 @@ def derivatives(
         found = _by_kernel(other, *state, applied)
     if found is None:
         left_to_python(mechanism, "derivatives")
-        motion = set_out(other, *state, mode, applied)
+        motion = initial_value_problem(other, *state, mode, applied)
         circles = None if known is None else circles_of(other)
         found = PointDerivatives(motion, applied, tau_slopes, circles).whole_at_start(t)
     return transformed(*found, mechanism.iv_independent)

@@ -16,7 +16,7 @@ from ...checks import require_finite
 from ...dynamics.change_of_coordinates import Slope
 from ...dynamics.discrete import differentiated_step
 from ...dynamics.modes.mode_rates import SPARED, UNSTEADY
-from ...dynamics.problem import Problem, set_out
+from ...dynamics.problem import Problem, initial_value_problem
 from ...errors import SimulationError
 from ...kernel.derivatives.derivations import derivation, left_to_python
 from ...kernel.derivatives.step_derivatives import SAME, Derivation
@@ -67,7 +67,7 @@ def differentiated(
         Where the mechanism's coordinates do not parametrise the motion at the start, or no part of the step
         has certified derivatives.
     """
-    motion = set_out(mechanism, *state, mode, acting.torque)
+    motion = initial_value_problem(mechanism, *state, mode, acting.torque)
     at, other = state_of(motion, *state), serving(mechanism, motion.start.point)
     if not by_parts:
         try:
@@ -75,7 +75,7 @@ def differentiated(
                 moved = step_by_kernel(other, at, mode, acting, h, end)
                 if moved is not None:
                     return moved.told_in(mechanism)
-                motion = set_out(other, *at, mode, acting.torque)
+                motion = initial_value_problem(other, *at, mode, acting.torque)
             moved = Follower(motion, acting, t).whole(h).told_in(mechanism)
             left_to_python(mechanism, WHAT, _why(acting))
             return moved
@@ -87,7 +87,7 @@ def differentiated(
         left_to_python(mechanism, WHAT, _why(acting))
     if moved is not None:
         return moved.told_in(mechanism)
-    motion = set_out(own, *at, mode, acting.torque, MapChoice(error_controlled=True))
+    motion = initial_value_problem(own, *at, mode, acting.torque, MapChoice(error_controlled=True))
     return Follower(motion, acting, t, sparing=True).by_parts(h).told_in(mechanism)
 
 
@@ -260,7 +260,9 @@ class Follower:
             return
         choice = MapChoice(error_controlled=True)
         try:
-            motion = set_out(other, self._now.point.q, self._now.v, None, self._acting.torque, choice)
+            motion = initial_value_problem(
+                other, self._now.point.q, self._now.v, None, self._acting.torque, choice
+            )
         except SimulationError:  # beside a singular place: these do until that is behind
             return
         self.__init__(motion, self._acting, self._t, self._sparing)  # type: ignore[misc]

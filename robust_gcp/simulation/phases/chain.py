@@ -11,7 +11,7 @@ from ...dynamics.change_of_coordinates import Slope
 from ...dynamics.derivatives import TorqueSlopes
 from ...dynamics.equations import Evaluation, torque_function
 from ...dynamics.prescribed.held_derivatives import HeldDerivatives
-from ...dynamics.problem import Problem, set_out
+from ...dynamics.problem import Problem, initial_value_problem
 from ...errors import NotDifferentiableError, OptionError, SingularStartError, ToggleError
 from ...kernel.derivatives.derivations import derivation
 from ...mechanism.mechanism import Mechanism
@@ -125,7 +125,7 @@ class Chain:
         if not mechanism.nc:
             return mechanism
         try:
-            found = serving(mechanism, set_out(mechanism, q, _unless_rounding(v)).start.point)
+            found = serving(mechanism, initial_value_problem(mechanism, q, _unless_rounding(v)).start.point)
         except ToggleError as error:
             found = in_coordinates(mechanism, error.choices[0]) if error.choices else None
         except SingularStartError:  # at rest there
@@ -201,7 +201,7 @@ class Chain:
     ) -> tuple[Problem, Evaluation, Acting]:
         """A phase's motion at a turn, where what it holds has no forces yet."""
         acting = self._acting(phase)
-        motion = set_out(own, turn.q, _unless_rounding(v), None, acting.torque)
+        motion = initial_value_problem(own, turn.q, _unless_rounding(v), None, acting.torque)
         return motion, motion.equations.at_point(turn.t, motion.start.point), acting
 
     def _broken(self, own: Mechanism, phase: Phase, turn: Turn) -> tuple[Array, Array]:

@@ -95,7 +95,7 @@ class Phases(RoundCusps):
             self.joined.add(rested(machines, self._phase, self._state, after).block.first(1), self._phase)
             return
         self._stretch = self._looked_at(machine)
-        steps = self._set_out(machine).since(0)
+        steps = self._problem_in(machine).since(0)
         self._keep(steps, self._stretch.forces(steps, 0)[None])
 
     def _require_progress(self) -> None:
@@ -118,7 +118,7 @@ class Phases(RoundCusps):
         ahead = ahead[ahead < until - slack]
         return np.array([self._t, *ahead, *([until] if few and until < np.inf else [])])
 
-    def _set_out(self, machine: Mechanism) -> Leg:
+    def _problem_in(self, machine: Mechanism) -> Leg:
         """A new leg from the present state."""
         times, q, v = self._times(self._grid.end), self._q, self._v
         if len(times) == 1 or times[1] <= times[0]:  # at the end of all
@@ -136,7 +136,7 @@ class Phases(RoundCusps):
 
     def _walk(self, machine: Mechanism, end: float) -> None:
         """Steps up to the next event, or to the end."""
-        leg = self._leg or self._set_out(machine)
+        leg = self._leg or self._problem_in(machine)
         i, slack = leg.at, self._grid.slack
         n = int(np.searchsorted(leg.times, end + slack, side="right")) - 1 - i
         fault = leg.advance(min(max(n, 1), self._size) if self._stretch.limited else max(n, 1))

@@ -20,7 +20,7 @@ from ...maps.regular_path import RegularPath
 from ...mechanism.coordinates.groups import groups_of
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from ..runs.starting import closed_by_kernel, is_plain, start_at
+from ..runs.initial_state import closed_by_kernel, is_plain, start_at
 from .decision import State
 from .phase_run import Steps
 

@@ -17,9 +17,9 @@ from ...kernel.simulation.steps import NativeSteps
 from ...maps.explicit import Counters
 from ...mechanism.tree.tree import Array, Tree
 from ..runs.coordinates import Coordinates
+from ..runs.initial_state import initialise, rates_at
 from ..runs.schedule import Schedule
 from ..runs.stability import StabilityCheck
-from ..runs.starting import rates_at, started
 from ..runs.stepped import SteppedRun
 from ..trajectories.interpolant import Interpolant
 
@@ -87,7 +87,7 @@ def _steadier(
         return motion
     acting = torque, plan.choice, counters, plan.on_toggle, plan.drives, float(plan.schedule.times[0])
     with contextlib.suppress(SimulationError, PartitionError):
-        other = started(native, mechanism.with_independent(names), start, *acting)
+        other = initialise(native, mechanism.with_independent(names), start, *acting)
         if _shifted(other, start[1]) < 0.1 * _shifted(motion, start[1]):
             return other
     return motion
@@ -127,7 +127,7 @@ class Leg:
             given = None if held else torque
             self._stability = StabilityCheck(plan.mechanism, given, plan.step, plan.choice.options)
             torque = torque if held else self._stability.torque
-        self._motion, native, counters = plan.set_out(start, torque, machines.kernel, machines.required)
+        self._motion, native, counters = plan.initialise(start, torque, machines.kernel, machines.required)
         if _shifted(self._motion, start[1]) > SAME:
             self._motion = _steadier(self._motion, plan, start, torque, native, counters)
         if self._stability is not None:

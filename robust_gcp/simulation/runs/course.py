@@ -28,13 +28,13 @@ from ..events import Event, Events
 from ..trajectories.acted import Acted
 from ..trajectories.trajectory import Trajectory
 from .fixed_steps import FixedRun
+from .initial_state import Given, initialise, rates_at
 from .recovery import add_remedy
 from .retries import STIFF, taken_again, words_of
 from .run import Run
 from .schedule import Schedule, planned
 from .solver_run import AdaptiveRun
 from .stability import MOST_PARTS, StabilityCheck
-from .starting import Given, rates_at, started
 from .stepped import SteppedRun
 from .steppers import rk4_step
 from .too_long_steps import Coarse
@@ -119,7 +119,7 @@ class Course:
                 self.mechanism, None if held else torque, self.step, self.choice.options
             )
             torque = torque if held else stability.torque
-        motion, native, counters = self.set_out(start, torque, kernel, required)
+        motion, native, counters = self.initialise(start, torque, kernel, required)
         # By its Jacobian at the start: where RK4 would need more than `MOST_PARTS` parts, stiffly.
         if stability is not None and not self._stable(stability, native, motion, again):
             assert again is not None  # nothing else is not stable
@@ -136,7 +136,7 @@ class Course:
         finished = None if fault is not None else run.trajectory(begun)
         return self._judged(finished, fault, again)
 
-    def set_out(
+    def initialise(
         self, start: Given, torque: Torque | ArrayLike | None, kernel: Library | None, required: bool
     ) -> tuple[Problem, NativeSteps | None, Counters]:
         """The motion at its start, what takes its steps natively, and what is counted."""
@@ -145,7 +145,7 @@ class Course:
         native = None if kernel is None else NativeSteps(kernel, acts, required, self.drives, own, self.guard)
         t0 = float(self.schedule.times[0])
         given = self.mechanism, start, torque, self.choice, counters, self.on_toggle, self.drives, t0
-        return started(native, *given), native, counters
+        return initialise(native, *given), native, counters
 
     def through_phases(
         self, joints: Sequence[Part], start: Given, torque: Torque | ArrayLike | None, kernel: Library | None,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...dynamics.equations import Evaluation
-from ...dynamics.problem import set_out
+from ...dynamics.problem import initial_value_problem
 from ...errors import SimulationError
 from ...kernel.simulation.steps import NativeSteps
 from ...maps.cluster.cluster_map import ClusterMap
@@ -68,7 +68,9 @@ class RefinedRun(Run):
 
     def _accuracy(self) -> AbstractContextManager[None]:
         """What evaluations are made in: carefully, on the true curve of an uncertified zone."""
-        return self._cluster_map().following_true_curve() if self._recovery.careful else nullcontext()
+        return (
+            self._cluster_map().following_true_curve() if self._recovery.error_controlled else nullcontext()
+        )
 
     def _refined(self, i: int, begun: Evaluation) -> Array:
         """One step through an uncertified zone by an error-controlled method."""
@@ -163,7 +165,7 @@ class RefinedRun(Run):
                 first = turned(begun.point, mechanism)
                 first_x = np.concatenate([first.y, first.ydot])
             else:
-                start = set_out(mechanism, begun.point.q, begun.v, choice=self._choice)
+                start = initial_value_problem(mechanism, begun.point.q, begun.v, choice=self._choice)
                 first, first_x = start.start.point, start.x[: 2 * m]
             # where the step began is put into the new coordinates too: `Recovery` may go back to it
             self._x = x

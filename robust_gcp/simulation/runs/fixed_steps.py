@@ -82,7 +82,7 @@ class FixedRun(RefinedRun):
         explicit = self._motion.explicit
         if self._native is None or self.asks or self._ended:
             return None
-        if self._recovery.careful or self._events or self._suspicious(now.point):
+        if self._recovery.error_controlled or self._events or self._suspicious(now.point):
             return None
         return (explicit, self._x, self._watch_coordinates()) if isinstance(explicit, KernelMap) else None
 
@@ -117,7 +117,7 @@ class FixedRun(RefinedRun):
                 # before the step: in coordinates that turn back within it there would be no end of it
                 if self._changed(i, now.point):
                     continue
-                if not recovery.careful:
+                if not recovery.error_controlled:
                     self._leave()
                     if self._native is not None:
                         i, going = self._natively(self._native, i, last, now)
@@ -127,7 +127,7 @@ class FixedRun(RefinedRun):
                             continue
                         now = going
                 self._behind, self._refinement, self._renewed_at = self._x, None, None
-                self._x = (self._refined if recovery.careful else self._stepped)(i, now)
+                self._x = (self._refined if recovery.error_controlled else self._stepped)(i, now)
                 i += 1
             except (ObstacleError, BranchError, ToggleError) as stop:
                 # the step may have begun too near already: go back to the last safe one

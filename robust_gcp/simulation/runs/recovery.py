@@ -62,9 +62,9 @@ class Recovery:
 
     In a zone without a certified bridge γ bends sharply, and a fixed step loses its accuracy before the
     zone is met. So the run goes back to the last well-conditioned state and takes the steps from there to
-    the next well-conditioned one with error control (`careful`), or changes coordinates as soon as others
-    serve better (`changing`). Coordinates that are about to turn back are changed before (`Coordinates`);
-    steps so long that they jump there end here.
+    the next well-conditioned one with error control (`error_controlled`), or changes coordinates as soon as
+    others serve better (`changing`). Coordinates that are about to turn back are changed before
+    (`Coordinates`); steps so long that they jump there end here.
 
     Parameters
     ----------
@@ -79,23 +79,23 @@ class Recovery:
     best : float
         The largest conditioning of an output in the present coordinates: links that are never conditioned
         above `POOR` are not taken with error control all the way.
-    careful, changing : bool
+    error_controlled, changing : bool
     """
 
     def __init__(self, on_toggle: str, safe: Checkpoint) -> None:
         self._may_change = on_toggle == "repartition"
         self.safe = safe
         self.best = safe.point.conditioning
-        self.careful = self.changing = False
+        self.error_controlled = self.changing = False
         self._met_at = self._changed_at = -1
 
     def accept(self, i: int, x: Array, point: Point) -> None:
         """Take note of an output."""
         self.best = max(self.best, point.conditioning)
         good = point.conditioning >= (POOR if self.best >= POOR else max(LEAST, GOOD * self.best))
-        self.careful = self.careful and not (good and i > self._met_at)
-        self.changing = self.changing and self.careful
-        if good and not self.careful:
+        self.error_controlled = self.error_controlled and not (good and i > self._met_at)
+        self.changing = self.changing and self.error_controlled
+        if good and not self.error_controlled:
             self.safe = Checkpoint(i, x, point)
 
     def meet(self, i: int, stop: SimulationError) -> bool:
@@ -112,14 +112,14 @@ class Recovery:
             `stop` itself, where neither helps.
         """
         if isinstance(stop, ObstacleError):
-            self._met_at, self.careful = i, True
+            self._met_at, self.error_controlled = i, True
             self.changing = stop.obstacle.kind == "toggle" and self._may_change
             return False
         # the true curve is lost in these coordinates; others may hold it
         known = self.changing or not isinstance(stop, ToggleError)  # else told only now what it is
-        if not self.careful or not self._may_change or (known and self.safe.i <= self._changed_at):
+        if not self.error_controlled or not self._may_change or (known and self.safe.i <= self._changed_at):
             raise stop
-        self.careful = self.changing = not known
+        self.error_controlled = self.changing = not known
         return known
 
     def shift(self, n: int) -> None:
@@ -135,4 +135,4 @@ class Recovery:
         """Go on in other coordinates from here."""
         self.renewed(safe)
         self._changed_at = safe.i
-        self.careful = self.changing = False
+        self.error_controlled = self.changing = False

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ...dynamics.equations import CheckedTorque, Torque
 from ...dynamics.loads import one_torque
 from ...dynamics.prescribed.control import Actuated
-from ...dynamics.problem import Problem, set_out
+from ...dynamics.problem import Problem, initial_value_problem
 from ...dynamics.tableau import Tableau
 from ...errors import BranchError, ClosureError, NonFiniteError, OptionError, SimulationError
 from ...maps.start_check import checked_mode
@@ -177,7 +177,7 @@ def begun(
         drive = None if drives is None else drives.of(mechanism, begin)
         try:
             own = mode if begin == 0 else None
-            motion = set_out(mechanism, run.q[begin], run.v[begin], own, torque, drive=drive)
+            motion = initial_value_problem(mechanism, run.q[begin], run.v[begin], own, torque, drive=drive)
             if begin == first or motion.start.point.conditioning >= REGULAR:
                 return begin, motion
         except SimulationError:

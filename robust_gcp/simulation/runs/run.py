@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...dynamics.equations import Evaluation, Torque
-from ...dynamics.problem import Problem, over, set_out
+from ...dynamics.problem import Problem, initial_value_problem, over
 from ...errors import CuspError, SimulationError
 from ...maps.choice import MapChoice
 from ...maps.classical import SingularityWarning
@@ -214,7 +214,7 @@ class Run:
         old, x = self._motion, self._x
         here, m = old.explicit.anchor, old.mechanism.m
         mechanism = in_coordinates(self._named, names)
-        self._motion = self._set_out(mechanism, here, here.G @ x[m : 2 * m])
+        self._motion = self._problem_in(mechanism, here, here.G @ x[m : 2 * m])
         self._coordinates = self._looked_after()
         self._x = np.concatenate([self._motion.x[: 2 * m], x[2 * m :]])
         self._calls += old.equations.calls
@@ -223,7 +223,7 @@ class Run:
         self._repartitions.append((t, names))
         return Checkpoint(i, self._x, self._motion.start.point)
 
-    def _set_out(self, mechanism: Mechanism, here: Point, v: Array) -> Problem:
+    def _problem_in(self, mechanism: Mechanism, here: Point, v: Array) -> Problem:
         """The motion from here on in the coordinates of `mechanism`."""
         explicit = self._motion.explicit
         apart = explicit.beside_apex(mechanism) if isinstance(explicit, ClusterMap) else None
@@ -231,7 +231,7 @@ class Run:
             path, point, trackers = apart
             return over(Start(path, point, v[mechanism.iv_independent], trackers), self._torque, self._choice)
         torque, choice, counters = self._torque, self._choice, self._counters
-        return set_out(mechanism, here.q, v, torque=torque, choice=choice, counters=counters)
+        return initial_value_problem(mechanism, here.q, v, torque=torque, choice=choice, counters=counters)
 
     # --------------------------------------------------------------------- record
 

@@ -22,7 +22,7 @@ from ...maps.start import Start
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ...warning import warn
-from .starting import StartRates
+from .initial_state import StartRates
 
 MANY = 12
 """Coordinates beyond which only a few directions are looked at: the check then costs as many right-hand

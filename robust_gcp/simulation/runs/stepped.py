@@ -142,7 +142,7 @@ class SteppedRun(FixedRun):
         rows, last = self._record.rows, self._last
         if self._native is None or self._native.asks or rows is None or last is None:
             return None
-        if self._recovery.careful or self._events or self._progress or self._suspicious(last.point):
+        if self._recovery.error_controlled or self._events or self._progress or self._suspicious(last.point):
             return None
         self._begun = self._record.at
         self._watching = rows.q if self._redundant else None

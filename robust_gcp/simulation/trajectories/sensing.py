@@ -9,7 +9,7 @@ from ...checks import check_finite, check_mechanism, check_text
 from ...dynamics.equations import Torque, TorqueFunction, constraint_forces, torque_function
 from ...dynamics.loads import Torques, one_torque
 from ...dynamics.prescribed.control import Controls, held_controls
-from ...dynamics.problem import set_out
+from ...dynamics.problem import initial_value_problem
 from ...errors import OptionError
 from ...mechanism.actuation.actuators import clipped
 from ...mechanism.actuation.paths import FixedTendon
@@ -48,7 +48,7 @@ def sense(
         acting = np.sum(given, axis=0) if given else None
     elif sensor.needs in "af":
         check_mechanism(mechanism, Mechanism, "sense")
-        problem = set_out(mechanism, at, moving, None, loads)
+        problem = initial_value_problem(mechanism, at, moving, None, loads)
         now = problem.equations.at_point(t, problem.start.point)
         at, moving, rates, acting = now.point.q, now.v, now.a, now.tau
     multipliers = None

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from ...dynamics.equations import Torque
 from ...dynamics.prescribed.drive import Drive
 from ...dynamics.prescribed.driven import driven_start
-from ...dynamics.problem import Problem, over, set_out
+from ...dynamics.problem import Problem, initial_value_problem, over
 from ...errors import BranchError, PartitionError, SimulationError, ToggleError
 from ...kernel.simulation.batch import Begun, count_in
 from ...kernel.simulation.rates import Rates
@@ -32,7 +32,7 @@ from ...mechanism.tree.tree import Array
 from .coordinates import Coordinates
 
 
-def set_out_well(
+def problem_where_served(
     mechanism: Mechanism,
     q0: ArrayLike | None,
     v0: ArrayLike | None,
@@ -41,7 +41,7 @@ def set_out_well(
     choice: MapChoice,
     counters: Counters,
 ) -> Problem:
-    """`set_out`, in other coordinates where those of the mechanism turn back at the start.
+    """`initial_value_problem`, in other coordinates where those of the mechanism turn back at the start.
 
     Raises
     ------
@@ -49,14 +49,14 @@ def set_out_well(
         Where no others serve either.
     """
     try:
-        return set_out(mechanism, q0, v0, mode, torque, choice, counters)
+        return initial_value_problem(mechanism, q0, v0, mode, torque, choice, counters)
     except ToggleError as stop:
         q = mechanism.home if q0 is None else mechanism.configuration(q0, "q0")
         found = Coordinates(mechanism, mechanism.independent, counters).at_rest(q)
         for names in ([] if found is None else [found]) + _whole(mechanism, stop.choices):
             other = mechanism.with_independent(names)
             try:
-                return set_out(other, q0, v0, mode, torque, choice, counters)
+                return initial_value_problem(other, q0, v0, mode, torque, choice, counters)
             except (SimulationError, PartitionError):
                 continue
         raise
@@ -174,9 +174,9 @@ def _plain(
     drives: Drive | None,
     t0: float,
 ) -> Problem | None:
-    """What `set_out` gives, with the evaluation there where no function has to be asked for a torque.
+    """`initial_value_problem`, with the evaluation there where no function has to be asked for a torque.
 
-    None where `set_out` has to look, and to say what is wrong.
+    None where `initial_value_problem` has to look, and to say what is wrong.
     """
     if native is None or not is_plain(mechanism):
         return None
@@ -229,7 +229,7 @@ def start_at(mechanism: Mechanism, path: RegularPath, point: Point) -> Start:
     return start_on_groups(groups, Start(path, point.rest, point.rest.ydot), point)
 
 
-def started(
+def initialise(
     native: NativeSteps | None,
     mechanism: Mechanism,
     start: Given,
@@ -251,7 +251,7 @@ def started(
     Raises
     ------
     StateError, ClosureError, OptionError, SimulationError
-        As `dynamics.problem.set_out` does.
+        As `dynamics.problem.initial_value_problem` does.
     """
     q0, v0, mode = start
     if mode is None:
@@ -259,9 +259,9 @@ def started(
         if motion is not None:
             return motion
     if on_toggle == "error":
-        motion = set_out(mechanism, q0, v0, mode, torque, choice, counters, drives)
+        motion = initial_value_problem(mechanism, q0, v0, mode, torque, choice, counters, drives)
     else:
-        motion = set_out_well(mechanism, q0, v0, mode, torque, choice, counters)
+        motion = problem_where_served(mechanism, q0, v0, mode, torque, choice, counters)
     found, begun = None, motion.start
     if native is not None:
         if drives is None and not begun.trackers:  # with the kernel's own digits
