@@ -18,7 +18,7 @@ from ..mechanism.tree.tree import Array
 from .chart_derivatives import ChartSlopes, chart_slopes
 from .derivatives import Derivatives, PointDerivatives
 from .equations import Evaluation
-from .prescribed.driven_derivatives import ByDrive
+from .prescribed.constrained_derivatives import ByDrive
 from .problem import initial_value_problem
 
 STAGES = (0.0, 0.5, 0.5, 1.0)

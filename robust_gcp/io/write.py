@@ -13,8 +13,8 @@ import pinocchio as pin
 from ..errors import ModelError, ModelWarning
 from ..mechanism.actuation.actuators import Actuator
 from ..mechanism.actuation.tendon_springs import TendonSpring
+from ..mechanism.forces.applied_forces import is_known
 from ..mechanism.forces.forces import JointTorque
-from ..mechanism.forces.known_forces import is_known
 from ..mechanism.mechanism import Mechanism
 from ..warning import warn
 from .mjcf.writer import mjcf_text

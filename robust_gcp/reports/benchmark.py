@@ -28,7 +28,7 @@ from ..mechanism.mechanism import Mechanism
 from ..printing import along, table, write_json
 from ..simulation.simulate import simulate
 from . import derivative_cost, derivative_paths
-from .threads import gain
+from .throughput import gain
 
 Batch = Callable[[], tuple[float, float]]
 """Does a batch of steps: seconds per step and Newton iterations per right-hand side."""

@@ -32,7 +32,7 @@ from . import pages, peers
 from .contender import Contender, Scene, clock
 from .growth_report import SHOWN, Row, draw, sentence, tables
 from .machine import footer, machine
-from .threads import gain
+from .throughput import gain
 from .work_precision import ours
 
 ANGLE = 1.2

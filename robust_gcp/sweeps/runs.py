@@ -17,10 +17,9 @@ from ..checks import check_callable, check_number, listed, shown
 from ..errors import OptionError
 from ..mechanism.mechanism import Mechanism
 from .file import SweepFile
-from .natively import runs_natively
 from .pool import Task, here, on_executor, on_processes, on_threads
 from .record import Records, RunRecord, key
-from .worker import OPTIONS, Build, Keep
+from .worker import OPTIONS, Build, Keep, runs_natively
 
 Progress = bool | Callable[[int, int], None]
 

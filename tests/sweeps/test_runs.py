@@ -25,7 +25,7 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.examples import linkages
-from robust_gcp.sweeps.natively import runs_natively
+from robust_gcp.sweeps.worker import runs_natively
 
 from ..compiled import needs_kernel
 

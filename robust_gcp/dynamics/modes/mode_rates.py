@@ -19,8 +19,7 @@ from ...mechanism.coordinates.clusters import LoopCluster
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from .continuation import Circle, circle
-from .map_rates import ClusterRates, MapRates
-from .rate_rounding import rounding
+from .map_rates import ClusterRates, MapRates, rounding
 from .real_points import Walk
 from .taylor_series import Around, Circles
 from .torus import Torus, torus, ways_about

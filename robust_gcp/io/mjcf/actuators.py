@@ -13,7 +13,7 @@ from ...mechanism.actuation.site_paths import SiteForce, SliderCrank
 from ...mechanism.actuation.spatial_tendon import SpatialTendon
 from ...mechanism.actuation.tendon_springs import TendonSpring
 from ...mechanism.forces.forces import Force, JointTorque
-from .flags import is_off
+from .compiled import is_off
 from .tendons import CompiledTendons
 from .tree import BALL, FREE, CompiledTree, unlike
 

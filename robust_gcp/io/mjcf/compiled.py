@@ -11,6 +11,19 @@ import numpy as np
 from ...errors import ModelError, missing_extra
 from .document import Document
 
+BEFORE = {"SPRING": "PASSIVE", "DAMPER": "PASSIVE"}
+"""What older versions have in place of a flag."""
+
+
+def is_off(m: Any, what: str) -> bool:
+    """Whether `<flag what="disable"/>` is set."""
+    import mujoco
+
+    flags = mujoco.mjtDisableBit.__members__
+    flag = flags.get(f"mjDSBL_{what}", flags.get(f"mjDSBL_{BEFORE.get(what, what)}"))
+    return flag is not None and bool(m.opt.disableflags & int(flag))
+
+
 SIZES = (1.0, 1.5)
 """Of tetrahedra in place of meshes, m: what differs between the two depends on a mesh."""
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...mechanism.actuation.paths import FixedTendon
 from .actuators import TENDON, CompiledActuators, is_constant
-from .flags import is_off
+from .compiled import is_off
 from .tendons import CompiledTendons
 from .tree import CompiledTree
 

@@ -9,7 +9,7 @@ from ...errors import ModelError
 from ...mechanism.constraint.closures import Closure, FrameClosure, PointClosure
 from ...mechanism.constraint.couplings import AnyClosure, CouplingClosure
 from ...mechanism.constraint.pin_constraints import close_between
-from .flags import is_off
+from .compiled import is_off
 from .tree import CompiledTree
 
 CONNECT, WELD, JOINT, TENDON = range(4)

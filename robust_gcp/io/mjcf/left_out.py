@@ -12,8 +12,8 @@ from ...mechanism.forces.ball_springs import BallSpring
 from ...mechanism.forces.forces import Force, JointDamper, JointSpring
 from ...mechanism.forces.lifted_weights import GravityCompensation
 from .actuators import IN_PARENT, JOINT, TENDON, is_constant
+from .compiled import is_off
 from .equalities import arms_of
-from .flags import is_off
 from .tree import BALL, FREE, CompiledTree
 
 

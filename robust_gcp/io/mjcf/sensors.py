@@ -12,8 +12,8 @@ from ...mechanism.sensing.instant import GROUND, Branch, Spot
 from ...mechanism.sensing.sensors import KINDS, Sensor
 from ...mechanism.tree.tree import Array
 from .actuators import CompiledActuators
+from .compiled import is_off
 from .drive_sensors import DRIVEN, DriveSensors, UnknownError
-from .flags import is_off
 from .tendons import CompiledTendons
 from .tree import CompiledTree
 

@@ -12,7 +12,7 @@ from ...mechanism.actuation.spatial_tendon import Pulley, SpatialTendon, Wrap
 from ...mechanism.actuation.tendon_springs import TendonSpring
 from ...mechanism.forces.forces import Force, PointSpring
 from ...mechanism.parts import JointFriction, Part, Stop
-from .flags import is_off
+from .compiled import is_off
 from .stops import restitution_of
 from .tree import CompiledTree, unlike
 

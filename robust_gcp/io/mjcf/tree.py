@@ -13,7 +13,7 @@ from ...checks import hint
 from ...errors import ModelError
 from ...mechanism.tree.joints import along
 from ...mechanism.tree.tree import Array
-from .flags import is_off
+from .compiled import is_off
 
 FREE, BALL, SLIDE, HINGE = range(4)
 

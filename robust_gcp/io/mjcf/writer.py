@@ -11,8 +11,8 @@ import pinocchio as pin
 from ...errors import ModelError
 from ...mechanism.constraint.closures import Closure, FrameClosure, PointClosure, RevoluteClosure, frame_of
 from ...mechanism.constraint.couplings import CouplingClosure
+from ...mechanism.forces.applied_forces import is_known
 from ...mechanism.forces.forces import JointTorque, PointSpring
-from ...mechanism.forces.known_forces import is_known
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.parts import Stop
 from ...mechanism.tree.joints import JointKind

@@ -21,8 +21,7 @@ from ..dynamics.acting import Acting, Driving
 from ..handles import Handle, Layout, Shared
 from ..library import Library
 from ..structures import Beginning, Reason, Request, address
-from .batch import Batch, Begun, Outputs, counted, crossings
-from .choices import Choices
+from .batch import Batch, Begun, Choices, Outputs, counted, crossings
 from .guard import Guard, Watch
 from .prepared import Prepared
 from .rates import Rates

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...errors import NonFiniteError
+from ...checks import shown
+from ...errors import ModelError, NonFiniteError
 from ..actuation.tendon_springs import TendonSpring
 from ..tree.tree import Array
+from .ball_springs import BallSpring
 from .forces import (
     Force,
     JointDamper,
@@ -22,11 +24,35 @@ from .forces import (
     checked_tau,
     has_energy,
 )
-from .known_forces import checked_force, is_known
+from .lifted_weights import GravityCompensation
 from .point_springs import Lines
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
+
+
+KINDS: tuple[type[Force], ...] = (JointSpring, JointDamper, JointTorque, PointSpring, TendonSpring)
+"""What is known by its numbers."""
+
+STORED: tuple[type[Force], ...] = (*KINDS, BallSpring, GravityCompensation)
+"""What files hold: these two are asked, as forces of a user's own are."""
+
+
+def is_known(force: Force) -> bool:
+    """Whether its numbers say all: one of `KINDS`, derived from or not, that does what its kind does."""
+    made = type(force)
+    kind = next((kind for kind in KINDS if isinstance(force, kind)), None)
+    if isinstance(force, TendonSpring) and not force.path.in_kernel:
+        return False
+    return kind is not None and made.tau is kind.tau and made.energy is kind.energy
+
+
+def checked_force(force: Any) -> Force:
+    """A force, or a ModelError."""
+    if isinstance(force, Force):
+        return force
+    kinds = ", ".join(kind.__name__ for kind in KINDS)
+    raise ModelError(f"forces: {shown(force)} is not a {kinds} or another rg.Force")
 
 
 class AppliedForces:

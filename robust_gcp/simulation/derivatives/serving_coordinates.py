@@ -19,7 +19,7 @@ from ...dynamics.derivatives import Accelerations, Derivatives, PointDerivatives
 from ...dynamics.loads import Torques, Wrench, one_torque
 from ...dynamics.modes.mode_rates import ZONE
 from ...dynamics.modes.taylor_series import Circles, circles_of
-from ...dynamics.prescribed.held_derivatives import HeldDerivatives
+from ...dynamics.prescribed.constrained_derivatives import HeldDerivatives
 from ...dynamics.problem import Problem, initial_value_problem
 from ...errors import ModelError, NonFiniteError, NotCertifiedError, SimulationError
 from ...kernel.derivatives.derivations import derivation, left_to_python

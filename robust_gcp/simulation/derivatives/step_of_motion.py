@@ -13,9 +13,8 @@ from ...dynamics.derivatives import PointDerivatives, TorqueSlopes
 from ...dynamics.discrete import Stage
 from ...dynamics.equations import CheckedTorque
 from ...dynamics.modes.taylor_series import circles_of
+from ...dynamics.prescribed.constrained_derivatives import DrivenDerivatives, HeldDerivatives
 from ...dynamics.prescribed.drive import Drive
-from ...dynamics.prescribed.driven_derivatives import DrivenDerivatives
-from ...dynamics.prescribed.held_derivatives import HeldDerivatives
 from ...dynamics.problem import Problem
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array

@@ -10,7 +10,7 @@ import numpy as np
 from ...dynamics.change_of_coordinates import Slope
 from ...dynamics.derivatives import TorqueSlopes
 from ...dynamics.equations import Evaluation, torque_function
-from ...dynamics.prescribed.held_derivatives import HeldDerivatives
+from ...dynamics.prescribed.constrained_derivatives import HeldDerivatives
 from ...dynamics.problem import Problem, initial_value_problem
 from ...errors import NotDifferentiableError, OptionError, SingularStartError, ToggleError
 from ...kernel.derivatives.derivations import derivation

@@ -16,8 +16,8 @@ from ...mechanism.actuation.kinds import PARTS
 from ...mechanism.assembly.keyframes import Keyframe, Keyframes
 from ...mechanism.constraint.closures import closure_kinds
 from ...mechanism.constraint.couplings import CouplingClosure
+from ...mechanism.forces.applied_forces import STORED
 from ...mechanism.forces.forces import Force
-from ...mechanism.forces.known_forces import STORED
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.parts import JointFriction, Lock, Stop
 from ...mechanism.sensing.sensors import Sensors, sensor_from
