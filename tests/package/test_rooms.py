@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import ast
 import re
+import sys
 from collections.abc import Iterator
 from pathlib import Path
+from types import FrameType
 
 import pytest
+
+import robust_gcp as rg
 
 PACKAGE = Path(__file__).parents[2] / "robust_gcp"
 ROOMS = ("mechanism", "io", "analysis", "maps", "dynamics", "kernel", "simulation")
@@ -62,3 +66,25 @@ def test_a_function_is_read_at_a_glance() -> None:
             if isinstance(node, ast.FunctionDef):
                 body = node.body[ast.get_docstring(node) is not None :] or node.body
                 assert (node.end_lineno or 0) - body[0].lineno < 60, f"{file}: {node.name}"
+
+
+@pytest.mark.skipif(not rg.backends()["native"].available, reason="steps in Python enter others")
+def test_a_call_can_be_followed() -> None:
+    """What `simulate` enters of the package where nothing happens: better if it shrinks, kept from growing."""
+    mechanism = rg.load("rhombus")
+    rg.simulate(mechanism, duration=0.01)
+    package, entered = str(Path(rg.__file__).parent), set[tuple[str, str]]()
+
+    def entering(frame: FrameType, event: str, _: object) -> None:
+        code = frame.f_code
+        if event == "call" and code.co_filename.startswith(package) and code.co_name[0] != "<":
+            entered.add((code.co_filename, f"{code.co_firstlineno}: {code.co_name}"))
+
+    sys.setprofile(entering)
+    try:
+        rg.simulate(mechanism, duration=0.01)
+    finally:
+        sys.setprofile(None)
+    files = {file for file, _ in entered}
+    assert 10 < len(files) <= 50, sorted(files)
+    assert len(entered) <= 210, sorted(entered)
