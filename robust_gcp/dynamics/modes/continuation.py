@@ -3,9 +3,9 @@
 Along a mode the map is analytic, also where K has lost rank; K shows it nowhere near there, but everywhere
 on a circle y + ρ e^{iθ} d around it. So the mode is followed along that circle in complex numbers, from a
 real regular point, and what is wanted at y is the mean over the circle (Cauchy); for mobility 1 the Fourier
-coefficients give it anywhere inside, see around.py. The trapezoidal rule over N points errs by (ρ/R)^N, R the
-distance to the next place where the mode itself ends to be analytic. Source: Trefethen, Weideman, The
-exponentially convergent trapezoidal rule, SIAM Review 56, 2014.
+coefficients give it anywhere inside, see taylor_series.py. The trapezoidal rule over N points errs by
+(ρ/R)^N, R the distance to the next place where the mode itself ends to be analytic. Source: Trefethen,
+Weideman, The exponentially convergent trapezoidal rule, SIAM Review 56, 2014.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@
 #include "cluster/chart.h"
 #include "cluster/explore.h"
 #include "cluster/passages.h"
-#include "cluster/passing.h"
+#include "cluster/tracker_numbers.h"
 #include "cluster/patch_builder.h"
 #include "cluster/product.h"
 

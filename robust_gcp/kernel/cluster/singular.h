@@ -1,5 +1,5 @@
 // What is singular near a point of a mode: places on a pencil, how clearly modes part, the place itself; see
-// maps/cluster/jet.py and place.py.
+// maps/cluster/jet.py and singular_place.py.
 #pragma once
 
 #include <algorithm>

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "abi.h"
-#include "derivatives/chart_slopes.h"
+#include "derivatives/chart_derivatives.h"
 #include "path/path.h"
 
 namespace rg {

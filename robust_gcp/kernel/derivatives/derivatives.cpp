@@ -1,6 +1,6 @@
 // The functions that Python calls for derivatives.
 #include "exports.h"
-#include "derivatives/derivation.h"
+#include "derivatives/step_derivatives.h"
 
 // A workspace for derivatives of a mechanism, or null with the reason in `why`.
 RG_EXPORT void* rg_derive(const rg::Description* description, char* why, std::int32_t length) {

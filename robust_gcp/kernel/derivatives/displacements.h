@@ -1,5 +1,5 @@
 // How each independent coordinate and velocity displaces, quickens and hastens all bodies: X, P and Q of
-// closure_slopes.h, with what the closures ask of the dependent velocities; see map_rates.py.
+// closure_derivatives.h, with what the closures ask of the dependent velocities; see map_rates.py.
 #pragma once
 
 #include <algorithm>
@@ -7,7 +7,7 @@
 
 #include "abi.h"
 #include "linalg/cells.h"
-#include "derivatives/closure_slopes.h"
+#include "derivatives/closure_derivatives.h"
 #include "dynamics/motion.h"
 #include "path/path.h"
 

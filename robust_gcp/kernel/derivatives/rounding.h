@@ -1,5 +1,5 @@
 // Points where K_d is poor, closed as well as the rounding of q itself lets them, and what rounding leaves uncertain
-// of G and its derivatives there, as rate_rounding.py has it, and of those of u̇.
+// of G and its derivatives there, as map_rates.py has it, and of those of u̇.
 #pragma once
 
 #include <algorithm>
@@ -11,7 +11,7 @@
 
 #include "abi.h"
 #include "constraint/extended.h"
-#include "derivatives/slopes.h"
+#include "derivatives/accelerations.h"
 #include "dynamics/motion.h"
 #include "path/path.h"
 

@@ -1,4 +1,4 @@
-// The test of the branch: whether Newton's method stayed on it; as in march.py, which says why.
+// The test of the branch: whether Newton's method stayed on it; as in regular_ground.py, which says why.
 #pragma once
 
 #include <algorithm>

@@ -1,5 +1,5 @@
 // A part's mode of one or two coordinates as a series about a place, singular or not, where Newton's method on K_d
-// finds no good point; see `Around` in around.py.
+// finds no good point; see `Around` in taylor_series.py.
 #pragma once
 
 #include <algorithm>
@@ -70,7 +70,7 @@ class Expansion {
     const std::vector<int>& velocities() const { return velocities_; }
 
   private:
-    static constexpr double INSIDE = 0.5;  // as in around.py
+    static constexpr double INSIDE = 0.5;  // as in taylor_series.py
 
     // z^k and its derivatives of order 1, 2 and 3, one after the other.
     static void raise(double z, std::int64_t count, std::vector<double>& powers) {

@@ -1,5 +1,5 @@
 // The regular path: prediction, Newton, G and g with K_d factorised once.
-// The same steps as regular_path.py and march.py, whose docstrings say why; constants come from there.
+// The same steps as regular_path.py and regular_ground.py, whose docstrings say why; constants come from there.
 #pragma once
 
 #include <algorithm>

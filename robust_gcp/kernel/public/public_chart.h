@@ -5,7 +5,7 @@
 #include <cmath>
 #include <memory>
 
-#include "derivatives/derivation.h"
+#include "derivatives/step_derivatives.h"
 #include "simulation/solver.h"
 
 namespace rg {

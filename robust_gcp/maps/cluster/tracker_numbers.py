@@ -1,7 +1,7 @@
 """The state of trackers as plain numbers: what passes between this path and the compiled kernel.
 
 An array is its rows, its columns, and its numbers column by column; a tracker's parts come in the order
-of `Writer.tracker`, which kernel/cluster/passing.h mirrors.
+of `Writer.tracker`, which kernel/cluster/tracker_numbers.h mirrors.
 """
 
 from __future__ import annotations

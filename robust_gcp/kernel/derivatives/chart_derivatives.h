@@ -1,5 +1,5 @@
 // How a joint in the chart of a step, q = origin ⊕ w, and the rate of w, depend on the start and on w; see
-// chart_slopes.py.
+// chart_derivatives.py.
 #pragma once
 
 #include <cmath>

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "derivatives/closure_slopes.h"
+#include "derivatives/closure_derivatives.h"
 #include "derivatives/coriolis.h"
 #include "derivatives/displacements.h"
 #include "dynamics/forces.h"

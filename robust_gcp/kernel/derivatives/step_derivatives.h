@@ -14,7 +14,7 @@
 #include "path/path.h"
 #include "derivatives/results.h"
 #include "derivatives/rounding.h"
-#include "derivatives/slopes.h"
+#include "derivatives/accelerations.h"
 #include "derivatives/still.h"
 
 namespace rg {

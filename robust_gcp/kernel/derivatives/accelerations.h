@@ -2,7 +2,7 @@
 // derivatives.py, by one pass out and one back over the tree.
 //
 // With f = RNEA(q, v, a) − τ − Kᵀλ, which is zero for dependent velocities, ∂u̇/∂y_k = −M_r⁻¹ Gᵀ δf, λ held. Along
-// y_k what a body carries is displaced as a whole, by X, P and Q of closure_slopes.h, so that the wrench that it
+// y_k what a body carries is displaced as a whole, by X, P and Q of closure_derivatives.h, so that the wrench that it
 // takes in all, F, changes by X ×* F + I Q + B P (Featherstone 2008, chapter 2; Carpentier and Mansard 2018).
 #pragma once
 
@@ -12,10 +12,10 @@
 
 #include "abi.h"
 #include "linalg/cells.h"
-#include "derivatives/closure_slopes.h"
+#include "derivatives/closure_derivatives.h"
 #include "derivatives/coriolis.h"
 #include "derivatives/displacements.h"
-#include "derivatives/line_slopes.h"
+#include "derivatives/line_derivatives.h"
 #include "dynamics/motion.h"
 #include "path/path.h"
 #include "derivatives/spread.h"
