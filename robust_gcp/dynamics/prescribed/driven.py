@@ -74,7 +74,7 @@ class DrivenEquations(EquationsOfMotion):
         """Point, velocity, ÿ and the torques on the driven joints at time t."""
         m, driven = self.m, self._drive.driven
         y, ydot = x[:m].copy(), x[m : 2 * m].copy()
-        y[driven], ydot[driven], ydd = self._drive.motion_at(t)
+        y[driven], ydot[driven], ydd = self._drive.motion_at(t)  # whatever a stepper made of these
         return self._driven_at(t, self.explicit.point_at(y, ydot), ydd)
 
     def at_point(self, t: float, point: Point) -> Evaluation:
@@ -194,6 +194,7 @@ def driven_start(
         start = initial_point_of_motion(mechanism, q, None, mode, choice.options, counters)
         explicit, end = choice.over(start), start.point.y.copy()
         end[drive.driven] = position
+        # In short strides, so that the mode is followed: in one the drive might begin on another.
         for share in np.arange(1, count + 1) / count:
             pace = (end - start.point.y) * (STRIDE / max(float(np.abs(gap / unit).max()), STRIDE))
             point = explicit.point_at(start.point.y + share * (end - start.point.y), pace)

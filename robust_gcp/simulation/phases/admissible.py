@@ -88,6 +88,7 @@ def admissible(mechanism: Mechanism, q: Array, v: Array, seen: Seen | None) -> t
         scale = mechanism.column_scale[iv]
         U, s, Vt = np.linalg.svd(K[:, iv], full_matrices=True)
         share = float(s[rank - 1] / s[0]) if rank else 1.0
+        # Nearly singular, ker K turns by ε/δ with rounding; the tangent of the motion itself does not.
         told = (
             seen.tangent(iv, mechanism.units[iv])
             if cluster.m == 1 and seen is not None and share < NEAR
@@ -150,7 +151,7 @@ class Frame:
         self, mechanism: Mechanism, q: Array, v: Array, tau: Array | None = None, seen: Seen | None = None
     ) -> None:
         self.N, self.p = admissible(mechanism, q, v, seen)
-        upper = np.triu(mechanism.tree.crba(q))
+        upper = np.triu(mechanism.tree.crba(q))  # `crba` fills no other half
         self.M: Array = upper + np.triu(upper, 1).T
         try:
             self._L = np.linalg.cholesky(self.N.T @ self.M @ self.N)
@@ -162,7 +163,7 @@ class Frame:
         self._reach = float(np.linalg.norm(self._solve((self.N / self._scale[:, None]).T)))
         self.free: Array = np.zeros(self.N.shape[1])
         if tau is not None:
-            force = tau - mechanism.tree.rnea(q, v, self.p)
+            force = tau - mechanism.tree.rnea(q, v, self.p)  # a = N z + p: p is known beforehand
             self.free = self._solve(self.N.T @ force)
 
     def _solve(self, rhs: Array) -> Array:

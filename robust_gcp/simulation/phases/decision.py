@@ -85,6 +85,7 @@ class Phase:
             for i in self.touching:
                 part, side = rows.rows[i].part, rows.side[i]
                 depth, rate = -gaps[..., i], -side * (v @ rows.E[i])
+                # as of Hunt and Crossley: no jump of the force where the spring is touched or left
                 f[..., i] = side * part.stiffness * depth * (1.0 + part.damping * rate)  # type: ignore[union-attr]
         return f
 
@@ -152,6 +153,7 @@ def _decided_with(
         kind, moves = rows.rows[i].kind, abs(w[k]) > ZERO * size
         if kind is Kind.FRICTION and moves:
             phase.slip[i] = float(np.sign(w[k]))
+        # a stop pushes or opens: where it does neither it is not held, and is watched
         elif kind is not Kind.STOP or (f[k] > 0.0 and not moves):
             held.append(i)
     return held, (frame.p + frame.kick(frame.free + B @ f), tau + f @ E)
@@ -175,16 +177,18 @@ def settled(
         acceleration yet, and their signs are told by what they would have then.
     """
     locks = rows.locked(state.t, before.latched)
+    # Impulses first: what is held is decided at the velocity that they leave.
     v = _still(settled_impacts(rows, state.t, state.q, state.v, locks, state.seen, tell), state.v)
     phase = before.successor()
     if ahead is None:
         phase.held = decided(rows, bounds, acting(phase), phase, State(state.t, state.q, v, state.seen))
+    # At the instant itself what is held still balances: only a moment later tells which way it gives.
     elif not _broken(rows, bounds, acting, before, phase, ahead):
         raise SimulationError(f"at t = {state.t:.6g} s a joint ought to break loose and does not")
     for kind, here, there in (("hold", phase.held, before.held), ("release", before.held, phase.held)):
         if changed := sorted(set(here) - set(there)):
             tell(kind, changed, 0.0)
-    if phase.held:
+    if phase.held:  # at rest to the last digit: the phase's mechanism begins with closed rows
         v = _still(_at_rest(rows, phase, state.q, v, state.seen), state.v)
     return phase, v
 
