@@ -67,7 +67,8 @@ class Phases(RoundCusps):
             return
         if self._leg is not None and not self._leg.turn(held.beside(torque, self._machines.constant(phase))):
             self._drop()
-        if not phase.held:  # what slips or has left goes on
+        # what slips or has left goes on: a torque has no impulse, so that only what is held may give
+        if not phase.held:
             return
         self._collect()
         other = phase.successor()
@@ -95,7 +96,7 @@ class Phases(RoundCusps):
             self.joined.add(rested(machines, self._phase, self._state, after).block.first(1), self._phase)
             return
         self._stretch = self._looked_at(machine)
-        steps = self._problem_in(machine).since(0)
+        steps = self._new_leg(machine).since(0)
         self._keep(steps, self._stretch.forces(steps, 0)[None])
 
     def _require_progress(self) -> None:
@@ -118,7 +119,7 @@ class Phases(RoundCusps):
         ahead = ahead[ahead < until - slack]
         return np.array([self._t, *ahead, *([until] if few and until < np.inf else [])])
 
-    def _problem_in(self, machine: Mechanism) -> Leg:
+    def _new_leg(self, machine: Mechanism) -> Leg:
         """A new leg from the present state."""
         times, q, v = self._times(self._grid.end), self._q, self._v
         if len(times) == 1 or times[1] <= times[0]:  # at the end of all
@@ -136,7 +137,7 @@ class Phases(RoundCusps):
 
     def _walk(self, machine: Mechanism, end: float) -> None:
         """Steps up to the next event, or to the end."""
-        leg = self._leg or self._problem_in(machine)
+        leg = self._leg or self._new_leg(machine)
         i, slack = leg.at, self._grid.slack
         n = int(np.searchsorted(leg.times, end + slack, side="right")) - 1 - i
         fault = leg.advance(min(max(n, 1), self._size) if self._stretch.limited else max(n, 1))
@@ -202,6 +203,7 @@ class Phases(RoundCusps):
         if part is not None:
             end = float(part.t[-1])
             block = self._stretch.block(part, np.array([held, self._stretch.forces(part, -1)]))
+            # two outputs at one time, before the impulse and after it, are a last bit apart
             before = end if self._over else float(np.nextafter(end, -np.inf))
             block.t = np.array([start.t, before])
             inner = [(0, row) for row in self._within(start, end, held)]

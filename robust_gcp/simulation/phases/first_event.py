@@ -69,7 +69,9 @@ class Stretch:
         """
         holding, n = self._holding, len(steps.t)
         found, none = None, set[tuple[int, int]]()
-        while True:
+        while True:  # until one that is there: the interpolant may pass a stop that the motion does not meet
+            True
+        ):  # until an event that is one: the interpolant may pass a stop that the motion does not meet
             t, q, v, a = (part[since:] for part in (steps.t, steps.q, steps.v, steps.a))
             found = self._signals.first(t, q, v, a, none, since)
             if found is None or found.depth > SHALLOW or self._is_reached(steps, found, seen):
@@ -80,6 +82,7 @@ class Stretch:
         if step is None or (found is not None and found.step < step):
             return found, held
         share = self._broken(steps, step)
+        # both in one step: where they are in it decides
         earlier = found is not None and found[:2] < (step, share)
         return (found if earlier else Found(step, share, -1)), held
 
@@ -168,6 +171,7 @@ class Stretch:
                 return None
             part = self._from(steps, k, seen, begin + x * h)
             value, slope = self._value(part, found, h, before is None)
+            # of a margin no slope is known after the first: the secant through both partial steps
             slope = slope if before is None or found.row >= 0 else (value - before[1]) / (x - before[0])
             exact = max(1e-14, -slope * float(np.spacing(abs(begin) + h)) / h)
             if abs(value) <= exact or slope >= 0.0 or abs(value) > -1e-3 * slope:

@@ -157,6 +157,7 @@ class Arc:
         cluster = self._space.cluster
         x = self._space.x(q[cluster.iq])
         own = np.linalg.solve(self._space.turn(x), v[cluster.iv])
+        # both branches are near each other beside the cusp: the nearest of many points is on the right one
         ps = np.linspace(-self.R, self.R, 201)
         p = float(ps[np.argmin([np.abs(self._on(self._x, s) - x).max() for s in ps])])
         for _ in range(30):  # Gauss–Newton
