@@ -58,6 +58,7 @@ def without_unmoved_rows(loops: ClosedLoops) -> tuple[tuple[AnyClosure, ...], li
     for group in loop_groups(loops.own_model, loops.closures) if grey else ():
         inside = [i for i in group.closures if isinstance(closures[i], Closure)]
         members = [closures[i] for i in inside]
+        # whoever names rows of a closure means these: nothing more is left out of it
         if not members or any(isinstance(c, PartialClosure) for c in members):
             continue
         velocities = [i for j in group.joints for i in range(*loops.joints[j - 1].v.indices(loops.nv))]
@@ -144,6 +145,7 @@ def _selected(
     rounding = max(part.implicit.vanishing.values(), default=0.0)
     if loose < strict:
         rounding = max(rounding, float(s[loose] / s[0]))
+    # without a clear gap below the rows that move it may be a linkage of very unequal links
     if loose == 0 or rounding == 0.0 or (loose < strict and s[loose - 1] < GAP * s[loose]):
         return None
     if max(np.abs(U[:, loose:].T @ (part.phi(q) / size)).max(initial=0.0) for q in places) > LARGEST_GAP:
@@ -187,6 +189,7 @@ def _persists(
     T = motions(freed, home)
     ways = [way for way in T.T if np.abs(way[list(velocities)]).max(initial=0.0) > 1e-6]
     every = np.arange(loops.nv)
+    # A row that others imply at home alone, as at a singular place, opens where the loops move on.
     for way in ways:
         for sign in (1.0, -1.0):
             step = sign * way * freed.column_scale

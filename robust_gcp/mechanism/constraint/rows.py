@@ -99,7 +99,7 @@ class RotationRows:
         """−d/dt (φ̇) at zero joint acceleration; ω and α of all frames in world axes."""
         w1, w2 = omega[self._first], omega[self._second]
         u, n = self._placed(R)
-        normal = cross(u, n)
+        normal = cross(u, n)  # of the term alone: weights come with the sum
         rate = cross(cross(w1, u), n) + cross(u, cross(w2, n))
         turning = np.einsum("ij,ij->i", alpha[self._first] - alpha[self._second], normal)
         return -self._sum(turning + np.einsum("ij,ij->i", w1 - w2, rate))

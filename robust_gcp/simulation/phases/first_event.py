@@ -70,8 +70,6 @@ class Stretch:
         holding, n = self._holding, len(steps.t)
         found, none = None, set[tuple[int, int]]()
         while True:  # until one that is there: the interpolant may pass a stop that the motion does not meet
-            True
-        ):  # until an event that is one: the interpolant may pass a stop that the motion does not meet
             t, q, v, a = (part[since:] for part in (steps.t, steps.q, steps.v, steps.a))
             found = self._signals.first(t, q, v, a, none, since)
             if found is None or found.depth > SHALLOW or self._is_reached(steps, found, seen):

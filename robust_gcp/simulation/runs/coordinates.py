@@ -96,6 +96,7 @@ class Coordinates:
         names = self._changed(point, CHANGE if turning else 0.0)
         if names is not None:
             return names
+        # No others do better: it is looked at again once these have become worse by some way.
         if turning:
             self.watch = self.watch._replace(limit=PATIENCE * float((np.abs(point.G) * self._weights).max()))
         for part, eta in uneven:
@@ -140,6 +141,7 @@ class Coordinates:
             poor = choice.share < share
             if not poor and eta <= UNEVEN:
                 continue
+            # first what is well conditioned, then, among such, what moves evenly
             chosen = choice.conditioned() if poor else part.cluster.chosen
             if self._even:
                 most = np.inf if poor else eta / GAIN
