@@ -8,6 +8,8 @@ rows, which these velocities follow from.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
@@ -28,7 +30,9 @@ def tree_at_points(
     points, model = meeting_points(mechanism, rows, dependent), mechanism.near
     if not points.any():
         return points, mechanism.tree
-    return points, Tree(model, moved(closure_frames(model, mechanism.loops), points))
+    ends = moved(closure_frames(model, mechanism.loops), points)
+    tree: Tree = mechanism.of_loops.once(("tree at", points.tobytes()), lambda: Tree(model, ends))
+    return points, tree
 
 
 def meeting_points(mechanism: ClosedLoops, rows: NDArray[np.int64], dependent: NDArray[np.int64]) -> Array:
@@ -44,22 +48,28 @@ def meeting_points(mechanism: ClosedLoops, rows: NDArray[np.int64], dependent: N
         for i, closure in enumerate(mechanism.loops)
         if type(closure) is FrameClosure and chosen.count(i) == 6
     ]
-    if not welds:
-        return points
-    model = mechanism.near
-    ends = closure_frames(model, mechanism.loops)
-    configurations = mechanism.generic_configurations(2)
     for i in welds:
         most = 2  # three have to leave for the rows to fall apart
-        sides = (ends[i], ends[len(points) + i])
-        for (joint, place), (other, _) in zip(sides, sides[::-1], strict=True):
-            beyond = set(model.supports[other])
-            tail = [k for k in reversed(list(model.supports[joint])) if k not in beyond]
-            for centre in _centres(mechanism.tree, tail[:3], configurations[0]):
-                still = min(_still(mechanism, tail, centre, dependent, q) for q in configurations)
-                if still > most:
-                    most, points[i] = still, place.actInv(centre)
+        for point, still in mechanism.of_loops.once(("still about", i), partial(_candidates, mechanism, i)):
+            leaving = min(int(np.isin(velocities, dependent).sum()) for velocities in still)
+            if leaving > most:
+                most, points[i] = leaving, point
     return points
+
+
+def _candidates(mechanism: ClosedLoops, weld: int) -> list[tuple[Array, list[list[int]]]]:
+    """Points of a weld's frames, and the velocities that do not move them at each of two configurations."""
+    model, found = mechanism.near, []
+    ends = closure_frames(model, mechanism.loops)
+    configurations = mechanism.generic_configurations(2)
+    sides = (ends[weld], ends[len(mechanism.loops) + weld])
+    for (joint, place), (other, _) in zip(sides, sides[::-1], strict=True):
+        beyond = set(model.supports[other])
+        tail = [k for k in reversed(list(model.supports[joint])) if k not in beyond]
+        for centre in _centres(mechanism.tree, tail[:3], configurations[0]):
+            still = [_still(mechanism, tail, centre, q) for q in configurations]
+            found.append((np.array(place.actInv(centre)), still))
+    return found
 
 
 def _centres(tree: Tree, tail: list[int], q: Array) -> list[Array]:
@@ -69,11 +79,9 @@ def _centres(tree: Tree, tail: list[int], q: Array) -> list[Array]:
     return [R[tail[0]].T @ (p[k] - p[tail[0]]) for k in tail]
 
 
-def _still(
-    mechanism: ClosedLoops, tail: list[int], point: Array, dependent: NDArray[np.int64], q: Array
-) -> int:
-    """How many dependent velocities of a tail do not move a point of its first body, until a joint does."""
-    tree, model, found = mechanism.tree, mechanism.own_model, 0
+def _still(mechanism: ClosedLoops, tail: list[int], point: Array, q: Array) -> list[int]:
+    """The velocities of a tail that do not move a point of its first body, until a joint does."""
+    tree, model, found = mechanism.tree, mechanism.own_model, list[int]()
     tree.jacobians(q)
     at = tree.p[tail[0]] + tree.R[tail[0]] @ point
     speed = np.abs(tree.J[:, :3] + np.cross(tree.J[:, 3:], at)).max(axis=1)
@@ -82,7 +90,7 @@ def _still(
         own = np.arange(model.idx_vs[k], model.idx_vs[k] + model.nvs[k])
         if not still[own].all():
             break
-        found += int(np.isin(own, dependent).sum())
+        found += own.tolist()
     return found
 
 

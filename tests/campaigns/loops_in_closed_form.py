@@ -52,7 +52,7 @@ class LoopsInClosedForm(Unaware):
         loops = zip(lengths, parts, self._at, strict=True)
         self._loops = [Loop(each, part, start.q[at]) for each, part, at in loops]
 
-    def at(self, y: Array, ydot: Array) -> Point:
+    def point_at(self, y: Array, ydot: Array) -> Point:
         """The point at y, on all loops."""
         mechanism = self._mechanism
         q, g = np.zeros(mechanism.nq), np.zeros(mechanism.nv)
