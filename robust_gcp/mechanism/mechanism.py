@@ -255,7 +255,8 @@ class Mechanism(FromFiles):
         other = Mechanism.__new__(Mechanism)
         other._shown_model, other.memo = None, Memo()
         # Pinocchio's workspace too: they use it one after the other on a thread, as two runs of one do.
-        vars(other).update({name: value for name, value in vars(self).items() if name in OF_LOOPS})
+        known = vars(self)
+        vars(other).update({name: known[name] for name in OF_LOOPS if name in known})
         told = self.actuated, self.left_out, self.parts, self.actuators, self.tendons
         other._made(independent, self.home, self.name, self.forces, *told)
         vars(other).update(self._beside)

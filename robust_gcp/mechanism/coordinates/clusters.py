@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
@@ -76,12 +77,14 @@ def loop_clusters(
         closures = tuple(loops.closures[i] for i in group.closures)
         own = tuple(n for n in independent if n in names or n.rpartition(".")[0] in names)
         chosen = np.searchsorted(iv, iv_independent[inputs])
-        part: ClosedLoops = loops.of_loops.once(
-            ("loops of", names),
-            lambda c=closures, g=group: ClosedLoops(rooted_model(model, c, g), c),  # type: ignore[misc]
-        )
+        part = loops.of_loops.once(("loops of", names), partial(_by_itself, model, closures, group))
         clusters.append(LoopCluster(len(clusters), names, closures, own, iq, iv, chosen, inputs, part))
     return tuple(clusters)
+
+
+def _by_itself(model: pin.Model, closures: tuple[AnyClosure, ...], group: LoopGroup) -> ClosedLoops:
+    """The loops of a group."""
+    return ClosedLoops(rooted_model(model, closures, group), closures)
 
 
 def rooted_model(model: pin.Model, closures: Sequence[AnyClosure], group: LoopGroup) -> pin.Model:

@@ -49,11 +49,14 @@ class Groups(JointCharts):
         self.inputs = np.array([position[int(i)] for i in self.iv], dtype=np.int64)
         self.rest_inputs = np.setdiff1d(np.arange(mechanism.m), self.inputs)
         chosen = [n for n in mechanism.independent if n not in names and n.rpartition(".")[0] not in names]
-        model = _held(mechanism, {joint.index for joint in joints})
         rest: Mechanism = mechanism.of_loops.once(
             ("rest", *sorted(names)),
             lambda: Mechanism(
-                model, mechanism.closures, chosen, mechanism.home[self.rest_iq], mechanism.name
+                _held(mechanism, {joint.index for joint in joints}),
+                mechanism.closures,
+                chosen,
+                mechanism.home[self.rest_iq],
+                mechanism.name,
             ),
         )
         self.rest = rest if rest.independent == tuple(chosen) else rest.with_independent(chosen)
