@@ -1,4 +1,4 @@
-"""Mechanisms in the kernel's memory, kept with their mechanism for the next run."""
+"""Mechanisms in the kernel's memory, kept for the next run, and how points and requests lie there."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Steps per second of many starts of one mechanism, beside `mujoco.rollout` in the same run."""
+"""Steps per second of many starts of one mechanism, beside `mujoco.rollout`, and what threads gain."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One run of a sweep, wherever it is computed: in this process, in a thread, or in a worker process."""
+"""One run of a sweep, wherever it is computed: here, in a thread, or in a worker process."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Some independent joints that move as prescribed: what they are told at each time."""
+"""Some independent joints that move as prescribed: what they are told, and where that has kinks."""
 
 from __future__ import annotations
 

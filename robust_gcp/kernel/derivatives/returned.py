@@ -1,4 +1,4 @@
-"""Derivatives as the compiled kernel returns them."""
+"""Derivatives as the compiled kernel returns them, and their sums by parameters."""
 
 from __future__ import annotations
 

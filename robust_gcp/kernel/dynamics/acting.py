@@ -1,4 +1,4 @@
-"""What acts in the kernel besides forces that it knows: a torque held, a function or forces of the user's."""
+"""What acts in the kernel besides forces that it knows: torques held or asked for, prescribed motions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sums of joints, or their rates, that are to stay within bounds while steps are taken.
+"""What ends a batch of steps: sums of joints beyond their bounds, coordinates that others may better.
 
 A cheap test says after a step whether it is to be looked at closely: what is bounded is out of bounds, or
 turned within the step so near to one that it may have been. It is the same in guard.h.

@@ -1,4 +1,4 @@
-"""What a run is taken again with, and whether it can be."""
+"""Steps that nobody named: whether they serve, and what the run is taken again with where not."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""When a run steps, and which times it tells of."""
+"""When a run steps, which times it tells of, and which outputs stay in memory."""
 
 from __future__ import annotations
 
