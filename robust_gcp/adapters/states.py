@@ -1,4 +1,9 @@
-"""Many states (q, v) by their independent entries y and u, forwards and for cotangents."""
+"""Many states (q, v) by their independent entries y and u, forwards and for cotangents.
+
+Joints whose velocities are no rates of their numbers in q: quaternions (x, y, z, w), of spherical joints and
+free bodies, with angular velocities in their own axes, and cosine and sine, of continuous and planar joints;
+positions of free and planar joints with velocities in their own axes.
+"""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ class ChartSlopes:
     rate_by_u: Array
 
 
-def chart_slopes(mechanism: Mechanism, start: Point, here: Point, v_y: Array) -> ChartSlopes:
+def chart_derivatives(mechanism: Mechanism, start: Point, here: Point, v_y: Array) -> ChartSlopes:
     """At a point whose chart is about the start; v_y (nv, m) is ∂v/∂y there."""
     m = mechanism.m
     by_start, by_y = np.eye(m), np.eye(m)

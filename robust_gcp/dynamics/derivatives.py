@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from ..checks import check_callable, real_array, require_finite, shown
 from ..errors import NonFiniteError, OptionError
 from ..mechanism.differences import torque_differences
-from ..mechanism.forces.force_derivatives import ForceSlopes
+from ..mechanism.forces.force_derivatives import ForceDerivatives
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
 from .equations import CheckedTorque, Evaluation, torque_function
@@ -29,7 +29,7 @@ from .modes.mode_rates import ModeRates
 from .modes.taylor_series import Circles
 from .problem import Problem, initial_value_problem
 from .reduced_inertia import ReducedInertia
-from .rnea_derivatives import RigidSlopes
+from .rnea_derivatives import RigidDerivatives
 
 TorqueSlopes = Callable[[float, Array, Array], tuple[ArrayLike, ArrayLike]]
 """∂τ/∂q and ∂τ/∂v, (nv, nv) each, at (t, q, v); q along the velocities' components."""
@@ -210,9 +210,9 @@ class PointDerivatives:
         self._applied = AppliedSlopes(self.mechanism, torque, tau_slopes)
         self._inertia = ReducedInertia(self.mechanism)
         memo = self.mechanism.memo
-        self._rigid: RigidSlopes = memo.once("rigid slopes", lambda: RigidSlopes(self.mechanism))
+        self._rigid: RigidDerivatives = memo.once("rigid derivatives", lambda: RigidDerivatives(self.mechanism))
         applied = self.mechanism.applied
-        self._forces = None if applied is None else ForceSlopes(self.mechanism, applied)
+        self._forces = None if applied is None else ForceDerivatives(self.mechanism, applied)
         self._mode = ModeRates(motion.start, known, sparing)
 
     def at_start(self, t: float) -> Derivatives:

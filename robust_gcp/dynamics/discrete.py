@@ -15,7 +15,7 @@ from ..checks import require_finite
 from ..maps.explicit import Point
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
-from .chart_derivatives import ChartSlopes, chart_slopes
+from .chart_derivatives import ChartSlopes, chart_derivatives
 from .derivatives import Derivatives, PointDerivatives
 from .equations import Evaluation
 from .prescribed.constrained_derivatives import ByDrive
@@ -129,14 +129,14 @@ def differentiated_step(slopes: PointDerivatives, t: float, x: Array, h: float) 
         now, found = slopes.stage(t + share * h, asked)
         rates.append(equations.derivative(now)[: 2 * m])
         first = stages[0].now.point if stages else now.point
-        stages.append(Stage(now, found, chart_slopes(mechanism, first, now.point, found.dv_dy)))
+        stages.append(Stage(now, found, chart_derivatives(mechanism, first, now.point, found.dv_dy)))
     after = x + h * np.einsum("s,sn->n", np.array(WEIGHTS), np.array(rates))
     if equations.driven:  # there it is told where
         end = equations.evaluate(t + h, np.concatenate([after, work])).point
     else:
         end = slopes.motion.explicit.point_at(after[:m], after[m:])
     none = np.zeros((mechanism.nv, m))  # of its rates nothing is asked
-    return Step(h, stages, end, chart_slopes(mechanism, stages[0].now.point, end, none))
+    return Step(h, stages, end, chart_derivatives(mechanism, stages[0].now.point, end, none))
 
 
 def step_jacobians(

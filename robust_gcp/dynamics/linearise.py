@@ -23,7 +23,7 @@ from ..maps.choice import MapChoice
 from ..mechanism.differences import FORWARD, differences
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
-from .chart_derivatives import chart_slopes
+from .chart_derivatives import chart_derivatives
 from .derivatives import PointDerivatives
 from .equations import EquationsOfMotion
 from .loads import Torques, Wrench, one_torque
@@ -155,7 +155,7 @@ def linearise(
         log.info("%s: linearised by differences: %s", mechanism.name, missing)
         return linearise_motion(motion, t, central=True)
     m, point = mechanism.m, motion.start.point
-    here = chart_slopes(mechanism, point, point, slopes.dv_dy)
+    here = chart_derivatives(mechanism, point, point, slopes.dv_dy)
     A = np.block([[here.rate_by_y, np.eye(m)], [slopes.da_dy, slopes.da_dv]])
     return Linearisation.of(A)
 

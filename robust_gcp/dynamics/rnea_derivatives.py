@@ -14,7 +14,7 @@ from ..mechanism.tree.tree import Array
 from ..mechanism.tree.workspace import memory_left, whole_bytes
 
 
-class RigidSlopes(threading.local):
+class RigidDerivatives(threading.local):
     """∂RNEA/∂q, ∂RNEA/∂v and M of a mechanism's tree; one workspace a thread.
 
     `pin.computeRNEADerivatives` is wrong for joints whose motion subspace depends on q: these are spelt as

@@ -101,7 +101,7 @@ struct Bridging {  // see maps/cluster/options.py
     std::int32_t error_controlled;      // the caller controls its error: no look ahead
     double reach, reach_of_several;     // distances at which bridges take over, for one coordinate and for more
     double closure_tolerance, geometric_tolerance, transversality;
-    double last_resort;                 // share of the best chart's quality to which a caller with error control goes on
+    double last_resort;                 // share of the best chart's quality to which error control goes on
 };
 
 struct States {  // where derivatives are asked for

@@ -35,8 +35,8 @@ from .tree.model import check_model
 from .tree.tree import Array
 
 OF_LOOPS = (
-    "closures", "column_scale", "home", "implicit", "joint_inertia", "joint_names", "length", "lifted",
-    "loops", "nc", "near", "nq", "nv", "of_loops", "own_model", "row_scale", "standpoint", "tree", "units",
+    "closures", "column_scale", "implicit", "joint_inertia", "joint_names", "length", "lifted", "loops",
+    "nc", "near", "nq", "nv", "of_loops", "own_model", "row_scale", "standpoint", "tree", "units",
 )  # fmt: skip
 """What no choice of coordinates enters, as far as it is known."""
 
@@ -257,10 +257,15 @@ class Mechanism(FromFiles):
         # Pinocchio's workspace too: they use it one after the other on a thread, as two runs of one do.
         known = vars(self)
         vars(other).update({name: known[name] for name in OF_LOOPS if name in known})
-        told = self.actuated, self.left_out, self.parts, self.actuators, self.tendons
-        other._made(independent, self.home, self.name, self.forces, *told)
+        other._made(independent, self.home, *self._further)
         vars(other).update(self._beside)
         return other
+
+    @property
+    def _further(self) -> tuple[Any, ...]:
+        """What it is made of besides loops, coordinates and home."""
+        further = self.name, self.forces, self.actuated, self.left_out, self.parts
+        return (*further, self.actuators, self.tendons)
 
     @property
     def _beside(self) -> dict[str, Any]:
@@ -269,9 +274,8 @@ class Mechanism(FromFiles):
     def __reduce__(self) -> tuple[type[Mechanism], tuple[Any, ...], dict[str, Any]]:
         """Pickle and copy by the recipe: the workspace holds views that must not be copied."""
         self.require_unchanged()
-        recipe = self.own_model, self.closures, self.independent, self.home, self.name, self.forces
-        told = self.actuated, self.left_out, self.parts, self.actuators, self.tendons
-        return Mechanism, (*recipe, *told), self._beside
+        recipe = self.own_model, self.closures, self.independent, self.home
+        return Mechanism, (*recipe, *self._further), self._beside
 
     def __repr__(self) -> str:
         sizes = f"{self.nv} velocities, {len(self.closures)} closures with {self.nc} rows"

@@ -65,7 +65,7 @@ inline Obstacle approaching(const Jet& here, double largest_gap) {
     return made;
 }
 
-// What singular places ahead were found to be, where a motion may pass again, also whole turns of revolute joints later.
+// What singular places ahead were found to be, where a motion may pass again, also whole turns later.
 class Seen {
   public:
     // Those that `crossed` knows are looked at no further.

@@ -47,7 +47,7 @@ CLOSED = 1e-8
 the reference says what is wrong."""
 
 
-class StateSlopes:
+class StateDerivatives:
     """A mechanism's derivatives at states; for one thread at a time.
 
     Parameters

@@ -12,14 +12,14 @@ from ...dynamics.modes.mode_rates import ZONE
 from ...mechanism.tree.tree import Array
 from ..dynamics.acting import asking
 from .returned import Pulled, Stages, Taken
-from .state_derivatives import StateSlopes
+from .state_derivatives import StateDerivatives
 
 SAME = 1e-7
 """How far a step that is taken again may end from the next state: dimensionless, and relative for v."""
 
 
-class Derivation(StateSlopes):
-    """`StateSlopes`, with steps."""
+class Derivation(StateDerivatives):
+    """`StateDerivatives`, with steps."""
 
     _drives = 0  # how many inputs were prescribed when steps were taken last
 

@@ -1,4 +1,5 @@
-// ẋ for a solver that chooses its own steps and takes trials back; see kernel/simulation/rates.py and simulation/runs/solver_rates.py.
+// ẋ for a solver that chooses its own steps and takes trials back; see kernel/simulation/rates.py and
+// simulation/runs/solver_rates.py.
 #pragma once
 
 #include <algorithm>

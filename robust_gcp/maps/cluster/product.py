@@ -1,4 +1,8 @@
-"""Between the coordinates of a mechanism and those of its clusters: γ is the product of their maps."""
+"""Between the coordinates of a mechanism and those of its clusters: γ is the product of their maps.
+
+Exponential coordinates of clusters with spherical joints are about a reference. Where y of a cluster is in a
+chart (`Coordinates.chart_joints`) both have the same origin, so that w of these joints is x of the cluster.
+"""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from .applied_forces import AppliedForces
 from .forces import JointDamper, JointSpring, PointSpring, checked_derivatives
 
 
-class ForceSlopes:
+class ForceDerivatives:
     """Gᵀ ∂τ/∂q and Gᵀ ∂τ/∂v of all forces.
 
     Parameters

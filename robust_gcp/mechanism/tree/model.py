@@ -1,4 +1,9 @@
-"""Pinocchio's model: its numbers checked, seen from near, and unchanged where it was handed out."""
+"""Pinocchio's model: its numbers checked, seen from near, and unchanged where it was handed out.
+
+φ, K, M and C do not depend on where a mechanism stands, but positions far from the origin are rounded there,
+and bodies have inertias about it that only cancel. So the model is seen from a point of the ground near its
+joints.
+"""
 
 from __future__ import annotations
 

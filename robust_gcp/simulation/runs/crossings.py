@@ -1,4 +1,7 @@
-"""Crossings of a step placed in time, in the clusters' coordinates and in those of spherical joints."""
+"""Crossings of a step placed in time, in the clusters' coordinates and in those of spherical joints.
+
+For joints whose y is w in a chart see `maps.grouped` and `maps.charted_path`.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,11 @@
-"""Steps that nobody named: whether they serve, and what the run is taken again with where not."""
+"""Steps that nobody named: whether they serve, and what the run is taken again with where not.
+
+The equations are linearised at the start: a step outside of RK4's stability region is cut into parts, and
+where they would be too many, Radau takes over. A motion that becomes too fast on the way shows in its energy,
+in joints that move by more than a radian in a step, or in steps that lose their branch or the finite numbers;
+it is taken again with error control. Both are told by a warning, and the times recorded stay those of the
+usual step.
+"""
 
 from __future__ import annotations
 
