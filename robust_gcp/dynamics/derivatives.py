@@ -209,8 +209,9 @@ class PointDerivatives:
         self.motion, self.mechanism = motion, motion.mechanism
         self._applied = AppliedSlopes(self.mechanism, torque, tau_slopes)
         self._inertia = ReducedInertia(self.mechanism)
-        memo = self.mechanism.memo
-        self._rigid: RigidDerivatives = memo.once("rigid derivatives", lambda: RigidDerivatives(self.mechanism))
+        self._rigid: RigidDerivatives = self.mechanism.memo.once(
+            "rigid derivatives", lambda: RigidDerivatives(self.mechanism)
+        )
         applied = self.mechanism.applied
         self._forces = None if applied is None else ForceDerivatives(self.mechanism, applied)
         self._mode = ModeRates(motion.start, known, sparing)
