@@ -6,7 +6,7 @@
 
 namespace rg {
 
-constexpr std::int32_t VERSION = 27;
+constexpr std::int32_t VERSION = 28;
 
 enum Reason : std::int32_t {
     DONE = 0,
@@ -187,6 +187,10 @@ struct Request {
     std::int32_t stages;      // of an explicit Runge–Kutta method; 0 for the classical one
     const double* tableau;    // its rows of a below the diagonal, b, and c
     const Guarded* guard;     // or null
+    const double* solver;     // of a method with error control, see error_control.h, or null: a below the diagonal, b, c,
+                              // and weights of its two estimates
+    double rtol, atol;        // its tolerances
+    std::int64_t safe_from;   // number of the time from which a well-conditioned output ends its steps
     double* x;                // state, in and out
     double* rate;             // its rate, out; n numbers as in x, or null
     double* anchor;           // point at the state, in and out

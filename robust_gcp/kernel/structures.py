@@ -12,7 +12,7 @@ import numpy as np
 
 from ..mechanism.tree.tree import Array
 
-VERSION = 27
+VERSION = 28
 """Of the interface; a library with another one is not used."""
 
 TorqueCallback: Any = ctypes.CFUNCTYPE(c_int32, c_double)
@@ -120,7 +120,9 @@ class Request(ctypes.Structure):
         *_fields("", "torque_q torque_v torque_tau torque_stored held control"),
         *_fields("control_stride control_rows", ""),
         *_fields("", "trackers prescribed effort"),
-        *_fields("stages", "tableau guard"),
+        *_fields("stages", "tableau guard solver"),
+        *_all(c_double, "rtol atol"),
+        ("safe_from", c_int64),
         *_fields("", "x rate anchor origin ydd tau safe"),
         *_fields("", "q_out v_out a_out tau_out energy_out work_out effort_out"),
         *_all(

@@ -29,4 +29,7 @@ inline bool serves(const Jet& jet, const std::vector<int>& chosen, double share)
     return here >= share * smallest(tangent, best_rows(tangent));
 }
 
+// Whether a step in one chart led across a fold, where y turns back.
+inline bool turned_over(const Jet& here, const Jet& there) { return determinant(transposed_times(here.J, there.J)) < 0.0; }
+
 }  // namespace rg

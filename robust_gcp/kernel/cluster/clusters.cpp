@@ -222,9 +222,9 @@ void Clusters::forget() {
     inside_->left.clear();
 }
 
-bool Clusters::turning_on_bridge() const {
-    return some_ && in_zone_ && std::any_of(inside_->trackers.begin(), inside_->trackers.end(), [](const Tracker& t) {
-        return !t.anchor->space->flat && t.on_bridge();
+bool Clusters::on_bridge(bool turning) const {
+    return some_ && in_zone_ && std::any_of(inside_->trackers.begin(), inside_->trackers.end(), [=](const Tracker& t) {
+        return !(turning && t.anchor->space->flat) && t.on_bridge();
     });
 }
 

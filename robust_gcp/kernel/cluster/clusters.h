@@ -27,6 +27,8 @@ class Clusters {
     // Whether the kernel follows the clusters at all.
     bool some() const { return some_; }
     bool in_zone() const { return in_zone_; }
+    // Whether a cluster is on a bridge; `turning`: one with joints on groups, whose coordinates are not renewed.
+    bool on_bridge(bool turning = false) const;
     // Whether a singular place may have been passed since the last step that was looked through.
     bool met() const;
     std::int64_t zone_evaluations = 0;
@@ -40,8 +42,7 @@ class Clusters {
     void forget();
     // Builds bridges that lie both ways of where every cluster is by itself; see explore.h.
     void explore();
-    // Whether a cluster with joints on groups is on a bridge, whose coordinates are not renewed.
-    bool turning_on_bridge() const;
+    bool turning_on_bridge() const { return on_bridge(true); }
     // At an output, where charts are about it now: coordinates anew of clusters that are in charts, or whose joints
     // have turned far from what these are about.
     void settle(Point& accepted);

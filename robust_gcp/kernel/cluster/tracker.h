@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "cluster/chart.h"
 #include "cluster/curve_builder.h"
 #include "cluster/known_curves.h"
 #include "cluster/newton.h"
@@ -205,12 +206,11 @@ class Tracker {
         } catch (const Lost&) { return nullptr; }
         ++tally_->svds;
         JetPtr found = newton->jet(*space_, C, here->P);
-        const double first = newton->first;
+        const double first = newton->first, allowed = CORRECTION * size + 1e-12;
         // rounding of φ looks like a lost branch where K is poor
-        const double allowed = CORRECTION * size + 1e-12;
         if (first > allowed && first > allowed + 1e-14 / std::max(std::min(here->sigma(), found->sigma()), 1e-12))
             return nullptr;
-        return space_->apex && apart(*here, *found) > TURNED ? nullptr : found;
+        return turned_over(*here, *found) || (space_->apex && apart(*here, *found) > TURNED) ? nullptr : found;
     }
 
     // Whether y is so far on this side of the surface that no line across it, from here, would reach it.

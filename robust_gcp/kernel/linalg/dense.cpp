@@ -163,6 +163,8 @@ Matrix inverse(const Matrix& A, double* pivots) {
     return undone;
 }
 
+double determinant(const Matrix& A) { return A.rows() == 1 ? A(0, 0) : A.determinant(); }
+
 Vector solution(Matrix A, Vector b) {
     if (A.rows() > SMALL) return A.partialPivLu().solve(b);
     eliminate(A, b);

@@ -29,6 +29,7 @@ Matrix transposed_times(const Matrix& A, const Matrix& B);  // Aᵀ B
 // Not finite where A is singular; also the smallest pivot as a share of the largest.
 Matrix inverse(const Matrix& A, double* pivots = nullptr);
 Vector solution(Matrix A, Vector b);                        // of A x = b, likewise
+double determinant(const Matrix& A);
 Matrix orthonormal(const Matrix& A);  // Q of A = Q R, as wide as A, or square where A is wider than high
 std::vector<int> best_rows(const Matrix& A);  // as many as A has columns: a pivoted QR of Aᵀ
 Roots eigenvalues(const Matrix& A);

@@ -18,7 +18,7 @@ from ...maps.explicit import Crossing, Point
 from ...mechanism.tree.tree import Array
 from ..library import Library
 from ..structures import Arrays, Bridging, Reason, Request, address
-from .guard import Guard, Watch
+from .guard import ErrorControl, Guard, Watch, dop853
 
 
 def counted(request: Request) -> dict[str, int]:
@@ -145,6 +145,8 @@ class Batch:
         What else they took, by the names of `Counters`.
     failure : BaseException or None
         What the torque callback raised after these steps.
+    rounding : (float, float)
+        With error control: what rounding costs of G at most, and how near a singular place.
     """
 
     steps: int
@@ -159,6 +161,7 @@ class Batch:
     rhs: int
     counts: dict[str, int]
     failure: BaseException | None
+    rounding: tuple[float, float]
 
     def add_to(self, counters: Any) -> None:
         """Count what the completed steps took, right-hand sides apart."""
@@ -260,11 +263,19 @@ class Choices:
         self._watch: Watch | None = None
 
     def make(
-        self, zone: float, options: BridgeOptions | None, watch: Watch | None, error_controlled: bool = False
+        self,
+        zone: float,
+        options: BridgeOptions | None,
+        watch: Watch | None,
+        error_controlled: bool = False,
+        control: ErrorControl | None = None,
     ) -> None:
         """Parameters are those of `Workspace.run`; `error_controlled`: the caller controls its error."""
         r = self._request
-        r.zone = zone
+        r.zone, r.solver = zone, None
+        if control is not None:
+            error_controlled, r.solver = True, address(dop853())
+            r.rtol, r.atol, r.safe_from = control
         r.bridging = None if options is None else ctypes.pointer(self._structure(options, error_controlled))
         self._watch = watch
         r.sizes = r.uneven = None

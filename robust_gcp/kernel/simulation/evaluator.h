@@ -27,7 +27,7 @@ class Evaluator {
     Clusters clusters;
 
   protected:
-    static constexpr int SLOTS = 5;  // anchor, trial, accepted, safe, and one more
+    static constexpr int SLOTS = 6;  // anchor, trial, accepted, kept, safe, and one more
 
     // ẋ at a point that was evaluated just now.
     void rate(Point& point, Cells<double>& rate) {
@@ -94,8 +94,8 @@ class Evaluator {
 
     Point& spare() {
         for (Point& point : slots_)
-            if (&point != anchor_ && &point != accepted_ && &point != safe_) return point;
-        return slots_[0];  // never: four places are taken at most
+            if (&point != anchor_ && &point != accepted_ && &point != kept_ && &point != safe_) return point;
+        return slots_[0];  // never: five places are taken at most
     }
 
     Motion motion_;
@@ -104,7 +104,7 @@ class Evaluator {
     std::vector<int> on_groups_, in_loops_;  // which of y are in charts
     std::vector<Point> slots_;
     Cells<double> stage_;             // the state that is asked for
-    Point *anchor_ = nullptr, *accepted_ = nullptr, *safe_ = nullptr;
+    Point *anchor_ = nullptr, *accepted_ = nullptr, *kept_ = nullptr, *safe_ = nullptr;  // `kept_` within a step
     Cells<double> home_;              // q where charts have theirs, where that is no point of the motion
     const double* origin_ = nullptr;  // where they have them
     std::int64_t rhs_ = 0;

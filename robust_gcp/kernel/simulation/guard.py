@@ -1,4 +1,4 @@
-"""What ends a batch of steps: sums of joints beyond their bounds, coordinates that others may better.
+"""What ends a batch of steps: bounds of sums of joints, coordinates that others may better, safe ground.
 
 A cheap test says after a step whether it is to be looked at closely: what is bounded is out of bounds, or
 turned within the step so near to one that it may have been. It is the same in guard.h.
@@ -6,6 +6,7 @@ turned within the step so near to one that it may have been. It is the same in g
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -33,6 +34,30 @@ class Watch(NamedTuple):
     sizes: Array
     limit: float
     uneven: Array
+
+
+class ErrorControl(NamedTuple):
+    """That steps are taken with error control, by DOP853, up to a well-conditioned output.
+
+    Attributes
+    ----------
+    rtol, atol : float
+    safe_from : int
+        Number of the first output of the batch that may be that one.
+    """
+
+    rtol: float
+    atol: float
+    safe_from: int
+
+
+@functools.cache
+def dop853() -> Array:
+    """SciPy's DOP853: a below the diagonal row by row, b, c, and the weights of its two estimates."""
+    from scipy.integrate import DOP853  # takes as long to load as many runs
+
+    rows = [DOP853.A[s, :s] for s in range(1, len(DOP853.B))]
+    return np.concatenate([*rows, DOP853.B, DOP853.C, DOP853.E3[:-1], DOP853.E5[:-1]])
 
 
 REACH = 8.0

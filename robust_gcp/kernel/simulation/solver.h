@@ -34,7 +34,7 @@ class Solver : public Stepper {
             std::fill(r.rate, r.rate + n_, std::numeric_limits<double>::quiet_NaN());
             return;
         }
-        if (accepted_ != anchor_ && apart(r.x, *accepted_) < apart(r.x, *anchor_)) go_back(r);
+        if (accepted_ != anchor_ && apart(r.x, *accepted_) < apart(r.x, *anchor_)) go_back(r, *accepted_);
         r.in_zone = clusters.in_zone();
         std::copy(r.x, r.x + n_, stage_.begin());
         r.reason = evaluate(r, r.times[0], 0, 0);
@@ -94,22 +94,6 @@ class Solver : public Stepper {
         double worst = 0.0;
         for (int i = 0; i < path.layout.m; ++i) worst = std::max(worst, std::fabs(y[i] - point.y()[i]));
         return worst;
-    }
-
-    // On regular ground at the point that was kept, or beside it cluster by cluster; see ClusterMap._restart.
-    void go_back(const Request& r) {
-        Point& point = spare();
-        point = *accepted_;
-        anchor_ = accepted_;
-        if (r.bridging == nullptr) return;
-        const bool regular = path.settle(point, origin_) && point.conditioning() >= r.zone &&
-                             path.apart(accepted_->q(), point) < SAME_PLACE;
-        if (regular) {
-            anchor_ = &point;
-            clusters.leave();
-        } else if (clusters.some()) {
-            clusters.enter(*accepted_, origin_);
-        }
     }
 };
 

@@ -1,4 +1,4 @@
-// RK4 steps until the end of the batch, or until something rare happens.
+// Steps until the end of the batch, or until something rare happens.
 #pragma once
 
 #include <algorithm>
@@ -7,9 +7,8 @@
 
 #include "abi.h"
 #include "linalg/cells.h"
-#include "simulation/evaluator.h"
+#include "simulation/error_control.h"
 #include "simulation/guard.h"
-#include "simulation/watch.h"
 
 namespace rg {
 
@@ -18,13 +17,14 @@ constexpr double BEGINS = 1e-4;  // conditioning of K_d from which a start needs
 
 inline double good_from(double best) { return best >= POOR ? POOR : std::max(0.05, 0.8 * best); }
 
-class alignas(CACHE_LINE) Stepper : public Evaluator {
+class alignas(CACHE_LINE) Stepper : public ControlledSteps {
   public:
-    explicit Stepper(const Description& d) : Evaluator(d), watch_(d, path.parts), guard_(d.nv), x_(n_), sum_(n_), rate_(n_) {}
+    explicit Stepper(const Description& d) : ControlledSteps(d), guard_(d.nv) {}
 
     void run(Request& r) {
         r.completed = 0;
         r.reason = DONE;
+        r.uncertain = 0.0;
         log_.clear();
         if (r.beginning < ON) count_anew(r);
         begin(r);
@@ -39,7 +39,8 @@ class alignas(CACHE_LINE) Stepper : public Evaluator {
         bool in_zone = clusters.in_zone();  // at the last accepted output
         Cells<double> last_ydd(r.ydd, r.ydd + m), last_tau(r.tau, r.tau + path.layout.nv);
         double last_power = r.power;
-        for (std::int64_t i = r.first; i < r.first + r.steps && r.reason == DONE; ++i) {
+        bool through = false;  // of a zone that is passed with error control
+        for (std::int64_t i = r.first; i < r.first + r.steps && r.reason == DONE && !through; ++i) {
             const Reason reason = step(r, i);
             if (reason != DONE) {
                 r.reason = reason;
@@ -59,13 +60,14 @@ class alignas(CACHE_LINE) Stepper : public Evaluator {
             ++r.completed;
             count(r);
             r.best = std::max(r.best, accepted_->conditioning());
-            if (accepted_->conditioning() >= good_from(r.best)) {
+            if (accepted_->conditioning() >= good_from(r.best) && (r.solver == nullptr || i + 1 >= r.safe_from)) {
+                through = r.solver != nullptr;
                 safe_ = accepted_;
                 safe_x_ = x_;
                 r.safe_step = i + 1;
             }
             if ((i + 1) % r.every == 0) output(r, (i + 1) / r.every - 1);
-            if (watch_.exceeds(*accepted_, in_zone)) r.reason = CHART;
+            if (watch_.exceeds(*accepted_, r.solver ? clusters.on_bridge() : in_zone)) r.reason = CHART;
             if (guard_.met(path, *accepted_, motion_.v.data(), motion_.ydd.data(), r.times[i + 1] - r.times[i]))
                 r.reason = MET;
         }
@@ -212,9 +214,9 @@ class alignas(CACHE_LINE) Stepper : public Evaluator {
         clusters.count(r);
     }
 
-    Reason step(const Request& r, std::int64_t i) {
+    Reason step(Request& r, std::int64_t i) {
         const double end = r.times[i + 1];
-        const Reason reason = r.stages > 0 ? by_tableau(r, i) : classical(r, i);
+        const Reason reason = r.solver ? controlled(r, i) : fixed(r, i);
         if (reason != DONE) return reason;
         stage_ = sum_;
         const bool finite = std::all_of(sum_.begin(), sum_.end(), [](double x) { return std::isfinite(x); });
@@ -223,53 +225,6 @@ class alignas(CACHE_LINE) Stepper : public Evaluator {
         const Reason ended = evaluate(r, end, i + 1, 0);
         path.chain.anew = false;
         return ended;
-    }
-
-    Reason classical(const Request& r, std::int64_t i) {
-        const double t = r.times[i], h = r.times[i + 1] - t, half = 0.5 * h;
-        rate(*accepted_, rate_);
-        sum_ = rate_;
-        advance(half);
-        if (Reason reason = evaluate(r, t + half, i, 1)) return reason;
-        gather(2.0);
-        advance(half);
-        if (Reason reason = evaluate(r, t + half, i, 1)) return reason;
-        gather(2.0);
-        advance(h);
-        if (Reason reason = evaluate(r, t + h, i + 1, 0)) return reason;
-        gather(1.0);
-        for (int k = 0; k < n_; ++k) sum_[k] = x_[k] + (h / 6.0) * sum_[k];
-        return DONE;
-    }
-
-    // k_s = f(t + c_s h, x + h Σ a_sj k_j), x ← x + h Σ b_s k_s.
-    Reason by_tableau(const Request& r, std::int64_t i) {
-        const double t = r.times[i], h = r.times[i + 1] - t, *weights = r.tableau;
-        const int stages = r.stages;
-        const double* c = weights + stages * (stages + 1) / 2;
-        k_.resize(static_cast<std::size_t>(stages));
-        for (int s = 0; s <= stages; ++s) {
-            Cells<double>& to = s < stages ? stage_ : sum_;
-            std::fill(to.begin(), to.end(), 0.0);
-            for (int j = 0; j < s; ++j, ++weights)
-                for (int k = 0; *weights != 0.0 && k < n_; ++k) to[k] += *weights * k_[j][k];
-            for (int k = 0; k < n_; ++k) to[k] = x_[k] + h * to[k];
-            if (s == stages) break;
-            if (s > 0)
-                if (Reason reason = evaluate(r, t + c[s] * h, i, s)) return reason;
-            k_[s].resize(static_cast<std::size_t>(n_));
-            rate(s > 0 ? *anchor_ : *accepted_, k_[s]);
-        }
-        return DONE;
-    }
-
-    void gather(double weight) {
-        rate(*anchor_, rate_);
-        for (int i = 0; i < n_; ++i) sum_[i] += weight * rate_[i];
-    }
-
-    void advance(double h) {
-        for (int i = 0; i < n_; ++i) stage_[i] = x_[i] + h * rate_[i];
     }
 
     void output(Request& r, std::int64_t row) {
@@ -290,10 +245,8 @@ class alignas(CACHE_LINE) Stepper : public Evaluator {
         std::copy(x.begin(), x.end(), to + path.layout.size);
     }
 
-    Watch watch_;
     Guard guard_;
-    Cells<double> x_, sum_, rate_, safe_x_;
-    std::vector<Cells<double>> k_;  // rates at the stages of a tableau
+    Cells<double> safe_x_;
     std::vector<double> log_, passed_, trackers_;
 };
 

@@ -25,7 +25,7 @@ from ..description import follows_zones
 from ..library import Library, backends, library
 from ..loop_arrays import NotNativeError
 from .batch import Batch, Outputs
-from .guard import Guard, Watch
+from .guard import ErrorControl, Guard, Watch
 from .prepared import Prepared
 from .rates import Rates
 from .workspace import Workspace
@@ -151,6 +151,7 @@ class NativeSteps:
         wanted: Sequence[str],
         watch: Watch | None = None,
         best: float = 0.0,
+        control: ErrorControl | None = None,
     ) -> Batch | None:
         """Steps from times[0] as far as nothing rare happens; None where Python has to take them.
 
@@ -160,7 +161,7 @@ class NativeSteps:
             The evaluation and the state at times[0].
         wanted : sequence of str
             Outputs besides q and v.
-        watch, best : Watch, float, optional
+        watch, best, control : Watch, float, ErrorControl, optional
             See `Workspace.run`.
         """
         workspace, trackers = self._at(explicit)
@@ -177,7 +178,7 @@ class NativeSteps:
                 return None
             n = len(prescribed) - 1
         outputs = Outputs.room(n, mechanism.nq, mechanism.nv, wanted, driven)
-        limits = zone, options, trackers, 1, watch, best, prescribed
+        limits = zone, options, trackers, 1, watch, best, prescribed, control
         return workspace.run(times[: n + 1], x, now, outputs, *limits)
 
     def prepared(

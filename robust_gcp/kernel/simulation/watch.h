@@ -36,16 +36,23 @@ class Watch {
     // Whether an entry of G, times its size, is above the limit of its input, or max |g| / (max |v|)² of a part, in
     // radians and lengths, above what its inputs were found to be good at. In zones, which a part of one coordinate
     // leaves soon, those of several alone.
-    bool exceeds(Point& point, bool in_zone = false) const {
+    bool exceeds(Point& point, bool in_zone = false) const { return exceeds(point, in_zone, 0.0); }
+
+    // The same however evenly they move.
+    bool turns_back(Point& point, bool in_zone) const {
+        return exceeds(point, in_zone, std::numeric_limits<double>::infinity());
+    }
+
+  private:
+    bool exceeds(Point& point, bool in_zone, double least) const {
         if (sizes_ == nullptr) return false;
         for (std::size_t p = 0; p < parts_.list.size(); ++p)
             if (even_[p] >= 0.0 && !(in_zone && parts_.list[p].count() == 1) &&
-                exceeds(parts_.list[p], even_[p], point))
+                exceeds(parts_.list[p], std::max(least, even_[p]), point))
                 return true;
         return false;
     }
 
-  private:
     bool exceeds(const Part& part, double even, Point& point) const {
         const double *G = point.G(), *g = point.g(), *u = point.ydot();
         double bent[2] = {}, fastest[2] = {};  // of every other velocity: two chains that do not wait

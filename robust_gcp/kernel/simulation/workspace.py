@@ -22,7 +22,7 @@ from ..handles import Handle, Layout, Shared
 from ..library import Library
 from ..structures import Beginning, Reason, Request, address
 from .batch import Batch, Begun, Choices, Outputs, counted, crossings
-from .guard import Guard, Watch
+from .guard import ErrorControl, Guard, Watch
 from .prepared import Prepared
 from .rates import Rates
 
@@ -101,6 +101,7 @@ class Workspace:
         watch: Watch | None = None,
         best: float = 0.0,
         prescribed: Array | None = None,
+        control: ErrorControl | None = None,
     ) -> Batch:
         """Steps from times[0] to times[-1], or until something rare happens.
 
@@ -124,6 +125,8 @@ class Workspace:
             Largest conditioning of an output so far; see `runs.recovery`.
         prescribed : ndarray (n + 1, s, 3, driven), optional
             See `Drive.stages`.
+        control : ErrorControl, optional
+            In place of fixed steps.
         """
         r, self._prescribed = self._request, prescribed  # which r points to
         r.prescribed = address(prescribed)
@@ -131,7 +134,7 @@ class Workspace:
         self._acting.prescribe_over(times, self.shares)
         r.steps, r.every, r.first, r.times = len(times) - 1, every, 0, address(times)
         r.power, r.best = now.power, best
-        self._choices.make(zone, options, watch)
+        self._choices.make(zone, options, watch, control=control)
         self._shared.x[:], self._shared.ydd[:] = x, now.ydd
         self._shared.tau[:] = 0.0 if now.tau is None else now.tau
         if self.is_at(now.point):
@@ -285,6 +288,7 @@ class Workspace:
             int(r.rhs),
             {"native_steps": steps, **counted(r)},
             self._acting.failure(),
+            (float(r.uncertain), float(r.nearest)),
         )
 
     def _evaluation(self, point: Point) -> Evaluation:

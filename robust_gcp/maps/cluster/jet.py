@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ...errors import SimulationError
+from ...mechanism.memo import Memo
 from ...mechanism.tree.tree import Array
 from .space import ClusterSpace
 
@@ -58,6 +59,8 @@ class Jet:
         Smallest of the nd leading singular values of K · balance; 0 on a bridge.
     svd : Svd or None
         None on a bridge.
+    memo : Memo
+        What was made of the jet.
     """
 
     space: ClusterSpace
@@ -68,7 +71,7 @@ class Jet:
     P: Array
     sigma: float = 0.0
     svd: Svd | None = None
-    _kept: dict[str, tuple[float, Array]] = field(default_factory=dict, repr=False, compare=False)
+    memo: Memo = field(default_factory=Memo, repr=False, compare=False)
 
     @property
     def y(self) -> Array:
@@ -88,7 +91,7 @@ class Jet:
         J = self.J @ W
         bend = np.einsum("ai,bj,abk->ijk", W, W, self.bend)
         bend = bend - np.einsum("ijk,kl,nl->ijn", bend, C, J)
-        return replace(self, C=C, J=J, bend=bend, _kept={})
+        return replace(self, C=C, J=J, bend=bend, memo=Memo())
 
     def predicted(self, step: Array) -> Array:
         """x + J Δ + ½ Γ[Δ, Δ]."""
@@ -109,25 +112,20 @@ class Jet:
 
     def nearest(self) -> tuple[float, Array]:
         """First-order distance along the mode to the singular set (arc length), and the way in the chart."""
-        return self._once("nearest", self._nearest)
+        return self.memo.once("nearest", self._nearest)
 
     def ambient(self) -> tuple[float, Array]:
         """First-order distance to where K loses rank on or off the mode, and the shortest way dx there.
 
         uᵀ (K + φ''[dx]) w = 0 for w in {v_min, tangents}, least norm: near misses are seen by it.
         """
-        return self._once("ambient", self._ambient)
+        return self.memo.once("ambient", self._ambient)
 
     def delta(self) -> float:
         """Distance to the singular set, the smaller of both; infinite where K is far from singular."""
         if self.svd is None or self.space.nd == 0 or self.sigma > FILTER:
             return np.inf
         return min(self.nearest()[0], self.ambient()[0])
-
-    def _once(self, name: str, make: Callable[[], tuple[float, Array]]) -> tuple[float, Array]:
-        if name not in self._kept:
-            self._kept[name] = make()
-        return self._kept[name]
 
     def _nearest(self) -> tuple[float, Array]:
         space, svd = self.space, self.svd

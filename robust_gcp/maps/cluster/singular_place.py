@@ -53,8 +53,13 @@ class Place:
         return float(np.sqrt(2.0 * self.gap / max(float(np.abs(self.eigenvalues[0])), 1e-300)))
 
 
-def place(near: Jet, iterations: int = 15) -> Place:
-    """Newton from a solved point on U₁ᵀ φ = 0 (rank − 1 rows) and uᵀ K N = 0, N the last m + 1 right vectors.
+def place(near: Jet) -> Place:
+    """The singular place next to a solved point, found once."""
+    return near.memo.once("place", lambda: _found(near))
+
+
+def _found(near: Jet, iterations: int = 15) -> Place:
+    """Newton from the point on U₁ᵀ φ = 0 (rank − 1 rows) and uᵀ K N = 0, N the last m + 1 right vectors.
 
     Square where the place is isolated, least norm along a surface of such places.
     """

@@ -7,6 +7,7 @@ import numpy as np
 from ...mechanism.tree.tree import Array
 from ..explicit import Counters
 from .apex import BESIDE, LEFT, BesideApex, apart, apex_near
+from .chart import turned_over
 from .curve import Curve
 from .jet import Jet, LostError, jet, solve
 from .known_curves import KnownCurves, known_to, passes, stays_clear
@@ -202,9 +203,9 @@ class Tracker:
         found = jet(self.space, x, self.C)
         # rounding of φ looks like a lost branch where K is poor
         allowed = CORRECTION * size + 1e-12 + 1e-14 / max(min(here.sigma, found.sigma), 1e-12)
-        if first > allowed or (isinstance(self.space, BesideApex) and apart(here, found) > TURNED):
+        if first > allowed or turned_over(here.J, found.J):
             return None
-        return found
+        return None if isinstance(self.space, BesideApex) and apart(here, found) > TURNED else found
 
     # ----------------------------------------------------------------- bridges
 

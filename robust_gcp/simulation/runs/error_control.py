@@ -13,6 +13,7 @@ import numpy as np
 from ...dynamics.equations import Evaluation
 from ...dynamics.problem import initial_value_problem
 from ...errors import SimulationError
+from ...kernel.simulation.guard import ErrorControl
 from ...kernel.simulation.steps import NativeSteps
 from ...maps.cluster.cluster_map import ClusterMap
 from ...maps.cluster.product import turned
@@ -71,6 +72,20 @@ class RefinedRun(Run):
         return (
             self._cluster_map().following_true_curve() if self._recovery.error_controlled else nullcontext()
         )
+
+    def _by_kernel(self, i: int) -> bool:
+        """Whether steps from time i on are the kernel's.
+
+        With error control where Python is not on the way already, looks for the first place where other
+        coordinates serve, or for what lies within such a step.
+        """
+        if not self._recovery.error_controlled:
+            return True
+        return not self._recovery.changing and not self._looked_for(i + 1)
+
+    def _control(self, i: int) -> ErrorControl | None:
+        """How the kernel is to take steps from time i on; None for fixed ones."""
+        return self._recovery.control(i, REFINED_RTOL, REFINED_ATOL)
 
     def _refined(self, i: int, begun: Evaluation) -> Array:
         """One step through an uncertified zone by an error-controlled method."""

@@ -18,7 +18,7 @@ from .crossings import in_new_chart
 from .error_control import RefinedRun
 from .record import Record
 from .recovery import Checkpoint
-from .stats import until
+from .stats import extended, until
 from .steppers import FixedStep as Take
 from .steppers import rk4_step
 from .within_steps import FixedStep, SolverSteps
@@ -117,15 +117,16 @@ class FixedRun(RefinedRun):
                 # before the step: in coordinates that turn back within it there would be no end of it
                 if self._changed(i, now.point):
                     continue
-                if not recovery.error_controlled:
+                by_kernel = self._native is not None and self._by_kernel(i)
+                if by_kernel or not recovery.error_controlled:
                     self._leave()
-                    if self._native is not None:
-                        i, going = self._natively(self._native, i, last, now)
-                        if i == last or self._ended or self.paused:
-                            return
-                        if going is None:
-                            continue
-                        now = going
+                if self._native is not None and by_kernel:
+                    i, going = self._natively(self._native, i, last, now)
+                    if i == last or self._ended or self.paused:
+                        return
+                    if going is None:
+                        continue
+                    now = going
                 self._behind, self._refinement, self._renewed_at = self._x, None, None
                 self._x = (self._refined if recovery.error_controlled else self._stepped)(i, now)
                 i += 1
@@ -200,8 +201,13 @@ class FixedRun(RefinedRun):
         self._motion.equations.calls += batch.rhs
         batch.add_to(self._counters)
         self._recovery.best = batch.best
+        if self._recovery.error_controlled and batch.steps:
+            self._counters.refined_steps += batch.steps
+            begun, end = float(self.times[i]), float(self.times[i + batch.steps])
+            self._stretches = extended(self._stretches, begun, end)
+            self._lose(*batch.rounding)
         if batch.safe is not None:
-            self._recovery.safe = Checkpoint(i + batch.safe[0], *batch.safe[1:])
+            self._recovery.through(Checkpoint(i + batch.safe[0], *batch.safe[1:]))
         if batch.steps:
             self._kernel_map().resume(batch.now.point, batch.trackers)
             self._x, self._last = batch.x, batch.now
@@ -228,7 +234,8 @@ class FixedRun(RefinedRun):
         def take(end: int) -> Batch | None:
             times, wanted = self.times[i : end + 1], self._record.wanted
             watch, best = self._watch_coordinates(), self._recovery.best
-            return native.take(self._kernel_map(), now, self._x, times, wanted, watch, best)
+            control = self._control(i)
+            return native.take(self._kernel_map(), now, self._x, times, wanted, watch, best, control)
 
         until = min(last, max(self._schedule.free_until(i), i + 1))
         if not self._events:

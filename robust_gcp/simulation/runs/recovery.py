@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from ...dynamics.prescribed.drive import Drive
 from ...errors import SimulationError, ToggleError
+from ...kernel.simulation.guard import ErrorControl
 from ...maps.cluster.obstacles import ObstacleError
 from ...maps.cluster.regular_ground import POOR
 from ...maps.explicit import Point
@@ -130,6 +131,15 @@ class Recovery:
     def renewed(self, safe: Checkpoint) -> None:
         """Within a step, that goes on in other coordinates: what was good in those before is nothing here."""
         self.safe, self.best = safe, safe.point.conditioning
+
+    def control(self, i: int, rtol: float, atol: float) -> ErrorControl | None:
+        """How steps from output i on are to be taken; None for fixed ones."""
+        return ErrorControl(rtol, atol, self._met_at - i + 1) if self.error_controlled else None
+
+    def through(self, safe: Checkpoint) -> None:
+        """Steps of the kernel's came to a well-conditioned state, with error control or without."""
+        self.safe = safe
+        self.error_controlled = self.changing = False
 
     def changed(self, safe: Checkpoint) -> None:
         """Go on in other coordinates from here."""

@@ -165,11 +165,15 @@ class Run:
     def _rounding(self, following: Following, wanted: float = 0.0) -> float:
         """The least tolerance to ask for; what rounding costs of G is told once, afterwards, if it shows."""
         lost, asked, distance = following.rounding()
+        self._lose(lost, distance, wanted)
+        return asked
+
+    def _lose(self, lost: float, distance: float, wanted: float = 0.0) -> None:
+        """Take note of what rounding costs of G beside a singular place without a bridge."""
         if lost > max(TOLD, wanted, self._lost[0]):
             self._lost = lost, distance
         elif lost < 0.5 * self._lost[0]:
             self._tell_what_is_lost()
-        return asked
 
     def _tell_what_is_lost(self) -> None:
         """Warn of the nearest that the motion came to a singular place without a bridge."""

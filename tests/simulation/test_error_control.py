@@ -1,0 +1,74 @@
+"""Steps with error control past modes that pass each other: the kernel's are the reference's."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import robust_gcp as rg
+from robust_gcp.dynamics.prescribed.zero_order_hold import HeldTorque
+from robust_gcp.errors import SimulationError
+from robust_gcp.examples.linkages import four_bar
+from robust_gcp.simulation.runs.error_control import RefinedRun
+
+SPEED, DURATION, STEP = 3.0, 1.2, 1e-3
+
+
+def missing(by: float) -> rg.Mechanism:
+    """A four-bar that is a change-point linkage but for this: at about 0.67 s modes pass each other."""
+    return four_bar(1.0, 2.0 + by, 1.5, 1.5, y=1.0)
+
+
+def run(mech: rg.Mechanism, backend: str, **more: Any) -> rg.Trajectory:
+    start = mech.home, mech.lift(mech.home, [SPEED])
+    return rg.simulate(mech, *start, DURATION, STEP, backend=backend, **more)
+
+
+@pytest.fixture
+def in_python(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """The steps with error control that were taken in Python."""
+    taken, refined = list[int](), RefinedRun._refined
+
+    def counted(self: RefinedRun, i: int, begun: Any) -> Any:
+        taken.append(i)
+        return refined(self, i, begun)
+
+    monkeypatch.setattr(RefinedRun, "_refined", counted)
+    return taken
+
+
+def pull(t: float, q: Any, v: Any) -> Any:
+    """A torque of the user's."""
+    return np.array([np.sin(3.0 * t), 0.1 * v[0], 0.0])
+
+
+TORQUES: dict[str, Callable[[rg.Mechanism], Any]] = {
+    "none": lambda mech: None,
+    "constant": lambda mech: [0.2, 0.0, 0.0],
+    "function": lambda mech: pull,
+}
+
+
+@pytest.mark.parametrize("torque", TORQUES)
+@pytest.mark.parametrize("by", [3e-1, 1e-2, 1e-3, -1e-3, 1e-4, 1e-5])
+def test_the_kernel_passes_as_the_reference_does(in_python: list[int], by: float, torque: str) -> None:
+    """The same stretches, and the same motion to what is asked of each step; few steps are left to Python."""
+    mech, acts = missing(by), TORQUES[torque]
+    reference = run(mech, "python", torque=acts(mech))
+    refined = reference.stats.refined_steps
+    assert len(in_python) >= refined > 0 and reference.stats.native_steps == 0
+    in_python.clear()
+    found = run(mech, "native", torque=acts(mech))
+    assert len(in_python) <= 0.1 * refined
+    assert found.stats.refined_steps == refined
+    assert len(found.stats.refined) == len(reference.stats.refined)
+    np.testing.assert_allclose(found.stats.refined, reference.stats.refined, rtol=0, atol=1e-12)
+    assert [names for _, names in found.stats.repartitions] == [
+        names for _, names in reference.stats.repartitions
+    ]
+    size = max(1.0, float(np.abs(reference.v).max()))
+    np.testing.assert_allclose(found.q, reference.q, rtol=0, atol=2e-8 * size)
+    np.testing.assert_allclose(found.v, reference.v, rtol=0, atol=2e-7 * size)
