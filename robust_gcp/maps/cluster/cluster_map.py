@@ -68,7 +68,8 @@ class ClusterMap(Charted):
         self.clusters = self.mechanism.clusters
         self._trackers: list[Tracker] | None = None
         self._in_zone = False
-        self.anchor = self._own = start
+        self.anchor = start
+        self._own: Point | None = start  # the anchor, where trackers are at it
         self._arriving: Callable[[], Array] | None = None
         self._arriving_met: bool | None = None
         if trackers:
@@ -107,6 +108,7 @@ class ClusterMap(Charted):
             self._restart()
         point = None if self._in_zone else self._ground.step(self.anchor, y, ydot)
         if point is None:
+            self._own = None  # where it is refused, trackers may have gone some of the way: not on from there
             point = self._by_clusters(y, ydot)
         self.anchor = self._own = point
         return point
