@@ -37,7 +37,7 @@ def smallest(tangent: Array, chosen: NDArray[np.int64]) -> float:
 def turned_over(J: Array, other: Array) -> bool:
     """Whether a step in one chart, from J to another J, led across a fold where y turns back: det(Jᵀ J') < 0.
 
-    Next to it there are two points at each y, nearer to each other than a step is long. The tangent spaces there
-    are nearly the same, J of the other point has the other orientation.
+    Next to it there are two points at each y, nearer to each other than a step is long. Their tangent spaces
+    are nearly the same, but J of the other point has the other orientation.
     """
     return bool(np.linalg.det(J.T @ other) < 0.0)

@@ -203,9 +203,8 @@ class Tracker:
         found = jet(self.space, x, self.C)
         # rounding of φ looks like a lost branch where K is poor
         allowed = CORRECTION * size + 1e-12 + 1e-14 / max(min(here.sigma, found.sigma), 1e-12)
-        if first > allowed or turned_over(here.J, found.J):
-            return None
-        return None if isinstance(self.space, BesideApex) and apart(here, found) > TURNED else found
+        lost = first > allowed or turned_over(here.J, found.J)
+        return None if lost or (isinstance(self.space, BesideApex) and apart(here, found) > TURNED) else found
 
     # ----------------------------------------------------------------- bridges
 

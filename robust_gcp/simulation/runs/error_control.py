@@ -73,19 +73,17 @@ class RefinedRun(Run):
             self._cluster_map().following_true_curve() if self._recovery.error_controlled else nullcontext()
         )
 
-    def _by_kernel(self, i: int) -> bool:
-        """Whether steps from time i on are the kernel's.
+    def _goes_natively(self, i: int) -> bool:
+        """Whether steps with error control from time i on are the kernel's.
 
-        With error control where Python is not on the way already, looks for the first place where other
-        coordinates serve, or for what lies within such a step.
+        They are Python's on the way to the first place where other coordinates serve, and where something
+        lies within the step.
         """
-        if not self._recovery.error_controlled:
-            return True
-        return not self._recovery.changing and not self._looked_for(i + 1)
+        return self._native is not None and not self._recovery.changing and not self._looked_for(i + 1)
 
-    def _control(self, i: int) -> ErrorControl | None:
-        """How the kernel is to take steps from time i on; None for fixed ones."""
-        return self._recovery.control(i, REFINED_RTOL, REFINED_ATOL)
+    def _control(self, i: int) -> ErrorControl:
+        """How the kernel is to take steps from time i on."""
+        return ErrorControl(REFINED_RTOL, REFINED_ATOL, self._recovery.met_at - i + 1)
 
     def _refined(self, i: int, begun: Evaluation) -> Array:
         """One step through an uncertified zone by an error-controlled method."""

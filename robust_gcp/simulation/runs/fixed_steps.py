@@ -117,8 +117,8 @@ class FixedRun(RefinedRun):
                 # before the step: in coordinates that turn back within it there would be no end of it
                 if self._changed(i, now.point):
                     continue
-                by_kernel = self._native is not None and self._by_kernel(i)
-                if by_kernel or not recovery.error_controlled:
+                by_kernel = not recovery.error_controlled or self._goes_natively(i)
+                if by_kernel:
                     self._leave()
                 if self._native is not None and by_kernel:
                     i, going = self._natively(self._native, i, last, now)
@@ -234,7 +234,7 @@ class FixedRun(RefinedRun):
         def take(end: int) -> Batch | None:
             times, wanted = self.times[i : end + 1], self._record.wanted
             watch, best = self._watch_coordinates(), self._recovery.best
-            control = self._control(i)
+            control = self._control(i) if self._recovery.error_controlled else None
             return native.take(self._kernel_map(), now, self._x, times, wanted, watch, best, control)
 
         until = min(last, max(self._schedule.free_until(i), i + 1))

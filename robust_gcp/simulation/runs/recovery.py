@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 from ...dynamics.prescribed.drive import Drive
 from ...errors import SimulationError, ToggleError
-from ...kernel.simulation.guard import ErrorControl
 from ...maps.cluster.obstacles import ObstacleError
 from ...maps.cluster.regular_ground import POOR
 from ...maps.explicit import Point
@@ -81,6 +80,8 @@ class Recovery:
         The largest conditioning of an output in the present coordinates: links that are never conditioned
         above `POOR` are not taken with error control all the way.
     error_controlled, changing : bool
+    met_at : int
+        Output on the way to which the last obstacle was met.
     """
 
     def __init__(self, on_toggle: str, safe: Checkpoint) -> None:
@@ -88,13 +89,13 @@ class Recovery:
         self.safe = safe
         self.best = safe.point.conditioning
         self.error_controlled = self.changing = False
-        self._met_at = self._changed_at = -1
+        self.met_at = self._changed_at = -1
 
     def accept(self, i: int, x: Array, point: Point) -> None:
         """Take note of an output."""
         self.best = max(self.best, point.conditioning)
         good = point.conditioning >= (POOR if self.best >= POOR else max(LEAST, GOOD * self.best))
-        self.error_controlled = self.error_controlled and not (good and i > self._met_at)
+        self.error_controlled = self.error_controlled and not (good and i > self.met_at)
         self.changing = self.changing and self.error_controlled
         if good and not self.error_controlled:
             self.safe = Checkpoint(i, x, point)
@@ -113,7 +114,7 @@ class Recovery:
             `stop` itself, where neither helps.
         """
         if isinstance(stop, ObstacleError):
-            self._met_at, self.error_controlled = i, True
+            self.met_at, self.error_controlled = i, True
             self.changing = stop.obstacle.kind == "toggle" and self._may_change
             return False
         # the true curve is lost in these coordinates; others may hold it
@@ -126,15 +127,11 @@ class Recovery:
     def shift(self, n: int) -> None:
         """The numbers of all outputs are smaller by n from now on."""
         self.safe = replace(self.safe, i=self.safe.i - n)
-        self._met_at, self._changed_at = self._met_at - n, self._changed_at - n
+        self.met_at, self._changed_at = self.met_at - n, self._changed_at - n
 
     def renewed(self, safe: Checkpoint) -> None:
         """Within a step, that goes on in other coordinates: what was good in those before is nothing here."""
         self.safe, self.best = safe, safe.point.conditioning
-
-    def control(self, i: int, rtol: float, atol: float) -> ErrorControl | None:
-        """How steps from output i on are to be taken; None for fixed ones."""
-        return ErrorControl(rtol, atol, self._met_at - i + 1) if self.error_controlled else None
 
     def through(self, safe: Checkpoint) -> None:
         """Steps of the kernel's came to a well-conditioned state, with error control or without."""
