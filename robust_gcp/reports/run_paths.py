@@ -33,7 +33,7 @@ REASONS = {
     "DOP853": "SciPy's solver in Python, at rtol = 1e-9",
     "step by step": "a call of Python for each step",
     "a wrench": "bodies are placed in Python at each evaluation",
-    "past a near miss": "error control for a third of the steps; coordinates change within one, which is Python's",
+    "past a near miss": "error control for a third of the steps, one of them in other coordinates",
     FOLDED: "five ranks are lost at once: 32 modes are told apart",
 }
 """Why ways take long, as they were asked for."""
