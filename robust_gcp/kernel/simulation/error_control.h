@@ -47,9 +47,9 @@ class ControlledSteps : public Steps {
     Watch watch_;
 
   private:
-    static constexpr int STAGES = 12;  // of the method
+    static constexpr int STAGES = 12;                // of the method
     static constexpr int PATIENCE = 30, MOST = 400;  // trials of one step, and steps from one output to the next
-    static constexpr int MANY = 5;                 // as in error_control.py
+    static constexpr int MANY = 5;                   // as in error_control.py
     static constexpr double LEAST = 0.2, SAFE = 0.9, ORDER = 8.0, GROWTH = 10.0, SHARE = 0.01;
 
     Reason to_the_end(Request& r, std::int64_t i) {
