@@ -64,6 +64,7 @@ class ControlledSteps : public Steps {
         for (int taken = 0; refused < PATIENCE && taken < MOST;) {
             const bool last = t + h >= end - 1e-3 * h;  // no step to the end is so short that rounding is all of it
             if (last) h = end - t;
+            if (refused == 0) allow(r);
             const Reason reason = stages(r, i, t, h);
             if (reason != DONE && reason != ZONE && reason != BRANCH && reason != NEWTON) return reason;
             const double off = reason == DONE ? error(r, h) : std::numeric_limits<double>::infinity();
@@ -104,20 +105,23 @@ class ControlledSteps : public Steps {
         return DONE;
     }
 
-    // That of a step, in units of what is allowed: e₅² / √(e₅² + 0.01 e₃²), with no less allowed than what rounding
-    // costs of G there.
-    double error(Request& r, double h) {
-        const double *e3 = r.solver + STAGES * (STAGES + 3) / 2, *e5 = e3 + STAGES;
+    // No less than what rounding costs of G where a step begins.
+    void allow(Request& r) {
         const double told = r.uncertain, nearest = r.nearest;
         clusters.rounding(r);
-        const double rtol = std::max(r.rtol, r.asked), least = SHARE * r.asked;
+        rtol_ = std::max(r.rtol, r.asked), least_ = SHARE * r.asked;
         if (told > r.uncertain) r.uncertain = told, r.nearest = nearest;
+    }
+
+    // That of a step, in units of what is allowed: e₅² / √(e₅² + 0.01 e₃²).
+    double error(const Request& r, double h) const {
+        const double *e3 = r.solver + STAGES * (STAGES + 3) / 2, *e5 = e3 + STAGES;
         double fifth = 0.0, third = 0.0;
         for (int k = 0; k < n_; ++k) {
             double by_five = 0.0, by_three = 0.0;
             for (int s = 0; s < STAGES; ++s) by_five += e5[s] * k_[s][k], by_three += e3[s] * k_[s][k];
             const double size = std::max(std::fabs(now_[k]), std::fabs(sum_[k]));
-            const double allowed = std::max(atol_[k], least) + rtol * size;
+            const double allowed = std::max(atol_[k], least_) + rtol_ * size;
             fifth += (by_five / allowed) * (by_five / allowed), third += (by_three / allowed) * (by_three / allowed);
         }
         if (fifth == 0.0 && third == 0.0) return 0.0;
@@ -136,6 +140,7 @@ class ControlledSteps : public Steps {
     }
 
     Cells<double> now_, atol_;  // the state at the point that was kept, and absolute tolerances
+    double rtol_ = 0.0, least_ = 0.0;
 };
 
 }  // namespace rg
