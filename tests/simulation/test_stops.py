@@ -400,8 +400,8 @@ def test_a_stop_keeps_a_mechanism_from_where_a_run_would_end(step: float, upper:
     assert len(times_of(run, "impact")) >= 1 and run.t[-1] == 0.8
     idle = {"q1": lambda t, q, v: 0.0}
     held = rg.simulate(mech, v0=v0, joints=stop, torque=idle, hold=True, **ask)  # step by step
-    # near its dead point y costs the others half of their digits; each impact is a fifth as fast as the one before, and
-    # rounding of q tells its time no better than by that much less: the ninth is 4e-7 of the first
+    # near its dead point y costs the others half of their digits; each impact is a fifth as fast as the one
+    # before, and the rounding of q leaves its time that much less sure: the ninth has 3e-6 of the first speed
     apart = np.abs(times_of(held, "impact") - times_of(run, "impact"))
     assert (apart * 0.2 ** np.arange(len(apart))).max() < 1e-11 and apart[:2].max() < 1e-11
     assert held.t.shape == run.t.shape and np.abs(held.q[-1] - run.q[-1]).max() < 1e-9
