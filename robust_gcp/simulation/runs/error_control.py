@@ -109,9 +109,13 @@ class RefinedRun(Run):
                 self._follow_from(None)
         if looks:
             self._refinement = SolverSteps(self._motion.explicit, self._motion.mechanism.m, ends, dense)
-        self._counters.refined_steps += 1
-        self._stretches = extended(self._stretches, float(self.times[i]), end)
+        self._count_refined(i, 1)
         return x
+
+    def _count_refined(self, i: int, steps: int) -> None:
+        """Tell of steps with error control from time i on."""
+        self._counters.refined_steps += steps
+        self._stretches = extended(self._stretches, float(self.times[i]), float(self.times[i + steps]))
 
     def _refinements(self, x: Array, times: Array) -> Iterator[SolverStep]:
         """Steps with error control; a trial that is refused leaves the map where the step began.

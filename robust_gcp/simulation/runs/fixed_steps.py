@@ -18,7 +18,7 @@ from .crossings import in_new_chart
 from .error_control import RefinedRun
 from .record import Record
 from .recovery import Checkpoint
-from .stats import extended, until
+from .stats import until
 from .steppers import FixedStep as Take
 from .steppers import rk4_step
 from .within_steps import FixedStep, SolverSteps
@@ -202,9 +202,7 @@ class FixedRun(RefinedRun):
         batch.add_to(self._counters)
         self._recovery.best = batch.best
         if self._recovery.error_controlled and batch.steps:
-            self._counters.refined_steps += batch.steps
-            begun, end = float(self.times[i]), float(self.times[i + batch.steps])
-            self._stretches = extended(self._stretches, begun, end)
+            self._count_refined(i, batch.steps)
             self._lose(*batch.rounding)
         if batch.safe is not None:
             self._recovery.through(Checkpoint(i + batch.safe[0], *batch.safe[1:]))
