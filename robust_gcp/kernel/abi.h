@@ -6,7 +6,7 @@
 
 namespace rg {
 
-constexpr std::int32_t VERSION = 28;
+constexpr std::int32_t VERSION = 29;
 
 enum Reason : std::int32_t {
     DONE = 0,
@@ -19,6 +19,8 @@ enum Reason : std::int32_t {
     TORQUE = 7,     // the torque callback failed
     CHART = 8,      // an entry of J = G by dimensionless coordinates is large
     MET = 9,        // what is guarded may have left its bounds
+    REFUSED = 10,   // with error control: a trial went farther than the mode can be followed
+    ROWS = 11,      // other rows of φ may determine the dependent joints better
 };
 
 // Reads q and v and writes τ in the request's shared buffers; nonzero stops the run.

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..mechanism.tree.tree import Array
 
-VERSION = 28
+VERSION = 29
 """Of the interface; a library with another one is not used."""
 
 TorqueCallback: Any = ctypes.CFUNCTYPE(c_int32, c_double)
@@ -31,6 +31,8 @@ class Reason(IntEnum):
     TORQUE = 7
     CHART = 8
     MET = 9
+    REFUSED = 10
+    ROWS = 11
 
 
 ALONE = -1

@@ -14,8 +14,7 @@
 
 namespace rg {
 
-// As in cluster_map.py, where it says why.
-constexpr double ONE_TURN = 6.283185307179586;
+constexpr double ONE_TURN = 6.283185307179586;  // as in cluster_map.py, where it says why
 constexpr double LOOK_AGAIN = 1.5;  // growth of σ
 
 struct Clusters::Inside {
@@ -132,12 +131,13 @@ void Clusters::use(const Bridging& b) {
     inside_->last_resort = b.last_resort;
 }
 
-bool Clusters::at(Point& anchor, const double* origin, const double* y, const double* ydot, Point& point,
-                  double zone) {
+Reason Clusters::at(Point& anchor, const double* origin, const double* y, const double* ydot, Point& point,
+                    double zone) {
     Inside& in = *inside_;
+    const Reason refused = in.options.error_controlled ? REFUSED : ZONE;
     try {
         if (!in_zone_) {
-            if (path_.turn(anchor, y) > ONE_TURN) return false;
+            if (path_.turn(anchor, y) > ONE_TURN) return ZONE;
             enter(anchor, origin);
         }
         std::vector<JetPtr> jets;
@@ -145,7 +145,7 @@ bool Clusters::at(Point& anchor, const double* origin, const double* y, const do
         for (std::size_t i = 0; i < in.spaces.size(); ++i) {
             Tracker& tracker = in.trackers[i];
             const Space& space = *in.spaces[i];
-            if (!serves(*tracker.anchor, space.chosen, in.options.error_controlled ? in.last_resort : CHANGE)) return false;
+            if (!serves(*tracker.anchor, space.chosen, in.options.error_controlled ? in.last_resort : CHANGE)) return refused;
             jets.push_back(tracker.at(space.wanted(y)));
             bridged = bridged || tracker.on_bridge();
         }
@@ -162,20 +162,20 @@ bool Clusters::at(Point& anchor, const double* origin, const double* y, const do
                 if (path_.settle(point, origin) && point.conditioning() >= zone &&
                     path_.apart(q.data(), point) < SAME_PLACE) {
                     in_zone_ = false;
-                    return true;
+                    return DONE;
                 }
             }
             // other rows may serve; where Python found none, as long as K is not much better conditioned
-            if (path_.redundant && in.least_sigma() > LOOK_AGAIN * in.looked) return false;
+            if (path_.redundant && in.least_sigma() > LOOK_AGAIN * in.looked) return ROWS;
             if (regular) compose();
         }
         ++zone_evaluations;
         path_.survey(point);
-        return true;
+        return DONE;
     } catch (const Lost&) {
-        return false;
+        return refused;
     } catch (const Stop&) {
-        return false;
+        return ZONE;
     }
 }
 
@@ -210,7 +210,7 @@ void Clusters::passed(const Step& step, std::vector<double>& log) {
 
 void Clusters::enter(Point& anchor, const double* origin) {
     inside_->enter(anchor, origin);
-    inside_->looked = 0.0;
+    if (!in_zone_) inside_->looked = 0.0;
     in_zone_ = true;
 }
 
@@ -239,8 +239,7 @@ void Clusters::settle(Point& accepted) {
 void Clusters::renew() {
     in_zone_ = false;
     if (!some_) return;
-    inside_->trackers.clear();
-    inside_->left.clear();
+    inside_->trackers.clear(), inside_->left.clear(), inside_->looked = 0.0;
     for (const auto& space : inside_->spaces) space->apex.reset();
 }
 
@@ -271,7 +270,7 @@ void Clusters::read(const double* numbers) {
         in.trackers.push_back(reader.tracker(*space));
     }
     const double looked = reader.number();
-    in.looked = looked < 0.0 ? in.least_sigma() : looked;  // just now, in Python
+    in.looked = looked < 0.0 ? std::max(in.looked, in.least_sigma()) : looked;  // just now, in Python
     in_zone_ = true;
 }
 

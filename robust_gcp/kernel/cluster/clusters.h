@@ -48,9 +48,9 @@ class Clusters {
     void settle(Point& accepted);
     // As if nothing had been done.
     void renew();
-    // The point at y, where the regular path was not good enough from the anchor; false where Python has to say
-    // what to do. `origin` as in `Path::step`.
-    bool at(Point& anchor, const double* origin, const double* y, const double* ydot, Point& point, double zone);
+    // The point at y, where the regular path was not good enough from the anchor; ZONE or ROWS where Python has to say
+    // what to do, REFUSED where nothing is to be done at that distance. `origin` as in `Path::step`.
+    Reason at(Point& anchor, const double* origin, const double* y, const double* ydot, Point& point, double zone);
     // Appends what a step passed, in the order of time: time, cluster, corank, closure, transversality, whether
     // it is a near miss, q.
     void passed(const Step& step, std::vector<double>& log);

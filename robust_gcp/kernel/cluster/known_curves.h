@@ -9,12 +9,23 @@
 #include <vector>
 
 #include "cluster/curve.h"
+#include "cluster/singular.h"
 
 namespace rg {
 
 class KnownCurves {
   public:
+    // A singular place that modes pass without a bridge, and half how far from it one was tried: nearer, one is tried
+    // again; 0 where no look decides more.
+    struct Miss {
+        Vector x;
+        double since;
+    };
+
     std::vector<CurvePtr> curves;
+    std::vector<Miss> misses;
+    Vector ahead;           // where modes seemed to touch farther ahead, as Python found, or empty:
+    double unlooked = 0.0;  // within this distance from there it is not looked at again
 
     // A kept curve through this point and its u, if the nearest singular place is one of its own.
     std::pair<CurvePtr, double> through(const JetPtr& here, double zone) {
@@ -49,11 +60,30 @@ class KnownCurves {
         return {nullptr, 0.0};
     }
 
-    // Whether the singular place next to a point is one of a meeting's whose curve does not reach there.
+    // Whether the singular place next to a point is one of a meeting's whose curve does not reach there, or one that
+    // is too far away yet to be told.
     bool beside(const JetPtr& here) const {
+        if (ahead.size() && (here->x - ahead).norm() <= unlooked) return true;
         return std::any_of(curves.begin(), curves.end(), [&here](const CurvePtr& known) {
             return !known->shape().orders.empty() && known->is_beside(here);
         });
+    }
+
+    // Whether no bridge was found before at the singular place next to a point.
+    bool missed(const Jet& here) const {
+        if (misses.empty()) return false;
+        const Vector at = place(here).x;
+        return std::any_of(misses.begin(), misses.end(), [&](const Miss& one) {
+            const Vector off = at - one.x;
+            return here.nearest().size > one.since && (off - here.space->whole_turns(off)).lpNorm<Eigen::Infinity>() < SAME;
+        });
+    }
+
+    void miss(const Jet& here) {
+        if (missed(here)) return;
+        if (misses.size() >= std::size_t{MOST}) misses.erase(misses.begin());
+        const double distance = here.nearest().size;
+        misses.push_back({place(here).x, distance <= TOLD ? 0.0 : 0.5 * distance});
     }
 
     // Whether the singular place next to a point, to first order, is a crossing on a kept curve.
@@ -83,6 +113,7 @@ class KnownCurves {
 
   private:
     static constexpr int MOST = 16;
+    static constexpr double SAME = 1e-8, TOLD = 0.12;  // as in known_curves.py and touching/meeting_ahead.py
 
     // The curve after the whole turns of the revolute joints that bring it next to x.
     static CurvePtr turned(const CurvePtr& known, const Vector& x, const Space& space) {

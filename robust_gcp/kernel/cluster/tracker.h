@@ -164,8 +164,7 @@ class Tracker {
             limit = std::min(1.0, 2.0 * limit);
             here = anchor = found;
             if (share == 1.0) {
-                const bool met = room(*here, zone) < zone && in_zone(*here) && enter(here, y);
-                return met ? nullptr : here;
+                return room(*here, zone) < zone && in_zone(*here) && enter(here, y) ? nullptr : here;
             }
         }
         throw Lost{};
@@ -239,13 +238,13 @@ class Tracker {
         auto [found, from] = known_curves.through(here, zone);
         if (found == nullptr) {
             if (known_curves.beside(here)) return false;
+            if (known_curves.missed(*here)) return blocked(*here, {});
             try {
                 found = CurveBuilder(here, *options_, zone).build();
             } catch (const NoBridge& failure) {
                 return blocked(*here, failure);
             }
-            ++tally_->built;
-            ++tally_->second_order;
+            ++tally_->built, ++tally_->second_order;
             known_curves.keep(found);
             from = found->u(here->x);
         }
@@ -263,6 +262,7 @@ class Tracker {
         if (!options_->error_controlled) throw Stop{};
         Obstacle met = judge(here, options_->largest_gap(), zone);
         if (failure.tangential) met.kind = Obstacle::UNKNOWN;
+        if (met.kind == Obstacle::NEAR_MISS && space_->m == 1) known_curves.miss(here);
         if (obstacles_.size() >= std::size_t{MAX_OBSTACLES}) obstacles_.erase(obstacles_.begin());
         obstacles_.push_back(met);
         if (met.stops(here.nearest().size, zone)) throw Stop{};

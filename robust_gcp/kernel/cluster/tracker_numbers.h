@@ -27,6 +27,9 @@ class Writer {
         for (const CurvePtr& one : t.touched)
             if (one->shape().space == t.anchor->space) touched.push_back(place(one));  // others were told of
         number(t.u), number(t.zone), jet(*t.anchor);
+        array(t.known_curves.ahead), number(t.known_curves.unlooked);
+        number(static_cast<double>(t.known_curves.misses.size()));
+        for (const KnownCurves::Miss& one : t.known_curves.misses) array(one.x), number(one.since);
         number(static_cast<double>(curves.size()));
         number(used);
         list(touched);
@@ -79,6 +82,11 @@ class Reader {
         const double u = number(), zone = number();
         Tracker made(jet(space), options_, zone, tally_);
         made.u = u;
+        made.known_curves.ahead = array(), made.known_curves.unlooked = number();
+        for (int i = static_cast<int>(number()); i > 0; --i) {
+            const Vector at = array();
+            made.known_curves.misses.push_back({at, number()});
+        }
         const int count = static_cast<int>(number()), used = static_cast<int>(number());
         const std::vector<double> touched = list();
         for (int i = 0; i < count; ++i) made.known_curves.curves.push_back(curve(space));

@@ -66,7 +66,8 @@ class ControlledSteps : public Steps {
             if (last) h = end - t;
             if (refused == 0) allow(r);
             const Reason reason = stages(r, i, t, h);
-            if (reason != DONE && reason != ZONE && reason != BRANCH && reason != NEWTON) return reason;
+            const bool too_far = reason == REFUSED || reason == ZONE || reason == BRANCH || reason == NEWTON;
+            if (reason != DONE && !too_far) return reason;
             const double off = reason == DONE ? error(r, h) : std::numeric_limits<double>::infinity();
             const double factor = SAFE * std::pow(off, -1.0 / ORDER);
             if (!(off < 1.0)) {

@@ -60,9 +60,10 @@ class Evaluator {
         Point& point = spare();
         ++rhs_;
         Reason reason = clusters.in_zone() ? ZONE : by_regular_path(r, y, ydot, point);
-        if (reason != DONE && r.bridging != nullptr && clusters.some() &&
-            clusters.at(*anchor_, origin_, y, ydot, point, r.zone))
-            reason = DONE;
+        if (reason != DONE && r.bridging != nullptr && clusters.some()) {
+            const Reason found = clusters.at(*anchor_, origin_, y, ydot, point, r.zone);
+            if (found != ZONE) reason = found;
+        }
         if (reason != DONE) return reason;
         anchor_ = &point;
         return motion_.evaluate(t, point, r);

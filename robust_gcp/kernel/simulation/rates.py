@@ -14,7 +14,7 @@ from ..library import Library
 from ..structures import Reason, Request, address
 from .batch import Trackers, counted
 
-DONE, TORQUE = int(Reason.DONE), int(Reason.TORQUE)
+DONE, TORQUE, REFUSED = int(Reason.DONE), int(Reason.TORQUE), int(Reason.REFUSED)
 
 
 class Rates:
@@ -59,7 +59,7 @@ class Rates:
         self._raised, self._evaluation, self._trackers = raised, evaluation, trackers
 
     def __call__(self, t: float, x: Array) -> Array | None:
-        """ẋ, (n,); None where the kernel cannot tell, which ends this.
+        """ẋ, (n,); None where the kernel cannot tell, which ends this unless the state was `refused`.
 
         Raises
         ------
@@ -121,6 +121,11 @@ class Rates:
         self._library.forget(self._handle)
         if limit is not None:
             self._request.limit = limit
+
+    @property
+    def refused(self) -> bool:
+        """Whether the mode cannot be followed to the last state; this goes on from what was kept."""
+        return bool(self._request.reason == REFUSED)
 
     @property
     def plain(self) -> bool:

@@ -159,7 +159,7 @@ class alignas(CACHE_LINE) Stepper : public ControlledSteps {
         count_anew(r);
         clusters.use(*r.bridging);
         clusters.renew();
-        if (!clusters.at(closed, home_.data(), closed.y(), closed.ydot(), slots_[0], r.zone)) return ZONE;
+        if (clusters.at(closed, home_.data(), closed.y(), closed.ydot(), slots_[0], r.zone) != DONE) return ZONE;
         clusters.forget();  // that it is there is nothing to tell of
         r.in_zone = clusters.in_zone();
         count(r);

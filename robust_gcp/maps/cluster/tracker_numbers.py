@@ -79,6 +79,13 @@ class Writer:
         touched = [place(curve) for curve in own]
         self.numbers += [tracker.u, tracker.zone]
         self._jet(tracker.anchor)
+        ahead = tracker.known.ahead
+        self.array(np.empty(0) if ahead is None else ahead.x)
+        misses = [miss for miss in space.near_misses if miss.options == tracker.options]
+        self.numbers += [0.0 if ahead is None else ahead.radius, len(misses)]
+        for miss in misses:
+            self.array(miss.x)
+            self.numbers.append(miss.since)
         self.numbers += [len(curves), used]
         self.array(np.array(touched, dtype=float))
         for curve in curves:
@@ -139,6 +146,9 @@ class Reader:
         """The next tracker."""
         u, zone = self.number(), self.number()
         tracker = Tracker(self._jet(space), self._options, zone, self._counters)
+        self.array(), self.number()  # what lies ahead, and is missed, is remembered by whoever found it
+        for _ in range(int(self.number())):
+            self.array(), self.number()
         count, used = int(self.number()), int(self.number())
         touched = [int(at) for at in self.array().ravel()]
         tracker.u = u

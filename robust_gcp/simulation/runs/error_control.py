@@ -105,8 +105,9 @@ class RefinedRun(Run):
                 except NoProgressError as error:
                     raise bridged.refusal() from error  # the map knows what stopped it
             if t < end:
+                assert self._last is not None  # put into the new coordinates
                 bridged, x = self._cluster_map(), self._x
-                self._follow_from(None)
+                self._follow_from(self._last)
         if looks:
             self._refinement = SolverSteps(self._motion.explicit, self._motion.mechanism.m, ends, dense)
         self._count_refined(i, 1)
@@ -130,7 +131,7 @@ class RefinedRun(Run):
         while times[0] < times[-1]:
             tolerances = REFINED_RTOL, absolute, REFINED_EFFORT
             rounding = partial(self._rounding, following)
-            steps = solver_steps("DOP853", following, x, times, *tolerances, rounding=rounding)
+            steps = solver_steps("DOP853", following.trial, x, times, *tolerances, rounding=rounding)
             for number, step in enumerate(steps):
                 following.keep(step.t1, step.x)
                 following.share()
@@ -143,12 +144,11 @@ class RefinedRun(Run):
             else:
                 return
 
-    def _follow_from(self, now: Evaluation | None) -> None:
-        """Follow the mode anew from an evaluation at the present state, or from the map's anchor."""
+    def _follow_from(self, now: Evaluation) -> None:
+        """Follow the mode anew from an evaluation at the present state."""
         self._leave()
         self._following = Following(self._motion, self._native, self._coordinates, returns=False)
-        if now is not None:
-            self._following.begin(now, self._x)
+        self._following.begin(now, self._x)
 
     def _repartition(self, i: int, t: float, names: tuple[str, ...] | None) -> Checkpoint:
         self._leave()
@@ -169,9 +169,10 @@ class RefinedRun(Run):
         """Whether a step from time i, begun there, goes on at t in better coordinates, which are taken."""
         if not self._turns_back(self._motion.explicit.anchor):
             return False
-        here = self._motion.equations.evaluate(t, x)
-        names = self._better(here.point)
-        if names is None:
+        assert self._following is not None
+        here = self._following.kept  # at the end of the step
+        names = None if here is None else self._better(here.point)
+        if here is None or names is None:
             return False
         self._cross(i + 1, t, here)  # in all clusters: the map that met their bridges is left
         self._last, self._renewed_at = here, t

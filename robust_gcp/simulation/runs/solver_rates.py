@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from ...dynamics.equations import Evaluation
@@ -13,6 +15,7 @@ from ...maps.cluster.cluster_map import ClusterMap
 from ...mechanism.tree.tree import Array
 from .coordinates import Coordinates
 from .crossings import map_of_rest, numbers, point_of_rest
+from .steppers import RefusedTrialError
 
 
 class Following:
@@ -49,17 +52,29 @@ class Following:
         self.kept: Evaluation | None = None
 
     def __call__(self, t: float, x: Array) -> Array:
-        """ẋ, (n,), for a solver."""
+        """ẋ, (n,)."""
         rate = self._by_kernel(t, x)
-        if rate is not None:
-            return rate
-        return self._motion.equations.derivative(self._in_python(t, x))
+        return self._by_python(t, x) if rate is None else rate
+
+    def trial(self, t: float, x: Array) -> Array:
+        """The same for a solver that may try a shorter step.
+
+        Raises
+        ------
+        RefusedTrialError
+            Where the kernel says that the mode ends before x: Python need not say so too, which takes long.
+        """
+        rate = self._by_kernel(t, x)
+        if rate is None and self._rates is not None and self._rates.refused:
+            raise RefusedTrialError(t, partial(self, t, x))
+        return self._by_python(t, x) if rate is None else rate
 
     def keep(self, t: float, x: Array) -> Evaluation:
         """The evaluation at an output, which is gone back to where that is nearer than what comes after."""
         if self._by_kernel(t, x) is not None and self._rates is not None:
             self.kept = self._rates.keep()
         else:
+            self._fall_back()
             self.kept = self._in_python(t, x)
         return self.kept
 
@@ -118,13 +133,14 @@ class Following:
         if self._rates is None:
             return None
         try:
-            rate = self._rates(t, x)
+            return self._rates(t, x)
         except BaseException:  # of a torque function
             self._fall_back()
             raise
-        if rate is None:
-            self._fall_back()
-        return rate
+
+    def _by_python(self, t: float, x: Array) -> Array:
+        self._fall_back()
+        return self._motion.equations.derivative(self._in_python(t, x))
 
     def _in_python(self, t: float, x: Array) -> Evaluation:
         if self._returns:

@@ -65,7 +65,7 @@ class AdaptiveRun(Run):
                 self._behind = self._x
                 ahead = np.concatenate([[begun], times[i + 1 :]])
                 for step in solver_steps(
-                    stepper, self._following, self._x, ahead, rtol, atol, jacobian=jacobian
+                    stepper, self._following.trial, self._x, ahead, rtol, atol, jacobian=jacobian
                 ):
                     plain = self._following.plain and not self._events
                     if not plain:

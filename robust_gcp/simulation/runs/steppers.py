@@ -11,7 +11,7 @@ import numpy as np
 
 from ...checks import shown
 from ...dynamics.tableau import Tableau
-from ...errors import OptionError, SimulationError
+from ...errors import BranchError, OptionError, SimulationError
 from ...mechanism.differences import differences
 from ...mechanism.tree.tree import Array
 
@@ -33,6 +33,22 @@ PATIENCE = 200
 
 class NoProgressError(SimulationError):
     """An adaptive solver could not go on; the last refusal of the right-hand side, if any, is its cause."""
+
+
+class RefusedTrialError(BranchError):
+    """A trial that lies farther than can be followed.
+
+    Parameters
+    ----------
+    t : float
+        s.
+    look : callable () -> ndarray (n,)
+        ẋ there after all, or the error that says why there is none.
+    """
+
+    def __init__(self, t: float, look: Callable[[], Array]) -> None:
+        super().__init__(f"the motion could not be followed to the state that was tried at t = {t:.6g} s")
+        self.look = look
 
 
 class Between:
@@ -123,7 +139,7 @@ def solver_steps(
     """The steps of one of scipy's solvers, each with the states at those of the given times that it passes.
 
     Where f raises a `SimulationError` at a trial state, the trial is rejected and the step shrinks;
-    if no step is small enough, that error is raised.
+    if no step is small enough, that error is raised, or what a `RefusedTrialError` finds at a closer look.
 
     Parameters
     ----------
@@ -158,10 +174,12 @@ def solver_steps(
         try:
             value = f(t, state.copy())  # LSODA overwrites its state in place
         except SimulationError as error:
-            if not started or method == "LSODA":
+            if started and method != "LSODA":
+                refused.append(error)
+                return np.full_like(state, np.nan)
+            if not isinstance(error, RefusedTrialError):
                 raise
-            refused.append(error)
-            return np.full_like(state, np.nan)
+            value = error.look()
         started = True
         return value
 
@@ -183,6 +201,8 @@ def solver_steps(
             refused.clear()
         elif solver.status == "failed" or len(refused) > PATIENCE or solver.nfev - mark[1] > effort:
             if refused:
+                if isinstance(refused[-1], RefusedTrialError):
+                    refused[-1].look()
                 raise refused[-1]
             raise NoProgressError(
                 f"{method} made no headway at t = {solver.t:.6g} s in {solver.nfev - mark[1]} evaluations"
