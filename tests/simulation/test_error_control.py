@@ -6,11 +6,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import robust_gcp as rg
 from robust_gcp.examples.linkages import four_bar
+from robust_gcp.examples.six_bars import stephenson
 from robust_gcp.examples.spatial import spherical_four_bar
 from robust_gcp.simulation.runs.error_control import RefinedRun
+from robust_gcp.simulation.runs.solver_rates import Following
+from robust_gcp.simulation.runs.steppers import RefusedTrialError
 
 from ..compiled import needs_kernel
 
@@ -118,3 +122,37 @@ def test_modes_too_far_ahead_to_be_told_are_the_kernels_too() -> None:
     assert not found.stats.refined
     assert not reference.stats.refined
     assert np.abs(found.q - reference.q).max() < 1e-11
+
+
+def test_refused_trials_are_not_tried_again_in_python(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The solver shortens its step where the kernel cannot follow; the motion is the implicit system's."""
+    told = list[str]()
+
+    def counted(name: str) -> None:
+        of: Any = getattr(Following, name)
+
+        def call(self: Following, t: float, x: Any) -> Any:
+            told.append(name)
+            return of(self, t, x)
+
+        monkeypatch.setattr(Following, name, call)
+
+    for name in ("trial", "_in_python"):
+        counted(name)
+    refused = RefusedTrialError.__init__
+    monkeypatch.setattr(
+        RefusedTrialError, "__init__", lambda *given: (told.append("refused"), refused(*given))[1]
+    )
+    mech = stephenson(2.6, (4.00004, 2.0, 3.0, 3.0))
+    v0 = mech.lift(mech.home, [2.0])
+    found = rg.simulate(mech, mech.home, v0, 0.3, 1e-3)
+    assert found.stats.refined and "trial" in told and "refused" in told
+    assert "_in_python" not in told
+
+    def rate(_t: float, x: Any) -> Any:
+        q, v = np.split(x, 2)
+        return np.concatenate([v, rg.implicit_dynamics(mech, q, v)[0]])
+
+    start = np.concatenate([mech.home, v0])
+    exact = solve_ivp(rate, (0.0, 0.3), start, method="DOP853", rtol=1e-11, atol=1e-12).y[:, -1]
+    assert np.abs(np.concatenate([found.q[-1], found.v[-1]]) - exact).max() < 1e-5
