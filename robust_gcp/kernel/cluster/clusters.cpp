@@ -239,7 +239,8 @@ void Clusters::settle(Point& accepted) {
 void Clusters::renew() {
     in_zone_ = false;
     if (!some_) return;
-    inside_->trackers.clear(), inside_->left.clear(), inside_->looked = 0.0;
+    inside_->trackers.clear();
+    inside_->left.clear();
     for (const auto& space : inside_->spaces) space->apex.reset();
 }
 
@@ -270,7 +271,7 @@ void Clusters::read(const double* numbers) {
         in.trackers.push_back(reader.tracker(*space));
     }
     const double looked = reader.number();
-    in.looked = looked < 0.0 ? std::max(in.looked, in.least_sigma()) : looked;  // just now, in Python
+    in.looked = looked < 0.0 ? in.least_sigma() : looked;  // just now, in Python
     in_zone_ = true;
 }
 
