@@ -25,9 +25,10 @@ def tried(monkeypatch: pytest.MonkeyPatch) -> list[CurveBuilder]:
     return made
 
 
-def turned(mech: rg.Mechanism, duration: float) -> NDArray[np.float64]:
+def turned(mech: rg.Mechanism, duration: float, independent: str = "q1") -> NDArray[np.float64]:
     """q and v of a run that turns over, in a row each."""
-    run = rg.simulate(mech, mech.home, mech.lift(mech.home, [3.0]), duration, 1e-3)
+    start = mech.home, mech.lift(mech.home, [3.0])
+    run = rg.simulate(mech.with_independent([independent]), *start, duration, 1e-3)
     assert run.stats.refined_steps > 0 and not run.crossings
     return np.hstack([run.q, run.v])
 
@@ -44,3 +45,13 @@ def test_a_near_miss_is_found_out_once_and_passed_alike(tried: list[CurveBuilder
     assert np.array_equal(first, again)
     fresh = turned(four_bar(1.0, 2.0 + miss, 1.5, 1.5, y=1.0), 1.0)
     assert np.array_equal(fresh, first[: len(fresh)])
+
+
+def test_it_is_known_whatever_joint_is_independent(tried: list[CurveBuilder]) -> None:
+    """Runs in other coordinates try no bridge where those in the first found none."""
+    mech = four_bar(1.0, 2.001, 1.5, 1.5, y=1.0)
+    turned(mech, 1.0)
+    assert tried
+    tried.clear()
+    turned(mech, 1.0, "q2")
+    assert not tried

@@ -20,7 +20,7 @@ from .obstacles import Obstacle, ObstacleError
 from .options import LAST_RESORT, BridgeOptions
 from .passages import passages
 from .product import chart_coordinates, in_charts, is_far, product
-from .refusal import not_followed, obstacle_at, refusal, too_large, what_stopped
+from .refusal import obstacle_at, refusal, too_large, what_stopped, where_refused
 from .regular_ground import RegularGround
 from .renewal import jet_at, recharted, tracker_at, whole_point
 from .space import space_of
@@ -258,11 +258,7 @@ class ClusterMap(Charted):
 
     def refusal(self) -> SimulationError:
         """The error to stop with where the present place cannot be passed."""
-        for cluster, tracker in zip(self.clusters, self._known_trackers(), strict=False):
-            obstacle = obstacle_at(tracker)
-            if obstacle is not None:
-                return refusal(self.mechanism, cluster, obstacle, self.anchor)
-        return not_followed(self.anchor)
+        return where_refused(self.mechanism, self._known_trackers(), self.anchor)
 
     # --------------------------------------------------------------------- for the compiled kernel
 

@@ -200,7 +200,7 @@ def _remember(here: Jet, distance: float, options: BridgeOptions, failure: NoBri
     if at.found and at.gap > options.largest_gap and failure.met is None and np.isnan(failure.separation):
         since = 0.0 if distance <= TOLD else 0.5 * distance
         miss = NearMiss(options, at.x, since, str(failure), failure.residual)
-        space.near_misses = (*space.near_misses[1 - MAX_CURVES :], miss)
+        space.near_misses[:] = [*space.near_misses[1 - MAX_CURVES :], miss]
 
 
 def turned_to(curve: Curve, x: Array) -> Curve:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ...errors import BranchError, CuspError, NotCertifiedError, SimulationError, ToggleError
@@ -90,6 +92,20 @@ def refusal(mechanism: Mechanism, cluster: LoopCluster, obstacle: Obstacle, here
         here.y,
         **figures,
     )
+
+
+def where_refused(mechanism: Mechanism, trackers: Sequence[Tracker], here: Point) -> SimulationError:
+    """The error for a place that cannot be passed: what a tracker is at, or a toggle in a poor chart."""
+    for tracker in trackers:
+        obstacle = obstacle_at(tracker)
+        if obstacle is not None:
+            return refusal(mechanism, tracker.space.cluster, obstacle, here)
+    for tracker in trackers:
+        cluster = tracker.space.cluster
+        if quality(tracker.anchor, cluster.chosen) < POOR:
+            words = "the independent components turn back here"
+            return refusal(mechanism, cluster, Obstacle("toggle", tracker.anchor.x, 0.1, np.nan, words), here)
+    return not_followed(here)
 
 
 def too_large(anchor: Point, y: Array, turn: float) -> BranchError:

@@ -52,8 +52,8 @@ class ClusterSpace:
         The last meetings of modes that were found, and cusps, and what they were judged by.
     bridged : tuple of (BridgeOptions, Curve)
         The last curves that were built through places where modes touch.
-    near_misses : tuple of NearMiss
-        The last places that modes pass without a bridge.
+    near_misses : list of NearMiss
+        The last places that modes pass without a bridge, whatever joints are independent.
     """
 
     def __init__(self, cluster: LoopCluster, reference: Array) -> None:
@@ -68,7 +68,8 @@ class ClusterSpace:
         self.balance = self.loops.column_scale / self.D
         self.met: tuple[tuple[BridgeOptions, Meeting], ...] = ()
         self.bridged: tuple[tuple[BridgeOptions, Curve], ...] = ()
-        self.near_misses: tuple[NearMiss, ...] = ()
+        shared = self.flat  # x are the same in all coordinates
+        self.near_misses: list[NearMiss] = self.loops.memo.once("near misses", list) if shared else []
         self.implicit = self.loops.memo.once("dimensionless constraint", self._scaled)
         self.phi_size = self.loops.memo.once("size of the second derivative", self._curvature)
 

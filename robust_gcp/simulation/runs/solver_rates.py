@@ -66,7 +66,7 @@ class Following:
         """
         rate = self._by_kernel(t, x)
         if rate is None and self._rates is not None and self._rates.refused:
-            raise RefusedTrialError(t, partial(self, t, x))
+            raise RefusedTrialError(t, partial(self, t, x), self._why)
         return self._by_python(t, x) if rate is None else rate
 
     def keep(self, t: float, x: Array) -> Evaluation:
@@ -137,6 +137,11 @@ class Following:
         except BaseException:  # of a torque function
             self._fall_back()
             raise
+
+    def _why(self) -> SimulationError:
+        rest = map_of_rest(self._motion.explicit)
+        assert isinstance(rest, ClusterMap)  # no other is followed where K_d is poor
+        return rest.refusal()
 
     def _by_python(self, t: float, x: Array) -> Array:
         self._fall_back()

@@ -44,11 +44,13 @@ class RefusedTrialError(BranchError):
         s.
     look : callable () -> ndarray (n,)
         ẋ there after all, or the error that says why there is none.
+    why : callable () -> SimulationError
+        After a look: what stops the motion where it came to.
     """
 
-    def __init__(self, t: float, look: Callable[[], Array]) -> None:
+    def __init__(self, t: float, look: Callable[[], Array], why: Callable[[], SimulationError]) -> None:
         super().__init__(f"the motion could not be followed to the state that was tried at t = {t:.6g} s")
-        self.look = look
+        self.look, self.why = look, why
 
 
 class Between:
@@ -201,9 +203,11 @@ def solver_steps(
             refused.clear()
         elif solver.status == "failed" or len(refused) > PATIENCE or solver.nfev - mark[1] > effort:
             if refused:
-                if isinstance(refused[-1], RefusedTrialError):
-                    refused[-1].look()
-                raise refused[-1]
+                last = refused[-1]
+                if isinstance(last, RefusedTrialError):
+                    last.look()
+                    last = last.why()
+                raise last
             raise NoProgressError(
                 f"{method} made no headway at t = {solver.t:.6g} s in {solver.nfev - mark[1]} evaluations"
                 f"{f' ({message})' if message else ''}: the problem is too stiff for this method or tolerance"
