@@ -139,6 +139,7 @@ class Following:
             raise
 
     def _why(self) -> SimulationError:
+        self._fall_back()  # the map is told where that is
         rest = map_of_rest(self._motion.explicit)
         assert isinstance(rest, ClusterMap)  # no other is followed where K_d is poor
         return rest.refusal()
