@@ -130,8 +130,8 @@ class ClusterMap(Charted):
 
     def beside_apex(self, mechanism: Mechanism) -> tuple[RegularPath, Point, Mapping[int, Tracker]] | None:
         """Where the map is, in the coordinates of `mechanism`; None but beside the apex of a cone."""
-        trackers = self._trackers if self._in_zone else None
-        return recharted(mechanism, self.path, self.anchor, trackers or [], self.options)
+        trackers = self._known_trackers() if self._in_zone else []
+        return recharted(mechanism, self.path, self.anchor, trackers, self.options)
 
     @property
     def met(self) -> bool:
