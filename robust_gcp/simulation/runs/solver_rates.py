@@ -66,7 +66,9 @@ class Following:
         """
         rate = self._by_kernel(t, x)
         if rate is None and self._rates is not None and self._rates.refused:
-            raise RefusedTrialError(t, partial(self, t, x), self._why)
+            refused = RefusedTrialError(f"the motion could not be followed to a trial at t = {t:.6g} s")
+            refused.look, refused.why = partial(self, t, x), self._why
+            raise refused
         return self._by_python(t, x) if rate is None else rate
 
     def keep(self, t: float, x: Array) -> Evaluation:

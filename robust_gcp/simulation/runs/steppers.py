@@ -36,21 +36,18 @@ class NoProgressError(SimulationError):
 
 
 class RefusedTrialError(BranchError):
-    """A trial that lies farther than can be followed.
+    """A trial that lies farther than can be followed; `solver_steps` lets none of them out.
 
-    Parameters
+    Attributes
     ----------
-    t : float
-        s.
     look : callable () -> ndarray (n,)
-        ẋ there after all, or the error that says why there is none.
+        ẋ there after all, or the error that says why there is none. Set by whoever raises it, as is:
     why : callable () -> SimulationError
         After a look: what stops the motion where it came to.
     """
 
-    def __init__(self, t: float, look: Callable[[], Array], why: Callable[[], SimulationError]) -> None:
-        super().__init__(f"the motion could not be followed to the state that was tried at t = {t:.6g} s")
-        self.look, self.why = look, why
+    look: Callable[[], Array]
+    why: Callable[[], SimulationError]
 
 
 class Between:
