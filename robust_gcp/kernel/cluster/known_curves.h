@@ -79,11 +79,13 @@ class KnownCurves {
         });
     }
 
-    void miss(const Jet& here) {
-        if (missed(here)) return;
+    // Remember that there is none, where modes pass each other.
+    void miss(const Jet& here, double largest_gap) {
+        const Place at = place(here);
+        if (!at.found() || at.cone() || at.gap <= largest_gap) return;
         if (misses.size() >= std::size_t{MOST}) misses.erase(misses.begin());
         const double distance = here.nearest().size;
-        misses.push_back({place(here).x, distance <= TOLD ? 0.0 : 0.5 * distance});
+        misses.push_back({at.x, distance <= TOLD ? 0.0 : 0.5 * distance});
     }
 
     // Whether the singular place next to a point, to first order, is a crossing on a kept curve.

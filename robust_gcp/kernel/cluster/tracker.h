@@ -242,6 +242,7 @@ class Tracker {
             try {
                 found = CurveBuilder(here, *options_, zone).build();
             } catch (const NoBridge& failure) {
+                if (!failure.tangential) known_curves.miss(*here, options_->largest_gap());
                 return blocked(*here, failure);
             }
             ++tally_->built, ++tally_->second_order;
@@ -262,7 +263,6 @@ class Tracker {
         if (!options_->error_controlled) throw Stop{};
         Obstacle met = judge(here, options_->largest_gap(), zone);
         if (failure.tangential) met.kind = Obstacle::UNKNOWN;
-        if (met.kind == Obstacle::NEAR_MISS && space_->m == 1) known_curves.miss(here);
         if (obstacles_.size() >= std::size_t{MAX_OBSTACLES}) obstacles_.erase(obstacles_.begin());
         obstacles_.push_back(met);
         if (met.stops(here.nearest().size, zone)) throw Stop{};

@@ -41,9 +41,10 @@ class Solver : public Stepper {
         r.met = clusters.met();
         if (r.reason != DONE) {  // Python evaluates it, and counts
             --rhs_;
-            if (r.reason != REFUSED) return;
-            go_back(r, *accepted_);  // the solver tries a shorter step
-            r.in_zone = clusters.in_zone();
+            if (r.reason == REFUSED) {  // the solver tries a shorter step
+                go_back(r, *accepted_);
+                r.in_zone = clusters.in_zone();
+            }
             return;
         }
         count(r);

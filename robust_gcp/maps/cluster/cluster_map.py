@@ -20,7 +20,7 @@ from .obstacles import Obstacle, ObstacleError
 from .options import LAST_RESORT, BridgeOptions
 from .passages import passages
 from .product import chart_coordinates, in_charts, is_far, product
-from .refusal import obstacle_at, refusal, too_large, what_stopped, where_refused
+from .refusal import obstacle_at, refusal, toggle_at, too_large, what_stopped, where_refused
 from .regular_ground import RegularGround
 from .renewal import jet_at, recharted, tracker_at, whole_point
 from .space import space_of
@@ -228,8 +228,7 @@ class ClusterMap(Charted):
         wanted = chart_coordinates(self.mechanism, space, y)
         here = quality(tracker.anchor, cluster.chosen)
         if here < CHANGE and not (self.error_controlled and here >= self._last_resort):
-            why = "the independent components turn back here"
-            raise self._stop(cluster, Obstacle("toggle", tracker.anchor.x, 0.1, np.nan, why))
+            raise self._stop(cluster, toggle_at(tracker))
         try:
             return tracker.jet_at(wanted)
         except (ObstacleError, LostError, np.linalg.LinAlgError) as stop:

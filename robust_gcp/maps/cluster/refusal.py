@@ -25,6 +25,11 @@ SMALLER = 'use a smaller step, or one with error control: stepper="DOP853"'
 """Where a motion is too fast for its steps in a short stretch, as one that whips past a dead point."""
 
 
+def toggle_at(tracker: Tracker, reason: str = "the independent components turn back here") -> Obstacle:
+    """That the independent components of a tracker's chart turn back where it is."""
+    return Obstacle("toggle", tracker.anchor.x, 0.1, np.nan, reason)
+
+
 def obstacle_at(tracker: Tracker) -> Obstacle | None:
     """What a tracker is at, where it has no bridge."""
     if tracker.current is not None:
@@ -40,7 +45,7 @@ def what_stopped(cluster: LoopCluster, tracker: Tracker, stop: Exception) -> Obs
     known = known or Obstacle("unknown", here, 0.1, np.nan, reason)
     undecided = known.kind == "unknown" or not isinstance(stop, ObstacleError)
     if undecided and quality(tracker.anchor, cluster.chosen) < POOR:
-        return Obstacle("toggle", here, 0.1, np.nan, reason)
+        return toggle_at(tracker, reason)
     if undecided and cluster.m > 1 and touches_ahead(tracker.anchor, CLEARLY_TOUCHING):
         words = f"modes touch in a cluster of {cluster.m} coordinates"
         return Obstacle("tangential", here, 0.1, np.nan, words)
@@ -103,8 +108,7 @@ def where_refused(mechanism: Mechanism, trackers: Sequence[Tracker], here: Point
     for tracker in trackers:
         cluster = tracker.space.cluster
         if quality(tracker.anchor, cluster.chosen) < POOR:
-            words = "the independent components turn back here"
-            return refusal(mechanism, cluster, Obstacle("toggle", tracker.anchor.x, 0.1, np.nan, words), here)
+            return refusal(mechanism, cluster, toggle_at(tracker), here)
     return not_followed(here)
 
 

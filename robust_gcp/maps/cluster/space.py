@@ -68,8 +68,8 @@ class ClusterSpace:
         self.balance = self.loops.column_scale / self.D
         self.met: tuple[tuple[BridgeOptions, Meeting], ...] = ()
         self.bridged: tuple[tuple[BridgeOptions, Curve], ...] = ()
-        shared = self.flat  # x are the same in all coordinates
-        self.near_misses: list[NearMiss] = self.loops.memo.once("near misses", list) if shared else []
+        # where q_ref = 0, x are the same in all choices of coordinates
+        self.near_misses: list[NearMiss] = self.loops.memo.once("near misses", list) if self.flat else []
         self.implicit = self.loops.memo.once("dimensionless constraint", self._scaled)
         self.phi_size = self.loops.memo.once("size of the second derivative", self._curvature)
 

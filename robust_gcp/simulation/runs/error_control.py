@@ -169,10 +169,10 @@ class RefinedRun(Run):
         """Whether a step from time i, begun there, goes on at t in better coordinates, which are taken."""
         if not self._turns_back(self._motion.explicit.anchor):
             return False
-        assert self._following is not None
-        here = self._following.kept  # at the end of the step
-        names = None if here is None else self._better(here.point)
-        if here is None or names is None:
+        assert self._following is not None and self._following.kept is not None  # at the end of the step
+        here = self._following.kept
+        names = self._better(here.point)
+        if names is None:
             return False
         self._cross(i + 1, t, here)  # in all clusters: the map that met their bridges is left
         self._last, self._renewed_at = here, t

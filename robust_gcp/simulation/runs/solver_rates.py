@@ -67,7 +67,7 @@ class Following:
         rate = self._by_kernel(t, x)
         if rate is None and self._rates is not None and self._rates.refused:
             refused = RefusedTrialError(f"the motion could not be followed to a trial at t = {t:.6g} s")
-            refused.look, refused.why = partial(self, t, x), self._why
+            refused.look, refused.why = partial(self, t, x), partial(self._why, t, x)
             raise refused
         return self._by_python(t, x) if rate is None else rate
 
@@ -140,8 +140,9 @@ class Following:
             self._fall_back()
             raise
 
-    def _why(self) -> SimulationError:
-        self._fall_back()  # the map is told where that is
+    def _why(self, t: float, x: Array) -> SimulationError:
+        self(t, x)  # raises what Python finds there
+        self._fall_back()  # else the map is told where that is
         rest = map_of_rest(self._motion.explicit)
         assert isinstance(rest, ClusterMap)  # no other is followed where K_d is poor
         return rest.refusal()

@@ -43,7 +43,7 @@ class RefusedTrialError(BranchError):
     look : callable () -> ndarray (n,)
         ẋ there after all, or the error that says why there is none. Set by whoever raises it, as is:
     why : callable () -> SimulationError
-        After a look: what stops the motion where it came to.
+        The error of a look, or else what stops the motion where it came to.
     """
 
     look: Callable[[], Array]
@@ -201,10 +201,7 @@ def solver_steps(
         elif solver.status == "failed" or len(refused) > PATIENCE or solver.nfev - mark[1] > effort:
             if refused:
                 last = refused[-1]
-                if isinstance(last, RefusedTrialError):
-                    last.look()
-                    last = last.why()
-                raise last
+                raise last.why() if isinstance(last, RefusedTrialError) else last
             raise NoProgressError(
                 f"{method} made no headway at t = {solver.t:.6g} s in {solver.nfev - mark[1]} evaluations"
                 f"{f' ({message})' if message else ''}: the problem is too stiff for this method or tolerance"
