@@ -11,18 +11,12 @@ from ..mechanism.tree.tree import Array
 def second_order_forms(mechanism: ClosedLoops, q: Array, left: Array, kernel: Array) -> list[Array]:
     """Q_u = Nᵀ (uᵀ φ'') N for each column u of `left` (dimensionless rows), (δ, δ) each.
 
-    φ''[v, v] = −k(q, v), and by polarisation φ''[v, w] = −½ (k(v + w) − k(v) − k(w)): no new
-    derivatives.
+    φ''[v, w] = K̇ w, K̇ along v; of joints that turn in space its symmetric part, as velocities of theirs
+    do not commute.
     """
-    n = kernel.shape[1]
-    square = [second_derivative(mechanism, q, kernel[:, i]) for i in range(n)]
-    forms = np.zeros((left.shape[1], n, n))
-    for i in range(n):
-        forms[:, i, i] = left.T @ square[i]
-        for j in range(i):
-            mixed = second_derivative(mechanism, q, kernel[:, i] + kernel[:, j])
-            forms[:, i, j] = forms[:, j, i] = 0.5 * left.T @ (mixed - square[i] - square[j])
-    return list(forms)
+    rows, n = left.T / mechanism.row_scale, kernel.shape[1]
+    along = np.reshape([rows @ mechanism.K_rate(q, v) @ kernel for v in kernel.T], (n, len(rows), n))
+    return [0.5 * (form + form.T) for form in along.transpose(1, 0, 2)]
 
 
 def second_derivative(mechanism: ClosedLoops, q: Array, v: Array) -> Array:

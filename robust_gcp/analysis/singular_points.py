@@ -12,6 +12,10 @@ from .second_order import full_svd, second_order_forms
 LOCATED = 1e-11
 """Residual of φ = 0, Kᵀ U = 0 at which a singular configuration is located."""
 
+IDLE = 4
+"""Iterations without one that nearly halves the residual, after which they lead nowhere; beside a degenerate
+singularity they halve it."""
+
 FAR = 10.0
 """Dimensionless step at which there is none near by."""
 
@@ -27,12 +31,15 @@ def located(loops: ClosedLoops, q: Array, rank: int, corank: int) -> Array | Non
     us = np.eye(rank)[:, rank - corank :]
     here, scale = q, loops.column_scale
     pairs = np.triu_indices(corank)
-    for _ in range(25):
+    least, idle = np.inf, 0
+    while idle < IDLE:
         K = rows @ loops.scaled(loops.K(here))
         products = (us.T @ us - np.eye(corank))[pairs]
         F = np.concatenate([rows @ (loops.phi(here) / loops.row_scale), (K.T @ us).T.ravel(), 0.5 * products])
-        if np.abs(F).max() < LOCATED:
+        size = np.abs(F).max()
+        if size < LOCATED:
             return here
+        least, idle = (size, 0) if size < 0.6 * least else (least, idle + 1)
         forms = second_order_forms(loops, here, (us.T @ rows).T, np.diag(scale))
         normal = np.zeros((len(products), us.size))
         for row, (i, j) in enumerate(zip(*pairs, strict=True)):
