@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 import robust_gcp as rg
 from robust_gcp.examples.meetings import trammel as trammel_at
 
+from .compiled import KERNEL
+
 Array = NDArray[np.float64]
 
 THOROUGH = int(os.environ.get("FUZZ_EXAMPLES", "0"))
@@ -35,11 +37,13 @@ settings.register_profile(
 )
 
 
+LONG = "long.txt" if KERNEL.available else "long_in_python.txt"
 LISTED = {
     mark: tuple(Path(__file__).with_name(file).read_text(encoding="utf-8").split("\n")[:-1])
-    for mark, file in (("slow", "slow.txt"), ("campaign", "long.txt"))
+    for mark, file in (("slow", "slow.txt"), ("campaign", LONG))
 }
-"""Tests, as their names begin, that take more than some two, and some ten seconds of a processor."""
+"""Tests, as their names begin, that take more than some two, and some ten seconds of a processor; without a
+kernel those of motions that take more than some four."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

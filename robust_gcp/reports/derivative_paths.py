@@ -173,6 +173,9 @@ def _groups() -> Iterator[tuple[str, Call, dict[str, Call]]]:
         "singular, moving": (bars, flat, 2.0 * mode, {}),
         "singular, at rest with mode=": (bars, flat, 0.0 * mode, {"mode": mode}),
         "beside a dead point": (*dead_point(), {}),
+        "beside a singular surface, two coordinates": (*at_a_surface(0.01), {}),
+        "at a singular surface, two coordinates": (*at_a_surface(0.0), {}),
+        "beside an apex, two coordinates": (*five_bar_in_line(), {}),
     }
     push = [Wrench("q2", np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0]))]
 
@@ -183,12 +186,6 @@ def _groups() -> Iterator[tuple[str, Call, dict[str, Call]]]:
         others: dict[str, Call] = {}
         for where, (mech, q, fast, options) in places.items():
             others[where] = partial(call, mech, q, fast, np.zeros(mech.nv), **options)
-        for where, several in {
-            "beside a singular surface, two coordinates": at_a_surface(0.01),
-            "at a singular surface, two coordinates": at_a_surface(0.0),
-            "beside an apex, two coordinates": five_bar_in_line(),
-        }.items():
-            others[where] = partial(call, *several, np.zeros(several[0].nv))
         if what != "linearise":  # of one state
             rows = [np.tile(part, (MANY, 1)) for part in (rocker.home, v, tau)]
             others[f"each of {MANY} states"] = Each(partial(call, rocker, *rows), MANY)

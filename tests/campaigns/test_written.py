@@ -19,7 +19,7 @@ from .descriptions.scenes import SCENES, Scene
 pytest.importorskip("mujoco")
 
 SEED, MOST = 0, 12
-FEW = 4
+FEW = 3
 """Descriptions of a scene that are written by default."""
 CLOSE = 1e-9
 
@@ -54,7 +54,7 @@ def difference(mechanism: rg.Mechanism, path: Path, ydot: np.ndarray) -> float:
 
 
 EVERY = [
-    *(pytest.param(scene, FEW) for scene in SCENES[::6]),
+    *(pytest.param(scene, FEW) for scene in SCENES[::12]),
     *(pytest.param(scene, MOST, marks=pytest.mark.campaign) for scene in SCENES),
 ]
 

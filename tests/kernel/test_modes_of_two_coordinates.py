@@ -67,7 +67,11 @@ def test_a_series_is_the_mode_wherever_it_serves() -> None:
 
 
 @pytest.mark.parametrize(
-    "cranks", [(FLAT - 0.02, 2.5), (FLAT - 1e-4, 2.5), (FLAT + 1e-5, 2.5), (FLAT, 2.5), (FLAT, FLAT)]
+    "cranks",
+    [
+        *((FLAT - 0.02, 2.5), (FLAT - 1e-4, 2.5), (FLAT + 1e-5, 2.5), (FLAT, 2.5)),
+        pytest.param((FLAT, FLAT), marks=pytest.mark.campaign),
+    ],
 )
 def test_every_mode_beside_and_at_a_surface_is_the_references(cranks: tuple[float, float]) -> None:
     """Moving states tell their mode, also where series of others pass the same place."""

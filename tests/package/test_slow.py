@@ -9,7 +9,7 @@ import pytest
 TESTS = Path(__file__).parents[1]
 
 
-@pytest.mark.parametrize("name", ["slow.txt", "long.txt"])
+@pytest.mark.parametrize("name", ["slow.txt", "long.txt", "long_in_python.txt"])
 def test_each_is_there(name: str) -> None:
     for line in (TESTS / name).read_text(encoding="utf-8").splitlines():
         file, _, rest = line.partition("::")

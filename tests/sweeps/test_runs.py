@@ -355,7 +355,7 @@ def test_a_worker_that_dies_costs_one_run(tmp_path: Path) -> None:
 
 def test_an_executor_that_breaks_is_named() -> None:
     with (
-        ProcessPoolExecutor(1) as executor,
+        ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as executor,
         pytest.raises(rg.SweepError, match="BrokenProcessPool") as caught,
     ):
         rg.sweep(crash, [{"how": "crash"}], executor=executor, **SHORT)
