@@ -23,7 +23,7 @@ inline bool serves(const Jet& jet, const std::vector<int>& chosen, double share)
     if (jet.J.cols() == 1)
         return std::fabs(jet.J(chosen[0], 0)) >= share * jet.J.col(0).cwiseAbs().maxCoeff();
     // those of J are the unit matrix: with J = Q R they are R⁻¹ in Q
-    const double here = 1.0 / std::sqrt(symmetric_eigenvalues(transposed_times(jet.J, jet.J)).tail(1)[0]);
+    const double here = 1.0 / std::sqrt(Svd(transposed_times(jet.J, jet.J)).s[0]);
     if (here >= share) return true;
     const Matrix tangent = jet.tangent();
     return here >= share * smallest(tangent, best_rows(tangent));

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <utility>
 
 #include "linalg/dense.h"
@@ -134,8 +133,7 @@ inline Place place(const Jet& here) {
         space.second(found.x, N.col(i), rates);
         Q.row(i) = (N.transpose() * (rates.transpose() * u)).transpose();
     }
-    found.values = symmetric_eigenvalues(Q).cwiseAbs();
-    std::sort(found.values.data(), found.values.data() + found.values.size(), std::greater<>());
+    found.values = Svd(0.5 * (Q + Q.transpose())).s;
     found.gap = std::fabs(u.dot(phi));
     return found;
 }

@@ -33,7 +33,6 @@ double determinant(const Matrix& A);
 Matrix orthonormal(const Matrix& A);  // Q of A = Q R, as wide as A, or square where A is wider than high
 std::vector<int> best_rows(const Matrix& A);  // as many as A has columns: a pivoted QR of Aᵀ
 Roots eigenvalues(const Matrix& A);
-Vector symmetric_eigenvalues(const Matrix& A);  // of (A + Aᵀ)/2, ascending
 
 // The shortest x that brings A x as near to b as can be; singular values below a share of the first are zero.
 Vector least_squares(const Matrix& A, const Vector& b, double share);

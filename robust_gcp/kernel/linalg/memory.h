@@ -97,19 +97,8 @@ class Within {
     Budget* const before_;
 };
 
-// As malloc and free, of whole cache lines where `aligned`; never null.
-inline void* take(std::size_t bytes, bool aligned) {
-    if (budget != nullptr) return budget->take(bytes);
-    void* p = nullptr;
-    if (aligned ? posix_memalign(&p, CACHE_LINE, bytes) != 0 : (p = std::malloc(bytes > 0 ? bytes : 1)) == nullptr)
-        throw std::bad_alloc();
-    return p;
-}
-inline void give(void* p) noexcept {
-    if (budget != nullptr && budget->holds(p))
-        budget->give(p);
-    else
-        std::free(p);
-}
+// As malloc and free, of whole cache lines where `aligned`; never null. Inline, they would be in each destructor.
+void* take(std::size_t bytes, bool aligned);
+void give(void* p) noexcept;
 
 }  // namespace rg
