@@ -7,7 +7,6 @@ these tests are skipped.
 from __future__ import annotations
 
 import os
-import time
 import warnings
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -101,10 +100,8 @@ def test_files_load_closed(file: str, robots: Any) -> None:
 @pytest.mark.parametrize("file", REFUSED)
 def test_files_that_cannot_load_are_refused_by_name(file: str) -> None:
     kind, message = REFUSED[file]
-    begun = time.perf_counter()
     with pytest.raises(kind, match=message):
         rg.load(ROBOTS / file)
-    assert time.perf_counter() - begun < 60.0
 
 
 @pytest.mark.parametrize("file", FLOATING)
@@ -126,7 +123,6 @@ def test_files_run_as_they_are(file: Path) -> None:
         entry = tried(file, str(file), 0.3, None)
     assert entry.verdict == ("refused" if file.name in UNREADABLE else "runs"), entry.why
     assert entry.verdict == "refused" or entry.closure < 1e-12
-    assert not entry.seconds or entry.seconds[0] < 10.0
 
 
 @pytest.mark.parametrize(

@@ -210,16 +210,26 @@ Vector least_squares(const Matrix& A, const Vector& b, double share) {
 }
 
 Vector shortest(const Matrix& A, const Vector& b, double share, bool* full) {
-    constexpr double PLAIN = 1e-4;  // of the pivots: far above any share
-    if (full != nullptr) *full = true;
-    if (A.cols() == 0) return Vector();
-    if (A.rows() >= A.cols()) {
-        const Eigen::ColPivHouseholderQR<Matrix> qr(A);
-        const auto pivots = qr.matrixQR().diagonal().cwiseAbs();
-        if (pivots[A.cols() - 1] > PLAIN * pivots[0]) return qr.solve(b);
+    constexpr double PLAIN = 1e-4, ROUNDING = 1e-12;  // of the pivots: far above any share, and zero
+    const Eigen::Index n = std::min(A.rows(), A.cols());
+    if (full != nullptr) *full = A.cols() == 0;
+    if (n == 0) return Vector::Zero(A.cols());
+    const Eigen::ColPivHouseholderQR<Matrix> qr(A);
+    const auto pivots = qr.matrixQR().diagonal().cwiseAbs();
+    const Eigen::Index rank = (pivots.array() > PLAIN * pivots[0]).count();
+    if (rank > 0 && (rank == n || pivots[rank] < ROUNDING * pivots[0])) {
+        if (full != nullptr) *full = rank == A.cols();
+        if (rank == A.cols()) return qr.solve(b);
+        // A P = Q R with few rows, Rᵀ = Z S: Sᵀ y = Qᵀ b, x = P Z y (Golub and Van Loan, Matrix Computations, 5.5.2)
+        const Matrix R = qr.matrixQR().topRows(rank).triangularView<Eigen::Upper>();
+        const Eigen::HouseholderQR<Matrix> across(R.transpose());
+        Vector y = (qr.householderQ().adjoint() * b).head(rank), x = Vector::Zero(A.cols());
+        across.matrixQR().topRows(rank).triangularView<Eigen::Upper>().transpose().solveInPlace(y);
+        x.head(rank) = y;
+        return qr.colsPermutation() * (across.householderQ() * x);
     }
     const Svd svd(A);
-    if (full != nullptr) *full = A.rows() >= A.cols() && svd.s[A.cols() - 1] > share * svd.s[0];
+    if (full != nullptr) *full = n == A.cols() && svd.s[n - 1] > share * svd.s[0];
     return by_svd(svd, b, share);
 }
 

@@ -36,7 +36,7 @@ Roots eigenvalues(const Matrix& A);
 
 // The shortest x that brings A x as near to b as can be; singular values below a share of the first are zero.
 Vector least_squares(const Matrix& A, const Vector& b, double share);
-// The same, soon where A has full column rank; also whether it has.
+// The same, soon where the rank is clear; also whether A has full column rank.
 Vector shortest(const Matrix& A, const Vector& b, double share, bool* full = nullptr);
 
 // shift + 1/λ for those that are not beyond 1/least.
