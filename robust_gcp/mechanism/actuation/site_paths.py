@@ -11,6 +11,7 @@ import pinocchio as pin
 from ...checks import check_positive, check_text, checked_vector
 from ..tree.joints import support
 from ..tree.tree import Array, Tree
+from ..tree.vectors import cross
 from .paths import BoundPath, Load, Path, placed_frame
 
 Placed = tuple[int, pin.SE3]
@@ -67,7 +68,7 @@ class _OnSite(BoundPath):
             axes, origin = self._placed(self._reference)
             length = float(self._gear @ np.concatenate([axes.T @ (p - origin), pin.log3(axes.T @ R)]))
         force, torque = axes @ self._gear[:3], axes @ self._gear[3:]
-        return length, (self._tree.J @ np.concatenate([force, torque + np.cross(p, force)])) * self._carried
+        return length, (self._tree.J @ np.concatenate([force, torque + cross(p, force)])) * self._carried
 
     def loads(self) -> list[Load]:
         """See `BoundPath`."""
@@ -124,17 +125,17 @@ class _Cranked(BoundPath):
         along = float(axis @ d)
         square = along**2 + self._rod**2 - float(d @ d)
         if square <= 0.0:
-            return along, axis, np.cross(axis, d), at_crank, at_slider
+            return along, axis, cross(axis, d), at_crank, at_slider
         root = float(np.sqrt(square))
         share = 1.0 - along / root
-        return along - root, share * axis + d / root, share * np.cross(axis, d), at_crank, at_slider
+        return along - root, share * axis + d / root, share * cross(axis, d), at_crank, at_slider
 
     def length_at(self, q: Array) -> tuple[float, Array]:
         """ℓ = a·d − √((a·d)² + rod² − d·d), d from the slider's site to the crank's; a·d beyond its reach."""
         length, by_d, turning, at_crank, at_slider = self._found()
         J = self._tree.J
-        moment = (J @ np.concatenate([by_d, np.cross(at_crank, by_d)])) * self._of_crank
-        moment -= (J @ np.concatenate([by_d, np.cross(at_slider, by_d) - turning])) * self._of_slider
+        moment = (J @ np.concatenate([by_d, cross(at_crank, by_d)])) * self._of_crank
+        moment -= (J @ np.concatenate([by_d, cross(at_slider, by_d) - turning])) * self._of_slider
         return length, moment
 
     def loads(self) -> list[Load]:

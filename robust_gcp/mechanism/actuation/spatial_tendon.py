@@ -13,6 +13,7 @@ from ...checks import check_finite, check_text, checked_rows, checked_vector, li
 from ...errors import ModelError
 from ..tree.joints import support
 from ..tree.tree import Array, Tree
+from ..tree.vectors import cross
 from .paths import BoundPath, Load, Path, placed_frame, point_of
 from .wrapping import CYLINDER, SPHERE, Wrapped, wrapped
 
@@ -178,7 +179,7 @@ class Line(BoundPath):
             length += share * size
             if size > 0.0 and a != b:
                 u = along / size
-                wrench = np.concatenate([u, np.cross(start, u)])
+                wrench = np.concatenate([u, cross(start, u)])
                 moment += share * (self._tree.J @ wrench) * (self._carried[b] - self._carried[a])
         return length, moment
 

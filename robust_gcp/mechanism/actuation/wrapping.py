@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..tree.tree import Array
+from ..tree.vectors import cross
 
 SPHERE, CYLINDER = "sphere", "cylinder"
 
@@ -70,10 +71,10 @@ def wrapped(
 def _plane(a: Array, b: Array) -> Array:
     """Orthonormal axes (2, 3) of the plane of two points and the origin, the first along `a`."""
     first = a / np.linalg.norm(a)
-    normal = np.cross(a, b)
+    normal = cross(a, b)
     if np.linalg.norm(normal) < TINY:  # on one line: any plane through it
-        normal = np.cross(first, np.where(np.arange(3) == np.abs(first).argmax(), 0.0, 1.0))
-    second = np.cross(normal, first)
+        normal = cross(first, np.where(np.arange(3) == np.abs(first).argmax(), 0.0, 1.0))
+    second = cross(normal, first)
     return np.array([first, second / np.linalg.norm(second)])
 
 

@@ -161,10 +161,10 @@ class ImplicitConstraint:
     def jacobian(self) -> Array:
         """K = ∂φ/∂q (nc, nv) at the tree's present placements; a new array."""
         n, tree = len(self.rows), self._tree
-        entries = np.einsum("ij,ij->i", self._wrenches()[self._entry_wrench], tree.J[self._entry_column])
+        row, column, nv = self._entry_wrench, self._entry_column, tree.nv
+        entries = np.einsum("ij,ij->i", self._wrenches().take(row, 0), tree.J.take(column, 0))
         entries *= self._entry_weight
-        nv = tree.nv
-        flat = np.bincount(self._entry_at, entries, minlength=n * nv).astype(float)
+        flat = np.bincount(self._entry_at, entries, minlength=n * nv).astype(float, copy=False)
         if self._coupling is not None:
             # a joint that is held has no second one: its own entry comes last
             flat[self._coupled_at[:, 1]] = -self._coupling.slope(tree.q) * self._coupled_weight[:, 1]
@@ -189,9 +189,10 @@ class ImplicitConstraint:
             turned = self._along.wrench_rates(tree.frame_p, tree.frame_R, speed, omega)
             wrench[self._along.at] = wrench[n + self._along.at] = turned
         at, column = self._entry_wrench, self._entry_column
-        entries = np.einsum("ij,ij->i", wrench[at], tree.J[column])
-        entries += np.einsum("ij,ij->i", self._wrenches()[at], tree.dJ[column])
-        flat = np.bincount(self._entry_at, entries * self._entry_weight, minlength=n * tree.nv).astype(float)
+        entries = np.einsum("ij,ij->i", wrench.take(at, 0), tree.J.take(column, 0))
+        entries += np.einsum("ij,ij->i", self._wrenches().take(at, 0), tree.dJ.take(column, 0))
+        entries *= self._entry_weight
+        flat = np.bincount(self._entry_at, entries, minlength=n * tree.nv).astype(float, copy=False)
         if self._coupling is not None:
             rate = -self._coupling.slope_rate(tree.q, v)
             flat[self._coupled_at[:, 1]] = rate * self._coupled_weight[:, 1]

@@ -12,6 +12,7 @@ from ...errors import SimulationError
 from ..constraint.closures import frame_of
 from ..tree.joints import support
 from ..tree.tree import Array, Tree
+from ..tree.vectors import cross
 
 if TYPE_CHECKING:
     from .forces import PointSpring
@@ -72,7 +73,7 @@ class Lines:
             self._require_direction(length)
             length = np.where(length > 0.0, length, 1.0)  # no rest length: the force vanishes
         u = along / length[:, None]
-        wrench = np.hstack([u, np.cross(start, u)])
+        wrench = np.hstack([u, cross(start, u)])
         rate = (wrench @ self._tree.J.T) * self._sign
         tension = self._stiffness * (np.linalg.norm(along, axis=1) - self._rest)
         power = 0.0

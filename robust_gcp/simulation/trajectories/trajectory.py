@@ -139,7 +139,11 @@ class Trajectory(Named, Pictures):
         The numbers of a joint are called `q.joint` and `v.joint`, or `q.joint.component` where it has
         several, such as `q.ball.qw` and `v.ball.rx`; constraint forces by `reactions.row_names`.
         """
-        return self._recorded() | powered_columns(self.mechanism, self.q, self.v, self.u)
+        return self._recorded() | self._powered
+
+    @cached_property
+    def _powered(self) -> dict[str, Array]:
+        return powered_columns(self.mechanism, self.q, self.v, self.u)
 
     def _recorded(self) -> dict[str, Array]:
         return recorded_columns(self)
