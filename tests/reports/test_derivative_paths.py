@@ -26,7 +26,7 @@ def test_the_kernel_leaves_none_of_them() -> None:
 
 def test_the_largest_errors_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a few cases: nine digits in each, and an error of 1e-6 would be the largest."""
-    found = list(path_accuracy.errors(every=16))
+    found = list(path_accuracy.errors(every=32))
     assert {row.what for row in found} >= {"derivatives", "simulate", "Batch", "step after step", "lift"}
     for row in found:
         assert 0.0 <= row.least[0] <= row.largest[0] < 1e-9

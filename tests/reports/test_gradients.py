@@ -15,7 +15,7 @@ from robust_gcp.reports.gradients.problems import Problem, problems
 from ..dynamics import gradient_problems
 
 
-@pytest.mark.parametrize("every", [7, pytest.param(1, marks=pytest.mark.campaign)])
+@pytest.mark.parametrize("every", [17, pytest.param(1, marks=pytest.mark.campaign)])
 def test_all_of_ours_are_right(every: int) -> None:
     given = problems()
     assert Counter(p.kind for p in given) == {"regular": 66, "near": 128, "at": 32}
