@@ -42,8 +42,9 @@ LISTED = {
     mark: tuple(Path(__file__).with_name(file).read_text(encoding="utf-8").split("\n")[:-1])
     for mark, file in (("slow", "slow.txt"), ("campaign", LONG))
 }
-"""Tests, as their names begin, that take more than some two, and some ten seconds of a processor; without a
-kernel those of motions that take more than some four."""
+"""Tests, as their names begin, that take more than some two seconds of a processor; and of these the long
+ones whose like, in another backend or of a smaller machine, shows the same. Without a kernel those of motions
+that take more than some four seconds are long."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
