@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from pathlib import Path
 from typing import Any
@@ -18,9 +19,10 @@ RARE = ("zone_evaluations", "marching_steps", "bridges_built", "svds", "second_o
 CONSTRAINT = ("constraint_evaluations", "newton_iterations")
 
 
-@pytest.fixture(scope="module")
-def costs() -> dict[str, Cost]:
-    return {scene.name: measure(scene, rounds=1) for scene in SCENES}
+@functools.cache
+def cost_of(name: str) -> Cost:
+    (scene,) = (scene for scene in SCENES if scene.name == name)
+    return measure(scene, rounds=1)
 
 
 def nonzero(cost: Cost) -> set[str]:
@@ -51,28 +53,28 @@ NEEDED = {
 
 
 @pytest.mark.parametrize("name", NEEDED)
-def test_only_what_is_needed_runs(name: str, costs: dict[str, Cost]) -> None:
-    assert nonzero(costs[name]) == NEEDED[name]
+def test_only_what_is_needed_runs(name: str) -> None:
+    assert nonzero(cost_of(name)) == NEEDED[name]
 
 
-def test_counts_of_a_step(costs: dict[str, Cost]) -> None:
+def test_counts_of_a_step() -> None:
     """RK4 has four right-hand sides a step and one at the end; each needs τ once and C + M g once.
 
     What is recorded is computed once an output, the first one excepted (it precedes the steps).
     """
-    for cost in costs.values():
+    for cost in (cost_of(scene.name) for scene in SCENES):
         if cost.scene != "… by DOP853" and not cost.stats.repartitions and not cost.stats.refined_steps:
             assert cost.stats.rhs == 4 * cost.steps + 1
-    assert costs["one pendulum"].calls["RNEA"] == 4 * costs["one pendulum"].steps
+    assert cost_of("one pendulum").calls["RNEA"] == 4 * cost_of("one pendulum").steps
     for name in ("a pendulum with spring and damper", "… with spring and damper"):
-        assert costs[name].calls["forces"] == 4 * costs[name].steps
+        assert cost_of(name).calls["forces"] == 4 * cost_of(name).steps
     for name, part in (("a", "a"), ("the energy", "energies"), ("λ", "multipliers")):
-        assert costs[f"… recording {name}"].calls[part] == costs[f"… recording {name}"].steps
+        assert cost_of(f"… recording {name}").calls[part] == cost_of(f"… recording {name}").steps
 
 
-def test_each_solve_evaluates_the_constraint_once_more_than_it_corrects(costs: dict[str, Cost]) -> None:
+def test_each_solve_evaluates_the_constraint_once_more_than_it_corrects() -> None:
     """φ is evaluated before each correction of Newton's and after the last, where G and g are solved."""
-    stats = costs["one loop, far from singular"].stats
+    stats = cost_of("one loop, far from singular").stats
     at_the_start = stats.constraint_evaluations - stats.newton_iterations - stats.rhs
     assert 0 <= at_the_start < 30
 
@@ -94,10 +96,10 @@ def test_far_from_singular_the_method_evaluates_nothing_more(name: str) -> None:
     np.testing.assert_array_equal(runs[0].q, runs[1].q)
 
 
-def test_a_crossing_costs_once(costs: dict[str, Cost]) -> None:
+def test_a_crossing_costs_once() -> None:
     """One bridge, one second-order analysis and a few singular values, however long the motion is."""
     for name in ("through a crossing", "two coordinates, through a crossing", "everything on"):
-        cost = costs[name]
+        cost = cost_of(name)
         assert cost.crossings == 1
         assert cost.stats.bridges_built == cost.stats.second_order == cost.calls["2nd order"] == 1
         for_reactions = cost.calls["multipliers"]  # one of K for each λ, whose rank it decides
@@ -107,14 +109,14 @@ def test_a_crossing_costs_once(costs: dict[str, Cost]) -> None:
         assert cost.stats.refined_steps == 0
 
 
-def test_everything_on_is_everything(costs: dict[str, Cost]) -> None:
-    everything = nonzero(costs["everything on"]) | {"CRBA", "refined_steps"}  # for m > 1; without a bridge
+def test_everything_on_is_everything() -> None:
+    everything = nonzero(cost_of("everything on")) | {"CRBA", "refined_steps"}  # for m > 1; without a bridge
     everything |= {"newton_iterations"}  # none where modes are straight and predictions exact
     assert everything == {*RARE, *CONSTRAINT, "force_evaluations", *PARTS}
 
 
-def test_a_change_of_coordinates_is_counted(costs: dict[str, Cost]) -> None:
-    assert len(costs["the coordinate turns back: repartition"].stats.repartitions) == 1
+def test_a_change_of_coordinates_is_counted() -> None:
+    assert len(cost_of("the coordinate turns back: repartition").stats.repartitions) == 1
 
 
 def test_coordinates_of_a_tree_in_another_order() -> None:
