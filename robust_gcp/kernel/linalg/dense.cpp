@@ -214,19 +214,12 @@ Vector shortest(const Matrix& A, const Vector& b, double share, bool* full) {
     const Eigen::Index n = std::min(A.rows(), A.cols());
     if (full != nullptr) *full = A.cols() == 0;
     if (n == 0) return Vector::Zero(A.cols());
-    const Eigen::ColPivHouseholderQR<Matrix> qr(A);
-    const auto pivots = qr.matrixQR().diagonal().cwiseAbs();
-    const Eigen::Index rank = (pivots.array() > PLAIN * pivots[0]).count();
-    if (rank > 0 && (rank == n || pivots[rank] < ROUNDING * pivots[0])) {
+    Eigen::CompleteOrthogonalDecomposition<Matrix> whole;
+    whole.setThreshold(PLAIN).compute(A);
+    const Eigen::Index rank = whole.rank();
+    if (rank > 0 && (rank == n || std::fabs(whole.matrixQTZ()(rank, rank)) < ROUNDING * whole.maxPivot())) {
         if (full != nullptr) *full = rank == A.cols();
-        if (rank == A.cols()) return qr.solve(b);
-        // A P = Q R with few rows, Rᵀ = Z S: Sᵀ y = Qᵀ b, x = P Z y (Golub and Van Loan, Matrix Computations, 5.5.2)
-        const Matrix R = qr.matrixQR().topRows(rank).triangularView<Eigen::Upper>();
-        const Eigen::HouseholderQR<Matrix> across(R.transpose());
-        Vector y = (qr.householderQ().adjoint() * b).head(rank), x = Vector::Zero(A.cols());
-        across.matrixQR().topRows(rank).triangularView<Eigen::Upper>().transpose().solveInPlace(y);
-        x.head(rank) = y;
-        return qr.colsPermutation() * (across.householderQ() * x);
+        return whole.solve(b);
     }
     const Svd svd(A);
     if (full != nullptr) *full = n == A.cols() && svd.s[n - 1] > share * svd.s[0];

@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..tree.tree import Array
+from ..tree.vectors import cross
 from ..tree.workspace import workspace
 
 if TYPE_CHECKING:
@@ -146,11 +147,11 @@ class Instant:
         for place, inertia, v, a in self.bodies(branch):
             weight = inertia.mass * self.gravity
             total += place.act(inertia * a + inertia.vxiv(v))
-            total -= pin.Force(weight, np.cross(place.act(inertia.lever), weight))
+            total -= pin.Force(weight, cross(place.act(inertia.lever), weight))
         own, others = self.index(branch.joint), {self.index(joint) for joint in branch.joints}
         for frame, joint, point, force, moment in self._pushes:
             if joint in others or (joint == own and (branch.frames is None or frame in branch.frames)):
-                total -= pin.Force(force, moment + np.cross(point, force))
+                total -= pin.Force(force, moment + cross(point, force))
         return total
 
     def tendon(self, name: str) -> tuple[float, float]:

@@ -16,6 +16,7 @@ import pinocchio as pin
 from ...checks import hint, shown
 from ...errors import ModelError
 from ..tree.tree import Array
+from ..tree.vectors import cross
 from .instant import Branch, Instant, Spot
 
 
@@ -130,7 +131,7 @@ def _velocity(here: Instant, sensor: Sensor) -> tuple[Array, Array]:
         return v, w
     moving, turning = here.velocity(sensor.reference)
     apart = here.placed(sensor.spot)[2].translation - here.placed(sensor.reference)[2].translation
-    return _seen(here, sensor, v - moving - np.cross(turning, apart)), _seen(here, sensor, w - turning)
+    return _seen(here, sensor, v - moving - cross(turning, apart)), _seen(here, sensor, w - turning)
 
 
 def _joint(here: Instant, sensor: Sensor) -> tuple[Array, Array]:
@@ -168,7 +169,7 @@ def _carried(here: Instant, sensor: Sensor) -> tuple[Array, Array]:
 def _spinning(here: Instant, sensor: Sensor) -> Array:
     """Angular momentum of a branch about its own centre."""
     _, centre, total = here.momentum(_branch(sensor))
-    return np.asarray(total.angular - np.cross(centre, total.linear))
+    return np.asarray(total.angular - cross(centre, total.linear))
 
 
 def _drifting(here: Instant, sensor: Sensor) -> Array:
