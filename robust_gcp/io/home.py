@@ -31,16 +31,13 @@ def closed_home(
     except ClosureError as failure:
         if failure.nearest is None or loops.closure_residual(failure.nearest) > ROUNDED:
             raise
-        kept, rounded = without_rounded_rows(loops, failure.nearest)
+        freed, rounded = without_rounded_rows(loops, failure.nearest)
         if not rounded:
             raise
         home = failure.nearest
     else:
-        kept, rounded = without_rounded_rows(loops, home)
-    if not rounded:
-        return loops, home, rounded
-    freed = ClosedLoops(loops.own_model, kept)
-    return freed, assembled(freed, home, every, "home"), rounded
+        freed, rounded = without_rounded_rows(loops, home)
+    return freed, assembled(freed, home, every, "home") if rounded else home, rounded
 
 
 def with_coordinates(
@@ -58,12 +55,12 @@ def with_coordinates(
     completed for a configuration beside it.
     """
     if independent is not None:
-        return Mechanism.from_contents(contents, independent, home, name)
+        return Mechanism.from_contents(contents, independent, home, name, loops)
     place = home
     if loops.closure_residual(home) <= NEARLY_CLOSED and singular_words(loops, home):
         place = regular_near(loops, home)
     if (as_named or place is not home) and wanted:
         with contextlib.suppress(PartitionError):
-            return Mechanism.from_contents(contents, wanted, home, name)
+            return Mechanism.from_contents(contents, wanted, home, name, loops)
     chosen, _ = completed(loops, place, wanted, name)
-    return Mechanism.from_contents(contents, chosen, home, name)
+    return Mechanism.from_contents(contents, chosen, home, name, loops)

@@ -244,24 +244,17 @@ def _mechanism(
     given = home_of(own["home"], model, path) if own.get("home") is not None else None
     guess = home_of(own["guess"], model, path, "guess") if own.get("guess") is not None else contents.pose()
     try:
-        loops = ClosedLoops(model, contents.closures)
-        kept, rounded = without_unmoved_rows(loops)
+        loops, rounded = without_unmoved_rows(ClosedLoops(model, contents.closures))
         contents.left_out += named(IMPLIED, rounded)
-        if rounded:
-            contents.closures = list(kept)
-            loops = ClosedLoops(model, kept)
         if given is not None:
             home = given
             if loops.closure_residual(home) <= ROUNDED:
-                kept, rounded = without_rounded_rows(loops, home)
-                loops = ClosedLoops(model, kept) if rounded else loops
-                contents.closures = list(loops.closures)
+                loops, rounded = without_rounded_rows(loops, home)
                 contents.left_out += named(IMPLIED, rounded)
         else:
             spreads = MANY_STARTS if guess is None else FEW_STARTS
             start = loops.home if guess is None else guess
             loops, home, rounded = closed_home(loops, start, spreads)
-            contents.closures = list(loops.closures)
             contents.left_out += named(IMPLIED, rounded)
             if guess is None:  # a pose that nobody chose may be singular, where no motion starts by itself
                 home = regular_near(loops, home, NEARLY_SINGULAR)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -17,7 +18,6 @@ from .constraint.closures import closure_frames
 from .constraint.constraint import without_zero_rows
 from .constraint.couplings import AnyClosure, CouplingClosure, Couplings, closures_given
 from .coordinates.loop_graph import characteristic_length
-from .coordinates.partition import numerical_rank, ranked_choices
 from .many_states import at_each
 from .memo import Memo
 from .named_numbers import Named, with_numbers
@@ -26,8 +26,14 @@ from .tree.joints import Joint, in_v, joint_named, joints_of
 from .tree.model import check_model, require_equal, seen_from, standpoint
 from .tree.tree import Array, Tree, require_depth_first
 
-COMPONENT = 0.1
-"""Weight of one component of a spherical joint beside that of a revolute one, where both would serve."""
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+MADE = (
+    "closures", "implicit", "joint_names", "length", "loops", "nc", "near", "nq", "nv", "own_model",
+    "standpoint", "tree",
+)  # fmt: skip
+"""What loops consist of; the rest is worked out from it."""
 
 
 class ClosedLoops:
@@ -79,6 +85,18 @@ class ClosedLoops:
             self.tree, self.closures, self.length, self.generic_configurations()
         )
         self.nc = len(self.implicit.rows)
+
+    @classmethod
+    def over(cls, loops: ClosedLoops) -> Self:
+        """The same loops once more, of which nothing is worked out yet, on the same workspace of Pinocchio's.
+
+        Both use it one after the other on a thread, as two runs of one mechanism do.
+        """
+        same = cls.__new__(cls)
+        vars(same).update({name: vars(loops)[name] for name in MADE})
+        same.memo, same.of_loops, same._shown_model = Memo(), Memo(), None
+        same.home = pin.neutral(same.own_model)
+        return same
 
     @property
     def model(self) -> pin.Model:
@@ -251,26 +269,6 @@ class ClosedLoops:
     def velocity_slice(self, name: str) -> slice:
         """Where the joint's entries are in v."""
         return self.joint(name).v
-
-    def coordinate_choices(self, q: ArrayLike) -> list[tuple[float, tuple[str, ...]]]:
-        """Sets of joints that parametrise the motion at a regular q, best conditioned first.
-
-        Joints with one number each where these suffice, else single velocities of the others too.
-
-        Each with σ_min of its rows of an orthonormal kernel basis, in (0, 1].
-        """
-        K = self.scaled(self.K(q))
-        _, s, Vt = np.linalg.svd(K)
-        kernel = Vt[numerical_rank(s, STRUCTURAL) :].T
-        single = [joint for joint in self.joints if joint.single]
-        indices = np.array([joint.idx_v for joint in single], dtype=np.int64)
-        found = ranked_choices(kernel, indices, [joint.name for joint in single])
-        if found or len(single) == len(self.joints):
-            return found
-        weight = np.full((self.nv, 1), COMPONENT)
-        weight[indices] = 1.0
-        numbers = [c.name for c in in_v(self.joints)]
-        return ranked_choices(kernel, np.arange(self.nv), numbers, weight=weight)
 
     def joint_at(self, i: int) -> Joint:
         """The joint that velocity i belongs to."""

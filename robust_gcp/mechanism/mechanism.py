@@ -27,18 +27,14 @@ from .forces.applied_forces import AppliedForces
 from .forces.forces import Force, forces_given, require_length
 from .from_files import FromFiles
 from .loops import ClosedLoops
-from .memo import Memo
 from .parts import Part
 from .recommended import Recommended
 from .sensing.sensors import Sensors
 from .tree.model import check_model
 from .tree.tree import Array
 
-OF_LOOPS = (
-    "closures", "column_scale", "implicit", "joint_inertia", "joint_names", "length", "lifted", "loops",
-    "nc", "near", "nq", "nv", "of_loops", "own_model", "row_scale", "standpoint", "tree", "units",
-)  # fmt: skip
-"""What no choice of coordinates enters, as far as it is known."""
+OF_LOOPS = ("column_scale", "joint_inertia", "lifted", "of_loops", "row_scale", "units")
+"""What follows from the loops whatever the coordinates, as far as it is known."""
 
 BESIDE = ("recommended", "source", "keyframes", "sensors", "moved", "still", "judged_at")
 """What a file tells beside the mechanism itself, whatever its coordinates."""
@@ -116,9 +112,17 @@ class Mechanism(FromFiles):
         super().__init__(model, closures)
         self._made(independent, home, name, forces, actuated, left_out, parts, actuators, tendons)
 
+    @classmethod
+    def _over(cls, loops: ClosedLoops, *given: Any) -> Mechanism:
+        """A mechanism of these loops, all else as `_made` takes it."""
+        made, known = cls.over(loops), vars(loops)
+        vars(made).update({name: known[name] for name in OF_LOOPS if name in known})
+        made._made(*given)
+        return made
+
     def _made(
         self,
-        independent: Sequence[str] | Literal["auto"],
+        independent: Sequence[str] | Literal["auto"] | None,
         home: ArrayLike | None,
         name: str,
         forces: Sequence[Force],
@@ -139,6 +143,8 @@ class Mechanism(FromFiles):
         self.moved: tuple[str, ...] = ()
         self.still: tuple[str, ...] = ()
         self.home = pin.neutral(self.own_model) if home is None else self.configuration(home, "home")
+        if independent is None:
+            independent = "auto" if self.closures else self.joint_names
         if isinstance(independent, str) and independent == "auto":
             self.home, chosen = best_at_home(self, self.home, self.name)
         else:
@@ -197,15 +203,10 @@ class Mechanism(FromFiles):
         check_model(model)
         closures = closures_given(closures)
         model, closures = with_named_frames(model, closures)
-        rounded: list[str] = []
-        if closures:
-            closures, rounded = without_unmoved_rows(ClosedLoops(model, closures))
-        if independent is None:
-            independent = "auto" if closures else list(model.names)[1:]
+        loops, rounded = without_unmoved_rows(ClosedLoops(model, closures))
         left_out = named(IMPLIED, rounded)
         tell_left_out(left_out, name or str(model.name) or "from_pinocchio", strict=False)
-        more = {"left_out": left_out, "actuators": actuators, "tendons": tendons}
-        return cls(model, closures, independent, home, name, forces, **more)  # type: ignore[arg-type]
+        return cls._over(loops, independent, home, name, forces, (), left_out, (), actuators, tendons)
 
     @classmethod
     def from_contents(
@@ -214,16 +215,20 @@ class Mechanism(FromFiles):
         independent: Sequence[str] | Literal["auto"] | None = None,
         home: ArrayLike | None = None,
         name: str = "",
+        loops: ClosedLoops | None = None,
     ) -> Mechanism:
         """A mechanism from what a reader of files found; the parameters are those of `from_pinocchio`.
 
-        Without a name it is called as the file calls itself.
+        Without a name it is called as the file calls itself. `loops` are those of the contents where they
+        are known, without what rounding alone holds.
         """
         named = name or str(contents.model.name)  # as the file calls itself
-        made = cls.from_pinocchio(
-            contents.model, contents.closures, independent, home, named, contents.forces,
-            contents.actuators, contents.tendons,
-        )  # fmt: skip
+        acting = contents.forces, contents.actuators, contents.tendons
+        if loops is None:
+            made = cls.from_pinocchio(contents.model, contents.closures, independent, home, named, *acting)
+        else:
+            forces, *driven = acting
+            made = cls._over(loops, independent, home, named, forces, (), (), (), *driven)
         made.actuated, made.left_out = contents.actuated, (*contents.left_out, *made.left_out)
         made.keyframes = keyframes_of(made, contents.keyframes.items(), contents.velocities)
         made.sensors = Sensors({sensor.name: sensor for sensor in contents.sensors})
@@ -252,12 +257,7 @@ class Mechanism(FromFiles):
     def with_independent(self, independent: Sequence[str]) -> Mechanism:
         """The same mechanism in other minimal coordinates."""
         self.require_unchanged()
-        other = Mechanism.__new__(Mechanism)
-        other._shown_model, other.memo = None, Memo()
-        # Pinocchio's workspace too: they use it one after the other on a thread, as two runs of one do.
-        known = vars(self)
-        vars(other).update({name: known[name] for name in OF_LOOPS if name in known})
-        other._made(independent, self.home, *self._further)
+        other = Mechanism._over(self, independent, self.home, *self._further)
         vars(other).update(self._beside)
         return other
 

@@ -43,8 +43,8 @@ MOVED, LEFT_OPEN = 0.3, 1e-4
 A structure that is shaky to first order opens by a tenth of the motion."""
 
 
-def without_unmoved_rows(loops: ClosedLoops) -> tuple[tuple[AnyClosure, ...], list[str]]:
-    """The closures, without rows that hardly move in any configuration, and in words which have lost some.
+def without_unmoved_rows(loops: ClosedLoops) -> tuple[ClosedLoops, list[str]]:
+    """The loops without rows that hardly move in any configuration, and in words which have lost some.
 
     Such are those of a planar loop out of its plane. They are judged with the loops open, so that a singular
     pose is no matter. A combination u of rows that keeps u · φ above `ROUNDED` cannot be closed, and stays.
@@ -68,7 +68,7 @@ def without_unmoved_rows(loops: ClosedLoops) -> tuple[tuple[AnyClosure, ...], li
         for i, closure in zip(inside, left[0], strict=True):
             closures[i] = closure
         told.append(_told(left))
-    return tuple(c for c in closures if isinstance(c, CouplingClosure) or _has_rows(c)), told
+    return _closed_by(loops, closures), told
 
 
 def _is_grey(s: Array) -> bool:
@@ -89,8 +89,8 @@ def _told(left: tuple[list[PartialClosure], float]) -> str:
     return f"{', '.join(lost)}: {left[1]:.1e}"
 
 
-def without_rounded_rows(loops: ClosedLoops, home: Array) -> tuple[tuple[AnyClosure, ...], list[str]]:
-    """The closures, without rows that depend on the others up to rounding, and in words which have lost some.
+def without_rounded_rows(loops: ClosedLoops, home: Array) -> tuple[ClosedLoops, list[str]]:
+    """The loops without rows that depend on the others up to rounding, and in words which have lost some.
 
     Parameters
     ----------
@@ -116,8 +116,15 @@ def without_rounded_rows(loops: ClosedLoops, home: Array) -> tuple[tuple[AnyClos
         for i, closure in zip(group.closures, left[0], strict=True):
             closures[i] = closure
         told.append(_told(left))
-    kept = tuple(c for c in closures if isinstance(c, CouplingClosure) or _has_rows(c))
-    return kept, told
+    return _closed_by(loops, closures), told
+
+
+def _closed_by(loops: ClosedLoops, closures: Sequence[AnyClosure]) -> ClosedLoops:
+    """The tree closed by what has rows of these closures; the same loops where that is all of theirs."""
+    kept = [c for c in closures if isinstance(c, CouplingClosure) or _has_rows(c)]
+    if [*map(id, kept)] == [*map(id, loops.closures)]:
+        return loops
+    return ClosedLoops(loops.own_model, kept)
 
 
 def _has_rows(closure: Closure) -> bool:
@@ -183,9 +190,7 @@ def _persists(
     loops: ClosedLoops, closures: Sequence[AnyClosure], home: Array, velocities: Sequence[int]
 ) -> bool:
     """Whether all rows stay nearly closed where the loops move without those that are left out."""
-    freed = ClosedLoops(
-        loops.own_model, [c for c in closures if isinstance(c, CouplingClosure) or _has_rows(c)]
-    )
+    freed = _closed_by(loops, closures)
     T = motions(freed, home)
     ways = [way for way in T.T if np.abs(way[list(velocities)]).max(initial=0.0) > 1e-6]
     every = np.arange(loops.nv)

@@ -12,11 +12,14 @@ from ...checks import checked_vector, require_finite
 from ...errors import ModelError, PartitionError, StateError
 from ..loops import ClosedLoops
 from ..many_states import at_each
-from ..tolerances import COMPATIBLE, RANK
-from ..tree.joints import Joint
+from ..tolerances import COMPATIBLE, RANK, STRUCTURAL
+from ..tree.joints import Joint, in_v
 from ..tree.tree import Array
 from .clusters import LoopCluster, loop_clusters
-from .partition import independent_rows
+from .partition import independent_rows, numerical_rank, ranked_choices
+
+COMPONENT = 0.1
+"""Weight of one component of a spherical joint beside that of a revolute one, where both would serve."""
 
 INTERNAL = frozenset(
     {
@@ -62,6 +65,26 @@ class Coordinates(ClosedLoops):
         self.dependent = tuple(
             j.name for j in self.joints if not chosen.issuperset(range(*j.v.indices(self.nv)))
         )
+
+    def coordinate_choices(self, q: ArrayLike) -> list[tuple[float, tuple[str, ...]]]:
+        """Sets of joints that parametrise the motion at a regular q, best conditioned first.
+
+        Joints with one number each where these suffice, else single velocities of the others too.
+
+        Each with σ_min of its rows of an orthonormal kernel basis, in (0, 1].
+        """
+        K = self.scaled(self.K(q))
+        _, s, Vt = np.linalg.svd(K)
+        kernel = Vt[numerical_rank(s, STRUCTURAL) :].T
+        single = [joint for joint in self.joints if joint.single]
+        indices = np.array([joint.idx_v for joint in single], dtype=np.int64)
+        found = ranked_choices(kernel, indices, [joint.name for joint in single])
+        if found or len(single) == len(self.joints):
+            return found
+        weight = np.full((self.nv, 1), COMPONENT)
+        weight[indices] = 1.0
+        numbers = [c.name for c in in_v(self.joints)]
+        return ranked_choices(kernel, np.arange(self.nv), numbers, weight=weight)
 
     @cached_property
     def clusters(self) -> tuple[LoopCluster, ...]:

@@ -13,10 +13,11 @@ from ...errors import ClosureError, PartitionError
 from ..assembly.assembly import assembled, free_velocities
 from ..assembly.ranges import assembled_within
 from ..constraint.rank import singular_words
-from ..loops import COMPONENT, ClosedLoops
+from ..loops import ClosedLoops
 from ..tolerances import CLOSED, DETERMINES, RANK, STRUCTURAL
 from ..tree.joints import in_v
 from ..tree.tree import Array
+from .coordinates import COMPONENT, Coordinates
 from .partition import independent_rows, numerical_rank, spelled, triangular_blocks
 
 log = logging.getLogger(__name__)
@@ -31,7 +32,7 @@ LEAST_AWAY = 1e-3
 """How far they must be once closed: 1e-6 beside an isolated point loops are closed to rounding."""
 
 
-def best_at_home(loops: ClosedLoops, home: Array, name: str) -> tuple[Array, tuple[str, ...]]:
+def best_at_home(loops: Coordinates, home: Array, name: str) -> tuple[Array, tuple[str, ...]]:
     """Home, assembled if need be, and the best conditioned independent joints there, which are logged.
 
     At a singular home they are those of a regular configuration beside it.
@@ -170,7 +171,7 @@ def _freedom(loops: ClosedLoops, q: Array) -> tuple[int, float]:
 
 
 def require_determined(
-    loops: ClosedLoops,
+    loops: Coordinates,
     independent: Sequence[str],
     dependent: Sequence[str],
     iv_dependent: NDArray[np.int64],
