@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -26,14 +26,14 @@ from .tree.joints import Joint, in_v, joint_named, joints_of
 from .tree.model import check_model, require_equal, seen_from, standpoint
 from .tree.tree import Array, Tree, require_depth_first
 
-if TYPE_CHECKING:
-    from typing_extensions import Self
-
 MADE = (
     "closures", "implicit", "joint_names", "length", "loops", "nc", "near", "nq", "nv", "own_model",
     "standpoint", "tree",
 )  # fmt: skip
 """What loops consist of; the rest is worked out from it."""
+
+
+Kind = TypeVar("Kind", bound="ClosedLoops")
 
 
 class ClosedLoops:
@@ -85,18 +85,6 @@ class ClosedLoops:
             self.tree, self.closures, self.length, self.generic_configurations()
         )
         self.nc = len(self.implicit.rows)
-
-    @classmethod
-    def over(cls, loops: ClosedLoops) -> Self:
-        """The same loops once more, of which nothing is worked out yet, on the same workspace of Pinocchio's.
-
-        Both use it one after the other on a thread, as two runs of one mechanism do.
-        """
-        same = cls.__new__(cls)
-        vars(same).update({name: vars(loops)[name] for name in MADE})
-        same.memo, same.of_loops, same._shown_model = Memo(), Memo(), None
-        same.home = pin.neutral(same.own_model)
-        return same
 
     @property
     def model(self) -> pin.Model:
@@ -287,6 +275,18 @@ class ClosedLoops:
     def generic_jacobians(self) -> list[Array]:
         """K at the generic configurations."""
         return [*map(self.K, self.generic_configurations())]
+
+
+def once_more(loops: ClosedLoops, kind: type[Kind]) -> Kind:
+    """The same loops, of which nothing is worked out yet, on the same workspace of Pinocchio's.
+
+    Both use it one after the other on a thread, as two runs of one mechanism do.
+    """
+    same = kind.__new__(kind)
+    vars(same).update({name: vars(loops)[name] for name in MADE})
+    same.memo, same.of_loops, same._shown_model = Memo(), Memo(), None
+    same.home = pin.neutral(same.own_model)
+    return same
 
 
 def _as_closure(closure: AnyClosure) -> AnyClosure:

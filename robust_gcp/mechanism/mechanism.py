@@ -26,7 +26,7 @@ from .facade import joint_names
 from .forces.applied_forces import AppliedForces
 from .forces.forces import Force, forces_given, require_length
 from .from_files import FromFiles
-from .loops import ClosedLoops
+from .loops import ClosedLoops, once_more
 from .parts import Part
 from .recommended import Recommended
 from .sensing.sensors import Sensors
@@ -115,7 +115,7 @@ class Mechanism(FromFiles):
     @classmethod
     def _over(cls, loops: ClosedLoops, *given: Any) -> Mechanism:
         """A mechanism of these loops, all else as `_made` takes it."""
-        made, known = cls.over(loops), vars(loops)
+        made, known = once_more(loops, cls), vars(loops)
         vars(made).update({name: known[name] for name in OF_LOOPS if name in known})
         made._made(*given)
         return made

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..constraint.closures import frame_of
 from ..constraint.couplings import AnyClosure, CouplingClosure
-from ..loops import ClosedLoops
+from ..loops import ClosedLoops, once_more
 from .loop_graph import LoopGroup, loop_groups
 
 
@@ -86,7 +86,7 @@ def _by_itself(loops: ClosedLoops, group: LoopGroup) -> ClosedLoops:
     """The loops of a group; those of all joints are what they are."""
     model = loops.own_model
     if group.joints == tuple(range(1, model.njoints)) and len(group.closures) == len(loops.closures):
-        return ClosedLoops.over(loops)
+        return once_more(loops, ClosedLoops)
     closures = [loops.closures[i] for i in group.closures]
     return ClosedLoops(rooted_model(model, closures, group), closures)
 
