@@ -11,18 +11,18 @@ With a = G u̇ + g, f = RNEA(q, v, a) − τ and M_r = Gᵀ M G, the equation G�
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import check_callable, real_array, require_finite, shown
-from ..errors import NonFiniteError, OptionError
-from ..mechanism.differences import torque_differences
+from ..checks import check_callable, require_finite
+from ..errors import NonFiniteError
+from ..maps.explicit import Point
 from ..mechanism.forces.force_derivatives import ForceDerivatives
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
-from .equations import CheckedTorque, Evaluation, torque_function
+from .equations import Evaluation
 from .loads import Torques, Wrench, one_torque
 from .modes.map_rates import MapRates
 from .modes.mode_rates import ModeRates
@@ -30,9 +30,7 @@ from .modes.taylor_series import Circles
 from .problem import Problem, initial_value_problem
 from .reduced_inertia import ReducedInertia
 from .rnea_derivatives import RigidDerivatives
-
-TorqueSlopes = Callable[[float, Array, Array], tuple[ArrayLike, ArrayLike]]
-"""∂τ/∂q and ∂τ/∂v, (nv, nv) each, at (t, q, v); q along the velocities' components."""
+from .torque_feedback import AppliedSlopes, TorqueSlopes, slopes_of_all
 
 
 @dataclass(frozen=True)
@@ -121,66 +119,8 @@ class Accelerations:
     by_u: Array
 
 
-class AppliedSlopes:
-    """∂τ/∂q and ∂τ/∂v of the user's torques, (nv, nv) each, at (t, q, v).
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-    torque : callable, array_like (nv,) or None
-    given : callable, optional
-        What gives them; by central differences when left out.
-    """
-
-    def __init__(self, mechanism: Mechanism, torque: object, given: TorqueSlopes | None) -> None:
-        self._mechanism, self._tau_slopes = mechanism, given
-        self._torque = torque_function(mechanism, torque) if callable(torque) else None
-        self.some = given is not None or self._torque is not None
-
-    def __call__(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
-        """At a state."""
-        if self._tau_slopes is not None:
-            return self._given(self._tau_slopes(t, q.copy(), v.copy()))
-        if self._torque is not None:
-            return self._differences(self._torque, t, q, v)
-        none = np.zeros((len(v), len(v)))
-        return none, none
-
-    def _given(self, slopes: object) -> tuple[Array, Array]:
-        """What `tau_slopes` returned, or an OptionError."""
-        nv = self._mechanism.nv
-        try:
-            by_q, by_v = (real_array(part) for part in slopes)  # type: ignore[attr-defined]
-        except (TypeError, ValueError) as error:
-            raise OptionError(
-                f"tau_slopes(t, q, v) returned {shown(slopes)}, expected ∂τ/∂q and ∂τ/∂v, ({nv}, {nv}) each"
-            ) from error
-        if by_q.shape != (nv, nv) or by_v.shape != (nv, nv):
-            raise OptionError(
-                f"tau_slopes(t, q, v) returned shapes {by_q.shape} and {by_v.shape}, expected ({nv}, {nv})"
-            )
-        return by_q, by_v
-
-    def _differences(self, torque: CheckedTorque, t: float, q: Array, v: Array) -> tuple[Array, Array]:
-        """∂τ/∂q and ∂τ/∂v of a function by central differences, (nv, nv) each."""
-        mechanism = self._mechanism
-        return torque_differences(mechanism.tree, mechanism.units, lambda q, v: torque(t, q, v), q, v)
-
-
-def slopes_of_all(
-    mechanism: Mechanism, given: TorqueSlopes | None, wrenches: Sequence[Wrench]
-) -> TorqueSlopes | None:
-    """A torque function's slopes that were given, and those of wrenches by differences."""
-    if given is None or not wrenches:
-        return given
-    own, loads = AppliedSlopes(mechanism, None, given), one_torque(mechanism, None, wrenches)
-    more = AppliedSlopes(mechanism, loads, None)
-
-    def summed(t: float, q: Array, v: Array) -> tuple[Array, Array]:
-        (by_q, by_v), (more_q, more_v) = own(t, q, v), more(t, q, v)
-        return by_q + more_q, by_v + more_v
-
-    return summed
+Compiled = Callable[[Array, Array, Array | None], tuple[Derivatives, Accelerations] | None]
+"""Derivatives at q, v and τ besides the mechanism's own forces, τ held; None where there are none."""
 
 
 class PointDerivatives:
@@ -196,6 +136,8 @@ class PointDerivatives:
         See `derivatives`.
     sparing : bool
         See `ModeRates`.
+    compiled : Compiled, optional
+        What is asked first.
     """
 
     def __init__(
@@ -205,7 +147,10 @@ class PointDerivatives:
         tau_slopes: TorqueSlopes | None = None,
         known: Circles | None = None,
         sparing: bool = False,
+        compiled: Compiled | None = None,
     ) -> None:
+        self._compiled = compiled
+        self._told: tuple[Point, tuple[Array, Array]] | None = None  # how torques follow the state there
         self.motion, self.mechanism = motion, motion.mechanism
         self._applied = AppliedSlopes(self.mechanism, torque, tau_slopes)
         self._inertia = ReducedInertia(self.mechanism)
@@ -238,7 +183,26 @@ class PointDerivatives:
     def whole(self, t: float, now: Evaluation) -> tuple[Derivatives, Accelerations]:
         """The same, with the accelerations of all joints."""
         with np.errstate(all="ignore"):  # what is not finite ends in an error of ours
-            return self._at(t, now)
+            found = None if self._compiled is None else self._by_compiled(self._compiled, t, now)
+            return self._at(t, now) if found is None else found
+
+    def _by_compiled(
+        self, compiled: Compiled, t: float, now: Evaluation
+    ) -> tuple[Derivatives, Accelerations] | None:
+        """The same compiled, but for how the user's torques follow the state."""
+        applied, tau, q, v = self.mechanism.applied, now.tau, now.point.q, now.v
+        found = compiled(q, v, tau if tau is None or applied is None else tau - applied.torque_at(q, v)[0])
+        if found is None or not self._applied.some:
+            return found
+        slopes, accelerations = found
+        if self._told is None or self._told[0] is not now.point:  # of one that is held it is asked twice
+            self._told = now.point, self._applied(t, q, v)
+        by_q, by_v = self._told[1]
+        by_y = slopes.da_dy + slopes.da_dtau @ (by_q @ slopes.G + by_v @ slopes.dv_dy)
+        by_u = slopes.da_dv + slopes.da_dtau @ (by_v @ slopes.G)
+        if not (np.all(np.isfinite(by_y)) and np.all(np.isfinite(by_u))):
+            return None  # the reference says so
+        return replace(slopes, da_dy=by_y, da_dv=by_u), accelerations
 
     def _at(self, t: float, now: Evaluation) -> tuple[Derivatives, Accelerations]:
         mechanism, point = self.mechanism, now.point

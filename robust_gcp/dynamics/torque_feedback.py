@@ -1,14 +1,84 @@
-"""How torques that follow the state change with it, at many states of a motion."""
+"""How torques that follow the state change with it, at one state of a motion or at many."""
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Callable, Sequence
 
-from ..mechanism.differences import CENTRAL, moved_along
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..checks import real_array, shown
+from ..errors import OptionError
+from ..mechanism.differences import CENTRAL, moved_along, torque_differences
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
-from .derivatives import AppliedSlopes, TorqueSlopes
-from .equations import TorqueFunction
+from .equations import CheckedTorque, TorqueFunction, torque_function
+from .loads import Wrench, one_torque
+
+TorqueSlopes = Callable[[float, Array, Array], tuple[ArrayLike, ArrayLike]]
+"""∂τ/∂q and ∂τ/∂v, (nv, nv) each, at (t, q, v); q along the velocities' components."""
+
+
+class AppliedSlopes:
+    """∂τ/∂q and ∂τ/∂v of the user's torques, (nv, nv) each, at (t, q, v).
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    torque : callable, array_like (nv,) or None
+    given : callable, optional
+        What gives them; by central differences when left out.
+    """
+
+    def __init__(self, mechanism: Mechanism, torque: object, given: TorqueSlopes | None) -> None:
+        self._mechanism, self._tau_slopes = mechanism, given
+        self._torque = torque_function(mechanism, torque) if callable(torque) else None
+        self.some = given is not None or self._torque is not None
+
+    def __call__(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """At a state."""
+        if self._tau_slopes is not None:
+            return self._given(self._tau_slopes(t, q.copy(), v.copy()))
+        if self._torque is not None:
+            return self._differences(self._torque, t, q, v)
+        none = np.zeros((len(v), len(v)))
+        return none, none
+
+    def _given(self, slopes: object) -> tuple[Array, Array]:
+        """What `tau_slopes` returned, or an OptionError."""
+        nv = self._mechanism.nv
+        try:
+            by_q, by_v = (real_array(part) for part in slopes)  # type: ignore[attr-defined]
+        except (TypeError, ValueError) as error:
+            raise OptionError(
+                f"tau_slopes(t, q, v) returned {shown(slopes)}, expected ∂τ/∂q and ∂τ/∂v, ({nv}, {nv}) each"
+            ) from error
+        if by_q.shape != (nv, nv) or by_v.shape != (nv, nv):
+            raise OptionError(
+                f"tau_slopes(t, q, v) returned shapes {by_q.shape} and {by_v.shape}, expected ({nv}, {nv})"
+            )
+        return by_q, by_v
+
+    def _differences(self, torque: CheckedTorque, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """∂τ/∂q and ∂τ/∂v of a function by central differences, (nv, nv) each."""
+        mechanism = self._mechanism
+        return torque_differences(mechanism.tree, mechanism.units, lambda q, v: torque(t, q, v), q, v)
+
+
+def slopes_of_all(
+    mechanism: Mechanism, given: TorqueSlopes | None, wrenches: Sequence[Wrench]
+) -> TorqueSlopes | None:
+    """A torque function's slopes that were given, and those of wrenches by differences."""
+    if given is None or not wrenches:
+        return given
+    own, loads = AppliedSlopes(mechanism, None, given), one_torque(mechanism, None, wrenches)
+    more = AppliedSlopes(mechanism, loads, None)
+
+    def summed(t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        (by_q, by_v), (more_q, more_v) = own(t, q, v), more(t, q, v)
+        return by_q + more_q, by_v + more_v
+
+    return summed
 
 
 def followed(

@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp.dynamics.change_of_coordinates import Slope
+from robust_gcp.kernel.derivatives import derivations
 from robust_gcp.simulation.phases.decision import Phase
 from robust_gcp.simulation.phases.rows import Rows
 from robust_gcp.simulation.phases.saltation import jump_of
 from robust_gcp.simulation.phases.transitions import Turn
+from tests.compiled import needs_kernel
 
 Array = NDArray[np.float64]
 
@@ -179,6 +181,41 @@ def test_a_five_bar_with_a_lock(five_bar: rg.Mechanism) -> None:
     """From mobility 2 to 1 and back; where it is locked depends on the start."""
     lock = [rg.Lock("q2", start=0.3, end=0.6)]
     require_right(five_bar, [1.0, -0.5], 1e-9, 1e-3, duration=1.0, step=2e-3, joints=lock)
+
+
+@needs_kernel
+@pytest.mark.parametrize("slopes", [None, "given"])
+def test_the_kernel_finds_what_the_reference_does(slopes: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Beside springs, under a torque that follows the state, free, locked and on a stop."""
+
+    def torque(t: float, q: Array, v: Array) -> Array:
+        return np.array([2.0 * np.sin(3.0 * t) - 0.4 * v[0], 0.3 * q[0] * q[1], -0.2 * v[2] * q[3], 0.0])
+
+    def by_state(t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        by_q, by_v = np.zeros((4, 4)), np.zeros((4, 4))
+        by_v[0, 0], by_q[1, 0], by_q[1, 1] = -0.4, 0.3 * q[1], 0.3 * q[0]
+        by_v[2, 2], by_q[2, 3] = -0.2 * q[3], -0.2 * v[2]
+        return by_q, by_v
+
+    def found() -> tuple[Array, Array]:
+        shipped = rg.load("five_bar")
+        springs = [rg.JointSpring("q1", 30.0, 0.4), rg.JointDamper("q4", 0.2)]
+        mech = rg.Mechanism.from_pinocchio(
+            shipped.model, shipped.closures, shipped.independent, shipped.home, forces=springs
+        )
+        parts = [rg.Lock("q2", start=0.1, end=0.15), rg.Stop("q1", lower=float(mech.home[0]) - 0.1)]
+        v = mech.lift(mech.home, [-1.5, 0.5])
+        run = rg.simulate(mech, mech.home, v, duration=0.24, step=4e-3, joints=parts, torque=torque)
+        assert {"impact", "lock"} <= {happening.kind for happening in run.happenings}
+        given = None if slopes is None else by_state
+        cost = rg.Cost(terminal=lambda q, v: float(np.sin(q).sum() + 0.1 * v @ v))
+        gradient = rg.gradient(run, cost, torque_slopes=given)
+        return whole(rg.sensitivity(run, torque_slopes=given)), gradient.dtau
+
+    compiled = found()
+    monkeypatch.setattr(derivations, "library", lambda: None)
+    for one, other in zip(compiled, found(), strict=True):
+        assert np.abs(one - other).max() < 1e-9 * np.abs(other).max()
 
 
 def test_a_five_bar_rests_on_a_stop_and_is_let_go(five_bar: rg.Mechanism) -> None:

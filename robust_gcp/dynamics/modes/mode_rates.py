@@ -82,6 +82,7 @@ class ModeRates:
         self._known: Circles = {} if known is None else known
         self._alone = known is None
         self._zone, self._steady = (SPARED, UNSTEADY) if sparing else (ZONE, STEADY)
+        self._last: tuple[Point, MapRates] | None = None
 
     def rates_at(self, point: Point) -> MapRates:
         """At a point of the mode.
@@ -91,6 +92,11 @@ class ModeRates:
         NotCertifiedError
             Where the mode has no derivatives that could be certified.
         """
+        if self._last is None or self._last[0] is not point:  # others may act there than when last asked
+            self._last = point, self._rates_at(point)
+        return self._last[1]
+
+    def _rates_at(self, point: Point) -> MapRates:
         mechanism, u = self._mechanism, point.ydot
         nv, m = mechanism.nv, mechanism.m
         G, g = point.G.copy(), point.g.copy()

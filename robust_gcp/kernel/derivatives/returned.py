@@ -77,9 +77,9 @@ class Stages:
         names = ("stage_q", "stage_v", "stage_a", "stage_G", "stage_v_y")
         return dict(zip(names, (self.q, self.v, self.a, self.G, self.dv_dy), strict=True))
 
-    def since(self, step: int) -> Stages:
-        """Those of the steps from one on."""
-        return Stages(*(getattr(self, field.name)[4 * step :] for field in fields(Stages)))
+    def of(self, first: int, last: int) -> Stages:
+        """Those of some of the steps."""
+        return Stages(*(getattr(self, field.name)[4 * first : 4 * last] for field in fields(Stages)))
 
 
 @dataclass(frozen=True)

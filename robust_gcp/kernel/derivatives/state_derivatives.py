@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ...dynamics.derivatives import Accelerations
+from ...dynamics.derivatives import Accelerations, Derivatives
 from ...dynamics.modes.mode_rates import SPARED, STEADY, UNSTEADY, ZONE, ModeRates
 from ...dynamics.modes.taylor_series import Around, circles_of
 from ...errors import ClosureError
@@ -166,6 +166,14 @@ class StateDerivatives:
         self._library.slopes(self._handle, ctypes.byref(states.structure))
         good = status == 0 if known else self._sound(status, q, G, mode)
         return Slopes(good, udot, rows, G, v_y, every)
+
+    def at_state(self, q: Array, v: Array, tau: Array | None) -> tuple[Derivatives, Accelerations] | None:
+        """The derivatives at one state of a motion; None where it is not good."""
+        found = self.slopes(q[None], v[None], None if tau is None else tau[None], known=True, whole=True)
+        if not found.good[0] or found.whole is None:
+            return None
+        every = found.whole
+        return found.of_state(0), Accelerations(every.a[0], every.by_y[0], every.by_u[0])
 
     def _sound(
         self, status: NDArray[np.int32], q: Array, G: Array, mode: Array | None = None

@@ -7,8 +7,9 @@ import ctypes
 import numpy as np
 from numpy.typing import NDArray
 
-from ...dynamics.equations import CheckedTorque
+from ...dynamics.equations import CheckedTorque, TorqueFunction
 from ...dynamics.modes.mode_rates import ZONE
+from ...dynamics.torque_feedback import TorqueSlopes, followed
 from ...mechanism.tree.tree import Array
 from ..dynamics.acting import asking
 from .returned import Pulled, Stages, Taken
@@ -103,9 +104,16 @@ class Derivation(StateDerivatives):
             self._library.step_each(self._handle, ctypes.byref(states.structure), t, h)
         return self._sound(status, q, G, mode), *ends, wanted.get("A"), wanted.get("B")
 
-    def feed(self, first: int, tau_y: Array, tau_u: Array) -> None:
-        """Torques at stages that follow the state, by y and u (4 N, nv, m) each, from a step on."""
-        by_y, by_u = (np.ascontiguousarray(part) for part in (tau_y, tau_u))
+    def follow(
+        self, function: TorqueFunction, slopes: TorqueSlopes | None, stages: Stages, first: int = 0
+    ) -> None:
+        """Have a function's torque follow the state at the stages of steps from one on; see `followed`.
+
+        It is asked beside these, and may not take other steps with this one meanwhile.
+        """
+        states = stages.t, stages.q, stages.v
+        found = followed(self._mechanism, function, slopes, states, stages.G, stages.dv_dy)
+        by_y, by_u = map(np.ascontiguousarray, found)
         self._library.feed(self._handle, 4 * first, len(by_y), by_y.ctypes.data, by_u.ctypes.data)
 
     def pull(

@@ -15,11 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...checks import check_callable, check_finite, check_mechanism
 from ...dynamics.change_of_coordinates import transformed
-from ...dynamics.derivatives import Derivatives, TorqueSlopes, slopes_of_all
+from ...dynamics.derivatives import Derivatives
 from ...dynamics.loads import Torques, Wrench
 from ...dynamics.modes.taylor_series import circles_of
 from ...dynamics.problem import initial_value_problem
-from ...dynamics.torque_feedback import followed
+from ...dynamics.torque_feedback import TorqueSlopes, followed, slopes_of_all
 from ...errors import NonFiniteError, RobustGcpError
 from ...kernel.derivatives.step_derivatives import Derivation
 from ...mechanism.mechanism import Mechanism

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...dynamics.derivatives import TorqueSlopes
 from ...dynamics.loads import one_torque
 from ...dynamics.prescribed.control import Actuated
 from ...dynamics.prescribed.motion import Motion
+from ...dynamics.torque_feedback import TorqueSlopes
 from ...errors import OptionError, SimulationError
 from ...mechanism.building.variable_geometry import MARK, Varied, is_geometry, varied
 from ...mechanism.constraint.closures import Closure

@@ -9,8 +9,8 @@ from typing import overload
 from numpy.typing import ArrayLike
 
 from ...checks import check_callable, shown
-from ...dynamics.derivatives import TorqueSlopes, slopes_of_all
 from ...dynamics.equations import Torque
+from ...dynamics.torque_feedback import TorqueSlopes, slopes_of_all
 from ...errors import OptionError
 from ...mechanism.building.lengths import Along, in_parts
 from ...mechanism.building.variable_geometry import is_geometry

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...dynamics.discrete import STAGES
-from ...dynamics.equations import CheckedTorque
+from ...dynamics.equations import CheckedTorque, TorqueFunction
 from ...dynamics.prescribed.drive import Drive
+from ...dynamics.torque_feedback import TorqueSlopes
 from ...errors import RobustGcpError
 from ...kernel.derivatives.derivations import own_derivation
 from ...kernel.derivatives.returned import Stages
@@ -44,9 +45,10 @@ class Backwards:
     dv_dy: Array
     stages: Stages | None
 
-    def feed(self, by_y: Array, by_u: Array) -> None:
-        """Torques that follow the state within the steps, see `followed`, at their stages."""
-        self.kernel.feed(self.begin - self.taken, by_y, by_u)
+    def follow(self, function: TorqueFunction, slopes: TorqueSlopes | None) -> None:
+        """Have a function's torque follow the state within the steps."""
+        assert self.stages is not None  # asked for with the function
+        self.kernel.follow(function, slopes, self.stages, self.begin - self.taken)
 
     def sweep(
         self, adjoint: Array, after: Array | None, before: Array | None, feedback: Array | None
@@ -119,5 +121,5 @@ def backwards(
     skipped = int(bad[-1]) + 1 if len(bad) else 0
     if taken + skipped >= end:
         return None
-    stages = None if found.stages is None else found.stages.since(skipped)
+    stages = None if found.stages is None else found.stages.of(skipped, end - taken)
     return Backwards(kernel, taken, taken + skipped, end, found.G[skipped:], found.dv_dy[skipped:], stages)

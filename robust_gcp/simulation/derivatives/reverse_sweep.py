@@ -13,14 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...dynamics.derivatives import AppliedSlopes, TorqueSlopes
 from ...dynamics.discrete import Stage
 from ...dynamics.equations import TorqueFunction, torque_function
 from ...dynamics.parameters import Parameters
 from ...dynamics.prescribed.drive import Drive
 from ...dynamics.prescribed.zero_order_hold import HeldTorque
 from ...dynamics.problem import Problem
-from ...dynamics.torque_feedback import followed
+from ...dynamics.torque_feedback import AppliedSlopes, TorqueSlopes, followed
 from ...errors import SimulationError
 from ...kernel.derivatives.derivations import left_to_python
 from ...kernel.derivatives.returned import by_parameters
@@ -166,10 +165,7 @@ class ReverseSweep:
         assert function is not None  # asked only then
         given, mechanism = self._torque_slopes, self._mechanism
         if self._table is None:
-            stages = stretch.stages
-            assert stages is not None  # asked for with the function
-            states = stages.t, stages.q, stages.v
-            stretch.feed(*followed(mechanism, function, given, states, stages.G, stages.dv_dy))
+            stretch.follow(function, given)
             return None
         states = run.t[begin:end], run.q[begin:end], run.v[begin:end]
         return np.concatenate(

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...checks import check_callable, shown
-from ...dynamics.derivatives import TorqueSlopes, slopes_of_all
+from ...dynamics.torque_feedback import TorqueSlopes, slopes_of_all
 from ...errors import OptionError
 from ...mechanism.tree.tree import Array
 from ..phases.chain import Chain

@@ -15,12 +15,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...checks import require_finite
 from ...dynamics.change_of_coordinates import transformed
-from ...dynamics.derivatives import Accelerations, Derivatives, PointDerivatives, TorqueSlopes
+from ...dynamics.derivatives import Accelerations, Derivatives, PointDerivatives
 from ...dynamics.loads import Torques, Wrench, one_torque
 from ...dynamics.modes.mode_rates import ZONE
 from ...dynamics.modes.taylor_series import Circles, circles_of
 from ...dynamics.prescribed.constrained_derivatives import HeldDerivatives
 from ...dynamics.problem import Problem, initial_value_problem
+from ...dynamics.torque_feedback import TorqueSlopes
 from ...errors import ModelError, NonFiniteError, NotCertifiedError, SimulationError
 from ...kernel.derivatives.derivations import derivation, left_to_python
 from ...maps.explicit import Counters, Point

@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 
 from ...dynamics.change_of_coordinates import Slope
-from ...dynamics.derivatives import PointDerivatives, TorqueSlopes
+from ...dynamics.derivatives import PointDerivatives
 from ...dynamics.discrete import Stage
 from ...dynamics.equations import CheckedTorque
 from ...dynamics.modes.taylor_series import circles_of
 from ...dynamics.prescribed.constrained_derivatives import DrivenDerivatives, HeldDerivatives
 from ...dynamics.prescribed.drive import Drive
 from ...dynamics.problem import Problem
+from ...dynamics.torque_feedback import TorqueSlopes
+from ...kernel.derivatives.derivations import derivation
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 
@@ -53,7 +55,12 @@ class Acting:
         others = motion, self.function, self.slopes, circles_of(motion.mechanism), sparing
         if self.drive is not None:
             return DrivenDerivatives(self.drive, *others)
-        return PointDerivatives(*others) if self.held is None else HeldDerivatives(self.held, *others)
+        if self.held is None:
+            return PointDerivatives(*others)
+        # what stands for a changing geometry the kernel holds by itself
+        mechanism = motion.mechanism
+        kernel = None if mechanism.still else derivation(mechanism, motion.start.point.q)
+        return HeldDerivatives(self.held, *others, None if kernel is None else kernel.at_state)
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 
 from ...dynamics.change_of_coordinates import Slope
-from ...dynamics.derivatives import TorqueSlopes
-from ...dynamics.equations import Evaluation, torque_function
+from ...dynamics.equations import Evaluation, TorqueFunction, torque_function
 from ...dynamics.prescribed.constrained_derivatives import HeldDerivatives
 from ...dynamics.problem import Problem, initial_value_problem
-from ...errors import NotDifferentiableError, OptionError, SingularStartError, ToggleError
-from ...kernel.derivatives.derivations import derivation
+from ...dynamics.torque_feedback import TorqueSlopes
+from ...errors import NotDifferentiableError, OptionError, RobustGcpError, SingularStartError, ToggleError
+from ...kernel.derivatives.derivations import derivation, own_derivation
+from ...kernel.derivatives.step_derivatives import Derivation
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..derivatives.accelerations import derivatives
@@ -77,6 +78,7 @@ class Chain:
         self._run, self._mode, self._slopes = run, mode, torque_slopes
         self._machines, self._turns = run.passed.machines, run.passed.turns
         self._mechanism, self._rows = without_parts(run.mechanism), run.passed.machines.rows
+        self._kernels: dict[Mechanism, Derivation | None] = {}
         first = self._turns[0]
         if np.abs(first.after - first.before).max(initial=0.0) > 1e-9:
             raise NotDifferentiableError(
@@ -133,25 +135,40 @@ class Chain:
         return mechanism if found is None else found
 
     def _compiled(self, own: Mechanism, phase: Phase, nodes: list[At]) -> list[tuple[Array, Array, Slope]]:
-        """A, B and ends of the first steps, as many as the kernel takes: constant torques, nothing held."""
-        torque, found = self._machines.torque_of(phase, own), list[tuple[Array, Array, Slope]]()
-        if callable(torque) or phase.basis:
-            return found
-        kernel = derivation(own, nodes[0][1])
+        """A, B and ends of the first steps, as many as the kernel takes, where nothing is held."""
+        acting, found = self._acting(phase, own), list[tuple[Array, Array, Slope]]()
+        torque, function = acting.torque, acting.function
+        assert function is None or isinstance(function, TorqueFunction)  # so is each that is called
+        kernel = None if phase.basis else self._kernel(own, nodes[0][1], function is not None)
         if kernel is None:
             return found
         t, q, v = (np.array(part) for part in zip(*nodes, strict=True))
-        tau = None if torque is None else np.tile(np.asarray(torque, dtype=float), (len(t) - 1, 1))
-        taken = kernel.take(t, q, v, tau)
+        constant = torque is not None and function is None
+        tau = np.tile(np.asarray(torque, dtype=float), (len(t) - 1, 1)) if constant else None
+        taken = kernel.take(t, q, v, tau, function=function, staged=function is not None)
         good, G, dv_dy = taken.good, taken.G, taken.dv_dy
         without_units = G[good] / own.units[:, None] * own.units[own.iv_independent]
         size = np.full(len(t), np.inf)
         size[good] = np.linalg.norm(without_units, axis=(1, 2))
         bad = np.flatnonzero(~(size <= WORSE * size[0]))
-        for k in range(int(bad[0]) - 1 if len(bad) else len(t) - 1):
+        steps = max(0, int(bad[0]) - 1) if len(bad) else len(t) - 1
+        if function is not None and taken.stages is not None and steps:
+            kernel.follow(function, acting.slopes, taken.stages.of(0, steps))
+        for k in range(steps):
             A, B, *_ = kernel.pull(k, k + 1, np.eye(2 * kernel.m))
             found.append((A, B[0], Slope(G[k + 1].copy(), dv_dy[k + 1].copy())))
         return found
+
+    def _kernel(self, own: Mechanism, q: Array, calls: bool) -> Derivation | None:
+        """The compiled derivatives; the chain's own beside a function, which may ask for derivatives too."""
+        if not calls:
+            return derivation(own, q)
+        if own not in self._kernels:
+            try:
+                self._kernels[own] = own_derivation(own, q)
+            except RobustGcpError:  # no start: the reference says what is wrong, and others may serve
+                return None
+        return self._kernels[own]
 
     def _moved(self, own: Mechanism, phase: Phase, begin: At, end: At) -> tuple[Array, Array, Slope]:
         """A, B and the end of a step in a phase."""
@@ -162,18 +179,18 @@ class Chain:
             return A, np.zeros((2 * m, own.nv)), _slope(own, q, v)
         refined = any(since < end[0] and till > t for since, till in self._run.stats.refined)
         mode = self._mode if t == float(self._run.t[0]) else None
-        moved = differentiated(own, (q, v), mode, self._acting(phase), t, end[0] - t, refined, end[1:])
+        moved = differentiated(own, (q, v), mode, self._acting(phase, own), t, end[0] - t, refined, end[1:])
         require_end(own, end, (moved.q, moved.v), "take smaller steps")
         return moved.A, moved.B, moved.last
 
-    def _acting(self, phase: Phase) -> Acting:
-        """What acts in a phase, with what it holds."""
-        torque = self._machines.torque_of(phase, self._mechanism)
+    def _acting(self, phase: Phase, own: Mechanism) -> Acting:
+        """What acts in a phase, with what it holds, in some coordinates."""
+        torque = self._machines.torque_of(phase, own)
         held = self._rows.E[phase.basis] if phase.basis else None
         if not callable(torque):
             return Acting(torque, held=held)
         slopes = None if phase.touching else self._slopes  # a spring's own are not in them
-        return Acting(torque, torque_function(self._mechanism, torque), slopes, held=held)
+        return Acting(torque, torque_function(own, torque), slopes, held=held)
 
     def _turned(self, before: Phase, turn: Turn, is_first: bool, is_last: bool) -> Turned:
         run, own = self._run, self._serving(turn.q, turn.before)
@@ -200,7 +217,7 @@ class Chain:
         self, own: Mechanism, phase: Phase, turn: Turn, v: Array
     ) -> tuple[Problem, Evaluation, Acting]:
         """A phase's motion at a turn, where what it holds has no forces yet."""
-        acting = self._acting(phase)
+        acting = self._acting(phase, own)
         motion = initial_value_problem(own, turn.q, _unless_rounding(v), None, acting.torque)
         return motion, motion.equations.at_point(turn.t, motion.start.point), acting
 

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ...dynamics.derivatives import AppliedSlopes, TorqueSlopes
 from ...dynamics.equations import torque_function
+from ...dynamics.torque_feedback import AppliedSlopes, TorqueSlopes
 from ...errors import OptionError
 from ...mechanism.tree.tree import Array
 from ..derivatives.cost import Cost
