@@ -185,7 +185,9 @@ def test_a_five_bar_with_a_lock(five_bar: rg.Mechanism) -> None:
 
 @needs_kernel
 @pytest.mark.parametrize("slopes", [None, "given"])
-def test_the_kernel_finds_what_the_reference_does(slopes: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_kernel_finds_what_the_reference_does(
+    slopes: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Beside springs, under a torque that follows the state, free, locked and on a stop."""
 
     def torque(t: float, q: Array, v: Array) -> Array:
