@@ -373,6 +373,30 @@ def test_gradients_by_torques(five_bar: rg.Mechanism) -> None:
         assert sum(values) / 1e-2 == pytest.approx(found[i], abs=1e-9 * np.abs(found).max())
 
 
+@pytest.mark.parametrize("follows", [False, True])
+def test_gradients_from_beside_a_singular_place(follows: bool) -> None:
+    """Where stretches of steps begin at states that are none of the kernel's, up to a bounce and on."""
+    rhombus = rg.load("rhombus")
+    stop, v = [rg.Stop("q1", lower=0.02, restitution=0.5)], rhombus.lift(rhombus.home, [-0.5])
+    cost = rg.Cost(terminal=lambda q, v: float(np.sin(q[0]) + 0.2 * v[0]))
+
+    def run(tau: Array) -> rg.Trajectory:
+        def torque(t: float, q: Array, v: Array) -> Array:
+            return tau - 0.3 * v
+
+        torques = torque if follows else tau
+        return rg.simulate(rhombus, rhombus.home, v, duration=0.24, step=4e-3, torque=torques, joints=stop)
+
+    tau = np.array([0.3, 0.0, -0.2])
+    assert "impact" in {happening.kind for happening in run(tau).happenings}
+    found = rg.gradient(run(tau), cost).dtau.sum(axis=0)
+    for i, way in enumerate(np.eye(3)):
+        values = [
+            s * w * cost_of(run(tau + s * n * 1e-2 * way), cost) for n, w in WEIGHTS.items() for s in (1, -1)
+        ]
+        assert sum(values) / 1e-2 == pytest.approx(found[i], abs=1e-7 * np.abs(found).max())
+
+
 def test_the_gradient_is_that_of_the_sensitivity(five_bar: rg.Mechanism) -> None:
     """Forwards and backwards through the same chain."""
     joints = [rg.Stop("q2", lower=float(five_bar.home[1]) - 0.3, restitution=0.5), rg.Lock("q1", start=0.5)]

@@ -150,7 +150,7 @@ class Chain:
         without_units = G[good] / own.units[:, None] * own.units[own.iv_independent]
         size = np.full(len(t), np.inf)
         size[good] = np.linalg.norm(without_units, axis=(1, 2))
-        bad = np.flatnonzero(~(size <= WORSE * size[0]))
+        bad = np.flatnonzero(~(good & (size <= WORSE * size[0])))
         steps = max(0, int(bad[0]) - 1) if len(bad) else len(t) - 1
         if function is not None and taken.stages is not None and steps:
             kernel.follow(function, acting.slopes, taken.stages.of(0, steps))
