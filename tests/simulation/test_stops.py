@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 
 import robust_gcp as rg
 from robust_gcp.examples import linkages
+from robust_gcp.simulation.phases.polynomial_zeros import falling_root
 
 from .machines import BACKENDS, orders, pendulum, require_backend, require_sound, sliders, times_of
 from .machines import change_point as two_modes
@@ -417,3 +418,23 @@ def test_what_an_impact_leaves_of_a_velocity_is_zero(y: str) -> None:
         v0 *= 3.0 / v0[2]
         run = rg.simulate(mech, mech.home, v0, 0.4, 0.002, joints=stops, torque=[0.0, 0.0, 9.0])
         assert len(times_of(run, "impact")) == 1 and run["q3"].max() <= mech.home[2] + place + 1e-12
+
+
+@pytest.mark.filterwarnings("ignore::robust_gcp.StabilityWarning")
+def test_a_motion_that_leaves_the_finite_numbers_says_so(backend: Any) -> None:
+    """A damper for whose slopes the steps are a hundred times too long."""
+    shipped = rg.load("flyball")
+    joint, home = shipped.joints[1].name, shipped.home
+    forces = [*shipped.forces, rg.JointDamper(joint, 1e3)]
+    mech = rg.Mechanism.from_pinocchio(shipped.model, [], shipped.independent, home, forces=forces)
+    stop = rg.Stop(joint, lower=-10.0, upper=10.0)
+    with pytest.raises(rg.NonFiniteError, match="smaller step") as caught:
+        rg.simulate(mech, home, np.ones(mech.nv), 0.2, 4e-3, joints=[stop], backend=backend)
+    assert caught.value.trajectory is not None
+
+
+def test_roots_of_polynomials_whose_leading_coefficients_are_nothing() -> None:
+    """Quotients by these overflow."""
+    for tiny in (0.0, 5e-324, -1e-310, 1e-200):
+        root = falling_root(np.array([tiny, 0.0, 2.0, -3.0, 1.0]), 1e-12)
+        assert root is not None and root[0] == pytest.approx(0.5, abs=1e-15)

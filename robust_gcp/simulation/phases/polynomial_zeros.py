@@ -12,6 +12,9 @@ from ...mechanism.tree.tree import Array
 MOST_NEWTON = 60
 """Halvings of a step with Newton's method, until nothing is left of it."""
 
+NOTHING = 1e-30
+"""Share of the largest coefficient."""
+
 
 def falling_root(p: Array, tiny: float) -> tuple[float, float, float] | None:
     """The first x in [0, 1] where p falls through 0 to below −tiny; where it is lowest then, how deep."""
@@ -67,9 +70,11 @@ def _steady_fall(p: Array, tiny: float) -> tuple[float, float, float] | None:
 
 
 def _real_roots(p: Array) -> Array:
-    used = np.flatnonzero(p)
+    # quotients by leading coefficients that small overflow, and within [0, 1] they are nothing
+    used = np.flatnonzero(np.abs(p) > NOTHING * np.abs(p).max())
     if not len(used):
         return np.zeros(0)
+    used = np.append(used, np.flatnonzero(p)[-1])
     zero, p = len(p) - 1 - used[-1], p[used[0] : used[-1] + 1]
     companion = np.eye(len(p) - 1, k=-1)
     companion[:1] = -p[1:] / p[0]

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...errors import SimulationError
+from ...errors import NonFiniteError, SimulationError
 from ...kernel.dynamics.measures import reactions
 from ...kernel.simulation.guard import Bounds, Guard
 from ...mechanism.mechanism import Mechanism
@@ -130,6 +130,11 @@ class Signals:
                 if slip:
                     ends = self._steady(int(k), float(h[step]), ends, q[step : step + 2])
                 p = np.array(quintic(h[step], *ends.T)[::-1])
+                if not np.isfinite(p).all():
+                    raise NonFiniteError(
+                        f"the state left the finite numbers after t = {t[step]:.6g} s; use a smaller "
+                        "step, and check v0 and torque"
+                    )
                 root = falling_root(np.polyder(p) if slip else p, BELOW * (h[step] if slip else 1.0))
                 where = int(step) + since, int(self.rows[k])
                 if root is not None and where not in none and (best is None or root[0] < best.share):
