@@ -44,6 +44,28 @@ def test_a_bouncing_mass_comes_to_rest_at_the_sum_of_its_bounces() -> None:
     assert run.q.min() > -1e-13
 
 
+@pytest.mark.parametrize("push", [1e3, 1e5, 1e7])
+def test_a_mass_that_is_pushed_hard_comes_to_rest_too(push: float, backend: Any) -> None:
+    """Where a stop's rounding, 4e-17 m, is as much as a bounce at 1e-6 m/s."""
+    e, at, fall = 0.5, 0.35, 0.01
+    stop, time = rg.Stop("q1", lower=at, restitution=e), float(np.sqrt(2.0 * fall / (push + G)))
+    run = rg.simulate(
+        sliders(1.0),
+        [at + fall],
+        [0.0],
+        5.0 * time,
+        0.1 * time,
+        torque=[-push],
+        joints=[stop],
+        backend=backend,
+    )
+    (rest,) = times_of(run, "hold")
+    assert rest == pytest.approx(time * (1.0 + 2.0 * e / (1.0 - e)), rel=1e-5)
+    speed = np.sqrt(2.0 * fall * (push + G))
+    assert len(times_of(run, "impact")) <= np.log(speed / 1e-6) / np.log(1.0 / e) + 2.0
+    assert run["stop.q1"][-1] == pytest.approx(push + G, rel=1e-12)
+
+
 def test_outputs_are_at_the_usual_times_and_around_events(backend: Any) -> None:
     stop = rg.Stop("q1", lower=0.0, restitution=0.5)
     run = rg.simulate(sliders(1.0), [1.0], [0.0], 0.8, 0.1, joints=[stop], backend=backend)

@@ -194,7 +194,7 @@ class Stretch:
         q, v, a = part.q[-1], part.v[-1], part.a[-1]
         if found.row >= 0:
             value, rate = self._signals.signal_at(found.row, q, v, a)
-            return value, rate * h
+            return value - found.begun, rate * h
         value = self._holding.margin(float(part.t[-1]), q, v, a, part.tau[-1])
         if not sloping:
             return value, 0.0

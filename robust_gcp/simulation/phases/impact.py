@@ -26,6 +26,9 @@ from .rows import Kind, Rows
 REST = 1e-6
 """m/s or rad/s: below, an impact is plastic. What is dropped is v²/2a of height and 2v/a of time."""
 
+LEAST = 1e-13
+"""Share of a row's size below which no bounce rises: off rounding it would come back as fast for ever."""
+
 DEAD = 1e-3
 """Share of the most that a stop's row can be moved below which its joint is at a dead point."""
 
@@ -93,7 +96,10 @@ def struck(
     frame = Frame(rows.mechanism, q, v, None, seen)
     B = frame.rows(E)
     share = np.minimum(frame.shares(E, B), 1.0)
-    fast = np.abs(w) > REST * share  # at a dead point the joint is slow, not what it is part of
+    falls = np.zeros(len(w)) if seen is None else np.abs(E @ seen.a)
+    # at a dead point the joint is slow, not what it is part of
+    rest = np.maximum(REST * share, np.sqrt(LEAST * falls * rows.sizes(q)[struck_rows]))
+    fast = np.abs(w) > rest
     e = np.where(fast & (w < 0.0) & (not plastic), [rows.rows[i].restitution for i in struck_rows], 0.0)
     lower = np.where(np.arange(len(w)) < n, 0.0, -np.inf)
     P, _ = box(B, w + e * np.minimum(w, 0.0), lower, np.full(len(w), np.inf), size)

@@ -52,6 +52,8 @@ class Found(NamedTuple):
         Share of the step at which its function is lowest after that.
     depth : float
         How far below 0 it is there.
+    begun : float
+        Value of its function that it falls through: 0, but for a stop that was left from a rounding below it.
     """
 
     step: int
@@ -59,6 +61,7 @@ class Found(NamedTuple):
     row: int
     lowest: float = 1.0
     depth: float = np.inf
+    begun: float = 0.0
 
 
 class Signals:
@@ -135,10 +138,13 @@ class Signals:
                         f"the state left the finite numbers after t = {t[step]:.6g} s; use a smaller "
                         "step, and check v0 and torque"
                     )
+                begun = 0.0
+                if not slip and -BELOW <= p[-1] < 0.0 < p[-2]:  # left from as far below as an event may lie
+                    begun, p[-1] = float(p[-1]), 0.0
                 root = falling_root(np.polyder(p) if slip else p, BELOW * (h[step] if slip else 1.0))
                 where = int(step) + since, int(self.rows[k])
                 if root is not None and where not in none and (best is None or root[0] < best.share):
-                    best = Found(where[0], root[0], where[1], *root[1:])
+                    best = Found(where[0], root[0], where[1], *root[1:], begun)
             if best is not None:
                 break
         return best
