@@ -151,6 +151,13 @@ def torque_function(mechanism: Mechanism, torque: Torque | ArrayLike | None) -> 
     if not callable(torque):
         constant = mechanism.velocity(torque, "torque")
         return lambda t, q, v: constant
+    return called_torque(mechanism, torque)
+
+
+def called_torque(mechanism: Mechanism, torque: Any) -> TorqueFunction | None:
+    """The same where it is called for each state; None for constants."""
+    if not callable(torque):
+        return None
     return torque if isinstance(torque, TorqueFunction) else TorqueFunction(torque, mechanism.nv)
 
 

@@ -12,7 +12,7 @@ from ..errors import OptionError
 from ..mechanism.differences import CENTRAL, moved_along, torque_differences
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
-from .equations import CheckedTorque, TorqueFunction, torque_function
+from .equations import CheckedTorque, TorqueFunction, called_torque
 from .loads import Wrench, one_torque
 
 TorqueSlopes = Callable[[float, Array, Array], tuple[ArrayLike, ArrayLike]]
@@ -32,7 +32,7 @@ class AppliedSlopes:
 
     def __init__(self, mechanism: Mechanism, torque: object, given: TorqueSlopes | None) -> None:
         self._mechanism, self._tau_slopes = mechanism, given
-        self._torque = torque_function(mechanism, torque) if callable(torque) else None
+        self._torque = called_torque(mechanism, torque)
         self.some = given is not None or self._torque is not None
 
     def __call__(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:

@@ -223,12 +223,11 @@ class Mechanism(FromFiles):
         are known, without what rounding alone holds.
         """
         named = name or str(contents.model.name)  # as the file calls itself
-        acting = contents.forces, contents.actuators, contents.tendons
+        seen, driven = (independent, home, named, contents.forces), (contents.actuators, contents.tendons)
         if loops is None:
-            made = cls.from_pinocchio(contents.model, contents.closures, independent, home, named, *acting)
+            made = cls.from_pinocchio(contents.model, contents.closures, *seen, *driven)
         else:
-            forces, *driven = acting
-            made = cls._over(loops, independent, home, named, forces, (), (), (), *driven)
+            made = cls._over(loops, *seen, (), (), (), *driven)
         made.actuated, made.left_out = contents.actuated, (*contents.left_out, *made.left_out)
         made.keyframes = keyframes_of(made, contents.keyframes.items(), contents.velocities)
         made.sensors = Sensors({sensor.name: sensor for sensor in contents.sensors})

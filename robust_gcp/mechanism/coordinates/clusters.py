@@ -77,17 +77,16 @@ def loop_clusters(
         closures = tuple(loops.closures[i] for i in group.closures)
         own = tuple(n for n in independent if n in names or n.rpartition(".")[0] in names)
         chosen = np.searchsorted(iv, iv_independent[inputs])
-        part = loops.of_loops.once(("loops of", names), partial(_by_itself, loops, group))
+        part = loops.of_loops.once(("loops of", names), partial(_by_itself, loops, closures, group))
         clusters.append(LoopCluster(len(clusters), names, closures, own, iq, iv, chosen, inputs, part))
     return tuple(clusters)
 
 
-def _by_itself(loops: ClosedLoops, group: LoopGroup) -> ClosedLoops:
+def _by_itself(loops: ClosedLoops, closures: tuple[AnyClosure, ...], group: LoopGroup) -> ClosedLoops:
     """The loops of a group; those of all joints are what they are."""
     model = loops.own_model
-    if group.joints == tuple(range(1, model.njoints)) and len(group.closures) == len(loops.closures):
+    if group.joints == tuple(range(1, model.njoints)) and len(closures) == len(loops.closures):
         return once_more(loops, ClosedLoops)
-    closures = [loops.closures[i] for i in group.closures]
     return ClosedLoops(rooted_model(model, closures, group), closures)
 
 

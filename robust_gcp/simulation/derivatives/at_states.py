@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...checks import at_row, checked_rows, is_table, shown
-from ...dynamics.equations import TorqueFunction, torque_function
+from ...dynamics.equations import TorqueFunction, called_torque
 from ...dynamics.loads import Torques, Wrench, one_torque
 from ...errors import OptionError
 from ...kernel.derivatives.derivations import derivation
@@ -85,8 +85,7 @@ class AtStates:
         if not one and not callable(tau) and is_table(tau):
             table = checked_rows(tau, len(states), mechanism.nv, "tau", "nv")  # type: ignore[arg-type]
         acts = one_torque(mechanism, None if table is not None else tau, wrenches)
-        function = torque_function(mechanism, acts) if callable(acts) else None
-        assert function is None or isinstance(function, TorqueFunction)  # so are those of all that is called
+        function = called_torque(mechanism, acts)
         held = table
         if acts is not None and function is None:
             held = np.tile(np.asarray(acts, dtype=float), (len(states), 1))

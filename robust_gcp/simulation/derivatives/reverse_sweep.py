@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...dynamics.discrete import Stage
-from ...dynamics.equations import TorqueFunction, torque_function
+from ...dynamics.equations import called_torque
 from ...dynamics.parameters import Parameters
 from ...dynamics.prescribed.drive import Drive
 from ...dynamics.prescribed.zero_order_hold import HeldTorque
@@ -58,7 +58,7 @@ class ReverseSweep:
         self._parameters = Parameters(self._mechanism, parameters)
         steps = len(trajectory.t) - 1
         applied = applied_again(trajectory, torque, steps)
-        self._function, self._table = _function(self._mechanism, applied.function), applied.table
+        self._function, self._table = called_torque(self._mechanism, applied.function), applied.table
         if self._function is not None and self._table is not None:
             require_answers(trajectory, self._function, self._table)
         self._held = HeldTorque(self._mechanism, self._mechanism.tree.zero)
@@ -281,9 +281,3 @@ class ReverseSweep:
         outputs = slice(stretch.begin + which.start, stretch.begin + which.stop)
         states = run.t[outputs], run.q[outputs], run.v[outputs], tau
         return running_along(self._cost, self._mechanism, states, stretch.G[which], stretch.dv_dy[which])
-
-
-def _function(mechanism: Mechanism, torque: Any) -> TorqueFunction | None:
-    found = torque_function(mechanism, torque) if callable(torque) else None
-    assert found is None or isinstance(found, TorqueFunction)  # so are those of all that is called
-    return found

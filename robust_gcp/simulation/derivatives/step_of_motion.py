@@ -11,7 +11,7 @@ import numpy as np
 from ...dynamics.change_of_coordinates import Slope
 from ...dynamics.derivatives import PointDerivatives
 from ...dynamics.discrete import Stage
-from ...dynamics.equations import CheckedTorque
+from ...dynamics.equations import TorqueFunction
 from ...dynamics.modes.taylor_series import circles_of
 from ...dynamics.prescribed.constrained_derivatives import DrivenDerivatives, HeldDerivatives
 from ...dynamics.prescribed.drive import Drive
@@ -31,7 +31,7 @@ class Acting:
     Attributes
     ----------
     torque : callable, array_like (nv,) or None
-    function : callable or None
+    function : TorqueFunction or None
         The torque again, where its slopes are wanted.
     slopes : callable, optional
         See `derivatives`.
@@ -44,7 +44,7 @@ class Acting:
     """
 
     torque: Any = None
-    function: CheckedTorque | None = None
+    function: TorqueFunction | None = None
     slopes: TorqueSlopes | None = None
     by_more: Parametric | None = None
     held: Array | None = None

@@ -8,16 +8,17 @@ from typing import Any
 import numpy as np
 
 from ...dynamics.change_of_coordinates import Slope
-from ...dynamics.equations import Evaluation, TorqueFunction, torque_function
+from ...dynamics.equations import Evaluation, called_torque
 from ...dynamics.prescribed.constrained_derivatives import HeldDerivatives
 from ...dynamics.problem import Problem, initial_value_problem
 from ...dynamics.torque_feedback import TorqueSlopes
-from ...errors import NotDifferentiableError, OptionError, RobustGcpError, SingularStartError, ToggleError
-from ...kernel.derivatives.derivations import derivation, own_derivation
+from ...errors import NotDifferentiableError, OptionError, SingularStartError, ToggleError
+from ...kernel.derivatives.derivations import derivation
 from ...kernel.derivatives.step_derivatives import Derivation
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..derivatives.accelerations import derivatives
+from ..derivatives.kernel_sweep import kernel_of
 from ..derivatives.serving_coordinates import serving
 from ..derivatives.step_derivatives import differentiated
 from ..derivatives.step_of_motion import Acting
@@ -138,13 +139,12 @@ class Chain:
         """A, B and ends of the first steps, as many as the kernel takes, where nothing is held."""
         acting, found = self._acting(phase, own), list[tuple[Array, Array, Slope]]()
         torque, function = acting.torque, acting.function
-        assert function is None or isinstance(function, TorqueFunction)  # so is each that is called
         kernel = None if phase.basis else self._kernel(own, nodes[0][1], function is not None)
         if kernel is None:
             return found
         t, q, v = (np.array(part) for part in zip(*nodes, strict=True))
-        constant = torque is not None and function is None
-        tau = np.tile(np.asarray(torque, dtype=float), (len(t) - 1, 1)) if constant else None
+        held = None if torque is None or function is not None else np.asarray(torque, dtype=float)
+        tau = None if held is None else np.tile(held, (len(t) - 1, 1))
         taken = kernel.take(t, q, v, tau, function=function, staged=function is not None)
         good, G, dv_dy = taken.good, taken.G, taken.dv_dy
         without_units = G[good] / own.units[:, None] * own.units[own.iv_independent]
@@ -164,10 +164,7 @@ class Chain:
         if not calls:
             return derivation(own, q)
         if own not in self._kernels:
-            try:
-                self._kernels[own] = own_derivation(own, q)
-            except RobustGcpError:  # no start: the reference says what is wrong, and others may serve
-                return None
+            self._kernels[own] = kernel_of(own, self._run)
         return self._kernels[own]
 
     def _moved(self, own: Mechanism, phase: Phase, begin: At, end: At) -> tuple[Array, Array, Slope]:
@@ -187,10 +184,8 @@ class Chain:
         """What acts in a phase, with what it holds, in some coordinates."""
         torque = self._machines.torque_of(phase, own)
         held = self._rows.E[phase.basis] if phase.basis else None
-        if not callable(torque):
-            return Acting(torque, held=held)
         slopes = None if phase.touching else self._slopes  # a spring's own are not in them
-        return Acting(torque, torque_function(own, torque), slopes, held=held)
+        return Acting(torque, called_torque(own, torque), slopes, held=held)
 
     def _turned(self, before: Phase, turn: Turn, is_first: bool, is_last: bool) -> Turned:
         run, own = self._run, self._serving(turn.q, turn.before)

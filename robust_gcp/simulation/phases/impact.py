@@ -26,7 +26,7 @@ from .rows import Kind, Rows
 REST = 1e-6
 """m/s or rad/s: below, an impact is plastic. What is dropped is v²/2a of height and 2v/a of time."""
 
-LEAST = 1e-13
+LEAST = 5e-14
 """Share of a row's size below which no bounce rises: off rounding it would come back as fast for ever."""
 
 DEAD = 1e-3
@@ -98,7 +98,7 @@ def struck(
     share = np.minimum(frame.shares(E, B), 1.0)
     falls = np.zeros(len(w)) if seen is None else np.abs(E @ seen.a)
     # at a dead point the joint is slow, not what it is part of
-    rest = np.maximum(REST * share, np.sqrt(LEAST * falls * rows.sizes(q)[struck_rows]))
+    rest = np.maximum(REST * share, np.sqrt(2.0 * LEAST * falls * rows.sizes(q)[struck_rows]))
     fast = np.abs(w) > rest
     e = np.where(fast & (w < 0.0) & (not plastic), [rows.rows[i].restitution for i in struck_rows], 0.0)
     lower = np.where(np.arange(len(w)) < n, 0.0, -np.inf)

@@ -70,12 +70,12 @@ def _steady_fall(p: Array, tiny: float) -> tuple[float, float, float] | None:
 
 
 def _real_roots(p: Array) -> Array:
-    # quotients by leading coefficients that small overflow, and within [0, 1] they are nothing
-    used = np.flatnonzero(np.abs(p) > NOTHING * np.abs(p).max())
+    used = np.flatnonzero(p)
     if not len(used):
         return np.zeros(0)
-    used = np.append(used, np.flatnonzero(p)[-1])
-    zero, p = len(p) - 1 - used[-1], p[used[0] : used[-1] + 1]
+    # quotients by leading coefficients that small overflow, and within [0, 1] they are nothing
+    first = int(np.argmax(np.abs(p) > NOTHING * np.abs(p).max()))
+    zero, p = len(p) - 1 - used[-1], p[first : used[-1] + 1]
     companion = np.eye(len(p) - 1, k=-1)
     companion[:1] = -p[1:] / p[0]
     roots = np.linalg.eigvals(companion)
