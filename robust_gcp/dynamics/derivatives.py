@@ -22,7 +22,7 @@ from ..maps.explicit import Point
 from ..mechanism.forces.force_derivatives import ForceDerivatives
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
-from .equations import Evaluation
+from .equations import Evaluation, called_torque
 from .loads import Torques, Wrench, one_torque
 from .modes.map_rates import MapRates
 from .modes.mode_rates import ModeRates
@@ -30,7 +30,7 @@ from .modes.taylor_series import Circles
 from .problem import Problem, initial_value_problem
 from .reduced_inertia import ReducedInertia
 from .rnea_derivatives import RigidDerivatives
-from .torque_feedback import AppliedSlopes, TorqueSlopes, slopes_of_all
+from .torque_feedback import TorqueSlopes, followed, slopes_of_all
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ class PointDerivatives:
         self._compiled = compiled
         self._told: tuple[Point, tuple[Array, Array]] | None = None  # how torques follow the state there
         self.motion, self.mechanism = motion, motion.mechanism
-        self._applied = AppliedSlopes(self.mechanism, torque, tau_slopes)
+        self._function, self._slopes = called_torque(self.mechanism, torque), tau_slopes
         self._inertia = ReducedInertia(self.mechanism)
         self._rigid: RigidDerivatives = self.mechanism.memo.once(
             "rigid derivatives", lambda: RigidDerivatives(self.mechanism)
@@ -192,14 +192,12 @@ class PointDerivatives:
         """The same compiled, but for how the user's torques follow the state."""
         applied, tau, q, v = self.mechanism.applied, now.tau, now.point.q, now.v
         found = compiled(q, v, tau if tau is None or applied is None else tau - applied.torque_at(q, v)[0])
-        if found is None or not self._applied.some:
+        if found is None or not self._follows:
             return found
         slopes, accelerations = found
-        if self._told is None or self._told[0] is not now.point:  # of one that is held it is asked twice
-            self._told = now.point, self._applied(t, q, v)
-        by_q, by_v = self._told[1]
-        by_y = slopes.da_dy + slopes.da_dtau @ (by_q @ slopes.G + by_v @ slopes.dv_dy)
-        by_u = slopes.da_dv + slopes.da_dtau @ (by_v @ slopes.G)
+        tau_y, tau_u = self._followed(t, now, slopes.G, slopes.dv_dy)
+        by_y = slopes.da_dy + slopes.da_dtau @ tau_y
+        by_u = slopes.da_dv + slopes.da_dtau @ tau_u
         if not (np.all(np.isfinite(by_y)) and np.all(np.isfinite(by_u))):
             return None  # the reference says so
         return replace(slopes, da_dy=by_y, da_dv=by_u), accelerations
@@ -217,16 +215,16 @@ class PointDerivatives:
             force -= now.tau
         by_q, by_v, M = self._rigid.derivatives_at(q, v, a)
         pulled_q, pulled_v = G.T @ by_q, G.T @ by_v
-        for by in self._slopes(t, q, v, G):
-            pulled_q, pulled_v = pulled_q - by[0], pulled_v - by[1]
+        if self._forces is not None:
+            forces_q, forces_v = self._forces.derivatives_at(q, v, G)
+            pulled_q, pulled_v = pulled_q - forces_q, pulled_v - forces_v
         bent = np.einsum("n,inj->ij", force, rates.bend)
-        rest = np.hstack(
-            [
-                -(bent + pulled_q @ G + pulled_v @ rates.V_y + G.T @ M @ A_y),
-                -(pulled_v @ G + G.T @ M @ rates.A_u),
-                G.T,
-            ]
-        )
+        by_y = bent + pulled_q @ G + pulled_v @ rates.V_y + G.T @ M @ A_y
+        by_u = pulled_v @ G + G.T @ M @ rates.A_u
+        if self._follows:
+            tau_y, tau_u = self._followed(t, now, G, rates.V_y)
+            by_y, by_u = by_y - G.T @ tau_y, by_u - G.T @ tau_u
+        rest = np.hstack([-by_y, -by_u, G.T])
         m = mechanism.m
         found = self._inertia.solve(q, G, rest)
         if not np.all(np.isfinite(found)):
@@ -241,10 +239,15 @@ class PointDerivatives:
             force = force + now.tau
         return self._inertia.solve(q, rates.G, rates.G.T @ force)
 
-    def _slopes(self, t: float, q: Array, v: Array, G: Array) -> list[tuple[Array, Array]]:
-        """Gᵀ ∂τ/∂q and Gᵀ ∂τ/∂v of the mechanism's forces and of the user's torques."""
-        found = [] if self._forces is None else [self._forces.derivatives_at(q, v, G)]
-        if self._applied.some:
-            by_q, by_v = self._applied(t, q, v)
-            found.append((G.T @ by_q, G.T @ by_v))
-        return found
+    @property
+    def _follows(self) -> bool:
+        """Whether the user's torques follow the state."""
+        return self._function is not None or self._slopes is not None
+
+    def _followed(self, t: float, now: Evaluation, G: Array, dv_dy: Array) -> tuple[Array, Array]:
+        """How they do, by y and by u, (nv, m) each."""
+        if self._told is None or self._told[0] is not now.point:  # of one that is held it is asked twice
+            states = np.array([t]), now.point.q[None], now.v[None]
+            by = followed(self.mechanism, self._function, self._slopes, states, G[None], dv_dy[None])
+            self._told = now.point, (by[0][0], by[1][0])
+        return self._told[1]

@@ -83,7 +83,7 @@ def slopes_of_all(
 
 def followed(
     mechanism: Mechanism,
-    function: TorqueFunction,
+    function: TorqueFunction | None,
     slopes: TorqueSlopes | None,
     states: tuple[Array, Array, Array],
     G: Array,
@@ -95,9 +95,9 @@ def followed(
 
     Parameters
     ----------
-    function : callable (t, q, v) -> (nv,)
+    function : callable (t, q, v) -> (nv,), optional
     slopes : callable, optional
-        ∂τ/∂q and ∂τ/∂v, see `derivatives`.
+        ∂τ/∂q and ∂τ/∂v, see `derivatives`; where they are left out, the function is needed.
     states : (t, q, v)
         (N,), (N, nq) and (N, nv).
     G, dv_dy : ndarray (N, nv, m)
@@ -113,6 +113,7 @@ def followed(
             by_q, by_v = given(float(t), q, v)
             by_y[i], by_u[i] = by_q @ G[i] + by_v @ dv_dy[i], by_v @ G[i]
         return by_y, by_u
+    assert function is not None
     (t, q, v), tree = states, mechanism.tree
     units, size = mechanism.units, np.maximum(mechanism.units, np.abs(v))
     for j in range(G.shape[2]):
