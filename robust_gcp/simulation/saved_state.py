@@ -29,6 +29,8 @@ class StartState:
         Controls and activations of the actuators; None without power.
     phase : object, optional
         What stops, friction and locks do there.
+    independent : tuple of str
+        The joints that were independent there; those of the simulation where none are told.
     """
 
     joints: tuple[str, ...]
@@ -38,6 +40,7 @@ class StartState:
     mode: Array
     driven: tuple[Array, Array] | None = None
     phase: Any = None
+    independent: tuple[str, ...] = ()
 
 
 class SavedState:

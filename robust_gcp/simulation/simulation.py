@@ -142,10 +142,10 @@ class Simulation(Present):
         """
         return self._reset((q0, v0, mode))
 
-    def _reset(self, start: Given, phase: Any = None) -> Simulation:
+    def _reset(self, start: Given, phase: Any = None, independent: Sequence[str] = ()) -> Simulation:
         plan, begun = self._plan, time.perf_counter()
         plan.mechanism.require_unchanged()
-        self.mechanism, run = plan.run(start, self._ctrl)
+        self.mechanism, run = plan.run(start, self._ctrl, independent)
         self._begun, self._run = begun, run
         self._coarse = Coarse(self.mechanism, self._step) if plan.choice.method == "bridge" else None
         run.recall(phase)
@@ -251,7 +251,9 @@ class Simulation(Present):
         """
         run, place = self._run, (self.t, self.q, self.v)
         driven = None if self._ctrl is None else (self._ctrl.copy(), self._held.activations(self.t))
-        start = StartState(self.mechanism.joint_names, *place, run.toward, driven, run.remembered())
+        start = StartState(
+            self.mechanism.joint_names, *place, run.toward, driven, run.remembered(), run.independent
+        )
         return SavedState(self, self._run.copied(), start)
 
     def restore(self, state: SavedState | StartState) -> Simulation:
@@ -281,9 +283,9 @@ class Simulation(Present):
         if start.driven is not None:
             self._ctrl, self._held.start = start.driven
         try:
-            return self._reset((start.q, start.v, None), start.phase)
+            return self._reset((start.q, start.v, None), start.phase, start.independent)
         except SingularStartError:
-            return self._reset((start.q, start.v, start.mode), start.phase)
+            return self._reset((start.q, start.v, start.mode), start.phase, start.independent)
         except Exception:
             self._plan.t0 = before
             raise

@@ -21,6 +21,7 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.parts import Part
 from ..mechanism.tree.tree import Array
 from .events import Event
+from .runs.coordinates import in_coordinates
 from .runs.course import Course
 from .runs.initial_state import Given, initialise, rates_at
 from .runs.schedule import Keep, Schedule
@@ -80,23 +81,34 @@ class StepwisePlan:
         """Times of the outputs numbered from `first` on."""
         return self.t0 + self.step * np.arange(first, first + count)
 
-    def run(self, start: Given, ctrl: Array | None) -> tuple[Mechanism, SteppedRun | PhasedRun]:
-        """The mechanism, and a run from (q0, v0, mode) that has not begun; without one all is as it was."""
+    def run(
+        self, start: Given, ctrl: Array | None, independent: Sequence[str] = ()
+    ) -> tuple[Mechanism, SteppedRun | PhasedRun]:
+        """The mechanism, and a run from (q0, v0, mode) that has not begun; without one all is as it was.
+
+        Parameters
+        ----------
+        independent : sequence of str
+            The joints that are so at first, where they are not those that the user named.
+        """
         held, none = self.held, np.zeros(self.mechanism.nv)
         before, held.value = held.value, none[:0]
         held.value = held.row(none, ctrl, (self.t0, self.t0 + self.step))
         try:
-            return (self._phased if self.parts else self._stepped)(start)
+            return self._phased(start) if self.parts else self._stepped(start, independent)
         except Exception:
             held.value = before
             raise
 
-    def _stepped(self, start: Given) -> tuple[Mechanism, SteppedRun]:
+    def _stepped(self, start: Given, independent: Sequence[str]) -> tuple[Mechanism, SteppedRun]:
         choice, held, counters, t0 = self.choice, self.held, Counters(), self.t0
         mechanism, drives = prescribed(self.mechanism, self.drive, start[0], np.array([t0, t0 + self.step]))
         native = None if self.kernel is None else NativeSteps(self.kernel, held.native, self.required, drives)
         toggle = checked_toggle(None, choice.method, drives is not None)
-        problem = initialise(native, mechanism, start, held, choice, counters, toggle, drives, t0)
+        at_first = mechanism
+        if independent and toggle == "repartition":
+            at_first = in_coordinates(mechanism, independent)
+        problem = initialise(native, at_first, start, held, choice, counters, toggle, drives, t0)
         if drives is None:
             check = StabilityCheck(mechanism, None, self.step, choice.options)
             check.before(problem, rates_at(native, problem))

@@ -121,3 +121,21 @@ def test_a_pickled_state_leads_any_simulation_on(backend: Any) -> None:
     other = rg.Simulation(rg.load("five_bar"), backend=backend)
     with pytest.raises(rg.OptionError, match="joints"):
         other.restore(pickle.loads(pickle.dumps(sim.save())))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_pickled_state_leads_on_in_its_own_coordinates(backend: Any) -> None:
+    """To rounding, not only to the step's error, where coordinates were changed before it was saved."""
+    arms = rg.load("five_bar")
+    v0 = arms.G(arms.home) @ [3.0, -3.0]
+    sim = rg.Simulation(arms, arms.home, v0, step=4e-3, backend=backend).step(n=115)
+    *_, (_, names) = sim.trajectory.stats.repartitions
+    assert names != arms.independent
+    state = pickle.loads(pickle.dumps(sim.save()))
+    again = rg.Simulation(arms, step=4e-3, backend=backend).restore(state).step(n=30)
+    sim.step(n=30)
+    np.testing.assert_allclose(again.q, sim.q, rtol=0.0, atol=1e-12)
+    assert again.trajectory.stats.repartitions[0] == (pytest.approx(0.46), names)
+    for kind in ({"joints": [rg.Stop("q1", lower=-50.0)]}, {"keep": 7}):  # theirs, to the step's error
+        other = rg.Simulation(arms, step=4e-3, backend=backend, **kind)  # type: ignore[arg-type]
+        np.testing.assert_allclose(other.restore(state).step(n=30).q, sim.q, rtol=0.0, atol=1e-6)

@@ -146,6 +146,11 @@ class PhasedRun:
         self._phases.put_back(parts["phases"])
         self._at, self._first = parts["at"], parts["first"]
 
+    @property
+    def independent(self) -> tuple[str, ...]:
+        """None are told: each phase looks for its own."""
+        return ()
+
     def remembered(self) -> Any:
         """What another simulation with the same parts goes on from, besides the state."""
         return self._phases.remembered()
