@@ -6,7 +6,7 @@
 
 namespace rg {
 
-constexpr std::int32_t VERSION = 29;
+constexpr std::int32_t VERSION = 30;
 
 enum Reason : std::int32_t {
     DONE = 0,

@@ -98,6 +98,9 @@ class Library:
             function.argtypes, function.restype = [c_void_p, POINTER(Request)], None
         self.bend = library.rg_bend
         self.bend.argtypes, self.bend.restype = [c_void_p, POINTER(Request), c_void_p, c_void_p], None
+        self.passed = library.rg_passed
+        self.passed.argtypes = [c_void_p, POINTER(Request), *2 * [c_double], *2 * [c_void_p], c_int64]
+        self.passed.restype = None
         self.keep, self.forget, self.renew = library.rg_keep, library.rg_forget, library.rg_renew
         for function in (self.keep, self.forget, self.renew):
             function.argtypes, function.restype = [c_void_p], None

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..mechanism.tree.tree import Array
 
-VERSION = 29
+VERSION = 30
 """Of the interface; a library with another one is not used."""
 
 TorqueCallback: Any = ctypes.CFUNCTYPE(c_int32, c_double)

@@ -12,8 +12,10 @@ import robust_gcp as rg
 from robust_gcp.dynamics.equations import EquationsOfMotion
 from robust_gcp.dynamics.problem import initial_value_problem
 from robust_gcp.examples import families
+from robust_gcp.examples.six_bars import joined_by_dyad
 from robust_gcp.kernel.simulation.steps import NativeSteps, chosen_library
 from robust_gcp.maps.choice import MapChoice
+from robust_gcp.maps.cluster import cluster_map
 from robust_gcp.simulation.runs.solver_rates import Following
 
 from ..compiled import needs_kernel
@@ -139,6 +141,23 @@ def test_python_evaluates_next_to_nothing(name: str, monkeypatch: pytest.MonkeyP
     run = rg.simulate(rg.load(name), duration=1.0, step=0.05, stepper="Radau", **TIGHT)
     assert run.stats.rhs > 500
     assert len(calls) < 5
+
+
+@pytest.mark.parametrize("stepper", SOLVERS)
+@pytest.mark.parametrize("name", ["rhombus", "kite", "joined_by_dyad"])
+def test_what_is_passed_is_told_by_the_kernel(
+    name: str, stepper: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The state of its bridges is read in Python where coordinates may be changed, not for what is passed."""
+    reads, read = [], cluster_map.read
+    monkeypatch.setattr(cluster_map, "read", lambda *told: reads.append(0) or read(*told))
+    mech, v0 = (joined_by_dyad(), [3.0, -1.5]) if name == "joined_by_dyad" else (rg.load(name), None)
+    start = None if v0 is None else mech.G(mech.home) @ v0
+    run = rg.simulate(mech, v0=start, duration=1.0, step=0.05, stepper=stepper, backend="native", **TIGHT)
+    assert run.crossings and len(reads) <= len(run.stats.repartitions) < 3
+    for crossing in run.crossings:
+        assert np.abs(mech.phi(crossing.q)).max() < 1e-12
+        np.testing.assert_allclose(run.at(crossing.time).q, crossing.q, atol=1e-4)
 
 
 def test_coordinates_that_turn_back_are_changed_at_the_same_times() -> None:

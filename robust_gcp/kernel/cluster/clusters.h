@@ -10,11 +10,14 @@
 
 namespace rg {
 
-// A step between two accepted outputs, with ÿ at its ends.
+class Series;
+
+// A step between two accepted outputs, with ÿ at its ends, and y and ẏ within where that is known better.
 struct Step {
     double t0, t1;
     Point *before, *after;
     const double *ydd0, *ydd1;
+    const Series* solved = nullptr;
 };
 
 constexpr double SAME_PLACE = 1e-6;  // as in regular_ground.py
@@ -43,6 +46,10 @@ class Clusters {
     // Builds bridges that lie both ways of where every cluster is by itself; see explore.h.
     void explore();
     bool turning_on_bridge() const { return on_bridge(true); }
+    // Whether a cluster's coordinates are in a chart.
+    bool charted() const;
+    // Whether one cluster has all the joints.
+    bool whole() const;
     // At an output, where charts are about it now: coordinates anew of clusters that are in charts, or whose joints
     // have turned far from what these are about.
     void settle(Point& accepted);

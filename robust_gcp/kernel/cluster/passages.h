@@ -101,7 +101,7 @@ inline void between(const Path& path, const Step& step, double t, double* q) {
 class Course {
   public:
     Course(const Space& space, const Step& step, const Path& path) : space_(space), step_(step), path_(path) {
-        if (space.charted()) return;
+        if (space.charted() || step.solved != nullptr) return;
         for (const int input : space.inputs) numbers_.emplace_back(step, input);
     }
 
@@ -113,7 +113,7 @@ class Course {
             const Vector x = space_.x(q.data());
             for (int i = 0; i < space_.m; ++i) y[i] = x[space_.chosen[i]];
         } else {
-            for (int i = 0; i < space_.m; ++i) y[i] = space_.chart_of(i, numbers_[static_cast<std::size_t>(i)].at(t));
+            for (int i = 0; i < space_.m; ++i) y[i] = space_.chart_of(i, number(i, t).value);
         }
         return y;
     }
@@ -125,7 +125,7 @@ class Course {
             return (at(t + apart) - at(t - apart)) / (2.0 * apart);
         }
         for (int i = 0; i < space_.m; ++i)
-            rate[i] = numbers_[static_cast<std::size_t>(i)].rate(t) / space_.D[space_.chosen[i]];
+            rate[i] = number(i, t).rate / space_.D[space_.chosen[i]];
         return rate;
     }
 
@@ -150,6 +150,17 @@ class Course {
     }
 
   private:
+    Varying number(int i, double t) const {
+        Varying found{0.0, 0.0, 0.0};
+        if (step_.solved != nullptr) {
+            step_.solved->component(space_.inputs[static_cast<std::size_t>(i)], t, found.value, found.rate);
+        } else {
+            const Quintic& own = numbers_[static_cast<std::size_t>(i)];
+            found.value = own.at(t), found.rate = own.rate(t);
+        }
+        return found;
+    }
+
     const Space& space_;
     const Step& step_;
     const Path& path_;

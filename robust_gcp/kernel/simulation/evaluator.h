@@ -53,20 +53,24 @@ class Evaluator {
 
     // The point and ÿ at the state `stage_`, which is at a stage of the step after a time; the point becomes the anchor.
     Reason evaluate(const Request& r, double t, std::int64_t time, int stage) {
-        const int m = path.layout.m;
-        double *y = stage_.data(), *ydot = y + m;
-        if (motion_.driven) prescribe(r, time, stage, y, ydot);
+        if (motion_.driven) prescribe(r, time, stage, stage_.data(), stage_.data() + path.layout.m);
         control(r, time, stage);
-        Point& point = spare();
         ++rhs_;
+        if (Reason reason = place(r)) return reason;
+        return motion_.evaluate(t, *anchor_, r);
+    }
+
+    // The point at the state `stage_`, which becomes the anchor.
+    Reason place(const Request& r) {
+        const double *y = stage_.data(), *ydot = y + path.layout.m;
+        Point& point = spare();
         Reason reason = clusters.in_zone() ? ZONE : by_regular_path(r, y, ydot, point);
         if (reason != DONE && r.bridging != nullptr && clusters.some()) {
             const Reason found = clusters.at(*anchor_, origin_, y, ydot, point, r.zone);
             if (found != ZONE) reason = found;
         }
-        if (reason != DONE) return reason;
-        anchor_ = &point;
-        return motion_.evaluate(t, point, r);
+        if (reason == DONE) anchor_ = &point;
+        return reason;
     }
 
     // One step of the regular path, if it is good enough; see RegularGround in regular_ground.py.

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
 from ...dynamics.equations import Evaluation
+from ...maps.explicit import Crossing
 from ...mechanism.tree.tree import Array
 from ..handles import Shared
 from ..library import Library
@@ -15,6 +18,16 @@ from ..structures import Reason, Request, address
 from .batch import Trackers, counted
 
 DONE, TORQUE, REFUSED = int(Reason.DONE), int(Reason.TORQUE), int(Reason.REFUSED)
+
+DEGREE = 12
+"""Of the polynomials that SciPy's solvers give within a step, at most (LSODA's)."""
+
+
+@cache
+def _chebyshev() -> tuple[Array, Array]:
+    """Where such a polynomial on [−1, 1] is asked for, and what makes its Chebyshev coefficients of that."""
+    nodes = chebyshev.chebpts1(DEGREE + 1)
+    return nodes, np.linalg.inv(chebyshev.chebvander(nodes, DEGREE))
 
 
 class Rates:
@@ -38,6 +51,8 @@ class Rates:
         Read what the kernel has told, and the state of its trackers.
     prescribe : callable (t)
         Writes what moves as prescribed.
+    crossings : callable
+        Reads what was passed last.
     """
 
     def __init__(
@@ -51,8 +66,9 @@ class Rates:
         evaluation: Callable[[], Evaluation],
         trackers: Callable[[], Trackers],
         prescribe: Callable[[float], None],
+        crossings: Callable[[], list[Crossing]],
     ) -> None:
-        self._prescribe = prescribe
+        self._prescribe, self._crossings = prescribe, crossings
         self._library, self._follow = library, library.follow
         self._handle, self._request, self._reference = handle, request, reference
         self._time, self._x, self._rate = shared.time, shared.x, shared.rate
@@ -97,6 +113,30 @@ class Rates:
         A: Array = np.empty((2 * len(unit), 2 * len(unit)))
         self._library.bend(self._handle, self._reference, address(unit), address(A))
         return A if self._done() else None
+
+    def passed(
+        self, times: tuple[float, float], ends: Array, within: Callable[[float], Array]
+    ) -> list[Crossing] | None:
+        """Singular places that a step of the solver's passed; None where the kernel cannot tell.
+
+        Parameters
+        ----------
+        times : (float, float)
+            s.
+        ends : ndarray (2, 2m)
+            (y, ẏ) there.
+        within : callable (t) -> ndarray
+            The state at a time between, y and ẏ first.
+        """
+        if not self._request.met:
+            return []
+        n, (t0, t1) = ends.shape[1], times
+        half, (nodes, to_series) = 0.5 * (t1 - t0), _chebyshev()
+        states = to_series @ np.array([within(t0 + half * (1.0 + s))[:n] for s in nodes.tolist()])
+        bend = np.vstack([chebyshev.chebder(states[:, n // 2 :]) / half, np.zeros((1, n // 2))])
+        told, rows = np.ascontiguousarray(ends), np.hstack([states, bend])
+        self._library.passed(self._handle, self._reference, t0, t1, address(told), address(rows), len(rows))
+        return self._crossings() if self._done() else None
 
     def told(self) -> tuple[Evaluation, Trackers | None, bool, bool]:
         """The evaluation made last, the trackers where they know something, whether in a zone, and met."""

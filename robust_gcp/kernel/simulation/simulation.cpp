@@ -50,6 +50,15 @@ RG_EXPORT void rg_bend(void* stepper, rg::Request* request, const double* unit, 
     static_cast<rg::Solver*>(stepper)->bend(*request, unit, A);
 }
 
+// What a solver's step from t0 to t1 passed: `ends` are the states (y, ẏ) there, `series` the coefficients of Chebyshev
+// polynomials for (y, ẏ, ÿ), one after the other.
+RG_EXPORT void rg_passed(void* stepper, rg::Request* request, double t0, double t1, const double* ends,
+                         const double* series, std::int64_t count) {
+    rg::Solver& solver = *static_cast<rg::Solver*>(stepper);
+    const rg::Matrix table = Eigen::Map<const rg::Matrix>(series, 3 * solver.path.layout.m, count);
+    solver.passed(*request, t0, t1, ends, rg::Series(table, t0, t1));
+}
+
 RG_EXPORT void rg_tell(void* stepper, rg::Request* request) { static_cast<rg::Solver*>(stepper)->tell(*request); }
 
 RG_EXPORT void rg_keep(void* stepper) { static_cast<rg::Solver*>(stepper)->keep(); }

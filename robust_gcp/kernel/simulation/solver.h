@@ -7,6 +7,7 @@
 #include <limits>
 #include <vector>
 
+#include "cluster/hermite.h"
 #include "simulation/stepper.h"
 
 namespace rg {
@@ -72,6 +73,39 @@ class Solver : public Stepper {
         }
     }
 
+    // What a step of the solver's passed, into `log`: of the states at its `ends`, and of y, ẏ and ÿ within. ZONE where
+    // Python has to look. Goes on from its end.
+    void passed(Request& r, double t0, double t1, const double* ends, const Series& solved) {
+        const int m = path.layout.m;
+        r.reason = ZONE;
+        r.logged = 0;
+        if (motion_.driven || !in_loops_.empty() || clusters.charted()) return;
+        Point before = *anchor_, after = *anchor_;
+        if (!reached(r, ends, before) || !reached(r, ends + 2 * m, after)) return;
+        Vector y, ydot, first, last;
+        solved.evaluate(t0, y, ydot, first);
+        solved.evaluate(t1, y, ydot, last);
+        log_.clear();
+        log(0, {t0, t1, &before, &after, first.data(), last.data(), &solved});
+        const std::size_t width = static_cast<std::size_t>(path.layout.nq) + 8;
+        const std::size_t others = clusters.whole() ? 0 : log_.size();
+        for (std::size_t at = 0; at < others; at += width) {  // the other joints where y has them then
+            solved.evaluate(log_[at + 1], y, ydot, first);
+            y.conservativeResize(2 * m);
+            y.tail(m) = ydot;
+            if (reached(r, y.data(), before))
+                std::copy(before.q(), before.q() + path.layout.nq, log_.begin() + static_cast<std::ptrdiff_t>(at) + 8);
+        }
+        if (others > 0) {
+            clusters.forget();
+            reached(r, ends + 2 * m, after);
+        }
+        count(r);
+        r.log = log_.data();
+        r.logged = static_cast<std::int64_t>(log_.size() / width);
+        r.in_zone = clusters.in_zone(), r.met = clusters.met(), r.reason = DONE;
+    }
+
     // The point evaluated last, and ÿ, τ and the power there.
     void tell(Request& r) {
         anchor_->write(r.anchor);
@@ -86,6 +120,18 @@ class Solver : public Stepper {
     void keep() { accepted_ = anchor_; }
 
   private:
+    // The point at a state, without what acts there.
+    bool reached(Request& r, const double* x, Point& point) {
+        if (accepted_ != anchor_ && apart(x, *accepted_) < apart(x, *anchor_)) go_back(r, *accepted_);
+        std::copy(x, x + 2 * path.layout.m, stage_.begin());
+        const bool found = place(r) == DONE;
+        if (found)
+            point = *anchor_;
+        else
+            go_back(r, *accepted_);
+        return found;
+    }
+
     // Whether charts ought to be renewed.
     bool outgrown(Point& point) const {
         if (path.charted && path.away(point, origin_) > OUTGROWN) return true;

@@ -12,7 +12,7 @@ from ...dynamics.equations import CheckedTorque, Evaluation
 from ...dynamics.prescribed.drive import Drive
 from ...dynamics.tableau import Tableau
 from ...maps.cluster.options import LAST_RESORT, PRESCRIBED, BridgeOptions
-from ...maps.explicit import Point
+from ...maps.explicit import Crossing, Point
 from ...maps.regular_path import RegularPath
 from ...mechanism.coordinates.groups import groups_of
 from ...mechanism.mechanism import Mechanism
@@ -222,7 +222,7 @@ class Workspace:
             return self._evaluation(self._layout.point(self._shared.anchor, self._shared.origin))
 
         self._library.follow_from(self._handle, self._by_reference)
-        told_by = self._acting.raised, told, self._handed.new, self._acting.prescribe
+        told_by = self._acting.raised, told, self._handed.new, self._acting.prescribe, self._crossings
         return Rates(self._library, self._handle, r, self._by_reference, self._shared, *told_by)
 
     def look(self, t: float, now: Evaluation) -> Evaluation | None:
@@ -282,7 +282,7 @@ class Workspace:
             now,
             trackers,
             outputs,
-            crossings(r, self._nq, self._numbers_in_q),
+            self._crossings(),
             safe,
             float(r.best),
             int(r.rhs),
@@ -290,6 +290,10 @@ class Workspace:
             self._acting.failure(),
             (float(r.uncertain), float(r.nearest)),
         )
+
+    def _crossings(self) -> list[Crossing]:
+        """What was passed last."""
+        return crossings(self._request, self._nq, self._numbers_in_q)
 
     def _evaluation(self, point: Point) -> Evaluation:
         """What the kernel left at its anchor, which is this point."""

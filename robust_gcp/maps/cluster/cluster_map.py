@@ -121,7 +121,7 @@ class ClusterMap(Charted):
     @property
     def on_bridge(self) -> bool:
         """Whether the point evaluated last lies on a bridge."""
-        return self._in_zone and any(tracker.current is not None for tracker in self._trackers or [])
+        return self._in_zone and any(tracker.current is not None for tracker in self._known_trackers())
 
     def rounding(self) -> tuple[float, float, float]:
         """What rounding costs of G where there is no bridge, see `apex.rounding`."""

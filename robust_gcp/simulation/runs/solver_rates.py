@@ -12,10 +12,11 @@ from ...errors import SimulationError
 from ...kernel.simulation.rates import Rates
 from ...kernel.simulation.steps import KernelMap, NativeSteps
 from ...maps.cluster.cluster_map import ClusterMap
+from ...maps.explicit import Crossing
 from ...mechanism.tree.tree import Array
 from .coordinates import Coordinates
 from .crossings import map_of_rest, numbers, point_of_rest
-from .steppers import RefusedTrialError
+from .steppers import RefusedTrialError, SolverStep
 
 
 class Following:
@@ -89,6 +90,16 @@ class Following:
     def plain(self) -> bool:
         """Whether nothing was met on the way that the map in Python would have to tell of."""
         return self._rates is not None and self._rates.plain
+
+    def passed(self, step: SolverStep, behind: Array) -> list[Crossing] | None:
+        """Singular places that a step from the state `behind` passed; None where Python has to look."""
+        if self._rates is None:
+            return None
+        ends = np.array([behind, step.x])[:, : 2 * self._motion.mechanism.m]
+        found = self._rates.passed((step.t0, step.t1), ends, step.between)
+        if found:
+            self.looked()
+        return found
 
     def rounding(self) -> tuple[float, float, float]:
         """What rounding costs of G where there is no bridge, see `apex.rounding`."""

@@ -69,7 +69,6 @@ class AdaptiveRun(Run):
                 ):
                     plain = self._following.plain and not self._events
                     if not plain:
-                        self._following.share()
                         self._rounding(self._following, rtol)
                     self._look_behind(step, plain)
                     within, zeros = self._zeros(step)
@@ -110,8 +109,8 @@ class AdaptiveRun(Run):
         explicit = self._motion.explicit
         if not self._suspicious(explicit.anchor) and not explicit.outgrown(explicit.anchor):
             return False
-        self._following.near(step.x)
-        here = self._motion.equations.evaluate(step.t1, step.x)
+        here = self._following.keep(step.t1, step.x)
+        self._following.share()
         names = self._better(here.point)
         if names is None and not explicit.outgrown(here.point):
             self._following.looked()
@@ -153,7 +152,14 @@ class AdaptiveRun(Run):
         """Log what an accepted step of a solver passed, whatever the outputs are."""
         behind, self._behind = self._behind, step.x
         explicit, m = self._motion.explicit, self._motion.mechanism.m
-        if plain or not explicit.met or not np.all(np.isfinite(step.x)):
+        if plain or not np.all(np.isfinite(step.x)):
+            return
+        passed = self._following.passed(step, behind)
+        if passed is not None:
+            self._record.cross(passed)
+            return
+        self._following.share()
+        if not explicit.met:
             return
         self._following.near(behind)  # the map stands where the solver's last trial was
         before, after = (explicit.point_at(x[:m], x[m : 2 * m]) for x in (behind, step.x))
