@@ -216,7 +216,7 @@ struct Request {
     const double* log;        // (logged, 8 + nq), valid until the next call: step, time, cluster, corank,
                               // closure, transversality, whether a near miss, order of contact, q
     double power;             // in and out
-    std::int32_t in_zone;     // whether the last accepted state is in a zone
+    std::int32_t in_zone;     // whether the last accepted state is in a zone: 2 on a bridge there
     std::int32_t reason;
     std::int32_t met;         // whether singular places may have been passed that nobody was told of
     double uncertain;         // of G at most, by rounding, beside singular places without a bridge,

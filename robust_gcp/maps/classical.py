@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from ..errors import BranchError
 from ..mechanism.tree.tree import Array
 from ..warning import warn
-from .explicit import Point, Unaware
+from .explicit import Arriving, Point, Unaware
 from .regular_path import RegularPath
 
 NewtonStart = Literal["previous", "tangent"]
@@ -44,7 +43,7 @@ class ClassicalMap(Unaware):
     def resume(
         self,
         anchor: Point,
-        trackers: Callable[[], Array] | None,
+        trackers: Arriving | None,
         in_zone: bool | None = None,
         met: bool | None = None,
     ) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -11,7 +10,7 @@ from ..mechanism.coordinates.groups import Groups
 from ..mechanism.tree.tree import Array
 from .classical import ClassicalMap
 from .cluster.cluster_map import ClusterMap
-from .explicit import OUTGROWN, Counters, ExplicitMap, Passage, Point, Stretch
+from .explicit import OUTGROWN, Arriving, Counters, ExplicitMap, Passage, Point, Stretch
 from .regular_path import RegularPath
 
 
@@ -114,7 +113,7 @@ class GroupMap:
     def resume(
         self,
         anchor: Point,
-        trackers: Callable[[], Array] | None,
+        trackers: Arriving | None,
         in_zone: bool | None = None,
         met: bool | None = None,
     ) -> None:

@@ -251,10 +251,9 @@ class Simulation(Present):
         """
         run, place = self._run, (self.t, self.q, self.v)
         driven = None if self._ctrl is None else (self._ctrl.copy(), self._held.activations(self.t))
-        start = StartState(
-            self.mechanism.joint_names, *place, run.toward, driven, run.remembered(), run.independent
-        )
-        return SavedState(self, self._run.copied(), start)
+        names, phase = self.mechanism.joint_names, run.remembered()
+        start = StartState(names, *place, run.toward, driven, phase, run.independent)
+        return SavedState(self, run.copied(), start)
 
     def restore(self, state: SavedState | StartState) -> Simulation:
         """Go back, to the last bit, to where `save` of this simulation gave the state; returns itself.

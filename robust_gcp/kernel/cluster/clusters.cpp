@@ -185,15 +185,6 @@ bool Clusters::met() const {
     });
 }
 
-bool Clusters::charted() const {
-    const auto charted = [](const std::unique_ptr<Space>& space) { return space->charted(); };
-    return some_ && std::any_of(inside_->spaces.begin(), inside_->spaces.end(), charted);
-}
-
-bool Clusters::whole() const {
-    return some_ && inside_->spaces.size() == 1 && inside_->spaces[0]->nv == path_.layout.nv;
-}
-
 void Clusters::passed(const Step& step, std::vector<double>& log) {
     Inside& in = *inside_;
     std::vector<Passage> found;

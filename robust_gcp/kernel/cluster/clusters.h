@@ -30,6 +30,8 @@ class Clusters {
     // Whether the kernel follows the clusters at all.
     bool some() const { return some_; }
     bool in_zone() const { return in_zone_; }
+    // The same as a request tells it: 2 on a bridge.
+    std::int32_t place() const { return in_zone_ ? 1 + on_bridge() : 0; }
     // Whether a cluster is on a bridge; `turning`: one with joints on groups, whose coordinates are not renewed.
     bool on_bridge(bool turning = false) const;
     // Whether a singular place may have been passed since the last step that was looked through.
@@ -46,10 +48,6 @@ class Clusters {
     // Builds bridges that lie both ways of where every cluster is by itself; see explore.h.
     void explore();
     bool turning_on_bridge() const { return on_bridge(true); }
-    // Whether a cluster's coordinates are in a chart.
-    bool charted() const;
-    // Whether one cluster has all the joints.
-    bool whole() const;
     // At an output, where charts are about it now: coordinates anew of clusters that are in charts, or whose joints
     // have turned far from what these are about.
     void settle(Point& accepted);

@@ -20,6 +20,9 @@ from ..library import Library
 from ..structures import Arrays, Bridging, Reason, Request, address
 from .guard import ErrorControl, Guard, Watch, dop853
 
+ON_BRIDGE = 2
+"""Where a request tells that its last state is: in a zone, on a bridge."""
+
 
 def counted(request: Request) -> dict[str, int]:
     """What was computed, by the names of `Counters`, steps and right-hand sides apart."""
@@ -176,7 +179,7 @@ def count_in(counters: Any, counts: dict[str, int]) -> None:
 
 
 class Begun(NamedTuple):
-    """A start: the state, its evaluation, and in a zone the trackers, with what they took."""
+    """A start: the state, its evaluation, in a zone the trackers, and what these took."""
 
     x: Array
     now: Evaluation
@@ -187,8 +190,9 @@ class Begun(NamedTuple):
 class Trackers:
     """The trackers of the kernel's clusters as plain numbers, fetched when they are asked for."""
 
-    def __init__(self, fetch: Callable[[], Array]) -> None:
+    def __init__(self, fetch: Callable[[], Array], on_bridge: bool) -> None:
         self._fetch: Callable[[], Array] | None = fetch
+        self.on_bridge = on_bridge
         self._numbers: Array = np.zeros(0)
 
     def __call__(self) -> Array:
@@ -216,10 +220,10 @@ class Handed:
         self._fetch = fetch
         self._last: weakref.ref[Trackers] | None = None
 
-    def new(self) -> Trackers:
-        """The trackers as they are."""
+    def new(self, place: int) -> Trackers:
+        """The trackers as they are, at such a place of a request's."""
         self.secure()
-        trackers = Trackers(self._fetch)
+        trackers = Trackers(self._fetch, place == ON_BRIDGE)
         self._last = weakref.ref(trackers)
         return trackers
 

@@ -64,7 +64,7 @@ class Rates:
         shared: Shared,
         raised: list[BaseException],
         evaluation: Callable[[], Evaluation],
-        trackers: Callable[[], Trackers],
+        trackers: Callable[[int], Trackers],
         prescribe: Callable[[float], None],
         crossings: Callable[[], list[Crossing]],
     ) -> None:
@@ -133,6 +133,8 @@ class Rates:
         n, (t0, t1) = ends.shape[1], times
         half, (nodes, to_series) = 0.5 * (t1 - t0), _chebyshev()
         states = to_series @ np.array([within(t0 + half * (1.0 + s))[:n] for s in nodes.tolist()])
+        if not np.isfinite(states).all():  # the solver's interpolant asked where the motion does not go
+            return None
         bend = np.vstack([chebyshev.chebder(states[:, n // 2 :]) / half, np.zeros((1, n // 2))])
         told, rows = np.ascontiguousarray(ends), np.hstack([states, bend])
         self._library.passed(self._handle, self._reference, t0, t1, address(told), address(rows), len(rows))
@@ -142,7 +144,7 @@ class Rates:
         """The evaluation made last, the trackers where they know something, whether in a zone, and met."""
         self._library.tell(self._handle, self._reference)
         knows = self._request.in_zone or self._request.met
-        trackers = self._trackers() if knows else None
+        trackers = self._trackers(self._request.in_zone) if knows else None
         return self._evaluation(), trackers, bool(self._request.in_zone), bool(self._request.met)
 
     def keep(self) -> Evaluation:

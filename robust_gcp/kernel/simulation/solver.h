@@ -24,7 +24,7 @@ class Solver : public Stepper {
         count_anew(r);
         begin(r);
         if (r.beginning != IN_ZONE) clusters.forget();
-        r.in_zone = clusters.in_zone(), r.met = clusters.met(), r.plain = false;
+        r.in_zone = clusters.place(), r.met = clusters.met(), r.plain = false;
     }
 
     // ẋ at the state x and times[0]; NaN at one that is not finite, of a trial that a refusal has spoilt. From
@@ -36,7 +36,7 @@ class Solver : public Stepper {
             return;
         }
         if (accepted_ != anchor_ && apart(r.x, *accepted_) < apart(r.x, *anchor_)) go_back(r, *accepted_);
-        r.in_zone = clusters.in_zone();
+        r.in_zone = clusters.place();
         std::copy(r.x, r.x + n_, stage_.begin());
         r.reason = evaluate(r, r.times[0], 0, 0);
         r.met = clusters.met();
@@ -44,12 +44,12 @@ class Solver : public Stepper {
             --rhs_;
             if (r.reason == REFUSED) {  // the solver tries a shorter step
                 go_back(r, *accepted_);
-                r.in_zone = clusters.in_zone();
+                r.in_zone = clusters.place();
             }
             return;
         }
         count(r);
-        r.in_zone = clusters.in_zone();
+        r.in_zone = clusters.place();
         rate(*anchor_, rate_);
         std::copy(rate_.begin(), rate_.end(), r.rate);
         watch_.follow(r);
@@ -79,7 +79,7 @@ class Solver : public Stepper {
         const int m = path.layout.m;
         r.reason = ZONE;
         r.logged = 0;
-        if (motion_.driven || !in_loops_.empty() || clusters.charted()) return;
+        if (motion_.driven || !in_loops_.empty()) return;
         Point before = *anchor_, after = *anchor_;
         if (!reached(r, ends, before) || !reached(r, ends + 2 * m, after)) return;
         Vector y, ydot, first, last;
@@ -88,7 +88,7 @@ class Solver : public Stepper {
         log_.clear();
         log(0, {t0, t1, &before, &after, first.data(), last.data(), &solved});
         const std::size_t width = static_cast<std::size_t>(path.layout.nq) + 8;
-        const std::size_t others = clusters.whole() ? 0 : log_.size();
+        const std::size_t others = path.parts.list.size() == 1 ? 0 : log_.size();
         for (std::size_t at = 0; at < others; at += width) {  // the other joints where y has them then
             solved.evaluate(log_[at + 1], y, ydot, first);
             y.conservativeResize(2 * m);
@@ -103,7 +103,7 @@ class Solver : public Stepper {
         count(r);
         r.log = log_.data();
         r.logged = static_cast<std::int64_t>(log_.size() / width);
-        r.in_zone = clusters.in_zone(), r.met = clusters.met(), r.reason = DONE;
+        r.in_zone = clusters.place(), r.met = clusters.met(), r.reason = DONE;
     }
 
     // The point evaluated last, and ÿ, τ and the power there.

@@ -36,7 +36,7 @@ class alignas(CACHE_LINE) Stepper : public ControlledSteps {
         watch_.follow(r);
         guard_.follow(r, path, *accepted_);
         const int m = path.layout.m;
-        bool in_zone = clusters.in_zone();  // at the last accepted output
+        std::int32_t in_zone = clusters.place();  // at the last accepted output
         Cells<double> last_ydd(r.ydd, r.ydd + m), last_tau(r.tau, r.tau + path.layout.nv);
         double last_power = r.power;
         bool through = false;  // of a zone that is passed with error control
@@ -52,7 +52,7 @@ class alignas(CACHE_LINE) Stepper : public ControlledSteps {
             x_ = sum_;
             renew_charts(x_.data());
             clusters.settle(*accepted_);
-            in_zone = clusters.in_zone();
+            in_zone = clusters.place();
             last_ydd = motion_.ydd;
             last_tau = motion_.tau;
             last_power = motion_.power;
@@ -67,7 +67,7 @@ class alignas(CACHE_LINE) Stepper : public ControlledSteps {
                 r.safe_step = i + 1;
             }
             if ((i + 1) % r.every == 0) output(r, (i + 1) / r.every - 1);
-            if (watch_.exceeds(*accepted_, r.solver ? clusters.on_bridge() : in_zone)) r.reason = CHART;
+            if (watch_.exceeds(*accepted_, r.solver ? in_zone == 2 : in_zone != 0)) r.reason = CHART;
             if (guard_.met(path, *accepted_, motion_.v.data(), motion_.ydd.data(), r.times[i + 1] - r.times[i]))
                 r.reason = MET;
         }
@@ -81,7 +81,7 @@ class alignas(CACHE_LINE) Stepper : public ControlledSteps {
         r.in_zone = in_zone;
         r.log = log_.data();
         r.logged = static_cast<std::int64_t>(log_.size()) / (8 + path.layout.nq);
-        r.plain = r.reason == DONE && r.logged == 0 && !(in_zone && watch_.exceeds(*accepted_));
+        r.plain = r.reason == DONE && r.logged == 0 && !(in_zone != 0 && watch_.exceeds(*accepted_));
     }
 
     // ÿ, τ and the power at the last accepted point, under the torque that is held now; false where they are
@@ -161,7 +161,7 @@ class alignas(CACHE_LINE) Stepper : public ControlledSteps {
         clusters.renew();
         if (clusters.at(closed, home_.data(), closed.y(), closed.ydot(), slots_[0], r.zone) != DONE) return ZONE;
         clusters.forget();  // that it is there is nothing to tell of
-        r.in_zone = clusters.in_zone();
+        r.in_zone = clusters.place();
         count(r);
         return DONE;
     }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +13,7 @@ from ...dynamics.equations import CheckedTorque, Evaluation
 from ...dynamics.prescribed.drive import Drive
 from ...dynamics.tableau import Tableau
 from ...maps.cluster.options import LAST_RESORT, PRESCRIBED, BridgeOptions
-from ...maps.explicit import Crossing, Point
+from ...maps.explicit import Point
 from ...maps.regular_path import RegularPath
 from ...mechanism.coordinates.groups import groups_of
 from ...mechanism.mechanism import Mechanism
@@ -222,7 +223,8 @@ class Workspace:
             return self._evaluation(self._layout.point(self._shared.anchor, self._shared.origin))
 
         self._library.follow_from(self._handle, self._by_reference)
-        told_by = self._acting.raised, told, self._handed.new, self._acting.prescribe, self._crossings
+        passed = partial(crossings, r, self._nq, self._numbers_in_q)
+        told_by = self._acting.raised, told, self._handed.new, self._acting.prescribe, passed
         return Rates(self._library, self._handle, r, self._by_reference, self._shared, *told_by)
 
     def look(self, t: float, now: Evaluation) -> Evaluation | None:
@@ -260,14 +262,14 @@ class Workspace:
         if r.reason != Reason.DONE:
             return None
         point = self._packed = self._layout.point(self._shared.anchor)
-        trackers, counts = (self._handed.new(), counted(r)) if r.in_zone else (None, dict[str, int]())
-        return Begun(self._shared.x.copy(), self._evaluation(point), trackers, counts)
+        trackers = self._handed.new(r.in_zone) if r.in_zone else None
+        return Begun(self._shared.x.copy(), self._evaluation(point), trackers, counted(r))
 
     def _batch(self, begun: int, steps: int, outputs: Outputs) -> Batch:
         r = self._request
         point = self._packed = self._layout.point(self._shared.anchor, self._shared.origin)
         self._latest = point if r.reason in (Reason.DONE, Reason.CHART, Reason.MET) else None
-        trackers = self._handed.new() if r.in_zone else None
+        trackers = self._handed.new(r.in_zone) if r.in_zone else None
         now = self._evaluation(point)
         safe = None
         if 0 <= r.safe_step == begun + steps:
@@ -282,7 +284,7 @@ class Workspace:
             now,
             trackers,
             outputs,
-            self._crossings(),
+            crossings(r, self._nq, self._numbers_in_q),
             safe,
             float(r.best),
             int(r.rhs),
@@ -290,10 +292,6 @@ class Workspace:
             self._acting.failure(),
             (float(r.uncertain), float(r.nearest)),
         )
-
-    def _crossings(self) -> list[Crossing]:
-        """What was passed last."""
-        return crossings(self._request, self._nq, self._numbers_in_q)
 
     def _evaluation(self, point: Point) -> Evaluation:
         """What the kernel left at its anchor, which is this point."""

@@ -117,6 +117,11 @@ class Run:
         """The start and the ends of the steps, s."""
         return self._schedule.times
 
+    @property
+    def independent(self) -> tuple[str, ...]:
+        """The joints that are independent now."""
+        return self._motion.mechanism.independent
+
     def arrive(self, error: CuspError) -> None:
         """Tell a cusp when and how the motion arrives there from the last output."""
         from .cusp import arrive  # a run without one need not load it

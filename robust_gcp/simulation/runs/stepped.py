@@ -173,11 +173,6 @@ class SteppedRun(FixedRun):
         """The tangent of the mode, (nv, m)."""
         return self.last.point.G.copy()
 
-    @property
-    def independent(self) -> tuple[str, ...]:
-        """The joints that are independent now."""
-        return self._motion.mechanism.independent
-
     def remembered(self) -> None:
         """What another run goes on from besides the state: nothing."""
 
