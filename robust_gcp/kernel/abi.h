@@ -163,6 +163,11 @@ struct Guarded {
     const double* upper;
 };
 
+// Where outputs are written, a row each; null where they are not wanted. `effort` is (rows, driven).
+struct OutputRows {
+    double *q, *v, *a, *tau, *energy, *work, *effort;
+};
+
 struct Request {
     std::int64_t steps, every;
     std::int64_t first;       // number of the time to begin from; outputs are those of times 1, 2, …
@@ -189,8 +194,7 @@ struct Request {
     std::int32_t stages;      // of an explicit Runge–Kutta method; 0 for the classical one
     const double* tableau;    // its rows of a below the diagonal, b, and c
     const Guarded* guard;     // or null
-    const double* solver;     // of a method with error control, see error_control.h, or null: a below the diagonal, b, c,
-                              // and weights of its two estimates
+    const double* solver;     // of one with error control, see error_control.h, or null: so, and its estimates' weights
     double rtol, atol;        // its tolerances
     std::int64_t safe_from;   // number of the time from which a well-conditioned output ends its steps
     double* x;                // state, in and out
@@ -200,13 +204,12 @@ struct Request {
     double* ydd;              // (m,), in and out
     double* tau;              // (nv,), in and out
     double* safe;             // out: point, state of the last well-conditioned output
-    double* q_out;            // outputs, one row every `every` steps; null where not wanted
-    double* v_out;
-    double* a_out;
-    double* tau_out;
-    double* energy_out;
-    double* work_out;
-    double* effort_out;       // (rows, driven)
+    OutputRows ends;          // at the ends of steps, one row every `every` of them
+    OutputRows within;        // at times within steps,
+    const double* times_within;  // increasing,
+    const std::int64_t* before;  // (steps + 1,): how many of them come before each of `times`; or null
+    const double* prescribed_within;  // a row of `prescribed` at each of them; or null
+    const double* control_within;     // one of `control`; or null where that is constant
     // results
     std::int64_t completed;   // steps; −1 where the look under another torque failed
     std::int64_t safe_step;   // number of its time, −1 where there was none

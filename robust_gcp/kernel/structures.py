@@ -103,6 +103,12 @@ class Bridging(ctypes.Structure):
     ]
 
 
+class OutputRows(ctypes.Structure):
+    """Where outputs are written; see abi.h."""
+
+    _fields_ = [*_fields("", "q v a tau energy work effort")]
+
+
 class Request(ctypes.Structure):
     """A batch of steps: what to do, where to write, and what came of it."""
 
@@ -126,12 +132,11 @@ class Request(ctypes.Structure):
         *_all(c_double, "rtol atol"),
         ("safe_from", c_int64),
         *_fields("", "x rate anchor origin ydd tau safe"),
-        *_fields("", "q_out v_out a_out tau_out energy_out work_out effort_out"),
-        *_all(
-            c_int64,
-            "completed safe_step rhs newton constraint_evaluations force_evaluations zone_evaluations",
-        ),
-        *_all(c_int64, "marching_steps svds bridges_built second_order logged"),
+        ("ends", OutputRows),
+        ("within", OutputRows),
+        *_fields("", "times_within before prescribed_within control_within"),
+        *_all(c_int64, "completed safe_step rhs newton constraint_evaluations force_evaluations"),
+        *_all(c_int64, "zone_evaluations marching_steps svds bridges_built second_order logged"),
         ("log", c_void_p),
         ("power", c_double),
         *_fields("in_zone reason met", ""),

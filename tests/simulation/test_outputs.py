@@ -11,7 +11,10 @@ from numpy.typing import NDArray
 
 import robust_gcp as rg
 from robust_gcp import printing
+from robust_gcp.dynamics.equations import EquationsOfMotion
 from robust_gcp.simulation.runs.schedule import SAME, Schedule
+
+from ..compiled import needs_kernel
 
 Array = NDArray[np.float64]
 START = [0.1, -0.1, 0.1], [-1.0, 1.0, -1.0]
@@ -45,6 +48,32 @@ def test_outputs_at_ends_of_steps_are_the_rows_of_a_whole_run(backend: Any) -> N
         np.testing.assert_array_equal(getattr(few, name), getattr(whole, name)[[0, 3, 17, 50]], err_msg=name)
     assert [c.time for c in few.crossings] == [c.time for c in whole.crossings]
     np.testing.assert_array_equal(few.t, [0.0, 0.03, 0.17, 0.5])
+
+
+@needs_kernel
+@pytest.mark.parametrize("name", ["rhombus", "delta", "strandbeest"])
+@pytest.mark.parametrize("more", [{}, {"torque": lambda t, q, v: -0.1 * v}, {"hold": True}])
+def test_outputs_within_steps_are_the_kernels(name: str, more: dict[str, Any], monkeypatch: Any) -> None:
+    """All that is recorded as in Python, the steps to the last bit as without them; Python sees the start."""
+    mech, record = rg.load(name), (*RECORD, "tau")
+    if "hold" in more:
+        more = {"torque": {mech.independent[0]: lambda t, q, v: 0.1 * np.sin(9.0 * t)}, "hold": True}
+    times = np.append(np.sort(np.random.default_rng(5).uniform(0.0, 0.1, 60)), 0.1)
+    asked: Any = dict(duration=0.1, step=2e-3, record=record, **more)
+    wanted = rg.simulate(mech, outputs=times, backend="python", **asked)
+    plain = rg.simulate(mech, backend="native", **asked)
+    calls, evaluate = [], EquationsOfMotion.evaluate
+    monkeypatch.setattr(EquationsOfMotion, "evaluate", lambda *at: calls.append(at) or evaluate(*at))
+    found = rg.simulate(mech, outputs=times, backend="native", **asked)
+    assert found.stats.rhs == wanted.stats.rhs
+    assert all(t == 0.0 for _, t, _ in calls)
+    for column in ("q", "v", "a", "energy", "multipliers", "tau", "work"):
+        one, other = getattr(found, column), getattr(wanted, column)
+        if other is not None:
+            scale = 1e-8 * max(1.0, np.abs(other).max())
+            np.testing.assert_allclose(one, other, rtol=0.0, atol=scale, err_msg=column)
+    assert found.closure_error().max() < 1e-14
+    np.testing.assert_allclose(found.q[-1], plain.q[-1], rtol=0.0, atol=0.0 if name != "rhombus" else 1e-15)
 
 
 def test_the_error_between_steps_is_the_steppers(backend: Any) -> None:

@@ -136,12 +136,17 @@ class Acting:
             n = self._held.stride
             self.tau[self._nv : self._nv + n] = self._held.u(t)
 
-    def prescribe_over(self, times: Array, shares: tuple[float, ...]) -> None:
-        """Tell them at all stages of steps that end at these times, if they change."""
+    def prescribe_over(self, times: Array, shares: tuple[float, ...], within: Array | None = None) -> None:
+        """Tell them at all stages of steps that end at these times, and at times within, if they change."""
+        self._inside = None
+        if within is not None and self._held is not None and self._held.stride:
+            self._inside = np.array([self._held.u(t) for t in within.tolist()])
         if self._control is not None and self._control.constant is None:
+            self._inside = None if within is None else np.ascontiguousarray(self._control.over(within))
             self._rows = self._control.stages(times, shares)
             self._request.control, self._request.control_stride = address(self._rows), self._rows.shape[2]
             self._request.control_rows = self._rows.shape[0] * self._rows.shape[1]
+        self._request.control_within = address(self._inside)
 
     def listen(self) -> None:
         """The torque held, or a callback for the next batch, and where it leaves an exception."""
@@ -149,7 +154,7 @@ class Acting:
         if self._held is not None:
             self.tau[:] = self._held.value
         if self._supplied is not None or self._forces is not None:
-            energy = bool(self._request.energy_out)
+            energy = bool(self._request.ends.energy)
             answers = answering(self._supplied, self._forces, self._shared, self.raised, energy)
             next(answers)
             self._callback = TorqueCallback(answers.send)

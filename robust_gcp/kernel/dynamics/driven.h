@@ -67,6 +67,8 @@ class Driven {
 
     // What `effort` found last, (driven,).
     void write(double* to) const { std::copy(effort_.begin(), effort_.end(), to); }
+    // As it was then.
+    void read(const double* from) { std::copy(from, from + effort_.size(), effort_.begin()); }
     // Numbers that are prescribed at a time.
     std::int64_t width() const { return 3 * static_cast<std::int64_t>(which_.size()); }
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import ctypes
 import weakref
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +19,7 @@ from ...mechanism.tree.tree import Array
 from ..library import Library
 from ..structures import Arrays, Bridging, Reason, Request, address
 from .guard import ErrorControl, Guard, Watch, dop853
+from .outputs import Outputs
 
 ON_BRIDGE = 2
 """Where a request tells that its last state is: in a zone, on a bridge."""
@@ -82,43 +83,6 @@ def bridging(options: BridgeOptions, last_resort: float) -> Arrays:
     )
     numbers.reals(nodes=options.nodes)
     return numbers
-
-
-@dataclass(frozen=True)
-class Outputs:
-    """Rows for several outputs at once, C-contiguous; None where not wanted."""
-
-    q: Array
-    v: Array
-    a: Array | None = None
-    tau: Array | None = None
-    energy: Array | None = None
-    work: Array | None = None
-    effort: Array | None = None  # of driven joints
-
-    @classmethod
-    def room(cls, n: int, nq: int, nv: int, wanted: Sequence[str] = (), driven: int = 0) -> Outputs:
-        """Room for n outputs; `wanted` names those besides q and v."""
-        widths = {"a": (n, nv), "tau": (n, nv), "energy": (n,), "work": (n,), "effort": (n, driven)}
-        more = {name: np.zeros(widths[name]) for name in wanted}
-        return cls(np.empty((n, nq)), np.empty((n, nv)), **more)
-
-    def written_by(self, request: Request) -> None:
-        """Have the kernel write into these rows, from the first on."""
-        request.q_out, request.v_out = address(self.q), address(self.v)
-        request.a_out, request.tau_out = address(self.a), address(self.tau)
-        request.energy_out, request.work_out = address(self.energy), address(self.work)
-        request.effort_out = address(self.effort)
-
-    def first(self, n: int) -> Outputs:
-        """The first n of them."""
-        return self if n == len(self.q) else self.between(0, n)
-
-    def between(self, first: int, end: int) -> Outputs:
-        """Those from `first` to before `end`."""
-        kept = {field.name: getattr(self, field.name) for field in fields(self)}
-        cut: dict[str, Any] = {name: None if rows is None else rows[first:end] for name, rows in kept.items()}
-        return Outputs(**cut)
 
 
 @dataclass(frozen=True)

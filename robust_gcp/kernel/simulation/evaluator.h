@@ -55,6 +55,11 @@ class Evaluator {
     Reason evaluate(const Request& r, double t, std::int64_t time, int stage) {
         if (motion_.driven) prescribe(r, time, stage, stage_.data(), stage_.data() + path.layout.m);
         control(r, time, stage);
+        return evaluate(r, t);
+    }
+
+    // The same under what is prescribed already.
+    Reason evaluate(const Request& r, double t) {
         ++rhs_;
         if (Reason reason = place(r)) return reason;
         return motion_.evaluate(t, *anchor_, r);

@@ -7,8 +7,8 @@
 
 #include "abi.h"
 #include "linalg/cells.h"
-#include "simulation/error_control.h"
 #include "simulation/guard.h"
+#include "simulation/within.h"
 
 namespace rg {
 
@@ -17,9 +17,9 @@ constexpr double BEGINS = 1e-4;  // conditioning of K_d from which a start needs
 
 inline double good_from(double best) { return best >= POOR ? POOR : std::max(0.05, 0.8 * best); }
 
-class alignas(CACHE_LINE) Stepper : public ControlledSteps {
+class alignas(CACHE_LINE) Stepper : public StepsWithin {
   public:
-    explicit Stepper(const Description& d) : ControlledSteps(d), guard_(d.nv) {}
+    explicit Stepper(const Description& d) : StepsWithin(d), guard_(d.nv) {}
 
     void run(Request& r) {
         r.completed = 0;
@@ -41,7 +41,9 @@ class alignas(CACHE_LINE) Stepper : public ControlledSteps {
         double last_power = r.power;
         bool through = false;  // of a zone that is passed with error control
         for (std::int64_t i = r.first; i < r.first + r.steps && r.reason == DONE && !through; ++i) {
-            const Reason reason = step(r, i);
+            Reason reason = step(r, i);
+            if (reason == DONE && (i + 1) % r.every == 0) output(r.ends, (i + 1) / r.every - 1, *anchor_, sum_);
+            if (reason == DONE) reason = within(r, i, last_ydd, last_power);
             if (reason != DONE) {
                 r.reason = reason;
                 break;
@@ -66,7 +68,6 @@ class alignas(CACHE_LINE) Stepper : public ControlledSteps {
                 safe_x_ = x_;
                 r.safe_step = i + 1;
             }
-            if ((i + 1) % r.every == 0) output(r, (i + 1) / r.every - 1);
             if (watch_.exceeds(*accepted_, r.solver ? in_zone == 2 : in_zone != 0)) r.reason = CHART;
             if (guard_.met(path, *accepted_, motion_.v.data(), motion_.ydd.data(), r.times[i + 1] - r.times[i]))
                 r.reason = MET;
@@ -100,7 +101,7 @@ class alignas(CACHE_LINE) Stepper : public ControlledSteps {
         std::copy(motion_.tau.begin(), motion_.tau.end(), r.tau);
         r.power = motion_.power;
         if (motion_.driven) motion_.driven->write(r.effort);
-        if (r.beginning == TURNED) output(r, r.first - 1);
+        if (r.beginning == TURNED) output(r.ends, r.first - 1, *accepted_, x_);
         return true;
     }
 
@@ -225,18 +226,6 @@ class alignas(CACHE_LINE) Stepper : public ControlledSteps {
         const Reason ended = evaluate(r, end, i + 1, 0);
         path.chain.anew = false;
         return ended;
-    }
-
-    void output(Request& r, std::int64_t row) {
-        const Layout& l = path.layout;
-        Point& point = *accepted_;
-        if (r.q_out) std::copy(point.q(), point.q() + l.nq, r.q_out + row * l.nq);
-        if (r.v_out) std::copy(motion_.v.begin(), motion_.v.end(), r.v_out + row * l.nv);
-        if (r.tau_out) std::copy(motion_.tau.begin(), motion_.tau.end(), r.tau_out + row * l.nv);
-        if (r.energy_out) r.energy_out[row] = motion_.energy(point);
-        if (r.effort_out) motion_.driven->write(r.effort_out + row * (motion_.driven->width() / 3));
-        if (r.work_out && works_) r.work_out[row] = x_[2 * l.m];
-        if (r.a_out) path.acceleration(point, motion_.ydd.data(), r.a_out + row * l.nv);
     }
 
     void write(double* to, const Point* point, const Cells<double>& x) const {

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ...dynamics.equations import Evaluation, Torque, does_work, torque_function
 from ...dynamics.prescribed.control import is_asked
@@ -24,8 +25,9 @@ from ...warning import warn
 from ..description import follows_zones
 from ..library import Library, backends, library
 from ..loop_arrays import NotNativeError
-from .batch import Batch, Outputs
+from .batch import Batch
 from .guard import ErrorControl, Guard, Watch
+from .outputs import Outputs, Within
 from .prepared import Prepared
 from .rates import Rates
 from .workspace import Workspace
@@ -152,6 +154,7 @@ class NativeSteps:
         watch: Watch | None = None,
         best: float = 0.0,
         control: ErrorControl | None = None,
+        within: tuple[Array, NDArray[np.int64]] | None = None,
     ) -> Batch | None:
         """Steps from times[0] as far as nothing rare happens; None where Python has to take them.
 
@@ -163,6 +166,9 @@ class NativeSteps:
             Outputs besides q and v.
         watch, best, control : Watch, float, ErrorControl, optional
             See `Workspace.run`.
+        within : (ndarray (k,), ndarray of int (N + 1,)), optional
+            Times of outputs within the steps, and how many of them come before each of `times`. Where the
+            kernel does not take them, the steps end before one that has some, or are that one.
         """
         workspace, trackers = self._at(explicit)
         if workspace is None:
@@ -177,7 +183,16 @@ class NativeSteps:
             if len(prescribed) < min(2, n + 1):
                 return None
             n = len(prescribed) - 1
-        outputs = Outputs.room(n, mechanism.nq, mechanism.nv, wanted, driven)
+        sizes, looked = (mechanism.nq, mechanism.nv, wanted, driven), None
+        if within is not None and workspace.looks_within and control is None:
+            before = within[1][: n + 1]
+            at = within[0][: before[-1]]
+            told = None if self._drive is None else self._drive.stages(at, (0.0,))
+            if told is None or len(told) == len(at):
+                looked = Within(at, before, Outputs.room(len(at), *sizes), told)
+        if within is not None and looked is None:
+            n = min(n, max(1, int(np.searchsorted(within[1], 0, side="right")) - 1))
+        outputs = replace(Outputs.room(n, *sizes), within=looked)
         limits = zone, options, trackers, 1, watch, best, prescribed, control
         return workspace.run(times[: n + 1], x, now, outputs, *limits)
 

@@ -22,8 +22,9 @@ from ..dynamics.acting import Acting, Driving
 from ..handles import Handle, Layout, Shared
 from ..library import Library
 from ..structures import Beginning, Reason, Request, address
-from .batch import Batch, Begun, Choices, Outputs, counted, crossings
+from .batch import Batch, Begun, Choices, counted, crossings
 from .guard import ErrorControl, Guard, Watch
+from .outputs import Outputs
 from .prepared import Prepared
 from .rates import Rates
 
@@ -44,9 +45,9 @@ class Workspace:
     drive : Drive, optional
         Coordinates that move as prescribed.
     tableau : Tableau, optional
-        Of the steps; the classical Runge–Kutta method's when left out.
+        Of the steps, when it is not the classical one.
     guard : Guard, optional
-        Batches end after a step in which it is met.
+        Batches end where it is met.
 
     Raises
     ------
@@ -56,7 +57,9 @@ class Workspace:
     Attributes
     ----------
     shares : tuple of float
-        When the stages of a step are at which something may be prescribed, as shares of it.
+        Of a step, its stages at which something may be prescribed.
+    looks_within : bool
+        Whether it takes outputs within steps.
     """
 
     def __init__(
@@ -77,7 +80,7 @@ class Workspace:
         self._layout: Layout = mechanism.memo.once(
             ("layout in the kernel", *path.rows.tolist()), lambda: Layout(mechanism, path, self._groups)
         )
-        self._packed: Point | None = None  # the point that `anchor` holds, where that is known
+        self._packed: Point | None = None  # that `anchor` holds, where it is known
         self._latest: Point | None = None
         self._request = Request()
         self._driving = Driving(self._request, mechanism, drive)
@@ -88,6 +91,7 @@ class Workspace:
         self._choices = Choices(self._request, resort, tableau, guard)
         self.shares, self._by_reference = self._choices.shares, ctypes.byref(self._request)
         self._acting = Acting(self._request, mechanism, torque, self._driving)
+        self.looks_within = len(mechanism.numbers) == mechanism.m
 
     def run(
         self,
@@ -114,12 +118,10 @@ class Workspace:
             At times[0].
         outputs : Outputs
             n // every rows.
-        zone : float
-            Conditioning below which the regular path ends.
-        options : BridgeOptions, optional
-            Without them the kernel stops where the regular path ends, and does not look at branches.
+        zone, options : float, BridgeOptions, optional
+            Where the regular path ends; without options the kernel stops there, and looks at no branches.
         trackers : callable () -> ndarray, optional
-            Where `now` is in a zone, and not the last state of this workspace's last batch.
+            Where `now` is in a zone, and not where the last batch ended.
         watch : Watch, optional
             Up to where the steps go on in the same coordinates.
         best : float, optional
@@ -129,10 +131,10 @@ class Workspace:
         control : ErrorControl, optional
             In place of fixed steps.
         """
-        r, self._prescribed = self._request, prescribed  # which r points to
+        r, self._prescribed = self._request, prescribed  # which it points to
         r.prescribed = address(prescribed)
         times = np.ascontiguousarray(times, dtype=float)
-        self._acting.prescribe_over(times, self.shares)
+        self._acting.prescribe_over(times, self.shares, outputs.within.times if outputs.within else None)
         r.steps, r.every, r.first, r.times = len(times) - 1, every, 0, address(times)
         r.power, r.best = now.power, best
         self._choices.make(zone, options, watch, control=control)
@@ -172,7 +174,7 @@ class Workspace:
         watch: Watch | None,
         best: float,
     ) -> Prepared:
-        """Steps to come from the last batch's last point on, under a torque that is held.
+        """Steps to come from the last batch's last point on, under a torque that is held; as `run` else.
 
         Parameters
         ----------
@@ -180,8 +182,6 @@ class Workspace:
             s, contiguous; as all arrays here to be kept by the caller as long as steps are taken.
         outputs : Outputs
             N + 1 rows.
-        zone, options, watch, best
-            As for `run`.
         """
         r, self._packed = self._request, None
         r.every, r.times, r.steps, r.first, r.best = 1, address(times), 0, 0, best

@@ -185,7 +185,7 @@ class FixedRun(RefinedRun):
             i += batch.steps
             if batch.failure is not None:
                 raise batch.failure
-            if batch.steps == 1:
+            if batch.steps == 1 and batch.outputs.within is None:
                 self._look_within(i, before, now)
             if self._ended:
                 break
@@ -224,20 +224,23 @@ class FixedRun(RefinedRun):
         return None if self._coordinates is None else self._coordinates.watch
 
     def _batch(self, native: NativeSteps, i: int, last: int, now: Evaluation) -> Batch | None:
-        """Steps from i on, up to one that has an output or an event within; that one is taken alone.
+        """Steps from i on, up to one that has an event within; that one is taken alone.
 
-        A torque function of the user's is not called for a step once more: beside events each is taken alone.
+        So is one with outputs within beside events, or where the kernel does not take these. A torque
+        function of the user's is not called for a step once more: beside events each is taken alone.
         """
 
         def take(end: int) -> Batch | None:
             times, wanted = self.times[i : end + 1], self._record.wanted
             watch, best = self._watch_coordinates(), self._recovery.best
             control = self._control(i) if self._recovery.error_controlled else None
-            return native.take(self._kernel_map(), now, self._x, times, wanted, watch, best, control)
+            aside = self._schedule.plain or self._events
+            within = None if aside else self._schedule.between(i, end)
+            return native.take(self._kernel_map(), now, self._x, times, wanted, watch, best, control, within)
 
-        until = min(last, max(self._schedule.free_until(i), i + 1))
         if not self._events:
-            return take(until)
+            return take(last)
+        until = min(last, max(self._schedule.free_until(i), i + 1))
         stride, self._stride = self._stride, max(2 * self._stride, FEW)
         batch = take(i + 1 if callable(self._torque) else min(until, i + stride))
         if batch is None or batch.steps < 2:
@@ -260,6 +263,8 @@ class FixedRun(RefinedRun):
             step = FixedStep(mechanism, explicit, times, before, now, self._behind, self._x)
         with self._accuracy():
             zeros = self._events.zeros(now.point.q, now.v, step) if self._events else []
+            if not zeros and not self._schedule.within(i):
+                return  # with the map where it was
             self._keep_within(i, step, zeros)
             if not self._ended:
                 explicit.point_at(now.point.y, now.point.ydot)

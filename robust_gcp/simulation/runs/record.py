@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...dynamics.equations import EquationsOfMotion, Evaluation, constraint_forces
 from ...dynamics.prescribed.driven import DrivenEquations
-from ...kernel.simulation.batch import Outputs
+from ...kernel.simulation.outputs import Outputs
 from ...maps.classical import SingularityWarning
 from ...maps.explicit import Crossing
 from ...mechanism.mechanism import Mechanism
@@ -21,6 +22,8 @@ from ..trajectories.trajectory import Trajectory
 from .crossings import AT_ONCE, together
 from .schedule import ALL, Keep, Schedule
 from .stats import Stats
+
+Rows = slice | NDArray[np.int64]
 
 ROWS = ("_q", "_v", "_a", "_energy", "_multipliers", "_tau", "work", "_drive")
 """What a record has one row an output of, None where it is not wanted."""
@@ -137,10 +140,19 @@ class Record:
 
     def extend(self, i: int, outputs: Outputs, x: Array) -> None:
         """Accept the steps of a batch after time i, and keep outputs; x is the state at the last one."""
-        n = len(outputs.q)
-        rows = self._schedule.row[i + 1 : i + 1 + n]
-        first, chosen = int(self._schedule.first[i + 1]), np.flatnonzero(rows >= 0)
-        kept = slice(first, first + len(chosen))
+        schedule, n = self._schedule, len(outputs.q)
+        if schedule.plain:
+            self._put(slice(i + 1, i + 1 + n), outputs, slice(None))
+        else:
+            rows = schedule.row[i + 1 : i + 1 + n]
+            self._put(rows[rows >= 0], outputs, np.flatnonzero(rows >= 0))
+        if outputs.within is not None:
+            self._put(schedule.rows_within(i, i + n), outputs.within.rows, slice(None))
+        self.count = int(schedule.first[i + n] + (schedule.row[i + n] >= 0))
+        self.at, self.last_state = i + n, x
+
+    def _put(self, rows: Rows, outputs: Outputs, chosen: Rows) -> None:
+        """Keep those that are chosen in these rows."""
         pairs = [
             (self._q, outputs.q),
             (self._v, outputs.v),
@@ -151,15 +163,16 @@ class Record:
         ]
         for mine, given in pairs:
             if mine is not None and given is not None:
-                mine[kept] = given if len(chosen) == n else given[chosen]
+                mine[rows] = given[chosen]
         if self._drive is not None and self._driven is not None and outputs.effort is not None:
-            self._drive[kept, self._driven] = outputs.effort[chosen]
+            columns = np.full((len(outputs.effort[chosen]), self.mechanism.nv), np.nan)
+            columns[:, self._driven] = outputs.effort[chosen]
+            self._drive[rows] = columns
         if self._multipliers is not None:
             assert outputs.a is not None
             state = outputs.q[chosen], outputs.v[chosen], outputs.a[chosen]
             tau = None if outputs.tau is None else outputs.tau[chosen]
-            self._multipliers[kept] = multipliers_of(self.mechanism, *state, tau)
-        self.count, self.at, self.last_state = first + len(chosen), i + n, x
+            self._multipliers[rows] = multipliers_of(self.mechanism, *state, tau)
 
     def cross(self, crossings: Sequence[Crossing]) -> None:
         """Log what was passed, y in the run's first coordinates; the first gap bridged is warned of.

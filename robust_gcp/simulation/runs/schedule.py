@@ -126,6 +126,24 @@ class Schedule:
         taken = self.first + (self.row >= 0)
         return np.flatnonzero(self.first[1:] > taken[:-1]) + 1
 
+    @cached_property
+    def _inside(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The outputs within steps, and how many of them come before each of `times`."""
+        rows = np.setdiff1d(np.arange(len(self.outputs)), self.row)
+        return rows, np.searchsorted(rows, self.first)
+
+    def rows_within(self, i: int, last: int) -> NDArray[np.int64]:
+        """The outputs within the steps between these ends."""
+        rows, before = self._inside
+        return rows[before[i] : before[last]]
+
+    def between(self, i: int, last: int) -> tuple[Array, NDArray[np.int64]] | None:
+        """Their times, and how many of them come before each of these ends; None where there are none."""
+        if not len(self.rows_within(i, last)):
+            return None
+        before = self._inside[1]
+        return self.outputs[self.rows_within(i, last)], before[i : last + 1] - before[i]
+
     def within(self, i: int) -> range:
         """The outputs between the step's ends i − 1 and i."""
         if self.plain or not len(self._interrupted):
