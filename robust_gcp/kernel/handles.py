@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ctypes
+import weakref
+from collections.abc import Callable
 from functools import partial
 from itertools import pairwise
 
@@ -19,7 +21,6 @@ from ..mechanism.tree.tree import Array
 from .description import describe
 from .library import Library
 from .loop_arrays import NotNativeError
-from .simulation.batch import Handed, tracker_numbers
 from .structures import Request, side_by_side
 
 
@@ -139,6 +140,64 @@ def _rest_of(point: Point) -> Point:
 
 IDLE = 2
 """Mechanisms in the kernel that are kept for the next runs, for one choice of rows of φ and of the state."""
+
+
+ON_BRIDGE = 2
+"""Where a request tells that its last state is: in a zone, on a bridge."""
+
+
+def tracker_numbers(library: Library, handle: int | None) -> Array:
+    """The present state of the trackers as plain numbers."""
+    count = ctypes.c_int64()
+    numbers = library.trackers(handle, ctypes.byref(count))
+    return np.ctypeslib.as_array(numbers, (count.value,)).copy()
+
+
+class Trackers:
+    """The trackers of the kernel's clusters as plain numbers, fetched when they are asked for."""
+
+    def __init__(self, fetch: Callable[[], Array], on_bridge: bool) -> None:
+        self._fetch: Callable[[], Array] | None = fetch
+        self.on_bridge = on_bridge
+        self._numbers: Array = np.zeros(0)
+
+    def __call__(self) -> Array:
+        """See `maps.cluster.plain`."""
+        if self._fetch is not None:
+            self._numbers, self._fetch = self._fetch(), None
+        return self._numbers
+
+    def __deepcopy__(self, memo: object) -> Trackers:
+        """Itself, with the numbers, which do not change any more."""
+        self()
+        return self
+
+
+class Handed:
+    """Hands out trackers, and sees that the last ones are fetched while they are what they were.
+
+    Parameters
+    ----------
+    fetch : callable () -> ndarray
+        Their present numbers.
+    """
+
+    def __init__(self, fetch: Callable[[], Array]) -> None:
+        self._fetch = fetch
+        self._last: weakref.ref[Trackers] | None = None
+
+    def new(self, place: int) -> Trackers:
+        """The trackers as they are, at such a place of a request's."""
+        self.secure()
+        trackers = Trackers(self._fetch, place == ON_BRIDGE)
+        self._last = weakref.ref(trackers)
+        return trackers
+
+    def secure(self) -> None:
+        """The kernel is about to go on."""
+        last = None if self._last is None else self._last()
+        if last is not None:
+            last()
 
 
 class Pool:

@@ -19,7 +19,7 @@ from ..examples.linkages import n_four_bar
 from ..io.loader import load
 from ..kernel import backends
 from ..kernel.library import Library, library
-from ..kernel.simulation.outputs import Outputs
+from ..kernel.simulation.batch import Outputs
 from ..kernel.simulation.workspace import Workspace
 from ..maps.choice import MapChoice
 from ..maps.cluster.options import BridgeOptions

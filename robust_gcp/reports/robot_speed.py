@@ -16,7 +16,7 @@ from ..errors import RobustGcpError
 from ..io.loader import load
 from ..kernel.library import library
 from ..kernel.loop_arrays import NotNativeError
-from ..kernel.simulation.outputs import Outputs
+from ..kernel.simulation.batch import Outputs
 from ..kernel.simulation.workspace import Workspace
 from ..maps.cluster.options import BridgeOptions
 from ..mechanism.mechanism import Mechanism

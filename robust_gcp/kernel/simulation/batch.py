@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import ctypes
-import weakref
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,13 +15,9 @@ from ...dynamics.tableau import Tableau
 from ...maps.cluster.options import BridgeOptions
 from ...maps.explicit import Crossing, Point
 from ...mechanism.tree.tree import Array
-from ..library import Library
-from ..structures import Arrays, Bridging, Reason, Request, address
+from ..handles import Trackers
+from ..structures import Arrays, Bridging, OutputRows, Reason, Request, address
 from .guard import ErrorControl, Guard, Watch, dop853
-from .outputs import Outputs
-
-ON_BRIDGE = 2
-"""Where a request tells that its last state is: in a zone, on a bridge."""
 
 
 def counted(request: Request) -> dict[str, int]:
@@ -61,13 +56,6 @@ def crossings(request: Request, nq: int, numbers: NDArray[np.int64]) -> list[Cro
     ]
 
 
-def tracker_numbers(library: Library, handle: int | None) -> Array:
-    """The present state of the trackers as plain numbers."""
-    count = ctypes.c_int64()
-    numbers = library.trackers(handle, ctypes.byref(count))
-    return np.ctypeslib.as_array(numbers, (count.value,)).copy()
-
-
 def bridging(options: BridgeOptions, last_resort: float) -> Arrays:
     """The choices of the bridges as plain numbers; `last_resort` as of `ClusterMap`."""
     numbers = Arrays(
@@ -83,6 +71,81 @@ def bridging(options: BridgeOptions, last_resort: float) -> Arrays:
     )
     numbers.reals(nodes=options.nodes)
     return numbers
+
+
+NAMES = tuple(field[0] for field in OutputRows._fields_)
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """Rows for several outputs at once, C-contiguous; None where not wanted."""
+
+    q: Array
+    v: Array
+    a: Array | None = None
+    tau: Array | None = None
+    energy: Array | None = None
+    work: Array | None = None
+    effort: Array | None = None  # of driven joints
+    within: Within | None = None
+
+    @classmethod
+    def room(cls, n: int, nq: int, nv: int, wanted: Sequence[str] = (), driven: int = 0) -> Outputs:
+        """Room for n outputs; `wanted` names those besides q and v."""
+        widths = {"a": (n, nv), "tau": (n, nv), "energy": (n,), "work": (n,), "effort": (n, driven)}
+        more: dict[str, Any] = {name: np.zeros(widths[name]) for name in wanted}
+        return cls(np.empty((n, nq)), np.empty((n, nv)), **more)
+
+    def written_by(self, request: Request) -> None:
+        """Have the kernel write into these rows, from the first on."""
+        within, targets = self.within, [(request.ends, self)]
+        request.before = None
+        if within is not None:
+            targets.append((request.within, within.rows))
+            request.times_within, request.before = address(within.times), address(within.before)
+            request.prescribed_within = address(within.prescribed)
+        for rows, own in targets:
+            for name in NAMES:
+                setattr(rows, name, address(getattr(own, name)))
+
+    def first(self, n: int) -> Outputs:
+        """The first n of them."""
+        if n == len(self.q):
+            return self
+        within = None if self.within is None else self.within.first(n)
+        return replace(self.between(0, n), within=within)
+
+    def between(self, first: int, end: int) -> Outputs:
+        """Those from `first` to before `end`, at the ends of steps alone."""
+        kept = {name: getattr(self, name) for name in NAMES}
+        cut: dict[str, Any] = {name: None if rows is None else rows[first:end] for name, rows in kept.items()}
+        return Outputs(**cut)
+
+
+@dataclass(frozen=True)
+class Within:
+    """Outputs within steps.
+
+    Attributes
+    ----------
+    times : ndarray (k,)
+        Increasing, s.
+    before : ndarray of int (n + 1,)
+        How many of them come before the first step's start and each of the n steps' ends.
+    rows : Outputs
+    prescribed : ndarray (k, 3, driven) or None
+        y, ẏ and ÿ there of what moves as prescribed.
+    """
+
+    times: Array
+    before: NDArray[np.int64]
+    rows: Outputs
+    prescribed: Array | None = None
+
+    def first(self, n: int) -> Within:
+        """Those within the first n steps."""
+        k = int(self.before[n])
+        return Within(self.times[:k], self.before[: n + 1], self.rows.between(0, k))
 
 
 @dataclass(frozen=True)
@@ -149,53 +212,6 @@ class Begun(NamedTuple):
     now: Evaluation
     trackers: Trackers | None
     counts: dict[str, int]
-
-
-class Trackers:
-    """The trackers of the kernel's clusters as plain numbers, fetched when they are asked for."""
-
-    def __init__(self, fetch: Callable[[], Array], on_bridge: bool) -> None:
-        self._fetch: Callable[[], Array] | None = fetch
-        self.on_bridge = on_bridge
-        self._numbers: Array = np.zeros(0)
-
-    def __call__(self) -> Array:
-        """See `maps.cluster.plain`."""
-        if self._fetch is not None:
-            self._numbers, self._fetch = self._fetch(), None
-        return self._numbers
-
-    def __deepcopy__(self, memo: object) -> Trackers:
-        """Itself, with the numbers, which do not change any more."""
-        self()
-        return self
-
-
-class Handed:
-    """Hands out trackers, and sees that the last ones are fetched while they are what they were.
-
-    Parameters
-    ----------
-    fetch : callable () -> ndarray
-        Their present numbers.
-    """
-
-    def __init__(self, fetch: Callable[[], Array]) -> None:
-        self._fetch = fetch
-        self._last: weakref.ref[Trackers] | None = None
-
-    def new(self, place: int) -> Trackers:
-        """The trackers as they are, at such a place of a request's."""
-        self.secure()
-        trackers = Trackers(self._fetch, place == ON_BRIDGE)
-        self._last = weakref.ref(trackers)
-        return trackers
-
-    def secure(self) -> None:
-        """The kernel is about to go on."""
-        last = None if self._last is None else self._last()
-        if last is not None:
-            last()
 
 
 class Choices:

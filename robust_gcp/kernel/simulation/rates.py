@@ -12,10 +12,10 @@ from numpy.polynomial import chebyshev
 from ...dynamics.equations import Evaluation
 from ...maps.explicit import Crossing
 from ...mechanism.tree.tree import Array
-from ..handles import Shared
+from ..handles import Shared, Trackers
 from ..library import Library
 from ..structures import Reason, Request, address
-from .batch import Trackers, counted
+from .batch import counted
 
 DONE, TORQUE, REFUSED = int(Reason.DONE), int(Reason.TORQUE), int(Reason.REFUSED)
 

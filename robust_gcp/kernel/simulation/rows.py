@@ -17,11 +17,11 @@ from ...maps.regular_path import RegularPath
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..description import describe
-from ..handles import Handle, Layout
+from ..handles import Handle, Layout, tracker_numbers
 from ..library import Library
 from ..straight.program import Motions, known_steps, straight_steps
 from ..structures import ALONE, Arrays, Reason, Rows, address
-from .batch import Begun, tracker_numbers
+from .batch import Begun
 from .guard import Watch
 from .row_state import RowState, Standing, Which
 from .workspace import Workspace

@@ -25,9 +25,8 @@ from ...warning import warn
 from ..description import follows_zones
 from ..library import Library, backends, library
 from ..loop_arrays import NotNativeError
-from .batch import Batch
+from .batch import Batch, Outputs, Within
 from .guard import ErrorControl, Guard, Watch
-from .outputs import Outputs, Within
 from .prepared import Prepared
 from .rates import Rates
 from .workspace import Workspace

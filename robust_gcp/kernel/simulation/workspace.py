@@ -22,9 +22,8 @@ from ..dynamics.acting import Acting, Driving
 from ..handles import Handle, Layout, Shared
 from ..library import Library
 from ..structures import Beginning, Reason, Request, address
-from .batch import Batch, Begun, Choices, counted, crossings
+from .batch import Batch, Begun, Choices, Outputs, counted, crossings
 from .guard import ErrorControl, Guard, Watch
-from .outputs import Outputs
 from .prepared import Prepared
 from .rates import Rates
 

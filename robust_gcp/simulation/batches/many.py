@@ -19,7 +19,7 @@ from ...dynamics.problem import initial_value_problem
 from ...errors import OptionError, RobustGcpError
 from ...kernel.library import Library
 from ...kernel.loop_arrays import NotNativeError
-from ...kernel.simulation.outputs import Outputs
+from ...kernel.simulation.batch import Outputs
 from ...kernel.simulation.steps import chosen_library
 from ...kernel.simulation.workspace import Workspace
 from ...kernel.structures import Reason

@@ -12,7 +12,7 @@ from ...dynamics.prescribed.zero_order_hold import HeldTorque
 from ...dynamics.problem import over
 from ...dynamics.tableau import Tableau
 from ...errors import SimulationError
-from ...kernel.simulation.outputs import Outputs
+from ...kernel.simulation.batch import Outputs
 from ...kernel.simulation.steps import NativeSteps
 from ...kernel.structures import Reason
 from ...maps.explicit import Counters

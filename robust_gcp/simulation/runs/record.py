@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...dynamics.equations import EquationsOfMotion, Evaluation, constraint_forces
 from ...dynamics.prescribed.driven import DrivenEquations
-from ...kernel.simulation.outputs import Outputs
+from ...kernel.simulation.batch import Outputs
 from ...maps.classical import SingularityWarning
 from ...maps.explicit import Crossing
 from ...mechanism.mechanism import Mechanism
@@ -141,38 +141,35 @@ class Record:
     def extend(self, i: int, outputs: Outputs, x: Array) -> None:
         """Accept the steps of a batch after time i, and keep outputs; x is the state at the last one."""
         schedule, n = self._schedule, len(outputs.q)
+        rows = schedule.row[i + 1 : i + 1 + n]
+        parts: list[tuple[Rows, Outputs, Rows]] = [(rows[rows >= 0], outputs, np.flatnonzero(rows >= 0))]
         if schedule.plain:
-            self._put(slice(i + 1, i + 1 + n), outputs, slice(None))
-        else:
-            rows = schedule.row[i + 1 : i + 1 + n]
-            self._put(rows[rows >= 0], outputs, np.flatnonzero(rows >= 0))
+            parts = [(slice(i + 1, i + 1 + n), outputs, slice(None))]
         if outputs.within is not None:
-            self._put(schedule.rows_within(i, i + n), outputs.within.rows, slice(None))
+            parts.append((schedule.rows_within(i, i + n), outputs.within.rows, slice(None)))
+        for kept, given, chosen in parts:
+            pairs = [
+                (self._q, given.q),
+                (self._v, given.v),
+                (self._a, given.a),
+                (self._energy, given.energy),
+                (self._tau, given.tau),
+                (self.work, given.work),
+            ]
+            for mine, values in pairs:
+                if mine is not None and values is not None:
+                    mine[kept] = values[chosen]
+            if self._drive is not None and self._driven is not None and given.effort is not None:
+                drive = np.full((len(given.effort[chosen]), self.mechanism.nv), np.nan)
+                drive[:, self._driven] = given.effort[chosen]
+                self._drive[kept] = drive
+            if self._multipliers is not None:
+                assert given.a is not None
+                state = given.q[chosen], given.v[chosen], given.a[chosen]
+                tau = None if given.tau is None else given.tau[chosen]
+                self._multipliers[kept] = multipliers_of(self.mechanism, *state, tau)
         self.count = int(schedule.first[i + n] + (schedule.row[i + n] >= 0))
         self.at, self.last_state = i + n, x
-
-    def _put(self, rows: Rows, outputs: Outputs, chosen: Rows) -> None:
-        """Keep those that are chosen in these rows."""
-        pairs = [
-            (self._q, outputs.q),
-            (self._v, outputs.v),
-            (self._a, outputs.a),
-            (self._energy, outputs.energy),
-            (self._tau, outputs.tau),
-            (self.work, outputs.work),
-        ]
-        for mine, given in pairs:
-            if mine is not None and given is not None:
-                mine[rows] = given[chosen]
-        if self._drive is not None and self._driven is not None and outputs.effort is not None:
-            columns = np.full((len(outputs.effort[chosen]), self.mechanism.nv), np.nan)
-            columns[:, self._driven] = outputs.effort[chosen]
-            self._drive[rows] = columns
-        if self._multipliers is not None:
-            assert outputs.a is not None
-            state = outputs.q[chosen], outputs.v[chosen], outputs.a[chosen]
-            tau = None if outputs.tau is None else outputs.tau[chosen]
-            self._multipliers[rows] = multipliers_of(self.mechanism, *state, tau)
 
     def cross(self, crossings: Sequence[Crossing]) -> None:
         """Log what was passed, y in the run's first coordinates; the first gap bridged is warned of.

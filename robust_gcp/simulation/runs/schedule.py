@@ -139,10 +139,10 @@ class Schedule:
 
     def between(self, i: int, last: int) -> tuple[Array, NDArray[np.int64]] | None:
         """Their times, and how many of them come before each of these ends; None where there are none."""
-        if not len(self.rows_within(i, last)):
+        rows, before = self._inside
+        if before[i] == before[last]:
             return None
-        before = self._inside[1]
-        return self.outputs[self.rows_within(i, last)], before[i : last + 1] - before[i]
+        return self.outputs[rows[before[i] : before[last]]], before[i : last + 1] - before[i]
 
     def within(self, i: int) -> range:
         """The outputs between the step's ends i − 1 and i."""
