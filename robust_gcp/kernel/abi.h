@@ -21,6 +21,7 @@ enum Reason : std::int32_t {
     MET = 9,        // what is guarded may have left its bounds
     REFUSED = 10,   // with error control: a trial went farther than the mode can be followed
     ROWS = 11,      // other rows of φ may determine the dependent joints better
+    OBSTACLE = 12,  // without error control: no certified bridge leads on, nor would Python find one
 };
 
 // Reads q and v and writes τ in the request's shared buffers; nonzero stops the run.
@@ -133,8 +134,7 @@ struct States {  // where derivatives are asked for
     double* torque_v;
     double* torque_tau;
     double* torque_stored;
-    double* q_out;          // (count, nq), (count, nv): the states that were reached
-    double* v_out;
+    double *q_out, *v_out;  // (count, nq), (count, nv): the states that were reached
     double* A;              // (count, 2m, 2m), (count, 2m, nv): derivatives of the step from each state
     double* B;
     double* stage_q;        // (4 (count − 1), …): at each stage of the steps between states
@@ -180,14 +180,13 @@ struct Request {
     double limit;             // largest entry of J up to which steps go on
     const double* uneven;     // (m,): largest unevenness of each input's cluster up to which they do; or null
     Torque torque;            // or null
-    double* torque_q;         // (nq,), (nv,), (nv,): what the callback reads and writes
-    double* torque_v;
-    double* torque_tau;
+    double *torque_q, *torque_v, *torque_tau;  // (nq,), (nv,), (nv,): what the callback reads and writes
     double* torque_stored;    // (2,): power of torque_tau that a potential gives, W, and that potential, J
     const double* held;       // (nv,): a constant torque, or null
     const double* control;    // of the actuators, at `first` and each stage after it, one row after the other; or null
     std::int32_t control_stride;  // numbers from row to row; 0 where they are constant
     std::int32_t control_rows;    // the last one counts for all that would come after it
+    Torque tell;              // makes rows 0 of `control` and `prescribed` those of a time, for error control; or null
     const double* trackers;   // as `rg_trackers` gave them
     const double* prescribed; // (times, stages, 3, driven): y, ẏ and ÿ at each time and stage after it; or null
     double* effort;           // (driven,), in and out: what moves them

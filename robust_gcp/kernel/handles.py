@@ -142,10 +142,6 @@ IDLE = 2
 """Mechanisms in the kernel that are kept for the next runs, for one choice of rows of φ and of the state."""
 
 
-ON_BRIDGE = 2
-"""Where a request tells that its last state is: in a zone, on a bridge."""
-
-
 def tracker_numbers(library: Library, handle: int | None) -> Array:
     """The present state of the trackers as plain numbers."""
     count = ctypes.c_int64()
@@ -156,9 +152,8 @@ def tracker_numbers(library: Library, handle: int | None) -> Array:
 class Trackers:
     """The trackers of the kernel's clusters as plain numbers, fetched when they are asked for."""
 
-    def __init__(self, fetch: Callable[[], Array], on_bridge: bool) -> None:
+    def __init__(self, fetch: Callable[[], Array]) -> None:
         self._fetch: Callable[[], Array] | None = fetch
-        self.on_bridge = on_bridge
         self._numbers: Array = np.zeros(0)
 
     def __call__(self) -> Array:
@@ -186,10 +181,10 @@ class Handed:
         self._fetch = fetch
         self._last: weakref.ref[Trackers] | None = None
 
-    def new(self, place: int) -> Trackers:
-        """The trackers as they are, at such a place of a request's."""
+    def new(self) -> Trackers:
+        """The trackers as they are."""
         self.secure()
-        trackers = Trackers(self._fetch, place == ON_BRIDGE)
+        trackers = Trackers(self._fetch)
         self._last = weakref.ref(trackers)
         return trackers
 

@@ -33,6 +33,7 @@ class Reason(IntEnum):
     MET = 9
     REFUSED = 10
     ROWS = 11
+    OBSTACLE = 12
 
 
 ALONE = -1
@@ -113,9 +114,7 @@ class Request(ctypes.Structure):
     """A batch of steps: what to do, where to write, and what came of it."""
 
     _fields_ = [
-        ("steps", c_int64),
-        ("every", c_int64),
-        ("first", c_int64),
+        *_all(c_int64, "steps every first"),
         ("times", c_void_p),
         ("zone", c_double),
         ("bridging", ctypes.POINTER(Bridging)),
@@ -127,6 +126,7 @@ class Request(ctypes.Structure):
         ("torque", TorqueCallback),
         *_fields("", "torque_q torque_v torque_tau torque_stored held control"),
         *_fields("control_stride control_rows", ""),
+        ("tell", TorqueCallback),
         *_fields("", "trackers prescribed effort"),
         *_fields("stages", "tableau guard solver"),
         *_all(c_double, "rtol atol"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from ..errors import BranchError
 from ..mechanism.tree.tree import Array
 from ..warning import warn
-from .explicit import Arriving, Point, Unaware
+from .explicit import Point, Unaware
 from .regular_path import RegularPath
 
 NewtonStart = Literal["previous", "tangent"]
@@ -43,7 +44,7 @@ class ClassicalMap(Unaware):
     def resume(
         self,
         anchor: Point,
-        trackers: Arriving | None,
+        trackers: Callable[[], Array] | None,
         in_zone: bool | None = None,
         met: bool | None = None,
     ) -> None:

@@ -175,15 +175,6 @@ class Passage:
     order: int = 1
 
 
-class Arriving(Protocol):
-    """Trackers from elsewhere, as plain numbers when they are asked for, and whether one is on a bridge."""
-
-    on_bridge: bool
-
-    def __call__(self) -> Array:
-        """See `cluster.tracker_numbers`."""
-
-
 class ExplicitMap(Protocol):
     """q = γ(y), G and g on one operation mode.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from ..mechanism.coordinates.groups import Groups
 from ..mechanism.tree.tree import Array
 from .classical import ClassicalMap
 from .cluster.cluster_map import ClusterMap
-from .explicit import OUTGROWN, Arriving, Counters, ExplicitMap, Passage, Point, Stretch
+from .explicit import OUTGROWN, Counters, ExplicitMap, Passage, Point, Stretch
 from .regular_path import RegularPath
 
 
@@ -113,7 +114,7 @@ class GroupMap:
     def resume(
         self,
         anchor: Point,
-        trackers: Arriving | None,
+        trackers: Callable[[], Array] | None,
         in_zone: bool | None = None,
         met: bool | None = None,
     ) -> None:

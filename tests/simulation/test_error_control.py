@@ -78,6 +78,33 @@ def test_the_kernel_passes_as_the_reference_does(in_python: list[int], by: float
     np.testing.assert_allclose(found.v, reference.v, rtol=0, atol=2e-7 * size)
 
 
+@pytest.mark.parametrize("by", [1e-3, -1e-3])
+def test_what_changes_with_time_is_told_at_the_kernels_own_times(in_python: list[int], by: float) -> None:
+    """Controls from a table and activations, and a driven joint, within steps with error control."""
+    mech = missing(by)
+    begun = float(mech.home[0])
+    acting = rg.Mechanism.from_pinocchio(
+        mech.model, mech.closures, mech.independent, mech.home,
+        actuators=[rg.Actuator.motor("a", "q1"), rg.Actuator("f", "q1", dynamics="filter", time=0.05)],
+    )  # fmt: skip
+    ctrl = {
+        "a": (np.array([0.0, 0.3, 0.8]), np.array([0.0, 0.4, -0.4])),
+        "f": 0.2,
+    }
+    cases: list[tuple[rg.Mechanism, dict[str, Any]]] = [
+        (acting, {"ctrl": ctrl, "v0": mech.lift(mech.home, [SPEED])})
+    ]
+    if by < 0.0:  # else the driven joint turns back there
+        cases.append((mech, {"drive": {"q1": rg.Motion(lambda t: begun + SPEED * t)}}))
+    for machine, more in cases:
+        wanted = rg.simulate(machine, duration=DURATION, step=STEP, backend="python", **more)
+        in_python.clear()
+        found = rg.simulate(machine, duration=DURATION, step=STEP, backend="native", **more)
+        assert found.stats.refined_steps == wanted.stats.refined_steps > 0 and len(in_python) <= 2
+        np.testing.assert_allclose(found.q, wanted.q, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(found.v, wanted.v, rtol=0, atol=1e-8)
+
+
 @pytest.mark.parametrize("backend", ["python", "native"])
 @pytest.mark.parametrize(
     ("by", "y", "speed", "step", "duration"),

@@ -134,18 +134,17 @@ void Clusters::use(const Bridging& b) {
 Reason Clusters::at(Point& anchor, const double* origin, const double* y, const double* ydot, Point& point,
                     double zone) {
     Inside& in = *inside_;
-    const Reason refused = in.options.error_controlled ? REFUSED : ZONE;
+    std::vector<JetPtr> jets;
+    const bool careful = in.options.error_controlled;
     try {
         if (!in_zone_) {
             if (path_.turn(anchor, y) > ONE_TURN) return ZONE;
             enter(anchor, origin);
         }
-        std::vector<JetPtr> jets;
         bool bridged = false;
-        for (std::size_t i = 0; i < in.spaces.size(); ++i) {
-            Tracker& tracker = in.trackers[i];
-            const Space& space = *in.spaces[i];
-            if (!serves(*tracker.anchor, space.chosen, in.options.error_controlled ? in.last_resort : CHANGE)) return refused;
+        for (Tracker& tracker : in.trackers) {
+            const Space& space = *in.spaces[jets.size()];
+            if (!serves(*tracker.anchor, space.chosen, careful ? in.last_resort : CHANGE)) return careful ? REFUSED : ZONE;
             jets.push_back(tracker.at(space.wanted(y)));
             bridged = bridged || tracker.on_bridge();
         }
@@ -173,9 +172,10 @@ Reason Clusters::at(Point& anchor, const double* origin, const double* y, const 
         path_.survey(point);
         return DONE;
     } catch (const Lost&) {
-        return refused;
-    } catch (const Stop&) {
-        return ZONE;
+        return careful ? REFUSED : ZONE;
+    } catch (const Stop&) {  // modes that touch, of one coordinate, are Python's
+        const std::size_t i = jets.size();
+        return !careful && i < in.spaces.size() && in.spaces[i]->m > 1 ? OBSTACLE : ZONE;
     }
 }
 

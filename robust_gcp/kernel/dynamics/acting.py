@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -105,6 +105,8 @@ class Acting:
             self._control, torque = torque.control, torque.constant
         supplied = torque if callable(torque) and not self.held else None
         self.asks = supplied is not None
+        self._changes = bool(driving.which) or (self._control is not None and self._control.constant is None)
+        self._changes = self._changes or (self._held is not None and bool(self._held.stride))
         self._supplied, self._forces, self._nv = supplied, forces, nv
         self._request, self._callback = request, NO_CALLBACK
         self.raised: list[BaseException] = []
@@ -148,11 +150,22 @@ class Acting:
             self._request.control_rows = self._rows.shape[0] * self._rows.shape[1]
         self._request.control_within = address(self._inside)
 
-    def listen(self) -> None:
-        """The torque held, or a callback for the next batch, and where it leaves an exception."""
+    def listen(self, at_any_time: bool = False) -> None:
+        """The torque held, or a callback for the next batch, and where it leaves an exception.
+
+        Parameters
+        ----------
+        at_any_time : bool
+            Whether the batch asks at times of its own what moves as prescribed, and what controls are.
+        """
         self.raised = []
         if self._held is not None:
             self.tau[:] = self._held.value
+        if at_any_time and self._changes:
+            told = telling(self.prescribe, self.raised)
+            next(told)
+            self._telling = TorqueCallback(told.send)
+            self._request.tell = self._telling
         if self._supplied is not None or self._forces is not None:
             energy = bool(self._request.ends.energy)
             answers = answering(self._supplied, self._forces, self._shared, self.raised, energy)
@@ -205,6 +218,18 @@ def answering(
     except BaseException as error:
         if isinstance(error, GeneratorExit) and not asked:  # nobody will ask again
             raise
+        raised.append(error)
+    yield 1
+
+
+def telling(prescribe: Callable[[float], None], raised: list[BaseException]) -> Generator[int, float, None]:
+    """Takes a time, has it told and gives 0; gives 1 after an exception: see `answering`."""
+    try:
+        while True:
+            prescribe((yield 0))
+    except GeneratorExit:  # nobody will ask again
+        raise
+    except BaseException as error:
         raised.append(error)
     yield 1
 

@@ -14,6 +14,7 @@ namespace rg {
 inline const char* words(int reason) {
     switch (reason) {
         case ROWS:
+        case OBSTACLE:
         case ZONE: return "it comes to a singular configuration without a certified bridge, or the independent joints turn back";
         case BRANCH: return "the step is so long that it may end on another branch";
         case NEWTON: return "Newton's method does not close the loops";

@@ -19,9 +19,8 @@ class ControlledSteps : public Steps {
 
   protected:
     // From the state `x_` at the accepted point to the state `sum_` at the next time. What is not DONE is Python's:
-    // where no trial is short enough, coordinates that turn back on the way, functions of time.
+    // where no trial is short enough, coordinates that turn back on the way.
     Reason controlled(Request& r, std::int64_t i) {
-        if (motion_.driven || (r.control != nullptr && r.control_stride != 0)) return ZONE;
         const Reason reason = to_the_end(r, i);
         kept_ = nullptr;
         return reason;
@@ -42,6 +41,12 @@ class ControlledSteps : public Steps {
         } else if (clusters.some()) {
             clusters.enter(kept, origin_);
         }
+    }
+
+    // The point and ÿ at the state `stage_`, at a time of no step's stage.
+    Reason at(const Request& r, double t) {
+        if (r.tell != nullptr && r.tell(t) != 0) return TORQUE;
+        return evaluate(r, t, r.first, 0);
     }
 
     Watch watch_;
@@ -65,7 +70,7 @@ class ControlledSteps : public Steps {
             const bool last = t + h >= end - 1e-3 * h;  // no step to the end is so short that rounding is all of it
             if (last) h = end - t;
             if (refused == 0) allow(r);
-            const Reason reason = stages(r, i, t, h);
+            const Reason reason = stages(r, t, h);
             const bool too_far = reason == REFUSED || reason == ZONE || reason == BRANCH || reason == NEWTON;
             if (reason != DONE && !too_far) return reason;
             const double off = reason == DONE ? error(r, h) : std::numeric_limits<double>::infinity();
@@ -81,18 +86,18 @@ class ControlledSteps : public Steps {
             h *= std::min(refused > 0 ? 1.0 : GROWTH, factor);
             refused = 0;
             stage_ = now_;
-            if (Reason reason = evaluate(r, t, i, 0)) return reason;
+            if (Reason reason = at(r, t)) return reason;
             kept_ = anchor_;
             if (watch_.turns_back(*kept_, clusters.on_bridge())) return ZONE;
             rate(*kept_, k_[0]);
             if (++taken == MANY + 1)
-                if (Reason reason = hear(r, i, t, end - begun)) return reason;
+                if (Reason reason = hear(r, t, end - begun)) return reason;
         }
         return ZONE;
     }
 
     // The rates at the stages of a step, and the state at its end.
-    Reason stages(const Request& r, std::int64_t i, double t, double h) {
+    Reason stages(const Request& r, double t, double h) {
         const double *a = r.solver, *c = r.solver + STAGES * (STAGES + 1) / 2;
         for (int s = 1; s <= STAGES; ++s) {
             Cells<double>& to = s < STAGES ? stage_ : sum_;
@@ -100,7 +105,7 @@ class ControlledSteps : public Steps {
             for (int j = 0; j < s; ++j, ++a)
                 for (int k = 0; *a != 0.0 && k < n_; ++k) to[k] += h * *a * k_[j][k];
             if (s == STAGES) break;
-            if (Reason reason = evaluate(r, t + c[s] * h, i, 0)) return reason;
+            if (Reason reason = at(r, t + c[s] * h)) return reason;
             rate(*anchor_, k_[s]);
         }
         return DONE;
@@ -130,10 +135,10 @@ class ControlledSteps : public Steps {
     }
 
     // Allow no less than what the rounding of ẋ makes of the whole span; see RefinedRun._refinements.
-    Reason hear(const Request& r, std::int64_t i, double t, double span) {
+    Reason hear(const Request& r, double t, double span) {
         for (const double ulps : {-2.0, 1.0, 2.0}) {
             for (int k = 0; k < n_; ++k) stage_[k] = now_[k] * (1.0 + ulps * std::numeric_limits<double>::epsilon());
-            if (Reason reason = evaluate(r, t, i, 0)) return reason;
+            if (Reason reason = at(r, t)) return reason;
             rate(*anchor_, rate_);
             for (int k = 0; k < n_; ++k) atol_[k] = std::max(atol_[k], span * std::fabs(rate_[k] - k_[0][k]));
         }

@@ -19,6 +19,9 @@ from .batch import counted
 
 DONE, TORQUE, REFUSED = int(Reason.DONE), int(Reason.TORQUE), int(Reason.REFUSED)
 
+ON_BRIDGE = 2
+"""Where a request tells that its last state is: in a zone, on a bridge."""
+
 DEGREE = 12
 """Of the polynomials that SciPy's solvers give within a step, at most (LSODA's)."""
 
@@ -64,7 +67,7 @@ class Rates:
         shared: Shared,
         raised: list[BaseException],
         evaluation: Callable[[], Evaluation],
-        trackers: Callable[[int], Trackers],
+        trackers: Callable[[], Trackers],
         prescribe: Callable[[float], None],
         crossings: Callable[[], list[Crossing]],
     ) -> None:
@@ -144,7 +147,7 @@ class Rates:
         """The evaluation made last, the trackers where they know something, whether in a zone, and met."""
         self._library.tell(self._handle, self._reference)
         knows = self._request.in_zone or self._request.met
-        trackers = self._trackers(self._request.in_zone) if knows else None
+        trackers = self._trackers() if knows else None
         return self._evaluation(), trackers, bool(self._request.in_zone), bool(self._request.met)
 
     def keep(self) -> Evaluation:
@@ -163,6 +166,11 @@ class Rates:
         self._library.forget(self._handle)
         if limit is not None:
             self._request.limit = limit
+
+    @property
+    def on_bridge(self) -> bool:
+        """Whether the last state is on a bridge."""
+        return bool(self._request.in_zone == ON_BRIDGE)
 
     @property
     def refused(self) -> bool:

@@ -223,7 +223,7 @@ class alignas(CACHE_LINE) Stepper : public StepsWithin {
         const bool finite = std::all_of(sum_.begin(), sum_.end(), [](double x) { return std::isfinite(x); });
         if (!finite) return NON_FINITE;
         path.chain.anew = true;  // a state that is taken up from its numbers goes on to the same bits
-        const Reason ended = evaluate(r, end, i + 1, 0);
+        const Reason ended = r.solver ? at(r, end) : evaluate(r, end, i + 1, 0);
         path.chain.anew = false;
         return ended;
     }

@@ -27,7 +27,7 @@ class StepsWithin : public ControlledSteps {
         Reason reason = DONE;
         for (std::int64_t k = r.before[i]; k < r.before[i + 1] && reason == DONE; ++k) {
             const double t = r.times_within[k], h = r.times[i + 1] - r.times[i], s = (t - r.times[i]) / h;
-            for (int j = 0; j < path.layout.m; ++j) at(j, s, h, ydd[j]);
+            for (int j = 0; j < path.layout.m; ++j) interpolate(j, s, h, ydd[j]);
             if (works_) {
                 const double w0 = x_[n_ - 1], w1 = sum_[n_ - 1], p0 = h * power, p1 = h * end_power;
                 stage_[n_ - 1] = w0 + s * (p0 + s * (3.0 * (w1 - w0) - 2.0 * p0 - p1 + s * (p0 + p1 - 2.0 * (w1 - w0))));
@@ -69,7 +69,7 @@ class StepsWithin : public ControlledSteps {
     static constexpr double JUMP = 0.25;  // as in interpolant.py
 
     // One of y, and its rate, at a share s of a step h; `bend` at its beginning.
-    void at(int j, double s, double h, double bend) {
+    void interpolate(int j, double s, double h, double bend) {
         Point &one = *accepted_, &two = *kept_;
         const double v0 = one.ydot()[j], v1 = two.ydot()[j], a0 = h * h * bend, a1 = h * h * ydd_[j];
         const double way = two.y()[j] - one.y()[j];

@@ -145,7 +145,7 @@ class Workspace:
             self._begin_at(now.point, trackers)
         outputs.written_by(r)
         self._handed.secure()
-        self._acting.listen()
+        self._acting.listen(control is not None)
         self._library.run(self._handle, self._by_reference)
         return self._batch(0, int(r.completed), outputs.first(int(r.completed) // every))
 
@@ -261,14 +261,14 @@ class Workspace:
         if r.reason != Reason.DONE:
             return None
         point = self._packed = self._layout.point(self._shared.anchor)
-        trackers = self._handed.new(r.in_zone) if r.in_zone else None
+        trackers = self._handed.new() if r.in_zone else None
         return Begun(self._shared.x.copy(), self._evaluation(point), trackers, counted(r))
 
     def _batch(self, begun: int, steps: int, outputs: Outputs) -> Batch:
         r = self._request
         point = self._packed = self._layout.point(self._shared.anchor, self._shared.origin)
         self._latest = point if r.reason in (Reason.DONE, Reason.CHART, Reason.MET) else None
-        trackers = self._handed.new(r.in_zone) if r.in_zone else None
+        trackers = self._handed.new() if r.in_zone else None
         now = self._evaluation(point)
         safe = None
         if 0 <= r.safe_step == begun + steps:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
 import numpy as np
@@ -11,7 +11,7 @@ from ...errors import SimulationError
 from ...mechanism.coordinates.clusters import LoopCluster
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from ..explicit import Arriving, Charted, Counters, Passage, Point, Stretch
+from ..explicit import Charted, Counters, Passage, Point, Stretch
 from ..regular_path import RegularPath
 from .apex import rounding
 from .chart import CHANGE, quality
@@ -70,7 +70,7 @@ class ClusterMap(Charted):
         self._in_zone = False
         self.anchor = start
         self._own: Point | None = start  # the anchor, where trackers are at it
-        self._arriving: Arriving | None = None
+        self._arriving: Callable[[], Array] | None = None
         self._arriving_met: bool | None = None
         if trackers:
             self._enter(start, trackers)
@@ -120,9 +120,7 @@ class ClusterMap(Charted):
 
     @property
     def on_bridge(self) -> bool:
-        """Whether the point evaluated last lies on a bridge."""
-        if self._arriving is not None:
-            return self._in_zone and self._arriving.on_bridge
+        """Whether the point evaluated last, here, lies on a bridge."""
         return self._in_zone and any(tracker.current is not None for tracker in self._trackers or [])
 
     def rounding(self) -> tuple[float, float, float]:
@@ -270,7 +268,7 @@ class ClusterMap(Charted):
     def resume(
         self,
         anchor: Point,
-        trackers: Arriving | None,
+        trackers: Callable[[], Array] | None,
         in_zone: bool | None = None,
         met: bool | None = None,
     ) -> None:

@@ -7,11 +7,11 @@ from typing import Any
 
 from ...dynamics.equations import Evaluation
 from ...errors import BranchError, NonFiniteError, ToggleError
-from ...kernel.simulation.batch import Batch
+from ...kernel.simulation.batch import OBSTACLES, Batch
 from ...kernel.simulation.guard import Guard, Watch
 from ...kernel.simulation.steps import KernelMap, NativeSteps
 from ...kernel.structures import Reason
-from ...maps.cluster.obstacles import ObstacleError
+from ...maps.cluster.obstacles import Obstacle, ObstacleError
 from ...maps.explicit import Point
 from ...mechanism.tree.tree import Array
 from .crossings import in_new_chart
@@ -47,11 +47,11 @@ class FixedRun(RefinedRun):
         super().__init__(*more, **options)
         self._take, self._native = take, native
         self.stepper = "rk4" if take is rk4_step else "tableau"
-        self._stride = len(self.times)
         self._first = self._motion.first  # told already at the start
+        self._met: Obstacle | None = None  # by the kernel's last batch
         self.guard: Guard | None = None  # after a step in which it is met the run pauses
         self.paused = False
-        self.lowest = len(self.times)  # output that was gone back to, for whoever looks at them on the way
+        self._stride = self.lowest = len(self.times)  # the latter was gone back to, for whoever looks
 
     def go(self) -> None:
         """From output to output, except where `Recovery` says otherwise."""
@@ -122,6 +122,8 @@ class FixedRun(RefinedRun):
                     self._leave()
                 if self._native is not None and by_kernel:
                     i, going = self._natively(self._native, i, last, now)
+                    if self._met is not None:
+                        raise ObstacleError(self._met)
                     if i == last or self._ended or self.paused:
                         return
                     if going is None:
@@ -171,6 +173,7 @@ class FixedRun(RefinedRun):
         Returns the output that was reached, and the evaluation there; none where other coordinates were
         taken.
         """
+        self._met = None
         while i < last:
             batch = self._batch(native, i, last, now)
             if batch is None:
@@ -192,6 +195,7 @@ class FixedRun(RefinedRun):
             self.paused = batch.reason is Reason.MET
             if i < last and not self.paused and self._suspicious(now.point) and self._changed(i, now.point):
                 return i, None
+            self._met = OBSTACLES.get(batch.reason)
             if batch.reason not in (Reason.DONE, Reason.CHART):
                 break
         return i, now

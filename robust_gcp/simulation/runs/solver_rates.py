@@ -101,6 +101,11 @@ class Following:
             self.looked()
         return found
 
+    @property
+    def on_bridge(self) -> bool:
+        """Whether the kernel's last state is on a bridge, where the map in Python was not told of it."""
+        return self._rates is not None and self._rates.on_bridge
+
     def rounding(self) -> tuple[float, float, float]:
         """What rounding costs of G where there is no bridge, see `apex.rounding`."""
         if self._rates is not None:

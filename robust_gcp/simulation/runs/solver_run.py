@@ -111,7 +111,7 @@ class AdaptiveRun(Run):
             return False
         here = self._following.keep(step.t1, step.x)
         self._following.share()
-        names = self._better(here.point)
+        names = None if self._following.on_bridge else self._better(here.point)
         if names is None and not explicit.outgrown(here.point):
             self._following.looked()
             return False
