@@ -111,6 +111,8 @@ class Series {
     }
 
     const Matrix& table() const { return table_; }
+    double left() const { return middle_ - half_; }
+    double right() const { return middle_ + half_; }
 
   private:
     double middle_ = 0.0, half_ = 1.0;

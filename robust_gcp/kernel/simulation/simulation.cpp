@@ -56,7 +56,7 @@ RG_EXPORT void rg_passed(void* stepper, rg::Request* request, double t0, double 
                          const double* series, std::int64_t count) {
     rg::Solver& solver = *static_cast<rg::Solver*>(stepper);
     const rg::Matrix table = Eigen::Map<const rg::Matrix>(series, 3 * solver.path.layout.m, count);
-    solver.passed(*request, t0, t1, ends, rg::Series(table, t0, t1));
+    solver.passed(*request, ends, rg::Series(table, t0, t1));
 }
 
 RG_EXPORT void rg_tell(void* stepper, rg::Request* request) { static_cast<rg::Solver*>(stepper)->tell(*request); }

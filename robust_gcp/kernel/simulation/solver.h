@@ -74,36 +74,27 @@ class Solver : public Stepper {
     }
 
     // What a step of the solver's passed, into `log`: of the states at its `ends`, and of y, ẏ and ÿ within. ZONE where
-    // Python has to look. Goes on from its end.
-    void passed(Request& r, double t0, double t1, const double* ends, const Series& solved) {
+    // Python has to look.
+    void passed(Request& r, const double* ends, const Series& solved) {
         const int m = path.layout.m;
         r.reason = ZONE;
         r.logged = 0;
         if (motion_.driven || !in_loops_.empty()) return;
-        Point before = *anchor_, after = *anchor_;
-        if (!reached(r, ends, before) || !reached(r, ends + 2 * m, after)) return;
-        Vector y, ydot, first, last;
-        solved.evaluate(t0, y, ydot, first);
-        solved.evaluate(t1, y, ydot, last);
-        log_.clear();
-        log(0, {t0, t1, &before, &after, first.data(), last.data(), &solved});
-        const std::size_t width = static_cast<std::size_t>(path.layout.nq) + 8;
-        const std::size_t others = path.parts.list.size() == 1 ? 0 : log_.size();
-        for (std::size_t at = 0; at < others; at += width) {  // the other joints where y has them then
-            solved.evaluate(log_[at + 1], y, ydot, first);
-            y.conservativeResize(2 * m);
-            y.tail(m) = ydot;
-            if (reached(r, y.data(), before))
-                std::copy(before.q(), before.q() + path.layout.nq, log_.begin() + static_cast<std::ptrdiff_t>(at) + 8);
+        const Point here = *anchor_;
+        const bool inside = clusters.in_zone();
+        const std::vector<double> trackers = clusters.written();
+        Point before = here, after = here;
+        if (reached(r, ends, before) && reached(r, ends + 2 * m, after)) {
+            look_through(r, before, after, solved);
+            r.reason = DONE;
         }
-        if (others > 0) {
-            clusters.forget();
-            reached(r, ends + 2 * m, after);
-        }
+        Point& back = spare();  // the solver goes on from where it was
+        back = here, anchor_ = &back;
+        clusters.read(trackers.data());
+        if (!inside) clusters.leave();
+        if (r.reason == DONE) clusters.forget();
         count(r);
-        r.log = log_.data();
-        r.logged = static_cast<std::int64_t>(log_.size() / width);
-        r.in_zone = clusters.place(), r.met = clusters.met(), r.reason = DONE;
+        r.in_zone = clusters.place(), r.met = clusters.met();
     }
 
     // The point evaluated last, and ÿ, τ and the power there.
@@ -120,15 +111,33 @@ class Solver : public Stepper {
     void keep() { accepted_ = anchor_; }
 
   private:
+    // What lies between two points of such a step, all other joints where y has them then.
+    void look_through(Request& r, Point& before, Point& after, const Series& solved) {
+        const int m = path.layout.m;
+        const double t0 = solved.left(), t1 = solved.right();
+        Vector y, ydot, first, last;
+        solved.evaluate(t0, y, ydot, first);
+        solved.evaluate(t1, y, ydot, last);
+        log_.clear();
+        log(0, {t0, t1, &before, &after, first.data(), last.data(), &solved});
+        const std::size_t width = static_cast<std::size_t>(path.layout.nq) + 8;
+        for (std::size_t at = 0; path.parts.list.size() > 1 && at < log_.size(); at += width) {
+            solved.evaluate(log_[at + 1], y, ydot, first);
+            y.conservativeResize(2 * m);
+            y.tail(m) = ydot;
+            if (reached(r, y.data(), before))
+                std::copy(before.q(), before.q() + path.layout.nq, log_.begin() + static_cast<std::ptrdiff_t>(at) + 8);
+        }
+        r.log = log_.data();
+        r.logged = static_cast<std::int64_t>(log_.size() / width);
+    }
+
     // The point at a state, without what acts there.
     bool reached(Request& r, const double* x, Point& point) {
         if (accepted_ != anchor_ && apart(x, *accepted_) < apart(x, *anchor_)) go_back(r, *accepted_);
         std::copy(x, x + 2 * path.layout.m, stage_.begin());
         const bool found = place(r) == DONE;
-        if (found)
-            point = *anchor_;
-        else
-            go_back(r, *accepted_);
+        if (found) point = *anchor_;
         return found;
     }
 

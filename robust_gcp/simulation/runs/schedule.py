@@ -129,7 +129,9 @@ class Schedule:
     @cached_property
     def _inside(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """The outputs within steps, and how many of them come before each of `times`."""
-        rows = np.setdiff1d(np.arange(len(self.outputs)), self.row)
+        aside = np.ones(len(self.outputs), dtype=bool)
+        aside[self.row[self.row >= 0]] = False
+        rows = np.flatnonzero(aside)
         return rows, np.searchsorted(rows, self.first)
 
     def rows_within(self, i: int, last: int) -> NDArray[np.int64]:

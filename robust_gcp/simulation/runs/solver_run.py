@@ -71,6 +71,8 @@ class AdaptiveRun(Run):
                     if not plain:
                         self._rounding(self._following, rtol)
                     self._look_behind(step, plain)
+                    if self._events:  # which the map in Python is asked for
+                        self._following.share()
                     within, zeros = self._zeros(step)
                     end = zeros[-1].t if zeros and zeros[-1].ends else np.inf
                     for x in step.outputs:
