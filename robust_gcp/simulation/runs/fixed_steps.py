@@ -48,7 +48,6 @@ class FixedRun(RefinedRun):
         self._take, self._native = take, native
         self.stepper = "rk4" if take is rk4_step else "tableau"
         self._first = self._motion.first  # told already at the start
-        self._met: Obstacle | None = None  # by the kernel's last batch
         self.guard: Guard | None = None  # after a step in which it is met the run pauses
         self.paused = False
         self._stride = self.lowest = len(self.times)  # the latter was gone back to, for whoever looks
@@ -173,7 +172,7 @@ class FixedRun(RefinedRun):
         Returns the output that was reached, and the evaluation there; none where other coordinates were
         taken.
         """
-        self._met = None
+        self._met: Obstacle | None = None  # by the last batch
         while i < last:
             batch = self._batch(native, i, last, now)
             if batch is None:
@@ -195,7 +194,8 @@ class FixedRun(RefinedRun):
             self.paused = batch.reason is Reason.MET
             if i < last and not self.paused and self._suspicious(now.point) and self._changed(i, now.point):
                 return i, None
-            self._met = OBSTACLES.get(batch.reason)
+            python = batch.reason in OBSTACLES and self._looked_for(i + 1)  # whose step has outputs within
+            self._met = None if python else OBSTACLES.get(batch.reason)
             if batch.reason not in (Reason.DONE, Reason.CHART):
                 break
         return i, now
